@@ -1,0 +1,194 @@
+"""The cell file: what a cell is. Frozen models read from TOML, refused as a whole when anything is unknown or missing.
+
+Where the service runs (host, port, data folder) is no property of the cell and comes from the environment.
+"""
+
+import hashlib
+import json
+import math
+import tomllib
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from acquisition import geometry
+from acquisition.errors import ErrorCode, RigError
+from acquisition.types import Calibration, Joints, Value, Vector3
+
+
+class Pose(Value):
+    """A pose in TOML: position in m, rotation vector in rad."""
+
+    position_m: Vector3
+    rotation_vector_rad: Vector3 = (0.0, 0.0, 0.0)
+
+    @property
+    def matrix(self) -> geometry.FloatArray:
+        """The pose as (4, 4)."""
+        return geometry.pose(self.position_m, self.rotation_vector_rad)
+
+
+class CapsuleShape(Value):
+    """All points within `radius_m` of the segment from `start_m` to `end_m`."""
+
+    start_m: Vector3
+    end_m: Vector3
+    radius_m: float = Field(gt=0)
+
+
+class ArmConfig(Value):
+    """The arm, its tool and its limits."""
+
+    kind: Literal["ur"] = "ur"
+    model: Literal["ur3e", "ur5e", "ur10e", "ur16e"]
+    address: str
+    serial: str | None = Field(None, description="Checked at connection when given")
+    flange_from_tool: Pose = Field(description="The controller's TCP: origin at the emitter, +z the lamp's axis")
+    payload_kg: float = Field(gt=0)
+    payload_center_m: Vector3
+    tool_capsules: list[CapsuleShape] = Field(description="Bracket and lamp, in the flange frame")
+    home: Joints
+    max_joint_speed_rad_s: float = Field(1.05, gt=0, le=math.pi)
+    max_joint_acceleration_rad_s2: float = Field(1.4, gt=0, le=40)
+    max_tool_speed_m_s: float = Field(0.25, gt=0, le=3)
+    max_elbow_speed_m_s: float = Field(0.5, gt=0, le=3)
+    stop_deceleration_rad_s2: float = Field(4.0, gt=0, le=40)
+    settle_s: float = Field(0.25, ge=0)
+    nominal_kinematics_tolerance_m: float = Field(0.003, gt=0)
+
+
+class LampConfig(Value):
+    """The lamp's switch: a digital output of the controller (0–7 standard, 8–15 configurable, 16–17 tool)."""
+
+    kind: Literal["ur-output"] = "ur-output"
+    output: int = Field(ge=0, le=17)
+    rise_s: float = Field(0.02, ge=0, description="Wait between the confirmed output and the exposure")
+
+
+class CameraConfig(Value):
+    """The camera; `sim` is the simulated cell's, a port at `address`."""
+
+    kind: Literal["sim"] = "sim"
+    address: str
+    port: int = Field(30100, gt=0, lt=65536)
+    min_exposure_s: float = Field(1e-4, gt=0)
+    max_exposure_s: float = Field(1.0, gt=0)
+    timeout_s: float = Field(30.0, gt=0)
+
+
+class KeepOut(Value):
+    """A cylinder that holds the object, standing on the origin of its frame, axis +z; nothing shrinks it."""
+
+    radius_m: float = Field(gt=0)
+    height_m: float = Field(gt=0)
+    base_from_object: Pose
+
+
+class ObjectConfig(Value):
+    """Where the object is."""
+
+    keep_out: KeepOut
+
+
+class DomeConfig(Value):
+    """Where lights may be: a sphere's cap round `center_m` (object frame), slants measured from the view axis."""
+
+    center_m: Vector3 = (0.0, 0.0, 0.03)
+    radius_m: float = Field(0.45, gt=0)
+    min_slant_deg: float = Field(8.0, ge=0)
+    max_slant_deg: float = Field(75.0, gt=0, le=89)
+    candidates: int = Field(300, ge=12, le=2000)
+
+
+class HalfSpace(Value):
+    """Everything on the far side of a plane: points x with normal · (x − point) < 0, base frame."""
+
+    kind: Literal["half-space"] = "half-space"
+    name: str
+    point_m: Vector3
+    normal: Vector3
+
+
+class Box(Value):
+    """A box with half extents, base frame."""
+
+    kind: Literal["box"] = "box"
+    name: str
+    base_from_box: Pose
+    half_extents_m: Vector3
+
+
+class Capsule(Value):
+    """A capsule, base frame."""
+
+    kind: Literal["capsule"] = "capsule"
+    name: str
+    start_m: Vector3
+    end_m: Vector3
+    radius_m: float = Field(gt=0)
+
+
+Obstacle = Annotated[HalfSpace | Box | Capsule, Field(discriminator="kind")]
+
+
+class Clearances(Value):
+    """Least distances kept."""
+
+    table_m: float = Field(0.02, gt=0)
+    object_m: float = Field(0.03, gt=0)
+    obstacle_m: float = Field(0.03, gt=0)
+    self_m: float = Field(0.01, gt=0)
+
+
+class CellConfig(Value):
+    """A whole cell; `load` reads it from TOML."""
+
+    name: str
+    calibration: str = Field(description="Path of calibration.json, relative to the cell file")
+    arm: ArmConfig
+    lamp: LampConfig
+    camera: CameraConfig
+    object: ObjectConfig
+    dome: DomeConfig = DomeConfig()
+    table: HalfSpace
+    camera_body: list[Capsule] = Field(description="The camera and its lens, base frame")
+    obstacles: list[Obstacle] = Field(default_factory=list[HalfSpace | Box | Capsule])
+    clearances: Clearances = Clearances()
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 of the cell as values, so that comments and spaces in the file do not matter."""
+        return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
+
+
+def load(path: Path) -> CellConfig:
+    """Reads a cell file. Raises RigError config.invalid naming the file and each bad field."""
+    try:
+        return CellConfig.model_validate_json(json.dumps(tomllib.loads(path.read_text(encoding="utf-8"))))
+    except OSError as error:
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: cannot be read: {error.strerror}", file=str(path)) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: is not TOML: {error}", file=str(path)) from error
+    except ValidationError as error:
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: {_fields(error)}", file=str(path)) from error
+
+
+def load_calibration(path: Path) -> Calibration:
+    """Reads `calibration.json`. Raises RigError config.invalid naming the file and each bad field."""
+    try:
+        calibration = Calibration.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: cannot be read: {error.strerror}", file=str(path)) from error
+    except ValidationError as error:
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: {_fields(error)}", file=str(path)) from error
+    for name in ("base_from_camera", "tool_from_lamp"):
+        rotation = np.array(getattr(calibration, name))[:3, :3]
+        if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6):
+            raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: {name} is not a rigid transform", file=str(path))
+    return calibration
+
+
+def _fields(error: ValidationError) -> str:
+    return "; ".join(f"{'.'.join(map(str, item['loc']))}: {item['msg']}" for item in error.errors())

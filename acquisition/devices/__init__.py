@@ -1,0 +1,179 @@
+"""The roles of hardware: what capture and runner ask of an arm, a lamp, a camera and a clock.
+
+Device calls are synchronous and run in the runner's one thread. Only `Arm.halt` and `Arm.reading` (and `Rig.halt`) may
+be called from any thread at any time; neither takes a lock nor blocks. Classes for real devices import this module,
+never the other way round.
+"""
+
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from acquisition.config import CellConfig
+from acquisition.errors import Halted
+from acquisition.types import FloatArray
+
+StopToken = threading.Event
+"""Set when the runner's present step shall end early; every device call that waits looks at it."""
+
+
+@dataclass(frozen=True)
+class ArmIdentity:
+    """Who answered at the arm's address."""
+
+    model: str
+    serial: str
+    software: str
+
+
+@dataclass(frozen=True)
+class ArmReading:
+    """The newest values from the controller; `received_at` is time.monotonic() of their arrival."""
+
+    connected: bool
+    joints: tuple[float, ...]  # rad
+    joint_speeds: tuple[float, ...]  # rad/s
+    base_from_tool: FloatArray  # (4, 4), as the controller measures it
+    timestamp: float  # the controller's own clock, s
+    robot_mode: int
+    safety_bits: int
+    runtime_state: int
+    program_running: bool
+    speed_fraction: float
+    digital_outputs: int  # bits: 0–7 standard, 8–15 configurable, 16–17 tool
+    received_at: float
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that preflight found wrong, and what to do about it."""
+
+    what: str
+    remedy: str
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """Limits of the leading joint of each segment."""
+
+    speed_rad_s: float
+    acceleration_rad_s2: float
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One exposure: linear (H, W) uint16, row 0 at the top."""
+
+    pixels: npt.NDArray[np.uint16]
+    exposure_s: float
+    taken_at: float  # seconds since 1970, UTC
+
+
+class Arm(Protocol):
+    """An arm that follows checked joint paths."""
+
+    @property
+    def reading(self) -> ArmReading:
+        """The newest reading; cached, never blocks, any thread."""
+        ...
+
+    def connect(self) -> ArmIdentity:
+        """Starts the driver and connects. Raises RigError arm.unreachable within 3 s where nobody listens."""
+        ...
+
+    def preflight(self) -> Sequence[Finding]:
+        """Compares the arm with the cell file; moves nothing."""
+        ...
+
+    def move(self, path: Sequence[Sequence[float]], limits: Sequence[MotionLimits], stop: StopToken) -> None:
+        """Moves through joint configurations, one straight joint segment each, with a limit for each segment.
+
+        Returns at rest at the last one. Raises Halted when the token was set, RigError otherwise; the arm is at rest or
+        braking in either case, and no command is ever sent twice.
+        """
+        ...
+
+    def halt(self) -> None:
+        """Stops the arm and puts the lamp out by both paths; any thread, at once, harmless at rest."""
+        ...
+
+    def close(self) -> None:
+        """Ends the driver; the arm stands still, the lamp is off."""
+        ...
+
+
+class Lamp(Protocol):
+    """A lamp that is on or off."""
+
+    def connect(self) -> None:
+        """Makes sure that the lamp is off."""
+        ...
+
+    def set(self, on: bool) -> None:
+        """States the level, no toggle; returns when read back. Raises RigError lamp.not_confirmed."""
+        ...
+
+    def close(self) -> None:
+        """Leaves the lamp off."""
+        ...
+
+
+class Camera(Protocol):
+    """A camera with linear pixels."""
+
+    def connect(self) -> None:
+        """Opens the camera. Raises RigError camera.unreachable within 3 s."""
+        ...
+
+    def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
+        """Takes one frame. Raises RigError camera.timeout, Halted."""
+        ...
+
+    def close(self) -> None:
+        """Releases the camera."""
+        ...
+
+
+class Clock(Protocol):
+    """Time, so that waiting can be interrupted."""
+
+    def now(self) -> float:
+        """Seconds since 1970, UTC."""
+        ...
+
+    def wait(self, seconds: float, stop: StopToken) -> None:
+        """Waits, or raises Halted as soon as the token is set."""
+        ...
+
+
+class WallClock:
+    """The real clock."""
+
+    def now(self) -> float:
+        """Seconds since 1970, UTC."""
+        return time.time()
+
+    def wait(self, seconds: float, stop: StopToken) -> None:
+        """Waits, or raises Halted as soon as the token is set."""
+        if stop.wait(seconds):
+            raise Halted
+
+
+@dataclass(frozen=True)
+class Rig:
+    """All devices of a cell."""
+
+    arm: Arm
+    lamp: Lamp
+    camera: Camera
+    cell: CellConfig
+    clock: Clock = field(default_factory=WallClock)
+
+    def halt(self) -> None:
+        """Stops the arm and puts the lamp out; any thread."""
+        self.arm.halt()

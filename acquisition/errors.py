@@ -1,0 +1,206 @@
+"""One error type for all that can go wrong: a dotted code, a sentence about this case, and facts for programs.
+
+The table `PROBLEMS` is the only place that says what a code means, which HTTP status it has and what a person should
+do; the HTTP problem pages, the session's `reason` and the runbook are made from it.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+
+class ErrorCode(StrEnum):
+    """Stable names of problems; clients switch on these, never on sentences."""
+
+    REQUEST_INVALID = "request.invalid"
+    REQUEST_NOT_FOUND = "request.not_found"
+    REQUEST_METHOD_NOT_ALLOWED = "request.method_not_allowed"
+    REQUEST_FOREIGN = "request.foreign"
+    REQUEST_TOO_LARGE = "request.too_large"
+    REQUEST_MEDIA_TYPE = "request.media_type"
+    CONFIG_INVALID = "config.invalid"
+    SESSION_NOT_FOUND = "session.not_found"
+    SESSION_ACTION_NOT_ALLOWED = "session.action_not_allowed"
+    SESSION_STEP_FAILED = "session.step_failed"
+    RESULT_NOT_READY = "result.not_ready"
+    RIG_BUSY = "rig.busy"
+    RIG_NOT_READY = "rig.not_ready"
+    RIG_CHANGED = "rig.changed"
+    ARM_UNREACHABLE = "arm.unreachable"
+    ARM_PREFLIGHT = "arm.preflight"
+    ARM_PROTECTIVE_STOP = "arm.protective_stop"
+    ARM_EMERGENCY_STOP = "arm.emergency_stop"
+    ARM_NOT_READY = "arm.not_ready"
+    ARM_MOVE_FAILED = "arm.move_failed"
+    SAFETY_NOT_ACKNOWLEDGED = "safety.not_acknowledged"
+    SAFETY_STILL_FAULTED = "safety.still_faulted"
+    DEVICE_DISCONNECTED = "device.disconnected"
+    DRIVER_LOST = "driver.lost"
+    LAMP_NOT_CONFIRMED = "lamp.not_confirmed"
+    CAMERA_UNREACHABLE = "camera.unreachable"
+    CAMERA_TIMEOUT = "camera.timeout"
+    CAPTURE_FRAME_REJECTED = "capture.frame_rejected"
+    PLAN_INFEASIBLE = "plan.infeasible"
+    WAYPOINTS_UNREACHABLE = "waypoints.unreachable"
+    WAYPOINTS_COLLISION = "waypoints.collision"
+    NORMALS_INFEASIBLE = "normals.infeasible"
+    SCENE_MOVED = "scene.moved"
+    STORE_DISK_FULL = "store.disk_full"
+    STORE_LOCKED = "store.locked"
+    STORE_CORRUPT = "store.corrupt"
+    SERVICE_RESTARTED = "service.restarted"
+    SERVICE_FAULT = "service.fault"
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a code means to a person: HTTP status, a title, and what to do."""
+
+    status: int
+    title: str
+    remedy: str
+
+
+PROBLEMS: dict[ErrorCode, Problem] = {
+    ErrorCode.REQUEST_INVALID: Problem(
+        422, "The request is not valid", "Correct the fields named in `errors` and send the request again."
+    ),
+    ErrorCode.REQUEST_NOT_FOUND: Problem(
+        404, "There is nothing at this address", "Follow the links of a session, or see /docs for the routes."
+    ),
+    ErrorCode.REQUEST_METHOD_NOT_ALLOWED: Problem(
+        405, "This address does not take that method", "Use one of the methods in the Allow header."
+    ),
+    ErrorCode.REQUEST_FOREIGN: Problem(
+        403,
+        "The request comes from a foreign page or names a foreign host",
+        "Call the service by its own address, or allow the page's origin in LIGHTPOSE_ALLOWED_ORIGINS.",
+    ),
+    ErrorCode.REQUEST_TOO_LARGE: Problem(413, "The request body is too large", "Send a smaller body."),
+    ErrorCode.REQUEST_MEDIA_TYPE: Problem(
+        415, "The request body is not JSON", "Send the body with Content-Type: application/json."
+    ),
+    ErrorCode.CONFIG_INVALID: Problem(
+        500, "A configuration file is not valid", "Correct the file named in the detail; `lightpose check` tests it."
+    ),
+    ErrorCode.SESSION_NOT_FOUND: Problem(
+        404, "There is no such session", "List the sessions with GET /v1/sessions."
+    ),
+    ErrorCode.SESSION_ACTION_NOT_ALLOWED: Problem(
+        409, "The session's state does not allow this action", "Choose one of the actions in `allowed`."
+    ),
+    ErrorCode.SESSION_STEP_FAILED: Problem(
+        500, "A step of the session failed", "Read the detail; the frames taken so far are kept."
+    ),
+    ErrorCode.RESULT_NOT_READY: Problem(
+        409, "The result is not there yet", "Wait for the event `normals.ready`, then ask again."
+    ),
+    ErrorCode.RIG_BUSY: Problem(
+        409, "Another session holds the rig", "Wait until the session in `holder` has ended, or stop it."
+    ),
+    ErrorCode.RIG_NOT_READY: Problem(
+        503, "The rig is not ready", "See `reasons` in GET /v1/rig, mend them, and start again."
+    ),
+    ErrorCode.RIG_CHANGED: Problem(
+        409, "The rig is not the one this session began with", "Restore the cell file and calibration, or start anew."
+    ),
+    ErrorCode.ARM_UNREACHABLE: Problem(
+        503, "Nobody answers at the arm's address", "Check power, cable and `arm.address` in the cell file."
+    ),
+    ErrorCode.ARM_PREFLIGHT: Problem(
+        503, "The arm is not as the cell file says", "Mend each finding in `findings`; nothing has moved."
+    ),
+    ErrorCode.ARM_PROTECTIVE_STOP: Problem(
+        423,
+        "The arm is in a protective stop",
+        "Look at the cell, clear the cause, unlock at the pendant, acknowledge, then resume.",
+    ),
+    ErrorCode.ARM_EMERGENCY_STOP: Problem(
+        423, "An emergency stop is pressed", "Clear the danger, release the button, power on at the pendant, acknowledge."
+    ),
+    ErrorCode.ARM_NOT_READY: Problem(
+        503, "The arm is not powered on and running", "Power it on and release the brakes at the pendant."
+    ),
+    ErrorCode.ARM_MOVE_FAILED: Problem(
+        503, "A move did not end where it should", "Look at the cell; resume plans again from where the arm is."
+    ),
+    ErrorCode.SAFETY_NOT_ACKNOWLEDGED: Problem(
+        423,
+        "A safety stop has not been acknowledged",
+        "Look at the cell, then POST /v1/rig/safety/acknowledgement.",
+    ),
+    ErrorCode.SAFETY_STILL_FAULTED: Problem(
+        409, "The controller still reports a safety stop", "Clear it at the pendant first, then acknowledge."
+    ),
+    ErrorCode.DEVICE_DISCONNECTED: Problem(
+        503, "The link to a device is lost", "Check the cable and the device; then resume."
+    ),
+    ErrorCode.DRIVER_LOST: Problem(
+        503, "The arm's driver process ended or does not answer", "Look at the cell; then resume, which starts it again."
+    ),
+    ErrorCode.LAMP_NOT_CONFIRMED: Problem(
+        503, "The lamp's output did not follow", "Check the lamp's output number and wiring; then resume."
+    ),
+    ErrorCode.CAMERA_UNREACHABLE: Problem(
+        503, "Nobody answers at the camera's address", "Check power, cable and the `camera` section of the cell file."
+    ),
+    ErrorCode.CAMERA_TIMEOUT: Problem(503, "The camera sent no frame in time", "Check the camera; then resume."),
+    ErrorCode.CAPTURE_FRAME_REJECTED: Problem(
+        503, "A frame failed its checks after all retakes", "See the detail; mend lamp, exposure or scene, then resume."
+    ),
+    ErrorCode.PLAN_INFEASIBLE: Problem(
+        422, "No such set of lights exists in this cell", "Ask for fewer lights, or widen the reach (see the detail)."
+    ),
+    ErrorCode.WAYPOINTS_UNREACHABLE: Problem(
+        422, "A light cannot be reached", "Move or leave out the lights named in `lights`; GET /v1/rig/reach shows why."
+    ),
+    ErrorCode.WAYPOINTS_COLLISION: Problem(
+        422, "There is no collision-free path", "Move the arm clear by hand, or leave out the lights named in `lights`."
+    ),
+    ErrorCode.NORMALS_INFEASIBLE: Problem(
+        422, "Normals cannot be solved from these images", "See the detail: at least three usable lights are needed."
+    ),
+    ErrorCode.SCENE_MOVED: Problem(
+        409, "The object or the camera has moved", "Put it back, or start a new session."
+    ),
+    ErrorCode.STORE_DISK_FULL: Problem(
+        507, "The disk is full", "Free space in the data folder, then resume; no frame announced is lost."
+    ),
+    ErrorCode.STORE_LOCKED: Problem(
+        503, "Another service uses this data folder", "Stop the other service, or choose another data folder."
+    ),
+    ErrorCode.STORE_CORRUPT: Problem(
+        500, "A stored file is missing or damaged", "Restore the file named in the detail from a backup."
+    ),
+    ErrorCode.SERVICE_RESTARTED: Problem(
+        503, "The service ended in mid-session", "Look at the cell, then resume; nothing moves before."
+    ),
+    ErrorCode.SERVICE_FAULT: Problem(
+        500, "The service has a fault", "Keep the log and report it; the session's data are safe."
+    ),
+}
+
+
+class RigError(Exception):
+    """A problem with a code from the table, a sentence about this case, and facts for programs in `context`."""
+
+    def __init__(self, code: ErrorCode, detail: str, **context: Any) -> None:
+        super().__init__(detail)
+        self.code = code
+        self.detail = detail
+        self.context = context
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Errors cross from the compute and driver processes; the default would lose code and context.
+        return _rebuild, (str(self.code), self.detail, self.context)
+
+    def __str__(self) -> str:
+        return f"{self.code}: {self.detail}"
+
+
+def _rebuild(code: str, detail: str, context: dict[str, Any]) -> RigError:
+    return RigError(ErrorCode(code), detail, **context)
+
+
+class Halted(Exception):
+    """Raised by a device call that ended early because the stop token was set; not a fault."""

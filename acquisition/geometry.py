@@ -1,0 +1,68 @@
+"""Rigid transforms and the two conversions of frames that must exist only once.
+
+A pose `a_from_b` is a 4×4 matrix that takes points of frame b to frame a. The photometric-stereo frame `view` (x right,
+y up, z to the camera) and OpenCV's `camera` frame (x right, y down, z forward) share their origin; they meet here and
+nowhere else.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+FloatArray = npt.NDArray[np.float64]
+
+VIEW_FROM_CAMERA: FloatArray = np.diag([1.0, -1.0, -1.0, 1.0])
+CAMERA_FROM_VIEW: FloatArray = VIEW_FROM_CAMERA
+
+
+def pose(position_m: Sequence[float] | FloatArray, rotation_vector_rad: Sequence[float] | FloatArray) -> FloatArray:
+    """Makes a (4, 4) pose from a position in m and a rotation vector in rad."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_rotvec(np.asarray(rotation_vector_rad, dtype=float)).as_matrix()
+    matrix[:3, 3] = position_m
+    return matrix
+
+
+def rotation_vector(matrix: FloatArray) -> FloatArray:
+    """The rotation vector (3,) in rad of a (4, 4) pose or (3, 3) rotation."""
+    return Rotation.from_matrix(matrix[:3, :3]).as_rotvec()
+
+
+def inverse(matrix: FloatArray) -> FloatArray:
+    """The inverse of a (4, 4) pose."""
+    rotation = matrix[:3, :3].T
+    result = np.eye(4)
+    result[:3, :3] = rotation
+    result[:3, 3] = -rotation @ matrix[:3, 3]
+    return result
+
+
+def transform(matrix: FloatArray, points: npt.ArrayLike) -> FloatArray:
+    """Takes points (..., 3) of frame b to frame a by the pose `a_from_b`."""
+    return np.asarray(points, dtype=float) @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def rotate(matrix: FloatArray, directions: npt.ArrayLike) -> FloatArray:
+    """Takes directions (..., 3) of frame b to frame a by the pose `a_from_b`."""
+    return np.asarray(directions, dtype=float) @ matrix[:3, :3].T
+
+
+def base_from_view(base_from_camera: FloatArray) -> FloatArray:
+    """The pose of the photometric-stereo frame in the arm's base frame."""
+    return base_from_camera @ CAMERA_FROM_VIEW
+
+
+def direction(slant_rad: npt.ArrayLike, azimuth_rad: npt.ArrayLike) -> FloatArray:
+    """Unit vectors (..., 3) in the view frame: slant from +z (to the camera), azimuth from +x towards +y."""
+    slant, azimuth = np.broadcast_arrays(np.asarray(slant_rad, dtype=float), np.asarray(azimuth_rad, dtype=float))
+    return np.stack([np.sin(slant) * np.cos(azimuth), np.sin(slant) * np.sin(azimuth), np.cos(slant)], axis=-1)
+
+
+def slant_azimuth(directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Slant in [0, π] and azimuth in (−π, π], rad, of vectors (..., 3) in the view frame."""
+    vectors = np.asarray(directions, dtype=float)
+    return np.arctan2(np.hypot(vectors[..., 0], vectors[..., 1]), vectors[..., 2]), np.arctan2(
+        vectors[..., 1], vectors[..., 0]
+    )

@@ -1,0 +1,317 @@
+"""The values that the stages hand to one another.
+
+Whatever crosses HTTP or disk is a frozen pydantic model that refuses unknown fields, NaN and infinity; whatever holds
+images or dense arrays is a frozen dataclass. Positions and directions are in the `view` frame (origin at the camera, x
+right, y up, z to the camera) unless a name says otherwise; lengths m, angles rad, times s.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal, Protocol
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+FloatArray = npt.NDArray[np.float64]
+Float32Array = npt.NDArray[np.float32]
+BoolArray = npt.NDArray[np.bool_]
+
+# JSON has lists only; these three are lists there and tuples here.
+Vector3 = Annotated[tuple[float, float, float], Field(strict=False)]
+Joints = Annotated[tuple[float, float, float, float, float, float], Field(strict=False)]
+Matrix4 = Annotated[
+    tuple[
+        Annotated[tuple[float, float, float, float], Field(strict=False)],
+        Annotated[tuple[float, float, float, float], Field(strict=False)],
+        Annotated[tuple[float, float, float, float], Field(strict=False)],
+        Annotated[tuple[float, float, float, float], Field(strict=False)],
+    ],
+    Field(strict=False),
+]
+
+
+class Value(BaseModel):
+    """Base of all values that cross HTTP or disk: frozen, strict, no unknown fields, no NaN."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, ser_json_inf_nan="null")
+
+
+# ---------------------------------------------------------------------------------------------------- what is asked for
+
+Method = Literal["optimal", "two-rings", "ring", "drbohlav", "max-distance", "paper", "random", "user"]
+
+
+class Exposure(Value):
+    """How exposure times are chosen: the 99.5th percentile of the object's pixels is put at `target` of full scale."""
+
+    target: float = Field(0.8, gt=0.05, le=0.95)
+    seconds: float | None = Field(None, gt=0, le=10, description="A fixed exposure time for all lights; none: automatic")
+
+
+class Recipe(Value):
+    """What a person asks of a session; `{}` is a good session."""
+
+    kind: Literal["capture"] = "capture"
+    method: Method = "optimal"
+    pilot_lights: int = Field(4, ge=3, le=16)
+    planned_lights: int = Field(4, ge=0, le=64, description="0: the pilot only")
+    slant_deg: float = Field(45.0, ge=5, le=80, description="Slant of method `ring`")
+    user_lights: list[Vector3] = Field(
+        default_factory=list[tuple[float, float, float]],
+        max_length=80,
+        description="Positions of method `user`: m, view frame (origin camera, x right, y up, z to the camera)",
+    )
+    seed: int = Field(0, ge=0, le=2**31 - 1)
+    exposure: Exposure = Exposure()
+    retakes: int = Field(2, ge=0, le=10)
+    label: str = Field("", max_length=200)
+    notes: str = Field("", max_length=10_000)
+
+    @model_validator(mode="after")
+    def _user_lights_belong_to_method_user(self) -> "Recipe":
+        if self.method == "user" and len(self.user_lights) < 3:
+            raise ValueError("method `user` needs at least three user_lights")
+        if self.method != "user" and self.user_lights:
+            raise ValueError("user_lights are for method `user` only")
+        return self
+
+    @property
+    def lights_total(self) -> int:
+        """How many lights the whole session uses."""
+        return len(self.user_lights) if self.method == "user" else self.pilot_lights + self.planned_lights
+
+
+# ------------------------------------------------------------------------------------------------------ light and motion
+
+
+class Light(Value):
+    """A lamp's place: the emitter in m and the unit vector along which the lamp looks, both in the view frame."""
+
+    position: Vector3
+    axis: Vector3
+
+
+class LightPlan(Value):
+    """The lights of one pass and what is expected of them."""
+
+    lights: list[Light]
+    method: str
+    reasons: list[str] = Field(description="For each light, why it is there")
+    predicted_sigma_deg: float | None = Field(
+        None, description="Mean over the object's pixels of the expected angular σ after this pass (mean error 0.886 σ)"
+    )
+    predicted_median_deg: float | None = Field(None, description="Expected median angular error, 0.833 × median σ")
+    lower_bound_sigma_deg: float | None = None
+    notes: list[str] = Field(default_factory=list[str], description="What a person should know: lights left out, why")
+
+
+class Waypoint(Value):
+    """Where one light is taken: a checked joint path (its last item is the place of exposure) and the light it gives."""
+
+    light: Light
+    path: list[Joints] = Field(min_length=1)
+    seconds: float
+
+    @property
+    def joints(self) -> tuple[float, ...]:
+        """The joints at exposure, rad."""
+        return self.path[-1]
+
+
+class Route(Value):
+    """Waypoints in the order of travel, and the checked way home after the last one."""
+
+    start: Joints
+    waypoints: list[Waypoint]
+    light_numbers: list[int] = Field(description="For each waypoint, the light's number in the plan")
+    home_path: list[Joints]
+    seconds: float = Field(description="Time of all moves, without settling and exposing")
+    lower_bound_s: float
+
+
+class Refusal(Value):
+    """Why a light cannot be had: a word for programs and a sentence for people."""
+
+    reason: Literal[
+        "too-far", "joint-limit", "self-collision", "hits-table", "hits-object", "hits-camera", "hits-obstacle",
+        "blocks-view", "shadows-object", "not-connected",
+    ]  # fmt: skip
+    detail: str
+
+
+class Reach(Protocol):
+    """Which light positions the arm can serve; the stages that choose lights see no more of the arm than this."""
+
+    @property
+    def candidates(self) -> FloatArray:
+        """Reachable positions (K, 3), m, view frame."""
+        ...
+
+    @property
+    def center(self) -> FloatArray:
+        """The point (3,) at which the lamp looks, m, view frame; the dome's centre."""
+        ...
+
+    @property
+    def radius_m(self) -> float:
+        """The dome's radius."""
+        ...
+
+    def allows(self, position: FloatArray) -> Refusal | None:
+        """None when the lamp can be brought to `position` (3,) and back home, else the reason."""
+        ...
+
+
+# ---------------------------------------------------------------------------------------------------------- calibration
+
+
+class SensorModel(Value):
+    """The camera's noise model; a frame's value is black_level + electrons / gain_e_per_dn, rounded, clipped at 2^bits − 1."""
+
+    bits: int = Field(ge=8, le=16)
+    gain_e_per_dn: float = Field(gt=0)
+    read_noise_e: float = Field(ge=0)
+    full_well_e: float = Field(gt=0)
+    black_level_dn: float = Field(ge=0)
+
+    @property
+    def full_scale_dn(self) -> float:
+        """Values from black to clipping."""
+        return float(2**self.bits - 1) - self.black_level_dn
+
+
+class Calibration(Value):
+    """What is known of camera, hand–eye and lamp, with its own uncertainty; `calibration.json`.
+
+    `lamp_intensity` is the signal, as a fraction of full scale (SensorModel.full_scale_dn) per second of exposure, of a
+    perfectly white matt surface that faces the lamp at `reference_m` on the lamp's axis: albedo is absolute. The lamp's
+    radiant intensity falls off axis as cos^lobe_exponent.
+    """
+
+    width: int
+    height: int
+    camera_matrix: tuple[Vector3, Vector3, Vector3] = Field(strict=False)
+    distortion: Annotated[tuple[float, float, float, float, float], Field(strict=False)]  # k1 k2 p1 p2 k3, OpenCV
+    base_from_camera: Matrix4
+    tool_from_lamp: Matrix4
+    lamp_intensity: float = Field(gt=0)
+    reference_m: float = Field(gt=0)
+    lobe_exponent: float = Field(ge=0)
+    sensor: SensorModel
+    intensity_sigma: float = Field(ge=0, description="1 σ of each image's intensity, fraction")
+    lamp_position_sigma_m: float = Field(ge=0, description="1 σ of the lamp's position, per axis")
+    made_at: str
+    valid_days: float = Field(gt=0)
+
+
+# --------------------------------------------------------------------------------------------------------------- images
+
+
+class ShotKey(Value):
+    """Which image of a session: pass and number within the pass."""
+
+    pass_number: int = Field(ge=0)
+    number: int = Field(ge=0)
+
+
+class FrameRef(Value):
+    """A frame's file, relative to the session folder; linear 16-bit, row 0 at the top."""
+
+    path: str
+    width: int
+    height: int
+    sha256: str
+
+
+class FrameQuality(Value):
+    """What the check of a frame found, as shares of the object's pixels (or of the frame where no mask is known)."""
+
+    saturated: float
+    bright_level: float = Field(description="99.5th percentile above black, fraction of full scale")
+    accepted: bool
+    reason: str = ""
+
+
+class Shot(Value):
+    """One image and what was measured while it was exposed."""
+
+    key: ShotKey
+    kind: Literal["light", "dark", "reference"]
+    frame: FrameRef
+    exposure_s: float
+    light_number: int | None = None
+    light: Light | None = Field(None, description="From the measured tool pose, never from where the arm was sent")
+    joints: Joints | None = None
+    base_from_tool: Matrix4 | None = None
+    lamp_on: bool = False
+    attempt: int = 0
+    arm_time_s: float | None = None
+    taken_at: float = Field(description="Seconds since 1970, UTC")
+    quality: FrameQuality
+
+
+class FrameSource(Protocol):
+    """Reads rows of stored frames, so that a stack need not fit into memory; picklable."""
+
+    def rows(self, frame: FrameRef, start: int, stop: int) -> npt.NDArray[np.uint16]:
+        """Rows [start, stop) of a frame, (rows, W) uint16 linear."""
+        ...
+
+
+@dataclass(frozen=True)
+class Observations:
+    """All images taken so far: lit shots, the lamp-off frame for each exposure time, and where to read them."""
+
+    shots: Sequence[Shot]
+    darks: dict[float, Shot]
+    frames: FrameSource
+
+
+# -------------------------------------------------------------------------------------------------------------- results
+
+LIT, ATTACHED, CAST, SATURATED, HIGHLIGHT = 1, 2, 4, 8, 16
+"""Bits of NormalMap.flags, per light and pixel."""
+
+
+@dataclass(frozen=True)
+class Information:
+    """What the images say of K sample pixels, the only part of a normal map that the planner's criterion reads.
+
+    `matrices` is the Fisher information of (g, z), g = albedo × normal (3) in units of absolute albedo and z the depth
+    in m, from the images alone (no prior), with the weights that the solver used.
+    """
+
+    rows: npt.NDArray[np.int64]  # (K,)
+    columns: npt.NDArray[np.int64]  # (K,)
+    matrices: FloatArray  # (K, 4, 4)
+
+
+@dataclass(frozen=True)
+class NormalMap:
+    """What the solver found for each pixel; arrays are zero (σ: NaN) outside `mask`.
+
+    `sigma_deg`: √ of the variance summed over both tangential directions, so that the angular error is Rayleigh with
+    mean 0.886 σ, median 0.833 σ, P(e < σ) = 0.632.
+    """
+
+    normals: Float32Array  # (H, W, 3) view frame
+    albedo: Float32Array  # (H, W) absolute
+    depth: Float32Array  # (H, W) m along OpenCV's z
+    sigma_deg: Float32Array  # (H, W)
+    residual: Float32Array  # (H, W) rms of whitened residuals
+    mask: BoolArray  # (H, W) pixels with a normal
+    silhouette: BoolArray  # (H, W) pixels of the object, solved or not
+    flags: npt.NDArray[np.uint8]  # (F, H, W)
+    intensity_factors: FloatArray  # (F,)
+    information: Information
+    noise: dict[str, float] = field(default_factory=dict[str, float])  # names of parameters → values used
+    notes: dict[str, Any] = field(default_factory=dict[str, Any])
+
+
+class SolveSettings(Value):
+    """How normals are solved."""
+
+    depth_rounds: int = Field(2, ge=0, le=10, description="Times that depth is integrated and the solve repeated")
+    shadow_threshold: float = Field(0.08, ge=0, lt=0.5, description="Of the pixel's largest normalised value")
+    robust: bool = True

@@ -1,0 +1,1 @@
+"""HTTP, the command line and the Python client; no photometry and no motion of its own."""
