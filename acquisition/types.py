@@ -111,12 +111,21 @@ class Waypoint(Value):
 
     light: Light
     path: list[Joints] = Field(min_length=1)
+    speeds: list[float] = Field(description="For each item of `path`, rad/s of the leading joint on the way to it")
     seconds: float
 
     @property
     def joints(self) -> tuple[float, ...]:
         """The joints at exposure, rad."""
         return self.path[-1]
+
+
+class JointPath(Value):
+    """Checked straight joint segments: where each ends, and the leading joint's speed on it in rad/s."""
+
+    path: list[Joints]
+    speeds: list[float]
+    seconds: float
 
 
 class Route(Value):
@@ -126,6 +135,7 @@ class Route(Value):
     waypoints: list[Waypoint]
     light_numbers: list[int] = Field(description="For each waypoint, the light's number in the plan")
     home_path: list[Joints]
+    home_speeds: list[float] = Field(description="For each item of `home_path`, rad/s of the leading joint")
     seconds: float = Field(description="Time of all moves, without settling and exposing")
     lower_bound_s: float
 
