@@ -1,0 +1,130 @@
+"""The simulated camera on a TCP port: one JSON line asks, a JSON line and the frame's bytes answer.
+
+A request is `{"exposure_s": 0.05, "attempt": 0}`; the answer's line holds width, height, dtype (always `<u2`),
+exposure_s, attempt and taken_at (seconds since 1970, UTC, the middle of the exposure), and width · height · 2 bytes
+follow, row 0 first. `{"info": true}` is answered by a line alone. A bad request is answered `{"error": sentence}` and
+the connection stays open; a line that is too long closes it. Connections are served in turn, request by request.
+"""
+
+import json
+import math
+import socketserver
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from acquisition.config import CameraConfig
+from acquisition.types import Calibration
+from hardware_sim import shutter
+from hardware_sim.shutter import Moment, StateSource
+
+LONGEST_REQUEST = 4096
+MOST_ATTEMPTS = 1000
+
+TakeFrame = Callable[[list[Moment], float, int], npt.NDArray[np.uint16]]
+"""Moments, exposure in s and attempt → frame (H, W)."""
+
+
+class CameraServer:
+    """Serves a camera whose pictures come from `take_frame` and whose arm and lamp are seen through `source`."""
+
+    def __init__(
+        self, camera: CameraConfig, calibration: Calibration, take_frame: TakeFrame, source: StateSource
+    ) -> None:
+        self._camera, self._calibration = camera, calibration
+        self._take_frame, self._source = take_frame, source
+        self._turn = threading.Lock()
+        outer = self
+
+        class Handler(socketserver.StreamRequestHandler):
+            def handle(self) -> None:
+                outer.converse(self)
+
+        self._server = _Server((camera.address, camera.port), Handler)
+        self._thread = threading.Thread(target=self._server.serve_forever, name="camera", daemon=True)
+
+    def __enter__(self) -> "CameraServer":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._server.shutdown()
+        self._server.server_close()
+        self._thread.join()
+
+    def converse(self, connection: socketserver.StreamRequestHandler) -> None:
+        """Answers the requests of one connection until its other end closes it."""
+        try:
+            while line := connection.rfile.readline(LONGEST_REQUEST + 1):
+                if len(line) > LONGEST_REQUEST:
+                    connection.wfile.write(_line({"error": f"a request has at most {LONGEST_REQUEST} bytes"}))
+                    return
+                header, pixels = self._answer(line)
+                connection.wfile.write(_line(header))
+                if pixels is not None:
+                    connection.wfile.write(pixels.astype("<u2", copy=False).tobytes())
+        except ConnectionError:
+            return  # the client is gone; nothing is left to answer
+
+    def _answer(self, line: bytes) -> tuple[dict[str, Any], npt.NDArray[np.uint16] | None]:
+        size = {"width": self._calibration.width, "height": self._calibration.height, "dtype": "<u2"}
+        try:
+            request = _parse(line)
+            if request == {"info": True}:
+                return {
+                    **size,
+                    "bits": self._calibration.sensor.bits,
+                    "min_exposure_s": self._camera.min_exposure_s,
+                    "max_exposure_s": self._camera.max_exposure_s,
+                }, None
+            exposure_s, attempt = self._exposure(request)
+        except ValueError as error:
+            return {"error": str(error)}, None
+        with self._turn:
+            begun = time.time()
+            try:
+                moments = shutter.expose(self._source, exposure_s)
+            except (OSError, ValueError, KeyError) as error:
+                return {"error": f"the cell's controller does not answer: {error}"}, None
+            taken_at = (begun + time.time()) / 2
+            frame = self._take_frame(moments, exposure_s, attempt)
+        return {**size, "exposure_s": exposure_s, "attempt": attempt, "taken_at": taken_at}, frame
+
+    def _exposure(self, request: dict[str, Any]) -> tuple[float, int]:
+        """Exposure time and attempt of a request. Raises ValueError saying what is wrong."""
+        unknown = set(request) - {"exposure_s", "attempt"}
+        if unknown:
+            raise ValueError(f"unknown: {', '.join(sorted(unknown))}")
+        exposure_s, attempt = request.get("exposure_s"), request.get("attempt", 0)
+        if isinstance(exposure_s, bool) or not isinstance(exposure_s, int | float) or not math.isfinite(exposure_s):
+            raise ValueError("exposure_s must be a finite number of seconds")
+        low, high = self._camera.min_exposure_s, self._camera.max_exposure_s
+        if not low <= exposure_s <= high:
+            raise ValueError(f"exposure_s must lie between {low} and {high}")
+        if isinstance(attempt, bool) or not isinstance(attempt, int) or not 0 <= attempt <= MOST_ATTEMPTS:
+            raise ValueError(f"attempt must be a whole number from 0 to {MOST_ATTEMPTS}")
+        return float(exposure_s), attempt
+
+
+class _Server(socketserver.ThreadingTCPServer):
+    allow_reuse_address = True
+    daemon_threads = True
+    block_on_close = False
+
+
+def _parse(line: bytes) -> dict[str, Any]:
+    try:
+        request = json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"a request is one line of JSON: {error}") from error
+    if not isinstance(request, dict):
+        raise ValueError("a request is a JSON object")
+    return request
+
+
+def _line(header: dict[str, Any]) -> bytes:
+    return json.dumps(header).encode() + b"\n"

@@ -1,0 +1,87 @@
+"""The indirect part of a picture: light bounced between object and table, and the ambient light of the room.
+
+Both are smooth, so they are computed on the patches of `radiosity` and interpolated to pixels. The room is a sky of one
+brightness; a patch sees as much of it as object and table leave free.
+"""
+
+import cv2
+import numpy as np
+
+from acquisition.types import Float32Array, FloatArray
+from hardware_sim import radiosity
+from hardware_sim.objects import SceneObject
+from hardware_sim.render import TABLE_ALBEDO, Lamp, View, lit
+from hardware_sim.tracing import Tracer
+
+OBJECT_PATCHES = 3200
+TABLE_RADIUS_M = 0.35
+TABLE_CELL_PIXELS = 8
+
+
+class IndirectLight:
+    """Bounced and ambient light of one scene as one camera sees it."""
+
+    def __init__(self, scene: SceneObject, tracer: Tracer, view: View) -> None:
+        self._scene, self._tracer, self._view = scene, tracer, view
+        surface = radiosity.cluster(scene.mesh, OBJECT_PATCHES)
+        table = radiosity.disc(TABLE_RADIUS_M, rings=20, sectors=40)
+        self._count = len(surface.centres)
+        self._patches = radiosity.joined(surface, table)
+        self._factors = radiosity.form_factors(self._patches, tracer)
+        self._albedo = np.concatenate(
+            [
+                surface.mean(scene.texture.albedo(surface.points).astype(float)),
+                np.full(len(table.centres), TABLE_ALBEDO),
+            ]
+        )
+        pixels, first, number = np.unique(view.surface.pixels, return_index=True, return_inverse=True)
+        self._pixels = pixels
+        self._reflectance = view.share * np.bincount(number, view.surface.albedo).astype(np.float32)
+        self._point_normals = view.surface.normals[first]
+        self._to_pixels = radiosity.interpolation(surface, view.surface.points[first], self._point_normals)
+        table_share = view.share * np.bincount(view.table.pixels, minlength=view.lens.width * view.lens.height)
+        self._table_reflectance = (TABLE_ALBEDO * table_share).astype(np.float32)
+        self._table_grid, points = _table_grid(view)
+        self._to_grid = radiosity.interpolation(table, points, np.tile([0.0, 0.0, 1.0], (len(points), 1)))
+
+    def bounced(self, lamp: Lamp) -> Float32Array:
+        """The picture (H, W) of the lamp's light after one and more bounces, without its direct light."""
+        points, normals = self._patches.points, self._patches.point_normals
+        free = lit(points.astype(np.float32), normals.astype(np.float32), lamp.position, self._tracer, self._scene)
+        direct = self._patches.mean(lamp.irradiance(points, normals) * free)
+        indirect = radiosity.bounced(self._factors, self._albedo, direct)
+        return self._picture(
+            self._to_pixels @ indirect[: self._count].astype(np.float32), self._to_grid @ indirect[self._count :]
+        )
+
+    def ambient(self) -> Float32Array:
+        """The picture (H, W) under the room's light alone, all bounces; 1 is what a white surface under open sky sends."""
+        up = self._patches.normals[:, 2]
+        blocked = self._factors[:, : self._count].sum(axis=1).astype(float)
+        direct = np.clip((1 + up) / 2 - blocked, 0, None)
+        indirect = radiosity.bounced(self._factors, self._albedo, direct)
+        surface_sky = (1 + self._point_normals[:, 2]) / 2 - self._to_pixels @ blocked[: self._count].astype(np.float32)
+        return self._picture(
+            np.clip(surface_sky, 0, None) + self._to_pixels @ indirect[: self._count].astype(np.float32),
+            self._to_grid @ (direct + indirect)[self._count :],
+        )
+
+    def _picture(self, surface: FloatArray | Float32Array, table: FloatArray) -> Float32Array:
+        """The picture (H, W) from the light that falls on the surface's pixels and on the table's grid."""
+        lens = self._view.lens
+        grid = table.astype(np.float32).reshape(self._table_grid)
+        falling = cv2.resize(grid, (lens.width, lens.height), interpolation=cv2.INTER_LINEAR)
+        picture = np.ascontiguousarray(falling, dtype=np.float32).ravel() * self._table_reflectance
+        picture[self._pixels] += self._reflectance * surface.astype(np.float32)
+        return picture.reshape(lens.height, lens.width)
+
+
+def _table_grid(view: View) -> tuple[tuple[int, int], FloatArray]:
+    """A coarse grid over the picture, its size (rows, columns), and the points of the table behind it."""
+    lens = view.lens
+    rows, columns = -(-lens.height // TABLE_CELL_PIXELS), -(-lens.width // TABLE_CELL_PIXELS)
+    down = (np.arange(rows) + 0.5) * lens.height / rows - 0.5
+    right = (np.arange(columns) + 0.5) * lens.width / columns - 0.5
+    directions = lens.directions(np.tile(right, rows), np.repeat(down, columns)).astype(float)
+    points = lens.eye + directions * (-lens.eye[2] / directions[:, 2])[:, None]
+    return (rows, columns), points

@@ -1,0 +1,232 @@
+"""Pictures of an object on a table under a near lamp: what the camera's pixels receive, before the sensor.
+
+Everything happens in the object's frame, where coordinates are small and single precision is good to a micrometre. The
+camera's rays are traced once (`look`): each pixel keeps n × n samples of the surface behind it, so that silhouettes and
+shadow edges blend as they do on a sensor. A shot then shades these samples and traces their shadow rays.
+
+Light is counted relative to the calibration's reference: 1 is what a white matt surface sends to the camera that faces
+the lamp on its axis at the reference distance.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from acquisition import geometry
+from acquisition.types import BoolArray, Float32Array, FloatArray
+from hardware_sim.objects import SceneObject
+from hardware_sim.tracing import START_M, Tracer
+
+TABLE_ALBEDO = 0.05
+"""The table is covered with black cloth, as is usual."""
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A camera: size in pixels, OpenCV matrix (3, 3) and distortion (5,), and its pose in the object's frame."""
+
+    width: int
+    height: int
+    matrix: FloatArray
+    distortion: FloatArray
+    object_from_camera: FloatArray
+
+    def directions(self, columns: FloatArray, rows: FloatArray) -> Float32Array:
+        """Directions (N, 3), object frame, unit OpenCV z, of the rays through image points in pixels (N,)."""
+        points = np.stack([columns, rows], axis=-1).reshape(-1, 1, 2)
+        criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-11)
+        flat = cv2.undistortPoints(points, self.matrix, self.distortion, criteria=criteria)
+        rays = np.concatenate([flat.reshape(-1, 2), np.ones((len(points), 1))], axis=1)
+        return geometry.rotate(self.object_from_camera, rays).astype(np.float32)
+
+    @property
+    def eye(self) -> FloatArray:
+        """The camera's centre (3,), m."""
+        return self.object_from_camera[:3, 3]
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """A near point light: place (3,) m and axis (3,), object frame; `power` 1 gives light 1 at `reference_m`."""
+
+    position: FloatArray
+    axis: FloatArray
+    power: float
+    reference_m: float
+    lobe_exponent: float
+
+    def irradiance(self, points: FloatArray, normals: FloatArray) -> FloatArray:
+        """Light (N,) falling on surface points (N, 3) with unit normals (N, 3) when nothing stands between."""
+        to_lamp = self.position - points
+        distance = np.linalg.norm(to_lamp, axis=1)
+        falling = np.clip(np.einsum("ni,ni->n", normals, to_lamp) / distance, 0, None)
+        ahead = np.clip(-(to_lamp @ self.axis) / distance, 0, None)
+        return self.power * falling * ahead**self.lobe_exponent * (self.reference_m / distance) ** 2
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What a set of camera rays hits: flat pixel numbers (N,), points and unit normals (N, 3), albedo (N,)."""
+
+    pixels: npt.NDArray[np.int32]
+    points: Float32Array
+    normals: Float32Array
+    albedo: Float32Array
+
+
+@dataclass(frozen=True)
+class View:
+    """All that the camera sees, object and table; each sample is `share` of its pixel."""
+
+    lens: Lens
+    share: float
+    surface: Samples
+    table: Samples
+
+
+def object_samples(scene: SceneObject, tracer: Tracer, eye: FloatArray, directions: Float32Array) -> Samples:
+    """Where rays (N, 3) from `eye` (3,) first meet the object; `pixels` are the rays' numbers."""
+    origins = np.broadcast_to(eye.astype(np.float32), directions.shape)
+    hits = tracer.first_hits(origins, directions)
+    rays = np.nonzero(hits.triangles >= 0)[0]
+    triangles, weights = hits.triangles[rays], hits.weights[rays]
+    points = np.einsum("nc,nci->ni", weights, scene.mesh.triangles.astype(np.float32)[triangles])
+    normals = np.einsum("nc,nci->ni", weights, scene.mesh.corner_normals.astype(np.float32)[triangles])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return Samples(rays.astype(np.int32), points, normals, scene.texture.albedo(points))
+
+
+def look(scene: SceneObject, tracer: Tracer, lens: Lens, subdivision: int) -> View:
+    """Traces the camera's rays, subdivision × subdivision for each pixel."""
+    count = lens.width * lens.height
+    rows, columns = np.divmod(np.arange(count, dtype=np.float64), lens.width)
+    offsets = (np.arange(subdivision) + 0.5) / subdivision - 0.5
+    surfaces: list[Samples] = []
+    tables: list[Samples] = []
+    eye = lens.eye.astype(np.float32)
+    for down in offsets:
+        for right in offsets:
+            directions = lens.directions(columns + right, rows + down)
+            surface = object_samples(scene, tracer, lens.eye, directions)
+            surfaces.append(surface)
+            past = np.ones(count, dtype=bool)
+            past[surface.pixels] = False
+            past &= directions[:, 2] < 0
+            pixels = np.nonzero(past)[0].astype(np.int32)
+            points = eye + directions[past] * (-eye[2] / directions[past, 2])[:, None]
+            points[:, 2] = 0.0
+            tables.append(
+                Samples(
+                    pixels,
+                    points,
+                    np.tile(np.array([0.0, 0.0, 1.0], dtype=np.float32), (len(points), 1)),
+                    np.full(len(points), TABLE_ALBEDO, dtype=np.float32),
+                )
+            )
+    return View(lens, 1.0 / subdivision**2, _joined(surfaces), _joined(tables))
+
+
+def _joined(parts: list[Samples]) -> Samples:
+    return Samples(
+        np.concatenate([part.pixels for part in parts]),
+        np.concatenate([part.points for part in parts]),
+        np.concatenate([part.normals for part in parts]),
+        np.concatenate([part.albedo for part in parts]),
+    )
+
+
+def lit(
+    points: Float32Array, normals: Float32Array, position: FloatArray, tracer: Tracer, scene: SceneObject
+) -> BoolArray:
+    """Whether the object leaves the way free from the lamp at `position` (3,) to points (N, 3) that face it."""
+    facing, needs_ray = _facing(
+        points, normals, position.astype(np.float32), np.float32(scene.radius_m), np.float32(scene.height_m)
+    )
+    starts = points[needs_ray] + np.float32(START_M) * normals[needs_ray]
+    facing[needs_ray] = ~tracer.occluded(starts, position.astype(np.float32) - starts)
+    return facing
+
+
+def direct(view: View, scene: SceneObject, tracer: Tracer, lamp: Lamp) -> Float32Array:
+    """The picture (H, W) under the lamp alone, without light bounced between surfaces."""
+    image = np.zeros(view.lens.width * view.lens.height, dtype=np.float32)
+    for samples, gloss in ((view.surface, scene.gloss), (view.table, 0.0)):
+        _shade(
+            samples.points,
+            samples.normals,
+            samples.albedo,
+            samples.pixels,
+            lit(samples.points, samples.normals, lamp.position, tracer, scene),
+            lamp.position.astype(np.float32),
+            lamp.axis.astype(np.float32),
+            np.float32(lamp.lobe_exponent),
+            np.float32(view.share * lamp.power * lamp.reference_m**2),
+            view.lens.eye.astype(np.float32),
+            np.float32(gloss),
+            np.float32(scene.gloss_exponent),
+            image,
+        )
+    return image.reshape(view.lens.height, view.lens.width)
+
+
+@numba.njit(
+    "Tuple((boolean[::1], boolean[::1]))(float32[:, ::1], float32[:, ::1], float32[::1], float32, float32)",
+    cache=True,
+    fastmath=True,
+)
+def _facing(points, normals, lamp, radius, height):  # type: ignore[no-untyped-def] # pragma: no cover
+    """Which points face the lamp, and for which of these the object's cylinder may stand between."""
+    count = len(points)
+    facing = np.zeros(count, dtype=np.bool_)
+    needs_ray = np.zeros(count, dtype=np.bool_)
+    for i in range(count):
+        dx, dy, dz = lamp[0] - points[i, 0], lamp[1] - points[i, 1], lamp[2] - points[i, 2]
+        if normals[i, 0] * dx + normals[i, 1] * dy + normals[i, 2] * dz <= 0:
+            continue
+        facing[i] = True
+        # The part of the way that lies below the object's top, seen from above, against its circle.
+        reach = np.float32(1.0)
+        if dz > 0:
+            reach = min(reach, (height - points[i, 2]) / dz)
+        across = dx * dx + dy * dy
+        nearest = np.float32(0.0)
+        if across > 0:
+            nearest = min(max(-(points[i, 0] * dx + points[i, 1] * dy) / across, np.float32(0.0)), reach)
+        x, y = points[i, 0] + nearest * dx, points[i, 1] + nearest * dy
+        needs_ray[i] = x * x + y * y <= radius * radius
+    return facing, needs_ray
+
+
+@numba.njit(
+    "void(float32[:, ::1], float32[:, ::1], float32[::1], int32[::1], boolean[::1], float32[::1], float32[::1],"
+    " float32, float32, float32[::1], float32, float32, float32[::1])",
+    cache=True,
+    fastmath=True,
+)
+def _shade(  # type: ignore[no-untyped-def] # pragma: no cover
+    points, normals, albedo, pixels, free, lamp, axis, lobe, strength, eye, gloss, gloss_exponent, image
+):
+    """Adds each sample's matt and glossy light to its pixel."""
+    for i in range(len(points)):
+        if not free[i]:
+            continue
+        lx, ly, lz = lamp[0] - points[i, 0], lamp[1] - points[i, 1], lamp[2] - points[i, 2]
+        square = lx * lx + ly * ly + lz * lz
+        inverse = np.float32(1.0) / np.sqrt(square)
+        lx, ly, lz = lx * inverse, ly * inverse, lz * inverse
+        ahead = -(axis[0] * lx + axis[1] * ly + axis[2] * lz)
+        if ahead <= 0:
+            continue
+        arriving = strength * ahead**lobe / square
+        value = albedo[i] * max(np.float32(0.0), normals[i, 0] * lx + normals[i, 1] * ly + normals[i, 2] * lz)
+        if gloss > 0:
+            vx, vy, vz = eye[0] - points[i, 0], eye[1] - points[i, 1], eye[2] - points[i, 2]
+            away = np.float32(1.0) / np.sqrt(vx * vx + vy * vy + vz * vz)
+            hx, hy, hz = lx + vx * away, ly + vy * away, lz + vz * away
+            half = (normals[i, 0] * hx + normals[i, 1] * hy + normals[i, 2] * hz) / np.sqrt(hx * hx + hy * hy + hz * hz)
+            if half > 0:
+                value += gloss * half**gloss_exponent
+        image[pixels[i]] += arriving * value

@@ -1,0 +1,22 @@
+"""From light to numbers: an image sensor with full well, shot noise, read noise, black level and quantisation."""
+
+import numpy as np
+import numpy.typing as npt
+
+from acquisition.types import Float32Array, SensorModel
+
+
+def expose(signal: Float32Array, sensor: SensorModel, random: np.random.Generator | None) -> npt.NDArray[np.uint16]:
+    """The frame (H, W) uint16 for a signal (H, W) in fractions of full scale, 1 being where the values clip.
+
+    With `random` there is shot noise (Poisson) and read noise; without, the values are only rounded and clipped.
+    """
+    electrons = np.clip(signal, 0, None) * np.float32(sensor.full_scale_dn * sensor.gain_e_per_dn)
+    if random is not None:
+        # Far above full well the number does not matter, and must not overflow the generator.
+        electrons = random.poisson(np.minimum(electrons, 4 * sensor.full_well_e)).astype(np.float32)
+    electrons = np.minimum(electrons, np.float32(sensor.full_well_e))
+    if random is not None:
+        electrons += np.float32(sensor.read_noise_e) * random.standard_normal(electrons.shape, dtype=np.float32)
+    values = np.float32(sensor.black_level_dn) + electrons / np.float32(sensor.gain_e_per_dn)
+    return np.clip(np.rint(values), 0, 2**sensor.bits - 1).astype(np.uint16)

@@ -1,0 +1,98 @@
+"""What arm and lamp did while the shutter was open, from the controller's state before, during and after.
+
+A lamp follows its output exponentially. A moving arm smears its shadows: its joints over the exposure become a few
+moments that are rendered one by one. An arm at rest under a settled lamp is one moment, whatever the clock says, so that
+a repeated exposure gives the same frame.
+"""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from hardware_sim.world import Moment
+
+LAMP_TIME_CONSTANT_S = 0.003
+"""Full light within about 10 ms."""
+SETTLED = 2e-3
+STILL_RAD = 1e-4
+MOMENTS = 8
+
+
+@dataclass(frozen=True)
+class CellState:
+    """Joints (6,) in rad, whether the lamp's output is on, seconds of wall time since it changed, and the factor by
+    which the cell runs faster than life."""
+
+    joints: tuple[float, ...]
+    lamp_on: bool
+    lamp_age_s: float
+    speed_factor: float
+
+
+class StateSource(Protocol):
+    """Where the world reads the cell's state; the controller's control port, or a fixed state in tests."""
+
+    def state(self) -> CellState:
+        """The state now."""
+        ...
+
+
+def expose(source: StateSource, exposure_s: float) -> list[Moment]:
+    """Keeps the shutter open for `exposure_s` of the cell's time and says what happened; shares add up to 1."""
+    begun = time.monotonic()
+    states = [source.state()]
+    times = [begun]
+    duration = exposure_s / states[0].speed_factor
+    pause = max(0.002, duration / (2 * MOMENTS))
+    while times[-1] - begun < duration:
+        time.sleep(min(pause, max(0.0, begun + duration - time.monotonic())))
+        states.append(source.state())
+        times.append(time.monotonic())
+    return moments(states, times)
+
+
+def moments(states: Sequence[CellState], times: Sequence[float]) -> list[Moment]:
+    """The moments between states read at wall times in s; intervals in which the arm rests are one moment."""
+    parts: list[Moment] = []
+    for before, after, start, end in zip(states[:-1], states[1:], times[:-1], times[1:], strict=True):
+        level = _mean_level(after, (end - start) * after.speed_factor)
+        still = max(abs(a - b) for a, b in zip(before.joints, after.joints, strict=True)) < STILL_RAD
+        middle = tuple((a + b) / 2 for a, b in zip(before.joints, after.joints, strict=True))
+        parts.append(Moment((end - start) / (times[-1] - times[0]), before.joints if still else middle, level))
+    merged: list[Moment] = []
+    most = math.ceil(len(parts) / MOMENTS)
+    members = 0
+    for part in parts:
+        last = merged[-1] if merged else None
+        if last is not None and (_apart(last, part) < STILL_RAD or members < most):
+            share = last.share + part.share
+            level = (last.share * last.lamp_level + part.share * part.lamp_level) / share
+            merged[-1] = Moment(share, last.joints, level)
+            members += 1
+        else:
+            merged.append(part)
+            members = 1
+    return [Moment(part.share, part.joints, _settled(part.lamp_level)) for part in merged]
+
+
+def _apart(first: Moment, second: Moment) -> float:
+    return max(abs(a - b) for a, b in zip(first.joints, second.joints, strict=True))
+
+
+def _settled(level: float) -> float:
+    return float(round(level)) if abs(level - round(level)) < SETTLED else level
+
+
+def _mean_level(state: CellState, duration_s: float) -> float:
+    """The lamp's mean level over the `duration_s` (cell's time) before `state`; before its last change it was settled."""
+    age = state.lamp_age_s * state.speed_factor
+    since = min(duration_s, age)
+    start = age - since
+    falling = LAMP_TIME_CONSTANT_S * (
+        math.exp(-start / LAMP_TIME_CONSTANT_S) - math.exp(-(start + since) / LAMP_TIME_CONSTANT_S)
+    )  # ∫ exp(−t/τ), the level of a lamp that goes out
+    before = duration_s - since
+    lit_s = (since - falling) if state.lamp_on else (before + falling)
+    return lit_s / duration_s if duration_s > 0 else float(state.lamp_on)

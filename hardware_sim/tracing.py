@@ -1,0 +1,46 @@
+"""Rays against one mesh: the only place that knows the ray tracer."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from embreex import rtcore_scene
+from embreex.mesh_construction import TriangleMesh
+
+from acquisition.types import BoolArray, Float32Array, FloatArray
+from hardware_sim.sheets import Mesh
+
+START_M = 3e-5
+"""Rays that leave a surface start this far above it, so that they do not hit the triangle they come from."""
+
+
+@dataclass(frozen=True)
+class Hits:
+    """First hits of rays: `triangles` (N,) int32, −1 where nothing is hit; distances (N,) in lengths of the direction;
+    barycentric weights (N, 3) of the triangle's corners."""
+
+    triangles: npt.NDArray[np.int32]
+    distances: Float32Array
+    weights: Float32Array
+
+
+class Tracer:
+    """Answers which triangle a ray hits first, and whether it hits any."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._scene = rtcore_scene.EmbreeScene()
+        TriangleMesh(self._scene, np.ascontiguousarray(mesh.triangles, dtype=np.float32))
+
+    def first_hits(self, origins: Float32Array, directions: Float32Array) -> Hits:
+        """The first hit of each ray; origins and directions (N, 3)."""
+        found = self._scene.run(_rays(origins), _rays(directions), query="INTERSECT", output=1)
+        u, v = found["u"], found["v"]
+        return Hits(found["primID"], found["tfar"], np.stack([1 - u - v, u, v], axis=1))
+
+    def occluded(self, origins: Float32Array, directions: Float32Array) -> BoolArray:
+        """Whether each ray (N, 3) hits anything."""
+        return self._scene.run(_rays(origins), _rays(directions), query="OCCLUDED") >= 0
+
+
+def _rays(vectors: Float32Array | FloatArray) -> Float32Array:
+    return np.ascontiguousarray(vectors, dtype=np.float32)

@@ -1,0 +1,204 @@
+"""The truth of the cell: object, table, lamp, camera and room, and how they differ from what the calibration says.
+
+A `Profile` holds the differences that nobody tells the solver. Those that belong to one image (lamp intensity, lamp
+position, flicker, sensor noise) are drawn from a hash of seed, joints, exposure, lamp and attempt, not from the order of
+calls, so that a resumed session sees the same images.
+
+The arm itself neither casts shadows nor hides the object: waypoints keep it out of the way. Where that shall be
+simulated, its links join the mesh that `Tracer` is made from, for each set of joints.
+"""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from acquisition import geometry
+from acquisition.config import CellConfig
+from acquisition.errors import ErrorCode, RigError
+from acquisition.types import BoolArray, Calibration, Float32Array, FloatArray
+from hardware_sim import objects, render, sensor
+from hardware_sim.controller import kinematics
+from hardware_sim.indirect import IndirectLight
+from hardware_sim.render import Lamp, Lens
+from hardware_sim.tracing import Tracer
+from hardware_sim.truth import Truth
+
+ProfileName = Literal["ideal", "direct", "realistic"]
+
+
+@dataclass(frozen=True)
+class Profile:
+    """What the world does that the calibration does not know.
+
+    `intensity_sigma` (fraction) and `lamp_position_sigma_m` (per axis) are drawn for each image; `camera_shift_m` and
+    `camera_turn_rad` are the lengths of a fixed error of the camera's pose in a direction that the seed chooses;
+    `ambient_per_s` is the room's light on a white surface under open sky, in full scales per second.
+    """
+
+    noise: bool
+    intensity_sigma: float = 0.0
+    lamp_position_sigma_m: float = 0.0
+    camera_shift_m: float = 0.0
+    camera_turn_rad: float = 0.0
+    ambient_per_s: float = 0.0
+    bounces: bool = False
+
+
+PROFILES: dict[str, Profile] = {
+    "ideal": Profile(noise=False),
+    "direct": Profile(noise=True, intensity_sigma=0.01, lamp_position_sigma_m=0.001),
+    "realistic": Profile(
+        noise=True,
+        intensity_sigma=0.005,
+        lamp_position_sigma_m=0.0003,
+        camera_shift_m=1e-4,
+        camera_turn_rad=float(np.radians(0.02)),
+        ambient_per_s=0.4,
+        bounces=True,
+    ),
+}
+
+FLICKER_HZ = 100.0
+FLICKER_DEPTH = 0.3
+DRIFT = 0.02
+"""The room's lamps flicker with the mains, and its brightness drifts from image to image (1 σ, fraction)."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A part of an exposure: its `share` of the exposure time, the arm's joints, the lamp's mean level 0–1."""
+
+    share: float
+    joints: tuple[float, ...]
+    lamp_level: float
+
+
+class World:
+    """One object in one cell, seen by one camera. Raises RigError config.invalid when the object does not fit."""
+
+    def __init__(
+        self, cell: CellConfig, calibration: Calibration, object_name: str, seed: int, profile: ProfileName
+    ) -> None:
+        self.calibration = calibration
+        self.cell = cell
+        self.scene = objects.build(object_name, seed)
+        keep_out = cell.object.keep_out
+        if self.scene.radius_m > keep_out.radius_m or self.scene.height_m > keep_out.height_m:
+            raise RigError(
+                ErrorCode.CONFIG_INVALID,
+                f"the object {object_name!r} (radius {self.scene.radius_m:.3f} m, height {self.scene.height_m:.3f} m)"
+                " does not fit into object.keep_out",
+            )
+        self._profile = PROFILES[profile]
+        self._seed = seed
+        self._object_from_base = geometry.inverse(keep_out.base_from_object.matrix)
+        self._arm = kinematics.MODELS[cell.arm.model]
+        self._flange_from_lamp = cell.arm.flange_from_tool.matrix @ np.array(calibration.tool_from_lamp)
+        self._tracer = Tracer(self.scene.mesh)
+        self.lens = Lens(
+            calibration.width,
+            calibration.height,
+            np.array(calibration.camera_matrix),
+            np.array(calibration.distortion),
+            self._object_from_base @ self._true_camera(),
+        )
+        # Small pictures have large pixels, which need more samples for the same shadow edges.
+        subdivision = 2 if calibration.width >= 400 else 4
+        self._view = render.look(self.scene, self._tracer, self.lens, subdivision)
+        self._indirect = IndirectLight(self.scene, self._tracer, self._view) if self._profile.bounces else None
+        self._ambient: Float32Array | None = None
+        if self._indirect is not None and self._profile.ambient_per_s > 0:
+            self._ambient = self._indirect.ambient()
+
+    def _true_camera(self) -> FloatArray:
+        random = _generator(self._seed, "camera")
+        base_from_camera = np.array(self.calibration.base_from_camera)
+        shift, turn = random.normal(size=(2, 3))
+        error = geometry.pose(
+            self._profile.camera_shift_m * shift / np.linalg.norm(shift),
+            self._profile.camera_turn_rad * turn / np.linalg.norm(turn),
+        )
+        return base_from_camera @ error
+
+    def base_from_lamp(self, joints: Sequence[float]) -> FloatArray:
+        """The lamp's nominal pose (4, 4) at joints (6,) in rad: the controller's TCP plays no part in it."""
+        flange = np.eye(4)
+        flange[:3] = np.reshape(kinematics.forward(self._arm, joints), (3, 4))
+        return flange @ self._flange_from_lamp
+
+    def picture(self, lamp: Lamp) -> Float32Array:
+        """The light (H, W) that reaches the camera's pixels from a lamp, object frame, without ambient light."""
+        image = render.direct(self._view, self.scene, self._tracer, lamp)
+        return image if self._indirect is None else image + self._indirect.bounced(lamp)
+
+    def frame(self, moments: Sequence[Moment], exposure_s: float, attempt: int) -> npt.NDArray[np.uint16]:
+        """The camera's frame (H, W) uint16 of an exposure made of moments, whose shares add up to 1."""
+        profile = self._profile
+        is_on = any(moment.lamp_level > 0 for moment in moments)
+        joints = [round(joint / 1e-4) for joint in moments[0].joints]
+        random = _generator(self._seed, joints, repr(exposure_s), is_on, attempt)
+        intensity = self.calibration.lamp_intensity * (1 + profile.intensity_sigma * random.normal())
+        shift = profile.lamp_position_sigma_m * random.normal(size=3)
+        ambient = profile.ambient_per_s * exposure_s * _flicker(exposure_s, random)
+
+        signal = np.zeros((self.lens.height, self.lens.width), dtype=np.float32)
+        for moment in moments:
+            power = intensity * exposure_s * moment.share * moment.lamp_level
+            if power > 0:
+                signal += self.picture(self._lamp(moment.joints, shift, power))
+        if self._ambient is not None:
+            signal += np.float32(ambient) * self._ambient
+        return sensor.expose(signal, self.calibration.sensor, random if profile.noise else None)
+
+    def _lamp(self, joints: Sequence[float], shift: FloatArray, power: float) -> Lamp:
+        base_from_lamp = self.base_from_lamp(joints)
+        return Lamp(
+            geometry.transform(self._object_from_base, base_from_lamp[:3, 3] + shift),
+            geometry.rotate(self._object_from_base, base_from_lamp[:3, 2]),
+            power,
+            self.calibration.reference_m,
+            self.calibration.lobe_exponent,
+        )
+
+    def truth(self) -> Truth:
+        """What is true at the pixel centres, in the frame of the camera as the calibration has it."""
+        seen = self._centres()
+        view_from_object = geometry.inverse(
+            self._object_from_base @ geometry.base_from_view(np.array(self.calibration.base_from_camera))
+        )
+        size = (self.lens.height, self.lens.width)
+        normals = np.zeros((*size, 3), dtype=np.float32)
+        depth, albedo, mask = np.zeros(size, np.float32), np.zeros(size, np.float32), np.zeros(size, bool)
+        normals.reshape(-1, 3)[seen.pixels] = geometry.rotate(view_from_object, seen.normals)
+        depth.ravel()[seen.pixels] = -geometry.transform(view_from_object, seen.points)[:, 2]
+        albedo.ravel()[seen.pixels] = seen.albedo
+        mask.ravel()[seen.pixels] = True
+        return Truth(normals, depth, albedo, mask)
+
+    def visibility(self, joints: Sequence[float]) -> BoolArray:
+        """Where (H, W) the object's pixel centres are lit directly by the lamp at joints (6,), neither shadow on them."""
+        seen = self._centres()
+        position = geometry.transform(self._object_from_base, self.base_from_lamp(joints)[:3, 3])
+        result = np.zeros(self.lens.height * self.lens.width, dtype=bool)
+        result[seen.pixels] = render.lit(seen.points, seen.normals, position, self._tracer, self.scene)
+        return result.reshape(self.lens.height, self.lens.width)
+
+    def _centres(self) -> render.Samples:
+        rows, columns = np.divmod(np.arange(self.lens.height * self.lens.width, dtype=float), self.lens.width)
+        return render.object_samples(self.scene, self._tracer, self.lens.eye, self.lens.directions(columns, rows))
+
+
+def _generator(*key: object) -> np.random.Generator:
+    return np.random.default_rng(int.from_bytes(hashlib.sha256(repr(key).encode()).digest()[:16], "big"))
+
+
+def _flicker(exposure_s: float, random: np.random.Generator) -> float:
+    """The room's mean light over an exposure that begins at a random phase of the mains, relative to its mean."""
+    phase = random.uniform(0, 2 * np.pi)
+    swing = 2 * np.pi * FLICKER_HZ * exposure_s
+    wave = (np.sin(phase + swing) - np.sin(phase)) / swing
+    return float((1 + DRIFT * random.normal()) * (1 + FLICKER_DEPTH * wave))
