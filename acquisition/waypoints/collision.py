@@ -1,0 +1,188 @@
+"""What the arm may touch: a cell as capsules and obstacles, and the three questions asked of it.
+
+Is a configuration free, is a straight joint edge free over its whole length, and do the view cone (lens to object) and
+the light cone (lamp to object) stay clear while exposing? Configurations where the arm shall stop keep a little more
+than the least distances (`NODE_SLACK_M`), so that the edges that leave them can be certified for the distances
+themselves. The table does not count for the base link, which stands on it and cannot move.
+"""
+
+import itertools
+from collections import Counter
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from acquisition.config import Box, Capsule, CellConfig, HalfSpace
+from acquisition.types import BoolArray, Calibration, FloatArray
+from acquisition.waypoints import collision_kernels as kernels
+from acquisition.waypoints.kinematics import ArmModel, arm_model
+
+NODE_SLACK_M = 0.002
+CONE_MARGIN_M = 0.01
+"""Kept round both cones: half the entrance pupil of the lens, and the lamp's emitter is no point either."""
+
+_GRID = 48
+_BUILT_IN_M = 0.005
+"""Capsules are fatter than what they hold; so much do two links' capsules overlap that cannot meet."""
+
+Blame = Literal["self-collision", "hits-table", "hits-object", "hits-camera", "hits-obstacle"]
+Indices = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A cell as arrays for the kernels; base frame, m. `blames` and `names` say what each obstacle is."""
+
+    model: ArmModel
+    links: Indices  # (C,) of each capsule; the tool's last, on link 6
+    capsules: FloatArray  # (C, 7)
+    tool_from: int  # number of the tool's first capsule
+    levers: FloatArray  # (C, 6) largest distance of each capsule's centre line from each joint axis
+    obstacles: FloatArray  # (O, ROW)
+    blames: tuple[Blame, ...]
+    names: tuple[str, ...]
+    pairs: Indices  # (P, 2) capsules of the arm that must not meet
+    self_margin: float
+    keep_out: FloatArray  # (ROW,) the object's cylinder
+    lens: FloatArray  # (3,)
+
+    def violations(self, joints: FloatArray) -> Indices:
+        """For each of (N, 6) the obstacle in the way: its number, len(blames) for the arm itself, −1 for none."""
+        return kernels.first_violations(
+            np.ascontiguousarray(joints), self.model.dh, self.links, self.capsules, self.obstacles, self.pairs,
+            self.self_margin, NODE_SLACK_M,
+        )  # fmt: skip
+
+    def free(self, joints: FloatArray) -> BoolArray:
+        """Whether each of (N, 6) keeps all least distances, and a little more."""
+        return self.violations(joints) < 0
+
+    def clearance(self, joints: FloatArray) -> FloatArray:
+        """Least distances (N, O + 1) in m from the arm's surface to each obstacle and, last, to itself."""
+        return kernels.distances(
+            np.ascontiguousarray(joints), self.model.dh, self.links, self.capsules, self.obstacles, self.pairs
+        )
+
+    def edges_free(self, starts: FloatArray, ends: FloatArray) -> BoolArray:
+        """Whether each of N straight joint edges, (N, 6) to (N, 6), is certified to keep all least distances."""
+        return kernels.edges_free(
+            np.ascontiguousarray(starts), np.ascontiguousarray(ends), self.model.dh, self.links, self.capsules,
+            self.levers, self.obstacles, self.pairs, self.self_margin,
+        )  # fmt: skip
+
+    def blocked_cones(self, joints: FloatArray, emitters: FloatArray) -> Indices:
+        """For (N, 6) with emitters (N, 3) in base: 1 the arm blocks the view, 2 it shadows the object, −1 neither."""
+        return kernels.blocked_cones(
+            np.ascontiguousarray(joints), np.ascontiguousarray(emitters), self.model.dh, self.links, self.capsules,
+            self.tool_from, self.lens, self.keep_out, CONE_MARGIN_M,
+        )  # fmt: skip
+
+    def blame(self, violation: int) -> tuple[Blame, str]:
+        """The reason's word and the obstacle's name of a number from `violations`."""
+        if violation == len(self.blames):
+            return "self-collision", "the arm itself"
+        return self.blames[violation], self.names[violation]
+
+    def worst(self, violations: Indices) -> tuple[Blame, str]:
+        """Of many numbers from `violations`, none −1, the commonest."""
+        return self.blame(Counter(violations.tolist()).most_common(1)[0][0])
+
+
+def scene(cell: CellConfig, calibration: Calibration) -> Scene:
+    """The cell's arm, tool and obstacles as arrays; made once for each cell and calibration."""
+    return _scene(cell.model_dump_json(), calibration.model_dump_json())
+
+
+@lru_cache(maxsize=8)
+def _scene(cell_json: str, calibration_json: str) -> Scene:
+    cell, calibration = CellConfig.model_validate_json(cell_json), Calibration.model_validate_json(calibration_json)
+    model = arm_model(cell.arm.model)
+    tool = [[*capsule.start_m, *capsule.end_m, capsule.radius_m] for capsule in cell.arm.tool_capsules]
+    capsules = np.vstack([model.capsules, np.array(tool, dtype=float).reshape(-1, 7)])
+    links = np.array([*model.capsule_links, *[6] * len(tool)], dtype=np.int64)
+    tool_from = len(model.capsules)
+    keep = cell.object.keep_out
+    frame = keep.base_from_object.matrix
+    keep_out = _row(
+        kernels.CYLINDER, cell.clearances.object_m, *frame[:3, 3], *frame[:3, 2], keep.radius_m, keep.height_m
+    )
+    rows: list[tuple[Blame, str, FloatArray]] = [
+        ("hits-table", cell.table.name, _obstacle(cell.table, cell.clearances.table_m)),
+        ("hits-object", "the object's keep-out", keep_out),
+        *(("hits-camera", body.name, _obstacle(body, cell.clearances.obstacle_m)) for body in cell.camera_body),
+        *(("hits-obstacle", item.name, _obstacle(item, cell.clearances.obstacle_m)) for item in cell.obstacles),
+    ]
+    return Scene(
+        model=model,
+        links=links,
+        capsules=capsules,
+        tool_from=tool_from,
+        levers=_levers(model, links, capsules),
+        obstacles=np.stack([row for _, _, row in rows]),
+        blames=tuple(blame for blame, _, _ in rows),
+        names=tuple(name for _, name, _ in rows),
+        pairs=_pairs(model, links, capsules, tool_from, cell.clearances.self_m),
+        self_margin=cell.clearances.self_m,
+        keep_out=keep_out,
+        lens=np.array(calibration.base_from_camera, dtype=float)[:3, 3].copy(),
+    )
+
+
+def _row(kind: int, margin: float, *shape: float) -> FloatArray:
+    row = np.zeros(kernels.ROW)
+    row[: 2 + len(shape)] = [kind, margin, *shape]
+    return row
+
+
+def _obstacle(item: HalfSpace | Box | Capsule, margin: float) -> FloatArray:
+    if isinstance(item, HalfSpace):
+        normal = np.array(item.normal) / np.linalg.norm(item.normal)
+        return _row(kernels.HALF_SPACE, margin, *normal, float(normal @ np.array(item.point_m)))
+    if isinstance(item, Capsule):
+        return _row(kernels.CAPSULE, margin, *item.start_m, *item.end_m, item.radius_m)
+    pose = item.base_from_box.matrix
+    return _row(kernels.BOX, margin, *pose[:3, 3], *pose[:3, :3].ravel(), *item.half_extents_m)
+
+
+def _levers(model: ArmModel, links: Indices, capsules: FloatArray) -> FloatArray:
+    """How far a capsule's centre line can be from each joint axis, in any configuration (C, 6)."""
+    _, a2, a3, d4, d5, d6 = np.abs(model.dh)
+    # From frame i − 1 to frame i; for the joint that moves frame i its own offset along the axis does not count.
+    step = [0.0, a2, a3, d4, d5, d6]
+    own = [0.0, a2, a3, 0.0, 0.0, 0.0]
+    levers = np.zeros((len(links), 6))
+    for c, link in enumerate(links):
+        reach = max(np.linalg.norm(capsules[c, :3]), np.linalg.norm(capsules[c, 3:6]))
+        for joint in range(link):
+            levers[c, joint] = own[joint] + sum(step[joint + 1 : link]) + reach
+    return levers
+
+
+def _pairs(model: ArmModel, links: Indices, capsules: FloatArray, tool_from: int, margin: float) -> Indices:
+    """Pairs of capsules, the lower link first, that must not meet.
+
+    Neighbouring links share a joint and are left out, but for the tool, which may fold back on the last wrist. Of links
+    with one link between them, a pair is left out when it is nearer than the margin in every pose of the joints between
+    (the shoulder's end of the upper arm and the base) or when it meets in none: the maker's own gap, narrower than any
+    margin, is no danger.
+    """
+    angles = np.linspace(-np.pi, np.pi, _GRID, endpoint=False)
+    first, second = (grid.ravel() for grid in np.meshgrid(angles, angles))
+    kept: list[tuple[int, int]] = []
+    for a, b in itertools.combinations(range(len(links)), 2):
+        low, high = int(links[a]), int(links[b])
+        if high - low < (1 if b >= tool_from else 2) or low == high:
+            continue
+        if high - low <= 2:
+            joints = np.zeros((_GRID**2, 6))
+            joints[:, low], joints[:, high - 1] = first, second
+            pair = np.array([[0, 1]], dtype=np.int64)
+            both = np.ascontiguousarray(capsules[[a, b]])
+            distance = kernels.distances(joints, model.dh, links[[a, b]], both, np.zeros((0, kernels.ROW)), pair)[:, -1]
+            if distance.max() < margin or distance.min() > -_BUILT_IN_M:
+                continue
+        kept.append((a, b))
+    return np.array(kept, dtype=np.int64).reshape(-1, 2)

@@ -1,0 +1,53 @@
+"""How fast each straight joint segment may be driven, and how long that takes.
+
+The controller's `moveJ` drives the leading joint (the one that turns furthest) on a trapezoid and the others in step,
+so a segment's time is closed form, and a limit on the tool's or elbow's speed is a limit on the leading joint's.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.config import ArmConfig
+from acquisition.types import FloatArray
+from acquisition.waypoints import motion_kernels
+from acquisition.waypoints.kinematics import arm_model
+
+_BETWEEN_SAMPLES = 0.97
+"""Share of the limits that is used: the largest speed between 33 samples exceeds theirs by up to 1 %."""
+
+
+@dataclass(frozen=True)
+class Legs:
+    """Leading joint's speed (N,) in rad/s and time (N,) in s of N segments."""
+
+    speeds: FloatArray
+    seconds: FloatArray
+
+
+def legs(starts: FloatArray, ends: FloatArray, arm: ArmConfig, samples: int = 33) -> Legs:
+    """The fastest allowed drive of each straight joint segment (N, 6) to (N, 6)."""
+    model = arm_model(arm.model)
+    tool = np.array(arm.flange_from_tool.position_m)
+    starts, ends = np.ascontiguousarray(starts), np.ascontiguousarray(ends)
+    turn = np.abs(ends - starts)
+    leading = turn.max(axis=1)
+    reach = motion_kernels.path_lengths_per_share(starts, ends, model.dh, tool, samples)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speeds = np.minimum.reduce(
+            [
+                np.full(len(leading), arm.max_joint_speed_rad_s),
+                leading * np.min(model.max_joint_speed_rad_s / turn, axis=1),
+                leading * _BETWEEN_SAMPLES * arm.max_tool_speed_m_s / reach[:, 0],
+                leading * _BETWEEN_SAMPLES * arm.max_elbow_speed_m_s / reach[:, 1],
+            ]
+        )
+    # A segment of no length has no leading joint; its speed does not matter.
+    speeds = np.where(leading > 0, speeds, arm.max_joint_speed_rad_s)
+    return Legs(speeds, trapezoid_seconds(leading, speeds, arm.max_joint_acceleration_rad_s2))
+
+
+def trapezoid_seconds(angle: FloatArray, speed: FloatArray, acceleration: float) -> FloatArray:
+    """Time from rest to rest through `angle` (rad) at up to `speed` (rad/s)."""
+    ramped = angle < speed**2 / acceleration
+    return np.where(ramped, 2 * np.sqrt(angle / acceleration), angle / speed + speed / acceleration)

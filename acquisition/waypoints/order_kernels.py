@@ -1,0 +1,194 @@
+# Types stand in numba's signatures, which also ask for many plain arguments.
+# pyright: basic
+# ruff: noqa: PLR0917
+"""Compiled search for the order of lights and the configuration of each, chosen together.
+
+The problem is a travelling salesman's with a set of cities for each stop (generalised, from start to home). Up to nine
+stops it is solved exactly by dynamic programming over subsets (Held and Karp); beyond, by an iterated local search in
+which a stop is taken out and put back at its best place, all configurations of the others being chosen anew for each
+trial (two sweeps of dynamic programming make that exact). Perturbations are counted, not timed, and drawn from a
+generator of our own: the same lights always give the same route.
+"""
+
+import numpy as np
+from numba import float64, int64, njit
+from numba.types import Tuple  # pyright: ignore[reportAttributeAccessIssue]
+
+_vector = float64[::1]
+_matrix = float64[:, ::1]
+_indices = int64[::1]
+
+
+@njit(_indices(_matrix, _indices, int64, int64), cache=True)
+def exact_tour(seconds, first, start, home):
+    """The quickest tour's nodes: one of nodes first[i] … first[i + 1] − 1 of each stop, between start and home."""
+    stops = first.shape[0] - 1
+    nodes = first[stops]
+    owner = np.empty(nodes, dtype=np.int64)
+    for i in range(stops):
+        owner[first[i] : first[i + 1]] = i
+    subsets = 1 << stops
+    best = np.full((subsets, nodes), np.inf)
+    before = np.full((subsets, nodes), -1, dtype=np.int64)
+    for node in range(nodes):
+        best[1 << owner[node], node] = seconds[start, node]
+    for subset in range(1, subsets):
+        for node in range(nodes):
+            here = best[subset, node]
+            if here == np.inf:
+                continue
+            for stop in range(stops):
+                if subset & (1 << stop):
+                    continue
+                larger = subset | (1 << stop)
+                for other in range(first[stop], first[stop + 1]):
+                    value = here + seconds[node, other]
+                    if value < best[larger, other]:
+                        best[larger, other] = value
+                        before[larger, other] = node
+    tour = np.empty(stops, dtype=np.int64)
+    subset = subsets - 1
+    node, least = 0, np.inf
+    for last in range(nodes):
+        if best[subset, last] + seconds[last, home] < least:
+            node, least = last, best[subset, last] + seconds[last, home]
+    for place in range(stops - 1, -1, -1):
+        tour[place] = node
+        subset, node = subset ^ (1 << owner[node]), before[subset, node]
+    return tour
+
+
+@njit(float64(_matrix, _indices, int64, int64, _indices, int64, _matrix, _matrix), cache=True)
+def _sweep(seconds, first, start, home, order, count, forward, backward):
+    """Fills the least times from start to, and to home from, each configuration of the stops; the tour's time."""
+    widest = forward.shape[1]
+    for k in range(count):
+        for c in range(widest):
+            forward[k, c], backward[k, c] = np.inf, np.inf
+    for k in range(count):
+        low, high = first[order[k]], first[order[k] + 1]
+        for node in range(low, high):
+            if k == 0:
+                forward[k, node - low] = seconds[start, node]
+                continue
+            previous = first[order[k - 1]]
+            for other in range(previous, first[order[k - 1] + 1]):
+                value = forward[k - 1, other - previous] + seconds[other, node]
+                forward[k, node - low] = min(forward[k, node - low], value)
+    for k in range(count - 1, -1, -1):
+        low, high = first[order[k]], first[order[k] + 1]
+        for node in range(low, high):
+            if k == count - 1:
+                backward[k, node - low] = seconds[node, home]
+                continue
+            following = first[order[k + 1]]
+            for other in range(following, first[order[k + 1] + 1]):
+                value = seconds[node, other] + backward[k + 1, other - following]
+                backward[k, node - low] = min(backward[k, node - low], value)
+    total = seconds[start, home]
+    if count > 0:
+        total = np.inf
+        for c in range(first[order[0] + 1] - first[order[0]]):
+            total = min(total, forward[0, c] + backward[0, c])
+    return total
+
+
+@njit(Tuple((float64, int64))(_matrix, _indices, int64, int64, _indices, int64, int64, _matrix, _matrix), cache=True)
+def _best_place(seconds, first, start, home, order, count, stop, forward, backward):
+    """Time and place of the best insertion of a stop into a swept order."""
+    best, best_place = np.inf, 0
+    low, high = first[stop], first[stop + 1]
+    for place in range(count + 1):
+        for node in range(low, high):
+            come = seconds[start, node]
+            if place > 0:
+                come = np.inf
+                previous = first[order[place - 1]]
+                for other in range(previous, first[order[place - 1] + 1]):
+                    come = min(come, forward[place - 1, other - previous] + seconds[other, node])
+            if come >= best:
+                continue
+            leave = seconds[node, home]
+            if place < count:
+                leave = np.inf
+                following = first[order[place]]
+                for other in range(following, first[order[place] + 1]):
+                    leave = min(leave, seconds[node, other] + backward[place, other - following])
+            if come + leave < best:
+                best, best_place = come + leave, place
+    return best, best_place
+
+
+@njit(float64(_matrix, _indices, int64, int64, _indices, _matrix, _matrix), cache=True)
+def _improve(seconds, first, start, home, order, forward, backward):
+    """Takes each stop out and puts it back at its best place until nothing improves; changes `order`."""
+    stops = order.shape[0]
+    total = _sweep(seconds, first, start, home, order, stops, forward, backward)
+    improved = True
+    while improved:
+        improved = False
+        for stop in range(stops):
+            rest = np.empty(stops, dtype=np.int64)
+            count = 0
+            for k in range(stops):
+                if order[k] != stop:
+                    rest[count] = order[k]
+                    count += 1
+            _sweep(seconds, first, start, home, rest, count, forward, backward)
+            value, place = _best_place(seconds, first, start, home, rest, count, stop, forward, backward)
+            if value < total - 1e-9:
+                total, improved = value, True
+                for k in range(place):
+                    order[k] = rest[k]
+                order[place] = stop
+                for k in range(place, count):
+                    order[k + 1] = rest[k]
+    return total
+
+
+@njit(_indices(_matrix, _indices, int64, int64, _indices, int64), cache=True)
+def searched_tour(seconds, first, start, home, order, rounds):
+    """A quick tour's nodes, as exact_tour; begins with `order` (empty: anew) and perturbs it `rounds` times."""
+    stops = first.shape[0] - 1
+    widest = 1
+    for i in range(stops):
+        widest = max(widest, first[i + 1] - first[i])
+    forward, backward = np.empty((stops, widest)), np.empty((stops, widest))
+    best_order = np.empty(stops, dtype=np.int64)
+    if order.shape[0] == stops:
+        best_order[:] = order
+    else:
+        for count in range(stops):  # cheapest place for one stop after the other
+            _sweep(seconds, first, start, home, best_order, count, forward, backward)
+            _, place = _best_place(seconds, first, start, home, best_order, count, count, forward, backward)
+            for k in range(count, place, -1):
+                best_order[k] = best_order[k - 1]
+            best_order[place] = count
+    best = _improve(seconds, first, start, home, best_order, forward, backward)
+    state = np.uint64(88172645463325252)
+    for _ in range(rounds if stops > 3 else 0):
+        cuts = np.empty(3, dtype=np.int64)
+        for i in range(3):  # xorshift (Marsaglia 2003)
+            state ^= state << np.uint64(13)
+            state ^= state >> np.uint64(7)
+            state ^= state << np.uint64(17)
+            cuts[i] = 1 + int(state >> np.uint64(33)) % (stops - 1)
+        cuts.sort()
+        trial = np.concatenate(
+            (best_order[: cuts[0]], best_order[cuts[1] : cuts[2]], best_order[cuts[0] : cuts[1]], best_order[cuts[2] :])
+        )
+        value = _improve(seconds, first, start, home, trial, forward, backward)
+        if value < best - 1e-9:
+            best, best_order = value, trial
+    _sweep(seconds, first, start, home, best_order, stops, forward, backward)
+    tour = np.empty(stops, dtype=np.int64)
+    last = start
+    for k in range(stops):
+        low = first[best_order[k]]
+        least = np.inf
+        for node in range(low, first[best_order[k] + 1]):
+            value = seconds[last, node] + backward[k, node - low]
+            if value < least:
+                least, tour[k] = value, node
+        last = tour[k]
+    return tour

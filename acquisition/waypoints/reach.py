@@ -1,0 +1,69 @@
+"""Which part of the dome the arm can light, and for the rest the reason why not.
+
+A light counts as reachable when the arm can take it *and* get there from home on certified straight joint segments:
+what the planner chooses from this map, the route can serve. Before: the cell file and the calibration. After: pilot
+and plan choose from it, `route` makes the paths.
+"""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from acquisition import geometry
+from acquisition.config import CellConfig
+from acquisition.types import Calibration, FloatArray, Joints, Light, Refusal, Value, Vector3
+from acquisition.waypoints.roadmap import connected_stations, dome_center, dome_lights, light_at
+
+
+class ReachMap(Value):
+    """The dome's points (view frame, m), each with its refusal or none; implements `types.Reach`, stored as JSON."""
+
+    cell: CellConfig
+    calibration: Calibration
+    points: list[Vector3]
+    refusals: list[Refusal | None]
+    home: Joints
+
+    @cached_property
+    def candidates(self) -> FloatArray:
+        """Reachable positions (K, 3), m, view frame."""
+        kept = [point for point, refusal in zip(self.points, self.refusals, strict=True) if refusal is None]
+        return np.array(kept, dtype=float).reshape(-1, 3)
+
+    @cached_property
+    def center(self) -> FloatArray:
+        """The dome's centre (3,), m, view frame."""
+        return dome_center(self.cell, self.calibration)
+
+    @property
+    def radius_m(self) -> float:
+        """The dome's radius."""
+        return self.cell.dome.radius_m
+
+    @property
+    def smallest_slant_rad(self) -> float:
+        """The smallest slant from the view axis among the candidates; π/2 where there is none."""
+        slants = geometry.slant_azimuth(self.candidates - self.center)[0]
+        return float(slants.min(initial=np.pi / 2))
+
+    def allows(self, position: FloatArray) -> Refusal | None:
+        """None when the lamp can be brought to `position` (3,), facing the centre, and back home, else why not."""
+        return refusals([light_at(np.asarray(position, dtype=float), self.center)], self.cell, self.calibration)[0]
+
+
+def reach(cell: CellConfig, calibration: Calibration) -> ReachMap:
+    """The map of the whole dome. Raises RigError waypoints.collision when home itself is not free."""
+    lights = dome_lights(cell, calibration, cell.dome.candidates)
+    return ReachMap(
+        cell=cell,
+        calibration=calibration,
+        points=[light.position for light in lights],
+        refusals=refusals(lights, cell, calibration),
+        home=cell.arm.home,
+    )
+
+
+def refusals(lights: Sequence[Light], cell: CellConfig, calibration: Calibration) -> list[Refusal | None]:
+    """For each light (view frame) None, or why the arm cannot take it."""
+    return [station.refusal for station in connected_stations(lights, cell, calibration, first=2)]

@@ -1,0 +1,188 @@
+"""Certified ways between home and every part of the dome: a probabilistic roadmap without the chance.
+
+Its nodes are home and a few well-spread configurations for each of some sixty lights all over the dome, its edges the
+certified straight joint segments between near ones; what is not connected to home is thrown away. A configuration is
+*connected* when a certified segment leads to one of these nodes; a way between any two connected ones then exists. The
+roadmap depends on cell and calibration only, so that what `reach` promises `route` can keep.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from acquisition import geometry, lamp_pose
+from acquisition.config import CellConfig
+from acquisition.errors import ErrorCode, RigError
+from acquisition.types import BoolArray, Calibration, FloatArray, Light, Refusal
+from acquisition.waypoints.collision import Scene, scene
+from acquisition.waypoints.motion import legs
+from acquisition.waypoints.stations import stations
+
+CONFIGURATIONS = 24
+"""So many configurations of a light, far from one another, are tried for a way home, and are the route's choice."""
+_DOME_LIGHTS = 64
+_PER_LIGHT = 4
+_NEIGHBOURS = 10
+_ATTACHMENTS = 8
+GOLDEN_ANGLE = np.pi * (3.0 - 5.0**0.5)
+
+Indices = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Roadmap:
+    """Nodes (H, 6), home first, all connected; times (H, H) in s and predecessors (H, H) of the quickest ways."""
+
+    nodes: FloatArray
+    seconds: FloatArray
+    before: Indices
+
+    def attachments(self, joints: FloatArray, scene: Scene) -> BoolArray:
+        """Which nodes each of (N, 6) reaches by a certified segment: (N, H); home and the nearest ones are tried."""
+        result = np.zeros((len(joints), len(self.nodes)), dtype=bool)
+        if len(joints):
+            turn = np.abs(joints[:, None] - self.nodes[None]).max(axis=2)
+            turn[:, 0] = 0.0  # home is always tried
+            near = np.argsort(turn, axis=1, kind="stable")[:, :_ATTACHMENTS]
+            rows = np.repeat(np.arange(len(joints)), near.shape[1])
+            free = scene.edges_free(joints[rows], self.nodes[near.ravel()])
+            result[rows, near.ravel()] = free
+        return result
+
+    def way(self, start: int, end: int) -> list[int]:
+        """The nodes of the quickest way, both ends included."""
+        nodes = [end]
+        while nodes[-1] != start:
+            nodes.append(int(self.before[start, nodes[-1]]))
+        return nodes[::-1]
+
+
+def dome_center(cell: CellConfig, calibration: Calibration) -> FloatArray:
+    """The dome's centre (3,) in the view frame."""
+    base_from_object = cell.object.keep_out.base_from_object.matrix
+    view_from_base = geometry.inverse(lamp_pose.base_from_view(calibration))
+    return geometry.transform(view_from_base @ base_from_object, cell.dome.center_m)
+
+
+def dome_lights(cell: CellConfig, calibration: Calibration, count: int) -> list[Light]:
+    """Lights evenly over the dome's cap (a Fibonacci lattice), looking at its centre; view frame."""
+    center = dome_center(cell, calibration)
+    top, rim = np.cos(np.radians([cell.dome.min_slant_deg, cell.dome.max_slant_deg]))
+    number = np.arange(count)
+    slants = np.arccos(top - (top - rim) * (number + 0.5) / count)
+    return [
+        light_at(center + cell.dome.radius_m * direction, center)
+        for direction in geometry.direction(slants, number * GOLDEN_ANGLE)
+    ]
+
+
+def light_at(position: FloatArray, center: FloatArray) -> Light:
+    """A light at a position (3,) that looks at `center` (3,)."""
+    axis = (center - position) / np.linalg.norm(center - position)
+    x, y, z = position.tolist()
+    u, v, w = axis.tolist()
+    return Light(position=(x, y, z), axis=(u, v, w))
+
+
+def spread(joints: FloatArray, count: int, home: FloatArray) -> FloatArray:
+    """At most `count` of (M, 6), far from one another; the nearest to home first."""
+    if not len(joints):
+        return joints
+    chosen = [int(np.argmin(np.abs(joints - home).max(axis=1)))]
+    distance = np.abs(joints - joints[chosen[0]]).max(axis=1)
+    while len(chosen) < min(count, len(joints)):
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.abs(joints - joints[chosen[-1]]).max(axis=1))
+    return joints[chosen]
+
+
+@dataclass(frozen=True)
+class ConnectedStation:
+    """A light's configurations (M, 6) that have a way home, the roadmap's nodes (M, H) each reaches, or why none."""
+
+    joints: FloatArray
+    attachments: BoolArray
+    refusal: Refusal | None
+
+
+def connected_stations(
+    lights: Sequence[Light], cell: CellConfig, calibration: Calibration, first: int = CONFIGURATIONS
+) -> list[ConnectedStation]:
+    """For each light (view frame) well-spread configurations with a way home, or the reason of its refusal.
+
+    The `first` ones are looked at; more and more of the others only for lights that have no way home yet, so that
+    whether a light is connected does not depend on `first`. Raises RigError waypoints.collision when home is not free.
+    """
+    arm, ways, home = scene(cell, calibration), roadmap(cell, calibration), np.array(cell.arm.home)
+    found = stations(lights, cell, calibration, arm)
+    result = [
+        ConnectedStation(station.joints[:0], np.zeros((0, len(ways.nodes)), bool), station.refusal) for station in found
+    ]
+    ordered = [spread(station.joints, len(station.joints), home) for station in found]
+    low, high = 0, first
+    while waiting := [n for n, joints in enumerate(ordered) if len(joints) > low and not len(result[n].joints)]:
+        joints = [ordered[n][low:high] for n in waiting]
+        attachments = ways.attachments(np.concatenate(joints), arm)
+        ends = np.cumsum([len(few) for few in joints])[:-1]
+        for n, few, own in zip(waiting, joints, np.split(attachments, ends), strict=True):
+            kept = own.any(axis=1)
+            result[n] = ConnectedStation(few[kept], own[kept], None)
+        low, high = high, 4 * high
+    return [
+        item
+        if item.refusal or len(item.joints)
+        else ConnectedStation(item.joints, item.attachments, _unconnected(joints))
+        for item, joints in zip(result, ordered, strict=True)
+    ]
+
+
+def _unconnected(joints: FloatArray) -> Refusal:
+    return Refusal(
+        reason="not-connected",
+        detail=f"{len(joints)} configurations are free, but no certified way leads from them to home",
+    )
+
+
+def roadmap(cell: CellConfig, calibration: Calibration) -> Roadmap:
+    """The cell's roadmap; made once for each cell and calibration.
+
+    Raises RigError waypoints.collision when home itself is not free.
+    """
+    return _roadmap(cell.model_dump_json(), calibration.model_dump_json())
+
+
+@lru_cache(maxsize=8)
+def _roadmap(cell_json: str, calibration_json: str) -> Roadmap:
+    cell, calibration = CellConfig.model_validate_json(cell_json), Calibration.model_validate_json(calibration_json)
+    arm = scene(cell, calibration)
+    home = np.array(cell.arm.home)
+    violation = int(arm.violations(home[None])[0])
+    if violation >= 0:
+        word, name = arm.blame(violation)
+        raise RigError(
+            ErrorCode.WAYPOINTS_COLLISION,
+            f"the home position is not free: too near to {name}; change `home` in the cell file",
+            lights=[],
+            reason=word,
+        )
+    lights = dome_lights(cell, calibration, _DOME_LIGHTS)
+    found = stations(lights, cell, calibration, arm)
+    nodes = np.vstack([home, *(spread(station.joints, _PER_LIGHT, home) for station in found)])
+    turn = np.abs(nodes[:, None] - nodes[None]).max(axis=2)
+    turn[:, 0] = turn[0, :] = 0.0
+    near = np.argsort(turn, axis=1, kind="stable")[:, 1 : _NEIGHBOURS + 2]
+    rows = np.repeat(np.arange(len(nodes)), near.shape[1])
+    pairs = np.unique(np.sort(np.stack([rows, near.ravel()], axis=1), axis=1), axis=0)
+    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+    pairs = pairs[arm.edges_free(nodes[pairs[:, 0]], nodes[pairs[:, 1]])]
+    seconds = legs(nodes[pairs[:, 0]], nodes[pairs[:, 1]], cell.arm).seconds
+    graph = coo_matrix((seconds, (pairs[:, 0], pairs[:, 1])), shape=(len(nodes), len(nodes))).tocsr()
+    _, labels = connected_components(graph, directed=False)
+    kept = np.flatnonzero(labels == labels[0])
+    times, before = dijkstra(graph[kept][:, kept], directed=False, return_predecessors=True)
+    return Roadmap(nodes[kept], times, before.astype(np.int64))

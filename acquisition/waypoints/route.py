@@ -1,0 +1,224 @@
+"""The arm's way through all lights and home: order, branch and roll chosen together for the shortest time.
+
+Every leg is a straight joint segment that is certified free, because that is what the controller's `moveJ` drives;
+where the straight segment is not free the leg goes by way of the roadmap's nodes, each a stop. Certifying all pairs of
+configurations would cost a thousand times what the answer needs, so legs are certified lazily: the quickest tour is
+sought as if all were free, the legs it uses are checked, those that are not get the time of their detour, and so on
+until a tour stands whose legs are all known. The time of the first tour, with all legs straight, bounds all others
+from below.
+
+Before: `plan` or `pilot` (lights in the view frame), and the arm where it stands. After: `capture` follows the path.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse.csgraph import minimum_spanning_tree
+
+from acquisition.config import ArmConfig, CellConfig
+from acquisition.errors import ErrorCode, RigError
+from acquisition.types import BoolArray, Calibration, FloatArray, JointPath, Joints, Light, Route, Waypoint
+from acquisition.waypoints import order_kernels
+from acquisition.waypoints.collision import Scene, scene
+from acquisition.waypoints.motion import legs
+from acquisition.waypoints.roadmap import ConnectedStation, Roadmap, connected_stations, roadmap
+
+_EXACT_STOPS = 9
+_NODES = 240
+"""About so many configurations are considered in all: 24 a light for few lights, fewer for many."""
+_LEAST_PER_LIGHT = 6
+_ROUNDS, _WARM_ROUNDS = 60, 6
+_SAMPLES = 5
+"""Places along a leg where speeds are looked at while choosing; the legs that are driven get 33."""
+
+
+def route(lights: Sequence[Light], start_joints: Sequence[float], cell: CellConfig, calibration: Calibration) -> Route:
+    """A quick certified route from `start_joints` (6, rad) through all lights (view frame) and home.
+
+    Raises RigError waypoints.unreachable when lights cannot be taken, and waypoints.collision when no free way leads to
+    them or from where the arm stands; `lights` in the context lists {number, reason, detail} of each. Nothing moves.
+    """
+    arm, ways = scene(cell, calibration), roadmap(cell, calibration)
+    found = connected_stations(lights, cell, calibration)
+    _require_all(found)
+    network = _Network(found, _start(start_joints, arm, ways), cell, arm, ways)
+    tour, lower_bound_s = network.tour()
+    waypoints: list[Waypoint] = []
+    for before, node in pairwise([network.start, *tour]):
+        way = network.way(before, node)
+        light = lights[network.owner[node]]
+        waypoints.append(Waypoint(light=light, path=way.path, speeds=way.speeds, seconds=way.seconds))
+    back = network.way(tour[-1] if tour else network.start, network.home)
+    return Route(
+        start=_joints(network.nodes[network.start]),
+        waypoints=waypoints,
+        light_numbers=[int(network.owner[node]) for node in tour],
+        home_path=back.path,
+        home_speeds=back.speeds,
+        seconds=sum(waypoint.seconds for waypoint in waypoints) + back.seconds,
+        lower_bound_s=lower_bound_s,
+    )
+
+
+def retreat(start_joints: Sequence[float], cell: CellConfig, calibration: Calibration) -> JointPath:
+    """The certified way home from `start_joints` (6, rad). Raises RigError waypoints.collision when there is none."""
+    arm, ways = scene(cell, calibration), roadmap(cell, calibration)
+    network = _Network([], _start(start_joints, arm, ways), cell, arm, ways)
+    return network.way(network.start, network.home)
+
+
+def _require_all(found: Sequence[ConnectedStation]) -> None:
+    refused = [(number, station.refusal) for number, station in enumerate(found) if station.refusal]
+    if not refused:
+        return
+    unreachable = any(refusal.reason != "not-connected" for _, refusal in refused)
+    raise RigError(
+        ErrorCode.WAYPOINTS_UNREACHABLE if unreachable else ErrorCode.WAYPOINTS_COLLISION,
+        "; ".join(f"light {number}: {refusal.reason}: {refusal.detail}" for number, refusal in refused),
+        lights=[{"number": number, "reason": refusal.reason, "detail": refusal.detail} for number, refusal in refused],
+    )
+
+
+def _start(start_joints: Sequence[float], arm: Scene, ways: Roadmap) -> ConnectedStation:
+    """Where the arm stands and the nodes it reaches."""
+    joints = np.array(start_joints, dtype=float).reshape(1, 6)
+    if not np.isfinite(joints).all():
+        raise RigError(ErrorCode.WAYPOINTS_COLLISION, "the arm's joints are not known", lights=[])
+    attachments = ways.attachments(joints, arm)
+    if not attachments.any():
+        attachments = arm.edges_free(np.repeat(joints, len(ways.nodes), axis=0), ways.nodes)[None]
+    if not attachments.any():
+        violation = int(arm.violations(joints)[0])
+        word, why = "not-connected", "no certified way leads home from where the arm stands"
+        if violation >= 0:
+            word, name = arm.blame(violation)
+            why = f"the arm stands too near to {name}"
+        raise RigError(
+            ErrorCode.WAYPOINTS_COLLISION, f"{why}; move it clear by hand at the pendant", lights=[], reason=word
+        )
+    return ConnectedStation(joints, attachments, None)
+
+
+class _Network:
+    """Configurations of all lights, then start, then home; the legs between them as far as they are known."""
+
+    def __init__(
+        self, found: Sequence[ConnectedStation], start: ConnectedStation, cell: CellConfig, arm: Scene, ways: Roadmap
+    ) -> None:
+        each = max(_LEAST_PER_LIGHT, _NODES // max(len(found), 1))
+        few = [station.joints[:each] for station in found]
+        counts = np.array([len(joints) for joints in few], dtype=np.int64)
+        self.first: npt.NDArray[np.int64] = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+        self.owner: npt.NDArray[np.int64] = np.repeat(np.arange(len(few)), counts)
+        self.start, self.home = int(self.first[-1]), int(self.first[-1]) + 1
+        self.nodes: FloatArray = np.concatenate([*few, start.joints, ways.nodes[:1]])
+        home = np.zeros((1, len(ways.nodes)), dtype=bool)
+        home[0, 0] = True
+        self._attachments: BoolArray = np.concatenate(
+            [*(station.attachments[:each] for station in found), start.attachments, home]
+        )
+        self._arm, self._ways, self._limits = arm, ways, cell.arm
+        self._known: dict[tuple[int, int], JointPath] = {}
+
+    def tour(self) -> tuple[list[int], float]:
+        """Nodes in the order of travel, all legs certified, and a lower bound of the time in s.
+
+        The bound holds over the configurations considered and the speeds at the places looked at.
+        """
+        seconds = self._straight_seconds()
+        lower_bound_s = 0.0
+        order = np.empty(0, dtype=np.int64)
+        while True:
+            if len(self.first) - 1 <= _EXACT_STOPS:
+                tour = order_kernels.exact_tour(seconds, self.first, self.start, self.home)
+            else:
+                rounds = _WARM_ROUNDS if len(order) else _ROUNDS
+                tour = order_kernels.searched_tour(seconds, self.first, self.start, self.home, order, rounds)
+            order = self.owner[tour]
+            nodes = [self.start, *tour.tolist(), self.home]
+            if not self._known:
+                lower_bound_s = self._lower_bound(seconds, nodes)
+            unknown = [leg for leg in pairwise(nodes) if leg not in self._known]
+            if not unknown:
+                return tour.tolist(), lower_bound_s
+            self._learn(unknown)
+            for a, b in unknown:
+                seconds[a, b] = seconds[b, a] = self._known[a, b].seconds
+
+    def way(self, start: int, end: int) -> JointPath:
+        """The certified way from one node to another."""
+        if (start, end) not in self._known:
+            self._learn([(start, end)])
+        return self._known[start, end]
+
+    def _straight_seconds(self) -> FloatArray:
+        rows, columns = np.triu_indices(len(self.nodes), 1)
+        owner = np.concatenate([self.owner, [-1, -2]])
+        other = owner[rows] != owner[columns]
+        rows, columns = rows[other], columns[other]
+        seconds = np.zeros((len(self.nodes), len(self.nodes)))
+        seconds[rows, columns] = legs(self.nodes[rows], self.nodes[columns], self._limits, _SAMPLES).seconds
+        return seconds + seconds.T
+
+    def _lower_bound(self, seconds: FloatArray, nodes: Sequence[int]) -> float:
+        """The relaxed optimum where it is exact, else the least tree over the stops' least distances."""
+        stops = len(self.first) - 1
+        if stops <= _EXACT_STOPS:
+            return float(sum(seconds[a, b] for a, b in pairwise(nodes)))
+        edges = np.concatenate([self.first, [self.start + 1]])
+        least = np.minimum.reduceat(np.minimum.reduceat(seconds, edges, axis=0), edges, axis=1)
+        np.fill_diagonal(least, 0.0)
+        # A stored zero means "no edge" to scipy; two lights at one place are 1 ns apart.
+        return float(minimum_spanning_tree(np.maximum(least, 1e-9)).sum())
+
+    def _learn(self, pairs: Sequence[tuple[int, int]]) -> None:
+        starts, ends = np.array(pairs).T
+        free = self._arm.edges_free(self.nodes[starts], self.nodes[ends])
+        for (a, b), straight in zip(pairs, free.tolist(), strict=True):
+            corners = self.nodes[[a, b]] if straight else self._detour(a, b)
+            self._known[a, b] = _drive(corners, self._limits)
+            self._known[b, a] = _drive(corners[::-1], self._limits)
+
+    def _detour(self, start: int, end: int) -> FloatArray:
+        """The corners (K, 6) of the quickest way along the roadmap, cut short where corners see one another."""
+        leave, arrive = (np.flatnonzero(self._attachments[node]) for node in (start, end))
+        hubs = self._ways.nodes
+        to_hub = legs(np.repeat(self.nodes[[start]], len(leave), 0), hubs[leave], self._limits).seconds
+        from_hub = legs(hubs[arrive], np.repeat(self.nodes[[end]], len(arrive), 0), self._limits).seconds
+        total = to_hub[:, None] + self._ways.seconds[np.ix_(leave, arrive)] + from_hub[None]
+        i, j = np.unravel_index(int(np.argmin(total)), total.shape)
+        middle = hubs[self._ways.way(int(leave[i]), int(arrive[j]))]
+        corners = np.concatenate([self.nodes[[start]], middle, self.nodes[[end]]])
+        return _shortened(corners, self._arm, self._limits)
+
+
+def _shortened(corners: FloatArray, arm: Scene, limits: ArmConfig) -> FloatArray:
+    """The quickest way over some of the corners (K, 6), whose consecutive ones are known to be connected."""
+    rows, columns = np.triu_indices(len(corners), 1)
+    seconds = legs(corners[rows], corners[columns], limits).seconds
+    free = (columns == rows + 1) | arm.edges_free(corners[rows], corners[columns])
+    best, before = np.full(len(corners), np.inf), np.zeros(len(corners), dtype=np.int64)
+    best[0] = 0.0
+    for a, b, time in zip(rows[free], columns[free], seconds[free], strict=True):
+        if best[a] + time < best[b]:  # rows come in order, so best[a] is final
+            best[b], before[b] = best[a] + time, a
+    kept = [len(corners) - 1]
+    while kept[-1] != 0:
+        kept.append(int(before[kept[-1]]))
+    return corners[kept[::-1]]
+
+
+def _drive(corners: FloatArray, limits: ArmConfig) -> JointPath:
+    driven = legs(corners[:-1], corners[1:], limits)
+    return JointPath(
+        path=[_joints(corner) for corner in corners[1:]],
+        speeds=driven.speeds.tolist(),
+        seconds=float(driven.seconds.sum()),
+    )
+
+
+def _joints(values: FloatArray) -> Joints:
+    q1, q2, q3, q4, q5, q6 = (float(value) for value in values)
+    return (q1, q2, q3, q4, q5, q6)
