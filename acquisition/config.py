@@ -54,7 +54,9 @@ class ArmConfig(Value):
     max_joint_acceleration_rad_s2: float = Field(1.4, gt=0, le=40)
     max_tool_speed_m_s: float = Field(0.25, gt=0, le=3)
     max_elbow_speed_m_s: float = Field(0.5, gt=0, le=3)
-    stop_deceleration_rad_s2: float = Field(4.0, gt=0, le=40)
+    stop_deceleration_rad_s2: float = Field(
+        6.0, gt=0, le=40, description="Must stop the arm from its highest speed within 0.2 s, the watchdog's patience"
+    )
     settle_s: float = Field(0.25, ge=0)
     nominal_kinematics_tolerance_m: float = Field(0.003, gt=0)
 

@@ -27,6 +27,7 @@ class ErrorCode(StrEnum):
     RIG_NOT_READY = "rig.not_ready"
     RIG_CHANGED = "rig.changed"
     ARM_UNREACHABLE = "arm.unreachable"
+    ARM_IN_USE = "arm.in_use"
     ARM_PREFLIGHT = "arm.preflight"
     ARM_PROTECTIVE_STOP = "arm.protective_stop"
     ARM_EMERGENCY_STOP = "arm.emergency_stop"
@@ -106,6 +107,9 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.ARM_UNREACHABLE: Problem(
         503, "Nobody answers at the arm's address", "Check power, cable and `arm.address` in the cell file."
+    ),
+    ErrorCode.ARM_IN_USE: Problem(
+        503, "Another program controls the arm", "End the other program or RTDE client; then connect again."
     ),
     ErrorCode.ARM_PREFLIGHT: Problem(
         503, "The arm is not as the cell file says", "Mend each finding in `findings`; nothing has moved."

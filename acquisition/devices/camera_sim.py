@@ -1,0 +1,168 @@
+"""The simulated cell's camera, over its port: one TCP connection for each request.
+
+A connection per request costs a fraction of a millisecond on loopback and leaves no state behind: a frame that was
+given up can never be taken for the next one. Request: one JSON line. Reply: one JSON line, then for a frame width ×
+height little-endian uint16 values, row 0 at the top.
+"""
+
+import json
+import socket
+import time
+from dataclasses import dataclass
+from typing import Any, NoReturn, cast
+
+import numpy as np
+
+from acquisition.config import CameraConfig
+from acquisition.devices import Frame, StopToken
+from acquisition.errors import ErrorCode, Halted, RigError
+
+CONNECT_S = 1.0
+INFO_S = 1.5  # together with CONNECT_S under the 3 s in which an absent camera is reported
+POLL_S = 0.05  # a stop token is seen within this
+_LONGEST_LINE = 65536
+_LONGEST_SIDE = 16384
+
+
+@dataclass(frozen=True)
+class _Header:
+    width: int
+    height: int
+    exposure_s: float
+    taken_at: float
+
+
+class SimCamera:
+    """A client of the simulated camera; see the Protocol `Camera`."""
+
+    def __init__(self, config: CameraConfig) -> None:
+        self._config = config
+
+    def connect(self) -> None:
+        """Asks who is there. Raises RigError camera.unreachable within 3 s."""
+        never = StopToken()
+        try:
+            with self._request({"info": True}) as connection:
+                line, _ = _read_line(connection, time.monotonic() + INFO_S, never)
+        except OSError as error:
+            self._raise_unreachable(error)
+        self._parse(line)
+
+    def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
+        """Takes one frame.
+
+        Raises RigError request.invalid for an exposure time beyond the cell file's limits, camera.unreachable,
+        camera.timeout; Halted as soon as the token is set.
+        """
+        limits = self._config
+        if not limits.min_exposure_s <= exposure_s <= limits.max_exposure_s:
+            raise RigError(
+                ErrorCode.REQUEST_INVALID,
+                f"Exposure {exposure_s} s is not within {limits.min_exposure_s} to {limits.max_exposure_s} s.",
+            )
+        if stop.is_set():
+            raise Halted
+        deadline = time.monotonic() + limits.timeout_s + exposure_s
+        try:
+            connection = self._request({"exposure_s": exposure_s, "attempt": attempt})
+        except OSError as error:
+            self._raise_unreachable(error)
+        try:
+            with connection:
+                line, rest = _read_line(connection, deadline, stop)
+                header = self._header(self._parse(line))
+                data = _read_pixels(connection, rest, 2 * header.width * header.height, deadline, stop)
+        except TimeoutError as error:
+            detail = f"The camera sent no whole frame within {limits.timeout_s:.0f} s after the exposure."
+            raise RigError(ErrorCode.CAMERA_TIMEOUT, detail) from error
+        except OSError as error:
+            raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"The link to the camera broke: {error}") from error
+        pixels = np.frombuffer(data, dtype="<u2").astype(np.uint16).reshape(header.height, header.width)
+        return Frame(pixels=pixels, exposure_s=header.exposure_s, taken_at=header.taken_at)
+
+    def close(self) -> None:
+        """Nothing is held between requests."""
+
+    def _request(self, request: dict[str, Any]) -> socket.socket:
+        connection = socket.create_connection((self._config.address, self._config.port), CONNECT_S)
+        try:
+            connection.sendall(json.dumps(request).encode() + b"\n")
+        except OSError:
+            connection.close()
+            raise
+        return connection
+
+    def _parse(self, line: bytes) -> dict[str, Any]:
+        try:
+            reply = json.loads(line)
+        except ValueError as error:
+            raise self._foreign(line) from error
+        if not isinstance(reply, dict):
+            raise self._foreign(line)
+        answer = cast(dict[str, Any], reply)
+        if "error" in answer:
+            raise RigError(ErrorCode.CAMERA_TIMEOUT, f"The camera took no frame: {answer['error']}")
+        return answer
+
+    def _header(self, answer: dict[str, Any]) -> _Header:
+        try:
+            header = _Header(
+                int(answer["width"]), int(answer["height"]), float(answer["exposure_s"]), float(answer["taken_at"])
+            )
+            sound = (
+                answer["dtype"] == "<u2" and 0 < header.width <= _LONGEST_SIDE and 0 < header.height <= _LONGEST_SIDE
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise self._foreign(json.dumps(answer).encode()) from error
+        if not sound:
+            raise self._foreign(json.dumps(answer).encode())
+        return header
+
+    def _foreign(self, line: bytes) -> RigError:
+        return RigError(
+            ErrorCode.CAMERA_UNREACHABLE,
+            f"What answers at {self._config.address}:{self._config.port} is not this camera: {line[:80]!r}",
+        )
+
+    def _raise_unreachable(self, error: OSError) -> NoReturn:
+        where = f"{self._config.address}:{self._config.port}"
+        raise RigError(
+            ErrorCode.CAMERA_UNREACHABLE, f"No camera answers at {where}: {error or 'time-out'}", address=where
+        ) from error
+
+
+def _read_line(connection: socket.socket, deadline: float, stop: StopToken) -> tuple[bytes, bytes]:
+    """One line without its end, and what came after it."""
+    data = bytearray()
+    while b"\n" not in data:
+        if len(data) > _LONGEST_LINE:
+            raise ConnectionError("sent no line end")
+        data += _receive(connection, deadline, stop)
+    line, _, rest = bytes(data).partition(b"\n")
+    return line, rest
+
+
+def _read_pixels(connection: socket.socket, start: bytes, size: int, deadline: float, stop: StopToken) -> bytes:
+    data = bytearray(start)
+    while len(data) < size:
+        data += _receive(connection, deadline, stop)
+    if len(data) > size:
+        raise ConnectionError(f"sent {len(data)} bytes where {size} were due")
+    return bytes(data)
+
+
+def _receive(connection: socket.socket, deadline: float, stop: StopToken) -> bytes:
+    """The next bytes; looks at the token every POLL_S. Raises TimeoutError, ConnectionError, Halted."""
+    connection.settimeout(POLL_S)
+    while True:
+        if stop.is_set():
+            raise Halted
+        try:
+            data = connection.recv(1 << 20)
+        except TimeoutError:
+            if time.monotonic() > deadline:
+                raise
+            continue
+        if not data:
+            raise ConnectionError("the connection was closed")
+        return data

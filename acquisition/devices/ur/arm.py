@@ -1,0 +1,383 @@
+"""The service's side of the arm: a proxy that starts the driver process, asks it, and can stop without it.
+
+The driver is started as `python -m`, not forked and not by `multiprocessing`: it must neither inherit a half-made state
+nor import the program that runs the service. The proxy answers `reading` and `halt` from shared memory; all else is one
+request at a time with a deadline, in the runner's thread. A driver that misses a deadline is stopped by the second path
+and killed; only an explicit `connect` starts the next one.
+"""
+
+import contextlib
+import itertools
+import math
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from multiprocessing.connection import Connection
+from typing import cast
+
+from acquisition import geometry
+from acquisition.config import ArmConfig
+from acquisition.devices import ArmIdentity, ArmReading, Finding, MotionLimits, StopToken
+from acquisition.devices.ur import preflight, protocol, states
+from acquisition.devices.ur.dashboard import ask, probe
+from acquisition.devices.ur.protocol import Board, Done, Failed, Inspection, Interrupted, Sample, Word
+from acquisition.devices.ur.second_path import SecondPath
+from acquisition.errors import ErrorCode, Halted, RigError
+from acquisition.types import FloatArray
+
+OPEN_DEADLINE_S = 15.0  # starting Python and importing on a busy machine
+CONTROL_DEADLINE_S = 12.0  # ur-rtde waits up to 5 s for its program
+REQUEST_DEADLINE_S = 5.0
+LEAVE_DEADLINE_S = 3.0
+UNREAD = ArmReading(
+    False, (0.0,) * 6, (0.0,) * 6, geometry.pose((0, 0, 0), (0, 0, 0)), 0.0, -1, 0, -1, False, 0.0, 0, 0.0
+)
+"""What `reading` says before the first connection."""
+
+
+class UrArm:
+    """A UR arm behind a driver process; see the Protocol `Arm`."""
+
+    def __init__(
+        self,
+        config: ArmConfig,
+        lamp_output: int,
+        expected_pose: Callable[[Sequence[float]], FloatArray] | None = None,
+        halt_by_driver: bool = True,
+        halt_by_dashboard: bool = True,
+    ) -> None:
+        """`expected_pose` gives base_from_tool (4, 4) by nominal kinematics at joints in rad, for preflight.
+
+        Each halt path can be switched off, so that the other can be tested alone. Raises RigError config.invalid when a
+        stop from full speed would outlast the controller's watchdog.
+        """
+        if config.max_joint_speed_rad_s / config.stop_deceleration_rad_s2 > protocol.STOP_WITHIN_S:
+            raise RigError(
+                ErrorCode.CONFIG_INVALID,
+                f"arm.stop_deceleration_rad_s2 must stop arm.max_joint_speed_rad_s within {protocol.STOP_WITHIN_S} s: "
+                f"at least {config.max_joint_speed_rad_s / protocol.STOP_WITHIN_S:.2f}.",
+            )
+        self._config = config
+        self._lamp_output = lamp_output
+        self._expected_pose = expected_pose
+        self._halt_by_driver = halt_by_driver
+        self._halt_by_dashboard = halt_by_dashboard
+        self._board = Board.create()
+        self._last_sample: Sample | None = None
+        self._halt_requested = 0
+        self._process: subprocess.Popen[bytes] | None = None
+        self._connection: Connection | None = None
+        self._numbers = itertools.count(1)
+        self._asking = threading.Lock()  # arm and lamp share the pipe; halt and reading do not take it
+        self._second_path: SecondPath | None = None
+
+    # ------------------------------------------------------------------------------------------ any thread, never waits
+
+    @property
+    def reading(self) -> ArmReading:
+        """The newest reading; not connected when the driver or the link is lost."""
+        sample = self._board.sample() or self._last_sample
+        if sample is None:
+            return UNREAD
+        self._last_sample = sample
+        fresh = self.is_open and time.monotonic() - sample.received_at < protocol.HEARTBEAT_S
+        return ArmReading(
+            connected=sample.connected and fresh,
+            joints=sample.joints,
+            joint_speeds=sample.joint_speeds,
+            base_from_tool=geometry.pose(sample.base_from_tool[:3], sample.base_from_tool[3:]),
+            timestamp=sample.timestamp,
+            robot_mode=sample.robot_mode,
+            safety_bits=sample.safety_bits,
+            runtime_state=sample.runtime_state,
+            program_running=sample.program_running and fresh,
+            speed_fraction=sample.speed_fraction,
+            digital_outputs=sample.digital_outputs,
+            received_at=sample.received_at,
+        )
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a driver has been started and not been given up."""
+        return self._process is not None
+
+    @property
+    def driver_pid(self) -> int | None:
+        """The driver's process number."""
+        process = self._process
+        return None if process is None else process.pid
+
+    def halt(self) -> None:
+        """Stops the arm and puts the lamp out by both paths; any thread, signal handlers, harmless at rest."""
+        self._halt_requested = time.monotonic_ns()
+        if self._halt_by_driver:
+            self._board.write(Word.HALT_REQUESTED, self._halt_requested)
+        second_path = self._second_path
+        if second_path is not None:
+            second_path.halted()
+
+    # --------------------------------------------------------------------------------------------- the runner's thread
+
+    def connect(self) -> ArmIdentity:
+        """Starts the driver unless it lives, puts the lamp out, and takes control when the arm is ready for it.
+
+        An arm that is not ready (power, safety, local control) is connected without control: `preflight` says why, and
+        `prepare` or another `connect` takes control later. Moves nothing. Raises RigError arm.unreachable within 3 s
+        where nobody answers, arm.in_use, driver.lost.
+        """
+        probe(self._config.address)
+        identity, remote_control = self._ask()
+        if self._second_path is None:
+            self._second_path = SecondPath(self._config.address, self._halt_state, self._halt_by_dashboard)
+        with self._asking:
+            if not self._driver_answers():
+                self._start_driver()
+        if remote_control and self._why_not_ready() is None:
+            self.prepare()
+        return identity
+
+    def prepare(self) -> None:
+        """Takes control: the control program runs, TCP and payload are set, the controller's watchdog is armed.
+
+        The explicit step that makes moves possible again after the program has ended for whatever reason; harmless when
+        it runs. Raises RigError arm.not_ready, arm.protective_stop, arm.emergency_stop, arm.in_use, driver.lost.
+        """
+        tool = self._config.flange_from_tool
+        self._done(
+            self._request(
+                protocol.TakeControl(
+                    (*tool.position_m, *tool.rotation_vector_rad),
+                    self._config.payload_kg,
+                    self._config.payload_center_m,
+                ),
+                CONTROL_DEADLINE_S,
+                watch_loop=False,
+            )
+        )
+
+    def preflight(self) -> list[Finding]:
+        """Compares the arm with the cell file; moves, unlocks and powers nothing. Raises RigError driver.lost."""
+        identity, remote_control = self._ask()
+        reading = self.reading
+        inspection: Inspection | None = None
+        if reading.program_running:
+            inspection = self._done(self._request(protocol.Inspect(), REQUEST_DEADLINE_S)).value
+        expected = None if self._expected_pose is None else self._expected_pose(reading.joints)
+        answers = preflight.Answers(identity, remote_control, reading, inspection, expected)
+        return preflight.findings(self._config, answers)
+
+    def move(self, path: Sequence[Sequence[float]], limits: Sequence[MotionLimits], stop: StopToken) -> None:
+        """Moves through joint configurations (rad), one straight joint segment each; see the Protocol `Arm`.
+
+        Renews the driver's lease while it waits. Raises Halted when the token was set; RigError arm.protective_stop,
+        arm.emergency_stop, arm.not_ready, arm.move_failed, device.disconnected, driver.lost.
+        """
+        if stop.is_set():
+            raise Halted
+        move = protocol.Move(tuple(tuple(map(float, q)) for q in path), self._checked_limits(path, limits))
+        if not move.path:
+            return
+        deadline_s = REQUEST_DEADLINE_S + 2.0 * self._expected_seconds(move) + protocol.ACKNOWLEDGE_S
+        halted = False
+
+        def keep() -> None:
+            nonlocal halted
+            self._board.write(Word.LEASE, time.monotonic_ns())
+            if stop.is_set() and not halted:
+                halted = True
+                self.halt()
+
+        try:
+            reply = self._request(move, deadline_s, keep)
+        except RigError:
+            if stop.is_set():
+                raise Halted from None
+            raise
+        match reply:
+            case Done():
+                return
+            case Failed(error):
+                self._stop_program()  # a move that failed is over: nothing at the pendant may continue it
+                if stop.is_set():
+                    raise Halted from error
+                raise error
+            case Interrupted():
+                if stop.is_set():
+                    raise Halted
+                raise RigError(ErrorCode.ARM_MOVE_FAILED, "A halt ended the move.")
+
+    def set_output(self, output: int, on: bool) -> None:
+        """Sets the lamp's output and waits for its read-back; for `UrLamp`."""
+        if output != self._lamp_output:
+            raise RigError(
+                ErrorCode.CONFIG_INVALID, f"The arm was given lamp output {self._lamp_output}, not {output}."
+            )
+        reply = self._request(protocol.SetLamp(on), REQUEST_DEADLINE_S)
+        if isinstance(reply, Interrupted) and on:
+            raise Halted
+        if isinstance(reply, Failed):
+            raise reply.error
+
+    def close(self) -> None:
+        """Ends the driver; the arm stands still, the lamp is off."""
+        with self._asking:
+            if self._process is not None and self._connection is not None:
+                if self._second_path is not None:
+                    self._second_path.forget()
+                with contextlib.suppress(OSError):
+                    self._connection.send((next(self._numbers), protocol.Leave()))
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    self._process.wait(LEAVE_DEADLINE_S)
+                self._bury()
+        second_path, self._second_path = self._second_path, None
+        if second_path is not None:
+            second_path.close()
+
+    # --------------------------------------------------------------------------------------------------------- driver
+
+    def _start_driver(self) -> None:
+        """Called with the pipe's lock held."""
+        self._bury()
+        ours, theirs = socket.socketpair()
+        with theirs:
+            pipe, board = theirs.fileno(), self._board.descriptor
+            self._process = subprocess.Popen(  # noqa: S603 - our own module, with two numbers as arguments
+                [sys.executable, "-m", "acquisition.devices.ur.driver", str(pipe), str(board)],
+                pass_fds=(pipe, board),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,  # ur-rtde prints there; its errors go to our standard error
+            )
+        self._connection = Connection(ours.detach())
+        if self._second_path is not None:
+            self._second_path.watch(self._process.pid)
+        opening = protocol.Open(self._config.address, self._lamp_output, self._config.stop_deceleration_rad_s2)
+        reply = self._exchange(opening, OPEN_DEADLINE_S, None, watch_loop=False)
+        if not isinstance(reply, Done):
+            self._bury()
+            self._done(reply)
+        deadline = time.monotonic() + protocol.HEARTBEAT_S
+        while not self.reading.connected and time.monotonic() < deadline:
+            time.sleep(protocol.TICK_S)
+
+    def _driver_answers(self) -> bool:
+        return (
+            self._process is not None
+            and self._process.poll() is None
+            and self._board.age_s(Word.LOOP) < protocol.HEARTBEAT_S
+            and self.reading.connected
+        )
+
+    def _request(
+        self,
+        request: protocol.Request,
+        deadline_s: float,
+        keep: Callable[[], None] | None = None,
+        watch_loop: bool = True,
+    ) -> protocol.Reply:
+        with self._asking:
+            return self._exchange(request, deadline_s, keep, watch_loop)
+
+    def _exchange(
+        self, request: protocol.Request, deadline_s: float, keep: Callable[[], None] | None, watch_loop: bool
+    ) -> protocol.Reply:
+        """One request, one reply; `keep` is called every LEASE_RENEWAL_S meanwhile.
+
+        `watch_loop` is off where the driver is expected to block in a constructor of ur-rtde.
+        """
+        connection = self._connection
+        if self._process is None or connection is None:
+            raise RigError(ErrorCode.DRIVER_LOST, "The arm is not connected.")
+        number = next(self._numbers)
+        deadline = time.monotonic() + deadline_s
+        try:
+            if keep is not None:
+                keep()
+            connection.send((number, request))
+            while True:
+                if connection.poll(protocol.LEASE_RENEWAL_S):
+                    answered, reply = cast(tuple[int, protocol.Reply], connection.recv())
+                    if answered == number:
+                        return reply
+                if keep is not None:
+                    keep()
+                if watch_loop and self._board.age_s(Word.LOOP) > protocol.HEARTBEAT_S:
+                    raise self._lost("The arm's driver hangs.")
+                if time.monotonic() > deadline:
+                    raise self._lost(f"The arm's driver did not answer within {deadline_s:.0f} s.")
+        except (EOFError, ConnectionError) as error:
+            raise self._lost("The arm's driver ended.") from error
+
+    def _lost(self, detail: str) -> RigError:
+        """Stops by the second path, kills the driver, and says so."""
+        self.halt()
+        self._stop_program()
+        self._bury()
+        return RigError(ErrorCode.DRIVER_LOST, detail)
+
+    def _stop_program(self) -> None:
+        if self._second_path is not None:
+            self._second_path.stop_now()
+
+    def _bury(self) -> None:
+        process, self._process = self._process, None
+        connection, self._connection = self._connection, None
+        if process is not None:
+            process.kill()
+            process.wait()
+        if connection is not None:
+            connection.close()
+
+    def _done(self, reply: protocol.Reply) -> Done:
+        if isinstance(reply, Failed):
+            raise reply.error
+        if isinstance(reply, Interrupted):
+            raise RigError(ErrorCode.ARM_NOT_READY, "A halt came in between.")
+        return reply
+
+    def _halt_state(self) -> tuple[bool, bool]:
+        requested = self._halt_requested
+        return self._board.read(Word.HALT_TAKEN) >= requested, self._board.read(Word.HALT_DONE) >= requested
+
+    # ------------------------------------------------------------------------------------------------------- questions
+
+    def _ask(self) -> tuple[ArmIdentity, bool]:
+        """Who is there, and whether it is in remote control."""
+        model, serial, software, remote = ask(
+            self._config.address, "get robot model", "get serial number", "PolyscopeVersion", "is in remote control"
+        )
+        return ArmIdentity(model, serial, software), "true" in remote
+
+    def _why_not_ready(self) -> states.Fault | None:
+        reading = self.reading
+        return states.safety_fault(reading.safety_bits) or states.power_fault(reading.robot_mode)
+
+    def _checked_limits(
+        self, path: Sequence[Sequence[float]], limits: Sequence[MotionLimits]
+    ) -> tuple[tuple[float, float], ...]:
+        if len(path) != len(limits):
+            raise RigError(ErrorCode.ARM_MOVE_FAILED, f"{len(path)} segments were given {len(limits)} limits.")
+        for joints in path:
+            if len(joints) != 6 or not all(map(math.isfinite, joints)):
+                raise RigError(ErrorCode.ARM_MOVE_FAILED, f"Not a joint configuration: {tuple(joints)}.")
+        for limit in limits:
+            speed, acceleration = limit.speed_rad_s, limit.acceleration_rad_s2
+            if not 0 < speed <= self._config.max_joint_speed_rad_s * (1 + 1e-9):
+                raise RigError(ErrorCode.ARM_MOVE_FAILED, f"Speed {speed} rad/s is not within the cell's limit.")
+            if not 0 < acceleration <= self._config.max_joint_acceleration_rad_s2 * (1 + 1e-9):
+                raise RigError(
+                    ErrorCode.ARM_MOVE_FAILED, f"Acceleration {acceleration} rad/s² is not within the limit."
+                )
+        return tuple((limit.speed_rad_s, limit.acceleration_rad_s2) for limit in limits)
+
+    def _expected_seconds(self, move: protocol.Move) -> float:
+        """Time of the trapezoids at the present speed slider, from where the arm is."""
+        reading = self.reading
+        seconds, here = 0.0, reading.joints
+        for goal, (speed, acceleration) in zip(move.path, move.limits, strict=True):
+            length = max(abs(b - a) for a, b in zip(here, goal, strict=True))
+            seconds += length / speed + speed / acceleration
+            here = goal
+        return seconds / max(reading.speed_fraction, 0.01)

@@ -1,0 +1,307 @@
+"""The controller as the driver process sees it: one method for each request, one `sample`, one `stop`.
+
+Requests are generators that yield once per turn of the driver's loop, so that readings, halts, lease and watchdog are
+looked after while a move is under way. Rules that keep a person safe: only asynchronous moves; no command is ever sent
+twice; the control program is uploaded when `take_control` is asked for and never by itself; a program that ended stays
+ended.
+"""
+
+import logging
+import time
+from collections.abc import Generator
+from typing import cast
+
+from acquisition.devices.ur import protocol, states
+from acquisition.devices.ur.dashboard import refuse_foreign
+from acquisition.devices.ur.interfaces import Constructors, Control, Outputs, Receive
+from acquisition.devices.ur.protocol import Done, Vector6
+from acquisition.errors import ErrorCode, RigError
+
+_log = logging.getLogger(__name__)
+
+Task = Generator[None, None, Done]
+
+START_S = 1.0  # an accepted move shows its operation's number within this
+STALL_S = 5.0  # a move that comes no nearer to its goal for this long has failed
+SETTLE_S = 1.0
+SETTLED_SAMPLES = 5
+CONFIRM_S = 0.5  # an output is read back within this
+PREDECESSOR_S = 1.0  # the program of a driver that died ends by its watchdog within this
+UPLOAD_S = 5.0
+NEWER_S = 0.06  # data this much newer than a failure show its cause on both interfaces
+
+
+class Controller:
+    """The ur-rtde objects, and whether the control program is ours, running and guarded by its watchdog."""
+
+    def __init__(self, constructors: Constructors) -> None:
+        self._constructors = constructors
+        self._opened: protocol.Open | None = None
+        self._receive: Receive | None = None
+        self._outputs: Outputs | None = None
+        self._control: Control | None = None
+        self._armed = False  # once lost, only take_control restores it
+        self._kicked_at = 0.0
+        self._timestamp = -1.0
+        self._received_at = 0.0
+
+    # ------------------------------------------------------------------------------------------------------- each turn
+
+    def sample(self) -> protocol.Sample | None:
+        """The newest values; None before `open`."""
+        receive = self._receive
+        if receive is None:
+            return None
+        timestamp = receive.getTimestamp()
+        now = time.monotonic()
+        if timestamp != self._timestamp:
+            self._timestamp, self._received_at = timestamp, now
+        self._armed = self._armed and self._control is not None and self._control.isProgramRunning()
+        return protocol.Sample(
+            joints=tuple(receive.getActualQ()),
+            joint_speeds=tuple(receive.getActualQd()),
+            base_from_tool=tuple(receive.getActualTCPPose()),
+            timestamp=timestamp,
+            speed_fraction=receive.getTargetSpeedFraction(),
+            received_at=self._received_at,
+            robot_mode=receive.getRobotMode(),
+            safety_bits=receive.getSafetyStatusBits(),
+            runtime_state=int(receive.getRuntimeState()),
+            digital_outputs=receive.getActualDigitalOutputBits(),
+            program_running=self._armed,
+            connected=self._is_linked(receive, now),
+        )
+
+    def kick(self) -> None:
+        """Tells the controller's watchdog that this process lives; at rest too: it guards the program's whole life."""
+        now = time.monotonic()
+        if self._armed and self._control is not None and now - self._kicked_at > protocol.KICK_S:
+            self._kicked_at = now
+            self._control.kickWatchdog()
+
+    def stop(self) -> None:
+        """Lamp out (sent at once), then a synchronous stop; harmless at rest and without a program."""
+        if self._opened is None:
+            return
+        if self._outputs is not None:
+            try:
+                self._write_lamp(False)
+            except RuntimeError as error:  # a dead connection; a controller without a program puts the lamp out itself
+                _log.error("the lamp's output cannot be written: %s", error)
+        if self._control is not None and self._control.isProgramRunning():
+            self._control.stopJ(self._opened.stop_deceleration_rad_s2)
+
+    # -------------------------------------------------------------------------------------------------------- requests
+
+    def open(self, request: protocol.Open) -> Task:
+        """Connects what reads and what switches; takes no control and stops no program."""
+        refuse_foreign(request.address)
+        self._opened = request
+        try:
+            self._receive = self._constructors.receive(request.address)
+            self._outputs = self._constructors.outputs(request.address)
+        except RuntimeError as error:
+            raise _refusal(error, request.address) from error
+        yield
+        self._write_lamp(False)
+        return Done()
+
+    def take_control(self, request: protocol.TakeControl) -> Task:
+        """Uploads the program unless ours runs, sets TCP and payload, arms the watchdog."""
+        opened, receive = self._require_open()
+        if not self._armed:
+            self._require_power_and_safety(receive)
+            # A program that plays is a stranger's, or that of a driver that died and whose watchdog ends it presently.
+            deadline = time.monotonic() + PREDECESSOR_S
+            while receive.getRuntimeState() == states.PROGRAM_PLAYING:
+                if time.monotonic() > deadline:
+                    raise RigError(
+                        ErrorCode.ARM_IN_USE, "Another program runs on the controller; it is not ours to stop."
+                    )
+                yield
+            control = yield from self._upload(opened.address)
+        else:
+            control = self._require_control()
+        tool, payload, center = request.flange_from_tool, request.payload_kg, request.payload_center_m
+        if not (control.setTcp(list(tool)) and control.setPayload(payload, list(center))):
+            raise (yield from self._cause("The controller refused TCP or payload."))
+        if not self._armed:
+            if not control.setWatchdog(protocol.WATCHDOG_HZ):
+                raise (yield from self._cause("The controller refused the watchdog."))
+            self._kicked_at = time.monotonic()
+            self._armed = True
+        return Done()
+
+    def inspect(self) -> Task:
+        """What preflight compares with the cell file."""
+        yield
+        _, receive = self._require_open()
+        control = self._require_control()
+        inspection = protocol.Inspection(
+            flange_from_tool=_vector6(control.getTCPOffset()),
+            payload_kg=receive.getPayload(),
+            payload_center_m=cast(tuple[float, float, float], tuple(receive.getPayloadCog())),
+            base_from_tool_forward=_vector6(control.getForwardKinematics()),
+            base_from_tool_measured=_vector6(receive.getActualTCPPose()),
+        )
+        return Done(inspection)
+
+    def set_lamp(self, on: bool) -> Task:
+        """Switches the lamp and waits until the controller's own data show it."""
+        opened, receive = self._require_open()
+        self._write_lamp(on)
+        deadline = time.monotonic() + CONFIRM_S
+        while bool(receive.getActualDigitalOutputBits() >> opened.lamp_output & 1) != on:
+            if time.monotonic() > deadline:
+                self._write_lamp(False)
+                raise RigError(
+                    ErrorCode.LAMP_NOT_CONFIRMED,
+                    f"Output {opened.lamp_output} was set {'on' if on else 'off'} and does not read back so.",
+                    output=opened.lamp_output,
+                )
+            yield
+        return Done()
+
+    def move(self, move: protocol.Move) -> Task:
+        """One asynchronous moveJ after the other, then rest at the last goal."""
+        for goal, (speed, acceleration) in zip(move.path, move.limits, strict=True):
+            control = self._require_control()
+            before = control.getAsyncOperationProgressEx().operationId()
+            if not control.moveJ(list(goal), speed, acceleration, True):
+                raise (yield from self._cause("The controller refused a move."))
+            yield from self._follow(control, before, goal)
+        yield from self._settle(move.path[-1])
+        return Done()
+
+    # ---------------------------------------------------------------------------------------------------------- pieces
+
+    def _upload(self, address: str) -> Generator[None, None, Control]:
+        if self._control is None:
+            try:
+                self._control = self._constructors.control(address)  # uploads, and waits for the program
+            except RuntimeError as error:
+                raise _refusal(error, address) from error
+            return self._control
+        control = self._control
+        control.reuploadScript()  # returns before the program runs
+        deadline = time.monotonic() + UPLOAD_S
+        while not control.isProgramRunning():
+            if time.monotonic() > deadline:
+                raise (yield from self._cause("The control program did not start."))
+            yield
+        return control
+
+    def _follow(self, control: Control, before: int, goal: tuple[float, ...]) -> Generator[None, None, None]:
+        """Waits for the end of an operation.
+
+        "Not yet started", "finished" and "the program died" look alike in the status word: the operation's number must
+        change first, then stop running, with the program running and safety normal throughout.
+        """
+        _, receive = self._require_open()
+        started = nearer_at = time.monotonic()
+        nearest = float("inf")
+        while True:
+            yield
+            now = time.monotonic()
+            if not self._armed or states.safety_fault(receive.getSafetyStatusBits()) is not None:
+                raise (yield from self._cause("The control program ended in mid-move; was it stopped at the pendant?"))
+            status = control.getAsyncOperationProgressEx()
+            if status.operationId() != before:
+                if not status.isAsyncOperationRunning():
+                    return
+            elif now - started > START_S:
+                raise RigError(ErrorCode.ARM_MOVE_FAILED, "The controller took a move and did not begin it.")
+            distance = _distance(receive.getActualQ(), goal)
+            if distance < nearest - 1e-4:
+                nearest, nearer_at = distance, now
+            elif now - nearer_at > STALL_S:
+                detail = f"The arm stands {distance:.3f} rad before its goal; is the speed slider at 0?"
+                raise RigError(ErrorCode.ARM_MOVE_FAILED, detail)
+
+    def _settle(self, goal: tuple[float, ...]) -> Generator[None, None, None]:
+        """Waits until successive readings are at the goal and at rest; the two interfaces' packets are not in step."""
+        _, receive = self._require_open()
+        deadline = time.monotonic() + SETTLE_S
+        settled, seen = 0, -1.0
+        while settled < SETTLED_SAMPLES:
+            yield
+            if not self._armed:
+                raise (yield from self._cause("The control program ended before the arm had settled."))
+            if self._timestamp == seen:
+                continue
+            seen = self._timestamp
+            distance = _distance(receive.getActualQ(), goal)
+            speed = max(map(abs, receive.getActualQd()))
+            at_rest = distance < protocol.GOAL_TOLERANCE_RAD and speed < protocol.REST_SPEED_RAD_S
+            settled = settled + 1 if at_rest else 0
+            if time.monotonic() > deadline:
+                raise (
+                    yield from self._cause(f"The move ended {distance:.4f} rad from its goal, at {speed:.4f} rad/s.")
+                )
+
+    def _cause(self, otherwise: str) -> Generator[None, None, RigError]:
+        """The reason of a failure, from data newer than the failure: the two interfaces' packets are not in step."""
+        _, receive = self._require_open()
+        failed_at, deadline = self._timestamp, time.monotonic() + protocol.LINK_S
+        while self._timestamp < failed_at + NEWER_S and time.monotonic() < deadline:
+            yield
+        fault = states.safety_fault(receive.getSafetyStatusBits()) or states.power_fault(receive.getRobotMode())
+        if fault is not None:
+            return RigError(fault.code, fault.detail)
+        return RigError(ErrorCode.ARM_MOVE_FAILED, otherwise)
+
+    def _write_lamp(self, on: bool) -> None:
+        opened, _ = self._require_open()
+        if self._outputs is None:
+            raise RigError(ErrorCode.DEVICE_DISCONNECTED, "The controller's outputs are not connected.")
+        number = opened.lamp_output
+        if number < 8:
+            written = self._outputs.setStandardDigitalOut(number, on)
+        elif number < 16:
+            written = self._outputs.setConfigurableDigitalOut(number - 8, on)
+        else:
+            written = self._outputs.setToolDigitalOut(number - 16, on)
+        if not written:
+            raise RuntimeError("the output was not sent")
+
+    def _is_linked(self, receive: Receive, now: float) -> bool:
+        return (
+            receive.isConnected()
+            and now - self._received_at < protocol.LINK_S
+            and (self._control is None or self._control.isConnected())
+        )
+
+    def _require_open(self) -> tuple[protocol.Open, Receive]:
+        if self._opened is None or self._receive is None:
+            raise RigError(ErrorCode.DEVICE_DISCONNECTED, "The arm is not connected.")
+        return self._opened, self._receive
+
+    def _require_control(self) -> Control:
+        _, receive = self._require_open()
+        self._require_power_and_safety(receive)
+        if self._control is None or not self._armed:
+            raise RigError(ErrorCode.ARM_NOT_READY, "The control program does not run; connect to the arm again.")
+        return self._control
+
+    def _require_power_and_safety(self, receive: Receive) -> None:
+        fault = states.safety_fault(receive.getSafetyStatusBits()) or states.power_fault(receive.getRobotMode())
+        if fault is not None:
+            raise RigError(fault.code, fault.detail)
+
+
+def _refusal(error: RuntimeError, address: str) -> RigError:
+    text = str(error).replace("ur_rtde:", "").strip()
+    if "already in use" in text:
+        detail = "Another program controls the arm: its RTDE registers are taken."
+        return RigError(ErrorCode.ARM_IN_USE, detail, address=address)
+    if "start control script" in text:
+        return RigError(ErrorCode.ARM_NOT_READY, "The controller did not start the control program.", address=address)
+    return RigError(ErrorCode.ARM_UNREACHABLE, f"The controller at {address} refused: {text}", address=address)
+
+
+def _distance(joints: list[float], goal: tuple[float, ...]) -> float:
+    return max(abs(joint - wanted) for joint, wanted in zip(joints, goal, strict=True))
+
+
+def _vector6(values: list[float]) -> Vector6:
+    return cast(Vector6, tuple(values))

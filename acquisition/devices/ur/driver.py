@@ -1,0 +1,188 @@
+"""The arm's driver process: the only importer of ur-rtde.
+
+ur-rtde's constructors hold the interpreter lock, its calls can block for minutes, and its destructors can abort the
+process; so it lives here, alone, and is left by `os._exit`. One loop, no threads: publish the newest reading, obey a
+halt, advance the request in progress by one step, look after the lease, kick the controller's watchdog, receive.
+Nothing blocks in it but ur-rtde's own short calls; should one hang, the loop's word on the board stands still, the
+kicks cease, the controller's watchdog ends the program, and the service halts by its second path.
+
+A lost link ends the process: ur-rtde would reconnect after a while and might send the move again.
+"""
+
+import faulthandler
+import os
+import signal
+import socket
+import sys
+import time
+import traceback
+from multiprocessing.connection import Connection
+from typing import NoReturn, cast
+
+import rtde_control
+import rtde_io
+import rtde_receive
+
+from acquisition.devices.ur import protocol
+from acquisition.devices.ur.controller import Controller, Task
+from acquisition.devices.ur.interfaces import Constructors, Control, Outputs, Receive
+from acquisition.devices.ur.protocol import Board, Done, Failed, Interrupted, Request, Word
+from acquisition.errors import ErrorCode, RigError
+
+RECEIVE_HZ = 125.0
+LEAVE_S = 2.0
+LINK_LOST_STOP_S = 0.5  # the link may be lost one way only; 2.5 s after the last data ur-rtde would reconnect
+
+
+class LinkLostError(Exception):
+    """The controller's data stand still, or a connection is closed."""
+
+
+class Driver:
+    """The loop: one controller, one request at a time."""
+
+    def __init__(self, connection: Connection, board: Board, controller: Controller) -> None:
+        self._connection = connection
+        self._board = board
+        self._controller = controller
+        self._leaving = False
+        self._number = 0
+        self._request: Request | None = None
+        self._task: Task | None = None
+
+    def run(self) -> None:
+        """Turns until the service leaves or dies, the link is lost, or a signal asks to end."""
+        while not self._leaving:
+            self._board.write(Word.LOOP, time.monotonic_ns())
+            try:
+                self._publish()
+                self._obey_halt()
+                self._advance()
+                self._controller.kick()
+            except LinkLostError as error:
+                self._reply(Failed(RigError(ErrorCode.DEVICE_DISCONNECTED, str(error))))
+                self.end(LINK_LOST_STOP_S)
+            self._accept()
+
+    def leave(self, *_: object) -> None:
+        """Ends the loop; a signal handler."""
+        self._leaving = True
+
+    def end(self, within_s: float = LEAVE_S) -> NoReturn:
+        """Stops and leaves the process, within the given time whatever ur-rtde does."""
+        faulthandler.dump_traceback_later(within_s, exit=True)
+        try:
+            self._controller.stop()
+        finally:
+            os._exit(0)
+
+    def _publish(self) -> None:
+        sample = self._controller.sample()
+        if sample is not None:
+            self._board.publish(sample)
+            if not sample.connected:
+                raise LinkLostError("The controller sends no data: the link is lost. Nothing moves until it is mended.")
+
+    def _obey_halt(self) -> None:
+        requested = self._board.read(Word.HALT_REQUESTED)
+        if requested == self._board.read(Word.HALT_TAKEN):
+            return
+        self._board.write(Word.HALT_TAKEN, requested)
+        self._controller.stop()
+        self._board.write(Word.HALT_DONE, requested)
+        if isinstance(self._request, protocol.Move | protocol.SetLamp):
+            self._reply(Interrupted())
+
+    def _advance(self) -> None:
+        if self._task is None:
+            return
+        moving = isinstance(self._request, protocol.Move)
+        try:
+            if moving and self._board.age_s(Word.LEASE) > protocol.LEASE_S:
+                detail = "The service fell silent in mid-move; the driver stopped the arm."
+                raise RigError(ErrorCode.ARM_MOVE_FAILED, detail)
+            next(self._task)
+        except StopIteration as finished:
+            self._reply(cast(Done, finished.value))
+        except RigError as error:
+            if moving:
+                self._controller.stop()
+            self._reply(Failed(error))
+        except RuntimeError as error:  # what ur-rtde raises
+            self._controller.stop()
+            self._reply(Failed(RigError(ErrorCode.DEVICE_DISCONNECTED, f"The controller's interface failed: {error}")))
+
+    def _accept(self) -> None:
+        """Waits one tick for the next request; the end of the pipe is the end of the service."""
+        try:
+            if not self._connection.poll(protocol.TICK_S):
+                return
+            number, request = cast(tuple[int, Request], self._connection.recv())
+        except (EOFError, ConnectionError):
+            self._leaving = True
+            return
+        if self._task is not None:  # the service gave up on the last request; it hears no more of it
+            self._controller.stop()
+            self._task.close()
+        self._number, self._request, self._task = number, request, self._begin(request)
+
+    def _begin(self, request: Request) -> Task | None:
+        match request:
+            case protocol.Open():
+                return self._controller.open(request)
+            case protocol.TakeControl():
+                return self._controller.take_control(request)
+            case protocol.Move():
+                return self._controller.move(request)
+            case protocol.SetLamp():
+                return self._controller.set_lamp(request.on)
+            case protocol.Inspect():
+                return self._controller.inspect()
+            case protocol.Leave():
+                self._leaving = True
+                return None
+
+    def _reply(self, reply: protocol.Reply) -> None:
+        if self._task is None:
+            return
+        self._task.close()
+        self._task, self._request = None, None
+        try:
+            self._connection.send((self._number, reply))
+        except ConnectionError:
+            self._leaving = True
+
+
+def _control(address: str) -> Control:
+    # The service asks for remote control itself, at every address; the library's own check spares loopback.
+    interface = rtde_control.RTDEControlInterface
+    flags = interface.FLAG_UPLOAD_SCRIPT.value | interface.FLAG_DISABLE_REMOTE_CONTROL_CHECK.value
+    return cast(Control, interface(address, -1.0, flags))
+
+
+def _receive(address: str) -> Receive:
+    return cast(Receive, rtde_receive.RTDEReceiveInterface(address, RECEIVE_HZ))
+
+
+def _outputs(address: str) -> Outputs:
+    return cast(Outputs, rtde_io.RTDEIOInterface(address))
+
+
+def main() -> None:
+    """`python -m acquisition.devices.ur.driver PIPE BOARD`, both inherited file descriptors."""
+    pipe, board = int(sys.argv[1]), int(sys.argv[2])
+    controller = Controller(Constructors(control=_control, receive=_receive, outputs=_outputs))
+    driver = Driver(Connection(socket.socket(fileno=pipe).detach()), Board(board), controller)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the service, which halts and then leaves
+    signal.signal(signal.SIGTERM, driver.leave)
+    signal.signal(signal.SIGHUP, driver.leave)
+    try:
+        driver.run()
+    finally:
+        if sys.exc_info()[0] is not None:
+            traceback.print_exc()  # os._exit prints nothing
+        driver.end()
+
+
+if __name__ == "__main__":
+    main()

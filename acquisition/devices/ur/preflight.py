@@ -1,0 +1,98 @@
+"""What must agree between the controller and the cell file before anything moves; pure comparison, no hardware."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition import geometry
+from acquisition.config import ArmConfig
+from acquisition.devices import ArmIdentity, ArmReading, Finding
+from acquisition.devices.ur import states
+from acquisition.devices.ur.protocol import Inspection
+from acquisition.types import FloatArray
+
+POSE_TOLERANCE = 1e-6  # m and rad; the controller keeps what it was given
+PAYLOAD_TOLERANCE = 1e-3  # kg and m
+FORWARD_TOLERANCE_M = 1e-3  # the controller against itself: joint noise only
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What was asked; `inspection` is None when the control program does not run."""
+
+    identity: ArmIdentity
+    remote_control: bool
+    reading: ArmReading
+    inspection: Inspection | None
+    expected_base_from_tool: FloatArray | None  # nominal kinematics at the present joints
+
+
+def findings(config: ArmConfig, answers: Answers) -> list[Finding]:
+    """Everything that differs from the cell file, the gravest first; empty when the arm is ready."""
+    found: list[Finding] = []
+    reading, identity = answers.reading, answers.identity
+    safety = states.safety_fault(reading.safety_bits)
+    if safety is not None:
+        found.append(Finding(safety.detail, "Look at the cell, clear the cause at the pendant, acknowledge."))
+    power = states.power_fault(reading.robot_mode)
+    if power is not None:
+        found.append(Finding(power.detail, "Power the arm on and release the brakes at the pendant."))
+    if not answers.remote_control:
+        found.append(Finding("The controller is in local control.", "Switch the pendant to remote control."))
+    if identity.model.casefold() != config.model.removesuffix("e").casefold():
+        found.append(
+            Finding(
+                f"The arm is a {identity.model}, the cell file says {config.model}.",
+                "Correct `arm.model`, or connect the right arm.",
+            )
+        )
+    if config.serial is not None and identity.serial != config.serial:
+        found.append(
+            Finding(
+                f"The arm's serial number is {identity.serial}, the cell file says {config.serial}.",
+                "Correct `arm.serial`, or connect the right arm.",
+            )
+        )
+    if reading.speed_fraction < 1e-3:
+        found.append(Finding("The speed slider is at 0: no move would begin.", "Move the slider at the pendant."))
+    if answers.inspection is not None:
+        found += _disagreements(config, answers.inspection, answers.expected_base_from_tool)
+    elif not found:
+        found.append(Finding("The control program does not run.", "Connect to the arm again."))
+    return found
+
+
+def _disagreements(config: ArmConfig, inspection: Inspection, expected: FloatArray | None) -> list[Finding]:
+    found: list[Finding] = []
+    tool = geometry.pose(inspection.flange_from_tool[:3], inspection.flange_from_tool[3:])
+    if not np.allclose(tool, config.flange_from_tool.matrix, atol=POSE_TOLERANCE):
+        found.append(
+            Finding(
+                "The controller's TCP differs from the cell file's.", "Check `arm.flange_from_tool` and the pendant."
+            )
+        )
+    payload = [inspection.payload_kg, *inspection.payload_center_m]
+    if not np.allclose(payload, [config.payload_kg, *config.payload_center_m], atol=PAYLOAD_TOLERANCE):
+        found.append(
+            Finding("The controller's payload differs from the cell file's.", "Check `arm.payload_kg` and the pendant.")
+        )
+    measured = np.array(inspection.base_from_tool_measured[:3])
+    forward = np.array(inspection.base_from_tool_forward[:3])
+    if np.linalg.norm(forward - measured) > FORWARD_TOLERANCE_M:
+        found.append(
+            Finding(
+                f"The controller's kinematics and its measured pose differ by "
+                f"{1e3 * np.linalg.norm(forward - measured):.1f} mm.",
+                "Restart the controller; have its calibration checked.",
+            )
+        )
+    if expected is not None:
+        distance = float(np.linalg.norm(expected[:3, 3] - measured))
+        if distance > config.nominal_kinematics_tolerance_m:
+            found.append(
+                Finding(
+                    f"The tool is {1e3 * distance:.1f} mm from where {config.model}'s kinematics put it.",
+                    "Check `arm.model` and `arm.flange_from_tool`; allow what the arm's own calibration explains.",
+                )
+            )
+    return found

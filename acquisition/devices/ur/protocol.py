@@ -1,0 +1,240 @@
+"""What the service and the arm's driver process say to each other.
+
+Two channels. Requests and replies are pickled values on a socket pair, one request at a time. Whatever must neither
+wait nor be waited for (the halt, the lease, the newest reading) stands on a board: one page of memory that both map. A
+halt is one store of one word, so that a signal handler may make it; a reader of the board never blocks and never delays
+a writer. Clocks: time.monotonic, the same in both processes.
+"""
+
+import mmap
+import os
+import struct
+import time
+import zlib
+from dataclasses import dataclass
+from enum import IntEnum
+
+from acquisition.errors import RigError
+
+TICK_S = 0.004
+"""The driver's loop: it looks for a halt this often (250 Hz)."""
+
+LEASE_RENEWAL_S = 0.02
+LEASE_S = 0.2
+"""While a move is in progress the service renews the lease; one older than this stops the arm."""
+
+WATCHDOG_HZ = 4.0
+KICK_S = 0.04
+"""The controller's own watchdog ends the program when no kick came for 1/4 s."""
+
+STOP_WITHIN_S = 0.2
+"""A synchronous stop sends no kicks: it has to end, from the highest speed, well within the watchdog's period."""
+
+ACKNOWLEDGE_S = 0.1
+"""A halt that the driver has not taken by then goes by the second path."""
+
+LINK_S = 0.8
+"""Data older than this mean a lost link; ur-rtde would reconnect by itself, and move again, after 2.5 s."""
+
+HEARTBEAT_S = 1.0
+"""A driver whose loop has not turned for this long is lost."""
+
+GOAL_TOLERANCE_RAD = 1e-3
+REST_SPEED_RAD_S = 5e-3
+
+Vector6 = tuple[float, float, float, float, float, float]
+
+
+# ------------------------------------------------------------------------------------------------------------- messages
+
+
+@dataclass(frozen=True)
+class Open:
+    """Connect the receive and output interfaces and put the lamp out; takes no control, stops no program."""
+
+    address: str
+    lamp_output: int
+    stop_deceleration_rad_s2: float
+
+
+@dataclass(frozen=True)
+class TakeControl:
+    """Upload the control program unless it runs, set TCP and payload, arm the controller's watchdog."""
+
+    flange_from_tool: Vector6
+    payload_kg: float
+    payload_center_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Move:
+    """Straight joint segments, each with speed (rad/s) and acceleration (rad/s²) of its leading joint."""
+
+    path: tuple[tuple[float, ...], ...]
+    limits: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class SetLamp:
+    """State the lamp's output and wait until it is read back."""
+
+    on: bool
+
+
+@dataclass(frozen=True)
+class Inspect:
+    """Ask the controller what preflight compares with the cell file."""
+
+
+@dataclass(frozen=True)
+class Leave:
+    """Stop, put the lamp out, end the process."""
+
+
+Request = Open | TakeControl | Move | SetLamp | Inspect | Leave
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """The controller's own idea of tool, payload and kinematics; poses as (x, y, z, rotation vector)."""
+
+    flange_from_tool: Vector6
+    payload_kg: float
+    payload_center_m: tuple[float, float, float]
+    base_from_tool_forward: Vector6  # its forward kinematics at the present joints
+    base_from_tool_measured: Vector6
+
+
+@dataclass(frozen=True)
+class Done:
+    """The request was fulfilled."""
+
+    value: Inspection | None = None
+
+
+@dataclass(frozen=True)
+class Failed:
+    """The request failed; the arm is at rest or braking, the lamp is out."""
+
+    error: RigError
+
+
+@dataclass(frozen=True)
+class Interrupted:
+    """A halt ended the request; the stop has been carried out."""
+
+
+Reply = Done | Failed | Interrupted
+
+
+# ---------------------------------------------------------------------------------------------------------------- board
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The newest values of the receive interface; `received_at` is time.monotonic() at their arrival."""
+
+    joints: tuple[float, ...]
+    joint_speeds: tuple[float, ...]
+    base_from_tool: tuple[float, ...]
+    timestamp: float
+    speed_fraction: float
+    received_at: float
+    robot_mode: int
+    safety_bits: int
+    runtime_state: int
+    digital_outputs: int
+    program_running: bool
+    connected: bool
+
+
+class Word(IntEnum):
+    """Places of the board's single words, each with one writer; times in ns of time.monotonic_ns."""
+
+    HALT_REQUESTED = 0  # service: when the newest halt was asked for
+    HALT_TAKEN = 1  # driver: the newest halt it has begun to carry out
+    HALT_DONE = 2  # driver: the newest halt it has carried out
+    LEASE = 3  # service: when the lease was renewed
+    LOOP = 4  # driver: when its loop last turned
+
+
+_SAMPLE = struct.Struct("<21d6q")
+_SAMPLE_AT = 64
+_CHECKSUM = struct.Struct("<I")
+_SIZE = mmap.PAGESIZE
+
+
+class Board:
+    """One shared page: words that are written and read whole, and the newest sample with a checksum.
+
+    A sample that is copied while it is being written does not match its checksum and is copied again; this needs no
+    lock and holds on any memory order.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self.descriptor = descriptor
+        self._page = mmap.mmap(descriptor, _SIZE)
+        self._words = memoryview(self._page).cast("q")
+
+    @classmethod
+    def create(cls) -> "Board":
+        """Makes a new, empty board."""
+        descriptor = os.memfd_create("lightpose-arm")
+        os.ftruncate(descriptor, _SIZE)
+        return cls(descriptor)
+
+    def read(self, word: Word) -> int:
+        """The value of one word."""
+        return self._words[word]
+
+    def write(self, word: Word, value: int) -> None:
+        """Sets one word; safe in a signal handler."""
+        self._words[word] = value
+
+    def age_s(self, word: Word) -> float:
+        """Seconds since the time that a word holds."""
+        return (time.monotonic_ns() - self.read(word)) * 1e-9
+
+    def publish(self, sample: Sample) -> None:
+        """Replaces the sample."""
+        data = _SAMPLE.pack(
+            *sample.joints,
+            *sample.joint_speeds,
+            *sample.base_from_tool,
+            sample.timestamp,
+            sample.speed_fraction,
+            sample.received_at,
+            sample.robot_mode,
+            sample.safety_bits,
+            sample.runtime_state,
+            sample.digital_outputs,
+            sample.program_running,
+            sample.connected,
+        )
+        self._page[_SAMPLE_AT : _SAMPLE_AT + len(data) + _CHECKSUM.size] = data + _CHECKSUM.pack(zlib.crc32(data))
+
+    def sample(self) -> Sample | None:
+        """The newest sample; None before the first one, or when its writer died in mid-write."""
+        for _ in range(100):
+            data = self._page[_SAMPLE_AT : _SAMPLE_AT + _SAMPLE.size + _CHECKSUM.size]
+            body, checksum = data[: _SAMPLE.size], _CHECKSUM.unpack_from(data, _SAMPLE.size)[0]
+            if zlib.crc32(body) == checksum:
+                values = _SAMPLE.unpack(body)
+                timestamp, speed_fraction, received_at, mode, safety_bits, state, outputs, running, connected = values[
+                    18:
+                ]
+                return Sample(
+                    joints=values[0:6],
+                    joint_speeds=values[6:12],
+                    base_from_tool=values[12:18],
+                    timestamp=timestamp,
+                    speed_fraction=speed_fraction,
+                    received_at=received_at,
+                    robot_mode=mode,
+                    safety_bits=safety_bits,
+                    runtime_state=state,
+                    digital_outputs=outputs,
+                    program_running=bool(running),
+                    connected=bool(connected),
+                )
+        return None

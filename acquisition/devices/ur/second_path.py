@@ -1,0 +1,161 @@
+"""The second way to stop the arm: `stop` on a dashboard socket that is open in advance.
+
+A thread of its own sleeps on a pipe. Waking it is one `os.write`, which takes no lock and may be done in a signal
+handler (threading.Event takes a lock, which a handler could find held by the very thread it interrupts). Woken by a
+halt, it gives the driver ACKNOWLEDGE_S to take it and then does not wait any longer; woken by the death of the driver,
+or by a failure, it stops at once. `stop` ends the controller's program, so the arm brakes and only an explicit connect
+can move it again.
+"""
+
+import contextlib
+import logging
+import os
+import select
+import socket
+import threading
+import time
+from collections.abc import Callable
+
+from acquisition.devices.ur import protocol
+from acquisition.devices.ur.dashboard import Dashboard
+
+_log = logging.getLogger(__name__)
+
+_HALT, _STOP, _WATCH, _QUIT = b"h", b"s", b"w", b"q"
+_REOPEN_S = 1.0
+_OPEN_TIMEOUT_S = 0.3
+_CARRY_OUT_S = 0.6  # a halt that the driver took is carried out within this, else the dashboard stops too
+
+
+class SecondPath:
+    """A thread that holds a dashboard connection and watches over the driver."""
+
+    def __init__(self, address: str, halt_state: Callable[[], tuple[bool, bool]], enabled: bool = True) -> None:
+        """`halt_state` says whether the driver has taken, and carried out, the newest halt."""
+        self._address = address
+        self._halt_state = halt_state
+        self._enabled = enabled
+        self._dashboard: Dashboard | None = None
+        self._process: int | None = None  # a pid's descriptor, readable when the process has ended
+        self._new_process: int | None = None
+        self._try_open_at = 0.0
+        self._wake_read, self._wake_write = os.pipe()
+        os.set_blocking(self._wake_read, False)
+        os.set_blocking(self._wake_write, False)
+        self._thread = threading.Thread(target=self._run, name="arm-second-path", daemon=True)
+        self._thread.start()
+
+    def halted(self) -> None:
+        """A halt was asked for; any thread, signal handlers included."""
+        self._wake(_HALT)
+
+    def stop_now(self) -> None:
+        """Stops the program without waiting for the driver."""
+        self._wake(_STOP)
+
+    def watch(self, process_id: int) -> None:
+        """Stops the program when this process ends."""
+        self._new_process = os.pidfd_open(process_id)
+        self._wake(_WATCH)
+
+    def forget(self) -> None:
+        """The watched process is about to end on purpose."""
+        self._new_process = None
+        self._wake(_WATCH)
+
+    def close(self) -> None:
+        """Ends the thread and closes the connection."""
+        self._wake(_QUIT)
+        self._thread.join(timeout=3.0)
+
+    def _wake(self, reason: bytes) -> None:
+        with contextlib.suppress(BlockingIOError):  # the pipe is full: the thread is about to wake anyway
+            os.write(self._wake_write, reason)
+
+    def _run(self) -> None:
+        reasons = b""
+        while _QUIT not in reasons:
+            self._keep_open()
+            sources: list[int | socket.socket] = [self._wake_read]
+            if self._process is not None:
+                sources.append(self._process)
+            if self._dashboard is not None:
+                sources.append(self._dashboard.socket)
+            ready, _, _ = select.select(sources, [], [], _REOPEN_S)
+            reasons = os.read(self._wake_read, 4096) if self._wake_read in ready else b""
+            if _WATCH in reasons:
+                self._replace_process()
+            elif self._process is not None and self._process in ready:
+                os.close(self._process)
+                self._process = None
+                self._stop()
+            if _STOP in reasons:
+                self._stop()
+            elif _HALT in reasons:
+                self._back_up_halt()
+            elif self._dashboard is not None and self._dashboard.socket in ready:
+                self._drain()
+        self._new_process = None
+        self._replace_process()
+        self._drop()
+
+    def _replace_process(self) -> None:
+        if self._process is not None and self._process != self._new_process:
+            os.close(self._process)
+        self._process = self._new_process
+
+    def _back_up_halt(self) -> None:
+        taken_until = time.monotonic() + protocol.ACKNOWLEDGE_S
+        while not self._halt_state()[0]:
+            if time.monotonic() > taken_until:
+                self._stop()
+                return
+            time.sleep(protocol.TICK_S)
+        done_until = time.monotonic() + _CARRY_OUT_S
+        while not self._halt_state()[1]:
+            if time.monotonic() > done_until:
+                self._stop()
+                return
+            time.sleep(protocol.TICK_S)
+
+    def _stop(self) -> None:
+        """Sends `stop`; on a connection found dead once more on a new one, for stopping twice is harmless."""
+        if not self._enabled:
+            return
+        for _ in range(2):
+            self._try_open_at = 0.0
+            self._keep_open()
+            if self._dashboard is None:
+                _log.error("no dashboard at %s: `stop` was not sent", self._address)
+                return
+            try:
+                reply = self._dashboard.ask("stop")
+            except OSError:
+                self._drop()
+                continue
+            _log.warning("stopped by the dashboard: %s", reply)
+            return
+
+    def _keep_open(self) -> None:
+        now = time.monotonic()
+        if self._dashboard is None and now >= self._try_open_at:
+            self._try_open_at = now + _REOPEN_S
+            try:
+                self._dashboard = Dashboard(self._address, _OPEN_TIMEOUT_S)
+            except OSError:
+                self._dashboard = None
+
+    def _drain(self) -> None:
+        """What comes unasked is the end of the connection, or nothing of interest."""
+        if self._dashboard is None:
+            return
+        try:
+            if self._dashboard.socket.recv(4096) == b"":
+                self._drop()
+        except OSError:
+            self._drop()
+
+    def _drop(self) -> None:
+        if self._dashboard is not None:
+            self._dashboard.close()
+            self._dashboard = None
