@@ -1,0 +1,58 @@
+"""`python -m hardware_sim.controller`: a controller as a process of its own."""
+
+import argparse
+import gc
+import logging
+import signal
+import sys
+from pathlib import Path
+from types import FrameType
+
+from hardware_sim.controller.kinematics import MODELS
+from hardware_sim.controller.server import serve
+
+
+def main() -> int:
+    """Reads the command line and serves until the end of standard input, SIGTERM or SIGINT."""
+    parser = argparse.ArgumentParser(prog="python -m hardware_sim.controller", description=__doc__)
+    parser.add_argument("--address", default="127.0.0.1")
+    parser.add_argument("--model", choices=sorted(MODELS), default="ur5e")
+    parser.add_argument("--home", type=float, nargs=6, default=[0.0, -1.9, 1.9, -1.57, -1.57, 0.0], metavar="RAD")
+    parser.add_argument("--speed", type=float, default=1.0, help="speed factor of motion")
+    parser.add_argument("--low-when-stopped", type=int, nargs="*", default=[0], metavar="OUTPUT")
+    parser.add_argument("--trace", type=Path, help="append all joint samples to this file")
+    parser.add_argument("--until-eof", action="store_true", help="end when standard input does")
+    parser.add_argument("--log", default="WARNING", choices=["DEBUG", "INFO", "WARNING", "ERROR"])
+    options = parser.parse_args()
+    if not 0.0 < options.speed <= 1000.0:
+        parser.error("--speed must be above 0 and at most 1000")
+    logging.basicConfig(level=options.log, stream=sys.stderr, format="%(asctime)s %(name)s %(message)s")
+    ended = False
+
+    def end(number: int, frame: FrameType | None) -> None:
+        nonlocal ended
+        ended = True
+
+    signal.signal(signal.SIGTERM, end)
+    signal.signal(signal.SIGINT, end)
+    gc.collect()
+    gc.freeze()
+    try:
+        serve(
+            options.address,
+            model=options.model,
+            home=options.home,
+            speed=options.speed,
+            low_when_stopped=options.low_when_stopped,
+            trace=options.trace,
+            stop=lambda: ended,
+            stop_descriptor=sys.stdin.fileno() if options.until_eof else None,
+        )
+    except OSError as error:
+        sys.stderr.write(f"{options.address}: {error}\n")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

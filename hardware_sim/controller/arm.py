@@ -1,0 +1,130 @@
+"""The arm itself: joints, tool, payload and the motion it is in; no modes, no program.
+
+Reported joints and true joints differ only by `joint_offset`, a fault on demand: the arm is then not where it says.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+
+from hardware_sim.controller import kinematics, poses
+from hardware_sim.controller.kinematics import JOINT_LIMIT, ArmModel
+from hardware_sim.controller.motion import (
+    Follower,
+    JointBrake,
+    JointMove,
+    Joints,
+    LinearBrake,
+    LinearMove,
+    Motion,
+    MotionFault,
+    joint_move,
+    linear_profile,
+)
+from hardware_sim.controller.poses import Frame
+
+_HISTORY = 500  # ticks of joint positions kept for get_actual_joint_positions_history
+
+
+class Arm:
+    """Where the arm is and what moves it."""
+
+    def __init__(self, model: ArmModel, joints: Sequence[float]) -> None:
+        self.model = model
+        self.joints: Joints = [float(q) for q in joints]
+        self.speeds: Joints = [0.0] * 6
+        self.target: Joints = self.joints[:]
+        self.motion: Motion | None = None
+        self.moves_started = 0
+        self.tcp: list[float] = [0.0] * 6
+        self.flange_from_tool: Frame = poses.IDENTITY
+        self.payload = 0.0
+        self.payload_center: list[float] = [0.0] * 3
+        self.payload_inertia: list[float] = [0.0] * 6
+        self.joint_offset: Joints = [0.0] * 6
+        self.at_rest_ticks = _HISTORY
+        self.history: deque[Joints] = deque([self.joints[:]], maxlen=_HISTORY)
+        self.base_from_flange = kinematics.forward(model, self.joints)
+        self.base_from_tool = self.base_from_flange
+        self.tool_velocity: tuple[float, ...] = (0.0,) * 6
+
+    @property
+    def moving(self) -> bool:
+        """Whether any joint turns."""
+        return any(self.speeds)
+
+    @property
+    def true_joints(self) -> Joints:
+        """Where the arm really is, in rad."""
+        return [q + o for q, o in zip(self.joints, self.joint_offset, strict=True)]
+
+    def set_tcp(self, pose: Sequence[float]) -> None:
+        """Sets the tool: a UR pose, flange frame."""
+        self.tcp = [float(v) for v in pose]
+        self.flange_from_tool = poses.from_ur(self.tcp)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Recomputes the poses that follow from the joints."""
+        self.base_from_flange = kinematics.forward(self.model, self.joints)
+        self.base_from_tool = tool = poses.compose(self.base_from_flange, self.flange_from_tool)
+        self.tool_velocity = (
+            kinematics.tool_velocity(self.model, self.joints, self.speeds, (tool[3], tool[7], tool[11]))
+            if any(self.speeds)
+            else (0.0,) * 6
+        )
+
+    def follower(self) -> Follower:
+        """A follower of tool poses that starts here."""
+        return Follower(self.model, self.joints, self.flange_from_tool)
+
+    def start_joint_move(self, target: Sequence[float], speed: float, acceleration: float, seconds: float) -> JointMove:
+        """Begins a joint move from rest."""
+        move = joint_move(self.model, self.joints, target, speed, acceleration, seconds)
+        self._begin(move)
+        self.target = list(target)
+        return move
+
+    def start_linear_move(self, target: Frame, speed: float, acceleration: float, seconds: float) -> LinearMove:
+        """Begins a straight move of the tool from rest."""
+        profile = linear_profile(self.base_from_tool, target, speed, acceleration, seconds)
+        move = LinearMove(self.follower(), self.base_from_tool, target, profile)
+        self._begin(move)
+        return move
+
+    def _begin(self, move: Motion) -> None:
+        self.motion = move
+        self.moves_started += 1
+
+    def brake(self, deceleration: float) -> JointBrake:
+        """Begins to bring all joints to rest, the fastest at `deceleration` in rad/s²."""
+        brake = JointBrake(self.joints, self.speeds, deceleration)
+        self.motion = brake
+        return brake
+
+    def brake_tool(self, deceleration: float) -> LinearBrake:
+        """Begins to bring the tool to rest on its line, at `deceleration` in m/s²."""
+        brake = LinearBrake(self.follower(), self.base_from_tool, self.tool_velocity, deceleration)
+        self.motion = brake
+        return brake
+
+    def step(self, dt: float, pace: float) -> None:
+        """Advances by `dt` seconds of motion time. Raises MotionFault and leaves the arm where it was."""
+        motion = self.motion
+        if motion is None:
+            return
+        if motion.finished:
+            self.speeds = [0.0] * 6
+        else:
+            joints, speeds = motion.step(dt, pace)
+            for number, (q, s) in enumerate(zip(joints, speeds, strict=True)):
+                if abs(q) > JOINT_LIMIT and q * s > 0.0 and not isinstance(motion, JointBrake):
+                    raise MotionFault(f"joint {number} is at its limit")
+            self.joints, self.speeds = joints, speeds
+        self.refresh()
+        if motion.finished:
+            self.motion = None
+
+    def end_tick(self) -> None:
+        """Counts ticks at rest and keeps the history of joints."""
+        self.at_rest_ticks = 0 if any(self.speeds) else self.at_rest_ticks + 1
+        self.history.append(self.joints)

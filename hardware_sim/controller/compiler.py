@@ -1,0 +1,258 @@
+"""URScript to Python: one closure per function, a generator where time may pass.
+
+Walking a tree at 500 Hz would cost more than the rest of the controller; compiled once, one turn of the control
+script's main loop takes a few microseconds. A function that can neither wait nor loop becomes a plain function, every
+other a generator whose `yield` gives up the time slot. URScript's names get a prefix, so that no program can reach
+Python's own.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from types import CodeType
+
+from hardware_sim.controller.syntax import (
+    Assign,
+    Binary,
+    Call,
+    Evaluate,
+    Function,
+    If,
+    Index,
+    ListOf,
+    Literal,
+    Name,
+    Node,
+    Run,
+    ScriptSyntaxError,
+    Simple,
+    Unary,
+    While,
+    parse,
+)
+
+
+@dataclass(frozen=True)
+class Vocabulary:
+    """The names of the controller's own functions; `waiting` are those that take time."""
+
+    immediate: frozenset[str]
+    waiting: frozenset[str]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.immediate or name in self.waiting
+
+
+@dataclass(frozen=True)
+class CompiledProgram:
+    """Python code that defines `program`, and for each of its lines the line of the URScript."""
+
+    name: str
+    secondary: bool
+    code: CodeType
+    lines: tuple[int, ...]
+
+
+_OPERATORS = {"xor": "!=", "and": "and", "or": "or"}
+
+
+@lru_cache(maxsize=8)
+def compile_program(text: str, vocabulary: Vocabulary) -> CompiledProgram:
+    """Compiles one program. Raises ScriptSyntaxError naming the line."""
+    program = parse(text)
+    writer = _Writer(program, vocabulary)
+    source, lines = writer.write()
+    try:
+        code = compile(source, f"<{program.name}>", "exec")
+    except (SyntaxError, RecursionError, MemoryError) as error:
+        raise ScriptSyntaxError(f"{program.name}: cannot be compiled: {error}") from error
+    return CompiledProgram(program.name, program.kind == "sec", code, tuple(lines))
+
+
+def _functions(function: Function) -> Iterator[Function]:
+    yield function
+    for inner in function.functions:
+        yield from _functions(inner)
+
+
+def _walk(nodes: list[Node]) -> Iterator[Node]:
+    """All nodes below `nodes`, themselves included."""
+    stack = list(reversed(nodes))
+    while stack:
+        node = stack.pop()
+        yield node
+        match node:
+            case Assign(_, _, indices, value):
+                stack += [*indices, value]
+            case Evaluate(_, value) | Unary(_, _, value):
+                stack.append(value)
+            case If(_, branches):
+                for condition, body in branches:
+                    stack += body if condition is None else [condition, *body]
+            case While(_, condition, body):
+                stack += [condition, *body]
+            case Simple(_, _, value) if value is not None:
+                stack.append(value)
+            case Binary(_, _, left, right):
+                stack += [left, right]
+            case Index(_, value, indices):
+                stack += [value, *indices]
+            case ListOf(_, items):
+                stack += items
+            case Run(_, call):
+                stack += [*call.arguments, *call.keywords.values()]
+            case Call(_, _, arguments, keywords):
+                stack += [*arguments, *keywords.values()]
+            case _:
+                pass
+
+
+class _Writer:
+    """Writes the Python of one program."""
+
+    def __init__(self, program: Function, vocabulary: Vocabulary) -> None:
+        self._program = program
+        self._vocabulary = vocabulary
+        self._all = list(_functions(program))
+        self._names = {f.name for f in self._all}
+        self._globals = {
+            node.name for f in self._all for node in _walk(f.body) if isinstance(node, Assign) and node.is_global
+        }
+        self._waiting = self._find_waiting()
+        self._source: list[str] = []
+        self._lines: list[int] = [0]
+
+    def _find_waiting(self) -> set[str]:
+        """Names of the functions that may give up their time slot: by a loop, a wait, or a call of one that does."""
+        calls: dict[str, set[str]] = {}
+        waiting = {f.name for f in self._all if f.kind == "thread"} | {self._program.name}
+        for f in self._all:
+            names: set[str] = set()
+            for node in _walk(f.body):
+                if isinstance(node, Call):
+                    names.add(node.name)
+                elif isinstance(node, While) or (isinstance(node, Simple) and node.word in ("join", "halt")):
+                    waiting.add(f.name)
+            calls[f.name] = names
+        while True:
+            more = {
+                name
+                for name, called in calls.items()
+                if name not in waiting and any(c in waiting or self._is_waiting_builtin(c) for c in called)
+            }
+            if not more:
+                return waiting
+            waiting |= more
+
+    def _is_waiting_builtin(self, name: str) -> bool:
+        return name in self._vocabulary.waiting and name not in self._names
+
+    def write(self) -> tuple[str, list[int]]:
+        self._emit(0, 0, "def program():")
+        for name in sorted(self._globals):
+            # Bound nowhere, so that reading a global before its assignment is an error, not a silent zero.
+            self._emit(1, 0, f"if False: v_{name} = None")
+        self._function(self._program, 1)
+        self._emit(1, 0, f"return f_{self._program.name}()")
+        return "\n".join(self._source) + "\n", self._lines
+
+    def _emit(self, indent: int, line: int, text: str) -> None:
+        self._source.append("    " * indent + text)
+        self._lines.append(line)
+
+    def _function(self, f: Function, indent: int) -> None:
+        self._emit(indent, f.line, f"def f_{f.name}({', '.join('v_' + p for p in f.parameters)}):")
+        assigned = {n.name for n in _walk(f.body) if isinstance(n, Assign) and not n.indices}
+        outer = sorted((assigned & self._globals) - set(f.parameters))
+        if outer:
+            self._emit(indent + 1, f.line, "nonlocal " + ", ".join(f"v_{name}" for name in outer))
+        if f.name in self._waiting:
+            self._emit(indent + 1, f.line, "if False: yield")
+        for parameter in f.parameters:
+            self._emit(indent + 1, f.line, f"v_{parameter} = copy_of(v_{parameter})")
+        for inner in f.functions:
+            self._function(inner, indent + 1)
+        self._block(f.body, indent + 1)
+
+    def _block(self, body: list[Node], indent: int) -> None:
+        if not body:
+            self._emit(indent, 0, "pass")
+        for node in body:
+            self._statement(node, indent)
+
+    def _statement(self, node: Node, indent: int) -> None:
+        match node:
+            case Assign(line, name, indices, value):
+                text = self._expression(value)
+                if not isinstance(value, Literal | Binary | Unary | ListOf):
+                    text = f"copy_of({text})"
+                target = f"v_{name}" + "".join(f"[{self._expression(i)}]" for i in indices)
+                self._emit(indent, line, f"{target} = {text}")
+            case Evaluate(line, value):
+                self._emit(indent, line, self._expression(value))
+            case If(line, branches):
+                for number, (condition, body) in enumerate(branches):
+                    if condition is None:
+                        self._emit(indent, line, "else:")
+                    else:
+                        word = "elif" if number else "if"
+                        self._emit(indent, condition.line, f"{word} {self._expression(condition)}:")
+                    self._block(body, indent + 1)
+            case While(line, condition, body):
+                self._emit(indent, line, f"while {self._expression(condition)}:")
+                self._emit(indent + 1, line, "if turn_is_spent(): yield")
+                self._block(body, indent + 1)
+            case Simple():
+                self._simple(node, indent)
+            case _:
+                raise ScriptSyntaxError(f"line {node.line}: not a statement")
+
+    def _simple(self, node: Simple, indent: int) -> None:
+        value = "" if node.value is None else self._expression(node.value)
+        text = {
+            "return": f"return {value}",
+            "kill": f"kill({value})",
+            "join": f"yield from join({value})",
+            "halt": "yield from halt()",
+            "enter_critical": "enter_critical()",
+            "exit_critical": "exit_critical()",
+        }.get(node.word, node.word)
+        self._emit(indent, node.line, text)
+
+    def _expression(self, node: Node) -> str:
+        match node:
+            case Literal(_, value):
+                return repr(value)
+            case Name(_, name):
+                return f"v_{name}"
+            case ListOf(_, items, pose):
+                inner = "[" + ", ".join(self._expression(i) for i in items) + "]"
+                return f"Pose({inner})" if pose else inner
+            case Index(_, value, indices):
+                return self._expression(value) + "".join(f"[{self._expression(i)}]" for i in indices)
+            case Unary(_, operator, value):
+                return f"({operator} {self._expression(value)})"
+            case Binary(_, operator, left, right):
+                return f"({self._expression(left)} {_OPERATORS.get(operator, operator)} {self._expression(right)})"
+            case Call():
+                return self._call(node)
+            case Run(line, call):
+                if call.name not in self._names:
+                    raise ScriptSyntaxError(f"line {line}: there is no thread {call.name!r} to run")
+                arguments = ", ".join(self._arguments(call, "v_"))
+                return f"run({call.name!r}, f_{call.name}({arguments}))"
+            case _:
+                raise ScriptSyntaxError(f"line {node.line}: not an expression")
+
+    def _arguments(self, call: Call, prefix: str) -> list[str]:
+        given = [self._expression(a) for a in call.arguments]
+        return given + [f"{prefix}{key}={self._expression(value)}" for key, value in call.keywords.items()]
+
+    def _call(self, call: Call) -> str:
+        if call.name in self._names:
+            text = f"f_{call.name}({', '.join(self._arguments(call, 'v_'))})"
+            return f"(yield from {text})" if call.name in self._waiting else text
+        if call.name not in self._vocabulary:
+            raise ScriptSyntaxError(f"line {call.line}: there is no function {call.name!r}")
+        text = f"b_{call.name}({', '.join(self._arguments(call, ''))})"
+        return f"(yield from {text})" if call.name in self._vocabulary.waiting else text

@@ -1,0 +1,65 @@
+"""A client of the simulated controller's control port: read the truth, order faults."""
+
+import json
+import socket
+from types import TracebackType
+from typing import Any, Self
+
+from acquisition.errors import ErrorCode, RigError
+
+PORT = 30200
+
+
+class ControlClient:
+    """One connection; use as a context manager or call `close`."""
+
+    def __init__(self, address: str, timeout_s: float = 3.0) -> None:
+        """Connects. Raises RigError device.disconnected where nobody listens."""
+        self._address = address
+        try:
+            self._socket = socket.create_connection((address, PORT), timeout_s)
+        except OSError as error:
+            raise RigError(
+                ErrorCode.DEVICE_DISCONNECTED, f"the simulated controller at {address}:{PORT} does not answer: {error}"
+            ) from error
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._lines = self._socket.makefile("rb")
+
+    def request(self, **fields: Any) -> dict[str, Any]:
+        """Sends one request and returns the reply. Raises RigError when the link breaks or the request is refused."""
+        try:
+            self._socket.sendall((json.dumps(fields) + "\n").encode())
+            line = self._lines.readline()
+        except OSError as error:
+            raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"the simulated controller is lost: {error}") from error
+        if not line:
+            raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"the simulated controller at {self._address} has hung up")
+        reply: dict[str, Any] = json.loads(line)
+        if not reply.get("ok"):
+            raise RigError(ErrorCode.REQUEST_INVALID, str(reply.get("error")))
+        return reply
+
+    def state(self) -> dict[str, Any]:
+        """Where the arm truly is, its outputs, modes and program (see `control_port.state`)."""
+        return self.request(command="state")
+
+    def fault(self, kind: str, **parameters: Any) -> None:
+        """Makes something go wrong (see `faults.FAULTS`), after `at_s` seconds where given."""
+        self.request(command="fault", kind=kind, **parameters)
+
+    def log(self) -> list[str]:
+        """The controller's latest messages."""
+        return list(self.request(command="log")["messages"])
+
+    def close(self) -> None:
+        """Closes the connection."""
+        self._lines.close()
+        self._socket.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

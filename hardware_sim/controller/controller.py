@@ -1,0 +1,413 @@
+"""The controller: the arm, its modes, the program it runs, its outputs, in ticks of 2 ms.
+
+Each tick: due orders → watchdogs → the program's turn → motion → values for the clients. Motion advances by the speed
+factor × 2 ms, everything else keeps wall time. Nothing here knows sockets; the ports call in between ticks.
+"""
+
+import logging
+import math
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+from hardware_sim.controller import poses
+from hardware_sim.controller.arm import Arm
+from hardware_sim.controller.compiler import compile_program
+from hardware_sim.controller.functions import STEP_TIME, VOCABULARY, Functions
+from hardware_sim.controller.kinematics import ArmModel
+from hardware_sim.controller.modes import JOINT_MODE, JOINT_POWER_OFF, SAFETY_BITS, RobotMode, RuntimeState, SafetyMode
+from hardware_sim.controller.motion import Motion, MotionFault
+from hardware_sim.controller.outputs import Outputs
+from hardware_sim.controller.program import Program, ScriptError
+from hardware_sim.controller.registers import OFFSETS, Registers
+from hardware_sim.controller.syntax import ScriptSyntaxError
+
+LOG = logging.getLogger("hardware_sim.controller")
+
+VERSION = (5, 11, 1, 108318)
+UNLOCK_AFTER = 5.0  # s between a protective stop and its unlocking
+PROGRAM_STOP_DECELERATION = 6.0  # rad/s², where a program ends in mid-move
+SAFETY_STOP_DECELERATION = 15.0  # rad/s²
+_PACE_RATE = 5.0  # per s: a pause from full speed takes 0.2 s
+_LONGEST_STEP = 0.008  # s of motion: large speed factors take several steps per tick
+_STEADY_VALUES: dict[str, tuple[float, ...]] = {
+    "joint_temperatures": (28.0,) * 6,
+    "actual_joint_voltage": (48.0,) * 6,
+    "actual_main_voltage": (48.0,),
+    "actual_robot_voltage": (48.0,),
+    "actual_robot_current": (0.5,),
+    "actual_execution_time": (0.0002,),
+    "tool_temperature": (28.0,),
+}
+SampleSink = Callable[[float, Sequence[float]], None]
+
+
+@dataclass
+class _Watchdog:
+    """Set by a program: a variable must arrive at least this often."""
+
+    period: float
+    action: str
+    last: float
+
+
+class Controller:
+    """A powered-on e-Series controller without sockets."""
+
+    def __init__(
+        self,
+        model: ArmModel,
+        home: Sequence[float],
+        *,
+        now: float,
+        speed_factor: float = 1.0,
+        low_when_stopped: Iterable[int] = (0,),
+        serial: str = "20215500042",
+        sample: SampleSink | None = None,
+    ) -> None:
+        """`now` is time.monotonic(); `sample` is called with motion's time stamp and the true joints."""
+        self.arm = Arm(model, home)
+        self.registers = Registers()
+        self.outputs = Outputs(low_when_stopped, now)
+        self.serial = serial
+        self.speed_factor = speed_factor
+        self.slider = 1.0
+        self.ticks = 0
+        self.now = now
+        self.robot_mode = RobotMode.RUNNING
+        self.safety_mode = SafetyMode.NORMAL
+        self.runtime_state = RuntimeState.STOPPED
+        self.remote_control = True
+        self.popup: str | None = None
+        self.program_name = ""
+        self.force_mode_settings: dict[str, float] = {}
+        self.messages: deque[str] = deque(maxlen=500)
+        self._sample = sample
+        self._program: Program | None = None
+        self._secondary: list[Program] = []
+        self._in_secondary = False
+        self._claimed = False
+        self._own_brake: Motion | None = None
+        self._watchdogs: dict[str, _Watchdog] = {}
+        self._stopped_at = -math.inf
+        self._pace = 1.0
+        self._orders: list[tuple[float, Callable[[], None]]] = []
+        self._functions = Functions(self).table()
+        for name, values in _STEADY_VALUES.items():
+            self.registers.set(name, *values)
+        self._publish_pose()
+        self._publish()
+
+    # --- the program -----------------------------------------------------------------------------------------
+
+    @property
+    def timestamp(self) -> float:
+        """Seconds since power-on, as RTDE clients see them."""
+        return self.ticks * STEP_TIME
+
+    @property
+    def playing(self) -> bool:
+        """Whether a program plays."""
+        return self.runtime_state is RuntimeState.PLAYING
+
+    @property
+    def may_run(self) -> bool:
+        """Whether modes allow a program."""
+        return self.robot_mode is RobotMode.RUNNING and self.safety_mode in (SafetyMode.NORMAL, SafetyMode.REDUCED)
+
+    def load(self, text: str) -> None:
+        """Takes a program from a script port: starts it in place of the running one, a `sec` beside it."""
+        if not self.remote_control:
+            self.report("program refused: the robot is in local control")
+            return
+        try:
+            compiled = compile_program(text, VOCABULARY)
+        except ScriptSyntaxError as error:
+            self.report(f"program refused: {error}")
+            return
+        if compiled.secondary:
+            self._secondary.append(Program(compiled, self._functions))
+            return
+        if not self.may_run:
+            self.report(f"program {compiled.name} refused: {self.robot_mode.name}, {self.safety_mode.name}")
+            return
+        self._end_program()
+        self._program = Program(compiled, self._functions)
+        self.program_name = compiled.name
+        self.runtime_state = RuntimeState.PLAYING
+        self.report(f"program {compiled.name} started", logging.INFO)
+
+    def stop_program(self, why: str) -> None:
+        """Ends the program, if one runs or is paused; its motion brakes."""
+        if self._program is not None:
+            self.report(f"program {self._program.name} stopped: {why}", logging.INFO)
+        self._end_program()
+
+    def _end_program(self) -> None:
+        program, self._program = self._program, None
+        self._watchdogs.clear()
+        self.runtime_state = RuntimeState.STOPPED
+        if program is not None:
+            program.close()
+        self.outputs.tick(self.now, False)
+
+    def pause(self) -> bool:
+        """Pauses the program; returns whether one was playing."""
+        if self.runtime_state is not RuntimeState.PLAYING:
+            return False
+        self.runtime_state = RuntimeState.PAUSING
+        return True
+
+    def play(self) -> bool:
+        """Resumes a paused program; returns whether there was one that may run."""
+        if self._program is None or self.runtime_state not in (RuntimeState.PAUSED, RuntimeState.PAUSING):
+            return False
+        if not self.may_run or not self.remote_control:
+            return False
+        self.runtime_state = RuntimeState.RESUMING
+        return True
+
+    def claim(self) -> None:
+        """Called by a program's motion function in each tick in which it wants its motion to go on."""
+        self._claimed = True
+
+    def require_main_program(self) -> None:
+        """Raises ScriptError where a secondary program tries to move the arm."""
+        if self._in_secondary:
+            raise ScriptError("a secondary program must not move the arm")
+
+    def set_watchdog(self, variable: str, frequency: float, action: str) -> None:
+        """Arms a watchdog for the program's life; frequency in Hz."""
+        self._watchdogs[variable] = _Watchdog(1.0 / frequency, action, self.now)
+
+    def inputs_arrived(self, names: frozenset[str], now: float) -> None:
+        """Feeds the watchdogs with the names of a packet."""
+        for variable, watchdog in self._watchdogs.items():
+            if variable in names:
+                watchdog.last = now
+
+    # --- modes -----------------------------------------------------------------------------------------------
+
+    def protective_stop(self, why: str) -> None:
+        """Brakes at once and pauses the program until somebody unlocks."""
+        self._safety_stop(SafetyMode.PROTECTIVE_STOP, why)
+
+    def safeguard_stop(self, why: str) -> None:
+        """Brakes at once and pauses the program until the safeguard is closed again."""
+        self._safety_stop(SafetyMode.SAFEGUARD_STOP, why)
+
+    def _safety_stop(self, mode: SafetyMode, why: str) -> None:
+        if not self.may_run:
+            return
+        self.report(f"{mode.name}: {why}")
+        self.safety_mode = mode
+        self._stopped_at = self.now
+        if self._program is not None:
+            self.runtime_state = RuntimeState.PAUSED
+        self._close_secondary()
+        self._brake(SAFETY_STOP_DECELERATION)
+
+    def unlock(self) -> str | None:
+        """Ends a protective stop; returns why not, or None when done."""
+        if self.safety_mode is not SafetyMode.PROTECTIVE_STOP:
+            return "Cannot unlock protective stop: there is none"
+        if self.now - self._stopped_at < UNLOCK_AFTER:
+            return "Cannot unlock protective stop until 5s after occurrence. Always inspect cause before unlocking"
+        self.safety_mode = SafetyMode.NORMAL
+        return None
+
+    def release_safeguard(self) -> None:
+        """Ends a safeguard stop."""
+        if self.safety_mode is SafetyMode.SAFEGUARD_STOP:
+            self.safety_mode = SafetyMode.NORMAL
+
+    def emergency_stop(self, why: str, mode: SafetyMode = SafetyMode.ROBOT_EMERGENCY_STOP) -> None:
+        """Brakes, ends the program, takes the power away; also violation and fault."""
+        self.report(f"{mode.name}: {why}")
+        self.safety_mode = mode
+        self._power_down()
+
+    def release_emergency_stop(self) -> None:
+        """Ends an emergency stop; the arm stays without power."""
+        if self.safety_mode in (SafetyMode.ROBOT_EMERGENCY_STOP, SafetyMode.SYSTEM_EMERGENCY_STOP):
+            self.safety_mode = SafetyMode.NORMAL
+
+    def restart_safety(self) -> None:
+        """Ends a violation or a fault; the arm stays without power."""
+        if self.safety_mode in (SafetyMode.VIOLATION, SafetyMode.FAULT):
+            self.safety_mode = SafetyMode.NORMAL
+            self.robot_mode = RobotMode.POWER_OFF
+
+    def power_off(self) -> None:
+        """Takes the power away; the program ends."""
+        self._power_down()
+
+    def _power_down(self) -> None:
+        self.stop_program("power off")
+        self._close_secondary()
+        self._brake(SAFETY_STOP_DECELERATION)
+        self.robot_mode = RobotMode.POWER_OFF
+
+    def power_on(self) -> None:
+        """Powers the joints; the brakes stay closed."""
+        if self.robot_mode is RobotMode.POWER_OFF and self.safety_mode in (SafetyMode.NORMAL, SafetyMode.REDUCED):
+            self.robot_mode = RobotMode.IDLE
+
+    def release_brakes(self) -> None:
+        """Opens the brakes, powering on first where needed."""
+        self.power_on()
+        if self.robot_mode is RobotMode.IDLE and not self.arm.moving:
+            self.robot_mode = RobotMode.RUNNING
+
+    def _close_secondary(self) -> None:
+        for program in self._secondary:
+            program.close()
+        self._secondary.clear()
+
+    def _brake(self, deceleration: float) -> None:
+        self._own_brake = self.arm.brake(deceleration)
+
+    # --- time ------------------------------------------------------------------------------------------------
+
+    def order(self, seconds: float, action: Callable[[], None]) -> None:
+        """Does something after `seconds` of wall time, between two ticks."""
+        self._orders.append((self.now + seconds, action))
+
+    def report(self, message: str, level: int = logging.WARNING) -> None:
+        """Writes to the log and keeps the message for the control port."""
+        self.messages.append(f"{self.timestamp:.3f} {message}")
+        LOG.log(level, "%.3f %s", self.timestamp, message)
+
+    def tick(self, now: float) -> None:
+        """Advances by one tick; `now` is time.monotonic()."""
+        self.now = now
+        self.ticks += 1
+        if self._orders:
+            due = [action for at, action in self._orders if at <= now]
+            self._orders = [item for item in self._orders if item[0] > now]
+            for action in due:
+                action()
+        if self._watchdogs and self.playing:
+            self._check_watchdogs()
+        self._claimed = False
+        self._take_turns()
+        self._move()
+        self.outputs.tick(now, self.playing)
+        self._publish()
+
+    def _check_watchdogs(self) -> None:
+        for variable, watchdog in list(self._watchdogs.items()):
+            if self.now - watchdog.last > watchdog.period:
+                watchdog.last = self.now
+                if watchdog.action == "stop":
+                    self.stop_program(f"watchdog: {variable} did not arrive for {watchdog.period:.3f} s")
+                    return
+                if watchdog.action == "pause":
+                    self.pause()
+
+    def _take_turns(self) -> None:
+        if self.runtime_state is RuntimeState.RESUMING:
+            self.runtime_state = RuntimeState.PLAYING
+        program = self._program
+        if program is not None and self.playing:
+            try:
+                program.turn()
+            except ScriptError as error:
+                self.report(f"runtime exception in {program.name}: {error}")
+                self._end_program()
+            else:
+                if program.finished and self._program is program:
+                    self.stop_program("finished")
+        if self._secondary:
+            self._in_secondary = True
+            for secondary in self._secondary:
+                try:
+                    secondary.turn()
+                except ScriptError as error:
+                    self.report(f"runtime exception in {secondary.name}: {error}")
+                    secondary.close()
+            self._secondary = [s for s in self._secondary if not s.finished]
+            self._in_secondary = False
+
+    def _move(self) -> None:
+        arm = self.arm
+        paused = self.runtime_state in (RuntimeState.PAUSING, RuntimeState.PAUSED)
+        if arm.motion is None:
+            self._own_brake = None
+        elif not self._claimed and not paused and arm.motion is not self._own_brake:
+            self._brake(PROGRAM_STOP_DECELERATION)
+        wanted = 0.0 if paused else self.slider
+        dt = self.speed_factor * STEP_TIME
+        if arm.motion is None:
+            self._pace = wanted
+        else:
+            steps = max(1, math.ceil(dt / _LONGEST_STEP - 1e-9))
+            for number in range(1, steps + 1):
+                change = _PACE_RATE * dt / steps
+                self._pace += max(-change, min(change, wanted - self._pace))
+                try:
+                    arm.step(dt / steps, self._pace)
+                except MotionFault as fault:
+                    self.protective_stop(str(fault))
+                if self._sample is not None:
+                    self._sample(self.timestamp + (number / steps - 1.0) * STEP_TIME, arm.true_joints)
+            self._publish_pose()
+        arm.end_tick()
+        if self.runtime_state is RuntimeState.PAUSING and not arm.moving:
+            self.runtime_state = RuntimeState.PAUSED
+
+    # --- what clients see --------------------------------------------------------------------------------------
+
+    def _publish_pose(self) -> None:
+        arm, put = self.arm, self.registers.set
+        pose = poses.to_ur(arm.base_from_tool)
+        for name in ("actual_q", "target_q"):
+            put(name, *arm.joints)
+        for name in ("actual_qd", "target_qd"):
+            put(name, *arm.speeds)
+        for name in ("actual_TCP_pose", "target_TCP_pose"):
+            put(name, *pose)
+        for name in ("actual_TCP_speed", "target_TCP_speed"):
+            put(name, *arm.tool_velocity)
+        put("actual_tool_accelerometer", *poses.rotate(poses.invert(arm.base_from_flange), (0.0, 0.0, 9.82)))
+
+    def tool_changed(self) -> None:
+        """Publishes the pose after the TCP was set while the arm stands."""
+        self._publish_pose()
+
+    def _publish(self) -> None:
+        values, arm = self.registers.values, self.arm
+        powered = self.robot_mode >= RobotMode.POWER_ON
+        values[_TIMESTAMP] = self.ticks * STEP_TIME
+        values[_RUNTIME_STATE] = self.runtime_state
+        values[_ROBOT_MODE] = self.robot_mode
+        values[_SAFETY_MODE] = values[_SAFETY_STATUS] = self.safety_mode
+        values[_SAFETY_BITS] = SAFETY_BITS[self.safety_mode]
+        values[_ROBOT_BITS] = int(powered) | int(self.playing) << 1 | int(powered) << 3
+        values[_JOINT_MODE : _JOINT_MODE + 6] = [JOINT_MODE.get(self.robot_mode, JOINT_POWER_OFF)] * 6
+        values[_SPEED_SCALING] = self._pace if self.playing else 0.0
+        values[_SPEED_FRACTION] = self.slider
+        values[_DIGITAL_OUTPUTS] = self.outputs.levels
+        values[_ANALOG_OUTPUT_0] = self.outputs.analog(0)
+        values[_ANALOG_OUTPUT_1] = self.outputs.analog(1)
+        values[_PAYLOAD] = arm.payload
+        values[_PAYLOAD_COG : _PAYLOAD_COG + 3] = arm.payload_center
+        values[_PAYLOAD_INERTIA : _PAYLOAD_INERTIA + 6] = arm.payload_inertia
+
+
+_TIMESTAMP = OFFSETS["timestamp"]
+_RUNTIME_STATE = OFFSETS["runtime_state"]
+_ROBOT_MODE = OFFSETS["robot_mode"]
+_SAFETY_MODE = OFFSETS["safety_mode"]
+_SAFETY_STATUS = OFFSETS["safety_status"]
+_SAFETY_BITS = OFFSETS["safety_status_bits"]
+_ROBOT_BITS = OFFSETS["robot_status_bits"]
+_JOINT_MODE = OFFSETS["joint_mode"]
+_SPEED_SCALING = OFFSETS["speed_scaling"]
+_SPEED_FRACTION = OFFSETS["target_speed_fraction"]
+_DIGITAL_OUTPUTS = OFFSETS["actual_digital_output_bits"]
+_ANALOG_OUTPUT_0 = OFFSETS["standard_analog_output0"]
+_ANALOG_OUTPUT_1 = OFFSETS["standard_analog_output1"]
+_PAYLOAD = OFFSETS["payload"]
+_PAYLOAD_COG = OFFSETS["payload_cog"]
+_PAYLOAD_INERTIA = OFFSETS["payload_inertia"]

@@ -1,0 +1,70 @@
+"""Digital and analogue outputs, and which of them the controller holds low while no program plays.
+
+The lamp hangs on such an output: on a real controller it is the installation's setting "low when not running", and it
+is what puts the lamp out when the program, the driver or the service dies.
+"""
+
+from collections.abc import Iterable
+
+DIGITAL_OUTPUTS = 18  # 0–7 standard, 8–15 configurable, 16–17 tool
+_VOLTS = 10.0
+_LEAST_AMPERES, _MOST_AMPERES = 0.004, 0.020
+
+
+class Outputs:
+    """Levels as bits, the time of each last change, and what holds an output against its writer."""
+
+    def __init__(self, low_when_stopped: Iterable[int], now: float) -> None:
+        self.levels = 0
+        self.changed_at = [now] * DIGITAL_OUTPUTS
+        self.stuck: dict[int, bool] = {}
+        self.analog_ratio = [0.0, 0.0]
+        self.analog_is_voltage = [True, True]
+        self._requested = 0
+        self._low_mask = sum(1 << n for n in set(low_when_stopped))
+        self._playing = False
+        self._now = now
+
+    def write(self, mask: int, levels: int) -> None:
+        """Sets the outputs in `mask`."""
+        self._requested = (self._requested & ~mask) | (levels & mask)
+        self._settle()
+
+    def set_bit(self, number: int, level: bool) -> None:
+        """Sets one output."""
+        self.write(1 << number, int(level) << number)
+
+    def stick(self, number: int, level: bool | None) -> None:
+        """Holds an output at a level whatever is written; None lets it go."""
+        if level is None:
+            self.stuck.pop(number, None)
+        else:
+            self.stuck[number] = level
+        self._settle()
+
+    def tick(self, now: float, playing: bool) -> None:
+        """Follows time and the program."""
+        self._now = now
+        if playing != self._playing:
+            self._playing = playing
+            self._settle()
+
+    def _settle(self) -> None:
+        if not self._playing:
+            # Forgotten, not hidden: the output must not come back by itself with the next program.
+            self._requested &= ~self._low_mask
+        levels = self._requested
+        for number, level in self.stuck.items():
+            levels = levels | 1 << number if level else levels & ~(1 << number)
+        changed = levels ^ self.levels
+        self.levels = levels
+        for number in range(DIGITAL_OUTPUTS):
+            if changed >> number & 1:
+                self.changed_at[number] = self._now
+
+    def analog(self, number: int) -> float:
+        """An analogue output as reported: V, or A where it is set to current."""
+        ratio = self.analog_ratio[number]
+        if self.analog_is_voltage[number]:
+            return ratio * _VOLTS
+        return _LEAST_AMPERES + ratio * (_MOST_AMPERES - _LEAST_AMPERES)

@@ -1,0 +1,148 @@
+"""A running program: its threads, their time slots, and the values they share.
+
+One turn per tick: every thread runs until it gives up its slot. A thread inside a critical section is the only one
+that runs. The first thread's end is the program's end.
+"""
+
+from collections.abc import Callable, Generator, Mapping
+from typing import Any
+
+from hardware_sim.controller.compiler import CompiledProgram
+
+LOOPS_PER_TURN = 1000  # rounds of loops a thread may do before it has to wait for its next slot
+_MAX_THREADS = 64
+
+
+class ScriptError(Exception):
+    """A runtime exception of a program; the message names the function or value at fault."""
+
+
+class Pose(list[float]):
+    """A pose value of URScript, told apart from a list of six numbers."""
+
+
+def copy_of(value: Any) -> Any:
+    """Lists and poses are values in URScript: whoever takes one takes a copy."""
+    kind: Any = type(value)
+    return kind(value) if kind is list or kind is Pose else value
+
+
+class _Thread:
+    """A generator and its name."""
+
+    def __init__(self, name: str, steps: Generator[None, None, Any] | None) -> None:
+        self.name = name
+        self.steps = steps
+
+
+class Program:
+    """One program in execution."""
+
+    def __init__(self, compiled: CompiledProgram, functions: Mapping[str, Callable[..., Any]]) -> None:
+        """`functions` are the controller's own, by their URScript names."""
+        self.name = compiled.name
+        self.secondary = compiled.secondary
+        self.finished = False
+        self._lines = compiled.lines
+        self._threads: dict[int, _Thread] = {}
+        self._last_handle = 0
+        self._current = 0
+        self._critical = 0
+        self._loops_left = 0
+        namespace: dict[str, Any] = {f"b_{name}": function for name, function in functions.items()}
+        namespace |= {
+            "Pose": Pose,
+            "copy_of": copy_of,
+            "run": self._run,
+            "kill": self._kill,
+            "join": self._join,
+            "halt": self._halt,
+            "enter_critical": self._enter_critical,
+            "exit_critical": self._exit_critical,
+            "turn_is_spent": self._turn_is_spent,
+        }
+        exec(compiled.code, namespace)  # noqa: S102 - written by the compiler above, names prefixed
+        self._main = self._run(self.name, namespace["program"]())
+
+    def turn(self) -> None:
+        """Gives each thread its slot. Raises ScriptError."""
+        for handle in list(self._threads):
+            thread = self._threads.get(handle)
+            if thread is None or (self._critical and self._critical != handle):
+                continue
+            self._current = handle
+            self._loops_left = LOOPS_PER_TURN
+            try:
+                if thread.steps is not None:
+                    next(thread.steps)
+                    continue
+            except StopIteration:
+                pass
+            except ScriptError as error:
+                raise ScriptError(f"{thread.name}, line {self._line(error)}: {error}") from error
+            except RecursionError as error:
+                raise ScriptError(f"{thread.name}: calls are nested too deeply") from error
+            except NameError as error:
+                name = str(error.name or "").removeprefix("v_")
+                raise ScriptError(f"{thread.name}, line {self._line(error)}: {name!r} has no value yet") from error
+            except (TypeError, ValueError, IndexError, ArithmeticError, AttributeError) as error:
+                raise ScriptError(f"{thread.name}, line {self._line(error)}: {error}") from error
+            self._end(handle)
+            if handle == self._main:
+                self.close()
+                return
+
+    def close(self) -> None:
+        """Ends all threads."""
+        self.finished = True
+        for handle in list(self._threads):
+            self._end(handle)
+
+    def _line(self, error: BaseException) -> int:
+        """The line of the URScript on which an error arose."""
+        line, trace = 0, error.__traceback__
+        while trace is not None:
+            if trace.tb_frame.f_code.co_filename == f"<{self.name}>":
+                line = self._lines[trace.tb_lineno]
+            trace = trace.tb_next
+        return line
+
+    def _end(self, handle: int) -> None:
+        thread = self._threads.pop(handle, None)
+        if self._critical == handle:
+            self._critical = 0
+        # A thread that ends itself is executing and cannot be closed; it ends at its next yield.
+        if thread is not None and thread.steps is not None and not thread.steps.gi_running:
+            thread.steps.close()
+
+    def _run(self, name: str, steps: Any) -> int:
+        if len(self._threads) >= _MAX_THREADS:
+            raise ScriptError("too many threads")
+        self._last_handle += 1
+        # A function that cannot wait has done its work already; its handle lives for one turn.
+        self._threads[self._last_handle] = _Thread(name, steps if isinstance(steps, Generator) else None)
+        return self._last_handle
+
+    def _kill(self, handle: Any) -> None:
+        # 0 and the handles of dead threads are harmless: the control script kills them as a matter of course.
+        if isinstance(handle, int) and handle in self._threads:
+            self._end(handle)
+
+    def _join(self, handle: Any) -> Generator[None, None, None]:
+        while isinstance(handle, int) and handle in self._threads:
+            yield
+
+    def _halt(self) -> Generator[None, None, None]:
+        self.finished = True
+        while True:
+            yield
+
+    def _enter_critical(self) -> None:
+        self._critical = self._current
+
+    def _exit_critical(self) -> None:
+        self._critical = 0
+
+    def _turn_is_spent(self) -> bool:
+        self._loops_left -= 1
+        return self._loops_left < 0

@@ -1,0 +1,241 @@
+"""RTDE, protocol version 2: recipes, registers with owners, data at up to 500 Hz (port 30004).
+
+A frame is a big-endian uint16 size, a uint8 type and the payload. Nothing is ever sent between a request and its
+reply: clients read exactly one frame and take it for the reply. Bad frames are logged and ignored; only a size below
+the header's, after which no frame can be found any more, ends the connection.
+"""
+
+import logging
+import math
+import operator
+import socket
+import struct
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+from hardware_sim.controller.controller import VERSION, Controller
+from hardware_sim.controller.registers import INPUT_TYPES, OFFSETS, OUTPUT_TYPES, TYPES
+from hardware_sim.controller.sockets import Connection
+
+LOG = logging.getLogger("hardware_sim.controller")
+PORT = 30004
+FREQUENCY = 500.0  # Hz
+_HEADER = struct.Struct(">HB")
+_MOST_RECIPES = 255
+
+
+class Kind(IntEnum):
+    """Types of frames."""
+
+    PROTOCOL = ord("V")
+    VERSION = ord("v")
+    OUTPUTS = ord("O")
+    INPUTS = ord("I")
+    START = ord("S")
+    PAUSE = ord("P")
+    DATA = ord("U")
+    TEXT = ord("M")
+
+
+@dataclass(frozen=True)
+class OutputRecipe:
+    """What one client wants: how to pick it from the flat list of values and how to pack it."""
+
+    names: tuple[str, ...]
+    pick: Callable[[Sequence[float]], tuple[Any, ...]]
+    layout: struct.Struct
+
+
+@dataclass(frozen=True)
+class InputRecipe:
+    """What one client writes: the layout, where registers go, and outputs by name."""
+
+    names: frozenset[str]
+    layout: struct.Struct
+    registers: tuple[tuple[int, int, int], ...]  # first value, slot, count
+    others: tuple[tuple[int, str], ...]  # value, name
+
+
+class Owners:
+    """Which connection owns which input; freed when it closes."""
+
+    def __init__(self) -> None:
+        self._owner: dict[str, object] = {}
+
+    def held_by_other(self, name: str, owner: object) -> bool:
+        """Whether somebody else owns it."""
+        return self._owner.get(name, owner) is not owner
+
+    def take(self, names: Sequence[str], owner: object) -> None:
+        """Makes `owner` own them."""
+        for name in names:
+            self._owner[name] = owner
+
+    def free(self, owner: object) -> None:
+        """Frees all that `owner` owns."""
+        self._owner = {name: o for name, o in self._owner.items() if o is not owner}
+
+
+def _split(payload: bytes) -> list[str]:
+    # ur_rtde ends its lists with a comma, UR's own client does not.
+    return [name for name in payload.decode("latin-1").split(",") if name]
+
+
+class RtdeConnection(Connection):
+    """One RTDE client."""
+
+    def __init__(self, stream: socket.socket, controller: Controller, owners: Owners) -> None:
+        super().__init__(stream)
+        self.started = False
+        self.output: OutputRecipe | None = None
+        self.every = 1  # ticks between packets
+        self._controller = controller
+        self._owners = owners
+        self._inputs: list[InputRecipe] = []
+        self._buffer = b""
+
+    def ended(self) -> None:
+        """Frees its inputs at once: the library reconnects within milliseconds."""
+        self._owners.free(self)
+
+    def received(self, data: bytes) -> None:
+        """Splits into frames."""
+        buffer = self._buffer + data
+        at = 0
+        while len(buffer) - at >= _HEADER.size:
+            size, kind = _HEADER.unpack_from(buffer, at)
+            if size < _HEADER.size:
+                LOG.warning("RTDE frame of size %d: connection closed", size)
+                self.closed = True
+                return
+            if len(buffer) - at < size:
+                break
+            self._frame(kind, buffer[at + _HEADER.size : at + size])
+            at += size
+        self._buffer = buffer[at:]
+
+    def _reply(self, kind: Kind, payload: bytes) -> None:
+        self.send(_HEADER.pack(_HEADER.size + len(payload), kind) + payload)
+
+    def _frame(self, kind: int, payload: bytes) -> None:
+        if kind == Kind.DATA:
+            self._data(payload)
+        elif kind == Kind.PROTOCOL:
+            accepted = len(payload) >= 2 and payload[:2] == b"\x00\x02"
+            self._reply(Kind.PROTOCOL, bytes([accepted]))
+        elif kind == Kind.VERSION:
+            self._reply(Kind.VERSION, struct.pack(">4I", *VERSION))
+        elif kind == Kind.OUTPUTS:
+            self._set_outputs(payload)
+        elif kind == Kind.INPUTS:
+            self._set_inputs(payload)
+        elif kind in (Kind.START, Kind.PAUSE):
+            self._reply(Kind(kind), b"\x01")
+            self.started = kind == Kind.START
+        elif kind == Kind.TEXT:
+            LOG.info("RTDE message: %r", payload)
+        else:
+            LOG.warning("RTDE frame of unknown type %d", kind)
+
+    def _set_outputs(self, payload: bytes) -> None:
+        if len(payload) < 8:
+            LOG.warning("RTDE output set-up without a frequency")
+            self._reply(Kind.OUTPUTS, b"\x00")
+            return
+        (frequency,) = struct.unpack_from(">d", payload)
+        names = _split(payload[8:])
+        types = [OUTPUT_TYPES.get(name, "NOT_FOUND") for name in names]
+        if not names or "NOT_FOUND" in types:
+            self.output = None
+            self._reply(Kind.OUTPUTS, b"\x00" + ",".join(types).encode())
+            return
+        slots = [OFFSETS[n] + i for n, t in zip(names, types, strict=True) for i in range(TYPES[t][1])]
+        layout = struct.Struct(">HBB" + "".join(TYPES[t][0] for t in types))
+        # An itemgetter of one index returns no tuple.
+        first = slots[0]
+        pick = operator.itemgetter(*slots) if len(slots) > 1 else lambda values: (values[first],)
+        self.output = OutputRecipe(tuple(names), pick, layout)
+        sane = math.isfinite(frequency) and frequency > 0.0
+        self.every = max(1, round(FREQUENCY / frequency)) if sane else 1
+        self._reply(Kind.OUTPUTS, b"\x01" + ",".join(types).encode())
+
+    def _set_inputs(self, payload: bytes) -> None:
+        names = _split(payload)
+        types = [
+            "IN_USE" if self._owners.held_by_other(name, self) else INPUT_TYPES.get(name, "NOT_FOUND") for name in names
+        ]
+        answer = ",".join(types).encode()
+        if not names or len(self._inputs) >= _MOST_RECIPES or "IN_USE" in types or "NOT_FOUND" in types:
+            self._reply(Kind.INPUTS, b"\x00" + answer)
+            return
+        self._owners.take(names, self)
+        registers: list[tuple[int, int, int]] = []
+        others: list[tuple[int, str]] = []
+        at = 0
+        for name, kind in zip(names, types, strict=True):
+            count = TYPES[kind][1]
+            if name in OFFSETS:
+                registers.append((at, OFFSETS[name], count))
+            else:
+                others.append((at, name))
+            at += count
+        layout = struct.Struct(">" + "".join(TYPES[t][0] for t in types))
+        self._inputs.append(InputRecipe(frozenset(names), layout, tuple(registers), tuple(others)))
+        self._reply(Kind.INPUTS, bytes([len(self._inputs)]) + answer)
+
+    def _data(self, payload: bytes) -> None:
+        number = payload[0] if payload else 0
+        if not 1 <= number <= len(self._inputs):
+            LOG.warning("RTDE data for an input recipe %d that was not set up", number)
+            return
+        recipe = self._inputs[number - 1]
+        if len(payload) - 1 != recipe.layout.size:
+            # The library really sends packets longer than their recipe: their first bytes count.
+            LOG.info("RTDE data of %d bytes for recipe %d of %d", len(payload) - 1, number, recipe.layout.size)
+            if len(payload) - 1 < recipe.layout.size:
+                return
+        values = recipe.layout.unpack_from(payload, 1)
+        slots = self._controller.registers.values
+        for at, slot, count in recipe.registers:
+            slots[slot : slot + count] = values[at : at + count]
+        if recipe.others:
+            apply_outputs(self._controller, {name: values[at] for at, name in recipe.others})
+        self._controller.inputs_arrived(recipe.names, time.monotonic())
+
+
+def apply_outputs(controller: Controller, written: dict[str, Any]) -> None:
+    """Carries out what a packet says about outputs and the speed slider."""
+    outputs = controller.outputs
+    for bank, first, width in (("standard", 0, 8), ("configurable", 8, 8), ("tool", 16, 2)):
+        mask, levels = f"{bank}_digital_output_mask", f"{bank}_digital_output"
+        if mask in written and levels in written:
+            lines = written[mask] & ((1 << width) - 1)
+            outputs.write(lines << first, written[levels] << first)
+    if written.get("speed_slider_mask", 0) & 1:
+        fraction = written.get("speed_slider_fraction", math.nan)
+        if 0.0 <= fraction <= 1.0:
+            controller.slider = fraction
+    mask = written.get("standard_analog_output_mask", 0)
+    for number in (0, 1):
+        ratio = written.get(f"standard_analog_output_{number}", math.nan)
+        if mask >> number & 1 and 0.0 <= ratio <= 1.0:
+            outputs.analog_ratio[number] = ratio
+            outputs.analog_is_voltage[number] = bool(written.get("standard_analog_output_type", 0) >> number & 1)
+
+
+def broadcast(connections: Sequence[RtdeConnection], controller: Controller) -> None:
+    """Sends the tick's values to every started client that is due; equal recipes are packed once."""
+    packed: dict[tuple[str, ...], bytes] = {}
+    values = controller.registers.values
+    for connection in connections:
+        recipe = connection.output
+        if recipe is None or not connection.started or controller.ticks % connection.every:
+            continue
+        data = packed.get(recipe.names)
+        if data is None:
+            layout = recipe.layout
+            data = packed[recipe.names] = layout.pack(layout.size, Kind.DATA, 1, *recipe.pick(values))
+        connection.offer(data)

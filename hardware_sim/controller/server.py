@@ -1,0 +1,158 @@
+"""The loop: sockets between ticks, ticks on absolute deadlines, one thread.
+
+One thread needs no locks and gives every packet the values of exactly one tick. After a delay the missed ticks are
+caught up, so that time stamps stay 2 ms × ticks; after a long freeze (a stopped process) the time is lost instead.
+"""
+
+import logging
+import os
+import select
+import socket
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+from hardware_sim.controller import control_port, dashboard, rtde, scripts
+from hardware_sim.controller.control_port import ControlConnection
+from hardware_sim.controller.controller import Controller
+from hardware_sim.controller.dashboard import DashboardConnection
+from hardware_sim.controller.functions import STEP_TIME
+from hardware_sim.controller.kinematics import MODELS
+from hardware_sim.controller.rtde import Owners, RtdeConnection
+from hardware_sim.controller.scripts import ScriptConnection
+from hardware_sim.controller.sockets import Connection, Port
+
+LOG = logging.getLogger("hardware_sim.controller")
+_LONGEST_CATCH_UP = 1.0  # s
+_SWEEP = 50  # ticks
+
+
+class Server:
+    """All ports of one controller on one address."""
+
+    def __init__(self, controller: Controller, address: str) -> None:
+        """Raises OSError where a port is taken."""
+        self.controller = controller
+        self._poll = select.epoll()
+        self._owners = Owners()
+        self._stall_ends: dict[int, float] = {}
+        self._ports: dict[int, Port] = {}
+        accepts: dict[int, Callable[[socket.socket], Connection]] = {
+            rtde.PORT: lambda s: RtdeConnection(s, controller, self._owners),
+            dashboard.PORT: lambda s: DashboardConnection(s, controller),
+            **dict.fromkeys(scripts.PORTS, lambda s: ScriptConnection(s, controller)),
+            control_port.PORT: lambda s: ControlConnection(s, controller, self),
+        }
+        try:
+            for number, accept in accepts.items():
+                self._ports[number] = Port(self._poll, address, number, accept)
+        except OSError:
+            self.close()
+            raise
+        self._ports[rtde.PORT].quick_acknowledge = True
+
+    def numbers(self) -> list[int]:
+        """The ports of a real controller; the control port cannot be cut."""
+        return [number for number in self._ports if number != control_port.PORT]
+
+    def cut(self, port: int) -> None:
+        """Closes all connections of a port."""
+        self._ports[port].cut()
+
+    def stall(self, port: int, seconds: float) -> None:
+        """Freezes a port for `seconds` of wall time."""
+        self._ports[port].stall(True)
+        self._stall_ends[port] = time.monotonic() + seconds
+
+    def run(self, stop: Callable[[], bool], stop_descriptor: int | None) -> None:
+        """Serves until `stop` returns True or `stop_descriptor` reaches its end of file."""
+        if stop_descriptor is not None:
+            self._poll.register(stop_descriptor, select.EPOLLIN)
+        deadline = time.monotonic()
+        while not stop():
+            wait = deadline - time.monotonic()
+            if wait > 0.0:
+                # select waits in microseconds, epoll only in milliseconds.
+                select.select([self._poll.fileno()], [], [], wait)
+            for descriptor, event in self._poll.poll(0):
+                if descriptor == stop_descriptor:
+                    if not os.read(descriptor, 4096):
+                        return
+                    continue
+                self._serve(descriptor, event)
+            now = time.monotonic()
+            if now - deadline > _LONGEST_CATCH_UP:
+                LOG.warning("%.3f s were lost", now - deadline)
+                deadline = now
+            while deadline <= now:
+                deadline += STEP_TIME
+                self._tick(now)
+
+    def _serve(self, descriptor: int, event: int) -> None:
+        for port in self._ports.values():
+            if descriptor == port.listener.fileno() or descriptor in port.connections:
+                port.ready(descriptor, event)
+                return
+
+    def _tick(self, now: float) -> None:
+        if self._stall_ends:
+            for number in [n for n, end in self._stall_ends.items() if end <= now]:
+                del self._stall_ends[number]
+                self._ports[number].stall(False)
+        self.controller.tick(now)
+        port = self._ports[rtde.PORT]
+        if port.connections and not port.stalled:
+            rtde.broadcast([c for c in port.connections.values() if isinstance(c, RtdeConnection)], self.controller)
+        if self.controller.ticks % _SWEEP == 0:
+            for port in self._ports.values():
+                port.sweep()
+
+    def close(self) -> None:
+        """Closes all ports."""
+        for port in self._ports.values():
+            port.close()
+        self._poll.close()
+
+
+def serve(
+    address: str,
+    *,
+    model: str = "ur5e",
+    home: Sequence[float],
+    speed: float = 1.0,
+    low_when_stopped: Iterable[int] = (0,),
+    trace: Path | None = None,
+    stop: Callable[[], bool] = lambda: False,
+    stop_descriptor: int | None = None,
+) -> None:
+    """Runs a controller until `stop` returns True, `stop_descriptor` ends or the process is interrupted.
+
+    Prints `ready <address>` when it can be connected to. `home` are the initial joints in rad; `speed` is the speed
+    factor of motion; `low_when_stopped` names the digital outputs held low while no program plays; `trace` is a file
+    for all joint samples (see `trace`). Never call it in a process that also holds `ur-rtde` objects: the library's
+    constructors hold the interpreter lock while they wait for this loop. Raises OSError where a port is taken.
+    """
+    writer = None
+    if trace is not None:
+        from hardware_sim.controller.trace import TraceWriter  # noqa: PLC0415 - numpy doubles the start-up time
+
+        step = speed * STEP_TIME
+        writer = TraceWriter(trace, step if step < 0.008 else 0.008)
+    controller = Controller(
+        MODELS[model],
+        home,
+        now=time.monotonic(),
+        speed_factor=speed,
+        low_when_stopped=low_when_stopped,
+        sample=None if writer is None else writer.sample,
+    )
+    server = Server(controller, address)
+    try:
+        sys.stdout.write(f"ready {address}\n")
+        sys.stdout.flush()
+        server.run(stop, stop_descriptor)
+    finally:
+        server.close()
+        if writer is not None:
+            writer.close(controller.timestamp)

@@ -1,0 +1,205 @@
+"""Ports and connections without threads: one epoll loop reads, ticks and writes.
+
+A tick must never wait for a client: bytes that a socket does not take at once are kept (replies) or dropped (data
+packets). A port can be stalled or cut, as faults on demand.
+"""
+
+import contextlib
+import logging
+import select
+import socket
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+
+LOG = logging.getLogger("hardware_sim.controller")
+_READ = 65536
+_MOST_PENDING = 1 << 20  # bytes of unread replies after which a client is given up
+_MOST_CLIENTS = 64  # per port
+
+
+class Connection(ABC):
+    """One client; subclasses speak a protocol in `received`."""
+
+    def __init__(self, stream: socket.socket) -> None:
+        self.stream = stream
+        self.closed = False
+        self.unsent = bytearray()
+        self.wants_write: Callable[[], None] = lambda: None
+
+    @abstractmethod
+    def received(self, data: bytes) -> None:
+        """Takes bytes from the client."""
+
+    def ended(self) -> None:
+        """Called once when the connection is over."""
+
+    def send(self, data: bytes) -> None:
+        """Sends a reply; what the socket does not take now follows later."""
+        if self.closed:
+            return
+        if self.unsent:
+            self.unsent += data
+            if len(self.unsent) > _MOST_PENDING:
+                self.closed = True
+            return
+        self._send_now(data)
+
+    def offer(self, data: bytes) -> None:
+        """Sends a packet that may be lost: dropped when the client has not read the ones before."""
+        if not self.unsent and not self.closed:
+            self._send_now(data)
+
+    def flush(self) -> None:
+        """Goes on sending."""
+        data, self.unsent = bytes(self.unsent), bytearray()
+        self._send_now(data)
+
+    def _send_now(self, data: bytes) -> None:
+        try:
+            sent = self.stream.send(data)
+        except BlockingIOError:
+            sent = 0
+        except OSError:
+            self.closed = True
+            return
+        if sent < len(data):
+            if sent == 0 and not self.unsent and len(data) > 0:
+                self.unsent = bytearray(data)
+            else:
+                self.unsent = bytearray(data[sent:])
+            self.wants_write()
+
+
+class Port:
+    """A listening socket and its connections."""
+
+    def __init__(
+        self, poll: select.epoll, address: str, number: int, accept: Callable[[socket.socket], Connection]
+    ) -> None:
+        """Raises OSError where the port is taken."""
+        self.number = number
+        self.connections: dict[int, Connection] = {}
+        self.stalled = False
+        self.quick_acknowledge = False
+        self._poll = poll
+        self._accept = accept
+        self.listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self.listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            self.listener.bind((address, number))
+            self.listener.listen(64)
+        except OSError:
+            self.listener.close()
+            raise
+        self.listener.setblocking(False)
+        poll.register(self.listener.fileno(), select.EPOLLIN)
+
+    def ready(self, descriptor: int, event: int) -> None:
+        """Serves one descriptor that epoll named."""
+        if self.stalled:
+            return
+        if descriptor == self.listener.fileno():
+            self._take_client()
+            return
+        connection = self.connections.get(descriptor)
+        if connection is None:
+            return
+        if event & select.EPOLLOUT and not connection.closed:
+            connection.flush()
+            if not connection.unsent and not connection.closed:
+                self._poll.modify(descriptor, select.EPOLLIN)
+        if event & (select.EPOLLIN | select.EPOLLHUP | select.EPOLLERR):
+            self._read(connection)
+        if connection.closed:
+            self._drop(descriptor)
+
+    def _take_client(self) -> None:
+        try:
+            stream, _ = self.listener.accept()
+        except OSError:
+            return
+        if len(self.connections) >= _MOST_CLIENTS:
+            stream.close()
+            return
+        stream.setblocking(False)
+        stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        descriptor = stream.fileno()
+        connection = self._accept(stream)
+        connection.wants_write = lambda: self._watch_writing(descriptor)
+        self.connections[descriptor] = connection
+        self._poll.register(descriptor, select.EPOLLOUT | select.EPOLLIN if connection.unsent else select.EPOLLIN)
+
+    def _watch_writing(self, descriptor: int) -> None:
+        if descriptor in self.connections and not self.stalled:
+            with contextlib.suppress(OSError):
+                self._poll.modify(descriptor, select.EPOLLIN | select.EPOLLOUT)
+
+    def _read(self, connection: Connection) -> None:
+        try:
+            data = connection.stream.recv(_READ)
+            if data and self.quick_acknowledge:
+                # The library loses its TCP_NODELAY: its next packet waits for our acknowledgement, 40 ms by default.
+                connection.stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if data:
+            connection.received(data)
+        else:
+            connection.closed = True
+
+    def sweep(self) -> None:
+        """Closes connections that ended while something was sent to them."""
+        for descriptor in [d for d, c in self.connections.items() if c.closed]:
+            self._drop(descriptor)
+
+    def cut(self) -> None:
+        """Closes all connections, as a pulled cable that comes back at once."""
+        for descriptor in list(self.connections):
+            self._drop(descriptor)
+
+    def stall(self, stalled: bool) -> None:
+        """Freezes reading, accepting and sending, or thaws them."""
+        self.stalled = stalled
+        self._poll.modify(self.listener.fileno(), 0 if stalled else select.EPOLLIN)
+        for descriptor, connection in self.connections.items():
+            writing = select.EPOLLOUT if connection.unsent else 0
+            self._poll.modify(descriptor, 0 if stalled else select.EPOLLIN | writing)
+
+    def close(self) -> None:
+        """Closes the port and its connections."""
+        self.cut()
+        self.listener.close()
+
+    def _drop(self, descriptor: int) -> None:
+        connection = self.connections.pop(descriptor)
+        connection.closed = True
+        with contextlib.suppress(OSError):
+            self._poll.unregister(descriptor)
+        connection.stream.close()
+        connection.ended()
+
+
+class LineConnection(Connection):
+    """A client that sends lines of text."""
+
+    longest = 1 << 16
+
+    def __init__(self, stream: socket.socket) -> None:
+        super().__init__(stream)
+        self._buffer = b""
+
+    def received(self, data: bytes) -> None:
+        """Splits into lines; a line without end is given up with its client."""
+        *lines, self._buffer = (self._buffer + data).split(b"\n")
+        for line in lines:
+            if not self.closed:
+                self.line(line.decode("utf-8", "replace"))
+        if len(self._buffer) > self.longest:
+            LOG.warning("a line of more than %d bytes: connection closed", self.longest)
+            self.closed = True
+
+    @abstractmethod
+    def line(self, text: str) -> None:
+        """Takes one line without its end."""
