@@ -1,1 +1,9 @@
-"""Not written yet."""
+"""Images to a normal map with albedo, depth and an honest σ for every pixel.
+
+Before: `capture` (all images taken so far, pilot's included). After: `plan`, which reads the normal map and says which
+further lights would make it more certain, or the exports when there are none.
+"""
+
+from acquisition.normals.solve import solve
+
+__all__ = ["solve"]

@@ -1,0 +1,76 @@
+"""What all pixels of a capture know together: one intensity factor per image, and how far away the object is.
+
+Each pixel with more than four usable lights has measurements to spare. Its own unknowns (albedo × normal and a depth
+offset) are projected out; what is left is linear in the few unknowns that all pixels share. The depth column in the
+projection keeps wrong depth at steps from being taken for wrong intensities. Model errors of neighbouring pixels go
+together, so the pixels' evidence is divided by `CORRELATED` before it meets the priors.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.types import Float32Array, FloatArray
+
+CORRELATED = 10.0
+LEAST_LIGHTS = 4
+LEAST_PIXELS = 50
+
+
+@dataclass(frozen=True)
+class Shared:
+    """A step of the shared unknowns: log intensity per image (F,) and the object's shift along the rays, m."""
+
+    log_intensity: FloatArray
+    shift_m: float
+
+
+def step(
+    light: Float32Array,
+    derivative: Float32Array,
+    values: Float32Array,
+    g: Float32Array,
+    offset_m: Float32Array,
+    weights: Float32Array,
+    log_intensity: FloatArray,
+    shift_m: float,
+    intensity_sigma: float,
+    shift_sigma_m: float,
+    offset_sigma_m: float,
+) -> Shared:
+    """One Gauss–Newton step from estimates at K pixels.
+
+    `light`, `derivative` (∂s/∂Z) (F, 3, K), `values`, `weights` (F, K), `g` (3, K), `offset_m` (K,); the present
+    `log_intensity` (already divided out of `values`) and `shift_m` (already in the depth) are pulled towards zero by
+    their priors. An `intensity_sigma` or `shift_sigma_m` of zero holds that unknown.
+    """
+    count = len(values)
+    enough = np.count_nonzero(weights > 0, axis=0) >= LEAST_LIGHTS
+    if np.count_nonzero(enough) < LEAST_PIXELS:
+        return Shared(np.zeros(count), 0.0)
+    s = light[:, :, enough].astype(np.float64)
+    d = derivative[:, :, enough].astype(np.float64)
+    normal = g[:, enough].astype(np.float64)
+    root = np.sqrt(weights[:, enough].astype(np.float64))
+    slope = np.einsum("fck,ck->fk", d, normal)
+    shaded = np.einsum("fck,ck->fk", s, normal) + slope * offset_m[enough]
+    own = np.concatenate([s + d * offset_m[enough], slope[:, None, :]], axis=1) * root[:, None, :]
+    own = own.transpose(2, 0, 1)  # (K, F, 4)
+    ridge = np.diag([1e-6, 1e-6, 1e-6, offset_sigma_m**-2])
+    inner = np.linalg.inv(own.transpose(0, 2, 1) @ own + ridge)
+    projector = np.eye(count) - own @ inner @ own.transpose(0, 2, 1)
+    columns = np.zeros((own.shape[0], count, count + 1))
+    columns[:, np.arange(count), np.arange(count)] = (root * shaded).T
+    columns[:, :, count] = (root * slope).T
+    left = (root * (values[:, enough] - shaded)).T
+    # The offset's prior pulls it to zero: its pseudo-observation enters the residual's projection.
+    projected = np.einsum("kfg,kg->kf", projector, left)
+    pull = own @ inner[:, :, 3:] * (offset_m[enough] * offset_sigma_m**-2)[:, None, None]
+    projected += pull[:, :, 0]
+    matrix = np.einsum("kfa,kfg,kgb->ab", columns, projector, columns, optimize=True) / CORRELATED
+    right = np.einsum("kfa,kf->a", columns, projected) / CORRELATED
+    held = np.array([intensity_sigma] * count + [shift_sigma_m])
+    prior = np.where(held > 0, 1.0 / np.maximum(held, 1e-12) ** 2, 1e18)
+    present = np.append(log_intensity, shift_m)
+    change = np.linalg.solve(matrix + np.diag(prior), right - prior * np.where(held > 0, present, 0.0))
+    return Shared(change[:count], float(change[count]))

@@ -1,0 +1,71 @@
+"""Which pixels are the object: it is brighter than the table it stands on, and it is one piece.
+
+The table is seen by the camera and lit like the object, so radiance alone must tell them apart. Each pixel's largest
+normalised value over the lights, divided by what a white surface there would give, is a lower bound of its albedo that
+no single shadow spoils. Otsu's threshold on its logarithm splits the region; since a steep object pixel loses a factor
+of two or three, the border is then moved towards the table, as near as the table's own scatter allows. The largest
+connected part with its holes filled is the silhouette: steep walls and dark spots inside belong to the object.
+"""
+
+import cv2
+import numpy as np
+
+from acquisition.errors import ErrorCode, RigError
+from acquisition.types import BoolArray, Float32Array
+
+LEAST_CONTRAST = 1.5
+"""Object and table must differ by this factor, else the region is taken to hold nothing but the object."""
+
+TABLE_SCATTER = 6.0
+TABLE_MARGIN = 1.35
+
+
+def largest_part(mask: BoolArray) -> BoolArray:
+    """The largest connected part of a mask, its holes filled."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
+    if count < 2:
+        return np.zeros_like(mask)
+    part = labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    outside = cv2.copyMakeBorder((~part).astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1)
+    _, background = cv2.connectedComponents(outside, connectivity=8)
+    return (background != background[0, 0])[1:-1, 1:-1]
+
+
+def find(values: Float32Array, strength: Float32Array, clipped: BoolArray, region: BoolArray) -> BoolArray:
+    """The object's pixels (h, w) within `region`.
+
+    `values` and `clipped` (F, h, w); `strength` |s| (F, h, w) on a rough plane. Raises RigError normals.infeasible when
+    nothing is lit.
+    """
+    ratio = values / np.maximum(strength, 1e-6)
+    ratio[clipped] = np.inf  # at least as bright as can be measured
+    brightest = np.max(ratio, axis=0)
+    measured = brightest[region & np.isfinite(brightest) & (brightest > 0)]
+    if measured.size < 16 or float(np.quantile(measured, 0.99)) < 1e-3:
+        raise RigError(
+            ErrorCode.NORMALS_INFEASIBLE,
+            "nothing in the region is lit in any image: check lamp, exposure and where the object stands",
+        )
+    level = np.log(np.clip(measured, 1e-4, None))
+    threshold = _otsu(level)
+    table, bright = level[level < threshold], level[level >= threshold]
+    if table.size < 16 or float(np.median(bright) - np.median(table)) < np.log(LEAST_CONTRAST):
+        return largest_part(region & (brightest > np.exp(np.median(level)) * 0.05))
+    middle = float(np.median(table))
+    scatter = 1.4826 * float(np.median(np.abs(table - middle)))
+    threshold = min(threshold, middle + max(TABLE_SCATTER * scatter, np.log(TABLE_MARGIN)))
+    candidate = region & (brightest > np.exp(threshold))
+    return largest_part(cv2.morphologyEx(candidate.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0)
+
+
+def _otsu(level: Float32Array) -> float:
+    """The threshold that parts a sample into two classes of least scatter within."""
+    low, high = np.quantile(level, [0.001, 0.999])
+    counts, edges = np.histogram(level, bins=256, range=(float(low), float(high) + 1e-6))
+    centers = (edges[:-1] + edges[1:]) / 2
+    below = np.cumsum(counts)
+    above = below[-1] - below
+    sums = np.cumsum(counts * centers)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        between = below * above * (sums / below - (sums[-1] - sums) / above) ** 2
+    return float(edges[1 + int(np.nanargmax(between))])

@@ -1,0 +1,175 @@
+"""The image-formation model that planner and solver share, so that what is planned is what is solved.
+
+A matt point x with normal n and albedo ρ, lit by a lamp at p with axis a, gives the normalised value
+
+    y = ρ max(0, n·s),   s = (R0/r)² cosᵘ(a, x − p) d/r,   d = p − x, r = |d|,
+
+that is, the signal as a fraction of what a perfectly white surface facing the lamp on its axis at R0 would give. The
+model is near light throughout: a lamp on an arm stands at three object sizes, where a distant light is wrong by 20°.
+
+The variance of y has four terms: shot noise; read noise and quantisation, of the lit frame and of the dark frame that
+is subtracted from it; a share c of y for intensity errors; and (σ_d ρ|s|)² for errors of the light's direction. The last
+two dominate in practice, and without the last one a surface at the terminator would seem to carry infinite information.
+
+Pixels live on the distorted image as the camera gives it; distortion is in the rays. Kernels compile at import, into
+numba's cache: `KERNELS` lists them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import hypot
+
+import cv2
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from acquisition.geometry import VIEW_FROM_CAMERA
+from acquisition.types import BoolArray, Calibration, Float32Array, FloatArray, Light, SensorModel
+
+DEPTH_SIGMA_M = 0.0015
+"""1 σ of a pixel's depth after integration that the direction term allows for; larger errors are the depth column's."""
+
+FLAT_FIELD_SIGMA = 0.005
+"""1 σ of what remains of the flat field and of the lobe, as a fraction."""
+
+SATURATED_FROM = 0.985
+"""Share of the clipping level above which a value is taken as clipped."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Variance of y: v = shot·y + floor + (intensity·y)² + (direction·ρ|s|)², the first two per image.
+
+    `shot` and `floor` (F,) follow from sensor and exposure; `intensity` (fraction) and `direction` (rad) from the
+    calibration's own uncertainty.
+    """
+
+    shot: FloatArray
+    floor: FloatArray
+    intensity: float
+    direction: float
+
+    def variance(self, values: FloatArray, strength: FloatArray) -> FloatArray:
+        """Variance of y (F, N) where a surface of strength ρ|s| (F, N) gives `values` (F, N)."""
+        return (
+            self.shot[:, None] * np.maximum(values, 0.0)
+            + self.floor[:, None]
+            + (self.intensity * values) ** 2
+            + (self.direction * strength) ** 2
+        )
+
+
+def rays(calibration: Calibration, rows: slice, columns: slice) -> Float32Array:
+    """Rays (2, h, w) of a window of pixels: X/Z and Y/Z in the OpenCV camera frame, lens distortion removed."""
+    v, u = np.mgrid[rows, columns].astype(np.float64)
+    pixels = np.stack([u.ravel(), v.ravel()], axis=-1)[:, None, :]
+    undistorted = cv2.undistortPoints(
+        pixels, np.array(calibration.camera_matrix), np.array(calibration.distortion), None, None, None
+    )
+    return np.ascontiguousarray(undistorted.reshape(*u.shape, 2).transpose(2, 0, 1), dtype=np.float32)
+
+
+def ray_directions(ray: Float32Array) -> Float32Array:
+    """How a pixel's point moves with its depth: ∂x/∂Z (3, ...), view frame, from rays (2, ...)."""
+    sign = np.diag(VIEW_FROM_CAMERA)[:3].astype(np.float32)
+    return np.stack([sign[0] * ray[0], sign[1] * ray[1], np.full_like(ray[0], sign[2])])
+
+
+def points(ray: Float32Array, depth_m: Float32Array) -> Float32Array:
+    """Points (3, ...) in m, view frame, of pixels with rays (2, ...) and depth (...) along OpenCV's z."""
+    return ray_directions(ray) * depth_m
+
+
+def project(calibration: Calibration, positions: npt.ArrayLike) -> FloatArray:
+    """Pixels (K, 2) as column, row of points (K, 3) in m, view frame; lens distortion applied."""
+    camera = np.asarray(positions, dtype=float).reshape(-1, 3) * np.diag(VIEW_FROM_CAMERA)[:3]
+    pixels, _ = cv2.projectPoints(
+        camera, np.zeros(3), np.zeros(3), np.array(calibration.camera_matrix), np.array(calibration.distortion)
+    )
+    return pixels.reshape(-1, 2)
+
+
+def lamps(lights: Sequence[Light]) -> Float32Array:
+    """Lights as an array (F, 6): position in m and unit axis, view frame."""
+    return np.array([[*light.position, *light.axis] for light in lights], dtype=np.float32).reshape(-1, 6)
+
+
+def light_vectors(point: Float32Array, lamp: Float32Array, calibration: Calibration) -> Float32Array:
+    """Light vectors s (F, 3, N), view frame, at points (3, N) in m from lamps (F, 6)."""
+    out = np.empty((len(lamp), 3, point.shape[1]), dtype=np.float32)
+    _light_vectors(np.ascontiguousarray(point), lamp, calibration.reference_m**2, calibration.lobe_exponent, out)
+    return out
+
+
+def electrons_per_value(calibration: Calibration, exposure_s: float) -> float:
+    """Electrons that y = 1 gives in one exposure."""
+    sensor = calibration.sensor
+    return sensor.gain_e_per_dn * sensor.full_scale_dn * exposure_s * calibration.lamp_intensity
+
+
+def normalised(
+    frame: npt.NDArray[np.uint16], dark: npt.NDArray[np.uint16], exposure_s: float, calibration: Calibration
+) -> Float32Array:
+    """Values y of a frame (..) in DN, its lamp-off frame of the same exposure time subtracted."""
+    scale = 1.0 / (calibration.sensor.full_scale_dn * exposure_s * calibration.lamp_intensity)
+    return (frame.astype(np.float32) - dark.astype(np.float32)) * np.float32(scale)
+
+
+def clipping_dn(sensor: SensorModel) -> float:
+    """The value above which pixels count as saturated: the converter's end or the full well, whichever is lower."""
+    return sensor.black_level_dn + SATURATED_FROM * min(sensor.full_scale_dn, sensor.full_well_e / sensor.gain_e_per_dn)
+
+
+def saturated(frame: npt.NDArray[np.uint16], sensor: SensorModel) -> BoolArray:
+    """Which pixels of a frame in DN are clipped."""
+    return frame >= clipping_dn(sensor)
+
+
+def noise(
+    calibration: Calibration, exposures_s: Sequence[float], distance_m: float, ambient_dn: Sequence[float] | None = None
+) -> Noise:
+    """The noise of images with these exposure times and lamps at about `distance_m` from the object.
+
+    `ambient_dn` is the mean signal of each image's lamp-off frame above black, whose shot noise enters twice.
+    A lamp misplaced along the ray changes the intensity by 2/r, across it the direction by 1/r.
+    """
+    sensor = calibration.sensor
+    scale = np.array([electrons_per_value(calibration, t) for t in exposures_s])
+    ambient_e = sensor.gain_e_per_dn * np.asarray(ambient_dn if ambient_dn is not None else np.zeros(len(scale)))
+    floor = 2.0 * (sensor.read_noise_e**2 + sensor.gain_e_per_dn**2 / 12.0 + np.maximum(ambient_e, 0.0)) / scale**2
+    position = calibration.lamp_position_sigma_m
+    return Noise(
+        shot=1.0 / scale,
+        floor=floor,
+        intensity=float(np.sqrt(calibration.intensity_sigma**2 + (2 * position / distance_m) ** 2 + FLAT_FIELD_SIGMA**2)),
+        direction=hypot(position, DEPTH_SIGMA_M) / distance_m,
+    )
+
+
+@numba.njit(
+    "void(float32[:,::1], float32[:,::1], float64, float64, float32[:,:,::1])",
+    cache=True,
+    parallel=True,
+    fastmath=True,
+    error_model="numpy",
+)
+def _light_vectors(
+    point: Float32Array, lamp: Float32Array, reference_squared: float, lobe: float, out: Float32Array
+) -> None:
+    scale = np.float32(reference_squared)
+    exponent = np.float32(lobe)
+    for n in numba.prange(point.shape[1]):
+        for f in range(lamp.shape[0]):
+            dx = lamp[f, 0] - point[0, n]
+            dy = lamp[f, 1] - point[1, n]
+            dz = lamp[f, 2] - point[2, n]
+            inverse = np.float32(1.0) / np.sqrt(dx * dx + dy * dy + dz * dz)
+            cosine = -(dx * lamp[f, 3] + dy * lamp[f, 4] + dz * lamp[f, 5]) * inverse
+            factor = scale * max(cosine, np.float32(0.0)) ** exponent * inverse * inverse * inverse
+            out[f, 0, n] = factor * dx
+            out[f, 1, n] = factor * dy
+            out[f, 2, n] = factor * dz
+
+
+KERNELS = (_light_vectors,)
