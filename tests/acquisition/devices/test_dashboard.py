@@ -1,0 +1,67 @@
+"""Probing an address: absent, silent, foreign."""
+
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+import pytest
+
+from acquisition.devices.ur import dashboard
+from acquisition.errors import ErrorCode, RigError
+
+ABSENT, SILENT, FOREIGN = "127.0.3.1", "127.0.3.2", "127.0.3.3"
+
+
+@contextmanager
+def listening(address: str, *ports: int) -> Iterator[None]:
+    """Ports that accept connections and say nothing."""
+    with ExitStack() as stack:
+        for port in ports:
+            server = stack.enter_context(socket.socket())
+            server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            server.bind((address, port))
+            server.listen()
+        yield
+
+
+def test_nobody_listens() -> None:
+    started = time.monotonic()
+    with pytest.raises(RigError) as caught:
+        dashboard.probe(ABSENT)
+    assert caught.value.code == ErrorCode.ARM_UNREACHABLE
+    assert caught.value.context["port"] == dashboard.DASHBOARD_PORT
+    assert time.monotonic() - started < 3.0
+
+
+def test_open_but_silent() -> None:
+    started = time.monotonic()
+    with listening(SILENT, 29999, 30003, 30004), pytest.raises(RigError, match="does not answer in time") as caught:
+        dashboard.probe(SILENT)
+    assert caught.value.code == ErrorCode.ARM_UNREACHABLE
+    assert time.monotonic() - started < 3.0
+
+
+def test_question_to_nobody_is_a_rig_error() -> None:
+    with pytest.raises(RigError) as caught:
+        dashboard.ask(ABSENT, "robotmode")
+    assert caught.value.code == ErrorCode.ARM_UNREACHABLE
+
+
+@pytest.mark.parametrize("address", ["192.168.56.101", "arm.example", "10.0.0.1"])
+def test_tests_cannot_reach_a_real_arm(address: str) -> None:
+    with pytest.raises(RigError, match="loopback") as caught:
+        dashboard.probe(address)
+    assert caught.value.code == ErrorCode.ARM_UNREACHABLE
+    with pytest.raises(PermissionError), socket.socket() as plain:
+        plain.connect((address, 80))
+
+
+def test_localhost_is_loopback() -> None:
+    dashboard.refuse_foreign("localhost")
+    dashboard.refuse_foreign("127.0.3.3")
+
+
+def test_guard_is_off_outside_tests(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("LIGHTPOSE_LOOPBACK_ONLY")
+    dashboard.refuse_foreign("192.168.56.101")

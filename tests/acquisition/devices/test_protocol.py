@@ -1,0 +1,79 @@
+"""The board: words, samples, and a torn sample that is never believed."""
+
+import dataclasses
+import os
+import subprocess
+import sys
+import threading
+
+from acquisition.devices.ur.protocol import Board, Sample, Word
+
+SAMPLE = Sample(
+    joints=(0.1, -0.2, 0.3, -0.4, 0.5, -0.6),
+    joint_speeds=(0.0,) * 6,
+    base_from_tool=(0.4, 0.1, 0.3, 0.0, 3.1, 0.0),
+    timestamp=12.5,
+    speed_fraction=0.75,
+    received_at=99.25,
+    robot_mode=7,
+    safety_bits=1,
+    runtime_state=2,
+    digital_outputs=1 << 17,
+    program_running=True,
+    connected=True,
+)
+
+
+def test_empty_board_has_no_sample() -> None:
+    assert Board.create().sample() is None
+
+
+def test_sample_survives_the_board() -> None:
+    board = Board.create()
+    board.publish(SAMPLE)
+    assert board.sample() == SAMPLE
+
+
+def test_torn_sample_is_not_believed() -> None:
+    board = Board.create()
+    board.publish(SAMPLE)
+    position = 64 + 8 * 3
+    os.pwrite(board.descriptor, b"\x55\x55", position)
+    assert board.sample() is None
+    board.publish(SAMPLE)
+    assert board.sample() == SAMPLE
+
+
+def test_words_are_shared_with_another_process() -> None:
+    board = Board.create()
+    board.write(Word.HALT_REQUESTED, 123456789012345)
+    code = (
+        "import sys; from acquisition.devices.ur.protocol import Board, Word; b = Board(int(sys.argv[1]));"
+        "b.write(Word.HALT_TAKEN, b.read(Word.HALT_REQUESTED))"
+    )
+    command = [sys.executable, "-c", code, str(board.descriptor)]
+    subprocess.run(command, check=True, pass_fds=(board.descriptor,))
+    assert board.read(Word.HALT_TAKEN) == 123456789012345
+    assert board.read(Word.LEASE) == 0
+
+
+def test_reader_never_sees_a_mixture() -> None:
+    board = Board.create()
+    other = dataclasses.replace(SAMPLE, joints=(9.0,) * 6, timestamp=77.0, connected=False)
+    board.publish(SAMPLE)
+    ending = threading.Event()
+
+    def write() -> None:
+        while not ending.is_set():
+            board.publish(other)
+            board.publish(SAMPLE)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    try:
+        seen = {board.sample() for _ in range(3000)}
+    finally:
+        ending.set()
+        writer.join()
+    assert seen <= {SAMPLE, other}
+    assert SAMPLE in seen

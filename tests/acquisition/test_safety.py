@@ -1,0 +1,162 @@
+"""The safety monitor on a scripted arm: what latches, what opens the latch, what does not."""
+
+import threading
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition.devices import ArmIdentity, ArmReading, Finding, MotionLimits, StopToken
+from acquisition.errors import ErrorCode, RigError
+from acquisition.safety import Latch, SafetyMonitor, classify
+
+NORMAL = ArmReading(
+    connected=True,
+    joints=(0.0,) * 6,
+    joint_speeds=(0.0,) * 6,
+    base_from_tool=np.eye(4),
+    timestamp=1.0,
+    robot_mode=7,
+    safety_bits=1,
+    runtime_state=2,
+    program_running=True,
+    speed_fraction=1.0,
+    digital_outputs=0,
+    received_at=0.0,
+)
+PROTECTIVE = replace(NORMAL, safety_bits=1 << 2 | 1 << 10, runtime_state=4)
+EMERGENCY = replace(NORMAL, safety_bits=1 << 6 | 1 << 7 | 1 << 10, robot_mode=3, runtime_state=1)
+LOST = replace(NORMAL, connected=False)
+
+
+class ScriptedArm:
+    """An arm whose reading the test sets."""
+
+    def __init__(self, reading: ArmReading) -> None:
+        self.reading = reading
+
+    def connect(self) -> ArmIdentity:
+        raise NotImplementedError
+
+    def preflight(self) -> Sequence[Finding]:
+        raise NotImplementedError
+
+    def move(self, path: Sequence[Sequence[float]], limits: Sequence[MotionLimits], stop: StopToken) -> None:
+        raise NotImplementedError
+
+    def halt(self) -> None:
+        raise NotImplementedError
+
+    def close(self) -> None:
+        raise NotImplementedError
+
+
+class Watched:
+    """A monitor that looks when told, and what it announced."""
+
+    def __init__(self, reading: ArmReading = NORMAL, latched: Latch | None = None) -> None:
+        self.arm = ScriptedArm(reading)
+        self.announced: list[Latch | None] = []
+        self.monitor = SafetyMonitor(self.arm, self.announced.append, latched)
+
+    def see(self, reading: ArmReading) -> None:
+        self.arm.reading = reading
+        self.monitor.look()
+
+
+def test_normal_arm_is_clear() -> None:
+    watched = Watched()
+    watched.see(NORMAL)
+    watched.monitor.clear()
+    assert watched.announced == []
+    assert watched.monitor.latch is None
+
+
+def test_powered_off_arm_is_no_safety_fault() -> None:
+    assert classify(replace(NORMAL, robot_mode=3, program_running=False)) is None
+
+
+@pytest.mark.parametrize(
+    ("reading", "code"),
+    [(PROTECTIVE, ErrorCode.ARM_PROTECTIVE_STOP), (EMERGENCY, ErrorCode.ARM_EMERGENCY_STOP)],
+)
+def test_stop_latches_until_it_is_over_and_acknowledged(reading: ArmReading, code: ErrorCode) -> None:
+    watched = Watched()
+    watched.see(NORMAL)
+    watched.see(reading)
+    with pytest.raises(RigError) as present:
+        watched.monitor.clear()
+    assert present.value.code == code
+    with pytest.raises(RigError) as refused:
+        watched.monitor.acknowledge("ada")
+    assert refused.value.code == ErrorCode.SAFETY_STILL_FAULTED
+
+    watched.see(NORMAL)
+    with pytest.raises(RigError) as latched:
+        watched.monitor.clear()
+    assert latched.value.code == ErrorCode.SAFETY_NOT_ACKNOWLEDGED
+
+    opened = watched.monitor.acknowledge("ada")
+    assert opened is not None
+    assert opened.code == code
+    watched.monitor.clear()
+    assert [None if latch is None else latch.code for latch in watched.announced] == [code, None]
+
+
+def test_one_fault_is_announced_once_and_the_first_is_kept() -> None:
+    watched = Watched()
+    watched.see(PROTECTIVE)
+    watched.see(PROTECTIVE)
+    watched.see(EMERGENCY)
+    assert len(watched.announced) == 1
+    assert watched.monitor.latch is not None
+    assert watched.monitor.latch.code == ErrorCode.ARM_PROTECTIVE_STOP
+
+
+def test_an_arm_never_connected_is_not_lost() -> None:
+    watched = Watched(LOST)
+    watched.see(LOST)
+    assert watched.monitor.latch is None
+
+
+def test_lost_link_latches_and_may_be_acknowledged_while_it_lasts() -> None:
+    watched = Watched()
+    watched.see(NORMAL)
+    watched.see(LOST)
+    assert watched.monitor.latch is not None
+    assert watched.monitor.latch.code == ErrorCode.DEVICE_DISCONNECTED
+    watched.monitor.acknowledge("ada")
+    watched.see(LOST)  # still away: the same loss is not latched again
+    assert watched.monitor.latch is None
+    watched.see(NORMAL)
+    watched.see(LOST)
+    assert watched.monitor.latch is not None
+
+
+def test_latch_outlives_the_service() -> None:
+    latch = Latch(ErrorCode.ARM_PROTECTIVE_STOP, "Protective stop.", 1.0)
+    watched = Watched(latched=latch)
+    with pytest.raises(RigError) as caught:
+        watched.monitor.clear()
+    assert caught.value.code == ErrorCode.SAFETY_NOT_ACKNOWLEDGED
+    assert watched.monitor.acknowledge("ada") == latch
+
+
+def test_acknowledging_nothing_announces_nothing() -> None:
+    watched = Watched()
+    assert watched.monitor.acknowledge("ada") is None
+    assert watched.announced == []
+
+
+def test_thread_sees_a_stop_by_itself() -> None:
+    arm = ScriptedArm(NORMAL)
+    seen = threading.Event()
+    monitor = SafetyMonitor(arm, lambda latch: seen.set())
+    monitor.start()
+    try:
+        arm.reading = PROTECTIVE
+        assert seen.wait(10.0)
+    finally:
+        monitor.close()
+    assert monitor.latch is not None
