@@ -28,7 +28,7 @@ SETTLED_SAMPLES = 5
 CONFIRM_S = 0.5  # an output is read back within this
 PREDECESSOR_S = 1.0  # the program of a driver that died ends by its watchdog within this
 UPLOAD_S = 5.0
-NEWER_S = 0.06  # data this much newer than a failure show its cause on both interfaces
+NEWER_S = 0.06  # data this much newer than an event show it on both interfaces
 
 
 class Controller:
@@ -130,6 +130,7 @@ class Controller:
                 raise (yield from self._cause("The controller refused the watchdog."))
             self._kicked_at = time.monotonic()
             self._armed = True
+        yield from self._newer()
         return Done()
 
     def inspect(self) -> Task:
@@ -240,15 +241,19 @@ class Controller:
                 )
 
     def _cause(self, otherwise: str) -> Generator[None, None, RigError]:
-        """The reason of a failure, from data newer than the failure: the two interfaces' packets are not in step."""
+        """The reason of a failure, from data newer than it: the two interfaces' packets are not in step."""
         _, receive = self._require_open()
-        failed_at, deadline = self._timestamp, time.monotonic() + protocol.LINK_S
-        while self._timestamp < failed_at + NEWER_S and time.monotonic() < deadline:
-            yield
+        yield from self._newer()
         fault = states.safety_fault(receive.getSafetyStatusBits()) or states.power_fault(receive.getRobotMode())
         if fault is not None:
             return RigError(fault.code, fault.detail)
         return RigError(ErrorCode.ARM_MOVE_FAILED, otherwise)
+
+    def _newer(self) -> Generator[None, None, None]:
+        """Waits for data that show what has just happened; a lost link is found by the driver's loop."""
+        since = self._timestamp
+        while self._timestamp < since + NEWER_S:
+            yield
 
     def _write_lamp(self, on: bool) -> None:
         opened, _ = self._require_open()

@@ -103,6 +103,7 @@ class Driver:
                 raise RigError(ErrorCode.ARM_MOVE_FAILED, detail)
             next(self._task)
         except StopIteration as finished:
+            self._publish()  # whoever reads after the reply sees what the request has done
             self._reply(cast(Done, finished.value))
         except RigError as error:
             if moving:
