@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from acquisition.config import CameraConfig
+from acquisition.errors import RigError
 from acquisition.types import Calibration
 from hardware_sim import shutter
 from hardware_sim.shutter import Moment, StateSource
@@ -88,8 +89,8 @@ class CameraServer:
             begun = time.time()
             try:
                 moments = shutter.expose(self._source, exposure_s)
-            except (OSError, ValueError, KeyError) as error:
-                return {"error": f"the cell's controller does not answer: {error}"}, None
+            except RigError as error:
+                return {"error": error.detail}, None
             taken_at = (begun + time.time()) / 2
             frame = self._take_frame(moments, exposure_s, attempt)
         return {**size, "exposure_s": exposure_s, "attempt": attempt, "taken_at": taken_at}, frame

@@ -31,13 +31,8 @@ def mesh(field: Field, low: FloatArray, high: FloatArray, spacing_m: float) -> s
     The field must nowhere be steeper than 1, as distances are.
     """
     inside = _inside(field, low, high, spacing_m)
-    corners = sum(
-        inside[i : i - 1 or None, j : j - 1 or None, k : k - 1 or None].astype(np.int8)
-        for i in (0, 1)
-        for j in (0, 1)
-        for k in (0, 1)
-    )
-    crossed = (corners > 0) & (corners < 8)
+    corners = [inside[i : i - 1 or None, j : j - 1 or None, k : k - 1 or None] for i, j, k in np.ndindex(2, 2, 2)]
+    crossed = np.any(corners, axis=0) & ~np.all(corners, axis=0)
     number = np.full(crossed.shape, -1, dtype=np.int64)
     number[crossed] = np.arange(int(crossed.sum()))
     vertices = low + spacing_m * (np.argwhere(crossed) + 0.5)

@@ -38,7 +38,9 @@ class IndirectLight:
         self._pixels = pixels
         self._reflectance = view.share * np.bincount(number, view.surface.albedo).astype(np.float32)
         self._point_normals = view.surface.normals[first]
-        self._to_pixels = radiosity.interpolation(surface, view.surface.points[first], self._point_normals)
+        self._to_pixels = radiosity.interpolation(
+            surface, view.surface.points[first].astype(float), self._point_normals.astype(float)
+        )
         table_share = view.share * np.bincount(view.table.pixels, minlength=view.lens.width * view.lens.height)
         self._table_reflectance = (TABLE_ALBEDO * table_share).astype(np.float32)
         self._table_grid, points = _table_grid(view)
@@ -55,7 +57,7 @@ class IndirectLight:
         )
 
     def ambient(self) -> Float32Array:
-        """The picture (H, W) under the room's light alone, all bounces; 1 is what a white surface under open sky sends."""
+        """The picture (H, W) under the room's light alone, all bounces; a white surface under open sky sends 1."""
         up = self._patches.normals[:, 2]
         blocked = self._factors[:, : self._count].sum(axis=1).astype(float)
         direct = np.clip((1 + up) / 2 - blocked, 0, None)

@@ -7,6 +7,7 @@ under a thin gloss). Without a finish the albedo drifts softly between 0.3 and 0
 
 import hashlib
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
@@ -61,12 +62,12 @@ class SceneObject:
     gloss: float
     gloss_exponent: float
 
-    @property
+    @cached_property
     def radius_m(self) -> float:
         """Of the least cylinder round the z axis that holds the object."""
         return float(np.hypot(self.mesh.triangles[..., 0], self.mesh.triangles[..., 1]).max())
 
-    @property
+    @cached_property
     def height_m(self) -> float:
         """Of its highest point over the table."""
         return float(self.mesh.triangles[..., 2].max())

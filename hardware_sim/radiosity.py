@@ -2,8 +2,8 @@
 
 A patch is a cluster of points drawn evenly from the surface, near one another in place and direction, so that any mesh
 gives patches of like size without being remeshed. Form factors are those of small discs with visibility by ray casting;
-they depend on shape alone and take less than a second, so that they are not stored. The indirect light is smooth except at contact, so that its interpolation
-from patches to pixels of the fine mesh loses little.
+they depend on shape alone and take less than a second, so that they are not stored. The indirect light is smooth except
+at contact, so that its interpolation from patches to pixels of the fine mesh loses little.
 
 Source: C. M. Goral et al., Modeling the interaction of light between diffuse surfaces, SIGGRAPH 1984; the disc's form
 factor is J. R. Wallace et al., A ray tracing algorithm for progressive radiosity, SIGGRAPH 1989.
@@ -138,7 +138,9 @@ def form_factors(patches: Patches, tracer: Tracer) -> Float32Array:
 
 
 @numba.njit("Tuple((int64[::1], int64[::1], float64[::1]))(float64[:, ::1], float64[:, ::1], float64[::1])", cache=True)
-def _pairs(centres, normals, areas):  # type: ignore[no-untyped-def] # pragma: no cover
+def _pairs(
+    centres: FloatArray, normals: FloatArray, areas: FloatArray
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], FloatArray]:
     """Pairs of patches that face each other, and F_ij / A_j of each, symmetric."""
     count = len(centres)
     total = 0
@@ -186,7 +188,8 @@ def interpolation(patches: Patches, points: FloatArray, normals: FloatArray) -> 
     """
     neighbours = min(NEIGHBOURS, len(patches.centres) - 1)
     tree = cKDTree(np.concatenate([patches.centres, TURN_M * patches.normals], axis=1))
-    distance, patch = tree.query(np.concatenate([points, TURN_M * normals], axis=1), k=neighbours + 1)
+    found = tree.query(np.concatenate([points, TURN_M * normals], axis=1), k=neighbours + 1)
+    distance, patch = np.asarray(found[0]), np.asarray(found[1])
     weight = (1 - (distance[:, :-1] / distance[:, -1:]) ** 2) ** 2 + 1e-9
     weight /= weight.sum(axis=1, keepdims=True)
     rows = np.repeat(np.arange(len(points)), neighbours)

@@ -145,8 +145,9 @@ def lit(
     facing, needs_ray = _facing(
         points, normals, position.astype(np.float32), np.float32(scene.radius_m), np.float32(scene.height_m)
     )
-    starts = points[needs_ray] + np.float32(START_M) * normals[needs_ray]
-    facing[needs_ray] = ~tracer.occluded(starts, position.astype(np.float32) - starts)
+    target = position.astype(np.float32)
+    starts = (points[needs_ray] + START_M * normals[needs_ray]).astype(np.float32)
+    facing[needs_ray] = ~tracer.occluded(starts, target - starts)
     return facing
 
 
@@ -177,7 +178,9 @@ def direct(view: View, scene: SceneObject, tracer: Tracer, lamp: Lamp) -> Float3
     cache=True,
     fastmath=True,
 )
-def _facing(points, normals, lamp, radius, height):  # type: ignore[no-untyped-def] # pragma: no cover
+def _facing(
+    points: Float32Array, normals: Float32Array, lamp: Float32Array, radius: np.float32, height: np.float32
+) -> tuple[BoolArray, BoolArray]:
     """Which points face the lamp, and for which of these the object's cylinder may stand between."""
     count = len(points)
     facing = np.zeros(count, dtype=np.bool_)
@@ -206,9 +209,21 @@ def _facing(points, normals, lamp, radius, height):  # type: ignore[no-untyped-d
     cache=True,
     fastmath=True,
 )
-def _shade(  # type: ignore[no-untyped-def] # pragma: no cover
-    points, normals, albedo, pixels, free, lamp, axis, lobe, strength, eye, gloss, gloss_exponent, image
-):
+def _shade(  # noqa: PLR0917 - numba takes no keywords
+    points: Float32Array,
+    normals: Float32Array,
+    albedo: Float32Array,
+    pixels: npt.NDArray[np.int32],
+    free: BoolArray,
+    lamp: Float32Array,
+    axis: Float32Array,
+    lobe: np.float32,
+    strength: np.float32,
+    eye: Float32Array,
+    gloss: np.float32,
+    gloss_exponent: np.float32,
+    image: Float32Array,
+) -> None:
     """Adds each sample's matt and glossy light to its pixel."""
     for i in range(len(points)):
         if not free[i]:

@@ -5,10 +5,12 @@ stereo: `sphere` (every slant, an analytic truth), `vase` (a curved outline), `r
 `part` (steps, holes and edges), `bumps` (smooth valleys), `figure` (limbs that shadow and hide one another).
 """
 
+from itertools import pairwise
+
 import cv2
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import gaussian_filter, map_coordinates
 
 from acquisition.types import FloatArray
 from hardware_sim import implicit, sheets
@@ -43,15 +45,15 @@ def relief(random: np.random.Generator) -> Mesh:
     pixel = 1e-4
     size = 1241  # 0.124 m
     middle = (size - 1) / 2
-    heights = cv2.GaussianBlur(_stamp(random, size, pixel), (0, 0), 0.00042 / pixel)
-    slope_y, slope_x = np.gradient(heights, pixel)
+    heights: FloatArray = np.asarray(gaussian_filter(_stamp(random, size, pixel), 0.00042 / pixel), float)
 
     ring = np.linspace(0.0, radius - fillet, 240)
     angle = np.linspace(0, 2 * np.pi, 1301)
     angle[-1] = 0.0
     x, y = np.outer(ring, np.cos(angle)), np.outer(ring, np.sin(angle))
     where = np.stack([y / pixel + middle, x / pixel + middle])
-    dx, dy, z = (map_coordinates(image, where, order=1) for image in (slope_x, slope_y, heights))
+    z = _at(heights, where)
+    dx, dy = (_at(np.asarray(np.gradient(heights, pixel, axis=axis), float), where) for axis in (1, 0))
     face = sheets.sheet(np.stack([x, y, base + z], axis=-1), np.stack([-dx, -dy, np.ones_like(dx)], axis=-1))
 
     bend = np.linspace(0, np.pi / 2, 12)
@@ -65,6 +67,11 @@ def relief(random: np.random.Generator) -> Mesh:
     wall = sheets.cone((radius, base + rim - fillet), (radius, 0.0), (1.0, 0.0), 1300)
     floor = sheets.cone((0.0, 0.0), (radius, 0.0), (0.0, -1.0), 1300)
     return sheets.joined([face, edge, wall, floor])
+
+
+def _at(image: FloatArray, where: FloatArray) -> FloatArray:
+    """The image between its pixels, at rows and columns `where` (2, R, C)."""
+    return np.asarray(map_coordinates(image, where, order=1), float)
 
 
 def _stamp(random: np.random.Generator, size: int, pixel: float) -> FloatArray:
@@ -193,7 +200,7 @@ def figure(random: np.random.Generator) -> Mesh:
     for joints, radius in chains:
         points = np.array(joints) * 1e-3 + random.uniform(-1.5e-3, 1.5e-3, (len(joints), 3))
         thickness = radius * 1e-3 * random.uniform(0.96, 1.04)
-        for start, end in zip(points[:-1], points[1:], strict=True):
+        for start, end in pairwise(points):
             starts.append(start)
             ends.append(end)
             radii.append(thickness)

@@ -1,8 +1,8 @@
 """What arm and lamp did while the shutter was open, from the controller's state before, during and after.
 
 A lamp follows its output exponentially. A moving arm smears its shadows: its joints over the exposure become a few
-moments that are rendered one by one. An arm at rest under a settled lamp is one moment, whatever the clock says, so that
-a repeated exposure gives the same frame.
+moments that are rendered one by one. An arm at rest under a settled lamp is one moment, whatever the clock says, so
+that a repeated exposure gives the same frame.
 """
 
 import math
@@ -35,7 +35,7 @@ class StateSource(Protocol):
     """Where the world reads the cell's state; the controller's control port, or a fixed state in tests."""
 
     def state(self) -> CellState:
-        """The state now."""
+        """The state now. Raises RigError device.disconnected."""
         ...
 
 
@@ -86,7 +86,7 @@ def _settled(level: float) -> float:
 
 
 def _mean_level(state: CellState, duration_s: float) -> float:
-    """The lamp's mean level over the `duration_s` (cell's time) before `state`; before its last change it was settled."""
+    """The lamp's mean level over the `duration_s` (cell's time) before `state`, settled before its last change."""
     age = state.lamp_age_s * state.speed_factor
     since = min(duration_s, age)
     start = age - since

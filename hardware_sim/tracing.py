@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from embreex import rtcore_scene
 from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
 
 from acquisition.types import BoolArray, Float32Array, FloatArray
 from hardware_sim.sheets import Mesh
@@ -28,7 +28,7 @@ class Tracer:
     """Answers which triangle a ray hits first, and whether it hits any."""
 
     def __init__(self, mesh: Mesh) -> None:
-        self._scene = rtcore_scene.EmbreeScene()
+        self._scene = EmbreeScene()
         TriangleMesh(self._scene, np.ascontiguousarray(mesh.triangles, dtype=np.float32))
 
     def first_hits(self, origins: Float32Array, directions: Float32Array) -> Hits:

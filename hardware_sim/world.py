@@ -1,8 +1,8 @@
 """The truth of the cell: object, table, lamp, camera and room, and how they differ from what the calibration says.
 
 A `Profile` holds the differences that nobody tells the solver. Those that belong to one image (lamp intensity, lamp
-position, flicker, sensor noise) are drawn from a hash of seed, joints, exposure, lamp and attempt, not from the order of
-calls, so that a resumed session sees the same images.
+position, flicker, sensor noise) are drawn from a hash of seed, joints, exposure, lamp and attempt, not from the order
+of calls, so that a resumed session sees the same images.
 
 The arm itself neither casts shadows nor hides the object: waypoints keep it out of the way. Where that shall be
 simulated, its links join the mesh that `Tracer` is made from, for each set of joints.
@@ -180,7 +180,7 @@ class World:
         return Truth(normals, depth, albedo, mask)
 
     def visibility(self, joints: Sequence[float]) -> BoolArray:
-        """Where (H, W) the object's pixel centres are lit directly by the lamp at joints (6,), neither shadow on them."""
+        """Where (H, W) the lamp at joints (6,) lights the object's pixel centres directly, without any shadow."""
         seen = self._centres()
         position = geometry.transform(self._object_from_base, self.base_from_lamp(joints)[:3, 3])
         result = np.zeros(self.lens.height * self.lens.width, dtype=bool)

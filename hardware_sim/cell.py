@@ -1,0 +1,181 @@
+"""A whole simulated cell: controller and world as two processes, and the files that tell others of it.
+
+The folder receives `cell.toml`, `calibration.json` (nominal values) and `truth.npz` (for `grade` alone).
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
+from typing import get_args
+
+from acquisition.errors import ErrorCode, RigError
+from hardware_sim import nominal, objects
+from hardware_sim.controller.process import ControllerProcess
+from hardware_sim.nominal import FULL_PIXELS
+from hardware_sim.world import ProfileName
+
+READY_WITHIN_S = 120.0
+
+
+class Cell:
+    """A running cell, as a context manager; on entry returns when controller and camera can be connected to.
+
+    Raises RigError request.invalid for an object, profile, size or speed that there is not, config.invalid for a bad
+    cell file, service.fault when a process does not start (its reason is in the detail).
+    """
+
+    def __init__(
+        self,
+        address: str,
+        object_name: str,
+        seed: int,
+        profile: str,
+        speed: float,
+        *,
+        folder: Path,
+        pixels: int = FULL_PIXELS,
+        cell_file: Path | None = None,
+        trace: Path | None = None,
+    ) -> None:
+        _refuse_nonsense(object_name, profile, speed, pixels)
+        self.address = address
+        self.folder = folder
+        self.cell_file = folder / "cell.toml"
+        self.calibration_file = folder / "calibration.json"
+        self.truth_file = folder / "truth.npz"
+        self.config = nominal.write(folder, address, pixels, cell_file or nominal.default_cell_file())
+        self._arguments = [str(folder), object_name, str(seed), profile]
+        self._speed, self._trace = speed, trace
+        self._controller: ControllerProcess | None = None
+        self._world: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> "Cell":
+        environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        self._controller = ControllerProcess(
+            self.address,
+            home=self.config.arm.home,
+            model=self.config.arm.model,
+            speed=self._speed,
+            low_when_stopped=(self.config.lamp.output,),
+            trace=self._trace,
+        )
+        try:
+            self._world = subprocess.Popen(  # noqa: S603 - our own module, arguments checked
+                [sys.executable, "-m", "hardware_sim.world_process", *self._arguments],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                env=environment,
+            )
+            self._await_world(self._world)
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._world is not None:
+            _end(self._world)
+            self._world = None
+        if self._controller is not None:
+            self._controller.close()
+            self._controller = None
+
+    @property
+    def alive(self) -> bool:
+        """Whether both processes run."""
+        processes = [self._world, self._controller and self._controller.process]
+        return all(process is not None and process.poll() is None for process in processes)
+
+    def _await_world(self, world: "subprocess.Popen[bytes]") -> None:
+        assert world.stdout is not None  # noqa: S101 - it is a pipe
+        overdue = threading.Timer(READY_WITHIN_S, world.kill)  # ends the wait for its line
+        overdue.start()
+        try:
+            line = world.stdout.readline()
+        finally:
+            overdue.cancel()
+        answer = json.loads(line) if line else {"error": "it ended before it was ready"}
+        if "error" in answer:
+            raise RigError(ErrorCode.SERVICE_FAULT, f"the simulated world did not start: {answer['error']}")
+
+
+def run(
+    address: str,
+    object_name: str,
+    seed: int,
+    profile: str,
+    speed: float,
+    *,
+    folder: Path | None = None,
+    pixels: int = FULL_PIXELS,
+    cell_file: Path | None = None,
+    trace: Path | None = None,
+    say: Callable[[str], None] = print,
+) -> None:
+    """Runs a cell until SIGTERM or SIGINT; says `ready …` when it can be connected to.
+
+    Must be called in the main thread. Without `folder` the files go to a temporary one that ends with the cell. Raises
+    RigError as `Cell` does, service.fault when one of its processes ends by itself.
+    """
+    ending = threading.Event()
+
+    def end(_: int, __: FrameType | None) -> None:
+        ending.set()
+
+    before = {number: signal.signal(number, end) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        with tempfile.TemporaryDirectory(prefix="lightpose-sim-") as temporary:
+            place = folder or Path(temporary)
+            with Cell(
+                address,
+                object_name,
+                seed,
+                profile,
+                speed,
+                folder=place,
+                pixels=pixels,
+                cell_file=cell_file,
+                trace=trace,
+            ) as cell:
+                say(f"ready cell={cell.cell_file} address={address} object={object_name} seed={seed} profile={profile}")
+                while not ending.wait(0.5):
+                    if not cell.alive:
+                        raise RigError(ErrorCode.SERVICE_FAULT, "a process of the simulated cell ended by itself")
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _refuse_nonsense(object_name: str, profile: str, speed: float, pixels: int) -> None:
+    if object_name not in objects.names():
+        raise RigError(
+            ErrorCode.REQUEST_INVALID, f"there is no object {object_name!r}: choose of {', '.join(objects.names())}"
+        )
+    if profile not in get_args(ProfileName):
+        raise RigError(
+            ErrorCode.REQUEST_INVALID, f"there is no profile {profile!r}: choose of {', '.join(get_args(ProfileName))}"
+        )
+    if not 0.1 <= speed <= 100:
+        raise RigError(ErrorCode.REQUEST_INVALID, f"speed is {speed}: it must lie between 0.1 and 100")
+    if not 32 <= pixels <= 4096:
+        raise RigError(ErrorCode.REQUEST_INVALID, f"pixels is {pixels}: it must lie between 32 and 4096")
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    """Ends a process by ending its standard input, or by force."""
+    if process.stdin is not None:
+        process.stdin.close()
+    try:
+        process.wait(5)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    if process.stdout is not None:
+        process.stdout.close()

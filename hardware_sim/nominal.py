@@ -1,0 +1,76 @@
+"""What the people of the simulated cell would have measured: its calibration and its cell file.
+
+The calibration holds nominal values; what is true instead, `world` keeps for itself.
+"""
+
+import json
+import re
+from pathlib import Path
+
+from acquisition import config
+from acquisition.config import CellConfig
+from acquisition.errors import ErrorCode, RigError
+from acquisition.types import Calibration
+
+FULL_PIXELS = 1024
+
+
+def calibration(pixels: int) -> Calibration:
+    """The nominal calibration of a square picture of `pixels` × `pixels` of the same field of view."""
+    scale = pixels / FULL_PIXELS
+    focal, centre = 4600.0 * scale, 512.0 * scale - 0.5  # the picture's middle is the edge between two pixels
+    identity = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    return Calibration.model_validate(
+        {
+            "width": pixels,
+            "height": pixels,
+            "camera_matrix": ((focal, 0.0, centre), (0.0, focal, centre), (0.0, 0.0, 1.0)),
+            "distortion": (-0.08, 0.05, 0.0004, -0.0003, 0.0),
+            "base_from_camera": (
+                (1.0, 0.0, 0.0, 0.55),
+                (0.0, -1.0, 0.0, 0.0),
+                (0.0, 0.0, -1.0, 0.9),
+                (0.0, 0.0, 0.0, 1.0),
+            ),
+            "tool_from_lamp": identity,
+            "lamp_intensity": 20.0,
+            "reference_m": 0.45,
+            "lobe_exponent": 0.8,
+            "sensor": {
+                "bits": 12,
+                "gain_e_per_dn": 2.5,
+                "read_noise_e": 5.0,
+                "full_well_e": 10077.5,
+                "black_level_dn": 64.0,
+            },
+            "intensity_sigma": 0.01,
+            "lamp_position_sigma_m": 0.001,
+            "made_at": "2026-11-01T00:00:00Z",
+            "valid_days": 3650.0,
+        }
+    )
+
+
+def default_cell_file() -> Path:
+    """`deploy/cell.sim.toml` of the checkout. Raises RigError config.invalid where there is none."""
+    path = Path(__file__).resolve().parents[1] / "deploy" / "cell.sim.toml"
+    if not path.is_file():
+        raise RigError(ErrorCode.CONFIG_INVALID, "deploy/cell.sim.toml is not here: give a cell file", file=str(path))
+    return path
+
+
+def write(folder: Path, address: str, pixels: int, cell_file: Path) -> CellConfig:
+    """Writes `cell.toml` (of `cell_file`, at `address`) and `calibration.json` into a folder, and reads them back.
+
+    Raises RigError config.invalid.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    config.load(cell_file)
+    text = cell_file.read_text(encoding="utf-8")
+    text = re.sub(r"^address\s*=.*$", f"address = {json.dumps(address)}", text, flags=re.MULTILINE)
+    text = re.sub(r"^calibration\s*=.*$", 'calibration = "calibration.json"', text, flags=re.MULTILINE)
+    written = folder / "cell.toml"
+    written.write_text(text, encoding="utf-8")
+    (folder / "calibration.json").write_text(calibration(pixels).model_dump_json(indent=2) + "\n", encoding="utf-8")
+    config.load_calibration(folder / "calibration.json")
+    return config.load(written)

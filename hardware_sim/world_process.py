@@ -1,0 +1,70 @@
+"""The world as a process: builds the scene, writes the truth, serves the camera until its parent is gone.
+
+Run as `python -m hardware_sim.world_process FOLDER OBJECT SEED PROFILE`, with `cell.toml` and `calibration.json` in the
+folder. Prints one JSON line, `{"ready": true}` or `{"error": sentence}`. It ends when its standard input ends, which
+happens however its parent dies.
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import cast
+
+import cv2
+
+from acquisition import config
+from acquisition.errors import RigError
+from hardware_sim.camera import CameraServer
+from hardware_sim.controller.control import ControlClient
+from hardware_sim.shutter import CellState
+from hardware_sim.world import ProfileName, World
+
+
+class ControllerState:
+    """Arm and lamp as the controller's control port tells them."""
+
+    def __init__(self, address: str, lamp_output: int) -> None:
+        self._address, self._output = address, lamp_output
+        self._client: ControlClient | None = ControlClient(address)
+
+    def state(self) -> CellState:
+        """The state now. Raises RigError device.disconnected; the next call connects anew."""
+        if self._client is None:
+            self._client = ControlClient(self._address)
+        try:
+            state = self._client.state()
+        except RigError:
+            self._client.close()
+            self._client = None
+            raise
+        return CellState(
+            joints=tuple(state["joints"]),
+            lamp_on=bool(state["digital_outputs"] >> self._output & 1),
+            lamp_age_s=float(state["output_age_s"][self._output]),
+            speed_factor=float(state["speed_factor"]),
+        )
+
+
+def main(folder: Path, object_name: str, seed: int, profile: ProfileName) -> None:
+    """Serves one world until standard input ends."""
+    cv2.setNumThreads(1)  # the other core belongs to the service
+    try:
+        cell = config.load(folder / "cell.toml")
+        calibration = config.load_calibration(folder / cell.calibration)
+        world = World(cell, calibration, object_name, seed, profile)
+        world.truth().save(folder / "truth.npz")
+        source = ControllerState(cell.arm.address, cell.lamp.output)
+        server = CameraServer(cell.camera, calibration, world.frame, source)
+    except RigError as error:
+        print(json.dumps({"error": error.detail}), flush=True)
+        raise SystemExit(1) from error
+    except OSError as error:
+        print(json.dumps({"error": f"the camera's port: {error}"}), flush=True)
+        raise SystemExit(1) from error
+    with server:
+        print(json.dumps({"ready": True}), flush=True)
+        sys.stdin.buffer.read()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]), cast(ProfileName, sys.argv[4]))
