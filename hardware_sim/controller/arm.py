@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from hardware_sim.controller import kinematics, poses
 from hardware_sim.controller.kinematics import JOINT_LIMIT, ArmModel
 from hardware_sim.controller.motion import (
+    Blend,
     Follower,
     JointBrake,
     JointMove,
@@ -16,9 +17,9 @@ from hardware_sim.controller.motion import (
     LinearBrake,
     LinearMove,
     Motion,
-    MotionFault,
-    joint_move,
+    MotionError,
     linear_profile,
+    planned_joint_move,
 )
 from hardware_sim.controller.poses import Frame
 
@@ -34,6 +35,7 @@ class Arm:
         self.speeds: Joints = [0.0] * 6
         self.target: Joints = self.joints[:]
         self.motion: Motion | None = None
+        self.corner: Joints | None = None  # where the present move ends, while the next may still blend into it
         self.moves_started = 0
         self.tcp: list[float] = [0.0] * 6
         self.flange_from_tool: Frame = poses.IDENTITY
@@ -73,42 +75,49 @@ class Arm:
             else (0.0,) * 6
         )
 
+    @property
+    def next_start(self) -> Joints:
+        """The joints at which the next move begins: here, or at the corner that is being blended."""
+        return self.joints if self.corner is None else self.corner
+
     def follower(self) -> Follower:
-        """A follower of tool poses that starts here."""
-        return Follower(self.model, self.joints, self.flange_from_tool)
+        """A follower of tool poses that starts where the next move does."""
+        return Follower(self.model, self.next_start, self.flange_from_tool)
 
-    def start_joint_move(self, target: Sequence[float], speed: float, acceleration: float, seconds: float) -> JointMove:
-        """Begins a joint move from rest."""
-        move = joint_move(self.model, self.joints, target, speed, acceleration, seconds)
-        self._begin(move)
-        self.target = list(target)
-        return move
+    def joint_move(self, target: Sequence[float], speed: float, acceleration: float, seconds: float) -> JointMove:
+        """A joint move from where the next move begins."""
+        return planned_joint_move(self.model, self.next_start, target, speed, acceleration, seconds)
 
-    def start_linear_move(self, target: Frame, speed: float, acceleration: float, seconds: float) -> LinearMove:
-        """Begins a straight move of the tool from rest."""
-        profile = linear_profile(self.base_from_tool, target, speed, acceleration, seconds)
-        move = LinearMove(self.follower(), self.base_from_tool, target, profile)
-        self._begin(move)
-        return move
+    def linear_move(self, target: Frame, speed: float, acceleration: float, seconds: float) -> LinearMove:
+        """A straight move of the tool from where the next move begins. Raises MotionError."""
+        start = poses.compose(kinematics.forward(self.model, self.next_start), self.flange_from_tool)
+        profile = linear_profile(start, target, speed, acceleration, seconds)
+        return LinearMove(self.follower(), start, target, profile)
 
-    def _begin(self, move: Motion) -> None:
-        self.motion = move
+    def start(self, move: JointMove | LinearMove) -> Motion:
+        """Begins a move, blended into the present one where that left a corner."""
+        self.target = move.end
         self.moves_started += 1
+        self.motion = Blend(self.motion, self.corner, move) if self.motion and self.corner else move
+        self.corner = None
+        return self.motion
 
     def brake(self, deceleration: float) -> JointBrake:
         """Begins to bring all joints to rest, the fastest at `deceleration` in rad/s²."""
+        self.corner = None
         brake = JointBrake(self.joints, self.speeds, deceleration)
         self.motion = brake
         return brake
 
     def brake_tool(self, deceleration: float) -> LinearBrake:
         """Begins to bring the tool to rest on its line, at `deceleration` in m/s²."""
+        self.corner = None
         brake = LinearBrake(self.follower(), self.base_from_tool, self.tool_velocity, deceleration)
         self.motion = brake
         return brake
 
     def step(self, dt: float, pace: float) -> None:
-        """Advances by `dt` seconds of motion time. Raises MotionFault and leaves the arm where it was."""
+        """Advances by `dt` seconds of motion time. Raises MotionError and leaves the arm where it was."""
         motion = self.motion
         if motion is None:
             return
@@ -118,11 +127,12 @@ class Arm:
             joints, speeds = motion.step(dt, pace)
             for number, (q, s) in enumerate(zip(joints, speeds, strict=True)):
                 if abs(q) > JOINT_LIMIT and q * s > 0.0 and not isinstance(motion, JointBrake):
-                    raise MotionFault(f"joint {number} is at its limit")
+                    raise MotionError(f"joint {number} is at its limit")
             self.joints, self.speeds = joints, speeds
         self.refresh()
         if motion.finished:
             self.motion = None
+            self.corner = None
 
     def end_tick(self) -> None:
         """Counts ticks at rest and keeps the history of joints."""

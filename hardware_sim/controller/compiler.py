@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from types import CodeType
 
-from hardware_sim.controller.syntax import (
+from hardware_sim.controller.syntax import ScriptSyntaxError, parse
+from hardware_sim.controller.tree import (
     Assign,
     Binary,
     Call,
@@ -24,11 +25,9 @@ from hardware_sim.controller.syntax import (
     Name,
     Node,
     Run,
-    ScriptSyntaxError,
     Simple,
     Unary,
     While,
-    parse,
 )
 
 
@@ -75,7 +74,7 @@ def _functions(function: Function) -> Iterator[Function]:
         yield from _functions(inner)
 
 
-def _walk(nodes: list[Node]) -> Iterator[Node]:
+def _walk(nodes: list[Node]) -> Iterator[Node]:  # noqa: PLR0912 - one branch per kind of node
     """All nodes below `nodes`, themselves included."""
     stack = list(reversed(nodes))
     while stack:
@@ -219,7 +218,7 @@ class _Writer:
         }.get(node.word, node.word)
         self._emit(indent, node.line, text)
 
-    def _expression(self, node: Node) -> str:
+    def _expression(self, node: Node) -> str:  # noqa: PLR0911 - one return per kind of expression
         match node:
             case Literal(_, value):
                 return repr(value)

@@ -10,16 +10,17 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from hardware_sim.controller import poses
+from hardware_sim.controller import publication
 from hardware_sim.controller.arm import Arm
 from hardware_sim.controller.compiler import compile_program
-from hardware_sim.controller.functions import STEP_TIME, VOCABULARY, Functions
+from hardware_sim.controller.functions import VOCABULARY, table
 from hardware_sim.controller.kinematics import ArmModel
-from hardware_sim.controller.modes import JOINT_MODE, JOINT_POWER_OFF, SAFETY_BITS, RobotMode, RuntimeState, SafetyMode
-from hardware_sim.controller.motion import Motion, MotionFault
+from hardware_sim.controller.modes import RobotMode, RuntimeState, SafetyMode
+from hardware_sim.controller.motion import Motion, MotionError
 from hardware_sim.controller.outputs import Outputs
 from hardware_sim.controller.program import Program, ScriptError
-from hardware_sim.controller.registers import OFFSETS, Registers
+from hardware_sim.controller.registers import Registers
+from hardware_sim.controller.script_values import STEP_TIME
 from hardware_sim.controller.syntax import ScriptSyntaxError
 
 LOG = logging.getLogger("hardware_sim.controller")
@@ -30,15 +31,6 @@ PROGRAM_STOP_DECELERATION = 6.0  # rad/s², where a program ends in mid-move
 SAFETY_STOP_DECELERATION = 15.0  # rad/s²
 _PACE_RATE = 5.0  # per s: a pause from full speed takes 0.2 s
 _LONGEST_STEP = 0.008  # s of motion: large speed factors take several steps per tick
-_STEADY_VALUES: dict[str, tuple[float, ...]] = {
-    "joint_temperatures": (28.0,) * 6,
-    "actual_joint_voltage": (48.0,) * 6,
-    "actual_main_voltage": (48.0,),
-    "actual_robot_voltage": (48.0,),
-    "actual_robot_current": (0.5,),
-    "actual_execution_time": (0.0002,),
-    "tool_temperature": (28.0,),
-}
 SampleSink = Callable[[float, Sequence[float]], None]
 
 
@@ -92,11 +84,10 @@ class Controller:
         self._stopped_at = -math.inf
         self._pace = 1.0
         self._orders: list[tuple[float, Callable[[], None]]] = []
-        self._functions = Functions(self).table()
-        for name, values in _STEADY_VALUES.items():
-            self.registers.set(name, *values)
-        self._publish_pose()
-        self._publish()
+        self._functions = table(self)
+        publication.steady(self.registers)
+        self.tool_changed()
+        publication.modes(self, self._pace)
 
     # --- the program -----------------------------------------------------------------------------------------
 
@@ -149,6 +140,7 @@ class Controller:
         self.runtime_state = RuntimeState.STOPPED
         if program is not None:
             program.close()
+        self.arm.corner = None
         self.outputs.tick(self.now, False)
 
     def pause(self) -> bool:
@@ -170,6 +162,10 @@ class Controller:
     def claim(self) -> None:
         """Called by a program's motion function in each tick in which it wants its motion to go on."""
         self._claimed = True
+
+    def tool_changed(self) -> None:
+        """Publishes the pose after the TCP was set while the arm stands."""
+        publication.pose(self.arm, self.registers)
 
     def require_main_program(self) -> None:
         """Raises ScriptError where a secondary program tries to move the arm."""
@@ -293,7 +289,7 @@ class Controller:
         self._take_turns()
         self._move()
         self.outputs.tick(now, self.playing)
-        self._publish()
+        publication.modes(self, self._pace)
 
     def _check_watchdogs(self) -> None:
         for variable, watchdog in list(self._watchdogs.items()):
@@ -334,7 +330,7 @@ class Controller:
         paused = self.runtime_state in (RuntimeState.PAUSING, RuntimeState.PAUSED)
         if arm.motion is None:
             self._own_brake = None
-        elif not self._claimed and not paused and arm.motion is not self._own_brake:
+        elif not self._claimed and not paused and arm.motion is not self._own_brake and arm.corner is None:
             self._brake(PROGRAM_STOP_DECELERATION)
         wanted = 0.0 if paused else self.slider
         dt = self.speed_factor * STEP_TIME
@@ -347,67 +343,11 @@ class Controller:
                 self._pace += max(-change, min(change, wanted - self._pace))
                 try:
                     arm.step(dt / steps, self._pace)
-                except MotionFault as fault:
+                except MotionError as fault:
                     self.protective_stop(str(fault))
                 if self._sample is not None:
                     self._sample(self.timestamp + (number / steps - 1.0) * STEP_TIME, arm.true_joints)
-            self._publish_pose()
+            publication.pose(arm, self.registers)
         arm.end_tick()
         if self.runtime_state is RuntimeState.PAUSING and not arm.moving:
             self.runtime_state = RuntimeState.PAUSED
-
-    # --- what clients see --------------------------------------------------------------------------------------
-
-    def _publish_pose(self) -> None:
-        arm, put = self.arm, self.registers.set
-        pose = poses.to_ur(arm.base_from_tool)
-        for name in ("actual_q", "target_q"):
-            put(name, *arm.joints)
-        for name in ("actual_qd", "target_qd"):
-            put(name, *arm.speeds)
-        for name in ("actual_TCP_pose", "target_TCP_pose"):
-            put(name, *pose)
-        for name in ("actual_TCP_speed", "target_TCP_speed"):
-            put(name, *arm.tool_velocity)
-        put("actual_tool_accelerometer", *poses.rotate(poses.invert(arm.base_from_flange), (0.0, 0.0, 9.82)))
-
-    def tool_changed(self) -> None:
-        """Publishes the pose after the TCP was set while the arm stands."""
-        self._publish_pose()
-
-    def _publish(self) -> None:
-        values, arm = self.registers.values, self.arm
-        powered = self.robot_mode >= RobotMode.POWER_ON
-        values[_TIMESTAMP] = self.ticks * STEP_TIME
-        values[_RUNTIME_STATE] = self.runtime_state
-        values[_ROBOT_MODE] = self.robot_mode
-        values[_SAFETY_MODE] = values[_SAFETY_STATUS] = self.safety_mode
-        values[_SAFETY_BITS] = SAFETY_BITS[self.safety_mode]
-        values[_ROBOT_BITS] = int(powered) | int(self.playing) << 1 | int(powered) << 3
-        values[_JOINT_MODE : _JOINT_MODE + 6] = [JOINT_MODE.get(self.robot_mode, JOINT_POWER_OFF)] * 6
-        values[_SPEED_SCALING] = self._pace if self.playing else 0.0
-        values[_SPEED_FRACTION] = self.slider
-        values[_DIGITAL_OUTPUTS] = self.outputs.levels
-        values[_ANALOG_OUTPUT_0] = self.outputs.analog(0)
-        values[_ANALOG_OUTPUT_1] = self.outputs.analog(1)
-        values[_PAYLOAD] = arm.payload
-        values[_PAYLOAD_COG : _PAYLOAD_COG + 3] = arm.payload_center
-        values[_PAYLOAD_INERTIA : _PAYLOAD_INERTIA + 6] = arm.payload_inertia
-
-
-_TIMESTAMP = OFFSETS["timestamp"]
-_RUNTIME_STATE = OFFSETS["runtime_state"]
-_ROBOT_MODE = OFFSETS["robot_mode"]
-_SAFETY_MODE = OFFSETS["safety_mode"]
-_SAFETY_STATUS = OFFSETS["safety_status"]
-_SAFETY_BITS = OFFSETS["safety_status_bits"]
-_ROBOT_BITS = OFFSETS["robot_status_bits"]
-_JOINT_MODE = OFFSETS["joint_mode"]
-_SPEED_SCALING = OFFSETS["speed_scaling"]
-_SPEED_FRACTION = OFFSETS["target_speed_fraction"]
-_DIGITAL_OUTPUTS = OFFSETS["actual_digital_output_bits"]
-_ANALOG_OUTPUT_0 = OFFSETS["standard_analog_output0"]
-_ANALOG_OUTPUT_1 = OFFSETS["standard_analog_output1"]
-_PAYLOAD = OFFSETS["payload"]
-_PAYLOAD_COG = OFFSETS["payload_cog"]
-_PAYLOAD_INERTIA = OFFSETS["payload_inertia"]

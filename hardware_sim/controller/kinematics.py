@@ -101,7 +101,7 @@ def solutions(arm: ArmModel, base_from_flange: Frame, last_joint: float = 0.0) -
             continue
         for q5 in (bend, -bend) if bend > 0.0 else (bend,):
             s5 = math.sin(q5)
-            if abs(s5) > 1e-7:
+            if abs(s5) > 1e-7:  # noqa: SIM108 - two lines are clearer
                 q6 = math.atan2((-r01 * s1 + r11 * c1) / s5, (r00 * s1 - r10 * c1) / s5)
             else:
                 q6 = last_joint
@@ -133,7 +133,7 @@ def _wrap(angle: float) -> float:
 
 
 def inverse(arm: ArmModel, base_from_flange: Frame, near: Sequence[float]) -> list[float] | None:
-    """The joints (6) in rad nearest to `near`, unwrapped towards it within the joint limits; None where no set reaches."""
+    """The joints (6) in rad nearest to `near`, unwrapped within the joint limits; None where no set reaches."""
     best: list[float] | None = None
     least = math.inf
     for solution in solutions(arm, base_from_flange, near[5]):

@@ -2,7 +2,7 @@
 
 `pace` is the share of the programmed speed that slider, pause and resume leave (0–1). It stretches the time base of
 programmed moves; a stop brakes at its own deceleration whatever the slider says. A motion that meets a pose without
-solution, or a joint faster than its limit, raises `MotionFault`: a protective stop.
+solution, or a joint faster than its limit, raises `MotionError`: a protective stop.
 """
 
 import math
@@ -21,7 +21,7 @@ _AT_REST: Joints = [0.0] * 6
 _SPEED_MARGIN = 1.02  # a joint this much above its limit is a fault; less is rounding
 
 
-class MotionFault(Exception):
+class MotionError(Exception):
     """The arm cannot follow; the message says why."""
 
 
@@ -44,8 +44,8 @@ class JointMove:
     """A straight segment in joint space from rest to rest, the leading axis on a trapezoid."""
 
     def __init__(self, start: Sequence[float], target: Sequence[float], profile: Trapezoid) -> None:
-        self.start = list(start)
-        self.target = list(target)
+        self.end = list(target)
+        self._start = list(start)
         self.profile = profile
         self.time = 0.0
         self._way = [b - a for a, b in zip(start, target, strict=True)]
@@ -57,13 +57,13 @@ class JointMove:
         profile = self.profile
         if self.time >= profile.duration:
             self.finished = True
-            return self.target[:], _AT_REST[:]
+            return self.end[:], _AT_REST[:]
         share = profile.position(self.time) / profile.length
         rate = pace * profile.speed_at(self.time) / profile.length
-        return [a + share * w for a, w in zip(self.start, self._way, strict=True)], [rate * w for w in self._way]
+        return [a + share * w for a, w in zip(self._start, self._way, strict=True)], [rate * w for w in self._way]
 
 
-def joint_move(
+def planned_joint_move(  # noqa: PLR0917 - URScript's order
     arm: ArmModel, start: Sequence[float], target: Sequence[float], speed: float, acceleration: float, seconds: float
 ) -> JointMove:
     """The move of `movej`: leading axis under `speed` (rad/s) and `acceleration` (rad/s²), or lasting `seconds`."""
@@ -85,15 +85,20 @@ class Follower:
         self.speeds = _AT_REST[:]
         self.tool_from_flange = poses.invert(flange_from_tool)
 
-    def follow(self, base_from_tool: Frame, dt: float) -> State:
-        """Joints for the next tool pose, `dt` seconds after the last. Raises MotionFault."""
+    def solve(self, base_from_tool: Frame) -> Joints:
+        """The joints nearest to the present ones for a tool pose. Raises MotionError where none reach it."""
         joints = kinematics.inverse(self.arm, poses.compose(base_from_tool, self.tool_from_flange), self.joints)
         if joints is None:
-            raise MotionFault("the target pose is out of reach")
+            raise MotionError("the target pose is out of reach")
+        return joints
+
+    def follow(self, base_from_tool: Frame, dt: float) -> State:
+        """Joints for the next tool pose, `dt` seconds after the last. Raises MotionError."""
+        joints = self.solve(base_from_tool)
         speeds = [(b - a) / dt for a, b in zip(self.joints, joints, strict=True)]
         for number, (speed, limit) in enumerate(zip(speeds, self.arm.joint_speeds, strict=True)):
             if abs(speed) > limit * _SPEED_MARGIN:
-                raise MotionFault(f"joint {number} would have to turn at {speed:.2f} rad/s, its limit is {limit:.2f}")
+                raise MotionError(f"joint {number} would have to turn at {speed:.2f} rad/s, its limit is {limit:.2f}")
         self.joints, self.speeds = joints, speeds
         return joints, speeds
 
@@ -102,9 +107,11 @@ class LinearMove:
     """A straight line of the tool, its rotation in step, the distance on a trapezoid."""
 
     def __init__(self, follower: Follower, start: Frame, target: Frame, profile: Trapezoid) -> None:
+        """Raises MotionError where the target is out of reach."""
         self._follower = follower
-        self.start = start
-        self.target = target
+        self._start = start
+        self._target = target
+        self.end = follower.solve(target)
         self.profile = profile
         self.time = 0.0
         self.finished = profile.length <= 0.0
@@ -114,9 +121,9 @@ class LinearMove:
         self.time += dt * pace
         if self.time >= self.profile.duration:
             self.finished = True
-            return self._follower.follow(self.target, dt)[0], _AT_REST[:]
+            return self._follower.follow(self._target, dt)[0], _AT_REST[:]
         share = self.profile.position(self.time) / self.profile.length
-        return self._follower.follow(poses.interpolate(self.start, self.target, share), dt)
+        return self._follower.follow(poses.interpolate(self._start, self._target, share), dt)
 
 
 def linear_profile(start: Frame, target: Frame, speed: float, acceleration: float, seconds: float) -> Trapezoid:
@@ -126,6 +133,34 @@ def linear_profile(start: Frame, target: Frame, speed: float, acceleration: floa
     if length < 1e-9:
         return Trapezoid(0.0, speed, acceleration)
     return Trapezoid.lasting(length, seconds) if seconds > 0.0 else Trapezoid.under(length, speed, acceleration)
+
+
+class Blend:
+    """A move round a corner: the next one runs while what is left of the one before fades out, both on their profiles.
+
+    The sum stays within the blend radius of the corner and its speed has no jump.
+    """
+
+    def __init__(self, before: Motion, corner: Sequence[float], following: Motion) -> None:
+        """`corner` are the joints in rad at which `before` ends and `following` begins."""
+        self._before: Motion | None = before
+        self._corner = corner
+        self._following = following
+        self._rest: State = (list(corner), _AT_REST[:])
+        self.finished = False
+
+    def step(self, dt: float, pace: float) -> State:
+        """See Motion."""
+        joints, speeds = self._following.step(dt, pace) if not self._following.finished else self._rest
+        self._rest = (joints, _AT_REST[:])
+        if self._before is not None:
+            rest, rest_speeds = self._before.step(dt, pace)
+            joints = [q + r - c for q, r, c in zip(joints, rest, self._corner, strict=True)]
+            speeds = [s + r for s, r in zip(speeds, rest_speeds, strict=True)]
+            if self._before.finished:
+                self._before = None
+        self.finished = self._following.finished and self._before is None
+        return joints, speeds
 
 
 class JointBrake:

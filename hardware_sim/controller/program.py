@@ -5,6 +5,7 @@ that runs. The first thread's end is the program's end.
 """
 
 from collections.abc import Callable, Generator, Mapping
+from types import GeneratorType
 from typing import Any
 
 from hardware_sim.controller.compiler import CompiledProgram
@@ -30,7 +31,7 @@ def copy_of(value: Any) -> Any:
 class _Thread:
     """A generator and its name."""
 
-    def __init__(self, name: str, steps: Generator[None, None, Any] | None) -> None:
+    def __init__(self, name: str, steps: "GeneratorType[None, None, Any] | None") -> None:
         self.name = name
         self.steps = steps
 
@@ -120,7 +121,7 @@ class Program:
             raise ScriptError("too many threads")
         self._last_handle += 1
         # A function that cannot wait has done its work already; its handle lives for one turn.
-        self._threads[self._last_handle] = _Thread(name, steps if isinstance(steps, Generator) else None)
+        self._threads[self._last_handle] = _Thread(name, steps if isinstance(steps, GeneratorType) else None)
         return self._last_handle
 
     def _kill(self, handle: Any) -> None:

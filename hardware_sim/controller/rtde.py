@@ -45,7 +45,7 @@ class OutputRecipe:
     """What one client wants: how to pick it from the flat list of values and how to pack it."""
 
     names: tuple[str, ...]
-    pick: Callable[[Sequence[float]], tuple[Any, ...]]
+    pick: Callable[[Sequence[float]], tuple[float, ...]]
     layout: struct.Struct
 
 
@@ -82,6 +82,18 @@ class Owners:
 def _split(payload: bytes) -> list[str]:
     # ur_rtde ends its lists with a comma, UR's own client does not.
     return [name for name in payload.decode("latin-1").split(",") if name]
+
+
+def _picker(slots: Sequence[int]) -> Callable[[Sequence[float]], tuple[float, ...]]:
+    if len(slots) > 1:
+        return operator.itemgetter(*slots)
+    # An itemgetter of one index returns no tuple.
+    only = slots[0]
+
+    def pick(values: Sequence[float]) -> tuple[float, ...]:
+        return (values[only],)
+
+    return pick
 
 
 class RtdeConnection(Connection):
@@ -154,10 +166,7 @@ class RtdeConnection(Connection):
             return
         slots = [OFFSETS[n] + i for n, t in zip(names, types, strict=True) for i in range(TYPES[t][1])]
         layout = struct.Struct(">HBB" + "".join(TYPES[t][0] for t in types))
-        # An itemgetter of one index returns no tuple.
-        first = slots[0]
-        pick = operator.itemgetter(*slots) if len(slots) > 1 else lambda values: (values[first],)
-        self.output = OutputRecipe(tuple(names), pick, layout)
+        self.output = OutputRecipe(tuple(names), _picker(slots), layout)
         sane = math.isfinite(frequency) and frequency > 0.0
         self.every = max(1, round(FREQUENCY / frequency)) if sane else 1
         self._reply(Kind.OUTPUTS, b"\x01" + ",".join(types).encode())

@@ -17,9 +17,9 @@ from hardware_sim.controller import control_port, dashboard, rtde, scripts
 from hardware_sim.controller.control_port import ControlConnection
 from hardware_sim.controller.controller import Controller
 from hardware_sim.controller.dashboard import DashboardConnection
-from hardware_sim.controller.functions import STEP_TIME
 from hardware_sim.controller.kinematics import MODELS
 from hardware_sim.controller.rtde import Owners, RtdeConnection
+from hardware_sim.controller.script_values import STEP_TIME
 from hardware_sim.controller.scripts import ScriptConnection
 from hardware_sim.controller.sockets import Connection, Port
 

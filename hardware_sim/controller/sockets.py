@@ -30,7 +30,7 @@ class Connection(ABC):
     def received(self, data: bytes) -> None:
         """Takes bytes from the client."""
 
-    def ended(self) -> None:
+    def ended(self) -> None:  # noqa: B027 - most protocols have nothing to give back
         """Called once when the connection is over."""
 
     def send(self, data: bytes) -> None:

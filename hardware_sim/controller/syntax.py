@@ -6,7 +6,25 @@ follows.
 """
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+
+from hardware_sim.controller.tree import (
+    Assign,
+    Binary,
+    Call,
+    Evaluate,
+    Function,
+    If,
+    Index,
+    ListOf,
+    Literal,
+    Name,
+    Node,
+    Run,
+    Simple,
+    Unary,
+    While,
+)
 
 
 class ScriptSyntaxError(Exception):
@@ -22,127 +40,6 @@ class Token:
     line: int
 
 
-@dataclass(frozen=True)
-class Node:
-    """A part of the tree and the line it began on."""
-
-    line: int
-
-
-@dataclass(frozen=True)
-class Literal(Node):
-    """A number, a string or a truth value."""
-
-    value: int | float | str | bool
-
-
-@dataclass(frozen=True)
-class Name(Node):
-    """A variable."""
-
-    name: str
-
-
-@dataclass(frozen=True)
-class ListOf(Node):
-    """A list, or a pose where `pose` is set."""
-
-    items: list[Node]
-    pose: bool
-
-
-@dataclass(frozen=True)
-class Index(Node):
-    """`value[i]` or `value[i, j]`."""
-
-    value: Node
-    indices: list[Node]
-
-
-@dataclass(frozen=True)
-class Call(Node):
-    """`name(arguments)`."""
-
-    name: str
-    arguments: list[Node]
-    keywords: dict[str, Node]
-
-
-@dataclass(frozen=True)
-class Run(Node):
-    """`run name(arguments)`, whose value is the thread's handle."""
-
-    call: Call
-
-
-@dataclass(frozen=True)
-class Unary(Node):
-    """`-x`, `not x`."""
-
-    operator: str
-    value: Node
-
-
-@dataclass(frozen=True)
-class Binary(Node):
-    """`a operator b`."""
-
-    operator: str
-    left: Node
-    right: Node
-
-
-@dataclass(frozen=True)
-class Assign(Node):
-    """`[global] name[indices] = value`."""
-
-    name: str
-    indices: list[Node]
-    value: Node
-    is_global: bool
-
-
-@dataclass(frozen=True)
-class Evaluate(Node):
-    """An expression as a statement."""
-
-    value: Node
-
-
-@dataclass(frozen=True)
-class If(Node):
-    """Branches of (condition, body); the last condition is None for `else`."""
-
-    branches: list[tuple[Node | None, list[Node]]]
-
-
-@dataclass(frozen=True)
-class While(Node):
-    """A loop."""
-
-    condition: Node
-    body: list[Node]
-
-
-@dataclass(frozen=True)
-class Simple(Node):
-    """`return`, `break`, `continue`, `kill`, `join`, `halt`, `pass`, `enter_critical`, `exit_critical`."""
-
-    word: str
-    value: Node | None = None
-
-
-@dataclass(frozen=True)
-class Function(Node):
-    """A `def`, `thread` or `sec` with its nested functions hoisted."""
-
-    kind: str
-    name: str
-    parameters: list[str]
-    functions: list["Function"] = field(default_factory=list["Function"])
-    body: list[Node] = field(default_factory=list[Node])
-
-
 _TOKEN = re.compile(
     r"""(?P<space>[ \t\r\f]+|\#[^\n]*)
       | (?P<newline>\n)
@@ -155,8 +52,12 @@ _TOKEN = re.compile(
 )
 _OPENERS = {"def", "thread", "sec", "if", "while", "for"}
 _SIMPLE = {"break", "continue", "halt", "pass", "enter_critical", "exit_critical"}
-_RESERVED = _OPENERS | _SIMPLE | {"end", "else", "elif", "return", "kill", "join", "global", "local", "run"}
-_RESERVED |= {"and", "or", "not", "xor", "True", "False"}
+_RESERVED = (
+    _OPENERS
+    | _SIMPLE
+    | {"end", "else", "elif", "return", "kill", "join", "global", "local", "run"}
+    | {"and", "or", "not", "xor", "True", "False"}
+)
 _COMPARISONS = {"==", "!=", "<", ">", "<=", ">="}
 _POSE_ITEMS = 6
 
@@ -284,7 +185,7 @@ class _Parser:
             raise ScriptSyntaxError(f"line {functions[0].line}: a function inside a branch or loop")
         return body
 
-    def _statement(self) -> Node:
+    def _statement(self) -> Node:  # noqa: PLR0911 - one return per kind of statement
         token = self.peek()
         word = token.text if token.kind == "name" else ""
         if word in ("global", "local"):
@@ -412,7 +313,7 @@ class _Parser:
                 node = Index(node.line, node, indices)
         return node
 
-    def _atom(self) -> Node:
+    def _atom(self) -> Node:  # noqa: PLR0911 - one return per kind of atom
         token = self._next()
         if token.kind == "number":
             text = token.text

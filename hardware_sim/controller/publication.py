@@ -1,0 +1,79 @@
+"""From the controller's state to the values that RTDE clients see."""
+
+from typing import TYPE_CHECKING
+
+from hardware_sim.controller import poses
+from hardware_sim.controller.arm import Arm
+from hardware_sim.controller.modes import JOINT_MODE, JOINT_POWER_OFF, SAFETY_BITS, RobotMode
+from hardware_sim.controller.registers import OFFSETS, Registers
+
+if TYPE_CHECKING:
+    from hardware_sim.controller.controller import Controller
+
+_GRAVITY = (0.0, 0.0, 9.82)
+_STEADY_VALUES: dict[str, tuple[float, ...]] = {
+    "joint_temperatures": (28.0,) * 6,
+    "actual_joint_voltage": (48.0,) * 6,
+    "actual_main_voltage": (48.0,),
+    "actual_robot_voltage": (48.0,),
+    "actual_robot_current": (0.5,),
+    "actual_execution_time": (0.0002,),
+    "tool_temperature": (28.0,),
+}
+
+
+def steady(registers: Registers) -> None:
+    """Sets what never changes here: temperatures and supply."""
+    for name, values in _STEADY_VALUES.items():
+        registers.set(name, *values)
+
+
+def pose(arm: Arm, registers: Registers) -> None:
+    """Sets joints, speeds and tool pose; only needed when they changed."""
+    put = registers.set
+    tool = poses.to_ur(arm.base_from_tool)
+    for kind in ("actual", "target"):
+        put(f"{kind}_q", *arm.joints)
+        put(f"{kind}_qd", *arm.speeds)
+        put(f"{kind}_TCP_pose", *tool)
+        put(f"{kind}_TCP_speed", *arm.tool_velocity)
+    put("actual_tool_accelerometer", *poses.rotate(poses.invert(arm.base_from_flange), _GRAVITY))
+
+
+def modes(controller: "Controller", pace: float) -> None:
+    """Sets what may change in every tick; `pace` is the share of the programmed speed that is in force."""
+    values, arm = controller.registers.values, controller.arm
+    powered = controller.robot_mode >= RobotMode.POWER_ON
+    values[_TIMESTAMP] = controller.timestamp
+    values[_RUNTIME_STATE] = controller.runtime_state
+    values[_ROBOT_MODE] = controller.robot_mode
+    values[_SAFETY_MODE] = values[_SAFETY_STATUS] = controller.safety_mode
+    values[_SAFETY_BITS] = SAFETY_BITS[controller.safety_mode]
+    values[_ROBOT_BITS] = int(powered) | int(controller.playing) << 1 | int(powered) << 3
+    values[_JOINT_MODE : _JOINT_MODE + 6] = [JOINT_MODE.get(controller.robot_mode, JOINT_POWER_OFF)] * 6
+    values[_SPEED_SCALING] = pace if controller.playing else 0.0
+    values[_SPEED_FRACTION] = controller.slider
+    values[_DIGITAL_OUTPUTS] = controller.outputs.levels
+    values[_ANALOG_OUTPUT_0] = controller.outputs.analog(0)
+    values[_ANALOG_OUTPUT_1] = controller.outputs.analog(1)
+    values[_PAYLOAD] = arm.payload
+    values[_PAYLOAD_COG : _PAYLOAD_COG + 3] = arm.payload_center
+    values[_PAYLOAD_INERTIA : _PAYLOAD_INERTIA + 6] = arm.payload_inertia
+
+
+_TIMESTAMP = OFFSETS["timestamp"]
+_RUNTIME_STATE = OFFSETS["runtime_state"]
+_ROBOT_MODE = OFFSETS["robot_mode"]
+_SAFETY_MODE = OFFSETS["safety_mode"]
+_SAFETY_STATUS = OFFSETS["safety_status"]
+_SAFETY_BITS = OFFSETS["safety_status_bits"]
+_ROBOT_BITS = OFFSETS["robot_status_bits"]
+_JOINT_MODE = OFFSETS["joint_mode"]
+_SPEED_SCALING = OFFSETS["speed_scaling"]
+_SPEED_FRACTION = OFFSETS["target_speed_fraction"]
+_DIGITAL_OUTPUTS = OFFSETS["actual_digital_output_bits"]
+_ANALOG_OUTPUT_0 = OFFSETS["standard_analog_output0"]
+_ANALOG_OUTPUT_1 = OFFSETS["standard_analog_output1"]
+_PAYLOAD = OFFSETS["payload"]
+_PAYLOAD_COG = OFFSETS["payload_cog"]
+_PAYLOAD_INERTIA = OFFSETS["payload_inertia"]

@@ -1,0 +1,141 @@
+"""URScript's functions on kinematics, limits, tool, payload and the arm's state."""
+
+from typing import Any
+
+from hardware_sim.controller import kinematics, poses
+from hardware_sim.controller.program import Pose, ScriptError
+from hardware_sim.controller.script_values import STEP_TIME, Bound, frame, numbers
+
+STEADY_AFTER = 0.5  # s of motion time at rest
+
+
+class StateFunctions(Bound):
+    """What a program asks about the arm, and what it sets."""
+
+    def _solve(self, x: Any, qnear: Any) -> list[float] | None:
+        near = self._arm.joints if qnear is None else numbers(qnear, 6, "qnear")
+        tool = frame(x)
+        flange = poses.compose(tool, poses.invert(self._arm.flange_from_tool))
+        return kinematics.inverse(self._arm.model, flange, near)
+
+    def get_inverse_kin(
+        self,
+        x: Any,
+        qnear: Any = None,
+        maxPositionError: float = 1e-10,
+        maxOrientationError: float = 1e-10,
+    ) -> list[float]:
+        del maxPositionError, maxOrientationError  # the closed form is exact
+        joints = self._solve(x, qnear)
+        if joints is None:
+            raise ScriptError("get_inverse_kin: no solution")
+        return joints
+
+    def get_inverse_kin_has_solution(
+        self,
+        x: Any,
+        qnear: Any = None,
+        maxPositionError: float = 1e-10,
+        maxOrientationError: float = 1e-10,
+    ) -> bool:
+        del maxPositionError, maxOrientationError
+        return self._solve(x, qnear) is not None
+
+    def get_forward_kin(self, q: Any = None, tcp: Any = None) -> Pose:
+        joints = self._arm.joints if q is None else numbers(q, 6, "q")
+        tool = self._arm.flange_from_tool if tcp is None else frame(tcp, "tcp")
+        return Pose(poses.to_ur(poses.compose(kinematics.forward(self._arm.model, joints), tool)))
+
+    def is_within_safety_limits(self, value: Any) -> bool:
+        if isinstance(value, Pose):
+            return self._solve(value, None) is not None
+        return all(abs(q) <= kinematics.JOINT_LIMIT for q in numbers(value, 6, "the joints"))
+
+    def pose_trans(self, p_from: Any, p_from_to: Any) -> Pose:
+        return Pose(poses.to_ur(poses.compose(frame(p_from), frame(p_from_to))))
+
+    def pose_inv(self, p_from: Any) -> Pose:
+        return Pose(poses.to_ur(poses.invert(frame(p_from))))
+
+    def pose_sub(self, p_to: Any, p_from: Any) -> Pose:
+        to, start = frame(p_to), frame(p_from)
+        turn = poses.rotation_vector(poses.compose(to, poses.invert(start)))
+        return Pose([to[3] - start[3], to[7] - start[7], to[11] - start[11], *turn])
+
+    def pose_add(self, p_1: Any, p_2: Any) -> Pose:
+        a, b = frame(p_1), frame(p_2)
+        turn = poses.rotation_vector(poses.compose(a, b))
+        return Pose([a[3] + b[3], a[7] + b[7], a[11] + b[11], *turn])
+
+    def pose_dist(self, p_from: Any, p_to: Any) -> float:
+        return poses.distance(frame(p_from), frame(p_to))[0]
+
+    def interpolate_pose(self, p_from: Any, p_to: Any, alpha: float) -> Pose:
+        return Pose(poses.to_ur(poses.interpolate(frame(p_from), frame(p_to), float(alpha))))
+
+    def set_tcp(self, pose: Any) -> None:
+        self._arm.set_tcp(numbers(pose, 6, "the TCP"))
+        self._controller.tool_changed()
+
+    def get_tcp_offset(self) -> Pose:
+        return Pose(self._arm.tcp)
+
+    def set_payload(self, m: float, cog: Any = None) -> None:
+        mass = float(m)
+        if not 0.0 <= mass <= self._arm.model.payload:
+            raise ScriptError(f"set_payload: {m} kg is outside 0 to {self._arm.model.payload}")
+        self._arm.payload = mass
+        if cog is not None:
+            self._arm.payload_center = numbers(cog, 3, "cog")
+
+    def set_target_payload(self, m: float, cog: Any, inertia: Any = None, transition_time: float = 0.0) -> None:
+        del transition_time
+        self.set_payload(m, cog)
+        if inertia is not None:
+            self._arm.payload_inertia = numbers(inertia, 6, "inertia")
+
+    def get_target_payload(self) -> float:
+        return self._arm.payload
+
+    def get_target_payload_cog(self) -> list[float]:
+        return self._arm.payload_center[:]
+
+    def get_target_payload_inertia(self) -> list[float]:
+        return self._arm.payload_inertia[:]
+
+    def is_steady(self) -> bool:
+        return self._arm.at_rest_ticks * STEP_TIME * self._controller.speed_factor >= STEADY_AFTER
+
+    def get_actual_joint_positions(self) -> list[float]:
+        return self._arm.joints[:]
+
+    get_target_joint_positions = get_actual_joint_positions
+
+    def get_actual_joint_speeds(self) -> list[float]:
+        return self._arm.speeds[:]
+
+    def get_actual_joint_positions_history(self, steps: int = 0) -> list[float]:
+        history = self._arm.history
+        return history[-1 - min(int(steps), len(history) - 1)][:]
+
+    def get_actual_tcp_pose(self) -> Pose:
+        return Pose(poses.to_ur(self._arm.base_from_tool))
+
+    get_target_tcp_pose = get_actual_tcp_pose
+
+    def get_actual_tool_flange_pose(self) -> Pose:
+        return Pose(poses.to_ur(self._arm.base_from_flange))
+
+    def get_target_tcp_speed(self) -> Pose:
+        return Pose(self._arm.tool_velocity)
+
+    get_actual_tcp_speed = get_target_tcp_speed
+
+    def get_target_waypoint(self) -> Pose:
+        return self.get_forward_kin(self._arm.target)
+
+    def force_mode_set_gain_scaling(self, scaling: float) -> None:
+        self._controller.force_mode_settings["gain_scaling"] = float(scaling)
+
+    def force_mode_set_damping(self, damping: float) -> None:
+        self._controller.force_mode_settings["damping"] = float(damping)
