@@ -44,21 +44,24 @@ class ArmConfig(Value):
     kind: Literal["ur"] = "ur"
     model: Literal["ur3e", "ur5e", "ur10e", "ur16e"]
     address: str
-    serial: str | None = Field(None, description="Checked at connection when given")
+    serial: str | None = Field(default=None, description="Checked at connection when given")
     flange_from_tool: Pose = Field(description="The controller's TCP: origin at the emitter, +z the lamp's axis")
     payload_kg: float = Field(gt=0)
     payload_center_m: Vector3
     tool_capsules: list[CapsuleShape] = Field(description="Bracket and lamp, in the flange frame")
     home: Joints
-    max_joint_speed_rad_s: float = Field(1.05, gt=0, le=math.pi)
-    max_joint_acceleration_rad_s2: float = Field(1.4, gt=0, le=40)
-    max_tool_speed_m_s: float = Field(0.25, gt=0, le=3)
-    max_elbow_speed_m_s: float = Field(0.5, gt=0, le=3)
+    max_joint_speed_rad_s: float = Field(default=1.05, gt=0, le=math.pi)
+    max_joint_acceleration_rad_s2: float = Field(default=1.4, gt=0, le=40)
+    max_tool_speed_m_s: float = Field(default=0.25, gt=0, le=3)
+    max_elbow_speed_m_s: float = Field(default=0.5, gt=0, le=3)
     stop_deceleration_rad_s2: float = Field(
-        6.0, gt=0, le=40, description="Must stop the arm from its highest speed within 0.2 s, the watchdog's patience"
+        default=6.0,
+        gt=0,
+        le=40,
+        description="Must stop the arm from its highest speed within 0.2 s, the watchdog's patience",
     )
-    settle_s: float = Field(0.25, ge=0)
-    nominal_kinematics_tolerance_m: float = Field(0.003, gt=0)
+    settle_s: float = Field(default=0.25, ge=0)
+    nominal_kinematics_tolerance_m: float = Field(default=0.003, gt=0)
 
 
 class LampConfig(Value):
@@ -66,7 +69,7 @@ class LampConfig(Value):
 
     kind: Literal["ur-output"] = "ur-output"
     output: int = Field(ge=0, le=17)
-    rise_s: float = Field(0.02, ge=0, description="Wait between the confirmed output and the exposure")
+    rise_s: float = Field(default=0.02, ge=0, description="Wait between the confirmed output and the exposure")
 
 
 class CameraConfig(Value):
@@ -74,10 +77,10 @@ class CameraConfig(Value):
 
     kind: Literal["sim"] = "sim"
     address: str
-    port: int = Field(30100, gt=0, lt=65536)
-    min_exposure_s: float = Field(1e-4, gt=0)
-    max_exposure_s: float = Field(1.0, gt=0)
-    timeout_s: float = Field(30.0, gt=0)
+    port: int = Field(default=30100, gt=0, lt=65536)
+    min_exposure_s: float = Field(default=1e-4, gt=0)
+    max_exposure_s: float = Field(default=1.0, gt=0)
+    timeout_s: float = Field(default=30.0, gt=0)
 
 
 class KeepOut(Value):
@@ -98,10 +101,10 @@ class DomeConfig(Value):
     """Where lights may be: a sphere's cap round `center_m` (object frame), slants measured from the view axis."""
 
     center_m: Vector3 = (0.0, 0.0, 0.03)
-    radius_m: float = Field(0.45, gt=0)
-    min_slant_deg: float = Field(8.0, ge=0)
-    max_slant_deg: float = Field(75.0, gt=0, le=89)
-    candidates: int = Field(300, ge=12, le=2000)
+    radius_m: float = Field(default=0.45, gt=0)
+    min_slant_deg: float = Field(default=8.0, ge=0)
+    max_slant_deg: float = Field(default=75.0, gt=0, le=89)
+    candidates: int = Field(default=300, ge=12, le=2000)
 
 
 class HalfSpace(Value):
@@ -138,10 +141,10 @@ Obstacle = Annotated[HalfSpace | Box | Capsule, Field(discriminator="kind")]
 class Clearances(Value):
     """Least distances kept."""
 
-    table_m: float = Field(0.02, gt=0)
-    object_m: float = Field(0.03, gt=0)
-    obstacle_m: float = Field(0.03, gt=0)
-    self_m: float = Field(0.01, gt=0)
+    table_m: float = Field(default=0.02, gt=0)
+    object_m: float = Field(default=0.03, gt=0)
+    obstacle_m: float = Field(default=0.03, gt=0)
+    self_m: float = Field(default=0.01, gt=0)
 
 
 class CellConfig(Value):

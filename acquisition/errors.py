@@ -84,9 +84,7 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.CONFIG_INVALID: Problem(
         500, "A configuration file is not valid", "Correct the file named in the detail; `lightpose check` tests it."
     ),
-    ErrorCode.SESSION_NOT_FOUND: Problem(
-        404, "There is no such session", "List the sessions with GET /v1/sessions."
-    ),
+    ErrorCode.SESSION_NOT_FOUND: Problem(404, "There is no such session", "List the sessions with GET /v1/sessions."),
     ErrorCode.SESSION_ACTION_NOT_ALLOWED: Problem(
         409, "The session's state does not allow this action", "Choose one of the actions in `allowed`."
     ),
@@ -120,7 +118,9 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         "Look at the cell, clear the cause, unlock at the pendant, acknowledge, then resume.",
     ),
     ErrorCode.ARM_EMERGENCY_STOP: Problem(
-        423, "An emergency stop is pressed", "Clear the danger, release the button, power on at the pendant, acknowledge."
+        423,
+        "An emergency stop is pressed",
+        "Clear the danger, release the button, power on at the pendant, acknowledge.",
     ),
     ErrorCode.ARM_NOT_READY: Problem(
         503, "The arm is not powered on and running", "Power it on and release the brakes at the pendant."
@@ -140,7 +140,9 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         503, "The link to a device is lost", "Check the cable and the device; then resume."
     ),
     ErrorCode.DRIVER_LOST: Problem(
-        503, "The arm's driver process ended or does not answer", "Look at the cell; then resume, which starts it again."
+        503,
+        "The arm's driver process ended or does not answer",
+        "Look at the cell; then resume, which starts it again.",
     ),
     ErrorCode.LAMP_NOT_CONFIRMED: Problem(
         503, "The lamp's output did not follow", "Check the lamp's output number and wiring; then resume."
@@ -164,9 +166,7 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.NORMALS_INFEASIBLE: Problem(
         422, "Normals cannot be solved from these images", "See the detail: at least three usable lights are needed."
     ),
-    ErrorCode.SCENE_MOVED: Problem(
-        409, "The object or the camera has moved", "Put it back, or start a new session."
-    ),
+    ErrorCode.SCENE_MOVED: Problem(409, "The object or the camera has moved", "Put it back, or start a new session."),
     ErrorCode.STORE_DISK_FULL: Problem(
         507, "The disk is full", "Free space in the data folder, then resume; no frame announced is lost."
     ),

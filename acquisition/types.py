@@ -7,7 +7,7 @@ right, y up, z to the camera) unless a name says otherwise; lengths m, angles ra
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Any, Literal, Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +31,18 @@ Matrix4 = Annotated[
 ]
 
 
+def as_joints(values: Sequence[float]) -> tuple[float, float, float, float, float, float]:
+    """Six joint angles as the tuple that values hold."""
+    one, two, three, four, five, six = (float(value) for value in values)
+    return (one, two, three, four, five, six)
+
+
+def as_matrix4(matrix: FloatArray) -> Matrix4:
+    """A (4, 4) pose as the tuple that values hold."""
+    rows = [tuple(float(value) for value in row) for row in matrix]
+    return cast(Matrix4, tuple(rows))
+
+
 class Value(BaseModel):
     """Base of all values that cross HTTP or disk: frozen, strict, no unknown fields, no NaN."""
 
@@ -45,8 +57,10 @@ Method = Literal["optimal", "two-rings", "ring", "drbohlav", "max-distance", "pa
 class Exposure(Value):
     """How exposure times are chosen: the 99.5th percentile of the object's pixels is put at `target` of full scale."""
 
-    target: float = Field(0.8, gt=0.05, le=0.95)
-    seconds: float | None = Field(None, gt=0, le=10, description="A fixed exposure time for all lights; none: automatic")
+    target: float = Field(default=0.8, gt=0.05, le=0.95)
+    seconds: float | None = Field(
+        default=None, gt=0, le=10, description="A fixed exposure time for all lights; none: automatic"
+    )
 
 
 class Recipe(Value):
@@ -54,19 +68,19 @@ class Recipe(Value):
 
     kind: Literal["capture"] = "capture"
     method: Method = "optimal"
-    pilot_lights: int = Field(4, ge=3, le=16)
-    planned_lights: int = Field(4, ge=0, le=64, description="0: the pilot only")
-    slant_deg: float = Field(45.0, ge=5, le=80, description="Slant of method `ring`")
+    pilot_lights: int = Field(default=4, ge=3, le=16)
+    planned_lights: int = Field(default=4, ge=0, le=64, description="0: the pilot only")
+    slant_deg: float = Field(default=45.0, ge=5, le=80, description="Slant of method `ring`")
     user_lights: list[Vector3] = Field(
         default_factory=list[tuple[float, float, float]],
         max_length=80,
         description="Positions of method `user`: m, view frame (origin camera, x right, y up, z to the camera)",
     )
-    seed: int = Field(0, ge=0, le=2**31 - 1)
+    seed: int = Field(default=0, ge=0, le=2**31 - 1)
     exposure: Exposure = Exposure()
-    retakes: int = Field(2, ge=0, le=10)
-    label: str = Field("", max_length=200)
-    notes: str = Field("", max_length=10_000)
+    retakes: int = Field(default=2, ge=0, le=10)
+    label: str = Field(default="", max_length=200)
+    notes: str = Field(default="", max_length=10_000)
 
     @model_validator(mode="after")
     def _user_lights_belong_to_method_user(self) -> "Recipe":
@@ -82,7 +96,7 @@ class Recipe(Value):
         return len(self.user_lights) if self.method == "user" else self.pilot_lights + self.planned_lights
 
 
-# ------------------------------------------------------------------------------------------------------ light and motion
+# ----------------------------------------------------------------------------------------------------- light and motion
 
 
 class Light(Value):
@@ -99,15 +113,23 @@ class LightPlan(Value):
     method: str
     reasons: list[str] = Field(description="For each light, why it is there")
     predicted_sigma_deg: float | None = Field(
-        None, description="Mean over the object's pixels of the expected angular σ after this pass (mean error 0.886 σ)"
+        default=None,
+        description="Mean over the object's pixels of the expected angular σ after this pass (mean error 0.886 σ)",
     )
-    predicted_median_deg: float | None = Field(None, description="Expected median angular error, 0.833 × median σ")
+    predicted_median_deg: float | None = Field(
+        default=None, description="Expected median angular error, 0.833 × median σ"
+    )
     lower_bound_sigma_deg: float | None = None
+    levels_per_s: list[float] | None = Field(
+        default=None,
+        description="For each light, the expected 99.5th percentile of the object's signal as a fraction of full scale "
+        "per second; none: nothing is known of the object yet",
+    )
     notes: list[str] = Field(default_factory=list[str], description="What a person should know: lights left out, why")
 
 
 class Waypoint(Value):
-    """Where one light is taken: a checked joint path (its last item is the place of exposure) and the light it gives."""
+    """Where one light is taken: a checked joint path that ends at the place of exposure, and the light it gives."""
 
     light: Light
     path: list[Joints] = Field(min_length=1)
@@ -177,7 +199,7 @@ class Reach(Protocol):
 
 
 class SensorModel(Value):
-    """The camera's noise model; a frame's value is black_level + electrons / gain_e_per_dn, rounded, clipped at 2^bits − 1."""
+    """The camera's noise model: a value is black_level + electrons / gain_e_per_dn, rounded, clipped at 2^bits − 1."""
 
     bits: int = Field(ge=8, le=16)
     gain_e_per_dn: float = Field(gt=0)
@@ -251,7 +273,9 @@ class Shot(Value):
     frame: FrameRef
     exposure_s: float
     light_number: int | None = None
-    light: Light | None = Field(None, description="From the measured tool pose, never from where the arm was sent")
+    light: Light | None = Field(
+        default=None, description="From the measured tool pose, never from where the arm was sent"
+    )
     joints: Joints | None = None
     base_from_tool: Matrix4 | None = None
     lamp_on: bool = False
@@ -319,9 +343,26 @@ class NormalMap:
     notes: dict[str, Any] = field(default_factory=dict[str, Any])
 
 
+class ResultSummary(Value):
+    """The figures of one result that a person reads first."""
+
+    images: int
+    object_pixels: int
+    solved_pixels: int
+    mean_sigma_deg: float
+    median_sigma_deg: float
+    predicted_sigma_deg: float | None
+    predicted_median_deg: float | None
+    fewer_than_three_lights: float
+    intensity_factors: list[float]
+    noise: dict[str, float]
+
+
 class SolveSettings(Value):
     """How normals are solved."""
 
-    depth_rounds: int = Field(2, ge=0, le=10, description="Times that depth is integrated and the solve repeated")
-    shadow_threshold: float = Field(0.08, ge=0, lt=0.5, description="Of the pixel's largest normalised value")
+    depth_rounds: int = Field(
+        default=2, ge=0, le=10, description="Times that depth is integrated and the solve repeated"
+    )
+    shadow_threshold: float = Field(default=0.08, ge=0, lt=0.5, description="Of the pixel's largest normalised value")
     robust: bool = True

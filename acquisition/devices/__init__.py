@@ -86,6 +86,13 @@ class Arm(Protocol):
         """Starts the driver and connects. Raises RigError arm.unreachable within 3 s where nobody listens."""
         ...
 
+    def prepare(self) -> None:
+        """Takes control, the explicit step that makes moves possible (again); moves nothing, harmless when in control.
+
+        Raises RigError arm.not_ready, arm.protective_stop, arm.emergency_stop, arm.in_use, driver.lost.
+        """
+        ...
+
     def preflight(self) -> Sequence[Finding]:
         """Compares the arm with the cell file; moves nothing."""
         ...

@@ -1,1 +1,50 @@
-"""Not written yet."""
+"""The journal of one data folder: SQLite for what happened, session folders for what was made.
+
+A file is flushed and renamed, then its row and event are written in one transaction; the event is the announcement. So
+whatever was announced is on the disk, and a crash between the two leaves at most a file that nobody was told of.
+"""
+
+import fcntl
+import os
+from pathlib import Path
+
+from acquisition.errors import ErrorCode, RigError
+from acquisition.session import Record
+from acquisition.store.folder import FolderFrames
+from acquisition.store.journal import Action, Artifact, Event, Journal, SessionRow
+
+__all__ = ["Action", "Artifact", "Event", "FolderFrames", "Journal", "SessionRow", "Store"]
+
+
+class Store:
+    """One data folder: `rig.lock`, `rig.db`, `sessions/<id>/`, `cache/`; one service at a time."""
+
+    def __init__(self, data: Path) -> None:
+        """Opens or makes the folder. Raises RigError store.locked when another service has it."""
+        self.data = data.resolve()
+        (self.data / "sessions").mkdir(parents=True, exist_ok=True)
+        (self.data / "cache").mkdir(exist_ok=True)
+        self._lock_file = os.open(self.data / "rig.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        try:
+            fcntl.flock(self._lock_file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            os.close(self._lock_file)
+            raise RigError(ErrorCode.STORE_LOCKED, f"{self.data} is in use by another service") from error
+        self.journal = Journal(self.data / "rig.db")
+
+    def folder(self, session_id: str) -> Path:
+        """The folder of a session that the journal knows."""
+        return self.data / "sessions" / self.journal.session(session_id).id
+
+    def cache(self, name: str) -> Path:
+        """A file that can be made again."""
+        return self.data / "cache" / name
+
+    def record(self, session_id: str) -> Record:
+        """What the next step is read from."""
+        return self.journal.record(session_id, self.folder(session_id))
+
+    def close(self) -> None:
+        """Closes the database and frees the folder."""
+        self.journal.close()
+        os.close(self._lock_file)

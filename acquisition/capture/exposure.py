@@ -1,0 +1,37 @@
+"""Exposure times: from a series of few values, so that a session needs few lamp-off frames.
+
+Steps of ∛2 lose at most an eighth of a stop of light on average and let most lights of a dome share one or two times.
+"""
+
+import math
+
+from acquisition.config import CameraConfig, CellConfig
+from acquisition.types import Calibration, Exposure
+
+STEP = 2.0 ** (1 / 3)
+
+EXPECTED_ALBEDO = 0.6
+"""Of the brightest parts of an object that nobody has seen yet; the first frames correct it."""
+
+
+def first_level(cell: CellConfig, calibration: Calibration) -> float:
+    """The signal to expect of an object that nobody has seen, fraction of full scale per second."""
+    return EXPECTED_ALBEDO * calibration.lamp_intensity * (calibration.reference_m / cell.dome.radius_m) ** 2
+
+
+def of_level(level_per_s: float, wanted: Exposure, camera: CameraConfig) -> float:
+    """The exposure time (s) of the series that brings a level, in full scales per second, just to the target."""
+    if wanted.seconds is not None:
+        return in_range(wanted.seconds, camera)
+    return series(wanted.target / max(level_per_s, 1e-9), camera)
+
+
+def series(exposure_s: float, camera: CameraConfig) -> float:
+    """The largest time of the series not above `exposure_s`, within the camera's range."""
+    number = math.floor(math.log(exposure_s, STEP) + 1e-9)
+    return in_range(round(STEP**number, 6), camera)
+
+
+def in_range(exposure_s: float, camera: CameraConfig) -> float:
+    """The time clipped to what the camera can do."""
+    return min(max(exposure_s, camera.min_exposure_s), camera.max_exposure_s)

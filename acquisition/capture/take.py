@@ -1,0 +1,66 @@
+"""Moving to a waypoint and exposing there: the order of arm, lamp and camera, in one place.
+
+The lamp is put out in every case, also when the exposure fails, and the light that goes with a frame is where the arm
+was measured to be while the frame was exposed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from acquisition.config import CellConfig
+from acquisition.devices import ArmReading, Frame, MotionLimits, Rig, StopToken
+from acquisition.errors import ErrorCode, RigError
+
+STILL_RAD = 5e-4
+"""An arm that moved further than this during an exposure spoils the frame (0.5 mm at 1 m)."""
+
+
+@dataclass(frozen=True)
+class Exposed:
+    """A frame and the arm's reading in the middle of it."""
+
+    frame: Frame
+    reading: ArmReading
+
+
+def arrive(rig: Rig, path: Sequence[Sequence[float]], speeds: Sequence[float], stop: StopToken) -> None:
+    """Follows a checked joint path (rad; leading-joint speeds in rad/s) and waits until the arm has settled.
+
+    Raises Halted, RigError arm.move_failed and what else the arm reports.
+    """
+    rig.arm.move(path, limits(rig.cell, speeds), stop)
+    rig.clock.wait(rig.cell.arm.settle_s, stop)
+
+
+def limits(cell: CellConfig, speeds: Sequence[float]) -> list[MotionLimits]:
+    """Each segment's limits, never above the cell's."""
+    return [
+        MotionLimits(min(speed, cell.arm.max_joint_speed_rad_s), cell.arm.max_joint_acceleration_rad_s2)
+        for speed in speeds
+    ]
+
+
+def expose(rig: Rig, exposure_s: float, attempt: int, *, lit: bool, stop: StopToken) -> Exposed:
+    """Takes one frame with the lamp confirmed on (or off), the arm at rest.
+
+    Raises Halted, RigError lamp.not_confirmed, camera.timeout, and arm.move_failed when the arm moved meanwhile.
+    """
+    if not lit:
+        rig.lamp.set(False)
+        return Exposed(rig.camera.expose(exposure_s, attempt, stop), rig.arm.reading)
+    try:
+        rig.lamp.set(True)
+        rig.clock.wait(rig.cell.lamp.rise_s, stop)
+        before = rig.arm.reading
+        frame = rig.camera.expose(exposure_s, attempt, stop)
+        reading = rig.arm.reading
+    finally:
+        rig.lamp.set(False)
+    moved = max(abs(one - two) for one, two in zip(before.joints, reading.joints, strict=True))
+    if moved > STILL_RAD:
+        raise RigError(
+            ErrorCode.ARM_MOVE_FAILED,
+            f"The arm moved by {moved:.4f} rad while a frame was exposed",
+            moved_rad=moved,
+        )
+    return Exposed(frame, reading)

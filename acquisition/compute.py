@@ -1,0 +1,116 @@
+"""The process that does the heavy work: one spawned, niced child that runs one job at a time.
+
+A job is a function of `jobs` called by its name with small arguments; images and maps stay in the session folder. The
+web process so imports no numerical kernel, a long solve never holds its interpreter lock, and a job that dies (or is no
+longer wanted) takes only this process with it. The child ends when its parent does.
+"""
+
+import importlib
+import logging
+import multiprocessing
+import os
+import threading
+from multiprocessing.connection import Connection
+from typing import Any
+
+from acquisition.errors import ErrorCode, Halted, RigError
+
+_log = logging.getLogger(__name__)
+_POLL_S = 0.02
+_NICENESS = 5
+
+
+class Compute:
+    """Runs jobs in a child process; `run` may be called from any thread, one job runs at a time."""
+
+    def __init__(self) -> None:
+        self._context = multiprocessing.get_context("spawn")
+        self._busy = threading.Lock()
+        self._process: multiprocessing.process.BaseProcess | None = None
+        self._connection: Connection | None = None
+
+    def run(self, stop: threading.Event, job: str, *arguments: Any) -> Any:
+        """Runs the function `job` of `acquisition.jobs` and returns what it returns.
+
+        Raises what the job raises, Halted when the token is set meanwhile (the job is killed), and RigError
+        session.step_failed when the process dies.
+        """
+        with self._busy:
+            connection = self._ready()
+            connection.send((job, arguments))
+            while not connection.poll(_POLL_S):
+                if stop.is_set():
+                    self._kill()
+                    raise Halted
+            try:
+                worked, result = connection.recv()
+            except (EOFError, ConnectionResetError) as error:
+                code = self._kill()
+                raise RigError(
+                    ErrorCode.SESSION_STEP_FAILED,
+                    f"The compute process ended in {job} (exit code {code})",
+                    job=job,
+                ) from error
+        if worked:
+            return result
+        raise result
+
+    def warm(self) -> None:
+        """Starts the process ahead of the first job."""
+        with self._busy:
+            self._ready()
+
+    def close(self) -> None:
+        """Ends the process, whatever it does."""
+        self._kill()
+
+    def _ready(self) -> Connection:
+        if self._process is not None and self._process.is_alive() and self._connection is not None:
+            return self._connection
+        self._kill()
+        ours, theirs = self._context.Pipe()
+        process = self._context.Process(target=_serve, args=(theirs,), name="lightpose-compute", daemon=True)
+        process.start()
+        theirs.close()
+        self._process, self._connection = process, ours
+        return ours
+
+    def _kill(self) -> int | None:
+        process, self._process = self._process, None
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            connection.close()
+        if process is None:
+            return None
+        process.kill()
+        process.join()
+        return process.exitcode
+
+
+def _serve(connection: Connection) -> None:
+    os.nice(_NICENESS)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    jobs = importlib.import_module("acquisition.jobs")  # here only: the kernels belong to this process
+    while True:
+        try:
+            job, arguments = connection.recv()
+        except EOFError:
+            return
+        try:
+            outcome: tuple[bool, Any] = (True, getattr(jobs, job)(*arguments))
+        except RigError as error:
+            outcome = (False, error)
+        except Exception as error:  # noqa: BLE001 - a job's fault is the step's failure, told with its trace
+            _log.exception("job %s failed", job)
+            outcome = (
+                False,
+                RigError(ErrorCode.SESSION_STEP_FAILED, f"{job}: {error!r}", job=job),
+            )
+        connection.send(outcome)
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+    os._exit(1)

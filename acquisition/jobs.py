@@ -1,0 +1,122 @@
+"""The jobs of the compute process: each calls one pure stage, with files in the session folder for what is large.
+
+Pilot, plan, route and solve meet here and in the runner only. The functions are module level and their arguments small,
+so that they cross to the process by name; what they return is a value of `types`, which the web process can read
+without importing a stage.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from acquisition import geometry, photometry, pilot, plan, region
+from acquisition.config import CellConfig
+from acquisition.normals import export, solve
+from acquisition.plan import baselines
+from acquisition.types import (
+    Calibration,
+    JointPath,
+    Light,
+    LightPlan,
+    NormalMap,
+    Observations,
+    Recipe,
+    ResultSummary,
+    Route,
+    SolveSettings,
+)
+from acquisition.waypoints import reach as reaching
+from acquisition.waypoints import route as routing
+
+BRIGHT_PERCENTILE = 99.5
+
+
+def make_reach(cell: CellConfig, calibration: Calibration, cache: Path) -> None:
+    """Makes the cell's reach and keeps it in the cache file, unless it is there."""
+    _reach(cell, calibration, cache)
+
+
+def _reach(cell: CellConfig, calibration: Calibration, cache: Path) -> reaching.ReachMap:
+    if cache.exists():
+        kept = reaching.ReachMap.model_validate_json(cache.read_bytes())
+        if kept.cell == cell and kept.calibration == calibration:
+            return kept
+    found = reaching.reach(cell, calibration)
+    beside = cache.with_suffix(".part")
+    beside.write_text(found.model_dump_json(), encoding="utf-8")
+    beside.rename(cache)
+    return found
+
+
+def choose_lights(
+    recipe: Recipe, cell: CellConfig, calibration: Calibration, cache: Path, result: Path | None,
+    observations: Observations | None,
+) -> LightPlan:  # fmt: skip
+    """The next pass's lights: planned from the last result where there is one, else the first pass's."""
+    reach = _reach(cell, calibration, cache)
+    if result is not None and observations is not None:
+        normal_map = export.read(result)
+        chosen = plan.choose(normal_map, observations, recipe, reach, calibration)
+        return chosen.model_copy(update={"levels_per_s": expected_levels(normal_map, chosen.lights, calibration)})
+    if recipe.method != "optimal":
+        return baselines.baseline(recipe.method, recipe.lights_total, recipe, reach)
+    lights = pilot.pattern(recipe, reach)
+    slants = np.degrees(geometry.slant_azimuth(np.array([light.position for light in lights]) - reach.center)[0])
+    return LightPlan(
+        lights=lights,
+        method="pilot",
+        reasons=[f"pilot light at slant {slant:.0f}°" for slant in slants],
+        notes=[f"The top light stands at slant {min(slants):.1f}°, the smallest that the arm reaches in free view."],
+    )
+
+
+def expected_levels(normal_map: NormalMap, lights: list[Light], calibration: Calibration) -> list[float]:
+    """For each light the 99.5th percentile of the signal over the solved pixels, fraction of full scale per second."""
+    rows, columns = np.nonzero(normal_map.mask)
+    step = max(1, len(rows) // 20_000)
+    rows, columns = rows[::step], columns[::step]
+    ray = photometry.rays(calibration, slice(0, calibration.height), slice(0, calibration.width))
+    point = photometry.points(ray, normal_map.depth)[:, rows, columns]
+    vectors = photometry.light_vectors(point, photometry.lamps(lights), calibration)
+    facing = np.einsum("fck,kc->fk", vectors, normal_map.normals[rows, columns])
+    signal = normal_map.albedo[rows, columns] * np.clip(facing, 0, None) * calibration.lamp_intensity
+    return [float(value) for value in np.percentile(signal, BRIGHT_PERCENTILE, axis=1)]
+
+
+def plan_route(lights: list[Light], start: tuple[float, ...], cell: CellConfig, calibration: Calibration) -> Route:
+    """Certified joint paths from `start` (rad) through the lights and home."""
+    return routing.route(lights, start, cell, calibration)
+
+
+def plan_retreat(start: tuple[float, ...], cell: CellConfig, calibration: Calibration) -> JointPath:
+    """A certified joint path home from `start` (rad)."""
+    return routing.retreat(start, cell, calibration)
+
+
+def solve_normals(
+    observations: Observations, cell: CellConfig, calibration: Calibration, settings: SolveSettings,
+    forecast: LightPlan | None, folder: Path,
+) -> ResultSummary:  # fmt: skip
+    """Solves all images and writes the result into `folder`."""
+    found = solve(
+        observations,
+        calibration,
+        settings,
+        initial_depth_m=region.middle_depth_m(cell, calibration),
+        region=region.keep_out(cell, calibration),
+    )
+    export.write(found, folder)
+    sigma = found.sigma_deg[found.mask]
+    lights_used = np.count_nonzero(found.flags & 1, axis=0)[found.silhouette]
+    return ResultSummary(
+        images=len(observations.shots),
+        object_pixels=int(np.count_nonzero(found.silhouette)),
+        solved_pixels=int(np.count_nonzero(found.mask)),
+        mean_sigma_deg=float(np.mean(sigma)),
+        median_sigma_deg=float(np.median(sigma)),
+        predicted_sigma_deg=None if forecast is None else forecast.predicted_sigma_deg,
+        predicted_median_deg=None if forecast is None else forecast.predicted_median_deg,
+        fewer_than_three_lights=float(np.mean(lights_used < 3)),
+        intensity_factors=[float(factor) for factor in found.intensity_factors],
+        noise=found.noise,
+    )

@@ -1,0 +1,421 @@
+"""The loop that runs sessions: look, gate, do, write; it owns the one thread that moves the cell.
+
+Each turn reads the next step from the journal and from where the arm stands, does it, and enters what came of it. There
+is no other memory of a session, so a pause, a crash and a resume are only turns that did not come. People's requests
+come from other threads: they change the state in the journal and set the stop token; the halt itself goes straight to
+the devices, before any lock or journal.
+"""
+
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as FutureTimeoutError
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from typing import Any, TypeVar
+
+from acquisition import session
+from acquisition.compute import Compute
+from acquisition.devices import ArmIdentity, ArmReading, Rig, StopToken
+from acquisition.errors import PROBLEMS, ErrorCode, Halted, RigError
+from acquisition.safety import Latch, SafetyMonitor
+from acquisition.session import Stage, State, Trigger
+from acquisition.steps import Steps
+from acquisition.store import SessionRow, Store
+from acquisition.types import Calibration, Recipe
+
+_log = logging.getLogger(__name__)
+
+READY_WITHIN_S = 20.0
+"""Connecting takes a second; an address where nobody listens answers within 3 s; the rest is a busy machine."""
+CONNECT_EVERY_S = 5.0
+
+INTERRUPTS = frozenset(
+    {
+        ErrorCode.ARM_PROTECTIVE_STOP,
+        ErrorCode.ARM_EMERGENCY_STOP,
+        ErrorCode.ARM_NOT_READY,
+        ErrorCode.ARM_MOVE_FAILED,
+        ErrorCode.ARM_UNREACHABLE,
+        ErrorCode.ARM_IN_USE,
+        ErrorCode.DEVICE_DISCONNECTED,
+        ErrorCode.DRIVER_LOST,
+        ErrorCode.LAMP_NOT_CONFIRMED,
+        ErrorCode.CAMERA_UNREACHABLE,
+        ErrorCode.CAMERA_TIMEOUT,
+        ErrorCode.STORE_DISK_FULL,
+    }
+)
+"""Problems that a person can mend and then resume; every other one ends the session."""
+
+T = TypeVar("T")
+
+
+def problem(code: ErrorCode, detail: str, **context: Any) -> dict[str, Any]:
+    """A problem as it stands in journal and responses."""
+    entry = PROBLEMS[code]
+    return {"code": str(code), "title": entry.title, "detail": detail, "remedy": entry.remedy, **context}
+
+
+@dataclass(frozen=True)
+class RigStatus:
+    """What can be said of the rig at once, without asking any device."""
+
+    cell: str
+    fingerprint: str
+    arm_address: str
+    arm_model: str
+    identity: ArmIdentity | None
+    reading: ArmReading
+    camera_ready: bool
+    holder: str | None
+    may_start: bool
+    reasons: list[dict[str, Any]]
+    calibration_made_at: str
+    calibration_valid_until: str
+    latched: Latch | None
+
+
+@dataclass(frozen=True)
+class SessionProgress:
+    """How far a session is."""
+
+    stage: Stage
+    progress: float
+    seconds_left: float | None
+
+
+@dataclass
+class _Devices:
+    """What the runner's thread knows of the devices; replaced fields only, so that other threads may read."""
+
+    identity: ArmIdentity | None = None
+    camera_ready: bool = False
+    trouble: dict[str, Any] | None = field(default_factory=lambda: problem(
+        ErrorCode.RIG_NOT_READY, "The devices have not been connected yet"))  # fmt: skip
+
+
+class Runner:
+    """Runs one session at a time; every public method may be called from any thread."""
+
+    def __init__(
+        self, store: Store, rig: Rig, calibration: Calibration, compute: Compute, monitor: SafetyMonitor
+    ) -> None:
+        self._store = store
+        self._rig = rig
+        self._calibration = calibration
+        self._compute = compute
+        self._monitor = monitor
+        self._steps = Steps(store, rig, calibration, compute)
+        self._devices = _Devices()
+        self._token = StopToken()
+        self._requests: queue.Queue[Callable[[], None]] = queue.Queue()
+        self._stages: dict[str, Stage] = {}
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="runner", daemon=True)
+
+    # --------------------------------------------------------------------------------------------------------- lifetime
+
+    def open(self) -> None:
+        """Declares sessions found active interrupted, and starts the thread, which connects the devices."""
+        holder = self._store.journal.holder()
+        if holder is not None and holder.state is not State.INTERRUPTED:
+            reason = problem(ErrorCode.SERVICE_RESTARTED, f"The service ended while the session was {holder.state}")
+            self._store.journal.trigger(holder.id, Trigger.INTERRUPT, "service", reason)
+        self._monitor.start()
+        self._thread.start()
+
+    def close(self) -> None:
+        """Halts, ends the session's turn (it stays interrupted) and releases the devices."""
+        self._closing.set()
+        self._token.set()
+        self._rig.halt()
+        if self._thread.is_alive():
+            self._thread.join(10)
+        self._monitor.close()
+        self._rig.camera.close()
+        self._rig.arm.close()
+        self._compute.close()
+
+    # --------------------------------------------------------------------------------------------------------- requests
+
+    def create(self, recipe: Recipe, idempotency_key: str | None = None) -> tuple[SessionRow, bool]:
+        """Enters a session; nothing moves. The flag is False when the key named one that exists."""
+        cell = self._rig.cell
+        row, new = self._store.journal.create_session(recipe, cell.model_dump_json(), cell.fingerprint, idempotency_key)
+        if new:
+            self._steps.begin(row.id, recipe)
+        return row, new
+
+    def act(self, session_id: str, action: Trigger, actor: str) -> State:
+        """A person's action; returns the state after it.
+
+        Raises RigError session.not_found, session.action_not_allowed, rig.busy, and for start and resume whatever
+        stands in the way: arm.unreachable, arm.preflight, camera.unreachable, safety.not_acknowledged, rig.changed.
+        """
+        match action:
+            case Trigger.STOP:
+                return self._stop(session_id, actor)
+            case Trigger.START | Trigger.RESUME:
+                return self._start(session_id, action, actor)
+            case _:
+                return self._store.journal.trigger(session_id, action, actor)[1]
+
+    def halt(self, actor: str) -> None:
+        """Halts whatever moves, at once; the session is stopped afterwards, in the runner's thread."""
+        self._token.set()
+        self._rig.halt()
+        self._requests.put(lambda: self._journal_halt(actor))
+
+    def acknowledge(self, actor: str) -> None:
+        """A person has looked and finds the cell clear. Raises RigError safety.still_faulted."""
+        self._monitor.acknowledge(actor)
+        self._store.journal.acknowledge(actor)
+
+    def status(self) -> RigStatus:
+        """The rig at a glance; asks no device."""
+        holder = self._store.journal.holder()
+        reasons = self._obstacles()
+        if holder is not None:
+            reasons.append(problem(ErrorCode.RIG_BUSY, f"Session {holder.id} is {holder.state}", holder=holder.id))
+        cell = self._rig.cell
+        return RigStatus(
+            cell=cell.name,
+            fingerprint=cell.fingerprint,
+            arm_address=cell.arm.address,
+            arm_model=cell.arm.model,
+            identity=self._devices.identity,
+            reading=self._rig.arm.reading,
+            camera_ready=self._devices.camera_ready,
+            holder=None if holder is None else holder.id,
+            may_start=not reasons,
+            reasons=reasons,
+            calibration_made_at=self._calibration.made_at,
+            calibration_valid_until=self._valid_until().isoformat(),
+            latched=self._monitor.latch,
+        )
+
+    def progress(self, session_id: str) -> SessionProgress:
+        """How far a session is, and how long it will still take at the pace so far."""
+        row = self._store.journal.session(session_id)
+        record = self._store.record(session_id)
+        stage = self._stages.get(session_id)
+        if stage is None:
+            home = self._rig.cell.arm.home
+            stage = session.stage(record, session.next_step(record, home, home))
+        if row.state is State.COMPLETED:
+            stage = Stage.FINISHED
+        done = session.progress(record)
+        left = None
+        if row.state is State.RUNNING and row.started_at is not None and done > 0.05:
+            left = (time.time() - row.started_at) * (1 - done) / done
+        return SessionProgress(stage, done, left)
+
+    def reach(self) -> str:
+        """The cell's reach as JSON. Raises RigError rig.busy while a session uses the compute process."""
+        if self._store.journal.holder() is not None and not self._steps.reach_cache.exists():
+            raise RigError(ErrorCode.RIG_BUSY, "The reach is made once, when no session runs: ask again later")
+        if not self._steps.reach_cache.exists():
+            self._compute.run(self._closing, "make_reach", self._rig.cell, self._calibration, self._steps.reach_cache)
+        return self._steps.reach_cache.read_text(encoding="utf-8")
+
+    # ------------------------------------------------------------------------------------------------ start, stop, halt
+
+    def _start(self, session_id: str, action: Trigger, actor: str) -> State:
+        journal = self._store.journal
+        row = journal.session(session_id)
+        then = session.after(row.state, action)
+        if then is None or then is row.state or row.state is State.PAUSING:
+            return journal.trigger(session_id, action, actor)[1]
+        holder = journal.holder()
+        if holder is not None and holder.id != session_id:
+            raise RigError(ErrorCode.RIG_BUSY, f"Session {holder.id} holds the rig", holder=holder.id)
+        if row.fingerprint != self._rig.cell.fingerprint:
+            raise RigError(ErrorCode.RIG_CHANGED, "The cell file is not the one that the session was created with")
+        if datetime.now().astimezone() > self._valid_until():
+            raise RigError(ErrorCode.RIG_NOT_READY, f"The calibration is out of date since {self._valid_until()}")
+        self._monitor.clear()
+        self._in_thread(self._make_ready)
+        self._monitor.clear()
+        token = StopToken()
+        then = journal.trigger(session_id, action, actor)[1]
+        self._token = token
+        self._requests.put(lambda: self._run(session_id, token))
+        return then
+
+    def _stop(self, session_id: str, actor: str) -> State:
+        journal = self._store.journal
+        holder = journal.holder()
+        if holder is not None and holder.id == session_id:
+            self._token.set()
+            self._rig.halt()
+        before, then = journal.trigger(session_id, Trigger.STOP, actor)
+        # A resume may have begun between the halt and the entry: its token is another one.
+        if then is State.STOPPING:
+            self._token.set()
+            self._rig.halt()
+            if before is State.PAUSED:  # no turn is running that would notice
+                self._requests.put(lambda: self._trigger(session_id, Trigger.SETTLE))
+        return then
+
+    def _journal_halt(self, actor: str) -> None:
+        holder = self._store.journal.holder()
+        if holder is None:
+            self._store.journal.record_action(None, "halt", actor, "halted")
+            return
+        self._store.journal.record_action(holder.id, "halt", actor, "halted")
+        self._trigger(holder.id, Trigger.STOP, actor)
+        self._trigger(holder.id, Trigger.SETTLE)
+
+    # ---------------------------------------------------------------------------------------------- the runner's thread
+
+    def _serve(self) -> None:
+        next_connection = 0.0
+        while not self._closing.is_set():
+            if time.monotonic() >= next_connection and self._store.journal.holder() is None:
+                self._connect_idle()
+                next_connection = time.monotonic() + CONNECT_EVERY_S
+            try:
+                request = self._requests.get(timeout=0.25)
+            except queue.Empty:
+                continue
+            request()
+
+    def _run(self, session_id: str, token: StopToken) -> None:
+        """One session's turns, until it ends, pauses or is cut off."""
+        try:
+            while self._turn(session_id, token):
+                pass
+        except Halted:
+            self._settle(session_id)
+        except RigError as error:
+            self._give_up(session_id, error)
+        except Exception as error:  # noqa: BLE001 - the thread must live on; the session tells what failed
+            _log.exception("session %s", session_id)
+            self._give_up(session_id, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
+
+    def _turn(self, session_id: str, token: StopToken) -> bool:
+        """Does one step; False when there is no more to do."""
+        if token.is_set():
+            raise Halted
+        record = self._store.record(session_id)
+        if record.state is State.PAUSING:
+            self._trigger(session_id, Trigger.SETTLE)
+            return False
+        if record.state is not State.RUNNING:
+            raise Halted
+        step = session.next_step(record, self._rig.arm.reading.joints, self._rig.cell.arm.home)
+        self._announce_stage(session_id, session.stage(record, step))
+        if step is None:
+            self._steps.end(session_id)
+            self._trigger(session_id, Trigger.FINISH)
+            return False
+        self._steps.do(record, step, token)
+        return True
+
+    def _settle(self, session_id: str) -> None:
+        """After a halt: the arm has come to rest; what the state becomes depends on who asked."""
+        state = self._store.journal.session(session_id).state
+        if self._closing.is_set() or state in (State.RUNNING, State.PAUSING):
+            if state in session.HOLDS_THE_RIG and self._closing.is_set():
+                reason = problem(ErrorCode.SERVICE_RESTARTED, "The service was ended")
+                self._trigger(session_id, Trigger.INTERRUPT, reason=reason)
+            return  # a halt that is not journalled yet: its entry follows as a request
+        if state is State.STOPPING:
+            self._trigger(session_id, Trigger.SETTLE)
+
+    def _give_up(self, session_id: str, error: RigError) -> None:
+        self._rig.halt()
+        _log.error("session %s: %s", session_id, error)
+        reason = problem(error.code, error.detail, **error.context)
+        if self._store.journal.session(session_id).state is State.STOPPING:
+            self._trigger(session_id, Trigger.SETTLE)
+            return
+        self._trigger(session_id, Trigger.INTERRUPT if error.code in INTERRUPTS else Trigger.FAIL, reason=reason)
+
+    def _trigger(
+        self, session_id: str, trigger: Trigger, actor: str = "runner", reason: dict[str, Any] | None = None
+    ) -> None:
+        """The runner's own triggers; one that comes too late because a person was quicker is no failure."""
+        try:
+            self._store.journal.trigger(session_id, trigger, actor, reason)
+        except RigError as error:
+            if error.code is not ErrorCode.SESSION_ACTION_NOT_ALLOWED:
+                raise
+            _log.info("session %s: %s came too late", session_id, trigger)
+
+    def _announce_stage(self, session_id: str, stage: Stage) -> None:
+        if self._stages.get(session_id) is not stage:
+            self._stages[session_id] = stage
+            self._store.journal.announce(session_id, "session.stage", {"stage": stage})
+
+    # ---------------------------------------------------------------------------------------------------------- devices
+
+    def _in_thread(self, work: Callable[[], T]) -> T:
+        """Runs device work in the runner's thread and returns what it returns."""
+        future: Future[T] = Future()
+
+        def request() -> None:
+            if not future.set_running_or_notify_cancel():
+                return
+            try:
+                future.set_result(work())
+            except Exception as error:  # noqa: BLE001 - raised again where the caller waits
+                future.set_exception(error)
+
+        self._requests.put(request)
+        try:
+            return future.result(READY_WITHIN_S)
+        except FutureTimeoutError:
+            future.cancel()
+            raise RigError(ErrorCode.RIG_NOT_READY, f"The devices were not ready within {READY_WITHIN_S:g} s") from None
+
+    def _make_ready(self) -> None:
+        """Connects what is not connected, takes control of the arm, and compares it with the cell file."""
+        try:
+            identity = self._rig.arm.connect()
+            self._rig.arm.prepare()
+            findings = self._rig.arm.preflight()
+            if findings:
+                raise RigError(
+                    ErrorCode.ARM_PREFLIGHT,
+                    " ".join(finding.what for finding in findings),
+                    findings=[{"what": finding.what, "remedy": finding.remedy} for finding in findings],
+                )
+            self._rig.lamp.connect()
+            self._rig.camera.connect()
+        except RigError as error:
+            self._devices = _Devices(None, False, problem(error.code, error.detail, **error.context))
+            raise
+        self._devices = _Devices(identity, True, None)
+
+    def _connect_idle(self) -> None:
+        """Looks for the devices while nothing runs, so that `status` is true; takes no control while one is missing."""
+        if self._devices.trouble is None and self._rig.arm.reading.connected:
+            return
+        try:
+            identity = self._rig.arm.connect()
+            self._rig.camera.connect()
+        except RigError as error:
+            self._devices = _Devices(None, False, problem(error.code, error.detail, **error.context))
+            return
+        self._devices = _Devices(identity, True, None)
+        self._store.journal.announce(None, "device.changed", {"arm": "connected", "camera": "connected"})
+
+    def _obstacles(self) -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = []
+        if self._devices.trouble is not None:
+            found.append(self._devices.trouble)
+        try:
+            self._monitor.clear()
+        except RigError as error:
+            found.append(problem(error.code, error.detail, **error.context))
+        if datetime.now().astimezone() > self._valid_until():
+            found.append(problem(ErrorCode.RIG_NOT_READY, "The calibration is out of date: calibrate again"))
+        return found
+
+    def _valid_until(self) -> datetime:
+        return datetime.fromisoformat(self._calibration.made_at) + timedelta(days=self._calibration.valid_days)

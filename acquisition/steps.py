@@ -1,0 +1,268 @@
+"""Doing one step of a session and entering what came of it.
+
+Every step ends in the same order: files flushed and renamed, then row and event in one transaction. A step that is cut
+off before the row leaves files that nobody was told of; doing it again replaces them.
+"""
+
+import shutil
+import time
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from typing import assert_never
+
+from acquisition import lamp_pose, region, session
+from acquisition.capture import check, exposure, take
+from acquisition.capture.take import Exposed
+from acquisition.compute import Compute
+from acquisition.devices import Rig, StopToken
+from acquisition.errors import ErrorCode, RigError
+from acquisition.session import ChooseLights, GoHome, PlanRoute, Record, SolveNormals, Step, TakeDark, TakeShot
+from acquisition.store import FolderFrames, Store
+from acquisition.store.folder import write_frame, write_manifest, write_value
+from acquisition.types import (
+    BoolArray,
+    Calibration,
+    FrameQuality,
+    JointPath,
+    LightPlan,
+    Observations,
+    Recipe,
+    ResultSummary,
+    Route,
+    Shot,
+    ShotKey,
+    SolveSettings,
+    as_joints,
+    as_matrix4,
+)
+
+
+class Steps:
+    """Does steps with the devices of one rig; the runner's thread only."""
+
+    def __init__(self, store: Store, rig: Rig, calibration: Calibration, compute: Compute) -> None:
+        self._store = store
+        self._rig = rig
+        self._calibration = calibration
+        self._compute = compute
+
+    def begin(self, session_id: str, recipe: Recipe) -> None:
+        """Makes the session's folder, complete in itself: recipe, cell file and calibration."""
+        folder = self._store.folder(session_id)
+        write_value(folder / "recipe.json", recipe)
+        write_value(folder / "cell.json", self._rig.cell)
+        write_value(folder / "calibration.json", self._calibration)
+
+    def end(self, session_id: str) -> None:
+        """Writes the session's manifest: every file with its SHA-256, and the shots as they were measured."""
+        folder = self._store.folder(session_id)
+        shots = [shot.model_dump(mode="json") for shot in self._store.journal.shots(session_id)]
+        write_manifest(
+            folder, {"session_id": session_id, "software": {"lightpose": version("lightpose")}, "shots": shots}
+        )
+
+    def do(self, record: Record, step: Step, stop: StopToken) -> None:
+        """Does one step. Raises Halted when the token is set meanwhile, RigError when the step fails."""
+        match step:
+            case ChooseLights():
+                self._choose_lights(record, step, stop)
+            case PlanRoute():
+                self._plan_route(record, step, stop)
+            case TakeShot():
+                self._take_shot(record, step, stop)
+            case GoHome():
+                self._go_home(step, stop)
+            case TakeDark():
+                self._take_dark(record, step, stop)
+            case SolveNormals():
+                self._solve_normals(record, step, stop)
+            case _:
+                assert_never(step)
+
+    @property
+    def reach_cache(self) -> Path:
+        """Where the cell's reach is kept."""
+        return self._store.cache(f"reach-{self._rig.cell.fingerprint[:16]}.json")
+
+    @cached_property
+    def _region(self) -> BoolArray:
+        return region.keep_out(self._rig.cell, self._calibration)
+
+    # ---------------------------------------------------------------------------------------------------- lights, route
+
+    def _choose_lights(self, record: Record, step: ChooseLights, stop: StopToken) -> None:
+        number, folder = step.pass_number, self._store.folder(record.session_id)
+        previous = folder / "results" / str(number - 1) if number > 0 else None
+        plan: LightPlan = self._compute.run(
+            stop,
+            "choose_lights",
+            record.recipe,
+            self._rig.cell,
+            self._calibration,
+            self.reach_cache,
+            previous,
+            None if previous is None else self._observations(record, folder),
+        )
+        name = f"passes/{number}/plan.json"
+        digest = write_value(folder / name, plan)
+        body = {
+            "lights": len(plan.lights),
+            "method": plan.method,
+            "predicted_sigma_deg": plan.predicted_sigma_deg,
+            "predicted_median_deg": plan.predicted_median_deg,
+            "notes": plan.notes,
+        }
+        self._store.journal.add_artifact(record.session_id, "plan", number, name, digest, body, "plan.ready")
+
+    def _plan_route(self, record: Record, step: PlanRoute, stop: StopToken) -> None:
+        number, folder = step.pass_number, self._store.folder(record.session_id)
+        plan = record.passes[number].plan
+        if plan is None:
+            raise RigError(ErrorCode.SERVICE_FAULT, f"Pass {number} has no plan to route")
+        start = self._rig.arm.reading.joints
+        lights = [plan.lights[light] for light in step.light_numbers]
+        try:
+            route: Route = self._compute.run(stop, "plan_route", lights, start, self._rig.cell, self._calibration)
+        except RigError as error:
+            raise _renumbered(error, step.light_numbers) from error
+        numbers = [step.light_numbers[index] for index in route.light_numbers]
+        route = route.model_copy(update={"light_numbers": numbers})
+        made = [item for item in self._store.journal.artifacts(record.session_id, "route") if item.number == number]
+        name = f"passes/{number}/route.json" if not made else f"passes/{number}/route_{len(made) + 1}.json"
+        digest = write_value(folder / name, route)
+        body = {"seconds": route.seconds, "lower_bound_s": route.lower_bound_s, "order": numbers}
+        self._store.journal.add_artifact(record.session_id, "route", number, name, digest, body, "waypoints.ready")
+
+    # ---------------------------------------------------------------------------------------------------------- capture
+
+    def _take_shot(self, record: Record, step: TakeShot, stop: StopToken) -> None:
+        if not session.same_place(self._rig.arm.reading.joints, step.waypoint.joints):
+            take.arrive(self._rig, step.waypoint.path, step.waypoint.speeds, stop)
+        exposure_s, attempt = self._first_exposure(record, step), 0
+        while True:
+            exposed = take.expose(self._rig, exposure_s, attempt, lit=True, stop=stop)
+            verdict = check.lit_frame(
+                exposed.frame.pixels,
+                self._region,
+                self._calibration.sensor,
+                exposure_s,
+                record.recipe.exposure,
+                self._rig.cell.camera,
+            )
+            if verdict.retake_s is None or attempt == record.recipe.retakes:
+                break
+            self._store.journal.announce(
+                record.session_id,
+                "shot.retaken",
+                {"pass": step.key.pass_number, "number": step.key.number, "reason": verdict.quality.reason},
+            )
+            exposure_s, attempt = verdict.retake_s, attempt + 1
+        if not verdict.usable:
+            raise RigError(
+                ErrorCode.CAPTURE_FRAME_REJECTED,
+                f"Light {step.key.number} of pass {step.key.pass_number}: {verdict.quality.reason}",
+                light=step.key.number,
+            )
+        self._keep(record, step.key, exposed, exposure_s, attempt, verdict.quality)
+
+    def _first_exposure(self, record: Record, step: TakeShot) -> float:
+        wanted, camera = record.recipe.exposure, self._rig.cell.camera
+        work = record.passes[step.key.pass_number]
+        if work.plan is not None and work.plan.levels_per_s is not None:
+            return exposure.of_level(work.plan.levels_per_s[step.key.number], wanted, camera)
+        seen = [shot.quality.bright_level / shot.exposure_s for shot in work.shots.values()]
+        level = seen[-1] if seen else exposure.first_level(self._rig.cell, self._calibration)
+        return exposure.of_level(level, wanted, camera)
+
+    def _take_dark(self, record: Record, step: TakeDark, stop: StopToken) -> None:
+        exposed = take.expose(self._rig, step.exposure_s, 0, lit=False, stop=stop)
+        quality = check.dark_frame(exposed.frame.pixels, self._region, self._calibration.sensor)
+        if not quality.accepted:
+            raise RigError(ErrorCode.CAPTURE_FRAME_REJECTED, quality.reason)
+        self._keep(record, step.key, exposed, step.exposure_s, 0, quality, dark=True)
+
+    def _keep(
+        self, record: Record, key: ShotKey, exposed: Exposed, exposure_s: float, attempt: int, quality: FrameQuality,
+        *, dark: bool = False,
+    ) -> None:  # fmt: skip
+        """Writes the frame, then enters it: the entry is the announcement."""
+        file = f"dark_{round(exposure_s * 1e6)}.tiff" if dark else f"shots/{key.number}.tiff"
+        folder, reading = self._store.folder(record.session_id), exposed.reading
+        frame = write_frame(folder, f"passes/{key.pass_number}/{file}", exposed.frame.pixels)
+        shot = Shot(
+            key=key,
+            kind="dark" if dark else "light",
+            frame=frame,
+            exposure_s=exposure_s,
+            light_number=None if dark else key.number,
+            light=None if dark else lamp_pose.light_from_tool(reading.base_from_tool, self._calibration),
+            joints=as_joints(reading.joints),
+            base_from_tool=as_matrix4(reading.base_from_tool),
+            lamp_on=not dark,
+            attempt=attempt,
+            arm_time_s=reading.timestamp,
+            taken_at=exposed.frame.taken_at,
+            quality=quality,
+        )
+        self._store.journal.add_shot(record.session_id, shot)
+
+    def _go_home(self, step: GoHome, stop: StopToken) -> None:
+        here = self._rig.arm.reading.joints
+        if step.route is not None and step.route.waypoints:
+            last = step.route.waypoints[-1].joints
+            if session.same_place(here, last):
+                take.arrive(self._rig, step.route.home_path, step.route.home_speeds, stop)
+                return
+        way: JointPath = self._compute.run(stop, "plan_retreat", here, self._rig.cell, self._calibration)
+        take.arrive(self._rig, way.path, way.speeds, stop)
+
+    # ---------------------------------------------------------------------------------------------------------- normals
+
+    def _solve_normals(self, record: Record, step: SolveNormals, stop: StopToken) -> None:
+        folder = self._store.folder(record.session_id)
+        name = f"results/{step.number}"
+        if (folder / name).exists():
+            shutil.rmtree(folder / name)  # left by a crash before its entry: nobody was told of it
+        observations = self._observations(record, folder)
+        begun = time.monotonic()
+        summary: ResultSummary = self._compute.run(
+            stop,
+            "solve_normals",
+            observations,
+            self._rig.cell,
+            self._calibration,
+            SolveSettings(),
+            record.passes[step.number].plan,
+            folder / name,
+        )
+        facts = {
+            "session_id": record.session_id,
+            "number": step.number,
+            "origin": "session",
+            "software": {"lightpose": version("lightpose")},
+            "cell_fingerprint": self._rig.cell.fingerprint,
+            "convention": "view frame: x right, y up, z to the camera; colours (n + 1) / 2, OpenGL green (+Y)",
+            "seconds": round(time.monotonic() - begun, 3),
+            "summary": summary.model_dump(mode="json"),
+        }
+        digest = write_manifest(folder / name, facts)
+        body = {**summary.model_dump(mode="json"), "origin": "session", "seconds": facts["seconds"]}
+        self._store.journal.add_artifact(
+            record.session_id, "result", step.number, f"{name}/manifest.json", digest, body, "normals.ready"
+        )
+
+    def _observations(self, record: Record, folder: Path) -> Observations:
+        """All images so far; the lamp-off frame of each exposure time is the newest one."""
+        shots = [work.shots[number] for work in record.passes for number in sorted(work.shots)]
+        darks = {time_s: shot for work in record.passes for time_s, shot in work.darks.items()}
+        return Observations(shots, darks, FolderFrames(folder))
+
+
+def _renumbered(error: RigError, light_numbers: tuple[int, ...]) -> RigError:
+    """The route knew only the lights that were left; people know them by their numbers in the plan."""
+    lights = [{**light, "number": light_numbers[light["number"]]} for light in error.context.get("lights", [])]
+    if not lights:
+        return error
+    detail = "; ".join(f"light {light['number']}: {light['reason']}: {light['detail']}" for light in lights)
+    return RigError(error.code, detail, **{**error.context, "lights": lights})

@@ -1,0 +1,112 @@
+"""Session folders: files that appear whole or not at all, and frames read row by row.
+
+A file is written beside its place, flushed to the disk and renamed, and only then entered in the journal; a folder is
+complete without the database and can leave home.
+"""
+
+import errno
+import hashlib
+import io
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import tifffile
+
+from acquisition.errors import ErrorCode, RigError
+from acquisition.types import FrameRef, Value
+
+
+def write_bytes(path: Path, content: bytes) -> str:
+    """Writes a file whole, durably, and returns its SHA-256. Raises RigError store.disk_full; other OSErrors pass."""
+    beside = path.with_name(f".{path.name}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with beside.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.rename(path)
+        _flush_folder(path.parent)
+    except OSError as error:
+        beside.unlink(missing_ok=True)
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise RigError(ErrorCode.STORE_DISK_FULL, f"No space left to write {path.name}", file=path.name) from error
+        raise
+    return hashlib.sha256(content).hexdigest()
+
+
+def write_value(path: Path, value: Value) -> str:
+    """Writes a value as indented JSON and returns the file's SHA-256."""
+    return write_bytes(path, value.model_dump_json(indent=2).encode())
+
+
+def write_frame(folder: Path, name: str, pixels: npt.NDArray[np.uint16]) -> FrameRef:
+    """Writes a frame (H, W) as an uncompressed 16-bit TIFF under `folder` and returns its reference.
+
+    Uncompressed, because decoding PNG takes ten times as long as the whole solve.
+    """
+    buffer = io.BytesIO()
+    tifffile.imwrite(buffer, pixels, photometric="minisblack", metadata=None)
+    height, width = pixels.shape
+    return FrameRef(path=name, width=width, height=height, sha256=write_bytes(folder / name, buffer.getvalue()))
+
+
+def sha256_of(path: Path) -> str:
+    """SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def publish(partial: Path, final: Path) -> None:
+    """Renames a finished folder to its place, replacing nothing; its files are flushed first."""
+    for path in sorted(partial.rglob("*")):
+        if path.is_file():
+            with path.open("rb") as file:
+                os.fsync(file.fileno())
+    partial.rename(final)
+    _flush_folder(final.parent)
+
+
+def write_manifest(folder: Path, facts: Mapping[str, object]) -> str:
+    """Writes `manifest.json`: the facts, and the SHA-256 and size of each other file in the folder."""
+    files = {
+        str(path.relative_to(folder)): {"sha256": sha256_of(path), "bytes": path.stat().st_size}
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name != "manifest.json" and not path.name.endswith(".part")
+    }
+    return write_bytes(folder / "manifest.json", json.dumps({**facts, "files": files}, indent=2).encode())
+
+
+@dataclass(frozen=True)
+class FolderFrames:
+    """The frames of one session folder as a FrameSource; picklable, since it holds a path only."""
+
+    folder: Path
+
+    def rows(self, frame: FrameRef, start: int, stop: int) -> npt.NDArray[np.uint16]:
+        """Rows [start, stop) of a frame. Raises RigError store.corrupt when the file is missing or cut short."""
+        path = self.folder / frame.path
+        try:
+            pixels = tifffile.memmap(path, mode="r")
+        except (OSError, ValueError, tifffile.TiffFileError) as error:
+            raise RigError(ErrorCode.STORE_CORRUPT, f"{frame.path}: {error}", file=frame.path) from error
+        if pixels.shape != (frame.height, frame.width) or pixels.dtype != np.uint16:
+            raise RigError(
+                ErrorCode.STORE_CORRUPT,
+                f"{frame.path}: {pixels.shape} {pixels.dtype}, expected {(frame.height, frame.width)} uint16",
+                file=frame.path,
+            )
+        return np.asarray(pixels[start:stop])
+
+
+def _flush_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
