@@ -142,7 +142,9 @@ def noise(
     return Noise(
         shot=1.0 / scale,
         floor=floor,
-        intensity=float(np.sqrt(calibration.intensity_sigma**2 + (2 * position / distance_m) ** 2 + FLAT_FIELD_SIGMA**2)),
+        intensity=float(
+            np.sqrt(calibration.intensity_sigma**2 + (2 * position / distance_m) ** 2 + FLAT_FIELD_SIGMA**2)
+        ),
         direction=hypot(position, DEPTH_SIGMA_M) / distance_m,
     )
 

@@ -31,7 +31,9 @@ def pattern(recipe: Recipe, reach: Reach) -> list[Light]:
     step = 2 * np.pi / (recipe.pilot_lights - 1)
     rings = [
         dome.nearest_distinct(
-            geometry.direction(np.radians(RING_SLANT_DEG), turn + np.arange(recipe.pilot_lights - 1) * step), units, free
+            geometry.direction(np.radians(RING_SLANT_DEG), turn + np.arange(recipe.pilot_lights - 1) * step),
+            units,
+            free,
         )
         for turn in np.arange(TURNS) * step / TURNS
     ]

@@ -155,9 +155,7 @@ def solve(
         lamp,
         noise.shot.astype(np.float32),
         noise.floor.astype(np.float32),
-        np.array(
-            [noise.intensity, noise.direction, CAUCHY_SCALE if robust else 0.0, offset_sigma_m], dtype=np.float32
-        ),
+        np.array([noise.intensity, noise.direction, CAUCHY_SCALE if robust else 0.0, offset_sigma_m], dtype=np.float32),
         np.ascontiguousarray(axis * albedo, dtype=np.float32),
         (1.0 / (PRIOR_SCALE * albedo) ** 2).astype(np.float32),
         ROUNDS,

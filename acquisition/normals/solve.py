@@ -85,9 +85,7 @@ def solve(
     )  # fmt: skip
     normals = lambert.facing(final.normals, along)
     solved = np.count_nonzero(final.usable, axis=0) >= 2
-    depth_map = integrate.depth(
-        pixels.image(normals), found, ray, pixels.image(_certainty(final)), scene.depth_m
-    )
+    depth_map = integrate.depth(pixels.image(normals), found, ray, pixels.image(_certainty(final)), scene.depth_m)
     result = _Placed(pixels, solved, rows, columns, (height, width))
     chosen = _samples(pixels, solved)
     sigma = np.where(solved, np.degrees(np.sqrt(final.variance)), np.nan).astype(np.float32)
@@ -288,9 +286,9 @@ def _finer(depth: Float32Array, mask: BoolArray, factor: int, pixels: Pixels, st
     weight = mask.astype(np.float32)
     smooth = cv2.blur(depth * weight, (5, 5)) / np.maximum(cv2.blur(weight, (5, 5)), 1e-6)
     carried = np.where(mask, depth, np.where(cv2.blur(weight, (5, 5)) > 1e-6, smooth, depth)).astype(np.float32)
-    full = cv2.resize(
-        carried, (mask.shape[1] * factor, mask.shape[0] * factor), interpolation=cv2.INTER_LINEAR
-    )[: pixels.shape[0], : pixels.shape[1]]
+    full = cv2.resize(carried, (mask.shape[1] * factor, mask.shape[0] * factor), interpolation=cv2.INTER_LINEAR)[
+        : pixels.shape[0], : pixels.shape[1]
+    ]
     inside = pixels.image(np.ones(len(pixels.index), np.bool_))
     return np.where(inside, full, start).astype(np.float32)
 

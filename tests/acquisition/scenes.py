@@ -159,7 +159,9 @@ def capture(
 
     def shot(name: str, signal: np.ndarray, seconds: float, number: int, light: Light | None) -> Shot:
         sensor = known.sensor
-        electrons = np.minimum(signal * seconds * known.lamp_intensity * sensor.full_scale_dn * sensor.gain_e_per_dn, 5e4)
+        electrons = np.minimum(
+            signal * seconds * known.lamp_intensity * sensor.full_scale_dn * sensor.gain_e_per_dn, 5e4
+        )
         if noisy:
             electrons = rng.poisson(electrons) + rng.normal(0, sensor.read_noise_e, electrons.shape)
         dn = sensor.black_level_dn + np.minimum(electrons, sensor.full_well_e) / sensor.gain_e_per_dn

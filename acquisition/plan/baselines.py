@@ -1,0 +1,163 @@
+"""Patterns of lights that look at nothing: what planning has to beat.
+
+Each is a set of ideal directions, brought to the nearest reachable positions, so that all methods run through the same
+session. The rival that matters is `two-rings`: a third of the lights at 25° and the rest at 55°, staggered.
+"""
+
+import numpy as np
+
+from acquisition import dome, geometry
+from acquisition.errors import ErrorCode, RigError
+from acquisition.types import FloatArray, Light, LightPlan, Method, Reach, Recipe
+
+INNER_SLANT_DEG, OUTER_SLANT_DEG = 25.0, 55.0
+DRBOHLAV_SLANT_DEG = 54.74
+"""arccos(1/√3): orthogonal lights when there are three (Drbohlav and Chantler 2005)."""
+
+TURNS = 12
+PAPER_STARTS = 20
+
+
+def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightPlan:
+    """The lights of a method other than `optimal`; nothing is predicted of them.
+
+    Raises RigError plan.infeasible when the reach does not allow so many lights, waypoints.unreachable naming the user's
+    own lights that the arm cannot serve, request.invalid for `optimal`, which needs a normal map.
+    """
+    if method == "user":
+        return _user(recipe, reach)
+    units = dome.directions(reach.candidates, reach.center, count)
+    rng = np.random.default_rng(recipe.seed)
+    free = np.ones(len(units), dtype=np.bool_)
+    if method == "random":
+        chosen = [int(index) for index in rng.permutation(len(units))[:count]]
+        return _plan(method, chosen, units, reach, ["drawn at random"] * count, [])
+    if method == "max-distance":
+        chosen = _farthest(units, count)
+        return _plan(method, chosen, units, reach, ["as far as can be from the others"] * count, [])
+    if method == "paper":
+        ideals = [unit_lights(count, rng)]
+        why = "least trace of the inverse Gram matrix, unit lights"
+    else:
+        ideals = [_rings(method, count, recipe.slant_deg, turn) for turn in np.arange(TURNS) / TURNS]
+        why = f"its place in the pattern {method}"
+    options = [dome.nearest_distinct(ideal, units, free) for ideal in ideals]
+    chosen, miss = min(options, key=lambda option: float(np.sum(option[1] ** 2)))
+    reasons = [f"{why}, missed by {np.degrees(angle):.0f}°" for angle in miss]
+    notes = []
+    if np.max(miss) > np.radians(10):
+        notes.append(
+            f"{int(np.sum(miss > np.radians(10)))} of {count} lights stand more than 10° from their place in the pattern: "
+            "the arm does not reach nearer"
+        )
+    return _plan(method, chosen, units, reach, reasons, notes)
+
+
+def two_rings(count: int, turn: float = 0.0) -> FloatArray:
+    """Directions (count, 3): a third at 25°, the rest at 55°, staggered by half a step; `turn` in steps of the ring."""
+    inner = round(count / 3) if count > 3 else 0
+    outer = count - inner
+    step = 2 * np.pi / outer
+    rings = [geometry.direction(np.radians(OUTER_SLANT_DEG), (turn + np.arange(outer)) * step)]
+    if inner:
+        around = (turn + 0.5) * step + np.arange(inner) * 2 * np.pi / inner
+        rings.insert(0, geometry.direction(np.radians(INNER_SLANT_DEG), around))
+    return np.concatenate(rings)
+
+
+def unit_lights(count: int, rng: np.random.Generator) -> FloatArray:
+    """Unit directions (count, 3) in the upper half space of least tr(B(SᵀS)⁻¹Bᵀ) for a surface facing the camera.
+
+    Gradient descent on the sphere of unit lights (the criterion without that bound has no minimum: growing lights makes
+    it as small as one likes), from random starts. B = I − n nᵀ with n the viewing axis.
+    """
+    tangential = np.diag([1.0, 1.0, 0.0])
+
+    def upper(lights: FloatArray) -> FloatArray:
+        lights = lights / np.linalg.norm(lights, axis=-1, keepdims=True)
+        lights[:, 2] = np.maximum(lights[:, 2], np.cos(np.radians(75.0)))
+        return lights / np.linalg.norm(lights, axis=-1, keepdims=True)
+
+    def value(lights: FloatArray) -> float:
+        return float(np.trace(tangential @ np.linalg.inv(lights.T @ lights + 1e-9 * np.eye(3))))
+
+    best = upper(rng.normal(size=(count, 3)) + [0, 0, 1])
+    for _ in range(PAPER_STARTS):
+        lights = upper(rng.normal(size=(count, 3)) + [0, 0, 1])
+        rate = 0.3
+        for _ in range(200):
+            inverse = np.linalg.inv(lights.T @ lights + 1e-9 * np.eye(3))
+            gradient = -2 * lights @ inverse @ tangential @ inverse
+            gradient -= np.sum(gradient * lights, axis=1, keepdims=True) * lights
+            moved = upper(lights - rate * gradient / (np.linalg.norm(gradient) + 1e-12))
+            if value(moved) < value(lights):
+                lights = moved
+            else:
+                rate *= 0.7
+        if value(lights) < value(best):
+            best = lights
+    return best
+
+
+def _rings(method: Method, count: int, slant_deg: float, turn: float) -> FloatArray:
+    if method == "two-rings":
+        return two_rings(count, turn)
+    slants: dict[str, float] = {"ring": slant_deg, "drbohlav": DRBOHLAV_SLANT_DEG}
+    if method not in slants:
+        raise RigError(ErrorCode.REQUEST_INVALID, f"method `{method}` is planned from a normal map, not from a pattern")
+    return geometry.direction(np.radians(slants[method]), (turn + np.arange(count)) * 2 * np.pi / count)
+
+
+def _farthest(units: FloatArray, count: int) -> list[int]:
+    """Candidates that keep the greatest least angle: farthest-point start, then exchange."""
+    near = np.clip(units @ units.T, -1, 1)
+    chosen = [int(np.argmax(units[:, 2]))]
+    while len(chosen) < count:
+        chosen.append(int(np.argmin(np.max(near[:, chosen], axis=1))))
+    improved = True
+    while improved:
+        improved = False
+        for place in range(count):
+            others = [index for number, index in enumerate(chosen) if number != place]
+            closest = np.max(near[:, others], axis=1)
+            closest[others] = np.inf
+            best = int(np.argmin(closest))
+            if closest[best] < closest[chosen[place]] - 1e-12:
+                chosen[place] = best
+                improved = True
+    return chosen
+
+
+def _plan(
+    method: Method, chosen: list[int], units: FloatArray, reach: Reach, reasons: list[str], notes: list[str]
+) -> LightPlan:
+    return LightPlan(
+        lights=[dome.light(reach.candidates[index], reach.center) for index in chosen],
+        method=method,
+        reasons=[f"{place(units[index])}: {reason}" for index, reason in zip(chosen, reasons, strict=True)],
+        notes=notes,
+    )
+
+
+def place(unit: FloatArray) -> str:
+    """A direction in words."""
+    slant, azimuth = geometry.slant_azimuth(unit)
+    return f"slant {np.degrees(slant):.0f}°, azimuth {np.degrees(azimuth) % 360:.0f}°"
+
+
+def _user(recipe: Recipe, reach: Reach) -> LightPlan:
+    positions = np.array(recipe.user_lights, dtype=float).reshape(-1, 3)
+    refusals = {
+        number: refusal for number, position in enumerate(positions) if (refusal := reach.allows(position)) is not None
+    }
+    if refusals:
+        raise RigError(
+            ErrorCode.WAYPOINTS_UNREACHABLE,
+            "; ".join(f"user light {number}: {refusal.detail}" for number, refusal in refusals.items()),
+            lights=sorted(refusals),
+        )
+    return LightPlan(
+        lights=[dome.light(position, reach.center) for position in positions],
+        method="user",
+        reasons=["given by the user"] * len(positions),
+    )
