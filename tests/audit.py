@@ -1,0 +1,243 @@
+"""An independent look at where the arm has been: joint samples against meshes, with FCL.
+
+Nothing of the planner is used: the forward kinematics is written out here (and its flange compared with
+`ur_analytic_ik` at every call), links are the maker's collision meshes instead of capsules, and the bodies' shapes are
+triangles. A body is its surface here, so replay finely enough that nothing jumps inside between two samples.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import fcl
+import numpy as np
+import numpy.typing as npt
+import trimesh
+import ur_analytic_ik
+
+from acquisition.config import Box, Capsule, CapsuleShape, CellConfig, HalfSpace
+from acquisition.types import Calibration
+
+MESHES = Path(__file__).resolve().parents[2] / "shared" / "meshes"
+NO_MESHES = f"the link meshes are not at {MESHES.parent.name}/{MESHES.name} beside the checkout"
+
+FloatArray = npt.NDArray[np.float64]
+
+# Universal Robots, "DH parameters for calculations": rows a, d, alpha.
+DH = {
+    "ur3e": ((0, 0.15185, 90), (-0.24355, 0, 0), (-0.2132, 0, 0), (0, 0.13105, 90), (0, 0.08535, -90), (0, 0.0921, 0)),
+    "ur5e": ((0, 0.1625, 90), (-0.425, 0, 0), (-0.3922, 0, 0), (0, 0.1333, 90), (0, 0.0997, -90), (0, 0.0996, 0)),
+    "ur10e": (
+        (0, 0.1807, 90), (-0.6127, 0, 0), (-0.57155, 0, 0), (0, 0.17415, 90), (0, 0.11985, -90), (0, 0.11655, 0),
+    ),
+    "ur16e": ((0, 0.1807, 90), (-0.4784, 0, 0), (-0.36, 0, 0), (0, 0.17415, 90), (0, 0.11985, -90), (0, 0.11655, 0)),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Hit:
+    """Two bodies that touch at one sample."""
+
+    sample: int
+    first: str
+    second: str
+
+
+@dataclass(frozen=True)
+class _Body:
+    """A triangle mesh that moves with a link (None: stands still), and its bounding sphere in that link's frame."""
+
+    name: str
+    link: int | None
+    shape: fcl.BVHModel
+    center: FloatArray
+    radius: float
+
+
+def audit(
+    joints: FloatArray, cell: CellConfig, object_mesh: tuple[FloatArray, npt.NDArray[np.int64]] | None = None
+) -> list[Hit]:
+    """All touching pairs of bodies over joint samples (N, 6): links, tool, table, object, camera, obstacles.
+
+    `object_mesh` (vertices (V, 3) in m, base frame; faces (F, 3)) replaces the keep-out cylinder. Neighbouring links
+    share a joint and are not compared; nor is the base with what it stands on.
+    """
+    frames = link_frames(cell.arm.model, joints)
+    moving, still = _arm(cell), _surroundings(cell, object_mesh)
+    base = next(body for body in moving if body.link == 0)
+    tool_neighbours = (5, 6)
+    pairs = [(body, other) for body in moving for other in still if body is not base]
+    pairs += [
+        (body, other)
+        for body in moving
+        for other in moving
+        if body.link is not None
+        and other.link is not None
+        and other.link - body.link >= 2
+        and not (other.name.startswith("tool") and body.link in tool_neighbours)
+    ]
+    hits: list[Hit] = []
+    for first, second in pairs:
+        distance = np.linalg.norm(_centers(first, frames) - _centers(second, frames), axis=1)
+        for sample in np.flatnonzero(distance < first.radius + second.radius):
+            one, two = (
+                fcl.CollisionObject(body.shape, _transform(frames[sample], body.link)) for body in (first, second)
+            )
+            if fcl.collide(one, two, fcl.CollisionRequest(), fcl.CollisionResult()):
+                hits.append(Hit(int(sample), first.name, second.name))
+    return hits
+
+
+def samples_along(corners: Sequence[Sequence[float]], step_rad: float = 0.01) -> FloatArray:
+    """Joint samples (N, 6) along straight joint segments, no joint turning further than `step_rad` between two."""
+    points = np.array(corners, dtype=float)
+    pieces = [points[:1]]
+    for start, end in zip(points[:-1], points[1:], strict=True):
+        count = max(int(np.ceil(np.abs(end - start).max() / step_rad)), 1)
+        pieces.append(start + (np.arange(1, count + 1) / count)[:, None] * (end - start))
+    return np.concatenate(pieces)
+
+
+def thinned(joints: FloatArray, step_rad: float = 0.005) -> FloatArray:
+    """A trace (N, 6) without the samples in which no joint has turned by `step_rad` since the last one kept."""
+    kept = [0]
+    for number in range(1, len(joints)):
+        if np.abs(joints[number] - joints[kept[-1]]).max() >= step_rad:
+            kept.append(number)
+    return joints[kept]
+
+
+def occlusions(joints: FloatArray, cell: CellConfig, origin: FloatArray, with_tool: bool) -> list[int]:
+    """The samples (N, 6) at which the arm stands between a point (3,) and the keep-out cylinder, by casting rays.
+
+    `with_tool` False leaves the tool out, for rays that leave the lamp itself.
+    """
+    frames = link_frames(cell.arm.model, joints)
+    targets = _cylinder_points(cell)
+    reach = targets - origin
+    blocked: list[int] = []
+    for sample in range(len(joints)):
+        parts = [
+            mesh.copy().apply_transform(frames[sample, link])
+            for name, link, mesh in _arm_meshes(cell)
+            if with_tool or not name.startswith("tool")
+        ]
+        caster = trimesh.util.concatenate(parts).ray
+        places, rays, _ = caster.intersects_location(np.tile(origin, (len(reach), 1)), reach, multiple_hits=False)
+        if len(rays) and (np.linalg.norm(places - origin, axis=1) < np.linalg.norm(reach[rays], axis=1)).any():
+            blocked.append(sample)
+    return blocked
+
+
+def lens(calibration: Calibration) -> FloatArray:
+    """The camera's centre (3,) in base, m."""
+    return np.array(calibration.base_from_camera)[:3, 3]
+
+
+def link_frames(model: str, joints: FloatArray) -> FloatArray:
+    """Link frames (N, 7, 4, 4) in base, 0 the base and 6 the flange."""
+    frames = np.tile(np.eye(4), (len(joints), 7, 1, 1))
+    for joint, (a, d, twist_deg) in enumerate(DH[model]):
+        twist = np.eye(4)
+        twist[:3, :3] = trimesh.transformations.rotation_matrix(np.radians(twist_deg), (1, 0, 0))[:3, :3]
+        shift = np.eye(4)
+        shift[:3, 3] = a, 0, d
+        turn = np.tile(np.eye(4), (len(joints), 1, 1))
+        angle = joints[:, joint]
+        turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1] = (
+            np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle),
+        )  # fmt: skip
+        frames[:, joint + 1] = frames[:, joint] @ turn @ shift @ twist
+    for number in {0, len(joints) // 2, len(joints) - 1} if len(joints) else set():
+        other = getattr(ur_analytic_ik, model).forward_kinematics(*joints[number])
+        assert np.allclose(other, frames[number, 6], atol=1e-9), "two independent kinematics disagree"
+    return frames
+
+
+@cache
+def _link_meshes(model: str) -> tuple[trimesh.Trimesh, ...]:
+    return tuple(trimesh.load_mesh(path) for path in sorted((MESHES / model).glob("*.stl")))
+
+
+def _arm_meshes(cell: CellConfig) -> list[tuple[str, int, trimesh.Trimesh]]:
+    names = ("base", "shoulder", "upper arm", "forearm", "wrist 1", "wrist 2", "wrist 3")
+    links = _link_meshes(cell.arm.model)
+    assert len(links) == len(names)
+    parts = [(name, link, mesh) for link, (name, mesh) in enumerate(zip(names, links, strict=True))]
+    return parts + [(f"tool {n}", 6, _capsule(item)) for n, item in enumerate(cell.arm.tool_capsules)]
+
+
+def _arm(cell: CellConfig) -> list[_Body]:
+    return [_body(name, link, mesh) for name, link, mesh in _arm_meshes(cell)]
+
+
+def _surroundings(cell: CellConfig, object_mesh: tuple[FloatArray, npt.NDArray[np.int64]] | None) -> list[_Body]:
+    thing = _keep_out(cell) if object_mesh is None else trimesh.Trimesh(*object_mesh, process=False)
+    bodies = [_body("object", None, thing)]
+    for item in (cell.table, *cell.camera_body, *cell.obstacles):
+        bodies.append(_body(item.name, None, _mesh(item)))
+    return bodies
+
+
+def _mesh(item: HalfSpace | Box | Capsule) -> trimesh.Trimesh:
+    if isinstance(item, Capsule):
+        return _capsule(item)
+    if isinstance(item, Box):
+        return trimesh.creation.box(2 * np.array(item.half_extents_m), item.base_from_box.matrix)
+    slab = trimesh.creation.box((6.0, 6.0, 0.2), trimesh.transformations.translation_matrix((0, 0, -0.1)))
+    pose = trimesh.geometry.align_vectors((0, 0, 1), item.normal)
+    pose[:3, 3] = item.point_m
+    return slab.apply_transform(pose)
+
+
+def _keep_out(cell: CellConfig) -> trimesh.Trimesh:
+    keep = cell.object.keep_out
+    cylinder = trimesh.creation.cylinder(keep.radius_m, keep.height_m, sections=48)
+    cylinder.apply_translation((0, 0, keep.height_m / 2))
+    return cylinder.apply_transform(keep.base_from_object.matrix)
+
+
+def _cylinder_points(cell: CellConfig) -> FloatArray:
+    """Points all over the keep-out's rims, side and top, drawn in a little so that rays end inside."""
+    keep = cell.object.keep_out
+    angle = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+    rings = [
+        np.stack([share * keep.radius_m * np.cos(angle), share * keep.radius_m * np.sin(angle), height + 0 * angle], 1)
+        for share, height in ((0.99, 0.001), (0.99, keep.height_m / 2), (0.99, keep.height_m), (0.5, keep.height_m))
+    ]
+    pose = keep.base_from_object.matrix
+    return np.concatenate(rings) @ pose[:3, :3].T + pose[:3, 3]
+
+
+def _capsule(item: Capsule | CapsuleShape) -> trimesh.Trimesh:
+    start, end = np.array(item.start_m), np.array(item.end_m)
+    length = float(np.linalg.norm(end - start))
+    if length == 0.0:
+        return trimesh.creation.icosphere(3, item.radius_m).apply_translation(start)
+    mesh = trimesh.creation.capsule(length, item.radius_m)
+    mesh.apply_translation(-mesh.bounds.mean(axis=0))  # its middle at the origin, its axis z
+    pose = trimesh.geometry.align_vectors((0, 0, 1), (end - start) / length)
+    pose[:3, 3] = (start + end) / 2
+    return mesh.apply_transform(pose)
+
+
+def _body(name: str, link: int | None, mesh: trimesh.Trimesh) -> _Body:
+    shape = fcl.BVHModel()
+    shape.beginModel(len(mesh.vertices), len(mesh.faces))
+    shape.addSubModel(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    shape.endModel()
+    center = mesh.bounds.mean(axis=0)
+    return _Body(name, link, shape, center, float(np.linalg.norm(mesh.vertices - center, axis=1).max()))
+
+
+def _centers(body: _Body, frames: FloatArray) -> FloatArray:
+    if body.link is None:
+        return np.broadcast_to(body.center, (len(frames), 3))
+    return frames[:, body.link, :3, :3] @ body.center + frames[:, body.link, :3, 3]
+
+
+def _transform(frames: FloatArray, link: int | None) -> fcl.Transform:
+    if link is None:
+        return fcl.Transform()
+    return fcl.Transform(np.ascontiguousarray(frames[link, :3, :3]), np.ascontiguousarray(frames[link, :3, 3]))
