@@ -70,6 +70,7 @@ class UrArm:
         self._halt_requested = 0
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Connection | None = None
+        self._took_control = False  # whether this driver ever did
         self._numbers = itertools.count(1)
         self._asking = threading.Lock()  # arm and lamp share the pipe; halt and reading do not take it
         self._second_path: SecondPath | None = None
@@ -146,6 +147,10 @@ class UrArm:
         it runs. Raises RigError arm.not_ready, arm.protective_stop, arm.emergency_stop, arm.in_use, driver.lost.
         """
         tool = self._config.flange_from_tool
+        with self._asking:
+            if self._process is not None and self._second_path is not None and not self._took_control:
+                self._took_control = True
+                self._second_path.watch(self._process.pid)
         self._done(
             self._request(
                 protocol.TakeControl(
@@ -200,7 +205,8 @@ class UrArm:
             case Done():
                 return
             case Failed(error):
-                self._stop_program()  # a move that failed is over: nothing at the pendant may continue it
+                if error.code != ErrorCode.ARM_NOT_READY:  # which it was before the move began
+                    self._stop_program()  # a move that failed is over: nothing at the pendant may continue it
                 if stop.is_set():
                     raise Halted from error
                 raise error
@@ -251,8 +257,6 @@ class UrArm:
                 stdout=subprocess.DEVNULL,  # ur-rtde prints there; its errors go to our standard error
             )
         self._connection = Connection(ours.detach())
-        if self._second_path is not None:
-            self._second_path.watch(self._process.pid)
         opening = protocol.Open(self._config.address, self._lamp_output, self._config.stop_deceleration_rad_s2)
         reply = self._exchange(opening, OPEN_DEADLINE_S, None, watch_loop=False)
         if not isinstance(reply, Done):
@@ -312,8 +316,9 @@ class UrArm:
 
     def _lost(self, detail: str) -> RigError:
         """Stops by the second path, kills the driver, and says so."""
-        self.halt()
-        self._stop_program()
+        if self._took_control:  # else whatever moves there is not ours to stop
+            self.halt()
+            self._stop_program()
         self._bury()
         return RigError(ErrorCode.DRIVER_LOST, detail)
 
@@ -324,6 +329,7 @@ class UrArm:
     def _bury(self) -> None:
         process, self._process = self._process, None
         connection, self._connection = self._connection, None
+        self._took_control = False
         if process is not None:
             process.kill()
             process.wait()

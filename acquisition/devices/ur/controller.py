@@ -150,9 +150,16 @@ class Controller:
     def set_lamp(self, on: bool) -> Task:
         """Switches the lamp and waits until the controller's own data show it."""
         opened, receive = self._require_open()
+
+        def is_on() -> bool:
+            return bool(receive.getActualDigitalOutputBits() >> opened.lamp_output & 1)
+
+        was_on = is_on()
         self._write_lamp(on)
         deadline = time.monotonic() + CONFIRM_S
-        while bool(receive.getActualDigitalOutputBits() >> opened.lamp_output & 1) != on:
+        if was_on == on:  # no change to be seen: only newer data prove anything
+            yield from self._newer()
+        while is_on() != on:
             if time.monotonic() > deadline:
                 self._write_lamp(False)
                 raise RigError(

@@ -1,7 +1,7 @@
 """The second way to stop the arm: `stop` on a dashboard socket that is open in advance.
 
-A thread of its own sleeps on a pipe. Waking it is one `os.write`, which takes no lock and may be done in a signal
-handler (threading.Event takes a lock, which a handler could find held by the very thread it interrupts). Woken by a
+A thread of its own sleeps on a socket. Waking it is one `send`, which takes no lock and may be done in a signal handler
+(threading.Event takes a lock, which a handler could find held by the very thread it interrupts). Woken by a
 halt, it gives the driver ACKNOWLEDGE_S to take it and then does not wait any longer; woken by the death of the driver,
 or by a failure, it stops at once. `stop` ends the controller's program, so the arm brakes and only an explicit connect
 can move it again.
@@ -39,9 +39,8 @@ class SecondPath:
         self._process: int | None = None  # a pid's descriptor, readable when the process has ended
         self._new_process: int | None = None
         self._try_open_at = 0.0
-        self._wake_read, self._wake_write = os.pipe()
-        os.set_blocking(self._wake_read, False)
-        os.set_blocking(self._wake_write, False)
+        self._wake_read, self._wake_write = socket.socketpair()
+        self._wake_write.setblocking(False)
         self._thread = threading.Thread(target=self._run, name="arm-second-path", daemon=True)
         self._thread.start()
 
@@ -69,8 +68,8 @@ class SecondPath:
         self._thread.join(timeout=3.0)
 
     def _wake(self, reason: bytes) -> None:
-        with contextlib.suppress(BlockingIOError):  # the pipe is full: the thread is about to wake anyway
-            os.write(self._wake_write, reason)
+        with contextlib.suppress(OSError):  # full: the thread is about to wake anyway; closed: there is no arm
+            self._wake_write.send(reason)
 
     def _run(self) -> None:
         reasons = b""
@@ -82,7 +81,7 @@ class SecondPath:
             if self._dashboard is not None:
                 sources.append(self._dashboard.socket)
             ready, _, _ = select.select(sources, [], [], _REOPEN_S)
-            reasons = os.read(self._wake_read, 4096) if self._wake_read in ready else b""
+            reasons = self._wake_read.recv(4096) if self._wake_read in ready else b""
             if _WATCH in reasons:
                 self._replace_process()
             elif self._process is not None and self._process in ready:
@@ -98,6 +97,8 @@ class SecondPath:
         self._new_process = None
         self._replace_process()
         self._drop()
+        self._wake_write.close()
+        self._wake_read.close()
 
     def _replace_process(self) -> None:
         if self._process is not None and self._process != self._new_process:

@@ -1,0 +1,103 @@
+"""A simulated controller, an arm that talks to it, and moves that a test can interrupt."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from acquisition import config
+from acquisition.config import ArmConfig, CellConfig
+from acquisition.devices import MotionLimits, StopToken
+from acquisition.devices.ur.arm import UrArm
+from hardware_sim.controller.control import ControlClient
+from hardware_sim.controller.process import ControllerProcess
+
+CELL: CellConfig = config.load(Path(__file__).parents[3] / "deploy" / "cell.sim.toml")
+LIMITS = MotionLimits(1.05, 1.4)
+HOME = CELL.arm.home
+FAR = (HOME[0] + 2.0, *HOME[1:])  # over two seconds away
+NEAR = (HOME[0] + 0.05, *HOME[1:])
+
+
+def arm_config(address: str) -> ArmConfig:
+    """The simulated cell's arm at another address."""
+    return CELL.arm.model_copy(update={"address": address})
+
+
+@contextmanager
+def controller(address: str, trace: Path | None = None) -> Iterator[ControlClient]:
+    """A controller process; yields a client of its control port."""
+    with ControllerProcess(address, home=HOME, trace=trace) as process, process.control() as control:
+        yield control
+
+
+@contextmanager
+def connected(arm: UrArm) -> Iterator[UrArm]:
+    """An arm under control; closed at the end whatever happens."""
+    try:
+        arm.connect()
+        yield arm
+    finally:
+        arm.close()
+
+
+def wait_for(condition: Callable[[], bool], seconds: float = 10.0) -> None:
+    """Waits for something that must come; the limit only keeps a failed test from hanging."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen"
+        time.sleep(0.005)
+
+
+def speed(state: dict[str, Any]) -> float:
+    """The fastest joint's speed, rad/s."""
+    return max(map(abs, state["joint_speeds"]))
+
+
+def wait_until_moving(control: ControlClient) -> dict[str, Any]:
+    """Waits for full speed; returns the state then."""
+    wait_for(lambda: speed(control.state()) > 1.0)
+    return control.state()
+
+
+def wait_until_at_rest(control: ControlClient) -> dict[str, Any]:
+    """Waits for rest; returns the first state seen there."""
+    wait_for(lambda: speed(control.state()) == 0.0)
+    return control.state()
+
+
+def stays_at_rest(control: ControlClient, seconds: float = 0.4) -> bool:
+    """Whether no joint moves and no move begins for a while."""
+    before = control.state()
+    time.sleep(seconds)
+    after = control.state()
+    return after["joints"] == before["joints"] and after["moves_started"] == before["moves_started"]
+
+
+@dataclass
+class Journey:
+    """A move in a thread of its own, as the runner makes it, and how it ended."""
+
+    arm: UrArm
+    path: Sequence[Sequence[float]] = (FAR,)
+    stop: StopToken = field(default_factory=StopToken)
+    outcome: Exception | None = None
+
+    def __post_init__(self) -> None:
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            self.arm.move(self.path, [LIMITS] * len(self.path), self.stop)
+        except Exception as error:  # noqa: BLE001 - whatever it is, the test looks at it
+            self.outcome = error
+
+    def end(self) -> Exception | None:
+        """Waits for the move to return; its error, or None."""
+        self._thread.join(20.0)
+        assert not self._thread.is_alive(), "move() did not return"
+        return self.outcome

@@ -1,0 +1,247 @@
+"""The arm through the real ur-rtde against the simulated controller: moves, lamp, preflight, refusals."""
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rtde_control
+
+from acquisition.devices import MotionLimits, StopToken
+from acquisition.devices.ur.arm import UrArm
+from acquisition.devices.ur.lamp import UrLamp
+from acquisition.errors import ErrorCode, Halted, RigError
+from hardware_sim.controller.control import ControlClient
+from tests.acquisition.devices.arm_scenes import (
+    CELL,
+    FAR,
+    HOME,
+    LIMITS,
+    NEAR,
+    arm_config,
+    connected,
+    controller,
+    stays_at_rest,
+    wait_for,
+)
+
+ADDRESS, STRANGERS, ABSENT = "127.0.3.20", "127.0.3.21", "127.0.3.22"
+
+
+@pytest.fixture(scope="module")
+def control() -> Iterator[ControlClient]:
+    with controller(ADDRESS) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def shared_arm(control: ControlClient) -> Iterator[UrArm]:
+    with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output)) as arm:
+        yield arm
+
+
+@pytest.fixture
+def arm(shared_arm: UrArm, control: ControlClient) -> UrArm:
+    """The shared arm, under control; each test finds it again by an explicit connect."""
+    control.fault("remote_mode")
+    control.fault("speed_slider", fraction=1.0)
+    shared_arm.connect()
+    return shared_arm
+
+
+def test_moves_end_at_their_goal_one_after_the_other(arm: UrArm, control: ControlClient) -> None:
+    before = control.state()["moves_started"]
+    goal = (HOME[0] + 0.1, HOME[1] - 0.1, *HOME[2:])
+    arm.move([NEAR, goal], [LIMITS, MotionLimits(0.5, 1.0)], StopToken())
+    state = control.state()
+    np.testing.assert_allclose(state["joints"], goal, atol=1e-4)
+    assert max(map(abs, state["joint_speeds"])) == 0.0
+    assert state["moves_started"] == before + 2
+    reading = arm.reading
+    assert reading.connected
+    assert reading.program_running
+    np.testing.assert_allclose(reading.joints, goal, atol=1e-4)
+    np.testing.assert_allclose(reading.base_from_tool, state["base_from_tool"], atol=1e-6)
+
+
+def test_move_to_where_the_arm_stands(arm: UrArm, control: ControlClient) -> None:
+    here = arm.reading.joints
+    arm.move([here], [LIMITS], StopToken())
+    np.testing.assert_allclose(control.state()["joints"], here, atol=1e-6)
+
+
+def test_empty_path_moves_nothing(arm: UrArm, control: ControlClient) -> None:
+    before = control.state()["moves_started"]
+    arm.move([], [], StopToken())
+    assert control.state()["moves_started"] == before
+
+
+def test_set_token_begins_no_move(arm: UrArm, control: ControlClient) -> None:
+    before = control.state()["moves_started"]
+    stop = StopToken()
+    stop.set()
+    with pytest.raises(Halted):
+        arm.move([NEAR], [LIMITS], stop)
+    assert control.state()["moves_started"] == before
+
+
+@pytest.mark.parametrize(
+    ("path", "limits"),
+    [
+        ([NEAR], []),
+        ([NEAR[:5]], [LIMITS]),
+        ([(*NEAR[:5], math.nan)], [LIMITS]),
+        ([NEAR], [MotionLimits(1.06, 1.4)]),
+        ([NEAR], [MotionLimits(0.0, 1.4)]),
+        ([NEAR], [MotionLimits(1.0, math.inf)]),
+    ],
+)
+def test_bad_path_is_refused_before_anything_moves(
+    arm: UrArm, control: ControlClient, path: list[tuple[float, ...]], limits: list[MotionLimits]
+) -> None:
+    before = control.state()["moves_started"]
+    with pytest.raises(RigError) as caught:
+        arm.move(path, limits, StopToken())
+    assert caught.value.code == ErrorCode.ARM_MOVE_FAILED
+    assert control.state()["moves_started"] == before
+
+
+def test_lamp_is_switched_and_read_back(arm: UrArm, control: ControlClient) -> None:
+    lamp = UrLamp(arm, CELL.lamp)
+    lamp.connect()
+    for on in (True, True, False):
+        lamp.set(on)
+        assert control.state()["digital_outputs"] == int(on) << CELL.lamp.output
+        assert arm.reading.digital_outputs == int(on) << CELL.lamp.output
+    lamp.set(True)
+    lamp.close()
+    assert control.state()["digital_outputs"] == 0
+
+
+@pytest.mark.parametrize("level", [False, True])
+def test_stuck_output_is_not_confirmed(arm: UrArm, control: ControlClient, level: bool) -> None:
+    lamp = UrLamp(arm, CELL.lamp)
+    control.fault("output_stuck", output=CELL.lamp.output, level=level)
+    try:
+        with pytest.raises(RigError) as caught:
+            lamp.set(not level)
+        assert caught.value.code == ErrorCode.LAMP_NOT_CONFIRMED
+    finally:
+        control.fault("output_stuck", output=CELL.lamp.output, level=None)
+    assert control.state()["digital_outputs"] == 0, "the lamp must not come on when the output is mended"
+    lamp.set(True)
+    lamp.set(False)
+
+
+def test_lamp_on_another_output_than_the_arms_is_refused(arm: UrArm) -> None:
+    with pytest.raises(RigError) as caught:
+        UrLamp(arm, CELL.lamp.model_copy(update={"output": 5})).set(True)
+    assert caught.value.code == ErrorCode.CONFIG_INVALID
+
+
+def test_halt_at_rest_is_harmless(arm: UrArm, control: ControlClient) -> None:
+    lamp = UrLamp(arm, CELL.lamp)
+    lamp.set(True)
+    arm.halt()
+    wait_for(lambda: control.state()["digital_outputs"] == 0)
+    assert stays_at_rest(control)
+    assert arm.reading.program_running, "a halt that the driver took does not end the program"
+    arm.move([NEAR], [LIMITS], StopToken())
+    arm.move([HOME], [LIMITS], StopToken())
+
+
+def test_preflight_finds_nothing_in_a_good_cell(arm: UrArm) -> None:
+    assert arm.preflight() == []
+
+
+def test_preflight_names_what_is_wrong(arm: UrArm, control: ControlClient) -> None:
+    control.fault("local_mode")
+    control.fault("speed_slider", fraction=0.0)
+    wait_for(lambda: arm.reading.speed_fraction == 0.0)
+    found = " ".join(finding.what for finding in arm.preflight())
+    assert "local control" in found
+    assert "slider" in found
+    assert "program" not in found
+
+
+def test_program_stopped_at_the_pendant_stays_stopped_until_connect(arm: UrArm, control: ControlClient) -> None:
+    control.fault("program_stop")
+    wait_for(lambda: not arm.reading.program_running)
+    assert stays_at_rest(control)
+    assert not control.state()["program_running"], "nobody may upload the program unasked"
+    with pytest.raises(RigError) as caught:
+        arm.move([NEAR], [LIMITS], StopToken())
+    assert caught.value.code == ErrorCode.ARM_NOT_READY
+    assert "program" in arm.preflight()[0].what
+    arm.connect()
+    assert arm.preflight() == []
+    arm.move([NEAR], [LIMITS], StopToken())
+
+
+def test_slider_at_half_takes_longer_and_arrives(arm: UrArm, control: ControlClient) -> None:
+    control.fault("speed_slider", fraction=0.5)
+    goal = (HOME[0] + 0.2, *HOME[1:])
+    arm.move([goal], [LIMITS], StopToken())
+    np.testing.assert_allclose(control.state()["joints"], goal, atol=1e-4)
+    assert arm.reading.speed_fraction == 0.5
+
+
+def test_second_client_is_told_that_the_arm_is_in_use(arm: UrArm) -> None:
+    other = UrArm(arm_config(ADDRESS), CELL.lamp.output)
+    try:
+        with pytest.raises(RigError) as caught:
+            other.connect()
+        assert caught.value.code == ErrorCode.ARM_IN_USE
+    finally:
+        other.close()
+    arm.move([NEAR], [LIMITS], StopToken())  # ours is not disturbed
+    assert arm.preflight() == []
+
+
+def test_a_strangers_program_is_not_stopped(tmp_path: Path) -> None:
+    with controller(STRANGERS) as control:
+        stranger = rtde_control.RTDEControlInterface(STRANGERS)
+        stranger.moveJ(list(FAR), 0.2, 0.5, True)
+        arm = UrArm(arm_config(STRANGERS), CELL.lamp.output)
+        try:
+            with pytest.raises(RigError) as caught:
+                arm.connect()
+            assert caught.value.code == ErrorCode.ARM_IN_USE
+            assert control.state()["program_running"]
+        finally:
+            arm.close()
+            stranger.stopScript()
+            stranger.disconnect()
+
+
+def test_nobody_at_the_arms_address() -> None:
+    arm = UrArm(arm_config(ABSENT), CELL.lamp.output)
+    with pytest.raises(RigError) as caught:
+        arm.connect()
+    assert caught.value.code == ErrorCode.ARM_UNREACHABLE
+    assert not arm.reading.connected
+    arm.halt()
+    with pytest.raises(RigError) as caught:
+        arm.move([NEAR], [LIMITS], StopToken())
+    assert caught.value.code == ErrorCode.DRIVER_LOST
+    arm.close()
+
+
+def test_arm_without_power_connects_but_does_not_move() -> None:
+    with controller(STRANGERS) as control:
+        control.fault("power_off")
+        with connected(UrArm(arm_config(STRANGERS), CELL.lamp.output)) as arm:
+            assert arm.reading.connected
+            assert "powered off" in arm.preflight()[0].what
+            with pytest.raises(RigError) as caught:
+                arm.move([NEAR], [LIMITS], StopToken())
+            assert caught.value.code == ErrorCode.ARM_NOT_READY
+            assert stays_at_rest(control)
+            assert control.state()["robot_mode"] == 3, "power is a person's to give"
+
+
+def test_stop_that_would_outlast_the_watchdog_is_refused() -> None:
+    with pytest.raises(RigError) as caught:
+        UrArm(arm_config(ADDRESS).model_copy(update={"stop_deceleration_rad_s2": 2.0}), CELL.lamp.output)
+    assert caught.value.code == ErrorCode.CONFIG_INVALID

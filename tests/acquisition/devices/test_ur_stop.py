@@ -1,0 +1,333 @@
+"""Everything that must stop a moving arm does, by the simulator's own account; and nothing moves again by itself.
+
+The simulator's time stamps are compared, not this machine's clock: `STOPPED_WITHIN_S` is several times what is measured
+on an idle machine and far less than what is left of the move.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.devices import StopToken
+from acquisition.devices.ur.arm import UrArm
+from acquisition.devices.ur.lamp import UrLamp
+from acquisition.errors import ErrorCode, Halted, RigError
+from hardware_sim.controller.control import ControlClient
+from hardware_sim.controller.process import ControllerProcess
+from tests.acquisition.devices.arm_scenes import (
+    CELL,
+    FAR,
+    HOME,
+    LIMITS,
+    NEAR,
+    Journey,
+    arm_config,
+    connected,
+    controller,
+    stays_at_rest,
+    wait_for,
+    wait_until_at_rest,
+    wait_until_moving,
+)
+
+ADDRESS, SAFETY, LOST, SERVICE = "127.0.3.30", "127.0.3.31", "127.0.3.32", "127.0.3.33"
+STOPPED_WITHIN_S = 1.0
+STOPPED, PLAYING = 1, 2
+
+
+@pytest.fixture(scope="module")
+def control() -> Iterator[ControlClient]:
+    with controller(ADDRESS) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def shared_arm(control: ControlClient) -> Iterator[UrArm]:
+    with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output)) as arm:
+        yield arm
+
+
+@pytest.fixture
+def arm(shared_arm: UrArm) -> UrArm:
+    """The shared arm under control and at home, found again by an explicit connect, with its lamp on."""
+    return made_ready(shared_arm)
+
+
+def made_ready(arm: UrArm) -> UrArm:
+    arm.connect()
+    arm.move([HOME], [LIMITS], StopToken())
+    UrLamp(arm, CELL.lamp).set(True)
+    return arm
+
+
+def assert_stopped(control: ControlClient, before: dict[str, Any]) -> dict[str, Any]:
+    """The arm came to rest soon after `before`, short of its goal, with the lamp out; nothing moves again by itself."""
+    rest = wait_until_at_rest(control)
+    assert rest["timestamp"] - before["timestamp"] < STOPPED_WITHIN_S
+    assert abs(rest["joints"][0] - FAR[0]) > 0.1, "the move ran to its end"
+    wait_for(lambda: control.state()["digital_outputs"] == 0)
+    assert stays_at_rest(control)
+    return control.state()
+
+
+def test_halt_by_the_driver_alone(shared_arm: UrArm, control: ControlClient) -> None:
+    shared_arm.close()
+    with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_dashboard=False)) as arm:
+        made_ready(arm)
+        journey = Journey(arm)
+        moving = wait_until_moving(control)
+        journey.stop.set()
+        arm.halt()
+        after = assert_stopped(control, moving)
+        assert isinstance(journey.end(), Halted)
+        assert after["runtime_state"] == PLAYING, "the driver's stop leaves the control program running"
+        arm.move([NEAR], [LIMITS], StopToken())
+
+
+def test_halt_by_the_dashboard_alone(shared_arm: UrArm, control: ControlClient) -> None:
+    shared_arm.close()
+    with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_driver=False)) as arm:
+        made_ready(arm)
+        journey = Journey(arm)
+        moving = wait_until_moving(control)
+        arm.halt()
+        after = assert_stopped(control, moving)
+        error = journey.end()
+        assert isinstance(error, RigError)
+        assert error.code == ErrorCode.ARM_MOVE_FAILED
+        assert after["runtime_state"] == STOPPED
+        assert any("by the dashboard" in line for line in control.log())
+
+
+def test_halt_while_the_driver_hangs(arm: UrArm, control: ControlClient) -> None:
+    journey = Journey(arm)
+    moving = wait_until_moving(control)
+    assert arm.driver_pid is not None
+    os.kill(arm.driver_pid, signal.SIGSTOP)
+    journey.stop.set()
+    arm.halt()
+    assert_stopped(control, moving)
+    assert isinstance(journey.end(), Halted)
+    assert not arm.is_open, "a driver that hangs is killed"
+
+
+def test_token_alone_halts(arm: UrArm, control: ControlClient) -> None:
+    journey = Journey(arm)
+    moving = wait_until_moving(control)
+    journey.stop.set()
+    assert_stopped(control, moving)
+    assert isinstance(journey.end(), Halted)
+
+
+def test_halt_ends_the_whole_path(arm: UrArm, control: ControlClient) -> None:
+    journey = Journey(arm, path=(FAR, HOME, FAR))
+    moving = wait_until_moving(control)
+    journey.stop.set()
+    arm.halt()
+    after = assert_stopped(control, moving)
+    assert isinstance(journey.end(), Halted)
+    assert after["moves_started"] == moving["moves_started"]
+
+
+def test_killed_driver(arm: UrArm, control: ControlClient) -> None:
+    journey = Journey(arm)
+    moving = wait_until_moving(control)
+    assert arm.driver_pid is not None
+    os.kill(arm.driver_pid, signal.SIGKILL)
+    assert_stopped(control, moving)
+    error = journey.end()
+    assert isinstance(error, RigError)
+    assert error.code == ErrorCode.DRIVER_LOST
+    assert not arm.reading.connected
+    with pytest.raises(RigError) as caught:
+        arm.move([FAR], [LIMITS], StopToken())
+    assert caught.value.code == ErrorCode.DRIVER_LOST
+    made_ready(arm)
+
+
+def test_killed_driver_stops_by_the_controllers_own_watchdog(shared_arm: UrArm, control: ControlClient) -> None:
+    shared_arm.close()
+    with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_dashboard=False)) as arm:
+        made_ready(arm)
+        journey = Journey(arm)
+        moving = wait_until_moving(control)
+        assert arm.driver_pid is not None
+        os.kill(arm.driver_pid, signal.SIGKILL)
+        assert_stopped(control, moving)
+        assert isinstance(journey.end(), RigError)
+        assert "watchdog" in control.log()[-1]
+
+
+def test_hanging_driver(arm: UrArm, control: ControlClient) -> None:
+    journey = Journey(arm)
+    moving = wait_until_moving(control)
+    assert arm.driver_pid is not None
+    os.kill(arm.driver_pid, signal.SIGSTOP)
+    assert_stopped(control, moving)
+    error = journey.end()
+    assert isinstance(error, RigError)
+    assert error.code == ErrorCode.DRIVER_LOST
+    assert not arm.is_open
+
+
+def test_driver_ended_by_a_signal_stops_the_arm_itself(arm: UrArm, control: ControlClient) -> None:
+    journey = Journey(arm)
+    moving = wait_until_moving(control)
+    assert arm.driver_pid is not None
+    os.kill(arm.driver_pid, signal.SIGINT)  # Ctrl-C reaches the whole group; the service decides, not the driver
+    os.kill(arm.driver_pid, signal.SIGTERM)
+    assert_stopped(control, moving)
+    error = journey.end()
+    assert isinstance(error, RigError)
+    assert error.code == ErrorCode.DRIVER_LOST
+
+
+def test_program_stopped_at_the_pendant(arm: UrArm, control: ControlClient) -> None:
+    journey = Journey(arm)
+    moving = wait_until_moving(control)
+    control.fault("program_stop")
+    assert_stopped(control, moving)
+    error = journey.end()
+    assert isinstance(error, RigError)
+    assert error.code == ErrorCode.ARM_MOVE_FAILED
+    wait_for(lambda: not arm.reading.program_running)
+    assert arm.reading.connected
+
+
+@pytest.mark.parametrize(
+    ("fault", "code"),
+    [
+        ("safeguard_stop", ErrorCode.ARM_PROTECTIVE_STOP),
+        ("protective_stop", ErrorCode.ARM_PROTECTIVE_STOP),
+        ("emergency_stop", ErrorCode.ARM_EMERGENCY_STOP),
+    ],
+)
+def test_safety_stop_in_mid_move(fault: str, code: ErrorCode) -> None:
+    with controller(SAFETY) as control, connected(UrArm(arm_config(SAFETY), CELL.lamp.output)) as arm:
+        made_ready(arm)
+        journey = Journey(arm)
+        moving = wait_until_moving(control)
+        control.fault(fault)
+        assert_stopped(control, moving)
+        error = journey.end()
+        assert isinstance(error, RigError)
+        assert error.code == code
+        # A paused program would go on where it was when somebody presses play: it is ended.
+        wait_for(lambda: control.state()["runtime_state"] == STOPPED)
+        with pytest.raises(RigError) as caught:
+            arm.move([FAR], [LIMITS], StopToken())
+        assert caught.value.code == code
+        with pytest.raises(RigError) as caught:
+            arm.prepare()
+        assert caught.value.code == code
+        if fault == "safeguard_stop":
+            control.fault("release_safeguard_stop")
+            wait_for(lambda: arm.reading.safety_bits == 1)
+            assert stays_at_rest(control)
+            assert control.state()["runtime_state"] == STOPPED, "only connect or prepare may start it again"
+            arm.prepare()
+            arm.move([HOME], [LIMITS], StopToken())
+
+
+@pytest.mark.parametrize("fault", [{"kind": "cut"}, {"kind": "stall", "seconds": 2.0}])
+def test_lost_link(fault: dict[str, Any]) -> None:
+    with controller(LOST) as control, connected(UrArm(arm_config(LOST), CELL.lamp.output)) as arm:
+        made_ready(arm)
+        journey = Journey(arm)
+        moving = wait_until_moving(control)
+        control.fault(port=30004, **fault)
+        assert_stopped(control, moving)
+        error = journey.end()
+        assert isinstance(error, RigError)
+        assert error.code in (ErrorCode.DEVICE_DISCONNECTED, ErrorCode.DRIVER_LOST, ErrorCode.ARM_MOVE_FAILED)
+        wait_for(lambda: not arm.reading.connected)
+        wait_for(lambda: control.state()["runtime_state"] == STOPPED)
+        assert stays_at_rest(control, 1.0)
+
+
+def test_controller_without_power() -> None:
+    with (
+        ControllerProcess(LOST, home=HOME) as process,
+        process.control() as control,
+        connected(UrArm(arm_config(LOST), CELL.lamp.output)) as arm,
+    ):
+        made_ready(arm)
+        journey = Journey(arm)
+        wait_until_moving(control)
+        process.kill()
+        error = journey.end()
+        assert isinstance(error, RigError)
+        assert error.code in (ErrorCode.DEVICE_DISCONNECTED, ErrorCode.DRIVER_LOST)
+        wait_for(lambda: not arm.reading.connected)
+        arm.halt()
+        with pytest.raises(RigError) as caught:
+            arm.connect()
+        assert caught.value.code == ErrorCode.ARM_UNREACHABLE
+
+
+SERVICE_CODE = """
+from acquisition.devices import StopToken
+from acquisition.devices.ur.arm import UrArm
+from acquisition.devices.ur.lamp import UrLamp
+from tests.acquisition.devices.arm_scenes import CELL, FAR, LIMITS, arm_config
+arm = UrArm(arm_config({address!r}), CELL.lamp.output)
+arm.connect()
+UrLamp(arm, CELL.lamp).set(True)
+arm.move([FAR], [LIMITS], StopToken())
+"""
+
+
+@contextmanager
+def service() -> Iterator[tuple[subprocess.Popen[bytes], ControlClient]]:
+    """A process of its own that moves the arm."""
+    with controller(SERVICE) as control:
+        code = SERVICE_CODE.format(address=SERVICE)
+        root = Path(__file__).parents[3]
+        process = subprocess.Popen([sys.executable, "-c", code], cwd=root, stderr=subprocess.PIPE)
+        try:
+            yield process, control
+        finally:
+            process.kill()
+            process.communicate()
+
+
+def test_killed_service() -> None:
+    with service() as (process, control):
+        moving = wait_until_moving(control)
+        process.kill()
+        assert_stopped(control, moving)
+        wait_for(lambda: control.state()["runtime_state"] == STOPPED)  # the driver has gone, its kicks with it
+
+
+def test_hanging_service() -> None:
+    with service() as (process, control):
+        moving = wait_until_moving(control)
+        process.send_signal(signal.SIGSTOP)
+        after = assert_stopped(control, moving)
+        assert after["runtime_state"] == PLAYING, "the lease stopped the arm, not the watchdog"
+        process.send_signal(signal.SIGCONT)
+        _, stderr = process.communicate(timeout=20)
+        assert b"fell silent" in stderr
+        assert stays_at_rest(control)
+
+
+@pytest.mark.long
+def test_slider_at_zero_is_not_waited_for_for_ever(arm: UrArm, control: ControlClient) -> None:
+    journey = Journey(arm)
+    wait_until_moving(control)
+    control.fault("speed_slider", fraction=0.0)
+    try:
+        error = journey.end()
+    finally:
+        control.fault("speed_slider", fraction=1.0)
+    assert isinstance(error, RigError)
+    assert error.code == ErrorCode.ARM_MOVE_FAILED
+    assert "slider" in error.detail
+    assert stays_at_rest(control)
