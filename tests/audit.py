@@ -8,6 +8,7 @@ triangles. A body is its surface here, so replay finely enough that nothing jump
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import fcl
@@ -93,7 +94,7 @@ def samples_along(corners: Sequence[Sequence[float]], step_rad: float = 0.01) ->
     """Joint samples (N, 6) along straight joint segments, no joint turning further than `step_rad` between two."""
     points = np.array(corners, dtype=float)
     pieces = [points[:1]]
-    for start, end in zip(points[:-1], points[1:], strict=True):
+    for start, end in pairwise(points):
         count = max(int(np.ceil(np.abs(end - start).max() / step_rad)), 1)
         pieces.append(start + (np.arange(1, count + 1) / count)[:, None] * (end - start))
     return np.concatenate(pieces)
@@ -115,19 +116,20 @@ def occlusions(joints: FloatArray, cell: CellConfig, origin: FloatArray, with_to
     """
     frames = link_frames(cell.arm.model, joints)
     targets = _cylinder_points(cell)
-    reach = targets - origin
-    blocked: list[int] = []
-    for sample in range(len(joints)):
-        parts = [
-            mesh.copy().apply_transform(frames[sample, link])
-            for name, link, mesh in _arm_meshes(cell)
-            if with_tool or not name.startswith("tool")
-        ]
-        caster = trimesh.util.concatenate(parts).ray
-        places, rays, _ = caster.intersects_location(np.tile(origin, (len(reach), 1)), reach, multiple_hits=False)
-        if len(rays) and (np.linalg.norm(places - origin, axis=1) < np.linalg.norm(reach[rays], axis=1)).any():
-            blocked.append(sample)
-    return blocked
+    parts = [part for part in _arm_meshes(cell) if with_tool or not part[0].startswith("tool")]
+    return [
+        sample
+        for sample in range(len(joints))
+        if any(_between(mesh, np.linalg.inv(frames[sample, link]), origin, targets) for _, link, mesh in parts)
+    ]
+
+
+def _between(mesh: trimesh.Trimesh, link_from_base: FloatArray, origin: FloatArray, targets: FloatArray) -> bool:
+    """Whether a mesh stands on one of the straight lines from a point (3,) to others (N, 3), given in base."""
+    start, *ends = np.vstack([origin, targets]) @ link_from_base[:3, :3].T + link_from_base[:3, 3]
+    reach = np.array(ends) - start
+    places, rays, _ = mesh.ray.intersects_location(np.tile(start, (len(reach), 1)), reach, multiple_hits=False)
+    return bool((np.linalg.norm(places - start, axis=1) < np.linalg.norm(reach[rays], axis=1)).any())
 
 
 def lens(calibration: Calibration) -> FloatArray:

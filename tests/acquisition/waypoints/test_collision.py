@@ -1,0 +1,143 @@
+"""Capsules, certified edges and cones against meshes and ray casting."""
+
+import fcl
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.config import Capsule
+from acquisition.waypoints import collision_kernels as kernels
+from acquisition.waypoints.collision import NODE_SLACK_M, scene
+from acquisition.waypoints.kinematics import forward
+from tests import audit
+from tests.acquisition.waypoints.cells import random_cell, simulated_cell
+
+needs_meshes = pytest.mark.skipif(not audit.MESHES.is_dir(), reason=audit.NO_MESHES)
+
+
+@needs_meshes
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 10**6))
+def test_whatever_touches_in_meshes_is_refused(seed: int) -> None:
+    cell, calibration = random_cell(seed)
+    joints = np.random.default_rng(seed).uniform(-np.pi, np.pi, (400, 6))
+    free = scene(cell, calibration).free(joints)
+    touching = {hit.sample: hit for hit in audit.audit(joints, cell)}
+    assert [hit for sample, hit in touching.items() if free[sample]] == []
+
+
+@needs_meshes
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 10**6))
+def test_certified_edges_touch_nothing_in_meshes(seed: int) -> None:
+    cell, calibration = random_cell(seed)
+    arm = scene(cell, calibration)
+    random = np.random.default_rng(seed)
+    joints = random.uniform(-np.pi, np.pi, (3000, 6))
+    joints = joints[arm.free(joints)][:60]
+    starts, ends = joints[:-1], joints[1:]
+    ends = starts + (ends - starts) * random.uniform(0.05, 0.6, (len(starts), 1))
+    certified = np.flatnonzero(arm.edges_free(starts, ends))[:10]
+    samples = [audit.samples_along([starts[index], ends[index]], 0.02) for index in certified]
+    assert audit.audit(np.concatenate([np.empty((0, 6)), *samples]), cell) == []
+
+
+def test_certified_edges_keep_the_least_distances() -> None:
+    cell, calibration = simulated_cell()
+    arm = scene(cell, calibration)
+    random = np.random.default_rng(1)
+    joints = random.uniform(-np.pi, np.pi, (2000, 6))
+    joints = joints[arm.free(joints)]
+    starts = joints[:-1]
+    ends = starts + 0.3 * (joints[1:] - starts)
+    free = arm.edges_free(starts, ends)
+    least = np.array([*arm.obstacles[:, 1], arm.self_margin])
+    assert 0.2 < free.mean() < 0.98
+    for index, certified in enumerate(free[:300]):
+        margin = (arm.clearance(audit.samples_along([starts[index], ends[index]], 0.005)) - least).min()
+        assert margin >= -1e-4 if certified else margin < 0.001
+
+
+def test_an_edge_through_a_thin_pole_is_refused_though_its_ends_are_free() -> None:
+    cell, calibration = simulated_cell()
+    home, aside = np.array([cell.arm.home]), np.array([0.6, 0, 0, 0, 0, 0])
+    x, y, _ = forward(scene(cell, calibration).model, home)[0, 6, :3, 3].tolist()
+    pole = Capsule(name="pole", start_m=(x, y, 0.0), end_m=(x, y, 1.0), radius_m=0.002)
+    with_pole = scene(cell.model_copy(update={"obstacles": [pole]}), calibration)
+    assert with_pole.free(np.vstack([home - aside, home + aside])).all()
+    assert scene(cell, calibration).edges_free(home - aside, home + aside)[0]
+    assert not with_pole.edges_free(home - aside, home + aside)[0]
+    assert with_pole.blame(int(with_pole.violations(home)[0])) == ("hits-obstacle", "pole")
+
+
+def test_violations_say_what_is_in_the_way() -> None:
+    cell, calibration = simulated_cell()
+    arm = scene(cell, calibration)
+    joints = np.random.default_rng(2).uniform(-np.pi, np.pi, (4000, 6))
+    violations = arm.violations(joints)
+    clearance = arm.clearance(joints)
+    least = np.array([*arm.obstacles[:, 1], arm.self_margin]) + NODE_SLACK_M
+    assert ((violations < 0) == (clearance >= least).all(axis=1)).all()
+    seen = {arm.blame(int(violation)) for violation in violations if violation >= 0}
+    assert {word for word, _ in seen} == {"hits-table", "hits-object", "hits-camera", "self-collision"}
+    for violation in set(violations[violations >= 0].tolist()):
+        assert (clearance[violations == violation, violation] < least[violation]).all()
+
+
+@pytest.mark.parametrize("shape", ["box", "cylinder", "half-space", "capsule"])
+def test_distances_agree_with_another_library(shape: str) -> None:
+    random = np.random.default_rng(5)
+    row = np.zeros(kernels.ROW)
+    pose = trimesh.transformations.random_rotation_matrix(random.uniform(size=3))
+    pose[:3, 3] = random.normal(size=3)
+    axis, middle = pose[:3, 2], pose[:3, 3] + 0.25 * pose[:3, 2]
+    if shape == "box":
+        row[:17] = [kernels.BOX, 0, *pose[:3, 3], *pose[:3, :3].ravel(), 0.1, 0.3, 0.2]
+        other = fcl.CollisionObject(fcl.Box(0.2, 0.6, 0.4), fcl.Transform(pose[:3, :3], pose[:3, 3]))
+    elif shape == "cylinder":
+        row[:10] = [kernels.CYLINDER, 0, *pose[:3, 3], *axis, 0.2, 0.5]
+        other = fcl.CollisionObject(fcl.Cylinder(0.2, 0.5), fcl.Transform(pose[:3, :3], middle))
+    elif shape == "capsule":
+        row[:9] = [kernels.CAPSULE, 0, *pose[:3, 3], *(pose[:3, 3] + 0.5 * axis), 0.2]
+        other = fcl.CollisionObject(fcl.Capsule(0.2, 0.5), fcl.Transform(pose[:3, :3], middle))
+    else:
+        row[:6] = [kernels.HALF_SPACE, 0, *axis, axis @ pose[:3, 3]]
+        slab = fcl.Transform(pose[:3, :3], pose[:3, 3] - 5.0 * axis)
+        other = fcl.CollisionObject(fcl.Box(100.0, 100.0, 10.0), slab)
+    apart = 0
+    for _ in range(300):
+        line = np.concatenate([pose[:3, 3], pose[:3, 3]]) + random.normal(0, 0.7, 6)
+        along = line[3:] - line[:3]
+        length = float(np.linalg.norm(along))
+        turn = trimesh.geometry.align_vectors((0, 0, 1), along / length)[:3, :3]
+        thin = fcl.CollisionObject(fcl.Capsule(1e-6, length), fcl.Transform(turn, (line[:3] + line[3:]) / 2))
+        truth = fcl.distance(thin, other, fcl.DistanceRequest(), fcl.DistanceResult())
+        found = kernels._line_to_obstacle(row, line, np.inf)
+        if truth > 1e-3:
+            apart += 1
+            assert found == pytest.approx(truth, abs=1e-4)
+        elif truth < 0:
+            assert found < 1e-4
+    assert 30 < apart < 290
+
+
+@needs_meshes
+def test_cones_agree_with_cast_rays() -> None:
+    """Nothing that rays see in the cones is passed; few of the others are refused."""
+    cell, calibration = simulated_cell()
+    arm = scene(cell, calibration)
+    random = np.random.default_rng(4)
+    # Configurations about the object, so that a good part of them stands in the view.
+    joints = np.array(cell.arm.home) + random.uniform(-1.2, 1.2, (3000, 6))
+    joints = joints[arm.free(joints)][:120]
+    emitters = (forward(arm.model, joints)[:, 6] @ cell.arm.flange_from_tool.matrix)[:, :3, 3].copy()
+    blocked = arm.blocked_cones(joints, emitters)
+    seen_in_view = audit.occlusions(joints, cell, audit.lens(calibration), with_tool=True)
+    assert len(seen_in_view) > 5
+    assert all(blocked[sample] == kernels.VIEW_BLOCKED for sample in seen_in_view)
+    clear = np.flatnonzero(blocked < 0)
+    assert len(clear) > 20
+    for sample in clear[:30]:
+        assert audit.occlusions(joints[[sample]], cell, emitters[sample], with_tool=False) == []
