@@ -218,7 +218,7 @@ class _Writer:
         }.get(node.word, node.word)
         self._emit(indent, node.line, text)
 
-    def _expression(self, node: Node) -> str:  # noqa: PLR0911 - one return per kind of expression
+    def _expression(self, node: Node) -> str:
         match node:
             case Literal(_, value):
                 return repr(value)

@@ -234,6 +234,16 @@ class Controller:
             self.safety_mode = SafetyMode.NORMAL
             self.robot_mode = RobotMode.POWER_OFF
 
+    def clear(self) -> None:
+        """Makes everything normal again, as after a visit of somebody with time: powered, released, no fault left."""
+        self.safety_mode = SafetyMode.NORMAL
+        self.robot_mode = RobotMode.RUNNING
+        self.remote_control = True
+        self.slider = 1.0
+        self.arm.joint_offset = [0.0] * 6
+        for number in list(self.outputs.stuck):
+            self.outputs.stick(number, None)
+
     def power_off(self) -> None:
         """Takes the power away; the program ends."""
         self._power_down()

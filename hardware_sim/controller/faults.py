@@ -126,6 +126,7 @@ FAULTS: dict[str, Callable[[Controller, Links, Parameters], Action]] = {
     "output_stuck": _output_stuck,
     "speed_slider": _speed_slider,
     "joint_offset": _joint_offset,
+    "clear": _simple(lambda c: c.clear()),
     "cut": _cut,
     "stall": _stall,
 }

@@ -63,7 +63,7 @@ class JointMove:
         return [a + share * w for a, w in zip(self._start, self._way, strict=True)], [rate * w for w in self._way]
 
 
-def planned_joint_move(  # noqa: PLR0917 - URScript's order
+def planned_joint_move(
     arm: ArmModel, start: Sequence[float], target: Sequence[float], speed: float, acceleration: float, seconds: float
 ) -> JointMove:
     """The move of `movej`: leading axis under `speed` (rad/s) and `acceleration` (rad/s²), or lasting `seconds`."""

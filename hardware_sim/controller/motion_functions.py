@@ -141,7 +141,7 @@ class MotionFunctions(Bound):
         motion.target, motion.acceleration = target, acceleration
         yield from self._hold(motion, t)
 
-    def servoj(  # noqa: PLR0917 - URScript's order
+    def servoj(
         self,
         q: Any,
         a: float = 0.0,

@@ -185,7 +185,7 @@ class _Parser:
             raise ScriptSyntaxError(f"line {functions[0].line}: a function inside a branch or loop")
         return body
 
-    def _statement(self) -> Node:  # noqa: PLR0911 - one return per kind of statement
+    def _statement(self) -> Node:
         token = self.peek()
         word = token.text if token.kind == "name" else ""
         if word in ("global", "local"):
@@ -313,7 +313,7 @@ class _Parser:
                 node = Index(node.line, node, indices)
         return node
 
-    def _atom(self) -> Node:  # noqa: PLR0911 - one return per kind of atom
+    def _atom(self) -> Node:
         token = self._next()
         if token.kind == "number":
             text = token.text
