@@ -1,0 +1,107 @@
+"""The web application: routes, gate, problem objects, and the life of the service behind them.
+
+`create_app` takes what it serves and keeps nothing outside the app, so that a test may run several side by side.
+"""
+
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from html import escape
+from importlib.metadata import version
+from typing import Any
+
+import anyio.to_thread
+from fastapi import FastAPI, Request
+from fastapi.middleware.cors import CORSMiddleware
+from fastapi.openapi.utils import get_openapi
+from fastapi.responses import HTMLResponse
+
+from api import events, problems, rig, sessions
+from api.events import EventFeed
+from api.gate import Gate
+from api.schemas import EventResource, Problem
+from api.settings import Settings
+from api.wiring import Service
+
+DESCRIPTION = (
+    "A robot arm carries a lamp round an object while a camera looks on; the lights are planned, the images solved to "
+    "normals with an uncertainty for each pixel. Create a session, start it, follow its events, fetch its answer."
+)
+_SCHEMAS_OF_NO_ROUTE = {"Problem": Problem, "EventResource": EventResource}
+
+
+def create_app(service: Service, settings: Settings) -> FastAPI:
+    """The application that serves `service`; it opens the service on start-up and closes it in the end."""
+
+    @asynccontextmanager
+    async def life(app: FastAPI) -> AsyncGenerator[None, None]:
+        feed: EventFeed = app.state.feed
+        await anyio.to_thread.run_sync(service.open)
+        feed.start()
+        try:
+            yield
+        finally:
+            await anyio.to_thread.run_sync(feed.close)
+            await anyio.to_thread.run_sync(service.close)
+
+    app = _routed(life)
+    app.state.service = service
+    app.state.feed = EventFeed(service.store.journal)
+    if settings.allowed_origins:
+        app.add_middleware(
+            CORSMiddleware, allow_origins=list(settings.allowed_origins), allow_methods=["*"], allow_headers=["*"]
+        )
+    app.add_middleware(Gate, settings=settings)
+    return app
+
+
+def description() -> dict[str, Any]:
+    """The OpenAPI description of all routes; no service is needed for it."""
+    return _routed(None).openapi()
+
+
+def _routed(life: Any) -> FastAPI:
+    app = FastAPI(
+        title="lightpose",
+        version=version("lightpose"),
+        description=DESCRIPTION,
+        lifespan=life,
+        docs_url=None,  # the usual pages load scripts from elsewhere; this service works without a network
+        redoc_url=None,
+        responses=problems.declared_for_all(),
+        generate_unique_id_function=lambda route: route.name,
+    )
+    problems.install(app)
+    for part in (rig, sessions, events, problems):
+        app.include_router(part.router)
+    app.add_api_route("/docs", _docs, include_in_schema=False, response_class=HTMLResponse)
+    app.openapi = lambda: _openapi(app)
+    return app
+
+
+def _openapi(app: FastAPI) -> dict[str, Any]:
+    if app.openapi_schema is None:
+        schema = get_openapi(title=app.title, version=app.version, description=app.description, routes=app.routes)
+        components = schema["components"]["schemas"]
+        for name, model in _SCHEMAS_OF_NO_ROUTE.items():
+            own = model.model_json_schema(ref_template="#/components/schemas/{model}", mode="serialization")
+            components.update(own.pop("$defs", {}))
+            components[name] = own
+        app.openapi_schema = schema
+    return app.openapi_schema
+
+
+async def _docs(request: Request) -> HTMLResponse:
+    """The routes as a page for people."""
+    schema = request.app.openapi()
+    rows = "".join(
+        f"<tr><td><code>{method.upper()}</code><td><code>{escape(path)}</code><td>{escape(route['description'])}"
+        for path, methods in schema["paths"].items()
+        for method, route in methods.items()
+    )
+    return HTMLResponse(
+        "<!doctype html><html lang=en><meta charset=utf-8><title>lightpose</title>"
+        "<body style='font:16px/1.5 sans-serif;max-width:70em;margin:3em auto'>"
+        f"<h1>{escape(schema['info']['title'])} {escape(schema['info']['version'])}</h1>"
+        f"<p>{escape(DESCRIPTION)}</p><p><a href=/openapi.json>openapi.json</a></p>"
+        f"<table cellpadding=6>{rows}</table></body></html>"
+    )

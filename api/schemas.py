@@ -1,0 +1,281 @@
+"""What crosses HTTP besides the values of `acquisition.types`: resources, links, lists and problems.
+
+Resources are read off the journal and the runner for each request; nothing here is stored. Times are ISO 8601 in UTC.
+"""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any, Generic, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from acquisition.errors import PROBLEMS, ErrorCode
+from acquisition.session import Stage, State
+from acquisition.types import LightPlan, Matrix4, Recipe, ResultSummary, Route, Shot
+
+ItemT = TypeVar("ItemT")
+Links = dict[str, str]
+
+
+class Resource(BaseModel):
+    """Base of what the service answers; clients ignore fields that they do not know."""
+
+    model_config = ConfigDict(frozen=True)
+
+
+class Page(Resource, Generic[ItemT]):
+    """A part of a list, and the address of the next part."""
+
+    items: list[ItemT]
+    next: str | None = Field(default=None, description="Address of the next page; null at the end")
+
+
+# ------------------------------------------------------------------------------------------------------------ problems
+
+
+class FieldError(Resource):
+    """One field that is not valid."""
+
+    field: str
+    message: str
+
+
+class Problem(Resource):
+    """What went wrong and what to do (RFC 9457); some codes add facts, such as `allowed`, `holder` or `errors`."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    type: str = Field(description="Address of the page about this code")
+    title: str
+    status: int
+    detail: str
+    code: ErrorCode
+    remedy: str
+    instance: str | None = None
+
+    @classmethod
+    def of(
+        cls, code: ErrorCode, detail: str, context: Mapping[str, Any] | None = None, instance: str | None = None
+    ) -> "Problem":
+        """The problem object of a code and a sentence about this case; `context` adds facts for programs."""
+        entry = PROBLEMS[code]
+        own = {
+            "type": f"/problems/{code}",
+            "title": entry.title,
+            "status": entry.status,
+            "detail": detail,
+            "code": code,
+            "remedy": entry.remedy,
+            "instance": instance,
+        }
+        return cls.model_validate({**(context or {}), **own})
+
+
+class ProblemPage(Resource):
+    """What a code means."""
+
+    code: ErrorCode
+    status: int
+    title: str
+    remedy: str
+
+
+# ----------------------------------------------------------------------------------------------------------------- rig
+
+
+class Reason(Resource):
+    """Why the rig may not start."""
+
+    code: ErrorCode
+    detail: str
+    remedy: str
+
+
+class Fault(Resource):
+    """A safety fault that nobody has acknowledged."""
+
+    code: ErrorCode
+    detail: str
+    remedy: str
+    since: datetime
+
+
+class ArmResource(Resource):
+    """Who answered at the arm's address."""
+
+    model: str
+    serial: str
+    software: str
+
+
+class ReadingResource(Resource):
+    """The newest values from the arm's controller."""
+
+    joints: list[float] = Field(description="rad")
+    joint_speeds: list[float] = Field(description="rad/s")
+    base_from_tool: Matrix4
+    robot_mode: int
+    safety_bits: int
+    program_running: bool
+    speed_fraction: float
+    age_s: float
+
+
+class CalibrationResource(Resource):
+    """How old the calibration is."""
+
+    made_at: str
+    valid_until: str
+    valid: bool
+
+
+class RigResource(Resource):
+    """The rig: who is there, and whether a session may start."""
+
+    cell: str
+    fingerprint: str = Field(description="SHA-256 of the cell file's values")
+    arm_model: str
+    arm_address: str
+    arm: ArmResource | None = Field(description="Who answered at that address")
+    connected: bool
+    camera_ready: bool
+    reading: ReadingResource | None
+    holder: str | None = Field(description="The session that holds the rig")
+    may_start: bool
+    reasons: list[Reason] = Field(description="Why not")
+    calibration: CalibrationResource
+    faults: list[Fault]
+    links: Links
+
+
+class SafetyResource(Resource):
+    """The latch: faults stay until a person says that the cell is clear."""
+
+    clear: bool
+    faults: list[Fault]
+    links: Links
+
+
+class Health(Resource):
+    """A probe's answer."""
+
+    status: Literal["ok"] = "ok"
+
+
+class Accepted(Resource):
+    """The request was taken; follow the link for what comes of it."""
+
+    links: Links
+
+
+# ------------------------------------------------------------------------------------------------------------ sessions
+
+
+class ActionRequest(BaseModel):
+    """What a person asks of a session."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    action: Literal["start", "pause", "resume", "stop"]
+
+
+class ActionResource(Resource):
+    """Who asked for what, and what came of it: the state that followed, or `refused`."""
+
+    action: str
+    actor: str
+    outcome: str
+    at: datetime
+
+
+class ActionAccepted(Resource):
+    """The action was taken."""
+
+    state: State
+    links: Links
+
+
+class ArtefactResource(Resource):
+    """One file of a result."""
+
+    name: str
+    bytes: int
+    sha256: str
+    href: str
+
+
+class ResultResource(Resource):
+    """One result: its figures and its files."""
+
+    number: int
+    passes: list[int] = Field(description="The passes whose images were solved")
+    origin: Literal["session"] = "session"
+    created: datetime
+    seconds: float = Field(description="Time that the solve took")
+    summary: ResultSummary
+    artefacts: list[ArtefactResource]
+    links: Links
+
+
+class SessionResource(Resource):
+    """A session: what was asked, how far it is, what may be done."""
+
+    id: str
+    number: int
+    state: State
+    arm: str = Field(description="What the arm may be doing in this state")
+    stage: Stage
+    progress: float = Field(ge=0, le=1)
+    seconds_left: float | None
+    reason: Problem | None = Field(description="Why the session is in this state, when something went wrong")
+    allowed_actions: list[str]
+    recipe: Recipe
+    cell: str
+    created: datetime
+    started: datetime | None
+    ended: datetime | None
+    answer: ResultResource | None = Field(description="The newest result")
+    links: Links
+
+
+class ShotResource(Resource):
+    """One image and the address of its picture."""
+
+    shot: Shot
+    links: Links
+
+
+class PassSummary(Resource):
+    """One pass in short."""
+
+    number: int
+    method: str
+    lights: int
+    shots: int
+    predicted_sigma_deg: float | None
+    links: Links
+
+
+class PassResource(Resource):
+    """One pass: its lights, the way through them, its images."""
+
+    number: int
+    plan: LightPlan
+    route: Route | None
+    shots: list[ShotResource]
+    links: Links
+
+
+class EventResource(Resource):
+    """One thing that happened; `id` rises without end and names the place to read on from."""
+
+    id: int
+    session_id: str | None
+    type: str
+    at: datetime
+    body: dict[str, Any]
+
+
+def moment(seconds: float) -> datetime:
+    """A time of the journal (seconds since 1970, UTC) as ISO 8601."""
+    return datetime.fromtimestamp(seconds, UTC)

@@ -1,0 +1,95 @@
+"""The server process: one worker, and a signal that halts the arm before anything else happens.
+
+uvicorn installs its own signal handlers and ends the application only after the open connections are served, which an
+event stream delays by seconds. So the halt hangs on the handler itself and the streams are told to end at shutdown.
+"""
+
+import logging
+from collections.abc import Callable
+from socket import socket
+from types import FrameType
+
+import uvicorn
+from fastapi import FastAPI
+
+from acquisition.errors import ErrorCode, RigError
+from api import settings as settings_
+from api import wiring
+from api.app import create_app
+from api.events import EventFeed
+from api.settings import Settings
+
+GRACE_S = 5
+"""How long requests in progress may take after a signal; the arm does not wait for them."""
+
+_log = logging.getLogger(__name__)
+
+
+class Server(uvicorn.Server):
+    """A uvicorn server that halts the arm from the signal handler and tells where it listens."""
+
+    def __init__(
+        self, config: uvicorn.Config, halt: Callable[[], None], feed: EventFeed, say: Callable[[str], None] | None
+    ) -> None:
+        """`halt` must neither block nor raise; `say` is called with the service's address once it listens."""
+        super().__init__(config)
+        self._halt = halt
+        self._feed = feed
+        self._say = say
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Halts the arm, then lets the server end."""
+        self._halt()
+        super().handle_exit(sig, frame)
+
+    async def startup(self, sockets: list[socket] | None = None) -> None:
+        """Listens, and says where."""
+        await super().startup(sockets)
+        if self.started and self._say is not None:
+            host, port = self.servers[0].sockets[0].getsockname()[:2]
+            self._say(f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}")
+
+    async def shutdown(self, sockets: list[socket] | None = None) -> None:
+        """Ends the event streams, then as ever."""
+        self._feed.end()
+        await super().shutdown(sockets)
+
+
+def make(settings: Settings, say: Callable[[str], None] | None = None) -> Server:
+    """The server of these settings, not yet running.
+
+    Raises RigError config.invalid for a host that is not this machine alone, for a bad cell file or calibration;
+    store.locked, store.corrupt.
+    """
+    settings_.refuse_open_bind(settings.host)
+    service = wiring.build(settings)
+    app: FastAPI = create_app(service, settings)
+    config = uvicorn.Config(
+        app,
+        host=settings.host,
+        port=settings.port,
+        workers=1,
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        timeout_graceful_shutdown=GRACE_S,
+    )
+    return Server(config, lambda: service.runner.halt("signal"), app.state.feed, say)
+
+
+def serve(settings: Settings, say: Callable[[str], None] | None = None) -> None:
+    """Serves until SIGTERM or SIGINT; `say` is called with the address once it listens.
+
+    Raises RigError as `make` does, and config.invalid when the port cannot be had.
+    """
+    server = make(settings, say)
+    try:
+        server.run()
+    except KeyboardInterrupt:  # uvicorn raises the signal again after it has ended in good order
+        _log.info("ended by the keyboard")
+    except SystemExit as error:  # its way to say that it did not start
+        raise RigError(
+            ErrorCode.CONFIG_INVALID,
+            f"{settings.host}:{settings.port} cannot be listened on; the log says why",
+        ) from error
