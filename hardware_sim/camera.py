@@ -46,7 +46,7 @@ class CameraServer:
                 outer.converse(self)
 
         self._server = _Server((camera.address, camera.port), Handler)
-        self._thread = threading.Thread(target=self._server.serve_forever, name="camera", daemon=True)
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), name="camera", daemon=True)
 
     def __enter__(self) -> "CameraServer":
         self._thread.start()

@@ -36,7 +36,7 @@ def mesh(field: Field, low: FloatArray, high: FloatArray, spacing_m: float) -> s
     number = np.full(crossed.shape, -1, dtype=np.int64)
     number[crossed] = np.arange(int(crossed.sum()))
     vertices = low + spacing_m * (np.argwhere(crossed) + 0.5)
-    for _ in range(6):
+    for _ in range(4):
         slope = gradient(field, vertices)
         distance = field(vertices) / np.einsum("vi,vi->v", slope, slope)
         vertices = vertices - np.clip(distance, -spacing_m / 3, spacing_m / 3)[:, None] * slope

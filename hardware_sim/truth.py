@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -31,5 +32,5 @@ def load(path: Path) -> Truth:
     try:
         with np.load(path) as file:
             return Truth(file["normals"], file["depth"], file["albedo"], file["mask"])
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise RigError(ErrorCode.STORE_CORRUPT, f"{path}: is no file of truths: {error}", file=str(path)) from error

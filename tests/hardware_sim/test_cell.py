@@ -1,0 +1,177 @@
+"""The whole cell: real processes, real sockets, the real `ur-rtde` clients at the controller."""
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition import config
+from acquisition.errors import ErrorCode, RigError
+from hardware_sim import nominal, truth
+from hardware_sim.cell import Cell
+from hardware_sim.controller.control import ControlClient
+
+PIXELS = 64
+LIT = (-2.6641, -0.9534, 1.6785, 2.607, 1.8307, 2.423)
+"""The lamp on the dome at 45° from the view axis."""
+
+
+def request(address: str, **fields: Any) -> tuple[dict[str, Any], np.ndarray]:
+    with socket.create_connection((address, 30100), 10) as link, link.makefile("rb") as file:
+        link.sendall(json.dumps(fields).encode() + b"\n")
+        header = json.loads(file.readline())
+        assert "error" not in header, header
+        pixels = np.frombuffer(file.read(2 * header["width"] * header["height"]), "<u2")
+        return header, pixels.reshape(header["height"], header["width"]).astype(float)
+
+
+def listening(address: str, port: int) -> bool:
+    with socket.socket() as link:
+        return link.connect_ex((address, port)) == 0
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
+    """A cell whose arm starts with its lamp over the object."""
+    folder = tmp_path_factory.mktemp("cell")
+    text = nominal.default_cell_file().read_text(encoding="utf-8")
+    text = re.sub(r"^home = .*$", f"home = {list(LIT)}", text, flags=re.MULTILINE)
+    (folder / "base.toml").write_text(text, encoding="utf-8")
+    with Cell(
+        "127.0.2.30",
+        "sphere",
+        1,
+        "direct",
+        5.0,
+        folder=folder / "files",
+        pixels=PIXELS,
+        cell_file=folder / "base.toml",
+        trace=folder / "trace.csv",
+    ) as cell:
+        yield cell
+
+
+def test_the_folder_tells_others_of_the_cell(cell: Cell) -> None:
+    written = config.load(cell.cell_file)
+    assert written.arm.address == written.camera.address == "127.0.2.30"
+    calibration = config.load_calibration(cell.cell_file.parent / written.calibration)
+    assert calibration == nominal.calibration(PIXELS)
+    true = truth.load(cell.truth_file)
+    assert true.mask.shape == (PIXELS, PIXELS)
+    assert 300 < true.mask.sum() < 2000
+    assert cell.alive
+
+
+def test_the_lamp_lights_the_object_and_the_picture_moves_with_the_arm(cell: Cell) -> None:
+    import rtde_control
+    import rtde_io
+
+    mask = truth.load(cell.truth_file).mask
+    control = rtde_control.RTDEControlInterface(cell.address)
+    outputs = rtde_io.RTDEIOInterface(cell.address)
+    try:
+        _, dark = request(cell.address, exposure_s=0.05)
+        assert abs(dark[mask].mean() - 64) < 1
+        assert outputs.setStandardDigitalOut(0, True)
+        _wait_for_output(cell.address, 1)
+        time.sleep(0.05)
+        _, lit = request(cell.address, exposure_s=0.05)
+        _, again = request(cell.address, exposure_s=0.05, attempt=0)
+        assert lit[mask].mean() > 200
+        assert np.array_equal(lit, again)
+        # The base turns by 0.3 rad: the light comes from elsewhere.
+        assert control.moveJ([LIT[0] + 0.3, *LIT[1:]], 1.0, 1.4)
+        _, moved = request(cell.address, exposure_s=0.05)
+        assert moved[mask].mean() > 100
+        assert np.abs(moved - lit)[mask].mean() > 20
+        assert outputs.setStandardDigitalOut(0, False)
+        _wait_for_output(cell.address, 0)
+        time.sleep(0.05)
+        _, off = request(cell.address, exposure_s=0.05)
+        assert abs(off[mask].mean() - 64) < 1
+    finally:
+        control.stopScript()
+        control.disconnect()
+        outputs.disconnect()
+
+
+def _wait_for_output(address: str, bits: int) -> None:
+    with ControlClient(address) as control:
+        deadline = time.monotonic() + 5
+        while control.state()["digital_outputs"] & 1 != bits:
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"object_name": "teapot"}, "teapot"),
+        ({"profile": "perfect"}, "perfect"),
+        ({"speed": 0.0}, "speed"),
+        ({"speed": float("nan")}, "speed"),
+        ({"speed": 1e6}, "speed"),
+        ({"pixels": 0}, "pixels"),
+        ({"pixels": 100_000}, "pixels"),
+    ],
+)
+def test_nonsense_is_refused_before_anything_starts(tmp_path: Path, changes: dict[str, Any], says: str) -> None:
+    arguments = {"object_name": "sphere", "seed": 1, "profile": "ideal", "speed": 1.0, "pixels": 64, **changes}
+    with pytest.raises(RigError, match=says) as caught:
+        Cell("127.0.2.31", **arguments, folder=tmp_path / "cell")
+    assert caught.value.code == ErrorCode.REQUEST_INVALID
+    assert not (tmp_path / "cell").exists()
+
+
+def test_a_cell_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RigError, match=r"nowhere\.toml") as caught:
+        Cell("127.0.2.31", "sphere", 1, "ideal", 1.0, folder=tmp_path, cell_file=tmp_path / "nowhere.toml")
+    assert caught.value.code == ErrorCode.CONFIG_INVALID
+
+
+def test_a_taken_address_is_an_error_and_leaves_nothing_behind(cell: Cell, tmp_path: Path) -> None:
+    with pytest.raises(RigError), Cell(cell.address, "sphere", 1, "ideal", 1.0, folder=tmp_path, pixels=PIXELS):
+        pass
+    assert cell.alive
+    request(cell.address, exposure_s=0.01)
+
+
+def test_a_taken_camera_port_ends_the_controller_too(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.2.32", 30100)):
+        cell = Cell("127.0.2.32", "sphere", 1, "ideal", 1.0, folder=tmp_path, pixels=PIXELS)
+        with pytest.raises(RigError, match="camera's port"), cell:
+            pass
+    assert not listening("127.0.2.32", 30004)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_both_processes_end_with_their_parent(tmp_path: Path, number: signal.Signals) -> None:
+    address = "127.0.2.33"
+    program = (
+        "from pathlib import Path; from hardware_sim import cell;"
+        f"cell.run({address!r}, 'part', 1, 'ideal', 1.0, folder=Path({str(tmp_path)!r}), pixels={PIXELS})"
+    )
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment
+    ) as parent:
+        assert parent.stdout is not None
+        assert parent.stdout.readline().startswith(b"ready ")
+        assert listening(address, 30100)
+        assert listening(address, 30004)
+        parent.send_signal(number)
+        assert parent.wait(20) == (0 if number == signal.SIGTERM else -signal.SIGKILL)
+        deadline = time.monotonic() + 10
+        while listening(address, 30100) or listening(address, 30004):
+            assert time.monotonic() < deadline
+            time.sleep(0.05)

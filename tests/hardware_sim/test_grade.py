@@ -1,0 +1,141 @@
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+
+from acquisition.errors import ErrorCode, RigError
+from acquisition.types import Calibration
+from hardware_sim import grade, nominal
+from hardware_sim.truth import Truth
+
+SIZE = 200
+
+
+@pytest.fixture(scope="module")
+def calibration() -> Calibration:
+    return nominal.calibration(SIZE)
+
+
+@pytest.fixture(scope="module")
+def ball() -> Truth:
+    """A hemisphere that fills most of the picture, as a distant camera would see it."""
+    y, x = np.mgrid[0:SIZE, 0:SIZE]
+    across, up = (x - 99.5) / 90, (99.5 - y) / 90
+    inside = across**2 + up**2 < 1
+    height = np.sqrt(np.where(inside, 1 - across**2 - up**2, 0))
+    normals = np.where(inside[..., None], np.stack([across, up, height], axis=-1), 0).astype(np.float32)
+    return Truth(normals, np.where(inside, 0.85, 0).astype(np.float32), inside.astype(np.float32), inside)
+
+
+def turned(normals: np.ndarray, angles_rad: np.ndarray, seed: int = 3) -> np.ndarray:
+    """Each normal turned by its angle round a random axis at right angles to it."""
+    axes = np.cross(normals, np.random.default_rng(seed).normal(size=normals.shape))
+    axes /= np.maximum(np.linalg.norm(axes, axis=-1, keepdims=True), 1e-9)
+    angles = np.asarray(angles_rad)[..., None]
+    return (np.cos(angles) * normals + np.sin(angles) * np.cross(axes, normals)).astype(np.float32)
+
+
+def test_perfect_normals_have_no_error_and_full_coverage(ball: Truth, calibration: Calibration) -> None:
+    result = grade.grade(ball.normals, ball.mask, None, ball, calibration)
+    assert result.mean_deg < 1e-3
+    assert result.coverage == 1.0
+    assert result.found_to_predicted is None
+
+
+def test_known_errors_are_found(ball: Truth, calibration: Calibration) -> None:
+    result = grade.grade(turned(ball.normals, np.full(ball.mask.shape, 0.02)), ball.mask, None, ball, calibration)
+    expected = np.degrees(0.02)
+    assert result.mean_deg == pytest.approx(expected, rel=1e-3)
+    assert result.median_deg == pytest.approx(expected, rel=1e-3)
+    assert result.p95_deg == pytest.approx(expected, rel=1e-3)
+    assert result.share_over_10_deg == 0
+
+
+def test_graded_pixels_are_those_within_78_degrees_of_the_viewing_ray(ball: Truth, calibration: Calibration) -> None:
+    pixels = grade.graded_pixels(ball, calibration)
+    cosine = (ball.normals * grade.viewing_rays(calibration)).sum(axis=-1)
+    assert cosine[pixels].min() > np.cos(np.radians(78))
+    assert not pixels[ball.mask & (cosine < np.cos(np.radians(78.01)))].any()
+    inner = cv2.erode(ball.mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    assert pixels[inner & (cosine > np.cos(np.radians(77.99)))].all()
+    assert (inner & ~pixels).sum() > 500
+
+
+def test_the_mask_is_eroded_by_one_pixel(calibration: Calibration) -> None:
+    mask = np.zeros((SIZE, SIZE), bool)
+    mask[50:60, 70:90] = True
+    mask[0:5, 0:5] = True
+    facing = np.where(mask[..., None], np.array([0, 0, 1.0]), 0).astype(np.float32)
+    flat = Truth(facing, mask.astype(np.float32), mask.astype(np.float32), mask)
+    pixels = grade.graded_pixels(flat, calibration)
+    assert pixels[51:59, 71:89].all()
+    assert pixels.sum() == 8 * 18 + 3 * 3  # the picture's border counts as outside
+
+
+def test_viewing_rays_point_to_the_camera(calibration: Calibration) -> None:
+    rays = grade.viewing_rays(calibration)
+    assert rays[100, 100] == pytest.approx([0, 0, 1], abs=1e-3)
+    assert rays[0, 0, 0] > 0.1  # a point on the left sees the camera to its right
+    assert rays[0, 0, 1] < -0.1  # a point at the top sees it below
+
+
+def test_unsolved_pixels_lower_the_coverage_and_nothing_else(ball: Truth, calibration: Calibration) -> None:
+    mask = ball.mask.copy()
+    mask[:, :100] = False
+    wrong_outside = ball.normals.copy()
+    wrong_outside[:, :100] = [1, 0, 0]
+    result = grade.grade(wrong_outside, mask, None, ball, calibration)
+    assert result.mean_deg < 1e-3
+    assert result.coverage == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_normal_of_length_zero_is_no_normal(ball: Truth, calibration: Calibration) -> None:
+    normals = ball.normals.copy()
+    normals[:100] = 0
+    assert grade.grade(normals, ball.mask, None, ball, calibration).coverage == pytest.approx(0.5, abs=0.01)
+
+
+def test_an_honest_sigma_is_found_honest(ball: Truth, calibration: Calibration) -> None:
+    """Errors drawn as σ is defined: variance σ² / 2 along each of two tangents, so that they are Rayleigh."""
+    random = np.random.default_rng(5)
+    sigma = random.uniform(0.3, 0.5, ball.mask.shape)
+    errors = np.radians(np.hypot(*(random.normal(size=(2, *sigma.shape)) * sigma / np.sqrt(2))))
+    result = grade.grade(turned(ball.normals, errors), ball.mask, sigma.astype(np.float32), ball, calibration)
+    assert result.found_to_predicted == pytest.approx(1.0, abs=0.05)
+    assert result.within_sigma == pytest.approx(0.632, abs=0.015)
+    assert result.within_two_sigma == pytest.approx(0.982, abs=0.005)
+    too_small = grade.grade(turned(ball.normals, errors), ball.mask, (sigma / 2).astype(np.float32), ball, calibration)
+    assert too_small.found_to_predicted == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_results_folder(ball: Truth, calibration: Calibration, tmp_path: Path) -> None:
+    normals = turned(ball.normals, np.full(ball.mask.shape, 0.01))
+    tifffile.imwrite(tmp_path / "normals.tiff", normals, photometric="rgb")
+    cv2.imwrite(str(tmp_path / "mask.png"), ball.mask.astype(np.uint8) * 255)
+    without = grade.grade_folder(tmp_path, ball, calibration)
+    tifffile.imwrite(tmp_path / "sigma_deg.tiff", np.full(ball.mask.shape, 0.7, np.float32))
+    found = grade.grade_folder(tmp_path, ball, calibration)
+    assert without.predicted_median_deg is None
+    assert found.mean_deg == pytest.approx(np.degrees(0.01), rel=1e-3)
+    assert found.predicted_median_deg == pytest.approx(0.833 * 0.7, rel=1e-4)
+    assert set(found.as_dict()) >= {"mean_deg", "median_deg", "p95_deg", "coverage"}
+
+
+@pytest.mark.parametrize("damage", ["normals.tiff", "mask.png", "sigma_deg.tiff"])
+def test_a_damaged_result_is_named(ball: Truth, calibration: Calibration, tmp_path: Path, damage: str) -> None:
+    tifffile.imwrite(tmp_path / "normals.tiff", ball.normals, photometric="rgb")
+    tifffile.imwrite(tmp_path / "sigma_deg.tiff", ball.normals[..., 0])
+    cv2.imwrite(str(tmp_path / "mask.png"), ball.mask.astype(np.uint8))
+    (tmp_path / damage).write_bytes(b"nonsense")
+    with pytest.raises(RigError, match=damage) as caught:
+        grade.grade_folder(tmp_path, ball, calibration)
+    assert caught.value.code == ErrorCode.STORE_CORRUPT
+
+
+def test_other_sizes_and_empty_masks_are_refused(ball: Truth, calibration: Calibration) -> None:
+    with pytest.raises(RigError, match="shape"):
+        grade.grade(ball.normals[:100], ball.mask[:100], None, ball, calibration)
+    with pytest.raises(RigError, match="no graded pixel"):
+        grade.grade(ball.normals, np.zeros_like(ball.mask), None, ball, calibration)

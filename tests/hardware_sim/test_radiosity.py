@@ -1,0 +1,103 @@
+"""Form factors and bounces against closed forms."""
+
+import numpy as np
+import pytest
+
+from hardware_sim import radiosity, sheets
+from hardware_sim.sheets import Mesh
+from hardware_sim.tracing import Tracer
+
+SIDE = 0.1
+
+
+def grid(corner: list[float], along: list[float], across: list[float], cells: int = 12) -> Mesh:
+    """A square sheet in cells × cells parts, normal along × across."""
+    steps = np.linspace(0, SIDE, cells + 1)[:, None, None]
+    points = np.array(corner) + steps * np.array(along) + steps.reshape(1, -1, 1) * np.array(across)
+    return sheets.sheet(points, np.broadcast_to(np.cross(along, across), points.shape))
+
+
+def factor_between(first: Mesh, second: Mesh, count: int = 400) -> float:
+    """F from all of one surface to all of another."""
+    a, b = radiosity.cluster(first, count), radiosity.cluster(second, count)
+    patches = radiosity.joined(a, b)
+    factors = radiosity.form_factors(patches, Tracer(sheets.joined([first, second])))
+    n = len(a.centres)
+    return float((a.areas @ factors[:n, n:].sum(axis=1)) / a.areas.sum())
+
+
+def test_parallel_squares() -> None:
+    floor = grid([0, 0, 0], [1, 0, 0], [0, 1, 0])
+    ceiling = grid([0, 0, SIDE], [0, 1, 0], [1, 0, 0])
+    assert factor_between(floor, ceiling) == pytest.approx(0.19982, rel=0.01)
+
+
+def test_perpendicular_squares_with_a_common_edge() -> None:
+    floor = grid([0, 0, 0], [1, 0, 0], [0, 1, 0])
+    wall = grid([0, 0, 0], [0, 1, 0], [0, 0, 1])
+    assert factor_between(floor, wall) == pytest.approx(0.20004, rel=0.03)
+
+
+def test_a_wall_between_hides_them_from_each_other() -> None:
+    floor = grid([0, 0, 0], [1, 0, 0], [0, 1, 0])
+    ceiling = grid([0, 0, SIDE], [0, 1, 0], [1, 0, 0])
+    between = sheets.box((-0.1, -0.1, 0.045), (0.2, 0.2, 0.055))
+    a, b = radiosity.cluster(floor, 100), radiosity.cluster(ceiling, 100)
+    tracer = Tracer(sheets.joined([floor, ceiling, between]))
+    assert radiosity.form_factors(radiosity.joined(a, b), tracer).max() == 0
+
+
+@pytest.fixture(scope="module")
+def cavity() -> tuple[radiosity.Patches, np.ndarray]:
+    """The inside of a sphere."""
+    grids = [sheets.sheet(0.05 * unit, -unit) for unit in sheets.cube_directions(40)]
+    mesh = sheets.joined(grids)
+    patches = radiosity.cluster(mesh, 900)
+    return patches, radiosity.form_factors(patches, Tracer(mesh))
+
+
+def test_a_closed_cavity_keeps_its_light(cavity: tuple[radiosity.Patches, np.ndarray]) -> None:
+    """Inside a sphere every patch sees every other in proportion to its area, and all of them fill the hemisphere."""
+    patches, factors = cavity
+    assert factors.sum(axis=1) == pytest.approx(1.0, abs=0.03)
+    # Far patches; discs in touch are an approximation.
+    far = np.linalg.norm(patches.centres[:, None] - patches.centres[None], axis=-1) > 0.02
+    expected = np.broadcast_to(patches.areas / patches.areas.sum(), factors.shape)
+    assert np.median(np.abs(factors[far] / expected[far] - 1)) < 0.05
+
+
+@pytest.mark.parametrize("albedo", [0.2, 0.5, 0.8])
+def test_an_integrating_sphere_has_its_gain(cavity: tuple[radiosity.Patches, np.ndarray], albedo: float) -> None:
+    """Light E on every patch of a sphere of albedo ρ becomes E / (1 − ρ) in all."""
+    patches, factors = cavity
+    count = len(patches.centres)
+    indirect = radiosity.bounced(factors, np.full(count, albedo), np.ones(count))
+    assert indirect.mean() == pytest.approx(albedo / (1 - albedo), rel=0.06 / (1 - albedo))
+
+
+def test_energy_is_reciprocal(cavity: tuple[radiosity.Patches, np.ndarray]) -> None:
+    patches, factors = cavity
+    flow = patches.areas[:, None] * factors
+    assert np.abs(flow - flow.T).sum() < 0.02 * flow.sum()
+
+
+def test_patches_cover_the_surface_once() -> None:
+    mesh = sheets.box((-0.05, -0.03, 0.0), (0.05, 0.03, 0.04))
+    patches = radiosity.cluster(mesh, 600)
+    assert patches.areas.sum() == pytest.approx(mesh.areas.sum(), rel=1e-9)
+    top = patches.normals[:, 2] > 0.99
+    assert patches.areas[top].sum() == pytest.approx(0.1 * 0.06, rel=0.03)
+    assert np.abs(patches.normals).max(axis=1).min() > 0.7
+    assert radiosity.disc(0.2, 10, 24).areas.sum() == pytest.approx(np.pi * 0.04)
+
+
+def test_interpolation_keeps_constants_and_is_smooth() -> None:
+    mesh = grid([0, 0, 0], [1, 0, 0], [0, 1, 0])
+    patches = radiosity.cluster(mesh, 400)
+    x = np.linspace(0.02, 0.08, 2000)
+    points = np.stack([x, np.full_like(x, 0.05), np.zeros_like(x)], axis=1)
+    matrix = radiosity.interpolation(patches, points, np.tile([0.0, 0.0, 1.0], (len(x), 1)))
+    assert matrix @ np.ones(len(patches.centres)) == pytest.approx(1.0, abs=1e-5)
+    ramp = matrix @ patches.centres[:, 0]
+    assert np.abs(ramp - x).max() < 0.004
+    assert np.abs(np.diff(ramp)).max() < 0.0006  # twenty times the step, a fraction of a patch
