@@ -1,6 +1,6 @@
 # Types stand in numba's signatures, which also ask for many plain arguments.
 # pyright: basic
-# ruff: noqa: PLR0917, PLR0912
+# ruff: noqa: PLR0912
 """Compiled inner loops of the collision check; `collision.py` is their public face.
 
 Numba is used because a plan asks for about 10⁵ configurations and 10⁴ edges: 2–5 µs and 30–100 µs each here, some

@@ -1,6 +1,5 @@
 # Types stand in numba's signatures, which also ask for many plain arguments.
 # pyright: basic
-# ruff: noqa: PLR0917
 """Compiled search for the order of lights and the configuration of each, chosen together.
 
 The problem is a travelling salesman's with a set of cities for each stop (generalised, from start to home). Up to nine

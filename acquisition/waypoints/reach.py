@@ -6,7 +6,6 @@ and plan choose from it, `route` makes the paths.
 """
 
 from collections.abc import Sequence
-from functools import cached_property
 
 import numpy as np
 
@@ -25,13 +24,13 @@ class ReachMap(Value):
     refusals: list[Refusal | None]
     home: Joints
 
-    @cached_property
+    @property
     def candidates(self) -> FloatArray:
         """Reachable positions (K, 3), m, view frame."""
         kept = [point for point, refusal in zip(self.points, self.refusals, strict=True) if refusal is None]
         return np.array(kept, dtype=float).reshape(-1, 3)
 
-    @cached_property
+    @property
     def center(self) -> FloatArray:
         """The dome's centre (3,), m, view frame."""
         return dome_center(self.cell, self.calibration)

@@ -1,0 +1,238 @@
+"""Routes: complete, certified, within the speed limits, the same each time, or refused with reasons."""
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition import lamp_pose
+from acquisition.config import Capsule, CellConfig
+from acquisition.errors import ErrorCode, RigError
+from acquisition.types import Calibration, JointPath, Light, Route
+from acquisition.waypoints import order_kernels
+from acquisition.waypoints.motion import trapezoid_seconds
+from acquisition.waypoints.reach import reach
+from acquisition.waypoints.roadmap import dome_lights
+from acquisition.waypoints.route import retreat, route
+from tests import audit
+from tests.acquisition.waypoints.cells import random_cell, simulated_cell
+
+needs_meshes = pytest.mark.skipif(not audit.MESHES.is_dir(), reason=audit.NO_MESHES)
+
+
+def some_lights(cell: CellConfig, calibration: Calibration, count: int, seed: int) -> list[Light]:
+    """Lights drawn from those that can be reached."""
+    refusals = reach(cell, calibration).refusals
+    lights = dome_lights(cell, calibration, cell.dome.candidates)
+    good = [light for light, refusal in zip(lights, refusals, strict=True) if refusal is None]
+    chosen = np.random.default_rng(seed).permutation(len(good))[:count]
+    return [good[number] for number in chosen]
+
+
+def corners(planned: Route) -> list[tuple[float, ...]]:
+    """All joint configurations of a route in the order of travel."""
+    return [planned.start, *(item for waypoint in planned.waypoints for item in waypoint.path), *planned.home_path]
+
+
+def tool_points(joints: np.ndarray, cell: CellConfig) -> np.ndarray:
+    """The emitter (N, 3) in base, by the audit's kinematics."""
+    return (audit.link_frames(cell.arm.model, joints)[:, 6] @ cell.arm.flange_from_tool.matrix)[:, :3, 3]
+
+
+@pytest.fixture(scope="module")
+def eight() -> tuple[CellConfig, Calibration, list[Light], Route]:
+    cell, calibration = simulated_cell()
+    lights = some_lights(cell, calibration, 8, seed=0)
+    return cell, calibration, lights, route(lights, cell.arm.home, cell, calibration)
+
+
+def test_a_route_begins_where_the_arm_stands_serves_all_and_ends_at_home(
+    eight: tuple[CellConfig, Calibration, list[Light], Route],
+) -> None:
+    cell, _, lights, planned = eight
+    assert planned.start == cell.arm.home
+    assert sorted(planned.light_numbers) == list(range(8))
+    assert [waypoint.light for waypoint in planned.waypoints] == [lights[n] for n in planned.light_numbers]
+    assert planned.home_path[-1] == cell.arm.home
+    for waypoint in planned.waypoints:
+        assert len(waypoint.speeds) == len(waypoint.path)
+    assert len(planned.home_speeds) == len(planned.home_path)
+    assert planned.lower_bound_s <= planned.seconds * 1.001
+
+
+def test_each_waypoint_puts_the_lamp_where_the_plan_wants_it(
+    eight: tuple[CellConfig, Calibration, list[Light], Route],
+) -> None:
+    cell, calibration, _, planned = eight
+    joints = np.array([waypoint.joints for waypoint in planned.waypoints])
+    base_from_tool = audit.link_frames(cell.arm.model, joints)[:, 6] @ cell.arm.flange_from_tool.matrix
+    for waypoint, pose in zip(planned.waypoints, base_from_tool, strict=True):
+        light = lamp_pose.light_from_tool(pose, calibration)
+        assert np.allclose(light.position, waypoint.light.position, atol=1e-6)
+        assert np.allclose(light.axis, waypoint.light.axis, atol=1e-6)
+
+
+def test_tool_and_elbow_keep_their_speed_limits(eight: tuple[CellConfig, Calibration, list[Light], Route]) -> None:
+    cell, _, _, planned = eight
+    speeds = [*itertools.chain.from_iterable(waypoint.speeds for waypoint in planned.waypoints), *planned.home_speeds]
+    fastest_tool = 0.0
+    for (start, end), speed in zip(itertools.pairwise(np.array(corners(planned))), speeds, strict=True):
+        leading = np.abs(end - start).max()
+        samples = start + np.linspace(0, 1, 2000)[:, None] * (end - start)
+        step_s = leading / speed / 1999  # at full speed, however short the segment
+        tool = np.linalg.norm(np.diff(tool_points(samples, cell), axis=0), axis=1).max() / step_s
+        elbow_points = audit.link_frames(cell.arm.model, samples)[:, 2, :3, 3]
+        elbow = np.linalg.norm(np.diff(elbow_points, axis=0), axis=1).max() / step_s
+        assert tool <= cell.arm.max_tool_speed_m_s
+        assert elbow <= cell.arm.max_elbow_speed_m_s
+        assert speed <= cell.arm.max_joint_speed_rad_s
+        fastest_tool = max(fastest_tool, tool)
+    assert fastest_tool > 0.9 * cell.arm.max_tool_speed_m_s  # nor slower than need be
+
+
+def test_the_time_of_a_route_is_that_of_its_trapezoids(
+    eight: tuple[CellConfig, Calibration, list[Light], Route],
+) -> None:
+    cell, _, _, planned = eight
+    speeds = [*itertools.chain.from_iterable(waypoint.speeds for waypoint in planned.waypoints), *planned.home_speeds]
+    angles = np.array([np.abs(end - start).max() for start, end in itertools.pairwise(np.array(corners(planned)))])
+    seconds = trapezoid_seconds(angles, np.array(speeds), cell.arm.max_joint_acceleration_rad_s2)
+    assert seconds.sum() == pytest.approx(planned.seconds)
+    # 0.3 rad at 1.05 rad/s and 1.4 rad/s² took a controller 0.926 s
+    assert trapezoid_seconds(np.array([0.3]), np.array([1.05]), 1.4)[0] == pytest.approx(0.926, abs=1e-3)
+
+
+def test_the_same_lights_give_the_same_route(eight: tuple[CellConfig, Calibration, list[Light], Route]) -> None:
+    cell, calibration, lights, planned = eight
+    assert route(lights, cell.arm.home, cell, calibration) == planned
+
+
+def test_a_route_starts_from_anywhere_free(eight: tuple[CellConfig, Calibration, list[Light], Route]) -> None:
+    cell, calibration, lights, planned = eight
+    start = planned.waypoints[3].joints
+    onward = route(lights[:2], start, cell, calibration)
+    assert onward.start == start
+    assert onward.home_path[-1] == cell.arm.home
+    back = retreat(start, cell, calibration)
+    assert isinstance(back, JointPath)
+    assert back.path[-1] == cell.arm.home
+    assert len(back.speeds) == len(back.path)
+
+
+def test_no_lights_means_home() -> None:
+    cell, calibration = simulated_cell()
+    start = (cell.arm.home[0] + 0.2, *cell.arm.home[1:])
+    planned = route([], start, cell, calibration)
+    assert planned.waypoints == []
+    assert planned.home_path == [cell.arm.home]
+
+
+def test_lights_that_cannot_be_taken_are_named_with_their_reasons(
+    eight: tuple[CellConfig, Calibration, list[Light], Route],
+) -> None:
+    cell, calibration, lights, _ = eight
+    far = Light(position=(3.0, 0.0, 0.0), axis=(-1.0, 0.0, 0.0))
+    under = Light(position=(lights[0].position[0], lights[0].position[1], -0.95), axis=(0.0, 0.0, 1.0))
+    with pytest.raises(RigError) as caught:
+        route([lights[0], far, lights[1], under], cell.arm.home, cell, calibration)
+    assert caught.value.code == ErrorCode.WAYPOINTS_UNREACHABLE
+    named = caught.value.context["lights"]
+    assert [item["number"] for item in named] == [1, 3]
+    assert named[0]["reason"] == "too-far"
+    assert all(item["detail"] for item in named)
+
+
+def test_an_arm_that_stands_in_the_way_of_something_is_not_moved() -> None:
+    cell, calibration = simulated_cell()
+    low = (cell.arm.home[0], 0.3, 0.0, 0.0, 0.0, 0.0)  # stretched out, through the table
+    for plan in (lambda: route([], low, cell, calibration), lambda: retreat(low, cell, calibration)):
+        with pytest.raises(RigError) as caught:
+            plan()
+        assert caught.value.code == ErrorCode.WAYPOINTS_COLLISION
+        assert "by hand" in caught.value.detail
+
+
+def test_unknown_joints_are_refused() -> None:
+    cell, calibration = simulated_cell()
+    with pytest.raises(RigError) as caught:
+        retreat((float("nan"),) * 6, cell, calibration)
+    assert caught.value.code == ErrorCode.WAYPOINTS_COLLISION
+
+
+def test_a_post_in_the_way_is_gone_round() -> None:
+    """A post beside the dome blocks straight segments; the route takes via points and touches nothing."""
+    cell, calibration = simulated_cell()
+    post = Capsule(name="post", start_m=(0.35, 0.25, 0.0), end_m=(0.35, 0.25, 0.6), radius_m=0.02)
+    blocked = cell.model_copy(update={"obstacles": [post]})
+    lights = some_lights(blocked, calibration, 12, seed=4)
+    planned = route(lights, cell.arm.home, blocked, calibration)
+    assert len(corners(planned)) > 1 + len(lights) + 1
+    if audit.MESHES.is_dir():
+        assert audit.audit(audit.samples_along(corners(planned), 0.01), blocked) == []
+
+
+def check_cell(seed: int, count: int) -> int:
+    """Plans a route in a random cell and replays it against the meshes; the number of lights."""
+    cell, calibration = random_cell(seed)
+    lights = some_lights(cell, calibration, count, seed)
+    planned = route(lights, cell.arm.home, cell, calibration)
+    assert sorted(planned.light_numbers) == list(range(len(lights)))
+    joints = audit.samples_along(corners(planned), 0.02)
+    assert np.abs(joints).max() < 2 * np.pi
+    assert np.abs(np.delete(joints - np.array(cell.arm.home), 2, axis=1)).max() <= np.pi + 1e-9
+    assert audit.audit(joints, cell) == [], f"seed {seed}"
+    stands = np.array([waypoint.joints for waypoint in planned.waypoints]).reshape(-1, 6)
+    assert audit.occlusions(stands, cell, audit.lens(calibration), with_tool=True) == [], f"seed {seed}"
+    for stand, emitter in zip(stands, tool_points(stands, cell), strict=True):
+        assert audit.occlusions(stand[None], cell, emitter, with_tool=False) == [], f"seed {seed}"
+    return len(lights)
+
+
+@needs_meshes
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 10**6))
+def test_routes_in_random_cells_touch_nothing_and_hide_nothing(seed: int) -> None:
+    check_cell(seed, count=4)
+
+
+@pytest.mark.long
+@needs_meshes
+@pytest.mark.timeout(3600)
+def test_routes_in_many_random_cells_touch_nothing_and_hide_nothing() -> None:
+    served = [check_cell(seed, count=6) for seed in range(300)]
+    assert sum(served) > 300
+
+
+def test_searched_tours_are_near_exact_ones() -> None:
+    random = np.random.default_rng(11)
+    for _ in range(5):
+        first = np.arange(0, 8 * 4 + 1, 4)
+        places = random.uniform(0, 1, (34, 3))
+        seconds = np.linalg.norm(places[:, None] - places[None], axis=2)
+        exact = order_kernels.exact_tour(seconds, first, 32, 33)
+        searched = order_kernels.searched_tour(seconds, first, 32, 33, np.empty(0, dtype=np.int64), 40)
+        assert sorted(node // 4 for node in searched) == list(range(8))
+        best, found = (_length(tour, seconds) for tour in (exact, searched))
+        assert best == pytest.approx(min(best, found))
+        assert found <= 1.1 * best
+
+
+def test_exact_tours_are_the_best_of_all() -> None:
+    random = np.random.default_rng(12)
+    seconds = random.uniform(1, 2, (8, 8))
+    seconds += seconds.T
+    first = np.array([0, 2, 4, 6])
+    tours = (
+        [2 * stop + choice for stop, choice in zip(order, choices, strict=True)]
+        for order in itertools.permutations(range(3))
+        for choices in itertools.product((0, 1), repeat=3)
+    )
+    best = min(_length(tour, seconds, start=6, home=7) for tour in tours)
+    assert _length(order_kernels.exact_tour(seconds, first, 6, 7), seconds, start=6, home=7) == pytest.approx(best)
+
+
+def _length(tour: Sequence[int], seconds: np.ndarray, start: int = 32, home: int = 33) -> float:
+    return float(sum(seconds[a, b] for a, b in itertools.pairwise([start, *tour, home])))
