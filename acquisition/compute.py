@@ -11,6 +11,7 @@ import multiprocessing
 import os
 import threading
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from typing import Any
 
 from acquisition.errors import ErrorCode, Halted, RigError
@@ -26,7 +27,7 @@ class Compute:
     def __init__(self) -> None:
         self._context = multiprocessing.get_context("spawn")
         self._busy = threading.Lock()
-        self._process: multiprocessing.process.BaseProcess | None = None
+        self._process: BaseProcess | None = None
         self._connection: Connection | None = None
 
     def run(self, stop: threading.Event, job: str, *arguments: Any) -> Any:

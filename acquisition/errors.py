@@ -206,5 +206,5 @@ def _rebuild(code: str, detail: str, context: dict[str, Any]) -> RigError:
     return RigError(ErrorCode(code), detail, **context)
 
 
-class Halted(Exception):
+class Halted(Exception):  # noqa: N818 - an end by request is no error
     """Raised by a device call that ended early because the stop token was set; not a fault."""

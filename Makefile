@@ -1,0 +1,38 @@
+# Everything a fresh machine needs: Python 3.11, gcc and the package registries.
+PYTHON ?= python3.11
+BIN := .venv/bin
+
+.PHONY: setup demo test test-long check bench openapi clean
+
+setup: .venv/ready
+
+.venv/ready: pyproject.toml deploy/constraints.txt
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv || python3 -m venv .venv
+	$(BIN)/pip install --quiet --constraint deploy/constraints.txt --editable '.[sim,dev]'
+	$(BIN)/lightpose warm
+	touch $@
+
+demo: setup
+	$(BIN)/lightpose demo
+
+test: setup
+	$(BIN)/pytest
+
+test-long: setup
+	$(BIN)/pytest -m long --timeout 3600
+
+bench: setup
+	$(BIN)/pytest tests/benchmarks --benchmark-enable --benchmark-only --timeout 900
+
+check: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
+	$(BIN)/pyright
+	$(BIN)/pip check
+
+openapi: setup
+	$(BIN)/python -m api.openapi
+
+clean:
+	rm -rf .venv build dist *.egg-info

@@ -1,0 +1,171 @@
+"""The command line: `lightpose demo | sim | serve | check | warm`.
+
+Each command imports what it needs when it runs, so that `lightpose --help` answers at once and loads no numerical
+kernel.
+"""
+
+import json
+import sys
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, NoReturn, TypeVar
+
+import typer
+
+from acquisition.errors import PROBLEMS, ErrorCode, RigError
+
+T = TypeVar("T")
+
+app = typer.Typer(
+    no_args_is_help=True, add_completion=False, help="Photometric stereo with planned lights.", rich_markup_mode=None
+)
+
+
+class Profile(StrEnum):
+    """What the simulated world does that the calibration does not know."""
+
+    IDEAL = "ideal"
+    DIRECT = "direct"
+    REALISTIC = "realistic"
+
+
+ObjectName = Annotated[
+    str,
+    typer.Option(
+        "--object", help="sphere, vase, relief, part, bumps or figure; -textured or -glossy after it for its versions"
+    ),
+]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of object, errors and noise")]
+Speed = Annotated[float, typer.Option(help="How many times faster than life the simulated arm moves")]
+Pixels = Annotated[int, typer.Option(help="Width and height of the simulated image")]
+CellFile = Annotated[Path, typer.Option(help="The cell file")]
+
+
+@app.command()
+def demo(
+    object_name: ObjectName = "vase",
+    seed: Seed = 1,
+    pilot: Annotated[int, typer.Option(help="Pilot lights")] = 4,
+    planned: Annotated[int, typer.Option(help="Planned lights")] = 4,
+    method: Annotated[str, typer.Option(help="How lights are chosen: see `method` of the recipe")] = "optimal",
+    profile: Profile = Profile.REALISTIC,
+    random: Annotated[bool, typer.Option(help="Compare with as many random lights")] = True,
+    speed: Speed = 8.0,
+    pixels: Pixels = 1024,
+    data: Annotated[Path, typer.Option(help="Folder for the cell and the results")] = Path("demo"),
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
+) -> None:
+    """Runs a whole session in a simulated cell, over HTTP, and grades the normals that it finds."""
+    from api import demo as demonstration
+
+    wishes = demonstration.Wishes(
+        object_name=object_name,
+        seed=seed,
+        pilot_lights=pilot,
+        planned_lights=planned,
+        method=method,
+        profile=profile.value,
+        compare_random=random,
+        speed=speed,
+        pixels=pixels,
+        data=data,
+    )
+    outcome = _told(lambda: demonstration.run(wishes))
+    if as_json:
+        print(json.dumps(outcome), flush=True)
+
+
+@app.command()
+def sim(
+    address: Annotated[str, typer.Option(help="A loopback address; one cell each")] = "127.0.0.1",
+    object_name: ObjectName = "vase",
+    seed: Seed = 1,
+    profile: Profile = Profile.REALISTIC,
+    speed: Speed = 1.0,
+    pixels: Pixels = 1024,
+    folder: Annotated[Path | None, typer.Option(help="Where cell file, calibration and truth are written")] = None,
+    cell: Annotated[
+        Path | None, typer.Option(help="The cell file to stand in for; default: the simulated cell")
+    ] = None,
+    trace: Annotated[Path | None, typer.Option(help="Record every joint sample in this file")] = None,
+) -> None:
+    """Runs a simulated cell until interrupted; prints a line `ready …` when it can be connected to."""
+    from hardware_sim import cell as simulation
+
+    _told(
+        lambda: simulation.run(
+            address,
+            object_name,
+            seed,
+            profile.value,
+            speed,
+            folder=folder,
+            pixels=pixels,
+            cell_file=cell,
+            trace=trace,
+            say=lambda line: print(line, flush=True),
+        )
+    )
+
+
+@app.command()
+def serve(
+    cell: CellFile,
+    data: Annotated[Path, typer.Option(help="Folder of journal and sessions")] = Path("data"),
+    host: Annotated[str, typer.Option()] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0: any free port")] = 8000,
+) -> None:
+    """Runs the service for one cell."""
+    from api import server, settings
+
+    _told(lambda: server.serve(settings.read(cell=cell, data=data, host=host, port=port)))
+
+
+@app.command()
+def check(
+    cell: CellFile = Path("deploy/cell.sim.toml"),
+    offline: Annotated[bool, typer.Option(help="Leave out whether arm and camera answer")] = False,
+) -> None:
+    """Checks cell file, calibration, reach, pilot and route, and whether the devices answer; moves nothing."""
+    from api import checking
+
+    if not _told(lambda: checking.check(cell, offline=offline)):
+        raise typer.Exit(1)
+
+
+@app.command()
+def warm() -> None:
+    """Compiles the numerical kernels into their cache, so that no session waits for it."""
+    import importlib
+
+    for module in ("acquisition.jobs", "hardware_sim.world"):
+        importlib.import_module(module)
+    print("kernels are compiled")
+
+
+def main() -> None:
+    """Entry point of the `lightpose` command."""
+    app()
+
+
+def _told(work: Callable[[], T]) -> T:
+    """Runs a command and tells a person what went wrong and what to do."""
+    from api.client import ProblemError
+
+    try:
+        return work()
+    except RigError as error:
+        _explain(error.code, error.detail)
+    except ProblemError as error:
+        _explain(error.code, error.detail)
+
+
+def _explain(code: ErrorCode, detail: str) -> NoReturn:
+    print(f"{code}: {detail}", file=sys.stderr)
+    print(f"  What to do: {PROBLEMS[code].remedy}", file=sys.stderr)
+    raise typer.Exit(2)
+
+
+if __name__ == "__main__":
+    main()
