@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Any, TypeVar
 
 import httpx
-from httpx_sse import connect_sse
+from httpx_sse import EventSource, connect_sse
 from pydantic import BaseModel, ValidationError
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
@@ -239,6 +239,14 @@ class Client:
                     raise
             time.sleep(pause)
             pause = min(2 * pause, _LONGEST_PAUSE_S)
+
+    def past_events(self, session_id: str) -> list[EventResource]:
+        """What has happened in a session so far."""
+        answer = self._http.get("/v1/events", params={"session_id": session_id, "after": 0, "follow": False})
+        if answer.is_error:
+            _raise_problem(answer)
+        found = EventSource(answer).iter_sse()
+        return [EventResource.model_validate_json(message.data) for message in found if message.data]
 
     def wait(self, session_id: str, on_event: Callable[[EventResource], None] | None = None) -> SessionResource:
         """Follows a session from its first event until it has ended or nothing goes on without a person.

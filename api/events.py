@@ -62,9 +62,12 @@ class EventFeed:
         return len(self._listeners)
 
     async def stream(
-        self, after: int | None, session_id: str | None = None, types: Sequence[str] = ()
+        self, after: int | None, session_id: str | None = None, types: Sequence[str] = (), follow: bool = True
     ) -> AsyncGenerator[str, None]:
-        """Events above `after` (None: from now on) as the text of an event stream, until `end`."""
+        """Events above `after` (None: from now on) as the text of an event stream, until `end`.
+
+        Without `follow` the stream ends with the newest event.
+        """
         wake = asyncio.Event()
         self._listeners.add(wake)
         sent = self._newest if after is None else after
@@ -81,6 +84,8 @@ class EventFeed:
                 sent = batch[-1].id if batch else sent
                 if len(batch) == BATCH:
                     continue
+                if not follow:
+                    return
                 sent = max(sent, newest)  # events of others up to there need not be looked at again
                 try:
                     await asyncio.wait_for(wake.wait(), KEEP_ALIVE_S)
@@ -121,13 +126,14 @@ async def events(
     after: Annotated[int | None, Query(ge=0, le=2**62, description="Replay from here; none: from now on")] = None,
     session_id: Annotated[str | None, Query(max_length=80)] = None,
     type: Annotated[list[str], Query(max_length=20, description="These types only")] = [],  # noqa: A002, B006
+    follow: Annotated[bool, Query(description="false: end with the newest event")] = True,
     last_event_id: Annotated[int | None, Header(ge=0, le=2**62, description="Goes before `after`")] = None,
 ) -> StreamingResponse:
     """What happens, as it happens (server-sent events); `Last-Event-ID` or `after` replays what was missed."""
     feed: EventFeed = request.app.state.feed
     start = last_event_id if last_event_id is not None else after
     return StreamingResponse(
-        feed.stream(start, session_id, type),
+        feed.stream(start, session_id, type, follow),
         media_type="text/event-stream",
         headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
     )

@@ -18,6 +18,7 @@ from api import wiring
 from api.app import create_app
 from api.events import EventFeed
 from api.settings import Settings
+from api.wiring import Service
 
 GRACE_S = 5
 """How long requests in progress may take after a signal; the arm does not wait for them."""
@@ -29,17 +30,17 @@ class Server(uvicorn.Server):
     """A uvicorn server that halts the arm from the signal handler and tells where it listens."""
 
     def __init__(
-        self, config: uvicorn.Config, halt: Callable[[], None], feed: EventFeed, say: Callable[[str], None] | None
+        self, config: uvicorn.Config, service: Service, feed: EventFeed, say: Callable[[str], None] | None
     ) -> None:
-        """`halt` must neither block nor raise; `say` is called with the service's address once it listens."""
+        """`say` is called with the service's address once it listens."""
         super().__init__(config)
-        self._halt = halt
+        self.service = service
         self._feed = feed
         self._say = say
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Halts the arm, then lets the server end."""
-        self._halt()
+        self.service.runner.halt("signal")
         super().handle_exit(sig, frame)
 
     async def startup(self, sockets: list[socket] | None = None) -> None:
@@ -75,14 +76,20 @@ def make(settings: Settings, say: Callable[[str], None] | None = None) -> Server
         proxy_headers=False,
         timeout_graceful_shutdown=GRACE_S,
     )
-    return Server(config, lambda: service.runner.halt("signal"), app.state.feed, say)
+    return Server(config, service, app.state.feed, say)
 
 
-def serve(settings: Settings, say: Callable[[str], None] | None = None) -> None:
+def announce(address: str) -> None:
+    """Prints where the service listens, for people and for programs that started it."""
+    print(f"ready {address}", flush=True)
+
+
+def serve(settings: Settings, say: Callable[[str], None] = announce) -> None:
     """Serves until SIGTERM or SIGINT; `say` is called with the address once it listens.
 
     Raises RigError as `make` does, and config.invalid when the port cannot be had.
     """
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     server = make(settings, say)
     try:
         server.run()

@@ -1,0 +1,101 @@
+"""A real service on a loopback address: journal, runner, server and client; at the arm's address nobody listens."""
+
+import re
+import threading
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import httpx
+import pytest
+
+from api import server, settings
+from api.client import Client
+from api.server import Server
+from api.settings import Settings
+from api.wiring import Service
+
+REPOSITORY = Path(__file__).parents[2]
+NOBODY = "127.0.4.1"
+SERVICE = "127.0.4.2"
+
+
+@dataclass(frozen=True)
+class Running:
+    """A service that runs in this process."""
+
+    url: str
+    server: Server
+    service: Service
+    client: Client
+    http: httpx.Client
+    settings: Settings
+
+
+Starter = Callable[..., "Running"]
+
+
+def write_cell(folder: Path, address: str) -> Path:
+    """The simulated cell's file with arm and camera at `address`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    text = (REPOSITORY / "deploy" / "cell.sim.toml").read_text(encoding="utf-8")
+    path = folder / "cell.toml"
+    path.write_text(re.sub(r'^address = ".*"', f'address = "{address}"', text, flags=re.MULTILINE), encoding="utf-8")
+    calibration = REPOSITORY / "deploy" / "calibration.sim.json"
+    (folder / calibration.name).write_bytes(calibration.read_bytes())
+    return path
+
+
+@contextmanager
+def running(folder: Path, address: str = NOBODY, port: int = 0, **more: object) -> Generator[Running]:
+    """Runs a service for a cell at `address`, with its data in `folder`/data."""
+    listening = threading.Event()
+    said: list[str] = []
+
+    def say(url: str) -> None:
+        said.append(url)
+        listening.set()
+
+    chosen = settings.read(cell=write_cell(folder, address), data=folder / "data", host=SERVICE, port=port, **more)
+    made = server.make(chosen, say)
+    thread = threading.Thread(target=made.run)
+    thread.start()
+    try:
+        assert listening.wait(20)
+        with Client(said[0]) as client, httpx.Client(base_url=said[0], timeout=20) as http:
+            yield Running(said[0], made, made.service, client, http, chosen)
+    finally:
+        made.should_exit = True
+        thread.join(20)
+        assert not thread.is_alive()
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Generator[Running]:
+    """One service for the tests of a module that leave it as it was."""
+    with running(tmp_path_factory.mktemp("service")) as found:
+        yield found
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Generator[Running]:
+    """A service for one test."""
+    with running(tmp_path) as found:
+        yield found
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Callable[..., object]:
+    """`start(address=…, port=…)` is a context manager that runs a service; the data folder stays the same."""
+
+    def begin(**arguments: object) -> object:
+        return running(tmp_path, **arguments)  # type: ignore[arg-type]
+
+    return begin
+
+
+@pytest.fixture
+def cell_file(tmp_path: Path) -> Path:
+    """A cell file whose devices do not answer."""
+    return write_cell(tmp_path / "cell", NOBODY)

@@ -1,0 +1,226 @@
+"""Whatever is wrong with a request, the answer is a problem object that says what to do, and nothing moves."""
+
+import http.client
+import json
+from typing import Any
+
+import httpx
+import pytest
+
+from acquisition.errors import PROBLEMS, ErrorCode
+
+JSON = {"Content-Type": "application/json"}
+
+
+def problem(answer: httpx.Response, code: ErrorCode) -> dict[str, Any]:
+    assert answer.headers["content-type"] == "application/problem+json"
+    found = answer.json()
+    assert found["code"] == code
+    assert answer.status_code == found["status"] == PROBLEMS[code].status
+    assert found["title"] == PROBLEMS[code].title
+    assert found["remedy"]
+    assert found["detail"]
+    assert found["type"] == f"/problems/{code}"
+    return found
+
+
+@pytest.mark.parametrize(
+    ("body", "field"),
+    [
+        ('{"planned_lights": -3}', "planned_lights"),
+        ('{"planned_lights": 10000}', "planned_lights"),
+        ('{"planned_lights": 4.5}', "planned_lights"),
+        ('{"planned_lights": "4"}', "planned_lights"),
+        ('{"planned_lights": null}', "planned_lights"),
+        ('{"planned_lights": 1e400}', "planned_lights"),
+        ('{"planned_lights": NaN}', "body"),
+        ('{"slant_deg": Infinity}', "body"),
+        ('{"slant_deg": -Infinity}', "body"),
+        ('{"slant_deg": 1e400}', "slant_deg"),
+        ('{"seed": %s}' % ("9" * 30), "seed"),
+        ('{"seed": %s}' % ("9" * 5000), "body"),
+        ('{"method": "best"}', "method"),
+        ('{"colour": "red"}', "colour"),
+        ('{"exposure": {"target": 7}}', "exposure.target"),
+        ('{"exposure": {"time": 7}}', "exposure.time"),
+        ('{"method": "user"}', "body"),
+        ('{"user_lights": [[0, 0, 1], [0, 1, 1], [1, 1]]}', "user_lights.2"),
+        ('{"label": "%s"}' % ("x" * 300), "label"),
+        ('{"planned_lights": 4', "body"),
+        ("{planned_lights: 4}", "body"),
+        ("[]", "body"),
+        ("null", "body"),
+        ("4", "body"),
+        ("[" * 100_000, "body"),
+    ],
+)
+def test_an_invalid_recipe_names_its_field(shared: Any, body: str, field: str) -> None:
+    answer = shared.http.post("/v1/sessions", content=body.encode(), headers=JSON)
+
+    found = problem(answer, ErrorCode.REQUEST_INVALID)
+
+    assert any(item["field"].startswith(field) and item["message"] for item in found["errors"]), found
+    assert shared.service.store.journal.sessions(10) == []
+
+
+def test_bytes_that_are_no_text(shared: Any) -> None:
+    answer = shared.http.post("/v1/sessions", content=b'{"label": "\xff\xfe"}', headers=JSON)
+
+    problem(answer, ErrorCode.REQUEST_INVALID)
+
+
+@pytest.mark.parametrize("media_type", ["text/plain", "application/x-www-form-urlencoded", ""])
+def test_a_body_that_is_not_json_by_type(shared: Any, media_type: str) -> None:
+    answer = shared.http.post("/v1/sessions", content=b"{}", headers={"Content-Type": media_type})
+
+    problem(answer, ErrorCode.REQUEST_MEDIA_TYPE)
+
+
+def test_a_body_that_is_too_large(shared: Any) -> None:
+    answer = shared.http.post("/v1/sessions", content=b" " * 300_000, headers=JSON)
+
+    assert problem(answer, ErrorCode.REQUEST_TOO_LARGE)["limit"] == 262_144
+
+
+def test_a_body_that_grows_too_large_without_saying_so(shared: Any) -> None:
+    def blocks() -> Any:
+        for _ in range(40):
+            yield b" " * 10_000
+
+    # The service need not read on once it has refused, so the client may see the connection end instead.
+    try:
+        answer = shared.http.post("/v1/sessions", content=blocks(), headers=JSON)
+    except httpx.TransportError:
+        return
+    problem(answer, ErrorCode.REQUEST_TOO_LARGE)
+
+
+def test_an_address_where_nothing_is(shared: Any) -> None:
+    found = problem(shared.http.get("/v1/nothing"), ErrorCode.REQUEST_NOT_FOUND)
+
+    assert found["instance"] == "/v1/nothing"
+
+
+def test_a_method_that_is_not_taken(shared: Any) -> None:
+    answer = shared.http.put("/v1/rig/stop")
+
+    problem(answer, ErrorCode.REQUEST_METHOD_NOT_ALLOWED)
+    assert answer.headers["allow"] == "POST"
+
+
+@pytest.mark.parametrize(
+    ("address", "field"),
+    [
+        ("/v1/sessions?limit=0", "limit"),
+        ("/v1/sessions?limit=many", "limit"),
+        ("/v1/sessions?after=-1", "after"),
+        ("/v1/events?after=x", "after"),
+        ("/v1/sessions/s/passes/-1", "number"),
+        ("/v1/sessions/s/results/latest", "number"),
+        (f"/v1/sessions?after={2**70}", "after"),
+    ],
+)
+def test_an_invalid_parameter_is_named(shared: Any, address: str, field: str) -> None:
+    found = problem(shared.http.get(f"{address}"), ErrorCode.REQUEST_INVALID)
+
+    assert found["errors"][0]["field"] == field
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "",
+        "/actions",
+        "/passes",
+        "/passes/0",
+        "/passes/0/shots/0/image",
+        "/results",
+        "/results/0",
+        "/results/0/mask.png",
+    ],
+)
+def test_a_session_that_there_is_not(shared: Any, path: str) -> None:
+    problem(shared.http.get(f"/v1/sessions/nope{path}"), ErrorCode.SESSION_NOT_FOUND)
+
+
+@pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example", "10.0.0.1", "evil.example:8000", ""])
+def test_a_foreign_host_is_refused(shared: Any, host: str) -> None:
+    answer = shared.http.post("/v1/sessions", headers={"Host": host, **JSON}, content=b"{}")
+
+    problem(answer, ErrorCode.REQUEST_FOREIGN)
+
+
+@pytest.mark.parametrize("host", ["localhost", "localhost:8000", "127.0.0.1", "[::1]:80", "LOCALHOST"])
+def test_this_machine_has_several_names(shared: Any, host: str) -> None:
+    assert shared.http.get("/health/live", headers={"Host": host}).status_code == 200
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://127.0.4.2", "http://127.0.4.2:1"])
+def test_a_foreign_page_is_refused_even_a_stop(shared: Any, origin: str) -> None:
+    for path in ("/v1/sessions", "/v1/rig/stop"):
+        problem(shared.http.post(f"{path}", headers={"Origin": origin}), ErrorCode.REQUEST_FOREIGN)
+
+
+def test_its_own_page_may_call(shared: Any) -> None:
+    answer = shared.http.get("/v1/rig", headers={"Origin": shared.url})
+
+    assert answer.status_code == 200
+
+
+def test_an_allowed_page_may_call_and_read(start: Any) -> None:
+    with start(allowed_origins="http://lab.example:3000, http://other.example/") as service:
+        answer = service.http.get("/v1/rig", headers={"Origin": "http://lab.example:3000"})
+        asked = service.http.options(
+            "/v1/sessions",
+            headers={"Origin": "http://other.example", "Access-Control-Request-Method": "POST"},
+        )
+        refused = service.http.get("/v1/rig", headers={"Origin": "http://third.example"})
+
+    assert answer.headers["access-control-allow-origin"] == "http://lab.example:3000"
+    assert asked.status_code == 200
+    assert asked.headers["access-control-allow-origin"] == "http://other.example"
+    problem(refused, ErrorCode.REQUEST_FOREIGN)
+
+
+def test_a_request_without_a_host(shared: Any) -> None:
+    host, port = shared.url.removeprefix("http://").split(":")
+    connection = http.client.HTTPConnection(host, int(port), timeout=10)
+    connection.putrequest("GET", "/v1/rig", skip_host=True)
+    connection.endheaders()
+
+    assert connection.getresponse().status in (400, 403)
+    connection.close()
+
+
+def test_an_unexpected_fault_shows_nothing_of_itself(own: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken() -> None:
+        raise ZeroDivisionError("secret")
+
+    monkeypatch.setattr(own.service.runner, "status", broken)
+
+    answer = own.http.get("/v1/rig")
+
+    problem(answer, ErrorCode.SERVICE_FAULT)
+    assert "secret" not in answer.text
+    assert "Traceback" not in answer.text
+
+
+@pytest.mark.parametrize("code", list(ErrorCode))
+def test_each_code_has_its_page(shared: Any, code: ErrorCode) -> None:
+    plain = shared.http.get(f"/problems/{code}")
+    page = shared.http.get(f"/problems/{code}", headers={"Accept": "text/html,*/*"})
+
+    assert plain.json() == {
+        "code": code,
+        "status": PROBLEMS[code].status,
+        "title": PROBLEMS[code].title,
+        "remedy": PROBLEMS[code].remedy,
+    }
+    assert page.headers["content-type"].startswith("text/html")
+    assert f"<code>{code}</code>" in page.text
+
+
+def test_a_code_that_there_is_not(shared: Any) -> None:
+    found = problem(shared.http.get("/problems/no.such"), ErrorCode.REQUEST_NOT_FOUND)
+
+    assert "rig.busy" in json.dumps(found["known"])
