@@ -69,11 +69,14 @@ class Arm:
         """Recomputes the poses that follow from the joints."""
         self.base_from_flange = kinematics.forward(self.model, self.joints)
         self.base_from_tool = tool = poses.compose(self.base_from_flange, self.flange_from_tool)
-        self.tool_velocity = (
-            kinematics.tool_velocity(self.model, self.joints, self.speeds, (tool[3], tool[7], tool[11]))
-            if any(self.speeds)
-            else (0.0,) * 6
-        )
+        known = None if self.motion is None else self.motion.velocity
+        if not any(self.speeds):
+            self.tool_velocity = (0.0,) * 6
+        elif known is not None:
+            self.tool_velocity = known
+        else:
+            point = (tool[3], tool[7], tool[11])
+            self.tool_velocity = kinematics.tool_velocity(self.model, self.joints, self.speeds, point)
 
     @property
     def next_start(self) -> Joints:

@@ -59,6 +59,8 @@ _OPERATORS = {"xor": "!=", "and": "and", "or": "or"}
 def compile_program(text: str, vocabulary: Vocabulary) -> CompiledProgram:
     """Compiles one program. Raises ScriptSyntaxError naming the line."""
     program = parse(text)
+    if program.parameters:
+        raise ScriptSyntaxError(f"line {program.line}: nobody gives {program.name} its parameters")
     writer = _Writer(program, vocabulary)
     source, lines = writer.write()
     try:

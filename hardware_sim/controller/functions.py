@@ -14,7 +14,7 @@ from hardware_sim.controller.compiler import Vocabulary
 from hardware_sim.controller.motion_functions import MotionFunctions
 from hardware_sim.controller.program import ScriptError
 from hardware_sim.controller.registers import DOUBLE_IN, DOUBLE_OUT, INT_IN, INT_OUT, REGISTERS
-from hardware_sim.controller.script_values import STEP_TIME, Bound, positive
+from hardware_sim.controller.script_values import STEP_TIME, Bound, not_negative, positive
 from hardware_sim.controller.state_functions import StateFunctions
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class RegisterFunctions(Bound):
         yield
 
     def sleep(self, t: float) -> Waiting:
-        for _ in range(max(1, round(t / STEP_TIME))):
+        for _ in range(max(1, round(not_negative(t, "t") / STEP_TIME))):
             yield
 
     def get_steptime(self) -> float:

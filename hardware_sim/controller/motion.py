@@ -30,6 +30,11 @@ class Motion(Protocol):
 
     finished: bool
 
+    @property
+    def velocity(self) -> tuple[float, ...] | None:
+        """The tool's velocity (m/s, rad/s; base frame) where the motion knows it; else it follows from the joints."""
+        ...
+
     def step(self, dt: float, pace: float) -> State:
         """Advances by `dt` seconds of motion time; returns joints and joint speeds."""
         ...
@@ -42,6 +47,8 @@ def stopping_time(speeds: Sequence[float], deceleration: float) -> float:
 
 class JointMove:
     """A straight segment in joint space from rest to rest, the leading axis on a trapezoid."""
+
+    velocity = None
 
     def __init__(self, start: Sequence[float], target: Sequence[float], profile: Trapezoid) -> None:
         self.end = list(target)
@@ -112,6 +119,9 @@ class LinearMove:
         self._start = start
         self._target = target
         self.end = follower.solve(target)
+        turn = poses.rotate(start, poses.rotation_vector(poses.compose(poses.invert(start), target)))
+        self._way = (target[3] - start[3], target[7] - start[7], target[11] - start[11], *turn)
+        self.velocity: tuple[float, ...] = (0.0,) * 6
         self.profile = profile
         self.time = 0.0
         self.finished = profile.length <= 0.0
@@ -121,7 +131,10 @@ class LinearMove:
         self.time += dt * pace
         if self.time >= self.profile.duration:
             self.finished = True
+            self.velocity = (0.0,) * 6
             return self._follower.follow(self._target, dt)[0], _AT_REST[:]
+        rate = pace * self.profile.speed_at(self.time) / self.profile.length
+        self.velocity = tuple(rate * w for w in self._way)
         share = self.profile.position(self.time) / self.profile.length
         return self._follower.follow(poses.interpolate(self._start, self._target, share), dt)
 
@@ -138,8 +151,10 @@ def linear_profile(start: Frame, target: Frame, speed: float, acceleration: floa
 class Blend:
     """A move round a corner: the next one runs while what is left of the one before fades out, both on their profiles.
 
-    The sum stays within the blend radius of the corner and its speed has no jump.
+    The sum cuts the corner within about the blend radius and its speed has no jump.
     """
+
+    velocity = None
 
     def __init__(self, before: Motion, corner: Sequence[float], following: Motion) -> None:
         """`corner` are the joints in rad at which `before` ends and `following` begins."""
@@ -166,6 +181,8 @@ class Blend:
 class JointBrake:
     """All joints come to rest together, the fastest at the deceleration asked for (`stopj`)."""
 
+    velocity = None
+
     def __init__(self, joints: Sequence[float], speeds: Sequence[float], deceleration: float) -> None:
         self._start = list(joints)
         self._speeds = list(speeds)
@@ -191,6 +208,7 @@ class LinearBrake:
         self._follower = follower
         self._start = start
         self._velocity = velocity
+        self.velocity = tuple(velocity)
         speed = math.hypot(*velocity[:3])
         self._seconds = (speed if speed > 1e-6 else math.hypot(*velocity[3:])) / deceleration
         self._time = 0.0
@@ -202,6 +220,8 @@ class LinearBrake:
         self._time = min(self._time + dt, self._seconds)
         self.finished = self._time >= self._seconds
         covered = self._time - 0.5 * self._time**2 / self._seconds
+        left = 1.0 - self._time / self._seconds
+        self.velocity = tuple(left * v for v in self._velocity)
         joints, speeds = self._follower.follow(moved(self._start, self._velocity, covered), dt)
         return joints, _AT_REST[:] if self.finished else speeds
 
@@ -219,6 +239,8 @@ def moved(base_from_tool: Frame, velocity: Sequence[float], seconds: float) -> F
 
 class JointSpeed:
     """Joint speeds led to a target at an acceleration (`speedj`); the target may change while it runs."""
+
+    velocity = None
 
     def __init__(self, arm: ArmModel, joints: Sequence[float], speeds: Sequence[float]) -> None:
         self._arm = arm
@@ -244,7 +266,7 @@ class ToolSpeed:
     def __init__(self, follower: Follower, start: Frame, velocity: Sequence[float]) -> None:
         self._follower = follower
         self._pose = start
-        self._velocity = list(velocity)
+        self.velocity = tuple(velocity)
         self.target: Sequence[float] = _AT_REST
         self.acceleration = 1.0
         self.finished = False
@@ -252,8 +274,8 @@ class ToolSpeed:
     def step(self, dt: float, pace: float) -> State:
         """See Motion."""
         target = [pace * t for t in self.target]
-        self._velocity = _approached(self._velocity, target, self.acceleration * dt)
-        self._pose = moved(self._pose, self._velocity, dt)
+        self.velocity = tuple(_approached(self.velocity, target, self.acceleration * dt))
+        self._pose = moved(self._pose, self.velocity, dt)
         return self._follower.follow(self._pose, dt)
 
 
@@ -271,6 +293,8 @@ class JointServo:
 
     A low-pass of time constant `lookahead`, its speeds limited; the gain stiffens it in proportion to its default.
     """
+
+    velocity = None
 
     def __init__(self, arm: ArmModel, joints: Sequence[float], speeds: Sequence[float]) -> None:
         self._arm = arm

@@ -12,7 +12,7 @@ from hardware_sim.controller import kinematics, poses
 from hardware_sim.controller.motion import JointMove, JointServo, JointSpeed, LinearMove, Motion, MotionError, ToolSpeed
 from hardware_sim.controller.poses import Frame
 from hardware_sim.controller.program import Pose, ScriptError
-from hardware_sim.controller.script_values import STEP_TIME, Bound, frame, numbers, positive
+from hardware_sim.controller.script_values import STEP_TIME, Bound, frame, not_negative, numbers, positive
 
 Waiting = Generator[None, None, None]
 Begun = TypeVar("Begun", bound=Motion)
@@ -89,17 +89,19 @@ class MotionFunctions(Bound):
 
     def movej(self, q: Any, a: float = 1.4, v: float = 1.05, t: float = 0.0, r: float = 0.0) -> Waiting:
         acceleration, speed = positive(a, "a"), positive(v, "v")
+        seconds, radius = not_negative(t, "t"), not_negative(r, "r")
         target = self._joints_of(q)
         if any(abs(angle) > kinematics.JOINT_LIMIT for angle in target):
             raise ScriptError("movej: the target is outside the joint limits")
         yield from self._come_to_rest(self._arm.brake, acceleration)
-        yield from self._move(lambda: self._arm.joint_move(target, speed, acceleration, t), r)
+        yield from self._move(lambda: self._arm.joint_move(target, speed, acceleration, seconds), radius)
 
     def movel(self, pose: Any, a: float = 1.2, v: float = 0.25, t: float = 0.0, r: float = 0.0) -> Waiting:
         acceleration, speed = positive(a, "a"), positive(v, "v")
+        seconds, radius = not_negative(t, "t"), not_negative(r, "r")
         target = self._frame_of(pose)
         yield from self._come_to_rest(self._arm.brake_tool, acceleration)
-        yield from self._move(lambda: self._arm.linear_move(target, speed, acceleration, t), r)
+        yield from self._move(lambda: self._arm.linear_move(target, speed, acceleration, seconds), radius)
 
     def movep(self, pose: Any, a: float = 1.2, v: float = 0.25, r: float = 0.0) -> Waiting:
         # The real controller keeps the tool's speed constant round the corner; here it blends as movel does.
@@ -116,7 +118,7 @@ class MotionFunctions(Bound):
 
     def _hold(self, motion: Motion, seconds: float) -> Waiting:
         self._controller.require_main_program()
-        for _ in range(max(1, round(seconds / STEP_TIME))):
+        for _ in range(max(1, round(not_negative(seconds, "t") / STEP_TIME))):
             if self._arm.motion is not motion:
                 return
             self._controller.claim()

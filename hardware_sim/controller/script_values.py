@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from hardware_sim.controller.controller import Controller
 
 STEP_TIME = 0.002  # s
+_SMALLEST = 1e-6  # of speeds and accelerations: below, a move would outlast the robot
 
 
 def numbers(value: Any, count: int, what: str) -> list[float]:
@@ -29,8 +30,16 @@ def numbers(value: Any, count: int, what: str) -> list[float]:
 def positive(value: Any, what: str) -> float:
     """`value` as a number above zero. Raises ScriptError naming `what`."""
     number = float(value)
-    if not (number > 0.0 and math.isfinite(number)):
+    if not (number >= _SMALLEST and math.isfinite(number)):
         raise ScriptError(f"{what} must be above zero, not {value!r}")
+    return number
+
+
+def not_negative(value: Any, what: str) -> float:
+    """`value` as a finite number that is zero or above. Raises ScriptError naming `what`."""
+    number = float(value)
+    if not (number >= 0.0 and math.isfinite(number)):
+        raise ScriptError(f"{what} must be zero or above, not {value!r}")
     return number
 
 

@@ -140,7 +140,7 @@ def test_protective_stop_during_a_move_and_the_way_back(cell: Cell) -> None:
 
 def test_protective_stop_asked_for_by_the_client(cell: Cell) -> None:
     assert not cell.control.triggerProtectiveStop()  # it works, and says no
-    wait_until(lambda: cell.receive.isProtectiveStopped())
+    wait_until(cell.receive.isProtectiveStopped)
 
 
 def test_emergency_stop_takes_the_power_and_the_program(cell: Cell) -> None:
@@ -185,7 +185,7 @@ def test_refused_function_ends_the_program_and_is_named(cell: Cell) -> None:
 def test_straight_move_out_of_reach_is_a_protective_stop(cell: Cell) -> None:
     pose = cell.receive.getActualTCPPose()
     assert not cell.control.moveL([pose[0], pose[1], pose[2] + 3.0, *pose[3:]])
-    wait_until(lambda: cell.receive.isProtectiveStopped())
+    wait_until(cell.receive.isProtectiveStopped)
 
 
 def test_watchdog_ends_a_synchronous_move(cell: Cell) -> None:

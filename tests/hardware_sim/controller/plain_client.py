@@ -1,0 +1,81 @@
+"""An RTDE client written from the protocol's description alone; it shares no code with the server."""
+
+import socket
+import struct
+from typing import Any
+
+_CODES = {
+    "DOUBLE": "d",
+    "UINT64": "Q",
+    "UINT32": "I",
+    "INT32": "i",
+    "UINT8": "B",
+    "BOOL": "?",
+    "VECTOR6D": "6d",
+    "VECTOR3D": "3d",
+    "VECTOR6INT32": "6i",
+    "VECTOR6UINT32": "6I",
+}
+
+
+class PlainClient:
+    """One RTDE connection."""
+
+    def __init__(self, address: str) -> None:
+        self.socket = socket.create_connection((address, 30004), 3.0)
+        self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._buffer = b""
+        self._output = ""
+        self._inputs: dict[int, str] = {}
+
+    def send(self, kind: str, payload: bytes = b"") -> None:
+        """Sends one frame."""
+        self.socket.sendall(struct.pack(">HB", 3 + len(payload), ord(kind)) + payload)
+
+    def receive(self) -> tuple[str, bytes]:
+        """The next frame: its type and payload."""
+        while len(self._buffer) < 3 or len(self._buffer) < struct.unpack_from(">H", self._buffer)[0]:
+            data = self.socket.recv(65536)
+            if not data:
+                raise EOFError("the controller has hung up")
+            self._buffer += data
+        (size,) = struct.unpack_from(">H", self._buffer)
+        frame, self._buffer = self._buffer[:size], self._buffer[size:]
+        return chr(frame[2]), frame[3:]
+
+    def request(self, kind: str, payload: bytes = b"") -> bytes:
+        """Sends a request and returns its reply, which must be of the same type."""
+        self.send(kind, payload)
+        answered, reply = self.receive()
+        assert answered == kind
+        return reply
+
+    def outputs(self, names: str, frequency: float = 500.0) -> tuple[int, list[str]]:
+        """Sets up the output recipe: its id and the types."""
+        reply = self.request("O", struct.pack(">d", frequency) + names.encode())
+        types = reply[1:].decode().split(",")
+        if reply[0]:
+            self._output = ">B" + "".join(_CODES[t] for t in types)
+        return reply[0], types
+
+    def inputs(self, names: str) -> tuple[int, list[str]]:
+        """Sets up an input recipe: its id and the types."""
+        reply = self.request("I", names.encode())
+        types = reply[1:].decode().split(",")
+        if reply[0]:
+            self._inputs[reply[0]] = ">B" + "".join(_CODES[t] for t in types)
+        return reply[0], types
+
+    def write(self, recipe: int, *values: Any) -> None:
+        """Sends input values."""
+        self.send("U", struct.pack(self._inputs[recipe], recipe, *values))
+
+    def sample(self) -> tuple[Any, ...]:
+        """The next packet's values."""
+        kind, payload = self.receive()
+        assert kind == "U"
+        return struct.unpack(self._output, payload)[1:]
+
+    def close(self) -> None:
+        """Hangs up."""
+        self.socket.close()

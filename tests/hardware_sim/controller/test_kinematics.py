@@ -1,0 +1,85 @@
+"""The controller's kinematics against an independent solver."""
+
+import math
+
+import numpy as np
+import pytest
+import ur_analytic_ik
+
+from hardware_sim.controller import kinematics, poses
+
+MODELS = sorted(kinematics.MODELS)
+SAMPLES = 500
+
+
+def random_joints(seed: int) -> list[list[float]]:
+    return np.random.default_rng(seed).uniform(-3.1, 3.1, (SAMPLES, 6)).tolist()
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_forward_agrees_with_the_oracle(name: str) -> None:
+    model, oracle = kinematics.MODELS[name], getattr(ur_analytic_ik, name)
+    for joints in random_joints(1):
+        ours = np.array(poses.matrix(kinematics.forward(model, joints)))
+        assert np.allclose(ours, oracle.forward_kinematics(*joints), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_inverse_finds_all_of_the_oracles_solutions(name: str) -> None:
+    model, oracle = kinematics.MODELS[name], getattr(ur_analytic_ik, name)
+    for joints in random_joints(2):
+        flange = kinematics.forward(model, joints)
+        found = np.array(kinematics.solutions(model, flange))
+        expected = np.array(oracle.inverse_kinematics(np.array(poses.matrix(flange)))).reshape(-1, 6)
+        assert len(found) == len(expected)
+        for solution in expected:
+            away = np.abs(np.remainder(found - solution + math.pi, 2 * math.pi) - math.pi).max(axis=1)
+            assert away.min() < 1e-6
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_inverse_returns_the_joints_it_came_from(name: str) -> None:
+    model = kinematics.MODELS[name]
+    for joints in random_joints(3):
+        turned = [q + 2 * math.pi * (q < 0) for q in joints]
+        flange = kinematics.forward(model, turned)
+        assert kinematics.inverse(model, flange, turned) == pytest.approx(turned, abs=1e-9)
+
+
+def test_stretched_and_folded_wrist_keep_their_last_joint() -> None:
+    model = kinematics.MODELS["ur5e"]
+    joints = [0.3, -1.2, 1.5, -0.4, 0.0, 0.7]
+    flange = kinematics.forward(model, joints)
+    assert kinematics.inverse(model, flange, joints) == pytest.approx(joints, abs=1e-6)
+
+
+def test_pose_out_of_reach_has_no_solution() -> None:
+    model = kinematics.MODELS["ur3e"]
+    assert kinematics.solutions(model, poses.from_ur([3.0, 0.0, 0.3, 0.0, 3.1, 0.0])) == []
+    assert kinematics.inverse(model, poses.from_ur([0.0, 0.0, 0.3, 0.0, 0.0, 0.0]), [0.0] * 6) is None
+
+
+def test_tool_velocity_is_the_derivative_of_the_pose() -> None:
+    model = kinematics.MODELS["ur10e"]
+    tool = poses.from_ur([0.1, -0.05, 0.2, 0.3, 0.4, 0.5])
+    rates = [0.3, -0.4, 0.5, 0.6, -0.7, 0.8]
+    step = 1e-6
+    for joints in random_joints(4)[:50]:
+        ahead, behind = (
+            poses.compose(kinematics.forward(model, [q + s * r for q, r in zip(joints, rates, strict=True)]), tool)
+            for s in (step, -step)
+        )
+        middle = poses.compose(kinematics.forward(model, joints), tool)
+        found = kinematics.tool_velocity(model, joints, rates, (middle[3], middle[7], middle[11]))
+        linear = [(ahead[i] - behind[i]) / (2 * step) for i in (3, 7, 11)]
+        turning = [w / (2 * step) for w in poses.rotation_vector(poses.compose(ahead, poses.invert(behind)))]
+        assert found == pytest.approx(linear + turning, abs=1e-6)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 1.0, math.pi - 1e-9, math.pi])
+def test_rotation_vectors_survive_both_ends_of_their_range(angle: float) -> None:
+    for axis in np.random.default_rng(5).normal(size=(20, 3)):
+        vector = axis / np.linalg.norm(axis) * angle
+        frame = poses.from_ur([0.1, 0.2, 0.3, *vector])
+        again = poses.from_ur(poses.to_ur(frame))
+        assert again == pytest.approx(frame, abs=1e-9)

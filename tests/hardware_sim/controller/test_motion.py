@@ -1,0 +1,188 @@
+"""Profiles and motions against formulas and against derivatives taken from the samples themselves."""
+
+import math
+
+import numpy as np
+import pytest
+
+from hardware_sim.controller import kinematics, poses
+from hardware_sim.controller.controller import PROGRAM_STOP_DECELERATION, Controller
+from hardware_sim.controller.kinematics import MODELS
+from hardware_sim.controller.motion import JointBrake, JointMove
+from hardware_sim.controller.profile import Trapezoid
+
+HOME = [0.0, -1.9, 1.9, -1.57, -1.57, 0.0]
+TICK = 0.002
+
+
+def run(program: str, seconds: float, *, speed_factor: float = 1.0) -> tuple[np.ndarray, Controller]:
+    """The joints after each tick of a program."""
+    controller = Controller(MODELS["ur5e"], HOME, now=0.0, speed_factor=speed_factor)
+    controller.load(program)
+    samples = []
+    for tick in range(round(seconds / TICK)):
+        controller.tick(tick * TICK)
+        samples.append(controller.arm.joints)
+    return np.array(samples), controller
+
+
+@pytest.mark.parametrize(("length", "speed", "acceleration"), [(1.0, 1.05, 1.4), (0.3, 1.05, 1.4), (1e-6, 3.0, 40.0)])
+def test_trapezoid_is_its_own_integral_and_keeps_its_limits(length: float, speed: float, acceleration: float) -> None:
+    profile = Trapezoid.under(length, speed, acceleration)
+    expected = (
+        2 * math.sqrt(length / acceleration)
+        if length < speed**2 / acceleration
+        else length / speed + speed / acceleration
+    )
+    assert profile.duration == pytest.approx(expected)
+    times = np.linspace(0.0, profile.duration, 4001)
+    positions = np.array([profile.position(t) for t in times])
+    speeds = np.array([profile.speed_at(t) for t in times])
+    assert positions[0] == 0.0
+    assert positions[-1] == length
+    assert np.allclose(np.gradient(positions, times)[5:-5], speeds[5:-5], atol=speeds.max() * 2e-3)
+    assert speeds.max() <= speed * (1 + 1e-12)
+    assert np.abs(np.diff(speeds)).max() <= acceleration * (times[1] - times[0]) * 1.001
+
+
+def test_move_of_given_time_takes_it() -> None:
+    assert Trapezoid.lasting(2.0, 5.0).duration == pytest.approx(5.0)
+
+
+def test_all_joints_stay_on_the_straight_segment_and_under_the_limits() -> None:
+    target = [0.5, -1.5, 1.2, -1.0, -1.9, 0.3]
+    joints, controller = run(f"def f():\n movej({target}, a=1.4, v=1.05)\nend\n", 2.0)
+    assert controller.arm.joints == target
+    way = np.array(target) - HOME
+    shares = (joints - HOME) / way
+    assert np.abs(shares - shares[:, :1]).max() < 1e-9
+    speeds = np.diff(joints, axis=0) / TICK
+    assert np.abs(speeds).max() == pytest.approx(1.05, abs=1e-6) or np.abs(way).max() < 1.05**2 / 1.4
+    assert np.abs(np.diff(speeds, axis=0) / TICK).max() <= 1.4 * 1.001
+
+
+def test_leading_axis_slows_down_for_a_slower_joint() -> None:
+    move = run("def f():\n movej([1.9, -1.9, 1.9, -1.57, -1.57, 0.0], a=40, v=10)\nend\n", 1.0)[0]
+    assert np.abs(np.diff(move, axis=0) / TICK).max() == pytest.approx(math.pi, abs=1e-6)
+
+
+def test_speed_factor_changes_the_time_only() -> None:
+    program = "def f():\n movej([0.8, -1.9, 1.9, -1.57, -1.57, 0.0], a=1.4, v=1.05)\nend\n"
+    slow, _ = run(program, 1.8)
+    fast, _ = run(program, 0.18, speed_factor=10.0)
+    assert np.allclose(slow[9::10][: len(fast)], fast, atol=1e-9)
+
+
+def test_killed_move_is_braked_within_its_deceleration() -> None:
+    program = """def f():
+    thread mover():
+        movej([3.0, -1.9, 1.9, -1.57, -1.57, 0.0], a=5, v=1)
+    end
+    handle = run mover()
+    sleep(0.5)
+    kill handle
+    sleep(1)
+end
+"""
+    joints, controller = run(program, 1.5)
+    speeds = np.diff(joints[:, 0]) / TICK
+    assert speeds.max() == pytest.approx(1.0)
+    assert not controller.arm.moving
+    assert np.diff(speeds).min() / TICK == pytest.approx(-PROGRAM_STOP_DECELERATION, rel=0.01)
+
+
+def test_new_move_after_a_kill_has_no_jump_in_speed() -> None:
+    program = """def f():
+    thread mover():
+        movej([3.0, -1.9, 1.9, -1.57, -1.57, 0.0], a=3, v=1)
+    end
+    handle = run mover()
+    sleep(0.6)
+    kill handle
+    movej([0.0, -1.5, 1.9, -1.57, -1.57, 0.0], a=3, v=1)
+end
+"""
+    joints, controller = run(program, 4.0)
+    assert controller.arm.joints == [0.0, -1.5, 1.9, -1.57, -1.57, 0.0]
+    assert np.abs(np.diff(joints, n=2, axis=0)).max() / TICK**2 <= 3.0 * 1.01
+
+
+def test_blend_cuts_the_corner_within_about_its_radius_and_never_stops() -> None:
+    corner = [0.6, -1.9, 1.9, -1.57, -1.57, 0.0]
+    end = [0.6, -1.4, 1.9, -1.57, -1.57, 0.0]
+    program = f"def f():\n movej({corner}, a=3, v=0.8, r=0.08)\n movej({end}, a=3, v=0.8)\nend\n"
+    joints, controller = run(program, 3.0)
+    assert controller.arm.joints == end
+    model = MODELS["ur5e"]
+    tools = [kinematics.forward(model, q) for q in joints.tolist()]
+    target = kinematics.forward(model, corner)
+    away = np.array([poses.distance(tool, target)[0] for tool in tools])
+    assert 0.002 < away.min() < 0.08
+    speeds = np.linalg.norm(np.diff(joints, axis=0), axis=1) / TICK
+    moving = np.flatnonzero(speeds > 0.4)
+    assert speeds[moving[0] : moving[-1]].min() > 0.2
+    # Outside the blend the arm is on the straight segments.
+    off = np.minimum(np.abs(joints - HOME)[:, 1], np.abs(joints - corner)[:, 0])
+    assert off[away > 0.12].max() < 1e-9
+
+
+def test_blend_without_a_successor_ends_at_its_corner() -> None:
+    corner = [0.3, -1.9, 1.9, -1.57, -1.57, 0.0]
+    _, controller = run(f"def f():\n movej({corner}, a=3, v=0.8, r=0.05)\n sleep(1.5)\nend\n", 1.5)
+    assert controller.arm.joints == corner
+
+
+def test_program_that_ends_in_a_blend_is_braked() -> None:
+    corner = [0.3, -1.9, 1.9, -1.57, -1.57, 0.0]
+    joints, controller = run(f"def f():\n movej({corner}, a=3, v=0.8, r=0.05)\nend\n", 1.5)
+    assert not controller.arm.moving
+    assert np.abs(np.diff(joints, n=2, axis=0)).max() / TICK**2 <= PROGRAM_STOP_DECELERATION * 1.01
+
+
+def test_straight_stop_stays_on_the_line() -> None:
+    program = """def f():
+    thread up():
+        movel(pose_trans(p[0, 0, 0.2, 0, 0, 0], get_actual_tcp_pose()), a=0.5, v=0.2)
+    end
+    handle = run up()
+    sleep(0.6)
+    kill handle
+    stopl(0.4)
+end
+"""
+    joints, controller = run(program, 2.0)
+    tools = np.array([kinematics.forward(MODELS["ur5e"], q) for q in joints.tolist()])
+    assert np.ptp(tools[:, 3]) < 1e-9
+    assert np.ptp(tools[:, 7]) < 1e-9
+    heights = tools[:, 11]
+    assert heights[-1] - heights[0] == pytest.approx(
+        0.5 * 0.2**2 / 0.5 + 0.2 * (0.6 - 0.4) + 0.5 * 0.2**2 / 0.4, abs=2e-3
+    )
+    assert not controller.arm.moving
+
+
+def test_brake_takes_the_time_of_the_fastest_joint() -> None:
+    brake = JointBrake([0.0] * 6, [1.0, -0.5, 0, 0, 0, 0], 2.0)
+    joints, speeds = brake.step(0.25, 0.0)
+    assert speeds[:2] == pytest.approx([0.5, -0.25])
+    joints, speeds = brake.step(10.0, 0.0)
+    assert brake.finished
+    assert joints[:2] == pytest.approx([0.25, -0.125])
+    assert speeds == [0.0] * 6
+
+
+def test_move_of_no_length_is_finished_at_once() -> None:
+    assert JointMove(HOME, HOME, Trapezoid.under(0.0, 1.0, 1.0)).finished
+
+
+def test_singular_straight_move_is_a_protective_stop() -> None:
+    # Through the shoulder's axis: the base joint would have to turn on the spot.
+    program = """def f():
+    movel(p[0.3, 0.05, 0.6, 3.14, 0, 0], a=1, v=0.5)
+    movel(p[-0.3, 0.05, 0.6, 3.14, 0, 0], a=1, v=0.5)
+end
+"""
+    joints, controller = run(program, 4.0)
+    assert controller.safety_mode.name == "PROTECTIVE_STOP"
+    assert not controller.arm.moving
+    assert np.abs(np.diff(joints, axis=0)).max() / TICK <= math.pi * 1.03

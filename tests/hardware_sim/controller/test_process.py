@@ -1,0 +1,121 @@
+"""The controller as a process: start, control port, trace, end."""
+
+import json
+import socket
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.errors import ErrorCode, RigError
+from hardware_sim.controller.control import ControlClient
+from hardware_sim.controller.faults import FAULTS
+from hardware_sim.controller.process import ControllerProcess
+from hardware_sim.controller.trace import read_trace
+from tests.hardware_sim.controller.cells import HOME, start, wait_until
+
+MOVE = b"def f():\n movej([0.5,-1.9,1.9,-1.57,-1.57,0], a=4, v=1)\n set_digital_out(3, True)\nend\n"
+
+
+def send_script(address: str, text: bytes) -> None:
+    with socket.create_connection((address, 30002), 3.0) as script:
+        script.sendall(text)
+
+
+def test_state_tells_joints_outputs_and_modes(controller: ControllerProcess) -> None:
+    with controller.control() as control:
+        state = control.state()
+        assert state["joints"] == pytest.approx(HOME)
+        assert state["base_from_tool"][3] == [0.0, 0.0, 0.0, 1.0]
+        assert len(state["output_age_s"]) == 18
+        assert not state["program_running"]
+        send_script(controller.address, MOVE)
+        wait_until(lambda: control.state()["digital_outputs"] == 1 << 3)
+        state = control.state()
+        assert state["joints"][0] == 0.5
+        assert state["output_age_s"][3] < 1.0
+        assert state["output_age_s"][4] > state["output_age_s"][3]
+
+
+def test_bad_requests_are_refused_with_a_reason(controller: ControllerProcess) -> None:
+    with controller.control() as control:
+        for request in (
+            {"command": "nothing"},
+            {"command": "fault", "kind": "nothing"},
+            {"command": "fault", "kind": ["cut"]},
+            {"command": "fault", "kind": "cut", "port": 30200},
+            {"command": "fault", "kind": "stall", "port": 30004, "seconds": -1},
+            {"command": "fault", "kind": "speed_slider", "fraction": 1.5},
+            {"command": "fault", "kind": "joint_offset", "offsets_rad": [0.0]},
+            {"command": "fault", "kind": "output_stuck", "output": 18, "level": True},
+            {"command": "fault", "kind": "protective_stop", "at_s": "soon"},
+        ):
+            with pytest.raises(RigError) as caught:
+                control.request(**request)
+            assert caught.value.code is ErrorCode.REQUEST_INVALID
+        assert control.state()["ok"]
+    with socket.create_connection((controller.address, 30200), 3.0) as raw:
+        lines = raw.makefile("rb")
+        for bad in (b"not json\n", b"[1, 2]\n", b"\xff\xfe\n", b"[" * 3000 + b"\n", b'{"command": NaN}\n'):
+            raw.sendall(bad)
+            assert json.loads(lines.readline())["ok"] is False
+
+
+def test_every_fault_without_parameters_acts(controller: ControllerProcess) -> None:
+    modes = {
+        "protective_stop": 3,
+        "safeguard_stop": 5,
+        "emergency_stop": 7,
+        "system_emergency_stop": 6,
+        "violation": 8,
+        "fault": 9,
+    }
+    assert set(modes) < set(FAULTS)
+    with controller.control() as control:
+        for kind, mode in modes.items():
+            control.fault(kind)
+            assert control.state()["safety_mode"] == mode
+            control.fault("clear")
+            assert control.state()["safety_mode"] == 1
+        control.fault("safeguard_stop", at_s=0.1)
+        assert control.state()["safety_mode"] == 1
+        wait_until(lambda: control.state()["safety_mode"] == 5)
+        control.fault("release_safeguard_stop")
+        assert control.state()["safety_mode"] == 1
+
+
+def test_trace_holds_the_whole_motion(tmp_path: Path) -> None:
+    path = tmp_path / "joints.trace"
+    with start(trace=path, speed=4.0) as process, process.control() as control:
+        send_script(process.address, MOVE)
+        wait_until(lambda: control.state()["digital_outputs"] == 1 << 3)
+    times, joints = read_trace(path)
+    assert np.all(np.diff(times) > 0.0)
+    assert joints[0] == pytest.approx(HOME, abs=0.01)
+    assert joints[-1] == pytest.approx([0.5, *HOME[1:]])
+    steps = np.abs(np.diff(joints[:, 0]))
+    assert steps.max() <= 1.0 * 0.008 * 1.001  # at most 8 ms of motion at 1 rad/s between two rows
+    assert np.diff(times).min() >= 0.002 - 1e-9
+
+
+def test_address_that_is_taken_is_reported(controller: ControllerProcess) -> None:
+    with pytest.raises(RigError) as caught:
+        ControllerProcess(controller.address, home=HOME)
+    assert caught.value.code is ErrorCode.DEVICE_DISCONNECTED
+
+
+def test_control_client_says_where_nobody_listens() -> None:
+    with pytest.raises(RigError, match="30200"):
+        ControlClient("127.0.1.251", timeout_s=1.0)
+
+
+def test_start_is_quick_and_end_is_clean(controller: ControllerProcess) -> None:
+    control = controller.control()
+    began = time.monotonic()
+    controller.close()
+    assert time.monotonic() - began < 3.0
+    assert controller.process.returncode == 0
+    with pytest.raises(RigError):
+        control.state()
+    control.close()
