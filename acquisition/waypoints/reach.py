@@ -9,10 +9,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from acquisition import geometry
+from acquisition import dome, geometry
 from acquisition.config import CellConfig
 from acquisition.types import Calibration, FloatArray, Joints, Light, Refusal, Value, Vector3
-from acquisition.waypoints.roadmap import connected_stations, dome_center, dome_lights, light_at
+from acquisition.waypoints.roadmap import connected_stations, dome_center, dome_lights
 
 
 class ReachMap(Value):
@@ -48,7 +48,7 @@ class ReachMap(Value):
 
     def allows(self, position: FloatArray) -> Refusal | None:
         """None when the lamp can be brought to `position` (3,), facing the centre, and back home, else why not."""
-        return refusals([light_at(np.asarray(position, dtype=float), self.center)], self.cell, self.calibration)[0]
+        return refusals([dome.light(np.asarray(position, dtype=float), self.center)], self.cell, self.calibration)[0]
 
 
 def reach(cell: CellConfig, calibration: Calibration) -> ReachMap:

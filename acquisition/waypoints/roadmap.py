@@ -15,13 +15,13 @@ import numpy.typing as npt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from acquisition import geometry, lamp_pose
+from acquisition import dome, geometry, lamp_pose
 from acquisition.config import CellConfig
 from acquisition.errors import ErrorCode, RigError
 from acquisition.types import BoolArray, Calibration, FloatArray, Light, Refusal
 from acquisition.waypoints.collision import Scene, scene
 from acquisition.waypoints.motion import legs
-from acquisition.waypoints.stations import stations
+from acquisition.waypoints.stations import Station, stations
 
 CONFIGURATIONS = 24
 """So many configurations of a light, far from one another, are tried for a way home, and are the route's choice."""
@@ -42,17 +42,29 @@ class Roadmap:
     seconds: FloatArray
     before: Indices
 
-    def attachments(self, joints: FloatArray, scene: Scene) -> BoolArray:
-        """Which nodes each of (N, 6) reaches by a certified segment: (N, H); home and the nearest ones are tried."""
-        result = np.zeros((len(joints), len(self.nodes)), dtype=bool)
-        if len(joints):
-            turn = np.abs(joints[:, None] - self.nodes[None]).max(axis=2)
-            turn[:, 0] = 0.0  # home is always tried
-            near = np.argsort(turn, axis=1, kind="stable")[:, :_ATTACHMENTS]
-            rows = np.repeat(np.arange(len(joints)), near.shape[1])
-            free = scene.edges_free(joints[rows], self.nodes[near.ravel()])
-            result[rows, near.ravel()] = free
+    def connected(self, joints: FloatArray, scene: Scene) -> BoolArray:
+        """Whether each of (N, 6) reaches home or one of the nearest nodes by a certified segment."""
+        result = np.zeros(len(joints), dtype=bool)
+        for near in self._near(joints).T:  # the nearest first: it is free most often, and the others need no look
+            waiting = np.flatnonzero(~result)
+            result[waiting] = scene.edges_free(joints[waiting], self.nodes[near[waiting]])
         return result
+
+    def attachments(self, joints: FloatArray, scene: Scene) -> Indices:
+        """The nodes that a configuration (6,) reaches by a certified segment: all of those that `connected` looks at,
+        and where there is none, all others."""
+        near = self._near(joints[None])[0]
+        for nodes in (near, np.setdiff1d(np.arange(len(self.nodes)), near)):
+            found = nodes[scene.edges_free(np.repeat(joints[None], len(nodes), axis=0), self.nodes[nodes])]
+            if len(found):
+                return found
+        return near[:0]
+
+    def _near(self, joints: FloatArray) -> Indices:
+        """The nodes worth a try from each of (N, 6): the nearest ones, then home; (N, ≤ 9)."""
+        turn = np.abs(joints[:, None] - self.nodes[None, 1:]).max(axis=2)
+        nearest = 1 + np.argsort(turn, axis=1, kind="stable")[:, :_ATTACHMENTS]
+        return np.hstack([nearest, np.zeros((len(joints), 1), dtype=np.int64)])
 
     def way(self, start: int, end: int) -> list[int]:
         """The nodes of the quickest way, both ends included."""
@@ -76,17 +88,9 @@ def dome_lights(cell: CellConfig, calibration: Calibration, count: int) -> list[
     number = np.arange(count)
     slants = np.arccos(top - (top - rim) * (number + 0.5) / count)
     return [
-        light_at(center + cell.dome.radius_m * direction, center)
+        dome.light(center + cell.dome.radius_m * direction, center)
         for direction in geometry.direction(slants, number * GOLDEN_ANGLE)
     ]
-
-
-def light_at(position: FloatArray, center: FloatArray) -> Light:
-    """A light at a position (3,) that looks at `center` (3,)."""
-    axis = (center - position) / np.linalg.norm(center - position)
-    x, y, z = position.tolist()
-    u, v, w = axis.tolist()
-    return Light(position=(x, y, z), axis=(u, v, w))
 
 
 def spread(joints: FloatArray, count: int, home: FloatArray) -> FloatArray:
@@ -101,44 +105,30 @@ def spread(joints: FloatArray, count: int, home: FloatArray) -> FloatArray:
     return joints[chosen]
 
 
-@dataclass(frozen=True)
-class ConnectedStation:
-    """A light's configurations (M, 6) that have a way home, the roadmap's nodes (M, H) each reaches, or why none."""
-
-    joints: FloatArray
-    attachments: BoolArray
-    refusal: Refusal | None
-
-
 def connected_stations(
     lights: Sequence[Light], cell: CellConfig, calibration: Calibration, first: int = CONFIGURATIONS
-) -> list[ConnectedStation]:
+) -> list[Station]:
     """For each light (view frame) well-spread configurations with a way home, or the reason of its refusal.
 
     The `first` ones are looked at; more and more of the others only for lights that have no way home yet, so that
     whether a light is connected does not depend on `first`. Raises RigError waypoints.collision when home is not free.
     """
     arm, ways, home = scene(cell, calibration), roadmap(cell, calibration), np.array(cell.arm.home)
-    found = stations(lights, cell, calibration, arm)
-    result = [
-        ConnectedStation(station.joints[:0], np.zeros((0, len(ways.nodes)), bool), station.refusal) for station in found
-    ]
-    ordered = [spread(station.joints, len(station.joints), home) for station in found]
+    result = stations(lights, cell, calibration, arm)
+    ordered = [spread(station.joints, len(station.joints), home) for station in result]
+    for n, joints in enumerate(ordered):
+        if len(joints):
+            result[n] = Station(joints[:0], _unconnected(joints))
     low, high = 0, first
     while waiting := [n for n, joints in enumerate(ordered) if len(joints) > low and not len(result[n].joints)]:
-        joints = [ordered[n][low:high] for n in waiting]
-        attachments = ways.attachments(np.concatenate(joints), arm)
-        ends = np.cumsum([len(few) for few in joints])[:-1]
-        for n, few, own in zip(waiting, joints, np.split(attachments, ends), strict=True):
-            kept = own.any(axis=1)
-            result[n] = ConnectedStation(few[kept], own[kept], None)
+        few = [ordered[n][low:high] for n in waiting]
+        connected = ways.connected(np.concatenate(few), arm)
+        ends = np.cumsum([len(joints) for joints in few])[:-1]
+        for n, joints, own in zip(waiting, few, np.split(connected, ends), strict=True):
+            if own.any():
+                result[n] = Station(joints[own], None)
         low, high = high, 4 * high
-    return [
-        item
-        if item.refusal or len(item.joints)
-        else ConnectedStation(item.joints, item.attachments, _unconnected(joints))
-        for item, joints in zip(result, ordered, strict=True)
-    ]
+    return result
 
 
 def _unconnected(joints: FloatArray) -> Refusal:

@@ -19,11 +19,12 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 
 from acquisition.config import ArmConfig, CellConfig
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import BoolArray, Calibration, FloatArray, JointPath, Joints, Light, Route, Waypoint
+from acquisition.types import Calibration, FloatArray, JointPath, Joints, Light, Route, Waypoint
 from acquisition.waypoints import order_kernels
 from acquisition.waypoints.collision import Scene, scene
 from acquisition.waypoints.motion import legs
-from acquisition.waypoints.roadmap import ConnectedStation, Roadmap, connected_stations, roadmap
+from acquisition.waypoints.roadmap import Roadmap, connected_stations, roadmap
+from acquisition.waypoints.stations import Station
 
 _EXACT_STOPS = 9
 _NODES = 240
@@ -69,7 +70,7 @@ def retreat(start_joints: Sequence[float], cell: CellConfig, calibration: Calibr
     return network.way(network.start, network.home)
 
 
-def _require_all(found: Sequence[ConnectedStation]) -> None:
+def _require_all(found: Sequence[Station]) -> None:
     refused = [(number, station.refusal) for number, station in enumerate(found) if station.refusal]
     if not refused:
         return
@@ -81,16 +82,13 @@ def _require_all(found: Sequence[ConnectedStation]) -> None:
     )
 
 
-def _start(start_joints: Sequence[float], arm: Scene, ways: Roadmap) -> ConnectedStation:
-    """Where the arm stands and the nodes it reaches."""
-    joints = np.array(start_joints, dtype=float).reshape(1, 6)
+def _start(start_joints: Sequence[float], arm: Scene, ways: Roadmap) -> FloatArray:
+    """Where the arm stands (6,), once a way leads home from there."""
+    joints = np.array(start_joints, dtype=float).reshape(6)
     if not np.isfinite(joints).all():
         raise RigError(ErrorCode.WAYPOINTS_COLLISION, "the arm's joints are not known", lights=[])
-    attachments = ways.attachments(joints, arm)
-    if not attachments.any():
-        attachments = arm.edges_free(np.repeat(joints, len(ways.nodes), axis=0), ways.nodes)[None]
-    if not attachments.any():
-        violation = int(arm.violations(joints)[0])
+    if not len(ways.attachments(joints, arm)):
+        violation = int(arm.violations(joints[None])[0])
         word, why = "not-connected", "no certified way leads home from where the arm stands"
         if violation >= 0:
             word, name = arm.blame(violation)
@@ -98,14 +96,14 @@ def _start(start_joints: Sequence[float], arm: Scene, ways: Roadmap) -> Connecte
         raise RigError(
             ErrorCode.WAYPOINTS_COLLISION, f"{why}; move it clear by hand at the pendant", lights=[], reason=word
         )
-    return ConnectedStation(joints, attachments, None)
+    return joints
 
 
 class _Network:
     """Configurations of all lights, then start, then home; the legs between them as far as they are known."""
 
     def __init__(
-        self, found: Sequence[ConnectedStation], start: ConnectedStation, cell: CellConfig, arm: Scene, ways: Roadmap
+        self, found: Sequence[Station], start: FloatArray, cell: CellConfig, arm: Scene, ways: Roadmap
     ) -> None:
         each = max(_LEAST_PER_LIGHT, _NODES // max(len(found), 1))
         few = [station.joints[:each] for station in found]
@@ -113,12 +111,7 @@ class _Network:
         self.first: npt.NDArray[np.int64] = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
         self.owner: npt.NDArray[np.int64] = np.repeat(np.arange(len(few)), counts)
         self.start, self.home = int(self.first[-1]), int(self.first[-1]) + 1
-        self.nodes: FloatArray = np.concatenate([*few, start.joints, ways.nodes[:1]])
-        home = np.zeros((1, len(ways.nodes)), dtype=bool)
-        home[0, 0] = True
-        self._attachments: BoolArray = np.concatenate(
-            [*(station.attachments[:each] for station in found), start.attachments, home]
-        )
+        self.nodes: FloatArray = np.concatenate([*few, start[None], ways.nodes[:1]])
         self._arm, self._ways, self._limits = arm, ways, cell.arm
         self._known: dict[tuple[int, int], JointPath] = {}
 
@@ -183,7 +176,7 @@ class _Network:
 
     def _detour(self, start: int, end: int) -> FloatArray:
         """The corners (K, 6) of the quickest way along the roadmap, cut short where corners see one another."""
-        leave, arrive = (np.flatnonzero(self._attachments[node]) for node in (start, end))
+        leave, arrive = (self._ways.attachments(self.nodes[node], self._arm) for node in (start, end))
         hubs = self._ways.nodes
         to_hub = legs(np.repeat(self.nodes[[start]], len(leave), 0), hubs[leave], self._limits).seconds
         from_hub = legs(hubs[arrive], np.repeat(self.nodes[[end]], len(arrive), 0), self._limits).seconds
