@@ -7,7 +7,6 @@ and killed; only an explicit `connect` starts the next one.
 """
 
 import contextlib
-import itertools
 import math
 import socket
 import subprocess
@@ -62,7 +61,7 @@ class UrArm:
             )
         self._config = config
         self._lamp_output = lamp_output
-        self._expected_pose = expected_pose
+        self.expected_pose = expected_pose
         self._halt_by_driver = halt_by_driver
         self._halt_by_dashboard = halt_by_dashboard
         self._board = Board.create()
@@ -71,7 +70,6 @@ class UrArm:
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Connection | None = None
         self._took_control = False  # whether this driver ever did
-        self._numbers = itertools.count(1)
         self._asking = threading.Lock()  # arm and lamp share the pipe; halt and reading do not take it
         self._second_path: SecondPath | None = None
 
@@ -170,7 +168,7 @@ class UrArm:
         inspection: Inspection | None = None
         if reading.program_running:
             inspection = self._done(self._request(protocol.Inspect(), REQUEST_DEADLINE_S)).value
-        expected = None if self._expected_pose is None else self._expected_pose(reading.joints)
+        expected = None if self.expected_pose is None else self.expected_pose(reading.joints)
         answers = preflight.Answers(identity, remote_control, reading, inspection, expected)
         return preflight.findings(self._config, answers)
 
@@ -234,7 +232,7 @@ class UrArm:
                 if self._second_path is not None:
                     self._second_path.forget()
                 with contextlib.suppress(OSError):
-                    self._connection.send((next(self._numbers), protocol.Leave()))
+                    self._connection.send((time.monotonic_ns(), protocol.Leave()))
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     self._process.wait(LEAVE_DEADLINE_S)
                 self._bury()
@@ -294,7 +292,7 @@ class UrArm:
         connection = self._connection
         if self._process is None or connection is None:
             raise RigError(ErrorCode.DRIVER_LOST, "The arm is not connected.")
-        number = next(self._numbers)
+        number = time.monotonic_ns()
         deadline = time.monotonic() + deadline_s
         try:
             if keep is not None:

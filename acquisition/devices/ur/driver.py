@@ -29,7 +29,7 @@ from acquisition.devices.ur.interfaces import Constructors, Control, Outputs, Re
 from acquisition.devices.ur.protocol import Board, Done, Failed, Interrupted, Request, Word
 from acquisition.errors import ErrorCode, RigError
 
-RECEIVE_HZ = 125.0
+DATA_HZ = 125.0  # at the controller's full 500 Hz the library alone takes a quarter of a core
 LEAVE_S = 2.0
 LINK_LOST_STOP_S = 0.5  # the link may be lost one way only; 2.5 s after the last data ur-rtde would reconnect
 
@@ -46,7 +46,7 @@ class Driver:
         self._board = board
         self._controller = controller
         self._leaving = False
-        self._number = 0
+        self._issued = 0
         self._request: Request | None = None
         self._task: Task | None = None
 
@@ -90,6 +90,9 @@ class Driver:
         self._board.write(Word.HALT_TAKEN, requested)
         self._controller.stop()
         self._board.write(Word.HALT_DONE, requested)
+        self._interrupt()
+
+    def _interrupt(self) -> None:
         if isinstance(self._request, protocol.Move | protocol.SetLamp):
             self._reply(Interrupted())
 
@@ -118,14 +121,18 @@ class Driver:
         try:
             if not self._connection.poll(protocol.TICK_S):
                 return
-            number, request = cast(tuple[int, Request], self._connection.recv())
+            issued, request = cast(tuple[int, Request], self._connection.recv())
         except (EOFError, ConnectionError):
             self._leaving = True
             return
         if self._task is not None:  # the service gave up on the last request; it hears no more of it
             self._controller.stop()
             self._task.close()
-        self._number, self._request, self._task = number, request, self._begin(request)
+            self._task = None
+        self._obey_halt()
+        self._issued, self._request, self._task = issued, request, self._begin(request)
+        if self._board.read(Word.HALT_TAKEN) > issued:  # asked for after the request, seen before it
+            self._interrupt()
 
     def _begin(self, request: Request) -> Task | None:
         match request:
@@ -149,7 +156,7 @@ class Driver:
         self._task.close()
         self._task, self._request = None, None
         try:
-            self._connection.send((self._number, reply))
+            self._connection.send((self._issued, reply))
         except ConnectionError:
             self._leaving = True
 
@@ -158,11 +165,11 @@ def _control(address: str) -> Control:
     # The service asks for remote control itself, at every address; the library's own check spares loopback.
     interface = rtde_control.RTDEControlInterface
     flags = interface.FLAG_UPLOAD_SCRIPT.value | interface.FLAG_DISABLE_REMOTE_CONTROL_CHECK.value
-    return cast(Control, interface(address, -1.0, flags))
+    return cast(Control, interface(address, DATA_HZ, flags))
 
 
 def _receive(address: str) -> Receive:
-    return cast(Receive, rtde_receive.RTDEReceiveInterface(address, RECEIVE_HZ))
+    return cast(Receive, rtde_receive.RTDEReceiveInterface(address, DATA_HZ))
 
 
 def _outputs(address: str) -> Outputs:

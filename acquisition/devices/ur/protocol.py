@@ -1,6 +1,7 @@
 """What the service and the arm's driver process say to each other.
 
-Two channels. Requests and replies are pickled values on a socket pair, one request at a time. Whatever must neither
+Two channels. Requests and replies are pickled values on a socket pair, one at a time, numbered by the time of asking in
+ns: a halt asked for later than a move ends it even when the driver sees the halt first. Whatever must neither
 wait nor be waited for (the halt, the lease, the newest reading) stands on a board: one page of memory that both map. A
 halt is one store of one word, so that a signal handler may make it; a reader of the board never blocks and never delays
 a writer. Clocks: time.monotonic, the same in both processes.

@@ -1,7 +1,7 @@
 """The second way to stop the arm: `stop` on a dashboard socket that is open in advance.
 
-A thread of its own sleeps on a socket. Waking it is one `send`, which takes no lock and may be done in a signal handler
-(threading.Event takes a lock, which a handler could find held by the very thread it interrupts). Woken by a
+A thread of its own sleeps on a socket. Waking it is one `send`, which takes no lock and may be done in a signal
+handler (threading.Event takes a lock, which a handler could find held by the very thread it interrupts). Woken by a
 halt, it gives the driver ACKNOWLEDGE_S to take it and then does not wait any longer; woken by the death of the driver,
 or by a failure, it stops at once. `stop` ends the controller's program, so the arm brakes and only an explicit connect
 can move it again.

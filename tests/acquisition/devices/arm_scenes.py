@@ -59,7 +59,7 @@ def speed(state: dict[str, Any]) -> float:
 
 def wait_until_moving(control: ControlClient) -> dict[str, Any]:
     """Waits for full speed; returns the state then."""
-    wait_for(lambda: speed(control.state()) > 1.0)
+    wait_for(lambda: speed(control.state()) > 1.0, 30.0)
     return control.state()
 
 
@@ -95,6 +95,17 @@ class Journey:
             self.arm.move(self.path, [LIMITS] * len(self.path), self.stop)
         except Exception as error:  # noqa: BLE001 - whatever it is, the test looks at it
             self.outcome = error
+
+    def wait_until_moving(self, control: ControlClient) -> dict[str, Any]:
+        """Waits for full speed; returns the state then. Raises what ended the move before."""
+
+        def fast_or_over() -> bool:
+            return speed(control.state()) > 1.0 or not self._thread.is_alive()
+
+        wait_for(fast_or_over)
+        if self.outcome is not None:
+            raise self.outcome
+        return control.state()
 
     def end(self) -> Exception | None:
         """Waits for the move to return; its error, or None."""

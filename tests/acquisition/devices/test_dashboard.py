@@ -1,6 +1,7 @@
 """Probing an address: absent, silent, foreign."""
 
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -40,6 +41,26 @@ def test_open_but_silent() -> None:
         dashboard.probe(SILENT)
     assert caught.value.code == ErrorCode.ARM_UNREACHABLE
     assert time.monotonic() - started < 3.0
+
+
+def test_rtde_port_that_says_nothing() -> None:
+    with listening(SILENT, 30003, 30004), socket.socket() as server:
+        server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        server.bind((SILENT, dashboard.DASHBOARD_PORT))
+        server.listen()
+
+        def greet() -> None:
+            connection, _ = server.accept()
+            with connection:
+                connection.sendall(b"Connected: Universal Robots Dashboard Server\n")
+
+        thread = threading.Thread(target=greet)
+        thread.start()
+        with pytest.raises(RigError) as caught:
+            dashboard.probe(SILENT)
+        thread.join()
+    assert caught.value.code == ErrorCode.ARM_UNREACHABLE
+    assert caught.value.context["port"] == dashboard.RTDE_PORT
 
 
 def test_question_to_nobody_is_a_rig_error() -> None:

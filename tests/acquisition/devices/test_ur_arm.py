@@ -1,6 +1,9 @@
 """The arm through the real ur-rtde against the simulated controller: moves, lamp, preflight, refusals."""
 
 import math
+import os
+import signal
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -149,6 +152,46 @@ def test_halt_at_rest_is_harmless(arm: UrArm, control: ControlClient) -> None:
     assert arm.reading.program_running, "a halt that the driver took does not end the program"
     arm.move([NEAR], [LIMITS], StopToken())
     arm.move([HOME], [LIMITS], StopToken())
+
+
+def test_halt_in_a_signal_handler_that_interrupts_a_halt(arm: UrArm) -> None:
+    handled: list[int] = []
+
+    def handle(number: int, frame: object) -> None:
+        arm.halt()
+        handled.append(number)
+
+    before = signal.signal(signal.SIGUSR1, handle)
+    try:
+        for _ in range(200):
+            os.kill(os.getpid(), signal.SIGUSR1)
+            arm.halt()
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+    assert handled
+    arm.move([NEAR], [LIMITS], StopToken())
+
+
+def test_readings_keep_coming(arm: UrArm) -> None:
+    start = arm.reading.timestamp
+    seen: set[float] = set()
+    while max(seen, default=start) < start + 1.0:
+        seen.add(arm.reading.timestamp)
+        time.sleep(0.002)
+    assert len(seen) >= 50, "fewer than 50 readings in a second of the controller's time"
+
+
+def test_preflight_compares_with_nominal_kinematics(arm: UrArm) -> None:
+    measured = arm.reading.base_from_tool
+    shifted = measured.copy()
+    shifted[2, 3] += 0.01
+    arm.expected_pose = lambda joints: measured
+    assert arm.preflight() == []
+    arm.expected_pose = lambda joints: shifted
+    try:
+        assert "10.0 mm" in arm.preflight()[0].what
+    finally:
+        arm.expected_pose = None
 
 
 def test_preflight_finds_nothing_in_a_good_cell(arm: UrArm) -> None:

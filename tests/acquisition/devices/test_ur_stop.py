@@ -19,6 +19,7 @@ from acquisition.devices import StopToken
 from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
 from acquisition.errors import ErrorCode, Halted, RigError
+from acquisition.safety import SafetyMonitor
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.process import ControllerProcess
 from tests.acquisition.devices.arm_scenes import (
@@ -82,7 +83,7 @@ def test_halt_by_the_driver_alone(shared_arm: UrArm, control: ControlClient) -> 
     with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_dashboard=False)) as arm:
         made_ready(arm)
         journey = Journey(arm)
-        moving = wait_until_moving(control)
+        moving = journey.wait_until_moving(control)
         journey.stop.set()
         arm.halt()
         after = assert_stopped(control, moving)
@@ -96,7 +97,7 @@ def test_halt_by_the_dashboard_alone(shared_arm: UrArm, control: ControlClient) 
     with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_driver=False)) as arm:
         made_ready(arm)
         journey = Journey(arm)
-        moving = wait_until_moving(control)
+        moving = journey.wait_until_moving(control)
         arm.halt()
         after = assert_stopped(control, moving)
         error = journey.end()
@@ -108,7 +109,7 @@ def test_halt_by_the_dashboard_alone(shared_arm: UrArm, control: ControlClient) 
 
 def test_halt_while_the_driver_hangs(arm: UrArm, control: ControlClient) -> None:
     journey = Journey(arm)
-    moving = wait_until_moving(control)
+    moving = journey.wait_until_moving(control)
     assert arm.driver_pid is not None
     os.kill(arm.driver_pid, signal.SIGSTOP)
     journey.stop.set()
@@ -120,7 +121,7 @@ def test_halt_while_the_driver_hangs(arm: UrArm, control: ControlClient) -> None
 
 def test_token_alone_halts(arm: UrArm, control: ControlClient) -> None:
     journey = Journey(arm)
-    moving = wait_until_moving(control)
+    moving = journey.wait_until_moving(control)
     journey.stop.set()
     assert_stopped(control, moving)
     assert isinstance(journey.end(), Halted)
@@ -128,7 +129,7 @@ def test_token_alone_halts(arm: UrArm, control: ControlClient) -> None:
 
 def test_halt_ends_the_whole_path(arm: UrArm, control: ControlClient) -> None:
     journey = Journey(arm, path=(FAR, HOME, FAR))
-    moving = wait_until_moving(control)
+    moving = journey.wait_until_moving(control)
     journey.stop.set()
     arm.halt()
     after = assert_stopped(control, moving)
@@ -138,7 +139,7 @@ def test_halt_ends_the_whole_path(arm: UrArm, control: ControlClient) -> None:
 
 def test_killed_driver(arm: UrArm, control: ControlClient) -> None:
     journey = Journey(arm)
-    moving = wait_until_moving(control)
+    moving = journey.wait_until_moving(control)
     assert arm.driver_pid is not None
     os.kill(arm.driver_pid, signal.SIGKILL)
     assert_stopped(control, moving)
@@ -157,7 +158,7 @@ def test_killed_driver_stops_by_the_controllers_own_watchdog(shared_arm: UrArm, 
     with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_dashboard=False)) as arm:
         made_ready(arm)
         journey = Journey(arm)
-        moving = wait_until_moving(control)
+        moving = journey.wait_until_moving(control)
         assert arm.driver_pid is not None
         os.kill(arm.driver_pid, signal.SIGKILL)
         assert_stopped(control, moving)
@@ -167,7 +168,7 @@ def test_killed_driver_stops_by_the_controllers_own_watchdog(shared_arm: UrArm, 
 
 def test_hanging_driver(arm: UrArm, control: ControlClient) -> None:
     journey = Journey(arm)
-    moving = wait_until_moving(control)
+    moving = journey.wait_until_moving(control)
     assert arm.driver_pid is not None
     os.kill(arm.driver_pid, signal.SIGSTOP)
     assert_stopped(control, moving)
@@ -179,7 +180,7 @@ def test_hanging_driver(arm: UrArm, control: ControlClient) -> None:
 
 def test_driver_ended_by_a_signal_stops_the_arm_itself(arm: UrArm, control: ControlClient) -> None:
     journey = Journey(arm)
-    moving = wait_until_moving(control)
+    moving = journey.wait_until_moving(control)
     assert arm.driver_pid is not None
     os.kill(arm.driver_pid, signal.SIGINT)  # Ctrl-C reaches the whole group; the service decides, not the driver
     os.kill(arm.driver_pid, signal.SIGTERM)
@@ -191,7 +192,7 @@ def test_driver_ended_by_a_signal_stops_the_arm_itself(arm: UrArm, control: Cont
 
 def test_program_stopped_at_the_pendant(arm: UrArm, control: ControlClient) -> None:
     journey = Journey(arm)
-    moving = wait_until_moving(control)
+    moving = journey.wait_until_moving(control)
     control.fault("program_stop")
     assert_stopped(control, moving)
     error = journey.end()
@@ -212,13 +213,18 @@ def test_program_stopped_at_the_pendant(arm: UrArm, control: ControlClient) -> N
 def test_safety_stop_in_mid_move(fault: str, code: ErrorCode) -> None:
     with controller(SAFETY) as control, connected(UrArm(arm_config(SAFETY), CELL.lamp.output)) as arm:
         made_ready(arm)
+        monitor = SafetyMonitor(arm, lambda latch: None)
+        monitor.start()
         journey = Journey(arm)
-        moving = wait_until_moving(control)
+        moving = journey.wait_until_moving(control)
         control.fault(fault)
         assert_stopped(control, moving)
         error = journey.end()
         assert isinstance(error, RigError)
         assert error.code == code
+        monitor.close()
+        assert monitor.latch is not None
+        assert monitor.latch.code == code
         # A paused program would go on where it was when somebody presses play: it is ended.
         wait_for(lambda: control.state()["runtime_state"] == STOPPED)
         with pytest.raises(RigError) as caught:
@@ -241,7 +247,7 @@ def test_lost_link(fault: dict[str, Any]) -> None:
     with controller(LOST) as control, connected(UrArm(arm_config(LOST), CELL.lamp.output)) as arm:
         made_ready(arm)
         journey = Journey(arm)
-        moving = wait_until_moving(control)
+        moving = journey.wait_until_moving(control)
         control.fault(port=30004, **fault)
         assert_stopped(control, moving)
         error = journey.end()
@@ -260,7 +266,7 @@ def test_controller_without_power() -> None:
     ):
         made_ready(arm)
         journey = Journey(arm)
-        wait_until_moving(control)
+        journey.wait_until_moving(control)
         process.kill()
         error = journey.end()
         assert isinstance(error, RigError)
@@ -321,7 +327,7 @@ def test_hanging_service() -> None:
 @pytest.mark.long
 def test_slider_at_zero_is_not_waited_for_for_ever(arm: UrArm, control: ControlClient) -> None:
     journey = Journey(arm)
-    wait_until_moving(control)
+    journey.wait_until_moving(control)
     control.fault("speed_slider", fraction=0.0)
     try:
         error = journey.end()

@@ -1,0 +1,72 @@
+"""Preflight as a comparison of values: each disagreement is named, and nothing else is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition import geometry
+from acquisition.devices import ArmIdentity, ArmReading
+from acquisition.devices.ur.preflight import Answers, findings
+from acquisition.devices.ur.protocol import Inspection
+from tests.acquisition.devices.arm_scenes import CELL
+
+ARM = CELL.arm.model_copy(update={"serial": "20215500042"})
+TOOL = (*ARM.flange_from_tool.position_m, *ARM.flange_from_tool.rotation_vector_rad)
+POSE = (0.3, 0.2, 0.4, 0.0, 3.0, 0.0)
+READING = ArmReading(
+    connected=True,
+    joints=(0.0,) * 6,
+    joint_speeds=(0.0,) * 6,
+    base_from_tool=geometry.pose(POSE[:3], POSE[3:]),
+    timestamp=1.0,
+    robot_mode=7,
+    safety_bits=1,
+    runtime_state=2,
+    program_running=True,
+    speed_fraction=1.0,
+    digital_outputs=0,
+    received_at=0.0,
+)
+INSPECTION = Inspection(TOOL, ARM.payload_kg, ARM.payload_center_m, POSE, POSE)
+GOOD = Answers(
+    ArmIdentity("UR5", "20215500042", "URSoftware 5.11.1.108318"),
+    remote_control=True,
+    reading=READING,
+    inspection=INSPECTION,
+    expected_base_from_tool=READING.base_from_tool,
+)
+
+
+def turned(pose: tuple[float, ...]) -> np.ndarray:
+    return geometry.pose((pose[0], pose[1], pose[2] + 0.02), pose[3:])
+
+
+def test_a_good_arm_has_no_findings() -> None:
+    assert findings(ARM, GOOD) == []
+    assert findings(ARM, replace(GOOD, reading=replace(READING, safety_bits=2))) == [], "reduced mode is allowed"
+    assert findings(ARM, replace(GOOD, expected_base_from_tool=None)) == []
+
+
+@pytest.mark.parametrize(
+    ("answers", "words"),
+    [
+        (replace(GOOD, remote_control=False), "local control"),
+        (replace(GOOD, identity=replace(GOOD.identity, model="UR10")), "UR10"),
+        (replace(GOOD, identity=replace(GOOD.identity, serial="1")), "serial number is 1"),
+        (replace(GOOD, reading=replace(READING, speed_fraction=0.0)), "slider"),
+        (replace(GOOD, reading=replace(READING, safety_bits=1 << 4)), "Safeguard"),
+        (replace(GOOD, reading=replace(READING, robot_mode=5)), "brakes on"),
+        (replace(GOOD, inspection=None), "does not run"),
+        (replace(GOOD, inspection=replace(INSPECTION, flange_from_tool=(0.0, *TOOL[1:]))), "TCP"),
+        (replace(GOOD, inspection=replace(INSPECTION, payload_kg=1.0)), "payload"),
+        (replace(GOOD, inspection=replace(INSPECTION, payload_center_m=(0.0, 0.0, 0.0))), "payload"),
+        (replace(GOOD, inspection=replace(INSPECTION, base_from_tool_forward=(0.31, *POSE[1:]))), "10.0 mm"),
+        (replace(GOOD, expected_base_from_tool=turned(POSE)), "20.0 mm"),
+    ],
+)
+def test_each_disagreement_is_named(answers: Answers, words: str) -> None:
+    found = findings(ARM, answers)
+    assert len(found) == 1
+    assert words in found[0].what
+    assert found[0].remedy
