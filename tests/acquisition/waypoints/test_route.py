@@ -16,7 +16,7 @@ from acquisition.waypoints import order_kernels
 from acquisition.waypoints.motion import trapezoid_seconds
 from acquisition.waypoints.reach import reach
 from acquisition.waypoints.roadmap import dome_lights
-from acquisition.waypoints.route import retreat, route
+from acquisition.waypoints.route import _path_bound, retreat, route
 from tests import audit
 from tests.acquisition.waypoints.cells import random_cell, simulated_cell
 
@@ -232,6 +232,18 @@ def test_exact_tours_are_the_best_of_all() -> None:
     )
     best = min(_length(tour, seconds, start=6, home=7) for tour in tours)
     assert _length(order_kernels.exact_tour(seconds, first, 6, 7), seconds, start=6, home=7) == pytest.approx(best)
+
+
+def test_the_bound_of_many_lights_is_below_the_best_and_near_it() -> None:
+    random = np.random.default_rng(13)
+    shares: list[float] = []
+    for _ in range(10):
+        places = random.uniform(0, 1, (11, 3))
+        seconds = np.linalg.norm(places[:, None] - places[None], axis=2)
+        best = _length(order_kernels.exact_tour(seconds, np.arange(10), 9, 10), seconds, start=9, home=10)
+        shares.append(_path_bound(seconds) / best)
+    assert max(shares) <= 1 + 1e-9
+    assert np.median(shares) > 0.95
 
 
 def _length(tour: Sequence[int], seconds: np.ndarray, start: int = 32, home: int = 33) -> float:
