@@ -8,8 +8,15 @@ import sys
 from pathlib import Path
 from types import FrameType
 
-from hardware_sim.controller.kinematics import MODELS
+from hardware_sim.controller.kinematics import JOINT_LIMIT, MODELS
 from hardware_sim.controller.server import serve
+
+
+def _joints(text: str) -> list[float]:
+    joints = [float(word) for word in text.split(",")]
+    if len(joints) != 6 or not all(abs(q) <= JOINT_LIMIT for q in joints):
+        raise argparse.ArgumentTypeError(f"must be six angles within ±2π, not {text}")
+    return joints
 
 
 def main() -> int:
@@ -17,7 +24,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m hardware_sim.controller", description=__doc__)
     parser.add_argument("--address", default="127.0.0.1")
     parser.add_argument("--model", choices=sorted(MODELS), default="ur5e")
-    parser.add_argument("--home", type=float, nargs=6, default=[0.0, -1.9, 1.9, -1.57, -1.57, 0.0], metavar="RAD")
+    parser.add_argument("--home", type=_joints, default="0,-1.9,1.9,-1.57,-1.57,0", help="initial joints in rad")
     parser.add_argument("--speed", type=float, default=1.0, help="speed factor of motion")
     parser.add_argument("--low-when-stopped", type=int, nargs="*", default=[0], metavar="OUTPUT")
     parser.add_argument("--trace", type=Path, help="append all joint samples to this file")

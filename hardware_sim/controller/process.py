@@ -36,8 +36,8 @@ class ControllerProcess:
         self.address = address
         command = [sys.executable, "-m", "hardware_sim.controller", "--until-eof", "--address", address]
         command += ["--model", model, "--speed", repr(speed), "--log", log_level]
-        # One word per number would be read as an option where it is negative.
-        command += ["--home", *(f"{q:.17g}" for q in home)]
+        # One word: the parser would take -1e-05 by itself for an option.
+        command += ["--home=" + ",".join(repr(float(q)) for q in home)]
         command += ["--low-when-stopped", *map(str, low_when_stopped)]
         if trace is not None:
             command += ["--trace", str(trace)]

@@ -199,6 +199,7 @@ def test_watchdog_ends_a_synchronous_move(cell: Cell) -> None:
 def test_foreign_program_takes_the_arm_until_it_ends(cell: Cell) -> None:
     import socket
 
+    time.sleep(0.05)  # the script is ready for a command; else the library waits 4 s for that
     with socket.create_connection((cell.address, 30002)) as script:
         script.sendall(b"def foreign():\n  sleep(0.6)\nend\n")
         wait_until(lambda: cell.dashboard.programState() == "PLAYING foreign")

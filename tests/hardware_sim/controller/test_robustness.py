@@ -131,7 +131,7 @@ def cycles(count: int) -> None:
 
 
 def test_cycles_of_connecting_leave_nothing_behind() -> None:
-    cycles(3)
+    cycles(2)
 
 
 @pytest.mark.long

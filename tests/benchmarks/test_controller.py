@@ -1,0 +1,115 @@
+"""How fast the simulated controller answers, and what it costs.
+
+pytest tests/benchmarks/test_controller.py --benchmark-enable -q -s
+"""
+
+import itertools
+import os
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import pytest
+
+from hardware_sim.controller.compiler import compile_program
+from hardware_sim.controller.controller import Controller
+from hardware_sim.controller.functions import VOCABULARY
+from hardware_sim.controller.kinematics import MODELS
+from tests.hardware_sim.controller.cells import HOME, Cell, connect, start
+from tests.hardware_sim.controller.plain_client import PlainClient
+
+MOVE = """def f():
+    while True:
+        movej([0.5, -1.9, 1.9, -1.57, -1.57, 0], a=1.4, v=1.0)
+        movej([0, -1.9, 1.9, -1.57, -1.57, 0])
+    end
+end
+"""
+BRANCHES = "def f():\n" + "".join(f" x{i} = [{i}, 2]\n if x{i}[0] > 1:\n  sync()\n end\n" for i in range(200)) + "end\n"
+
+
+@pytest.fixture(scope="module")
+def cell() -> Iterator[Cell]:
+    """A controller with all four clients of the library."""
+    with ExitStack() as stack:
+        yield connect(stack)
+
+
+def cpu_seconds(process: int) -> float:
+    """User and system time a process has used."""
+    fields = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def test_construct_control_interface(benchmark: Any) -> None:
+    import rtde_control
+
+    with start() as process:
+        clients: list[Any] = []
+
+        def construct() -> None:
+            clients.append(rtde_control.RTDEControlInterface(process.address))
+
+        def disconnect() -> None:
+            if clients:
+                clients.pop().disconnect()
+
+        benchmark.pedantic(construct, setup=disconnect, rounds=5)
+        disconnect()
+
+
+def test_output_round_trip(benchmark: Any, cell: Cell) -> None:
+    level = [False]
+
+    def toggle() -> None:
+        level[0] = not level[0]
+        cell.io.setStandardDigitalOut(3, level[0])
+        while cell.receive.getDigitalOutState(3) != level[0]:
+            time.sleep(0.0002)
+
+    benchmark.pedantic(toggle, rounds=200)
+
+
+def test_share_of_a_core_and_jitter_with_four_clients(benchmark: Any, cell: Cell) -> None:
+    plain = PlainClient(cell.address)
+    plain.outputs("timestamp,actual_q,actual_TCP_pose")
+    plain.request("S")
+    number = cell.process.process.pid
+    cell.control.moveJ([2.0, *HOME[1:]], 0.4, 1.0, True)
+    arrivals: list[float] = []
+
+    def listen() -> None:
+        used, began = cpu_seconds(number), time.monotonic()
+        for _ in range(1000):
+            plain.sample()
+            arrivals.append(time.monotonic())
+        benchmark.extra_info["share_of_a_core"] = (cpu_seconds(number) - used) / (time.monotonic() - began)
+
+    benchmark.pedantic(listen, rounds=1)
+    steps = sorted(b - a for a, b in itertools.pairwise(arrivals))
+    benchmark.extra_info["p99_interval_ms"] = 1e3 * steps[int(0.99 * len(steps))]
+    benchmark.extra_info["median_interval_ms"] = 1e3 * median(steps)
+    print(benchmark.extra_info)
+    cell.control.stopJ(2.0)
+    plain.close()
+
+
+def test_one_tick(benchmark: Any) -> None:
+    controller = Controller(MODELS["ur5e"], HOME, now=0.0)
+    controller.load(MOVE)
+
+    def tick() -> None:
+        controller.tick(controller.timestamp)
+
+    benchmark(tick)
+
+
+def test_compile_a_program(benchmark: Any) -> None:
+    def compile_anew() -> None:
+        compile_program.cache_clear()
+        compile_program(BRANCHES, VOCABULARY)
+
+    benchmark(compile_anew)
