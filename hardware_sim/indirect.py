@@ -15,6 +15,7 @@ from hardware_sim.tracing import Tracer
 
 OBJECT_PATCHES = 3200
 TABLE_RADIUS_M = 0.35
+TABLE_END_M = 4.0
 TABLE_CELL_PIXELS = 8
 
 
@@ -23,8 +24,8 @@ class IndirectLight:
 
     def __init__(self, scene: SceneObject, tracer: Tracer, view: View) -> None:
         self._scene, self._tracer, self._view = scene, tracer, view
-        surface = radiosity.cluster(scene.mesh, OBJECT_PATCHES)
-        table = radiosity.disc(TABLE_RADIUS_M, rings=20, sectors=40)
+        surface = radiosity.cluster(scene.mesh, tracer, OBJECT_PATCHES)
+        table = radiosity.disc(TABLE_RADIUS_M, rings=20, sectors=40, far_m=TABLE_END_M)
         self._count = len(surface.centres)
         self._patches = radiosity.joined(surface, table)
         self._factors = radiosity.form_factors(self._patches, tracer)
@@ -37,9 +38,8 @@ class IndirectLight:
         pixels, first, number = np.unique(view.surface.pixels, return_index=True, return_inverse=True)
         self._pixels = pixels
         self._reflectance = view.share * np.bincount(number, view.surface.albedo).astype(np.float32)
-        self._point_normals = view.surface.normals[first]
         self._to_pixels = radiosity.interpolation(
-            surface, view.surface.points[first].astype(float), self._point_normals.astype(float)
+            surface, view.surface.points[first].astype(float), view.surface.normals[first].astype(float)
         )
         table_share = view.share * np.bincount(view.table.pixels, minlength=view.lens.width * view.lens.height)
         self._table_reflectance = (TABLE_ALBEDO * table_share).astype(np.float32)
@@ -58,14 +58,10 @@ class IndirectLight:
 
     def ambient(self) -> Float32Array:
         """The picture (H, W) under the room's light alone, all bounces; a white surface under open sky sends 1."""
-        up = self._patches.normals[:, 2]
-        blocked = self._factors[:, : self._count].sum(axis=1).astype(float)
-        direct = np.clip((1 + up) / 2 - blocked, 0, None)
-        indirect = radiosity.bounced(self._factors, self._albedo, direct)
-        surface_sky = (1 + self._point_normals[:, 2]) / 2 - self._to_pixels @ blocked[: self._count].astype(np.float32)
+        direct = np.clip(1 - self._factors.sum(axis=1).astype(float), 0, None)
+        everything = direct + radiosity.bounced(self._factors, self._albedo, direct)
         return self._picture(
-            np.clip(surface_sky, 0, None) + self._to_pixels @ indirect[: self._count].astype(np.float32),
-            self._to_grid @ (direct + indirect)[self._count :],
+            self._to_pixels @ everything[: self._count].astype(np.float32), self._to_grid @ everything[self._count :]
         )
 
     def _picture(self, surface: FloatArray | Float32Array, table: FloatArray) -> Float32Array:

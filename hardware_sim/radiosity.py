@@ -17,12 +17,17 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from acquisition.types import Float32Array, FloatArray
+from acquisition.types import BoolArray, Float32Array, FloatArray
 from hardware_sim.sheets import Mesh
 from hardware_sim.tracing import START_M, Tracer
 
 TURN_M = 0.012
 """Two points whose normals are at right angles count as √2 times this far apart when points are clustered."""
+NEAR_AREAS = 20.0
+NEAR_CONNECTIONS = 16
+"""Patches nearer than the root of so many patch areas are compared by so many pairs of points."""
+LIFT_M = 6e-5
+"""Connections run this far above the surface."""
 NEIGHBOURS = 10
 """Patches that a pixel's indirect light is interpolated from."""
 
@@ -44,8 +49,8 @@ class Patches:
         return np.bincount(self.point_patches, values, count) / np.bincount(self.point_patches, minlength=count)
 
 
-def cluster(mesh: Mesh, count: int, points_per_patch: int = 20) -> Patches:
-    """About `count` patches of a mesh's surface, always the same for the same mesh."""
+def cluster(mesh: Mesh, tracer: Tracer, count: int, points_per_patch: int = 20) -> Patches:
+    """About `count` patches of what is exposed of a mesh, always the same for the same mesh."""
     random = np.random.default_rng(1)
     areas = mesh.areas
     total = float(areas.sum())
@@ -59,6 +64,8 @@ def cluster(mesh: Mesh, count: int, points_per_patch: int = 20) -> Patches:
     corners = mesh.triangles[faces]
     points = corners[:, 0] + u[:, None] * (corners[:, 1] - corners[:, 0]) + v[:, None] * (corners[:, 2] - corners[:, 0])
     normals = mesh.face_normals[faces]
+    outside = exposed(tracer, points, normals)
+    points, normals = points[outside], normals[outside]
 
     place = np.concatenate([points, TURN_M * normals], axis=1)
     seeds = place[random.choice(len(place), count, replace=False)]
@@ -74,12 +81,15 @@ def cluster(mesh: Mesh, count: int, points_per_patch: int = 20) -> Patches:
     middle = order[np.unique(nearest[order], return_index=True)[1]]
     mean_normal = seeds[:, 3:] / np.linalg.norm(seeds[:, 3:], axis=1, keepdims=True)
     share = np.bincount(nearest) / len(nearest)
-    return Patches(points[middle], mean_normal, total * share, points, normals, nearest)
+    return Patches(points[middle], mean_normal, total * float(outside.mean()) * share, points, normals, nearest)
 
 
-def disc(radius_m: float, rings: int, sectors: int) -> Patches:
-    """Patches of a table: rings round the z axis that widen outwards, facing up."""
-    edges = radius_m * np.linspace(0, 1, rings + 1) ** 1.3
+def disc(radius_m: float, rings: int, sectors: int, far_m: float) -> Patches:
+    """Patches of a table, facing up: `rings` within `radius_m` of the z axis, and wider ones out to `far_m`."""
+    within = radius_m * np.linspace(0, 1, rings + 1) ** 1.3
+    beyond = np.geomspace(radius_m, far_m, 1 + round(np.log(far_m / radius_m) / 0.4))
+    edges = np.concatenate([within, beyond[1:]])
+    rings = len(edges) - 1
     angles = 2 * np.pi * np.arange(sectors) / sectors
     inner, outer = edges[:-1, None], edges[1:, None]
     middle = np.sqrt((inner**2 + outer**2) / 2)
@@ -116,57 +126,102 @@ def joined(first: Patches, second: Patches) -> Patches:
     )
 
 
+def exposed(tracer: Tracer, points: FloatArray, normals: FloatArray) -> BoolArray:
+    """Which points (N, 3) of the tracer's mesh lie on its outside, not buried in another of its overlapping solids.
+
+    A ray that leaves a buried point along its normal (N, 3) stops at a face that it meets from behind.
+    """
+    starts = points + START_M * normals
+    hits = tracer.first_hits(starts.astype(np.float32), normals.astype(np.float32))
+    return (hits.triangles < 0) | (np.einsum("ni,ni->n", tracer.mesh.face_normals[hits.triangles], normals) < 1e-6)
+
+
 def form_factors(patches: Patches, tracer: Tracer) -> Float32Array:
-    """F (P, P): the share of patch i's hemisphere, weighted by the cosine, that patch j fills as i sees it."""
-    rows, columns, kernel = _pairs(patches.centres, patches.normals, patches.areas)
-    starts = patches.centres + 5 * START_M * patches.normals
+    """F (P, P): the share of patch i's hemisphere, weighted by the cosine, that patch j fills as i sees it.
+
+    Patches close to each other are compared point by point, since part of one may be hidden from the other; far ones
+    from centre to centre.
+    """
+    count = len(patches.centres)
+    order = np.argsort(patches.point_patches, kind="stable")
+    first = np.searchsorted(patches.point_patches[order], np.arange(count + 1))
+    points, normals = patches.points[order], patches.point_normals[order]
+    rows, columns, starts, ends, kernel = _pairs(
+        patches.centres, patches.normals, patches.areas, points, normals, first.astype(np.int64)
+    )
     seen = np.empty(len(rows), dtype=bool)
     for start in range(0, len(rows), 1_000_000):
         part = slice(start, start + 1_000_000)
-        origins, targets = starts[rows[part]], starts[columns[part]]
-        way = targets - origins
-        # A ray has no end, so it goes from each to the other and must miss on both: nothing lies between when the hit,
-        # if any, lies beyond the far end; a closed surface always stops what continues behind the far patch.
-        hits = tracer.first_hits(origins.astype(np.float32), way.astype(np.float32))
+        # A ray has no end, so what it hits beyond the far patch does not count.
+        hits = tracer.first_hits(starts[part], ends[part] - starts[part])
         seen[part] = (hits.triangles < 0) | (hits.distances > 1 - 1e-3)
     rows, columns, kernel = rows[seen], columns[seen], kernel[seen]
-    factors = np.zeros((len(patches.centres),) * 2, dtype=np.float32)
-    factors[rows, columns] = kernel * patches.areas[columns]
-    factors[columns, rows] = kernel * patches.areas[rows]
+    both = np.concatenate([rows * count + columns, columns * count + rows])
+    share = np.concatenate([kernel * patches.areas[columns], kernel * patches.areas[rows]])
+    factors = np.bincount(both, share, count * count).astype(np.float32).reshape(count, count)
     # Discs in touch can fill more than the hemisphere; nobody can.
     return factors / np.maximum(factors.sum(axis=1, keepdims=True), 1.0)
 
 
-@numba.njit("Tuple((int64[::1], int64[::1], float64[::1]))(float64[:, ::1], float64[:, ::1], float64[::1])", cache=True)
+@numba.njit(
+    "Tuple((int64[::1], int64[::1], float32[:, ::1], float32[:, ::1], float64[::1]))"
+    "(float64[:, ::1], float64[:, ::1], float64[::1], float64[:, ::1], float64[:, ::1], int64[::1])",
+    cache=True,
+)
 def _pairs(
-    centres: FloatArray, normals: FloatArray, areas: FloatArray
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], FloatArray]:
-    """Pairs of patches that face each other, and F_ij / A_j of each, symmetric."""
+    centres: FloatArray,
+    normals: FloatArray,
+    areas: FloatArray,
+    points: FloatArray,
+    point_normals: FloatArray,
+    first: npt.NDArray[np.int64],
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Float32Array, Float32Array, FloatArray]:
+    """Connections between patches that face each other: both patches, both ends, and the part of F_ij / A_j.
+
+    The points of patch i are points[first[i] : first[i + 1]].
+    """
     count = len(centres)
-    total = 0
     rows = np.empty(0, dtype=np.int64)
     columns = np.empty(0, dtype=np.int64)
+    starts = np.empty((0, 3), dtype=np.float32)
+    ends = np.empty((0, 3), dtype=np.float32)
     kernel = np.empty(0, dtype=np.float64)
+    p, q, m, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    total = 0
     for fill in (False, True):
         if fill:
-            rows = np.empty(total, dtype=np.int64)
-            columns = np.empty(total, dtype=np.int64)
+            rows, columns = np.empty(total, dtype=np.int64), np.empty(total, dtype=np.int64)
+            starts, ends = np.empty((total, 3), dtype=np.float32), np.empty((total, 3), dtype=np.float32)
             kernel = np.empty(total, dtype=np.float64)
             total = 0
         for i in range(count):
             for j in range(i + 1, count):
                 x, y, z = centres[j, 0] - centres[i, 0], centres[j, 1] - centres[i, 1], centres[j, 2] - centres[i, 2]
-                out = normals[i, 0] * x + normals[i, 1] * y + normals[i, 2] * z
-                back = -(normals[j, 0] * x + normals[j, 1] * y + normals[j, 2] * z)
-                if out <= 0 or back <= 0:
-                    continue
-                if fill:
-                    square = x * x + y * y + z * z
-                    rows[total] = i
-                    columns[total] = j
-                    kernel[total] = out * back / (square * (np.pi * square + (areas[i] + areas[j]) / 2))
-                total += 1
-    return rows, columns, kernel
+                area = (areas[i] + areas[j]) / 2
+                near = x * x + y * y + z * z < NEAR_AREAS * area
+                in_first, in_second = first[i + 1] - first[i], first[j + 1] - first[j]
+                connections = NEAR_CONNECTIONS if near else 1
+                for k in range(connections):
+                    if near:
+                        one, other = first[i] + k % in_first, first[j] + (7 * k + 3) % in_second
+                        p[:], m[:] = points[one], point_normals[one]
+                        q[:], n[:] = points[other], point_normals[other]
+                    else:
+                        p[:], m[:], q[:], n[:] = centres[i], normals[i], centres[j], normals[j]
+                    x, y, z = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+                    out = m[0] * x + m[1] * y + m[2] * z
+                    back = -(n[0] * x + n[1] * y + n[2] * z)
+                    if out <= 0 or back <= 0:
+                        continue
+                    if fill:
+                        square = x * x + y * y + z * z
+                        rows[total], columns[total] = i, j
+                        kernel[total] = out * back / (square * (np.pi * square + area / connections)) / connections
+                        for axis in range(3):
+                            starts[total, axis] = p[axis] + LIFT_M * m[axis]
+                            ends[total, axis] = q[axis] + LIFT_M * n[axis]
+                    total += 1
+    return rows, columns, starts, ends, kernel
 
 
 def bounced(factors: Float32Array, albedo: FloatArray, direct: FloatArray) -> FloatArray:

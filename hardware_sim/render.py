@@ -209,7 +209,7 @@ def _facing(
     cache=True,
     fastmath=True,
 )
-def _shade(  # noqa: PLR0917 - numba takes no keywords
+def _shade(
     points: Float32Array,
     normals: Float32Array,
     albedo: Float32Array,

@@ -28,6 +28,7 @@ class Tracer:
     """Answers which triangle a ray hits first, and whether it hits any."""
 
     def __init__(self, mesh: Mesh) -> None:
+        self.mesh = mesh
         self._scene = EmbreeScene()
         TriangleMesh(self._scene, np.ascontiguousarray(mesh.triangles, dtype=np.float32))
 

@@ -19,9 +19,10 @@ def grid(corner: list[float], along: list[float], across: list[float], cells: in
 
 def factor_between(first: Mesh, second: Mesh, count: int = 400) -> float:
     """F from all of one surface to all of another."""
-    a, b = radiosity.cluster(first, count), radiosity.cluster(second, count)
+    tracer = Tracer(sheets.joined([first, second]))
+    a, b = radiosity.cluster(first, tracer, count), radiosity.cluster(second, tracer, count)
     patches = radiosity.joined(a, b)
-    factors = radiosity.form_factors(patches, Tracer(sheets.joined([first, second])))
+    factors = radiosity.form_factors(patches, tracer)
     n = len(a.centres)
     return float((a.areas @ factors[:n, n:].sum(axis=1)) / a.areas.sum())
 
@@ -42,8 +43,8 @@ def test_a_wall_between_hides_them_from_each_other() -> None:
     floor = grid([0, 0, 0], [1, 0, 0], [0, 1, 0])
     ceiling = grid([0, 0, SIDE], [0, 1, 0], [1, 0, 0])
     between = sheets.box((-0.1, -0.1, 0.045), (0.2, 0.2, 0.055))
-    a, b = radiosity.cluster(floor, 100), radiosity.cluster(ceiling, 100)
     tracer = Tracer(sheets.joined([floor, ceiling, between]))
+    a, b = radiosity.cluster(floor, tracer, 100), radiosity.cluster(ceiling, tracer, 100)
     assert radiosity.form_factors(radiosity.joined(a, b), tracer).max() == 0
 
 
@@ -52,8 +53,9 @@ def cavity() -> tuple[radiosity.Patches, np.ndarray]:
     """The inside of a sphere."""
     grids = [sheets.sheet(0.05 * unit, -unit) for unit in sheets.cube_directions(40)]
     mesh = sheets.joined(grids)
-    patches = radiosity.cluster(mesh, 900)
-    return patches, radiosity.form_factors(patches, Tracer(mesh))
+    tracer = Tracer(mesh)
+    patches = radiosity.cluster(mesh, tracer, 900)
+    return patches, radiosity.form_factors(patches, tracer)
 
 
 def test_a_closed_cavity_keeps_its_light(cavity: tuple[radiosity.Patches, np.ndarray]) -> None:
@@ -83,17 +85,17 @@ def test_energy_is_reciprocal(cavity: tuple[radiosity.Patches, np.ndarray]) -> N
 
 def test_patches_cover_the_surface_once() -> None:
     mesh = sheets.box((-0.05, -0.03, 0.0), (0.05, 0.03, 0.04))
-    patches = radiosity.cluster(mesh, 600)
+    patches = radiosity.cluster(mesh, Tracer(mesh), 600)
     assert patches.areas.sum() == pytest.approx(mesh.areas.sum(), rel=1e-9)
     top = patches.normals[:, 2] > 0.99
     assert patches.areas[top].sum() == pytest.approx(0.1 * 0.06, rel=0.03)
     assert np.abs(patches.normals).max(axis=1).min() > 0.7
-    assert radiosity.disc(0.2, 10, 24).areas.sum() == pytest.approx(np.pi * 0.04)
+    assert radiosity.disc(0.2, 10, 24, 1.0).areas.sum() == pytest.approx(np.pi)
 
 
 def test_interpolation_keeps_constants_and_is_smooth() -> None:
     mesh = grid([0, 0, 0], [1, 0, 0], [0, 1, 0])
-    patches = radiosity.cluster(mesh, 400)
+    patches = radiosity.cluster(mesh, Tracer(mesh), 400)
     x = np.linspace(0.02, 0.08, 2000)
     points = np.stack([x, np.full_like(x, 0.05), np.zeros_like(x)], axis=1)
     matrix = radiosity.interpolation(patches, points, np.tile([0.0, 0.0, 1.0], (len(x), 1)))

@@ -1,0 +1,95 @@
+"""Bounced and ambient light against a path tracer written here, which knows no patches."""
+
+import numpy as np
+import pytest
+
+from acquisition import geometry
+from hardware_sim import nominal, objects, render
+from hardware_sim.indirect import IndirectLight
+from hardware_sim.objects import SceneObject
+from hardware_sim.render import TABLE_ALBEDO, Lamp, Lens, Samples
+from hardware_sim.tracing import START_M, Tracer
+
+PIXELS = 128
+
+
+def lens() -> Lens:
+    calibration = nominal.calibration(PIXELS)
+    object_from_camera = np.array(calibration.base_from_camera)
+    object_from_camera[0, 3] -= 0.55
+    matrix, distortion = np.array(calibration.camera_matrix), np.array(calibration.distortion)
+    return Lens(PIXELS, PIXELS, matrix, distortion, object_from_camera)
+
+
+def lamp() -> Lamp:
+    towards = geometry.direction(np.radians(45), 1.0)
+    return Lamp(np.array([0, 0, 0.03]) + 0.45 * towards, -towards, 1.0, 0.45, 0.8)
+
+
+def trace_paths(
+    scene: SceneObject, tracer: Tracer, start: Samples, paths: int, light: Lamp | None, bounces: int = 5
+) -> np.ndarray:
+    """Indirect light of a lamp, or all light of a sky of brightness 1, at each start point, by random paths."""
+    random = np.random.default_rng(2)
+    points = np.repeat(start.points.astype(float), paths, axis=0)
+    normals = np.repeat(start.normals.astype(float), paths, axis=0)
+    carried = np.ones(len(points))
+    gathered = np.zeros(len(points))
+    mesh = scene.mesh
+    for _ in range(bounces):
+        # Cosine-weighted directions: a point of the unit sphere about the tip of the normal.
+        directions = random.normal(size=points.shape)
+        directions = normals + directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        origins = (points + START_M * normals).astype(np.float32)
+        hits = tracer.first_hits(origins, directions.astype(np.float32))
+        on_object = hits.triangles >= 0
+        on_table = ~on_object & (directions[:, 2] < -1e-9)
+        gone = ~on_object & ~on_table
+        if light is None:
+            gathered[gone] += carried[gone]
+        reach = np.where(on_object, hits.distances, -origins[:, 2] / np.where(on_table, directions[:, 2], -1.0))
+        points = origins + directions * reach[:, None]
+        normals = np.where(on_object[:, None], mesh.face_normals[hits.triangles], [0.0, 0.0, 1.0])
+        # A face met from behind is the inside of a shading normal's slip; nothing comes from there.
+        behind = on_object & (np.einsum("ni,ni->n", normals, directions) > 0)
+        albedo = np.where(on_object, scene.texture.albedo(points), TABLE_ALBEDO)
+        carried = np.where(gone | behind, 0.0, carried * albedo)
+        if light is not None:
+            free = render.lit(points.astype(np.float32), normals.astype(np.float32), light.position, tracer, scene)
+            gathered += np.where(carried > 0, carried * light.irradiance(points, normals) * free, 0.0)
+    return gathered.reshape(-1, paths).mean(axis=1)
+
+
+@pytest.fixture(scope="module", params=["part"])
+def made(request: pytest.FixtureRequest) -> tuple[SceneObject, Tracer, IndirectLight, Samples]:
+    scene = objects.build(request.param, 1)
+    tracer = Tracer(scene.mesh)
+    camera = lens()
+    view = render.look(scene, tracer, camera, 1)
+    facing = np.nonzero(view.surface.normals[:, 2] > 0.3)[0]
+    some = np.random.default_rng(1).choice(facing, 1000, replace=False)
+    surface = view.surface
+    points = Samples(surface.pixels[some], surface.points[some], surface.normals[some], surface.albedo[some])
+    return scene, tracer, IndirectLight(scene, tracer, view), points
+
+
+def test_bounced_light_is_that_of_random_paths(
+    made: tuple[SceneObject, Tracer, IndirectLight, Samples],
+) -> None:
+    scene, tracer, indirect, points = made
+    expected = trace_paths(scene, tracer, points, 200, lamp())
+    found = indirect.bounced(lamp()).ravel()[points.pixels] / points.albedo
+    assert found.sum() == pytest.approx(expected.sum(), rel=0.09)
+    assert np.corrcoef(found, expected)[0, 1] > 0.93
+    assert np.sqrt(np.mean((found - expected) ** 2)) < 0.35 * np.sqrt(np.mean(expected**2))
+
+
+def test_ambient_light_is_that_of_random_paths(
+    made: tuple[SceneObject, Tracer, IndirectLight, Samples],
+) -> None:
+    scene, tracer, indirect, points = made
+    expected = trace_paths(scene, tracer, points, 200, None)
+    found = indirect.ambient().ravel()[points.pixels] / points.albedo
+    assert found.mean() == pytest.approx(expected.mean(), rel=0.03)
+    assert np.corrcoef(found, expected)[0, 1] > 0.9
