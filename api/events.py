@@ -23,7 +23,7 @@ KEEP_ALIVE_S = 10.0
 BATCH = 200
 READERS = 4
 """Threads that listeners may occupy together, so that a hundred of them leave the others to the rest of the service."""
-_LOOK_AGAIN_S = 0.5
+_LOOK_AGAIN_S = 0.2
 
 
 class EventFeed:

@@ -3,8 +3,9 @@
 import re
 import threading
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import httpx
@@ -33,9 +34,6 @@ class Running:
     settings: Settings
 
 
-Starter = Callable[..., "Running"]
-
-
 def write_cell(folder: Path, address: str) -> Path:
     """The simulated cell's file with arm and camera at `address`."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -48,8 +46,8 @@ def write_cell(folder: Path, address: str) -> Path:
 
 
 @contextmanager
-def running(folder: Path, address: str = NOBODY, port: int = 0, **more: object) -> Generator[Running]:
-    """Runs a service for a cell at `address`, with its data in `folder`/data."""
+def serve(chosen: Settings) -> Generator[Running]:
+    """Runs a service in a thread of this process."""
     listening = threading.Event()
     said: list[str] = []
 
@@ -57,7 +55,6 @@ def running(folder: Path, address: str = NOBODY, port: int = 0, **more: object) 
         said.append(url)
         listening.set()
 
-    chosen = settings.read(cell=write_cell(folder, address), data=folder / "data", host=SERVICE, port=port, **more)
     made = server.make(chosen, say)
     thread = threading.Thread(target=made.run)
     thread.start()
@@ -69,6 +66,18 @@ def running(folder: Path, address: str = NOBODY, port: int = 0, **more: object) 
         made.should_exit = True
         thread.join(20)
         assert not thread.is_alive()
+
+
+def running(folder: Path, address: str = NOBODY, port: int = 0, **more: object) -> AbstractContextManager[Running]:
+    """Runs a service for a cell at `address`, with its data in `folder`/data."""
+    cell = write_cell(folder, address)
+    return serve(settings.read(cell=cell, data=folder / "data", host=SERVICE, port=port, **more))
+
+
+@pytest.fixture(scope="session")
+def serving() -> Callable[[Settings], AbstractContextManager[Running]]:
+    """`serving(settings)` is a context manager that runs a service."""
+    return serve
 
 
 @pytest.fixture(scope="module")
@@ -86,13 +95,10 @@ def own(tmp_path: Path) -> Generator[Running]:
 
 
 @pytest.fixture
-def start(tmp_path: Path) -> Callable[..., object]:
+def start(tmp_path: Path) -> Callable[..., AbstractContextManager[Running]]:
     """`start(address=…, port=…)` is a context manager that runs a service; the data folder stays the same."""
 
-    def begin(**arguments: object) -> object:
-        return running(tmp_path, **arguments)  # type: ignore[arg-type]
-
-    return begin
+    return partial(running, tmp_path)
 
 
 @pytest.fixture

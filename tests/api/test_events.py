@@ -1,0 +1,152 @@
+"""The event stream: replayed, followed, taken up again, and nothing lost for anybody."""
+
+import json
+import socket
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from itertools import islice
+from typing import Any
+
+import pytest
+
+from api import events as events_module
+
+
+def ids(found: list[Any]) -> list[int]:
+    return [event.id for event in found]
+
+
+def announce(service: Any, count: int, session_id: str | None = None) -> None:
+    for number in range(count):
+        service.service.store.journal.announce(session_id, "test.event", {"number": number})
+
+
+def test_replay_begins_after_the_id_given(own: Any) -> None:
+    announce(own, 5)
+
+    assert ids(list(islice(own.client.events(after=0), 5))) == [1, 2, 3, 4, 5]
+    assert ids(list(islice(own.client.events(after=3), 2))) == [4, 5]
+
+
+def test_the_header_goes_before_the_query(own: Any) -> None:
+    announce(own, 5)
+
+    answer = own.http.get("/v1/events?after=1&follow=false", headers={"Last-Event-ID": "4"})
+
+    assert answer.headers["content-type"].startswith("text/event-stream")
+    lines = answer.text.splitlines()
+    assert lines[:3] == ["retry: 1000", "id: 4", ""]
+    assert lines[3:5] == ["id: 5", "event: test.event"]
+    data = json.loads(lines[5].removeprefix("data: "))
+    assert data["id"] == 5
+    assert data["body"] == {"number": 4}
+
+
+def test_without_an_id_the_stream_begins_now(own: Any) -> None:
+    announce(own, 3)
+    stream = own.client.events()
+    with ThreadPoolExecutor(1) as pool:
+        first = pool.submit(next, stream)
+        while own.server._feed.listeners == 0:
+            threading.Event().wait(0.01)
+        announce(own, 1)
+        assert first.result(10).id == 4
+
+
+def test_sessions_and_types_can_be_chosen(own: Any) -> None:
+    one, other = own.client.create(), own.client.create()
+    announce(own, 2, one.id)
+    own.client.stop(other.id)
+
+    assert [event.type for event in own.client.past_events(one.id)] == ["session.created", "test.event", "test.event"]
+    chosen = own.http.get("/v1/events?after=0&follow=false&type=session.state&type=test.event").text
+    assert chosen.count("event: test.event") == 2
+    assert chosen.count("event: session.state") == 1
+    assert "session.created" not in chosen
+
+
+def test_more_events_than_a_batch(own: Any) -> None:
+    count = 2 * events_module.BATCH + 7
+    announce(own, count)
+
+    assert ids(list(islice(own.client.events(after=0), count))) == list(range(1, count + 1))
+
+
+def test_a_chosen_session_is_followed_past_the_events_of_others(own: Any) -> None:
+    made = own.client.create()
+    stream = own.client.events(made.id, after=0)
+    assert next(stream).type == "session.created"
+    announce(own, 300)
+
+    own.client.stop(made.id)
+
+    assert next(stream).body["state"] == "stopped"
+
+
+def test_a_quiet_stream_is_kept_alive(own: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(events_module, "KEEP_ALIVE_S", 0.05)
+    with own.http.stream("GET", "/v1/events") as answer:
+        text = ""
+        for part in answer.iter_text():
+            text += part
+            if text.count(": keep-alive\n\n") >= 2:
+                break
+
+    assert text.count(": keep-alive") >= 2
+
+
+def test_nobody_misses_an_event_while_others_write_and_one_stalls(own: Any) -> None:
+    writers, each, listeners = 3, 60, 20
+    host, port = own.url.removeprefix("http://").split(":")
+    with socket.create_connection((host, int(port))) as stalled, ThreadPoolExecutor(listeners + writers) as pool:
+        stalled.sendall(f"GET /v1/events?after=0 HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())  # and never reads
+        heard = [
+            pool.submit(lambda: ids(list(islice(own.client.events(after=0), writers * each)))) for _ in range(listeners)
+        ]
+        for future in [pool.submit(announce, own, each) for _ in range(writers)]:
+            future.result(30)
+        assert all(future.result(30) == list(range(1, writers * each + 1)) for future in heard)
+
+
+def test_a_client_reads_on_where_the_last_service_ended(start: Any) -> None:
+    """The stream ends in good order when the service does; the generator connects again to the next one."""
+    heard: list[int] = []
+    three, five = threading.Event(), threading.Event()
+
+    def listen(client: Any) -> None:
+        for event in client.events(after=0):
+            heard.append(event.id)
+            if len(heard) == 3:
+                three.set()
+            if len(heard) == 5:
+                five.set()
+                return
+
+    with start() as service:
+        port = int(service.url.rsplit(":", 1)[1])
+        client = type(service.client)(service.url)
+        thread = threading.Thread(target=listen, args=(client,))
+        thread.start()
+        announce(service, 3)
+        assert three.wait(10)
+    with start(port=port) as service:
+        announce(service, 2)
+        assert five.wait(10)
+    thread.join(10)
+    client.close()
+
+    assert heard == [1, 2, 3, 4, 5]
+
+
+def test_listeners_that_leave_are_forgotten(own: Any) -> None:
+    for _ in range(5):
+        with own.http.stream("GET", "/v1/events?after=0") as answer:
+            next(answer.iter_text())
+    gone = threading.Event()
+    for _ in range(200):
+        announce(own, 1)
+        if own.server._feed.listeners == 0:
+            break
+        gone.wait(0.02)
+
+    assert own.server._feed.listeners == 0

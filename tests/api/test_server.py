@@ -1,0 +1,139 @@
+"""The server process: where it may listen, how it starts and how it ends."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from acquisition.errors import ErrorCode, RigError
+from api import server, settings
+
+HEAVY = ("numba", "trimesh", "embreex", "matplotlib", "rtde_control", "rtde_receive", "hardware_sim")
+
+
+@contextmanager
+def process(cell_file: Path, data: Path) -> Generator[tuple[subprocess.Popen[str], str]]:
+    code = (
+        "import sys; from pathlib import Path; from api import server, settings; "
+        "server.serve(settings.read(cell=Path(sys.argv[1]), data=Path(sys.argv[2]), host='127.0.4.4', port=0))"
+    )
+    started = subprocess.Popen(
+        [sys.executable, "-c", code, str(cell_file), str(data)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert started.stdout is not None
+        line = started.stdout.readline()
+        assert line.startswith("ready http://127.0.4.4:"), started.communicate()[1]
+        yield started, line.removeprefix("ready ").strip()
+    finally:
+        started.kill()
+        started.communicate()
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.5", "::", "lab-server", "example.org"])  # noqa: S104
+def test_it_listens_on_this_machine_only(cell_file: Path, tmp_path: Path, host: str) -> None:
+    with pytest.raises(RigError) as refused:
+        server.make(settings.read(cell=cell_file, data=tmp_path / "data", host=host))
+
+    assert refused.value.code is ErrorCode.CONFIG_INVALID
+    assert "SSH tunnel" in refused.value.detail
+    assert not (tmp_path / "data").exists()
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.0.4.2", "::1", "localhost"])
+def test_loopback_has_several_names(host: str) -> None:
+    settings.refuse_open_bind(host)
+
+
+@pytest.mark.parametrize(
+    ("given", "name"),
+    [({"port": 70000}, "LIGHTPOSE_PORT"), ({"host": ""}, "LIGHTPOSE_HOST"), ({"colour": 1}, "LIGHTPOSE_COLOUR")],
+)
+def test_bad_settings_name_the_variable(cell_file: Path, given: dict[str, Any], name: str) -> None:
+    with pytest.raises(RigError, match=name) as refused:
+        settings.read(cell=cell_file, **given)
+
+    assert refused.value.code is ErrorCode.CONFIG_INVALID
+
+
+def test_settings_come_from_the_environment(monkeypatch: pytest.MonkeyPatch, cell_file: Path) -> None:
+    monkeypatch.setenv("LIGHTPOSE_CELL", str(cell_file))
+    monkeypatch.setenv("LIGHTPOSE_PORT", "8123")
+    monkeypatch.setenv("LIGHTPOSE_ALLOWED_ORIGINS", "http://a.example, HTTP://B.example/")
+
+    found = settings.read(port=8124)
+
+    assert (found.cell, found.port) == (cell_file, 8124)
+    assert found.allowed_origins == ("http://a.example", "http://b.example")
+
+
+def test_a_cell_file_that_there_is_not(tmp_path: Path) -> None:
+    with pytest.raises(RigError) as refused:
+        server.make(settings.read(cell=tmp_path / "nothing.toml", data=tmp_path / "data"))
+
+    assert refused.value.code is ErrorCode.CONFIG_INVALID
+    assert "nothing.toml" in refused.value.detail
+
+
+def test_one_service_for_a_data_folder(own: Any) -> None:
+    with pytest.raises(RigError) as refused:
+        server.make(own.settings)
+
+    assert refused.value.code is ErrorCode.STORE_LOCKED
+
+
+def test_a_port_that_is_taken(cell_file: Path, tmp_path: Path) -> None:
+    with socket.create_server(("127.0.4.5", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(RigError, match=f"127.0.4.5:{port}") as refused:
+            server.serve(settings.read(cell=cell_file, data=tmp_path / "data", host="127.0.4.5", port=port))
+
+    assert refused.value.code is ErrorCode.CONFIG_INVALID
+
+
+def test_a_signal_halts_the_arm_before_the_server_ends(own: Any) -> None:
+    runner = own.service.runner
+    assert not runner._token.is_set()
+
+    own.server.handle_exit(signal.SIGTERM, None)
+
+    assert runner._token.is_set()
+    own.server._captured_signals.clear()  # so that uvicorn does not raise it again in this process
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_it_ends_in_good_order_although_somebody_listens(cell_file: Path, tmp_path: Path, number: int) -> None:
+    with (
+        process(cell_file, tmp_path / "data") as (started, url),
+        httpx.stream("GET", f"{url}/v1/events?after=0", timeout=20) as answer,
+    ):
+        parts = answer.iter_text()
+        next(parts)
+        os.kill(started.pid, number)
+        assert all(part is not None for part in parts)  # the stream ends, it does not break
+        _, errors = started.communicate(timeout=20)
+
+    assert started.returncode == (-signal.SIGTERM if number == signal.SIGTERM else 0)
+    assert "Traceback" not in errors
+
+
+def test_the_service_imports_no_kernel_and_no_ray_tracer() -> None:
+    code = (
+        "import sys, api.app, api.server, api.wiring, api.client; "
+        f"print([name for name in {HEAVY!r} if name in sys.modules])"
+    )
+
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+
+    assert found.stdout.strip() == "[]"

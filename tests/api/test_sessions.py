@@ -1,0 +1,275 @@
+"""Sessions without a cell: created, listed, refused, deleted; the journal is the real one."""
+
+import shutil
+import socket
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import httpx
+import pytest
+
+from acquisition.errors import ErrorCode
+from acquisition.session import State, Trigger
+from acquisition.types import Recipe
+from api.client import ProblemError
+
+
+def test_an_empty_body_and_an_empty_object_are_good_sessions(shared: Any) -> None:
+    for content, headers in ((b"", {}), (b"{}", {"Content-Type": "application/json; charset=utf-8"})):
+        answer = shared.http.post("/v1/sessions", content=content, headers=headers)
+
+        assert answer.status_code == 201
+        made = answer.json()
+        assert answer.headers["location"] == made["links"]["self"] == f"/v1/sessions/{made['id']}"
+        assert made["state"] == "created"
+        assert made["stage"] == "pilot"
+        assert made["progress"] == 0.0
+        assert made["allowed_actions"] == ["start", "stop"]
+        assert made["recipe"] == Recipe().model_dump(mode="json")
+        assert made["answer"] is None
+        assert made["arm"] == "The arm is not this session's."
+        assert all(shared.http.get(link).status_code == 200 for name, link in made["links"].items() if name != "events")
+
+
+def test_the_recipe_is_kept_as_it_was_asked_for(shared: Any) -> None:
+    recipe = Recipe(
+        method="user", user_lights=[(0.1, 0.2, 0.5), (0.0, 0.1, 0.5), (0.2, 0.0, 0.5)], label="Münze", retakes=0
+    )
+
+    made = shared.client.create(recipe)
+
+    assert made.recipe == recipe
+    assert shared.client.session(made.id).recipe == recipe
+
+
+def test_a_key_makes_one_session_only(own: Any) -> None:
+    with ThreadPoolExecutor(4) as pool:
+        made = [future.result() for future in [pool.submit(own.client.create, Recipe(), "key-1") for _ in range(8)]]
+
+    assert len({item.id for item in made}) == 1
+    again = own.http.post("/v1/sessions", headers={"Idempotency-Key": "key-1"})
+    assert again.status_code == 200
+    assert again.headers["location"] == f"/v1/sessions/{made[0].id}"
+    with pytest.raises(ProblemError) as refused:
+        own.client.create(Recipe(seed=1), "key-1")
+    assert refused.value.code is ErrorCode.REQUEST_INVALID
+    assert refused.value.context["session_id"] == made[0].id
+    assert len(list(own.client.sessions())) == 1
+
+
+def test_the_list_has_pages(own: Any) -> None:
+    made = [own.client.create(Recipe(seed=seed)) for seed in range(7)]
+
+    first = own.http.get("/v1/sessions?limit=3").json()
+    second = own.http.get(first["next"]).json()
+    third = own.http.get(second["next"]).json()
+
+    assert [item["id"] for page in (first, second, third) for item in page["items"]] == [x.id for x in reversed(made)]
+    assert third["next"] is None
+    assert own.http.get("/v1/sessions?limit=7").json()["next"] is None
+
+
+def test_a_start_where_nobody_listens_is_refused_and_moves_nothing(shared: Any) -> None:
+    made = shared.client.create()
+
+    with pytest.raises(ProblemError) as refused:
+        shared.client.start(made.id)
+
+    assert refused.value.code is ErrorCode.ARM_UNREACHABLE
+    assert refused.value.context["address"] == "127.0.4.1"
+    assert shared.client.session(made.id).state is State.CREATED
+    rig = shared.client.rig()
+    assert not rig.may_start
+    assert not rig.connected
+    assert rig.arm is None
+    assert rig.reading is None
+    assert [reason.code for reason in rig.reasons] == [ErrorCode.ARM_UNREACHABLE]
+
+
+def test_health_says_which_device_is_absent(shared: Any) -> None:
+    assert shared.http.get("/health/live").json() == {"status": "ok"}
+
+    answer = shared.http.get("/health/ready")
+
+    assert answer.status_code == 503
+    assert answer.json()["code"] == ErrorCode.RIG_NOT_READY
+    assert answer.json()["reasons"]
+
+
+@pytest.mark.parametrize("action", ["start", "pause", "resume"])
+def test_an_action_on_an_ended_session(shared: Any, action: str) -> None:
+    made = shared.client.create()
+    assert shared.client.stop(made.id) is State.STOPPED
+    assert shared.client.stop(made.id) is State.STOPPED  # asking again is no error
+
+    with pytest.raises(ProblemError) as refused:
+        shared.client.act(made.id, action)
+
+    assert refused.value.code is ErrorCode.SESSION_ACTION_NOT_ALLOWED
+    assert refused.value.problem.status == 409
+    assert refused.value.context["allowed"] == []
+    assert shared.client.session(made.id).ended is not None
+
+
+@pytest.mark.parametrize("body", [b"{}", b'{"action": "finish"}', b'{"action": "start", "force": true}', b""])
+def test_an_action_that_there_is_not(shared: Any, body: bytes) -> None:
+    made = shared.client.create()
+
+    answer = shared.http.post(made.links["actions"], content=body, headers={"Content-Type": "application/json"})
+
+    assert answer.status_code == 422
+    assert answer.json()["code"] == ErrorCode.REQUEST_INVALID
+    assert shared.client.session(made.id).state is State.CREATED
+
+
+def test_a_second_session_is_refused_while_one_holds_the_rig(own: Any) -> None:
+    first, second = own.client.create(), own.client.create()
+    own.service.store.journal.trigger(first.id, Trigger.START, "test")
+
+    with pytest.raises(ProblemError) as refused:
+        own.client.start(second.id)
+
+    assert refused.value.code is ErrorCode.RIG_BUSY
+    assert refused.value.context["holder"] == first.id
+    rig = own.client.rig()
+    assert rig.holder == first.id
+    assert not rig.may_start
+    with pytest.raises(ProblemError) as kept:
+        own.client.delete(first.id)
+    assert kept.value.code is ErrorCode.SESSION_ACTION_NOT_ALLOWED
+
+
+def test_results_asked_for_too_early(shared: Any) -> None:
+    made = shared.client.create()
+
+    for path in ("results/0", "results/1", "results/1/normals.png"):
+        answer = shared.http.get(f"/v1/sessions/{made.id}/{path}")
+        assert answer.status_code == 409
+        assert answer.json()["code"] == ErrorCode.RESULT_NOT_READY
+        assert answer.json()["state"] == "created"
+    assert shared.client.results(made.id) == []
+    assert shared.client.passes(made.id) == []
+    assert shared.http.get(f"/v1/sessions/{made.id}/results/2").status_code == 404  # there will be two at most
+    shared.client.stop(made.id)
+    assert shared.http.get(f"/v1/sessions/{made.id}/results/0").status_code == 404  # it will never come
+
+
+def test_passes_and_shots_that_there_are_not_yet(shared: Any) -> None:
+    made = shared.client.create()
+
+    for path in ("passes/0", "passes/0/shots/0/image"):
+        answer = shared.http.get(f"/v1/sessions/{made.id}/{path}")
+        assert (answer.status_code, answer.json()["code"]) == (404, ErrorCode.REQUEST_NOT_FOUND)
+
+
+def test_deleting_takes_the_files_along(shared: Any) -> None:
+    made = shared.client.create()
+    folder = shared.service.store.folder(made.id)
+    assert (folder / "recipe.json").is_file()
+
+    shared.client.delete(made.id)
+
+    assert not folder.exists()
+    with pytest.raises(ProblemError) as gone:
+        shared.client.session(made.id)
+    assert gone.value.code is ErrorCode.SESSION_NOT_FOUND
+
+
+def test_a_session_whose_folder_is_gone_can_be_deleted(shared: Any) -> None:
+    made = shared.client.create()
+    shutil.rmtree(shared.service.store.folder(made.id))
+
+    shared.client.delete(made.id)
+
+    assert made.id not in [session.id for session in shared.client.sessions()]
+
+
+def test_the_history_says_who_asked_for_what(shared: Any) -> None:
+    made = shared.client.create()
+    shared.client.stop(made.id)
+    with pytest.raises(ProblemError):
+        shared.client.resume(made.id)
+
+    answer = shared.http.get(made.links["actions"]).json()
+    short = shared.http.get(f"{made.links['actions']}?limit=1").json()
+
+    assert [(item["action"], item["outcome"]) for item in answer["items"]] == [
+        ("stop", "stopped"),
+        ("resume", "refused"),
+    ]
+    assert all(item["actor"].startswith("operator@127.") for item in answer["items"])
+    assert shared.http.get(short["next"]).json()["items"] == answer["items"][1:]
+
+
+def test_stop_and_acknowledgement_are_never_refused_at_rest(shared: Any) -> None:
+    assert shared.http.post("/v1/rig/stop").status_code == 202
+    assert shared.http.post("/v1/rig/stop", json={"why": "because"}).status_code == 202
+    assert shared.client.safety().clear
+    assert shared.client.acknowledge().clear
+
+
+def test_a_latched_fault_waits_for_a_person(start: Any) -> None:
+    with start() as service:
+        service.service.store.journal.latch(ErrorCode.ARM_PROTECTIVE_STOP, "The arm hit something.")
+    with start() as service:  # the latch outlives the service
+        made = service.client.create()
+        safety = service.client.safety()
+        with pytest.raises(ProblemError) as refused:
+            service.client.start(made.id)
+        acknowledged = service.client.acknowledge()
+
+    assert not safety.clear
+    assert safety.faults[0].code is ErrorCode.ARM_PROTECTIVE_STOP
+    assert safety.faults[0].remedy
+    assert refused.value.code is ErrorCode.SAFETY_NOT_ACKNOWLEDGED
+    assert refused.value.problem.status == 423
+    assert acknowledged.clear
+
+
+def test_the_service_answers_while_the_arm_is_silent(start: Any) -> None:
+    """An address that accepts connections and never says a word, and more waiting starts than there are threads."""
+    with socket.create_server(("127.0.4.3", 29999), backlog=50) as silent, ThreadPoolExecutor(12) as pool:
+        silent.settimeout(5)
+        with start(address="127.0.4.3") as service:
+            made = service.client.create()
+            waiting = [pool.submit(_start, service.url, made.id) for _ in range(10)]
+            held = silent.accept()[0]  # a request for the devices is under way
+            first = service.http.get("/v1/rig").status_code
+            halted = service.http.post("/v1/rig/stop").status_code
+            stopped = service.client.stop(made.id)
+            answered_meanwhile = not any(future.done() for future in waiting)
+            held.close()
+            codes = {future.result(60) for future in waiting}
+
+    assert (first, halted, stopped) == (200, 202, State.STOPPED)
+    assert answered_meanwhile
+    assert codes <= {ErrorCode.ARM_UNREACHABLE, ErrorCode.SESSION_ACTION_NOT_ALLOWED, ErrorCode.RIG_NOT_READY}
+
+
+def test_stop_halts_even_when_the_journal_is_stuck(own: Any) -> None:
+    """A disk that hangs: the journal's lock is held for as long as the stop is tried."""
+    journal, stuck, done = own.service.store.journal, threading.Event(), threading.Event()
+
+    def hold() -> None:
+        with journal._lock:
+            stuck.set()
+            done.wait(20)
+
+    thread = threading.Thread(target=hold)
+    thread.start()
+    try:
+        assert stuck.wait(5)
+        answer = own.http.post("/v1/rig/stop", timeout=5)
+        halted = own.service.runner._token.is_set()
+    finally:
+        done.set()
+        thread.join()
+
+    assert answer.status_code == 202
+    assert halted
+
+
+def _start(url: str, session_id: str) -> str:
+    answer = httpx.post(f"{url}/v1/sessions/{session_id}/actions", json={"action": "start"}, timeout=60)
+    return answer.json()["code"]

@@ -1,0 +1,230 @@
+"""A session in the simulated cell, over HTTP: what the client sees, fetches and stops."""
+
+import hashlib
+import http.client
+import json
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+
+from acquisition.errors import ErrorCode
+from acquisition.session import Stage, State
+from acquisition.types import Recipe
+from api import settings
+from api.client import ProblemError
+from hardware_sim.cell import Cell
+
+CELL = "127.0.4.10"
+RECIPE = Recipe(pilot_lights=3, planned_lights=1, label="whole")
+
+
+@pytest.fixture(scope="module")
+def live(tmp_path_factory: pytest.TempPathFactory, serving: Any) -> Generator[Any]:
+    """A service at a simulated cell."""
+    folder = tmp_path_factory.mktemp("whole")
+    with (
+        Cell(CELL, "sphere", 1, "ideal", 20, folder=folder / "cell", pixels=128) as cell,
+        serving(settings.read(cell=cell.cell_file, data=folder / "data", host="127.0.4.2", port=0)) as service,
+    ):
+        service.client.wait_ready()
+        yield service
+
+
+@pytest.fixture(scope="module")
+def done(live: Any) -> tuple[Any, list[Any]]:
+    """A session that has completed, and the events it was followed by."""
+    created = live.client.create(RECIPE)
+    heard: list[Any] = []
+    live.client.start(created.id)
+    return live.client.wait(created.id, heard.append), heard
+
+
+def test_the_rig_is_ready(live: Any) -> None:
+    rig = live.client.rig()
+
+    assert rig.may_start
+    assert rig.reasons == []
+    assert rig.arm is not None
+    assert rig.reading is not None
+    assert len(rig.reading.joints) == 6
+    assert live.http.get("/health/ready").status_code == 200
+
+
+def test_the_session_completes_and_every_event_is_heard_once(live: Any, done: tuple[Any, list[Any]]) -> None:
+    session, heard = done
+
+    assert session.state is State.COMPLETED
+    assert session.stage is Stage.FINISHED
+    assert session.progress == 1.0
+    assert session.reason is None
+    assert session.allowed_actions == []
+    assert [event.id for event in heard] == [event.id for event in live.client.past_events(session.id)]
+    lit = [event for event in heard if event.type == "shot.captured" and event.body["kind"] == "light"]
+    assert len(lit) == RECIPE.lights_total
+    assert [event.body["number"] for event in heard if event.type == "normals.ready"] == [0, 1]
+
+
+def test_the_answer_is_the_last_result(live: Any, done: tuple[Any, list[Any]]) -> None:
+    session, _ = done
+
+    results = live.client.results(session.id)
+
+    assert [result.number for result in results] == [0, 1]
+    assert session.answer == results[-1] == live.client.result(session.id, 1)
+    assert session.answer.passes == [0, 1]
+    assert session.answer.summary.images == RECIPE.lights_total
+    assert 0 < session.answer.summary.mean_sigma_deg < 20
+    assert {"normals.png", "normals.tiff", "depth.tiff", "sigma_deg.tiff", "albedo.tiff", "mask.png"} <= {
+        artefact.name for artefact in session.answer.artefacts
+    }
+
+
+def test_each_artefact_is_what_the_manifest_says(live: Any, done: tuple[Any, list[Any]]) -> None:
+    session, _ = done
+    manifest = live.http.get(session.answer.links["manifest"]).json()
+
+    for artefact in session.answer.artefacts:
+        answer = live.http.get(artefact.href)
+        assert (
+            hashlib.sha256(answer.content).hexdigest() == artefact.sha256 == manifest["files"][artefact.name]["sha256"]
+        )
+        assert len(answer.content) == artefact.bytes
+        assert answer.headers["etag"] == f'"{artefact.sha256}"'
+    assert live.http.get(f"{session.answer.links['self']}/normals.png").headers["content-type"] == "image/png"
+
+
+def test_a_download_is_checked_and_whole(live: Any, done: tuple[Any, list[Any]], tmp_path: Path) -> None:
+    session, _ = done
+
+    normals = tifffile.imread(live.client.download(session.id, 1, "normals.tiff", tmp_path / "normals.tiff"))
+    mask = (
+        cv2.imread(str(live.client.download(session.id, 1, "mask.png", tmp_path / "m.png")), cv2.IMREAD_UNCHANGED) > 0
+    )
+
+    assert normals.shape == (128, 128, 3)
+    assert np.allclose(np.linalg.norm(normals[mask], axis=-1), 1, atol=1e-3)
+    with pytest.raises(ProblemError) as unknown:
+        live.client.download(session.id, 1, "nothing.png", tmp_path / "nothing.png")
+    assert unknown.value.code is ErrorCode.REQUEST_NOT_FOUND
+    assert "normals.png" in unknown.value.context["artefacts"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["m.png", "normals.tiff"]
+
+
+def test_a_damaged_file_is_not_taken(live: Any, done: tuple[Any, list[Any]], tmp_path: Path) -> None:
+    session, _ = done
+    stored = live.service.store.folder(session.id) / "results" / "0" / "albedo.tiff"
+    kept = stored.read_bytes()
+    stored.write_bytes(kept[:-4] + b"oops")
+    try:
+        with pytest.raises(ProblemError) as damaged:
+            live.client.download(session.id, 0, "albedo.tiff", tmp_path / "albedo.tiff")
+    finally:
+        stored.write_bytes(kept)
+
+    assert damaged.value.code is ErrorCode.STORE_CORRUPT
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../../../recipe.json", "..%2f..%2frecipe.json", "%2e%2e/%2e%2e/cell.json", "normals.png%00", "/etc/passwd"],
+)
+def test_no_name_leaves_the_result(live: Any, done: tuple[Any, list[Any]], name: str) -> None:
+    session, _ = done
+    host, port = live.url.removeprefix("http://").split(":")
+    connection = http.client.HTTPConnection(host, int(port), timeout=20)
+
+    connection.request("GET", f"/v1/sessions/{session.id}/results/1/{name}")  # sent as it stands
+    answer = connection.getresponse()
+    found = json.loads(answer.read())
+    connection.close()
+
+    assert answer.status == 404
+    assert found["code"] == ErrorCode.REQUEST_NOT_FOUND
+
+
+def test_passes_tell_plan_route_and_shots(live: Any, done: tuple[Any, list[Any]]) -> None:
+    session, _ = done
+
+    passes = live.client.passes(session.id)
+    first, second = (live.client.one_pass(session.id, item.number) for item in passes)
+
+    assert [item.lights for item in passes] == [3, 1]
+    assert [item.shots for item in passes] == [len(first.shots), len(second.shots)]
+    assert len(first.plan.lights) == 3
+    assert first.route is not None
+    assert sorted(first.route.light_numbers) == [0, 1, 2]
+    assert passes[1].predicted_sigma_deg == second.plan.predicted_sigma_deg
+    assert all(item.shot.light is not None for item in first.shots if item.shot.kind == "light")
+
+
+def test_a_shot_can_be_looked_at_and_fetched_raw(live: Any, done: tuple[Any, list[Any]]) -> None:
+    session, _ = done
+    shots = live.client.one_pass(session.id, 0).shots
+    lit = next(item for item in shots if item.shot.kind == "light")
+    dark = next(item for item in shots if item.shot.kind == "dark")
+
+    pictures = [
+        cv2.imdecode(np.frombuffer(live.http.get(item.links["image"]).content, np.uint8), cv2.IMREAD_UNCHANGED)
+        for item in (lit, dark)
+    ]
+    raw = live.http.get(f"{lit.links['image']}?format=tiff")
+
+    assert all(picture.shape == (128, 128) and picture.dtype == np.uint8 for picture in pictures)
+    assert pictures[0].max() > 150
+    assert np.median(pictures[1]) < 60
+    assert raw.headers["content-type"] == "image/tiff"
+    assert hashlib.sha256(raw.content).hexdigest() == lit.shot.frame.sha256
+    assert live.http.get(f"{lit.links['image']}?format=bmp").status_code == 422
+
+
+def test_the_reach_says_why_not(live: Any, done: tuple[Any, list[Any]]) -> None:
+    reach = live.http.get("/v1/rig/reach", timeout=60)
+
+    assert reach.status_code == 200
+    assert reach.json()
+
+
+def test_a_stop_in_mid_capture_leaves_arm_and_lamp_at_rest(live: Any, done: tuple[Any, list[Any]]) -> None:
+    created = live.client.create(Recipe(method="two-rings", planned_lights=8))
+    live.client.start(created.id)
+    for event in live.client.events(created.id, after=0):
+        if event.type == "shot.captured":
+            break
+
+    live.client.halt()
+    session = live.client.wait(created.id)
+
+    assert session.state is State.STOPPED
+    assert session.answer is None
+    reading = live.client.rig().reading
+    assert max(map(abs, reading.joint_speeds)) < 0.01
+    assert live.service.runner.status().reading.digital_outputs & 1 == 0
+    assert live.client.rig().may_start
+
+
+def test_capture_shows_progress_and_raises_what_went_wrong(
+    live: Any, done: tuple[Any, list[Any]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    far = Recipe(method="user", user_lights=[(0.0, 0.0, 5.0), (0.1, 0.0, 5.0), (0.0, 0.1, 5.0)])
+
+    with pytest.raises(ProblemError) as failed:
+        live.client.capture(far)
+
+    assert failed.value.code in (ErrorCode.WAYPOINTS_UNREACHABLE, ErrorCode.PLAN_INFEASIBLE)
+    assert failed.value.remedy
+    assert "failed" in capsys.readouterr().out
+    assert live.client.rig().may_start
+
+
+def test_a_session_that_was_served_elsewhere_is_not_waited_for_in_vain(live: Any, done: tuple[Any, list[Any]]) -> None:
+    session, heard = done
+    again: list[Any] = []
+
+    assert live.client.wait(session.id, again.append) == session
+    assert [event.id for event in again] == [event.id for event in heard]
