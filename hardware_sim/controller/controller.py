@@ -83,7 +83,7 @@ class Controller:
         self._watchdogs: dict[str, _Watchdog] = {}
         self._stopped_at = -math.inf
         self._pace = 1.0
-        self._orders: list[tuple[float, Callable[[], None]]] = []
+        self._orders: list[tuple[Callable[[], bool], Callable[[], None]]] = []
         self._functions = table(self)
         publication.steady(self.registers)
         self.tool_changed()
@@ -275,9 +275,13 @@ class Controller:
 
     # --- time ------------------------------------------------------------------------------------------------
 
-    def order(self, seconds: float, action: Callable[[], None]) -> None:
-        """Does something after `seconds` of wall time, between two ticks."""
-        self._orders.append((self.now + seconds, action))
+    def order(self, when: Callable[[], bool], action: Callable[[], None]) -> None:
+        """Does something between two ticks, as soon as `when` holds."""
+        self._orders.append((when, action))
+
+    def jump_in_time(self, seconds: float) -> None:
+        """Makes the time stamps jump forward; nothing else notices."""
+        self.ticks += round(seconds / STEP_TIME)
 
     def report(self, message: str, level: int = logging.WARNING) -> None:
         """Writes to the log and keeps the message for the control port."""
@@ -289,8 +293,8 @@ class Controller:
         self.now = now
         self.ticks += 1
         if self._orders:
-            due = [action for at, action in self._orders if at <= now]
-            self._orders = [item for item in self._orders if item[0] > now]
+            due = [action for when, action in self._orders if when()]
+            self._orders = [item for item in self._orders if item[1] not in due]
             for action in due:
                 action()
         if self._watchdogs and self.playing:

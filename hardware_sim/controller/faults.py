@@ -1,7 +1,14 @@
 """Faults on demand: what the control port can make go wrong.
 
-Every fault is one entry of `FAULTS`; its parameters are the other fields of the request. Faults act between two ticks,
-at once or after `at_s` seconds of wall time.
+Every fault is one entry of `FAULTS`; its parameters are the other fields of the request. Faults act between two ticks:
+at once, after `at_s` seconds of wall time, or as soon as the `at_move`-th move from now has begun.
+
+    protective_stop · safeguard_stop · emergency_stop · system_emergency_stop · violation · fault · power_off
+    release_safeguard_stop · release_emergency_stop · clear (everything normal again, at once)
+    program_stop · program_pause (as from the pendant) · local_mode · remote_mode
+    output_stuck {output, level: true | false | null = let go} · speed_slider {fraction}
+    joint_offset {offsets_rad: [6]} (the arm is not where it says) · time_jump {seconds}
+    cut {port} · stall {port, seconds} · half_packet (RTDE clients get half a packet, then the end of the connection)
 """
 
 from collections.abc import Callable, Mapping
@@ -31,6 +38,10 @@ class Links(Protocol):
         """Freezes a port for a time."""
         ...
 
+    def send_half_a_packet(self) -> None:
+        """Sends half a data packet to RTDE clients and hangs up."""
+        ...
+
 
 Parameters = Mapping[str, Any]
 Action = Callable[[], None]
@@ -58,6 +69,15 @@ def _cut(controller: Controller, links: Links, parameters: Parameters) -> Action
 def _stall(controller: Controller, links: Links, parameters: Parameters) -> Action:
     port, seconds = _port(parameters, links), _number(parameters, "seconds", 0.0, 3600.0)
     return lambda: links.stall(port, seconds)
+
+
+def _half_packet(controller: Controller, links: Links, parameters: Parameters) -> Action:
+    return links.send_half_a_packet
+
+
+def _time_jump(controller: Controller, links: Links, parameters: Parameters) -> Action:
+    seconds = _number(parameters, "seconds", 0.0, 1e6)
+    return lambda: controller.jump_in_time(seconds)
 
 
 def _remote(remote: bool) -> Callable[[Controller, Links, Parameters], Action]:
@@ -129,18 +149,26 @@ FAULTS: dict[str, Callable[[Controller, Links, Parameters], Action]] = {
     "clear": _simple(lambda c: c.clear()),
     "cut": _cut,
     "stall": _stall,
+    "half_packet": _half_packet,
+    "time_jump": _time_jump,
 }
 
 
 def prepare(controller: Controller, links: Links, request: Parameters) -> None:
-    """Checks a fault request and carries it out, now or after `at_s`. Raises FaultError."""
+    """Checks a fault request and carries it out: now, after `at_s` seconds, or when the `at_move`-th move begins.
+
+    Raises FaultError.
+    """
     kind = request.get("kind")
     make = FAULTS.get(kind) if isinstance(kind, str) else None
     if make is None:
         raise FaultError(f"kind must be one of {', '.join(sorted(FAULTS))}, not {kind!r}")
     action = make(controller, links, request)
-    seconds = _number(request, "at_s", 0.0, 86400.0) if "at_s" in request else 0.0
-    if seconds > 0.0:
-        controller.order(seconds, action)
+    if "at_s" in request:
+        due = controller.now + _number(request, "at_s", 0.0, 86400.0)
+        controller.order(lambda: controller.now >= due, action)
+    elif "at_move" in request:
+        number = controller.arm.moves_started + int(_number(request, "at_move", 1, 1e6))
+        controller.order(lambda: controller.arm.moves_started >= number, action)
     else:
         action()

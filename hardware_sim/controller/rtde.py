@@ -48,6 +48,10 @@ class OutputRecipe:
     pick: Callable[[Sequence[float]], tuple[float, ...]]
     layout: struct.Struct
 
+    def pack(self, values: Sequence[float]) -> bytes:
+        """A data frame with the present values."""
+        return self.layout.pack(self.layout.size, Kind.DATA, 1, *self.pick(values))
+
 
 @dataclass(frozen=True)
 class InputRecipe:
@@ -245,6 +249,14 @@ def broadcast(connections: Sequence[RtdeConnection], controller: Controller) -> 
             continue
         data = packed.get(recipe.names)
         if data is None:
-            layout = recipe.layout
-            data = packed[recipe.names] = layout.pack(layout.size, Kind.DATA, 1, *recipe.pick(values))
+            data = packed[recipe.names] = recipe.pack(values)
         connection.offer(data)
+
+
+def send_half_a_packet(connections: Sequence[RtdeConnection], controller: Controller) -> None:
+    """Sends each started client the first half of a packet and ends its connection."""
+    for connection in connections:
+        if connection.output is not None and connection.started:
+            data = connection.output.pack(controller.registers.values)
+            connection.offer(data[: len(data) // 2])
+            connection.closed = True

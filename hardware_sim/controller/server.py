@@ -65,6 +65,14 @@ class Server:
         self._ports[port].stall(True)
         self._stall_ends[port] = time.monotonic() + seconds
 
+    def send_half_a_packet(self) -> None:
+        """Sends half a data packet to RTDE clients and hangs up."""
+        rtde.send_half_a_packet(self._rtde_connections(), self.controller)
+        self._ports[rtde.PORT].sweep()
+
+    def _rtde_connections(self) -> list[RtdeConnection]:
+        return [c for c in self._ports[rtde.PORT].connections.values() if isinstance(c, RtdeConnection)]
+
     def run(self, stop: Callable[[], bool], stop_descriptor: int | None) -> None:
         """Serves until `stop` returns True or `stop_descriptor` reaches its end of file."""
         if stop_descriptor is not None:
@@ -103,7 +111,7 @@ class Server:
         self.controller.tick(now)
         port = self._ports[rtde.PORT]
         if port.connections and not port.stalled:
-            rtde.broadcast([c for c in port.connections.values() if isinstance(c, RtdeConnection)], self.controller)
+            rtde.broadcast(self._rtde_connections(), self.controller)
         if self.controller.ticks % _SWEEP == 0:
             for port in self._ports.values():
                 port.sweep()

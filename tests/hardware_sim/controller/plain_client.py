@@ -24,7 +24,7 @@ class PlainClient:
     def __init__(self, address: str) -> None:
         self.socket = socket.create_connection((address, 30004), 3.0)
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._buffer = b""
+        self.unread = b""
         self._output = ""
         self._inputs: dict[int, str] = {}
 
@@ -34,13 +34,13 @@ class PlainClient:
 
     def receive(self) -> tuple[str, bytes]:
         """The next frame: its type and payload."""
-        while len(self._buffer) < 3 or len(self._buffer) < struct.unpack_from(">H", self._buffer)[0]:
+        while len(self.unread) < 3 or len(self.unread) < struct.unpack_from(">H", self.unread)[0]:
             data = self.socket.recv(65536)
             if not data:
                 raise EOFError("the controller has hung up")
-            self._buffer += data
-        (size,) = struct.unpack_from(">H", self._buffer)
-        frame, self._buffer = self._buffer[:size], self._buffer[size:]
+            self.unread += data
+        (size,) = struct.unpack_from(">H", self.unread)
+        frame, self.unread = self.unread[:size], self.unread[size:]
         return chr(frame[2]), frame[3:]
 
     def request(self, kind: str, payload: bytes = b"") -> bytes:

@@ -8,14 +8,17 @@ import sys
 import textwrap
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 from hardware_sim.controller.process import ControllerProcess
 from tests.hardware_sim.controller.cells import HOME, Cell, start, wait_until
+from tests.hardware_sim.controller.plain_client import PlainClient
 
 FAR = [q + 1.0 for q in HOME]
+NEAR = [q + 0.1 for q in HOME]
 SPEED, ACCELERATION = 1.05, 1.4
 PROTECTIVE_BITS, EMERGENCY_BITS = 1028, 1216
 
@@ -315,6 +318,26 @@ def test_controller_killed(controller: ControllerProcess) -> None:
     output, _ = client.communicate("\n", timeout=15)
     # Only isConnected tells: the program is said to run for ever.
     assert output.splitlines()[-1] == "False False True"
+
+
+def test_upper_register_range_leaves_the_lower_one_free(controller: ControllerProcess) -> None:
+    import rtde_control
+    import rtde_io
+
+    with ExitStack() as stack:
+        io = rtde_io.RTDEIOInterface(controller.address)
+        stack.callback(io.disconnect)
+        interface = rtde_control.RTDEControlInterface
+        flags = interface.FLAG_UPLOAD_SCRIPT | interface.FLAG_UPPER_RANGE_REGISTERS
+        control = interface(controller.address, 500.0, flags)
+        stack.callback(control.disconnect)
+        assert control.moveJ(NEAR, 3.0, 20.0)
+        plain = PlainClient(controller.address)
+        stack.callback(plain.close)
+        assert plain.inputs("input_int_register_0,input_double_register_0")[0] == 1
+        assert plain.inputs("input_int_register_24") == (0, ["IN_USE"])
+        with controller.control() as truth:
+            assert truth.state()["joints"] == pytest.approx(NEAR, abs=1e-6)
 
 
 def test_controller_ends_with_its_parent() -> None:

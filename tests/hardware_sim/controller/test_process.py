@@ -85,6 +85,16 @@ def test_every_fault_without_parameters_acts(controller: ControllerProcess) -> N
         assert control.state()["safety_mode"] == 1
 
 
+def test_fault_at_the_start_of_a_move(controller: ControllerProcess) -> None:
+    with controller.control() as control:
+        control.fault("protective_stop", at_move=2)
+        text = b"def f():\n movej([0.1,-1.9,1.9,-1.57,-1.57,0], a=20, v=3)\n movej([0,-1.9,1.9,-1.57,-1.57,0])\nend\n"
+        send_script(controller.address, text)
+        wait_until(lambda: control.state()["safety_mode"] == 3)
+        assert control.state()["moves_started"] == 2
+        assert control.state()["joints"][0] > 0.05
+
+
 def test_trace_holds_the_whole_motion(tmp_path: Path) -> None:
     path = tmp_path / "joints.trace"
     with start(trace=path, speed=4.0) as process, process.control() as control:

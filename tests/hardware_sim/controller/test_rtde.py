@@ -132,3 +132,16 @@ def test_stalled_port_is_silent_and_comes_back(controller: ControllerProcess, cl
     stamps = [before, *(client.sample()[0] for _ in range(200))]
     gaps = [b - a for a, b in itertools.pairwise(stamps)]
     assert max(gaps) == pytest.approx(0.3, abs=0.02)
+
+
+def test_half_a_packet_and_a_jump_in_time(controller: ControllerProcess, client: PlainClient) -> None:
+    client.outputs("timestamp")
+    client.request("S")
+    with controller.control() as faults:
+        before = client.sample()[0]
+        faults.fault("time_jump", seconds=100.0)
+        wait_until(lambda: client.sample()[0] > before + 100.0)
+        faults.fault("half_packet")
+    with pytest.raises(EOFError):
+        wait_until(lambda: client.sample()[0] < 0.0)
+    assert 0 < len(client.unread) < 12
