@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from acquisition import lamp_pose
 from acquisition.config import Capsule, CellConfig
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import Calibration, JointPath, Light, Route
+from acquisition.types import Calibration, JointPath, Light, Refusal, Route
 from acquisition.waypoints import order_kernels
 from acquisition.waypoints.motion import trapezoid_seconds
 from acquisition.waypoints.reach import reach
@@ -145,6 +145,20 @@ def test_lights_that_cannot_be_taken_are_named_with_their_reasons(
     assert all(item["detail"] for item in named)
 
 
+def test_a_light_that_no_way_leads_to_is_named_as_such() -> None:
+    cell, calibration = random_cell(3)
+    lights = dome_lights(cell, calibration, cell.dome.candidates)
+    refusals = reach(cell, calibration).refusals
+    cut_off = next(
+        light for light, refusal in zip(lights, refusals, strict=True) if _reason(refusal) == "not-connected"
+    )
+    good = next(light for light, refusal in zip(lights, refusals, strict=True) if refusal is None)
+    with pytest.raises(RigError) as caught:
+        route([good, cut_off], cell.arm.home, cell, calibration)
+    assert caught.value.code == ErrorCode.WAYPOINTS_COLLISION
+    assert [(item["number"], item["reason"]) for item in caught.value.context["lights"]] == [(1, "not-connected")]
+
+
 def test_an_arm_that_stands_in_the_way_of_something_is_not_moved() -> None:
     cell, calibration = simulated_cell()
     low = (cell.arm.home[0], 0.3, 0.0, 0.0, 0.0, 0.0)  # stretched out, through the table
@@ -244,6 +258,10 @@ def test_the_bound_of_many_lights_is_below_the_best_and_near_it() -> None:
         shares.append(_path_bound(seconds) / best)
     assert max(shares) <= 1 + 1e-9
     assert np.median(shares) > 0.95
+
+
+def _reason(refusal: Refusal | None) -> str:
+    return refusal.reason if refusal else ""
 
 
 def _length(tour: Sequence[int], seconds: np.ndarray, start: int = 32, home: int = 33) -> float:
