@@ -18,7 +18,7 @@ from acquisition.errors import ErrorCode, Halted, RigError
 
 _log = logging.getLogger(__name__)
 _POLL_S = 0.02
-_NICENESS = 5
+_NICENESS = 10
 
 
 class Compute:

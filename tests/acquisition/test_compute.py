@@ -1,0 +1,68 @@
+"""The compute process: results, typed errors, death and abandonment, with the real jobs."""
+
+import os
+import signal
+import threading
+from pathlib import Path
+
+import pytest
+
+from acquisition import config
+from acquisition.compute import Compute
+from acquisition.errors import ErrorCode, Halted, RigError
+from acquisition.types import Route
+
+DEPLOY = Path(__file__).parents[2] / "deploy"
+CELL = config.load(DEPLOY / "cell.sim.toml")
+CALIBRATION = config.load_calibration(DEPLOY / "calibration.sim.json")
+
+
+@pytest.fixture(scope="module")
+def compute():
+    process = Compute()
+    process.warm()
+    yield process
+    process.close()
+
+
+def child(compute: Compute) -> int:
+    process = compute._process
+    assert process is not None
+    assert process.pid is not None
+    return process.pid
+
+
+def test_a_job_returns_a_value_and_errors_keep_code_and_context(compute: Compute) -> None:
+    route = compute.run(threading.Event(), "plan_route", [], CELL.arm.home, CELL, CALIBRATION)
+    assert isinstance(route, Route)
+    with pytest.raises(RigError) as error:
+        compute.run(threading.Event(), "plan_retreat", (0.0, 1.2, 0.0, 0.0, 0.0, 0.0), CELL, CALIBRATION)
+    assert error.value.code is ErrorCode.WAYPOINTS_COLLISION
+
+
+def test_its_death_is_the_jobs_failure_and_the_next_job_has_a_new_process(compute: Compute, tmp_path: Path) -> None:
+    compute.warm()
+    old = child(compute)
+    killer = threading.Timer(0.3, lambda: os.kill(old, signal.SIGKILL))
+    killer.start()
+    jobs = (tmp_path / f"reach-{number}.json" for number in range(50))  # far longer than the killer waits
+    with pytest.raises(RigError) as error:
+        [compute.run(threading.Event(), "make_reach", CELL, CALIBRATION, cache) for cache in jobs]
+    assert error.value.code is ErrorCode.SESSION_STEP_FAILED
+    compute.run(threading.Event(), "plan_route", [], CELL.arm.home, CELL, CALIBRATION)
+    assert child(compute) != old
+
+
+def test_a_stop_abandons_the_job(compute: Compute, tmp_path: Path) -> None:
+    compute.warm()
+    stop = threading.Event()
+    stop.set()
+    with pytest.raises(Halted):
+        compute.run(stop, "make_reach", CELL, CALIBRATION, tmp_path / "reach.json")
+    assert not (tmp_path / "reach.json").exists()
+
+
+def test_an_unknown_job_is_a_failed_step_and_not_a_dead_process(compute: Compute) -> None:
+    with pytest.raises(RigError) as error:
+        compute.run(threading.Event(), "no_such_job")
+    assert error.value.code is ErrorCode.SESSION_STEP_FAILED

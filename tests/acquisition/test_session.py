@@ -1,0 +1,166 @@
+"""The state table and the next step: every state × trigger, and the order of the work."""
+
+import itertools
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from acquisition import session
+from acquisition.session import (
+    ChooseLights,
+    GoHome,
+    PassRecord,
+    PlanRoute,
+    Record,
+    SolveNormals,
+    Stage,
+    State,
+    TakeDark,
+    TakeShot,
+    Trigger,
+)  # fmt: skip
+from acquisition.types import FrameQuality, FrameRef, Light, LightPlan, Recipe, Route, Shot, ShotKey, Waypoint
+
+HOME = (0.0,) * 6
+LIGHT = Light(position=(0.0, 0.0, -0.4), axis=(0.0, 0.0, -1.0))
+
+EXPECTED = """
+created      start→running  stop→stopped
+running      start→running resume→running pause→pausing stop→stopping finish→completed fail→failed interrupt→interrupted
+pausing      start→pausing pause→pausing settle→paused resume→running stop→stopping \
+             finish→completed fail→failed interrupt→interrupted
+paused       start→paused pause→paused resume→running stop→stopping interrupt→interrupted
+stopping     start→stopping stop→stopping settle→stopped fail→failed interrupt→interrupted
+interrupted  start→interrupted resume→running stop→stopped
+completed
+stopped      stop→stopped
+failed
+"""
+
+
+@pytest.mark.parametrize("line", EXPECTED.strip().splitlines(), ids=lambda line: line.split()[0])
+def test_every_trigger_in_every_state_does_what_the_table_says(line: str) -> None:
+    name, *cases = line.split()
+    wanted = dict(case.split("→") for case in cases)
+    for trigger in Trigger:
+        after = session.after(State(name), trigger)
+        assert (None if after is None else str(after)) == wanted.get(str(trigger)), trigger
+
+
+def test_what_is_allowed_changes_the_state_and_ended_sessions_allow_nothing() -> None:
+    for state in State:
+        assert all(session.after(state, action) not in (None, state) for action in session.allowed(state))
+        assert (session.allowed(state) == []) == (state in session.ENDED or state is State.STOPPING)
+
+
+@given(st.lists(st.sampled_from(list(Trigger)), max_size=12))
+def test_no_sequence_of_triggers_leaves_the_table_or_an_ended_state(triggers: list[Trigger]) -> None:
+    state = State.CREATED
+    for trigger in triggers:
+        then = session.after(state, trigger)
+        if state in session.ENDED:
+            assert then in (None, state)
+        state = then or state
+    assert set(session.THE_ARM) == set(State)
+
+
+def joints(number: int) -> tuple[float, float, float, float, float, float]:
+    return (0.1 * (number + 1), 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def route(order: list[int], start: tuple[float, ...] = HOME) -> Route:
+    waypoints = [Waypoint(light=LIGHT, path=[joints(light)], speeds=[1.0], seconds=1.0) for light in order]
+    return Route(
+        start=start, waypoints=waypoints, light_numbers=order, home_path=[HOME], home_speeds=[1.0],
+        seconds=len(order) + 1.0, lower_bound_s=1.0,
+    )  # fmt: skip
+
+
+def plan(count: int) -> LightPlan:
+    return LightPlan(lights=[LIGHT] * count, method="pilot", reasons=["test"] * count)
+
+
+def shot(number: int, exposure_s: float = 0.05, kind: str = "light") -> Shot:
+    return Shot(
+        key=ShotKey(pass_number=0, number=number), kind="dark" if kind == "dark" else "light",
+        frame=FrameRef(path="x.tiff", width=4, height=4, sha256="0"), exposure_s=exposure_s,
+        light_number=None if kind == "dark" else number, taken_at=0.0,
+        quality=FrameQuality(saturated=0.0, bright_level=0.8, accepted=True),
+    )  # fmt: skip
+
+
+def record(recipe: Recipe, *passes: PassRecord) -> Record:
+    return Record("s", recipe, State.RUNNING, passes)
+
+
+def walk(recipe: Recipe) -> list[session.Step]:
+    """Does every step on paper, in the order that next_step gives."""
+    work: dict[int, PassRecord] = {}
+    here: tuple[float, ...] = HOME
+    steps: list[session.Step] = []
+    for _ in range(200):
+        step = session.next_step(record(recipe, *(work[number] for number in sorted(work))), here, HOME)
+        if step is None:
+            return steps
+        steps.append(step)
+        match step:
+            case ChooseLights():
+                count = recipe.pilot_lights if step.pass_number == 0 and recipe.method == "optimal" else 3
+                work[step.pass_number] = PassRecord(plan=plan(count))
+            case PlanRoute():
+                order = sorted(step.light_numbers, reverse=True)
+                work[step.pass_number] = replace(work[step.pass_number], route=route(order, here))
+            case TakeShot():
+                here = step.waypoint.joints
+                number, was = step.key.pass_number, work[step.key.pass_number]
+                taken = shot(step.key.number, 0.05 if step.key.number % 2 else 0.1)
+                work[number] = replace(was, shots={**was.shots, step.key.number: taken})
+            case GoHome():
+                here = HOME
+            case TakeDark():
+                was = work[step.key.pass_number]
+                work[step.key.pass_number] = replace(was, darks={**was.darks, step.exposure_s: shot(9, kind="dark")})
+            case SolveNormals():
+                work[step.number] = replace(work[step.number], solved=True)
+    raise AssertionError("the steps have no end")
+
+
+def test_a_session_walks_pilot_route_shots_home_darks_normals_plan() -> None:
+    names = [type(step).__name__ for step in walk(Recipe(pilot_lights=4, planned_lights=3))]
+    one_pass = ["ChooseLights", "PlanRoute", *["TakeShot"] * 4, "GoHome", "TakeDark", "TakeDark", "SolveNormals"]
+    assert [name for name, _ in itertools.groupby(names)].count("SolveNormals") == 2
+    assert names[: len(one_pass)] == one_pass
+    assert names.count("TakeShot") == 7
+
+
+def test_fixed_patterns_have_one_pass_and_a_pilot_alone_needs_no_plan() -> None:
+    assert session.passes_wanted(Recipe(method="two-rings")) == 1
+    assert session.passes_wanted(Recipe(planned_lights=0)) == 1
+    assert session.passes_wanted(Recipe()) == 2
+
+
+def test_a_route_is_planned_anew_from_wherever_the_arm_stands_for_the_lights_left() -> None:
+    half = PassRecord(plan=plan(3), route=route([0, 1, 2]), shots={0: shot(0)})
+    on_the_way = session.next_step(record(Recipe(), half), joints(0), HOME)
+    assert isinstance(on_the_way, TakeShot)
+    assert on_the_way.key.number == 1
+    at_the_next = session.next_step(record(Recipe(), half), joints(1), HOME)  # moved, but cut off before its frame
+    assert isinstance(at_the_next, TakeShot)
+    elsewhere = session.next_step(record(Recipe(), half), (0.5,) * 6, HOME)
+    assert elsewhere == PlanRoute(0, (1, 2))
+
+
+def test_a_full_turn_away_is_another_place() -> None:
+    assert not session.same_place(HOME, (6.283185307179586, 0, 0, 0, 0, 0))
+    assert session.same_place(HOME, (1e-3, 0, 0, 0, 0, 0))
+
+
+def test_stage_and_progress_are_read_off_the_record() -> None:
+    empty = record(Recipe())
+    assert session.stage(empty, session.next_step(empty, HOME, HOME)) is Stage.PILOT
+    assert session.stage(empty, None) is Stage.FINISHED
+    assert session.progress(empty) == 0.0
+    one = record(Recipe(), PassRecord(plan=plan(4), shots={0: shot(0)}))
+    assert 0 < session.progress(one) < session.progress(replace(one, state=State.COMPLETED)) == 1.0

@@ -1,0 +1,94 @@
+"""The simulated cell and the service as processes of their own, as a user starts them."""
+
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from api.client import Client
+from hardware_sim.cell import Cell
+from hardware_sim.controller.control import ControlClient
+
+READY_WITHIN_S = 60.0
+
+
+@dataclass
+class Service:
+    """A running `lightpose serve`."""
+
+    process: "subprocess.Popen[bytes]"
+    url: str
+    data: Path
+
+    def kill(self) -> None:
+        """SIGKILL."""
+        self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+
+
+@contextmanager
+def serving(cell: Cell, data: Path) -> Generator[Service, None, None]:
+    """The service for a cell; ended by SIGTERM unless the test has killed it."""
+    data.mkdir(parents=True, exist_ok=True)
+    log = data / f"serve-{time.monotonic_ns()}.log"
+    arguments = ["serve", "--cell", str(cell.cell_file), "--data", str(data), "--port", "0"]
+    with log.open("wb") as file:
+        process = subprocess.Popen([sys.executable, "-m", "api.cli", *arguments], stdout=file, stderr=file)
+    try:
+        yield Service(process, _address(process, log), data)
+    finally:
+        process.terminate()
+        process.wait(20)
+
+
+@contextmanager
+def client_of(service: Service) -> Generator[Client, None, None]:
+    """A client of a service whose rig is ready."""
+    with Client(service.url) as client:
+        client.wait_ready(60)
+        yield client
+
+
+def fastest_joint(control: ControlClient) -> float:
+    """The simulator's own fastest joint, rad/s."""
+    return max(abs(speed) for speed in control.state()["joint_speeds"])
+
+
+def wait_until_moving(control: ControlClient, within_s: float = 60.0) -> None:
+    """Returns when the arm moves at more than 0.1 rad/s."""
+    deadline = time.monotonic() + within_s
+    while fastest_joint(control) < 0.1:
+        assert time.monotonic() < deadline, "the arm does not move"
+        time.sleep(0.005)
+
+
+def rests_after(control: ControlClient, within_s: float) -> float:
+    """Seconds until the arm rests (below 0.01 rad/s) and stays so for 0.3 s."""
+    begun = time.monotonic()
+    rested: float | None = None
+    while time.monotonic() < begun + within_s:
+        if fastest_joint(control) > 0.01:
+            rested = None
+        elif rested is None:
+            rested = time.monotonic()
+        elif time.monotonic() > rested + 0.3:
+            return rested - begun
+        time.sleep(0.004)
+    raise AssertionError(f"the arm still moves after {within_s} s")
+
+
+def _address(process: "subprocess.Popen[bytes]", log: Path) -> str:
+    deadline = time.monotonic() + READY_WITHIN_S
+    while time.monotonic() < deadline:
+        text = log.read_text(encoding="utf-8", errors="replace")
+        found = re.search(r"(http://[\d.]+:\d+)", text)
+        if found is not None:
+            return found.group(1)
+        assert process.poll() is None, text
+        time.sleep(0.05)
+    raise AssertionError(f"the service is not ready: {log.read_text(encoding='utf-8')}")

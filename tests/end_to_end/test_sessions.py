@@ -1,0 +1,147 @@
+"""Whole sessions over HTTP: real processes, the real ur-rtde, and the truth to grade against."""
+
+import hashlib
+import json
+import time
+from pathlib import Path
+
+import pytest
+
+from acquisition import config
+from acquisition.session import State
+from acquisition.types import Recipe
+from api.client import Client
+from hardware_sim import grade, truth
+from hardware_sim.cell import Cell
+from hardware_sim.controller.control import ControlClient
+from tests.end_to_end.processes import client_of, fastest_joint, rests_after, serving, wait_until_moving
+
+PIXELS = 192
+
+
+def cell(folder: Path, address: str, **changes: object) -> Cell:
+    wishes = {"object_name": "vase", "seed": 1, "profile": "direct", "speed": 10.0, "pixels": PIXELS} | changes
+    return Cell(address=address, folder=folder / "cell", **wishes)  # type: ignore[arg-type]
+
+
+def grades(running: Cell, data: Path, session_id: str) -> list[grade.Grade]:
+    true = truth.load(running.cell_file.parent / "truth.npz")
+    calibration = config.load_calibration(running.cell_file.parent / "calibration.json")
+    results = data / "sessions" / session_id / "results"
+    return [grade.grade_folder(folder, true, calibration) for folder in sorted(results.iterdir())]
+
+
+def test_a_whole_session_finds_the_normals_and_keeps_everything(tmp_path: Path) -> None:
+    with cell(tmp_path, "127.0.6.1") as running, serving(running, tmp_path / "data") as service:
+        with client_of(service) as client:
+            done = client.capture(Recipe(seed=1), progress=False)
+            events = client.past_events(done.id)
+            normals = client.download(done.id, 1, "normals.png", tmp_path / "normals.png")
+        pilot, final = grades(running, service.data, done.id)
+    assert final.mean_deg < 1.2
+    assert final.mean_deg < 0.67 * pilot.mean_deg
+    assert final.coverage > 0.98
+    assert final.found_to_predicted is not None
+    assert 1 / 1.5 < final.found_to_predicted < 1.5
+    folder = service.data / "sessions" / done.id
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    for name, facts in manifest["files"].items():
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == facts["sha256"], name
+    wanted = {f"passes/{number}/{name}.json" for number in (0, 1) for name in ("plan", "route")}
+    assert wanted <= set(manifest["files"])
+    assert len([name for name in manifest["files"] if "/shots/" in name]) == 8
+    assert normals.read_bytes() == (folder / "results/1/normals.png").read_bytes()
+    assert [event.body["stage"] for event in events if event.type == "session.stage"] == [
+        "pilot", "waypoints", "capture", "normals", "plan", "waypoints", "capture", "normals", "finished",
+    ]  # fmt: skip
+    # A light goes with where the arm was measured to be, which is where the plan wanted it within the arm's accuracy.
+    plan = json.loads((folder / "passes/1/plan.json").read_text(encoding="utf-8"))
+    for shot in manifest["shots"]:
+        if shot["kind"] == "light" and shot["key"]["pass_number"] == 1:
+            planned = plan["lights"][shot["light_number"]]["position"]
+            assert max(abs(a - b) for a, b in zip(planned, shot["light"]["position"], strict=True)) < 2e-3
+
+
+@pytest.mark.parametrize("method", ["two-rings", "random"])
+def test_fixed_patterns_run_through_the_same_session(tmp_path: Path, method: str) -> None:
+    address = "127.0.6.2" if method == "random" else "127.0.6.3"
+    with (
+        cell(tmp_path, address) as running,
+        serving(running, tmp_path / "data") as service,
+        client_of(service) as client,
+    ):
+        done = client.capture(Recipe(method=method, pilot_lights=3, planned_lights=3, seed=2), progress=False)  # type: ignore[arg-type]
+        (found,) = grades(running, service.data, done.id)
+        assert found.coverage > 0.9
+        assert len(client.results(done.id)) == 1
+
+
+def test_stop_in_mid_move_over_http_and_the_next_session_starts_from_there(tmp_path: Path) -> None:
+    with (
+        cell(tmp_path, "127.0.6.4", speed=1.0) as running,
+        serving(running, tmp_path / "data") as service,
+        client_of(service) as client,
+        ControlClient("127.0.6.4") as control,
+    ):
+        first = client.create(Recipe())
+        client.start(first.id)
+        wait_until_moving(control)
+        client.halt()
+        assert rests_after(control, 3.0) < 1.0
+        until_state(client, first.id, State.STOPPED)
+        assert control.state()["digital_outputs"] == 0
+        joints = control.state()["joints"]
+        time.sleep(0.5)
+        assert control.state()["joints"] == pytest.approx(joints, abs=1e-4)
+        second = client.create(Recipe(pilot_lights=3, planned_lights=0))
+        client.start(second.id)
+        wait_until_moving(control)
+        client.stop(second.id)
+        until_state(client, second.id, State.STOPPED)
+        assert rests_after(control, 3.0) < 1.0
+
+
+def test_killing_the_service_stops_the_arm_and_loses_no_announced_frame(tmp_path: Path) -> None:
+    with cell(tmp_path, "127.0.6.5", speed=3.0) as running, ControlClient("127.0.6.5") as control:
+        data = tmp_path / "data"
+        announced: list[tuple[int, int]] = []
+        with serving(running, data) as service, client_of(service) as client:
+            session_id = client.create(Recipe()).id
+            client.start(session_id)
+            for event in client.events(session_id, after=0):
+                if event.type == "shot.captured":
+                    announced.append((event.body["pass"], event.body["number"]))
+                if len(announced) == 3:
+                    break
+            wait_until_moving(control)
+            service.kill()
+            assert rests_after(control, 3.0) < 1.5
+        assert control.state()["digital_outputs"] == 0
+        with serving(running, data) as service, Client(service.url) as client:
+            found = client.session(session_id)
+            assert found.state is State.INTERRUPTED
+            assert found.reason is not None
+            assert found.reason.code == "service.restarted"
+            for number, shot in announced:
+                assert (data / "sessions" / session_id / f"passes/{number}/shots/{shot}.tiff").exists()
+            time.sleep(1.0)
+            assert fastest_joint(control) < 1e-3  # nothing moves before an operator decides
+            client.acknowledge()
+            client.resume(session_id)
+            done = client.wait(session_id)
+            assert done.state is State.COMPLETED
+            shots = [
+                (event.body["pass"], event.body["number"])
+                for event in client.past_events(session_id)
+                if event.type == "shot.captured"
+            ]
+            assert len(shots) == len(set(shots))
+            assert set(announced) <= set(shots)
+            assert grades(running, data, session_id)[-1].coverage > 0.98
+
+
+def until_state(client: Client, session_id: str, state: State, within_s: float = 10.0) -> None:
+    deadline = time.monotonic() + within_s
+    while client.session(session_id).state is not state:
+        assert time.monotonic() < deadline, client.session(session_id)
+        time.sleep(0.05)
