@@ -293,10 +293,13 @@ class Controller:
         self.now = now
         self.ticks += 1
         if self._orders:
-            due = [action for when, action in self._orders if when()]
-            self._orders = [item for item in self._orders if item[1] not in due]
-            for action in due:
-                action()
+            waiting = self._orders
+            self._orders = []
+            for when, action in waiting:
+                if when():
+                    action()
+                else:
+                    self._orders.append((when, action))
         if self._watchdogs and self.playing:
             self._check_watchdogs()
         self._claimed = False

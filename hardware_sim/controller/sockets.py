@@ -63,10 +63,7 @@ class Connection(ABC):
             self.closed = True
             return
         if sent < len(data):
-            if sent == 0 and not self.unsent and len(data) > 0:
-                self.unsent = bytearray(data)
-            else:
-                self.unsent = bytearray(data[sent:])
+            self.unsent = bytearray(data[sent:])
             self.wants_write()
 
 

@@ -1,6 +1,7 @@
 """Bad bytes on every port: the controller lives, serves others on time and leaks nothing."""
 
 import contextlib
+import os
 import random
 import socket
 import struct
@@ -82,6 +83,11 @@ def descriptors(process: ControllerProcess) -> int:
     return len(list(Path(f"/proc/{process.process.pid}/fd").iterdir()))
 
 
+def resident_megabytes(process: ControllerProcess) -> float:
+    pages = int(Path(f"/proc/{process.process.pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
 def survive(packets: int) -> None:
     with start() as process, process.control() as control:
         bystander = PlainClient(process.address)
@@ -104,6 +110,7 @@ def test_mutated_bytes_on_every_port() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(600)
 def test_a_hundred_thousand_mutated_packets() -> None:
     survive(100_000)
 
@@ -121,12 +128,14 @@ def cycles(count: int) -> None:
 
     with start(speed=10.0) as process, process.control() as control:
         rtde_control.RTDEControlInterface(process.address).disconnect()
-        before = descriptors(process)
+        before, memory = descriptors(process), resident_megabytes(process)
         for number in range(count):
             client = rtde_control.RTDEControlInterface(process.address)
             assert client.moveJ([0.01 * (number % 2), -1.9, 1.9, -1.57, -1.57, 0.0], 3.0, 20.0)
             client.disconnect()
         wait_until(lambda: descriptors(process) == before)
+        assert len(list(Path(f"/proc/{process.process.pid}/task").iterdir())) == 1
+        assert resident_megabytes(process) < memory + 5.0
         assert control.state()["program_running"]
 
 
@@ -135,5 +144,6 @@ def test_cycles_of_connecting_leave_nothing_behind() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(600)
 def test_two_hundred_cycles_leave_nothing_behind() -> None:
     cycles(200)
