@@ -315,7 +315,6 @@ class UrArm:
     def _lost(self, detail: str) -> RigError:
         """Stops by the second path, kills the driver, and says so."""
         if self._took_control:  # else whatever moves there is not ours to stop
-            self.halt()
             self._stop_program()
         self._bury()
         return RigError(ErrorCode.DRIVER_LOST, detail)

@@ -106,18 +106,19 @@ class SecondPath:
         self._process = self._new_process
 
     def _back_up_halt(self) -> None:
-        taken_until = time.monotonic() + protocol.ACKNOWLEDGE_S
-        while not self._halt_state()[0]:
-            if time.monotonic() > taken_until:
-                self._stop()
-                return
-            time.sleep(protocol.TICK_S)
-        done_until = time.monotonic() + _CARRY_OUT_S
-        while not self._halt_state()[1]:
-            if time.monotonic() > done_until:
-                self._stop()
-                return
-            time.sleep(protocol.TICK_S)
+        taken = self._await(lambda: self._halt_state()[0], protocol.ACKNOWLEDGE_S)
+        if not taken or not self._await(lambda: self._halt_state()[1], _CARRY_OUT_S):
+            self._stop()
+
+    def _await(self, condition: Callable[[], bool], seconds: float) -> bool:
+        """Whether the driver brings something about in time; one that has ended will not."""
+        deadline = time.monotonic() + seconds
+        watched = [] if self._process is None else [self._process]
+        while not condition():
+            ended, _, _ = select.select(watched, [], [], protocol.TICK_S)
+            if ended or time.monotonic() > deadline:
+                return False
+        return True
 
     def _stop(self) -> None:
         """Sends `stop`; on a connection found dead once more on a new one, for stopping twice is harmless."""
