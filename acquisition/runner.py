@@ -13,14 +13,15 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any, TypeVar
 
 from acquisition import session
 from acquisition.compute import Compute
 from acquisition.devices import ArmIdentity, ArmReading, Rig, StopToken
-from acquisition.errors import PROBLEMS, ErrorCode, Halted, RigError
+from acquisition.errors import ErrorCode, Halted, RigError, problem
+from acquisition.readiness import Readiness
 from acquisition.safety import Latch, SafetyMonitor
 from acquisition.session import Stage, State, Trigger
 from acquisition.steps import Steps
@@ -54,12 +55,6 @@ INTERRUPTS = frozenset(
 T = TypeVar("T")
 
 
-def problem(code: ErrorCode, detail: str, **context: Any) -> dict[str, Any]:
-    """A problem as it stands in journal and responses."""
-    entry = PROBLEMS[code]
-    return {"code": str(code), "title": entry.title, "detail": detail, "remedy": entry.remedy, **context}
-
-
 @dataclass(frozen=True)
 class RigStatus:
     """What can be said of the rig at once, without asking any device."""
@@ -88,16 +83,6 @@ class SessionProgress:
     seconds_left: float | None
 
 
-@dataclass
-class _Devices:
-    """What the runner's thread knows of the devices; replaced fields only, so that other threads may read."""
-
-    identity: ArmIdentity | None = None
-    camera_ready: bool = False
-    trouble: dict[str, Any] | None = field(default_factory=lambda: problem(
-        ErrorCode.RIG_NOT_READY, "The devices have not been connected yet"))  # fmt: skip
-
-
 class Runner:
     """Runs one session at a time; every public method may be called from any thread."""
 
@@ -110,7 +95,7 @@ class Runner:
         self._compute = compute
         self._monitor = monitor
         self._steps = Steps(store, rig, calibration, compute)
-        self._devices = _Devices()
+        self._readiness = Readiness(rig)
         self._token = StopToken()
         self._requests: queue.Queue[Callable[[], None]] = queue.Queue()
         self._stages: dict[str, Stage] = {}
@@ -128,11 +113,15 @@ class Runner:
         self._monitor.start()
         self._thread.start()
 
-    def close(self) -> None:
-        """Halts, ends the session's turn (it stays interrupted) and releases the devices."""
+    def shut(self) -> None:
+        """Halts and begins nothing more: the session will be interrupted, not stopped; `close` follows."""
         self._closing.set()
         self._token.set()
         self._rig.halt()
+
+    def close(self) -> None:
+        """Halts, ends the session's turn (it stays interrupted) and releases the devices."""
+        self.shut()
         if self._thread.is_alive():
             self._thread.join(10)
         self._monitor.close()
@@ -187,9 +176,9 @@ class Runner:
             fingerprint=cell.fingerprint,
             arm_address=cell.arm.address,
             arm_model=cell.arm.model,
-            identity=self._devices.identity,
+            identity=self._readiness.identity,
             reading=self._rig.arm.reading,
-            camera_ready=self._devices.camera_ready,
+            camera_ready=self._readiness.camera_ready,
             holder=None if holder is None else holder.id,
             may_start=not reasons,
             reasons=reasons,
@@ -238,7 +227,7 @@ class Runner:
         if datetime.now().astimezone() > self._valid_until():
             raise RigError(ErrorCode.RIG_NOT_READY, f"The calibration is out of date since {self._valid_until()}")
         self._monitor.clear()
-        self._in_thread(self._make_ready)
+        self._in_thread(self._readiness.make_ready)
         self._monitor.clear()
         token = StopToken()
         then = journal.trigger(session_id, action, actor)[1]
@@ -276,7 +265,8 @@ class Runner:
         next_connection = 0.0
         while not self._closing.is_set():
             if time.monotonic() >= next_connection and self._store.journal.holder() is None:
-                self._connect_idle()
+                if self._readiness.look():
+                    self._store.journal.announce(None, "device.changed", {"arm": "connected", "camera": "connected"})
                 next_connection = time.monotonic() + CONNECT_EVERY_S
             try:
                 request = self._requests.get(timeout=0.25)
@@ -299,7 +289,7 @@ class Runner:
 
     def _turn(self, session_id: str, token: StopToken) -> bool:
         """Does one step; False when there is no more to do."""
-        if token.is_set():
+        if token.is_set() or self._closing.is_set():
             raise Halted
         record = self._store.record(session_id)
         if record.state is State.PAUSING:
@@ -373,42 +363,10 @@ class Runner:
             future.cancel()
             raise RigError(ErrorCode.RIG_NOT_READY, f"The devices were not ready within {READY_WITHIN_S:g} s") from None
 
-    def _make_ready(self) -> None:
-        """Connects what is not connected, takes control of the arm, and compares it with the cell file."""
-        try:
-            identity = self._rig.arm.connect()
-            self._rig.arm.prepare()
-            findings = self._rig.arm.preflight()
-            if findings:
-                raise RigError(
-                    ErrorCode.ARM_PREFLIGHT,
-                    " ".join(finding.what for finding in findings),
-                    findings=[{"what": finding.what, "remedy": finding.remedy} for finding in findings],
-                )
-            self._rig.lamp.connect()
-            self._rig.camera.connect()
-        except RigError as error:
-            self._devices = _Devices(None, False, problem(error.code, error.detail, **error.context))
-            raise
-        self._devices = _Devices(identity, True, None)
-
-    def _connect_idle(self) -> None:
-        """Looks for the devices while nothing runs, so that `status` is true; takes no control while one is missing."""
-        if self._devices.trouble is None and self._rig.arm.reading.connected:
-            return
-        try:
-            identity = self._rig.arm.connect()
-            self._rig.camera.connect()
-        except RigError as error:
-            self._devices = _Devices(None, False, problem(error.code, error.detail, **error.context))
-            return
-        self._devices = _Devices(identity, True, None)
-        self._store.journal.announce(None, "device.changed", {"arm": "connected", "camera": "connected"})
-
     def _obstacles(self) -> list[dict[str, Any]]:
         found: list[dict[str, Any]] = []
-        if self._devices.trouble is not None:
-            found.append(self._devices.trouble)
+        if self._readiness.trouble is not None:
+            found.append(self._readiness.trouble)
         try:
             self._monitor.clear()
         except RigError as error:

@@ -5,6 +5,7 @@ event stream delays by seconds. So the halt hangs on the handler itself and the 
 """
 
 import logging
+import threading
 from collections.abc import Callable
 from socket import socket
 from types import FrameType
@@ -39,8 +40,10 @@ class Server(uvicorn.Server):
         self._say = say
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Halts the arm, then lets the server end."""
-        self.service.runner.halt("signal")
+        """Halts the arm, then lets the server end; the session is interrupted, for the next service to resume."""
+        self.service.rig.halt()  # takes no lock, so it may interrupt anything
+        # The rest takes locks that the interrupted code may hold, so it must not wait for them in here.
+        threading.Thread(target=self.service.runner.shut, name="shut").start()
         super().handle_exit(sig, frame)
 
     async def startup(self, sockets: list[socket] | None = None) -> None:

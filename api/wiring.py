@@ -42,6 +42,7 @@ class Service:
 
     cell: CellConfig
     calibration: Calibration
+    rig: Rig
     store: Store
     runner: Runner
     limits: Limits = field(default_factory=Limits)
@@ -69,7 +70,7 @@ def build(settings: Settings) -> Service:
             store.journal.latch(latch.code, latch.detail)
 
     monitor = SafetyMonitor(rig.arm, safety_changed, _latched(store))
-    return Service(cell, calibration, store, Runner(store, rig, calibration, Compute(), monitor))
+    return Service(cell, calibration, rig, store, Runner(store, rig, calibration, Compute(), monitor))
 
 
 def build_rig(cell: CellConfig) -> Rig:

@@ -32,6 +32,7 @@ class Running:
     client: Client
     http: httpx.Client
     settings: Settings
+    thread: threading.Thread
 
 
 def write_cell(folder: Path, address: str) -> Path:
@@ -61,7 +62,7 @@ def serve(chosen: Settings) -> Generator[Running]:
     try:
         assert listening.wait(20)
         with Client(said[0]) as client, httpx.Client(base_url=said[0], timeout=20) as http:
-            yield Running(said[0], made, made.service, client, http, chosen)
+            yield Running(said[0], made, made.service, client, http, chosen, thread)
     finally:
         made.should_exit = True
         thread.join(20)

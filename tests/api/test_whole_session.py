@@ -3,21 +3,25 @@
 import hashlib
 import http.client
 import json
+import signal
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
 import cv2
+import httpx
 import numpy as np
 import pytest
 import tifffile
 
 from acquisition.errors import ErrorCode
 from acquisition.session import Stage, State
+from acquisition.store import Store
 from acquisition.types import Recipe
 from api import settings
 from api.client import ProblemError
 from hardware_sim.cell import Cell
+from hardware_sim.controller.control import ControlClient
 
 CELL = "127.0.4.10"
 RECIPE = Recipe(pilot_lights=3, planned_lights=1, label="whole")
@@ -228,3 +232,30 @@ def test_a_session_that_was_served_elsewhere_is_not_waited_for_in_vain(live: Any
 
     assert live.client.wait(session.id, again.append) == session
     assert [event.id for event in again] == [event.id for event in heard]
+
+
+def test_a_signal_in_mid_capture_interrupts_the_session_and_ends_the_service(live: Any) -> None:
+    """The last test of this module: it ends the service that the others share."""
+    created = live.client.create(Recipe(method="two-rings", planned_lights=8))
+    live.client.start(created.id)
+    for event in live.client.events(created.id, after=0):
+        if event.type == "shot.captured":
+            break
+
+    live.server.handle_exit(signal.SIGTERM, None)
+    with pytest.raises(httpx.TransportError):
+        for _ in live.client.events(created.id, after=0, patience_s=0.0):
+            pass
+    while live.thread.is_alive():
+        live.thread.join(1)
+
+    store = Store(live.settings.data)
+    session = store.journal.session(created.id)
+    store.close()
+    assert session.state is State.INTERRUPTED
+    assert session.reason is not None
+    assert session.reason["code"] == ErrorCode.SERVICE_RESTARTED
+    with ControlClient(CELL) as control:
+        state = control.state()
+    assert max(map(abs, state["joint_speeds"])) < 0.01
+    assert state["digital_outputs"] == 0
