@@ -185,6 +185,12 @@ PROBLEMS: dict[ErrorCode, Problem] = {
 }
 
 
+def problem(code: ErrorCode, detail: str, **context: Any) -> dict[str, Any]:
+    """A problem as it stands in journal and status: what the table says, and this case."""
+    entry = PROBLEMS[code]
+    return {"code": str(code), "title": entry.title, "detail": detail, "remedy": entry.remedy, **context}
+
+
 class RigError(Exception):
     """A problem with a code from the table, a sentence about this case, and facts for programs in `context`."""
 

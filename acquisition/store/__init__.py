@@ -11,7 +11,8 @@ from pathlib import Path
 from acquisition.errors import ErrorCode, RigError
 from acquisition.session import Record
 from acquisition.store.folder import FolderFrames
-from acquisition.store.journal import Action, Artifact, Event, Journal, SessionRow
+from acquisition.store.journal import Journal
+from acquisition.store.rows import Action, Artifact, Event, SessionRow
 
 __all__ = ["Action", "Artifact", "Event", "FolderFrames", "Journal", "SessionRow", "Store"]
 

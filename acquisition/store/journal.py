@@ -12,75 +12,16 @@ import threading
 import time
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from acquisition.errors import ErrorCode, RigError
-from acquisition.session import (
-    ENDED,
-    HOLDS_THE_RIG,
-    PassRecord,
-    Record,
-    State,
-    Trigger,
-    after,
-    allowed,
-)
+from acquisition.session import ENDED, HOLDS_THE_RIG, PassRecord, Record, State, Trigger, after, allowed
+from acquisition.store.rows import Action, Artifact, Event, SessionRow, session_of
 from acquisition.types import LightPlan, Recipe, Route, Shot
 
 MIGRATIONS = ("schema_001.sql",)
-
-
-@dataclass(frozen=True)
-class SessionRow:
-    """One session as the journal has it."""
-
-    id: str
-    number: int
-    state: State
-    recipe: Recipe
-    cell: str
-    fingerprint: str
-    reason: dict[str, Any] | None
-    created_at: float
-    started_at: float | None
-    ended_at: float | None
-
-
-@dataclass(frozen=True)
-class Event:
-    """One thing that happened; ids rise without end."""
-
-    id: int
-    session_id: str | None
-    type: str
-    body: dict[str, Any]
-    at: float
-
-
-@dataclass(frozen=True)
-class Action:
-    """Who asked for what, and what came of it."""
-
-    session_id: str | None
-    action: str
-    actor: str
-    outcome: str
-    at: float
-
-
-@dataclass(frozen=True)
-class Artifact:
-    """One file or folder that a step made."""
-
-    kind: str
-    number: int
-    path: str
-    sha256: str
-    body: dict[str, Any]
-    created_at: float
 
 
 class Journal:
@@ -113,7 +54,7 @@ class Journal:
                     "SELECT * FROM session WHERE idempotency_key = ?", (idempotency_key,)
                 ).fetchone()
                 if known is not None:
-                    row = _session(known)
+                    row = session_of(known)
                     if row.recipe != recipe:
                         raise RigError(
                             ErrorCode.REQUEST_INVALID,
@@ -137,7 +78,7 @@ class Journal:
         row = self._one("SELECT * FROM session WHERE id = ?", session_id)
         if row is None:
             raise RigError(ErrorCode.SESSION_NOT_FOUND, f"No session {session_id[:80]!r}", session_id=session_id[:80])
-        return _session(row)
+        return session_of(row)
 
     def sessions(self, limit: int, before: int | None = None) -> list[SessionRow]:
         """Sessions, newest first, with numbers below `before`."""
@@ -146,12 +87,12 @@ class Journal:
             before if before is not None else 2**62,
             limit,
         )
-        return [_session(row) for row in rows]
+        return [session_of(row) for row in rows]
 
     def holder(self) -> SessionRow | None:
         """The session that holds the rig, if any."""
         row = self._one(f"SELECT * FROM session WHERE state IN ({_marks(HOLDS_THE_RIG)})", *HOLDS_THE_RIG)  # noqa: S608
-        return None if row is None else _session(row)
+        return None if row is None else session_of(row)
 
     def trigger(
         self, session_id: str, trigger: Trigger, actor: str, reason: dict[str, Any] | None = None
@@ -410,21 +351,6 @@ class Journal:
     def _all(self, query: str, *values: Any) -> list[sqlite3.Row]:
         with self._lock:
             return self._connection.execute(query, values).fetchall()
-
-
-def _session(row: sqlite3.Row) -> SessionRow:
-    return SessionRow(
-        id=row["id"],
-        number=row["number"],
-        state=State(row["state"]),
-        recipe=Recipe.model_validate_json(row["recipe"]),
-        cell=row["cell"],
-        fingerprint=row["fingerprint"],
-        reason=None if row["reason"] is None else json.loads(row["reason"]),
-        created_at=row["created_at"],
-        started_at=row["started_at"],
-        ended_at=row["ended_at"],
-    )
 
 
 def _marks(values: Any) -> str:

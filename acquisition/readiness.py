@@ -1,0 +1,64 @@
+"""Whether the devices are there and as the cell file says; connecting them moves nothing.
+
+Connecting is tried again and again while nothing runs, so that the service starts without a device and says which is
+missing; making ready is the explicit step before a session, which also compares the arm with the cell file.
+"""
+
+from typing import Any
+
+from acquisition.devices import ArmIdentity, Rig
+from acquisition.errors import ErrorCode, RigError, problem
+
+
+class Readiness:
+    """Connects the devices of a rig, in the runner's thread; the three attributes may be read by any."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        self.identity: ArmIdentity | None = None
+        self.camera_ready = False
+        self.trouble: dict[str, Any] | None = problem(
+            ErrorCode.RIG_NOT_READY, "The devices have not been connected yet"
+        )
+
+    def make_ready(self) -> None:
+        """Connects what is not connected, takes control of the arm, and compares it with the cell file.
+
+        Raises RigError arm.unreachable, arm.in_use, arm.preflight (with `findings`), camera.unreachable and others.
+        """
+        try:
+            identity = self._rig.arm.connect()
+            self._rig.arm.prepare()
+            findings = self._rig.arm.preflight()
+            if findings:
+                raise RigError(
+                    ErrorCode.ARM_PREFLIGHT,
+                    " ".join(finding.what for finding in findings),
+                    findings=[{"what": finding.what, "remedy": finding.remedy} for finding in findings],
+                )
+            self._rig.lamp.connect()
+            self._rig.camera.connect()
+        except RigError as error:
+            self._lacking(error)
+            raise
+        self._ready(identity)
+
+    def look(self) -> bool:
+        """Connects what is missing; True when that has made the rig complete."""
+        if self.trouble is None and self._rig.arm.reading.connected:
+            return False
+        try:
+            identity = self._rig.arm.connect()
+            self._rig.camera.connect()
+        except RigError as error:
+            self._lacking(error)
+            return False
+        self._ready(identity)
+        return True
+
+    def _ready(self, identity: ArmIdentity) -> None:
+        self.identity, self.camera_ready, self.trouble = identity, True, None
+
+    def _lacking(self, error: RigError) -> None:
+        self.identity, self.camera_ready = None, False
+        self.trouble = problem(error.code, error.detail, **error.context)

@@ -1,0 +1,75 @@
+"""What the journal's tables hold, as values."""
+
+import json
+import sqlite3
+from dataclasses import dataclass
+from typing import Any
+
+from acquisition.session import State
+from acquisition.types import Recipe
+
+
+@dataclass(frozen=True)
+class SessionRow:
+    """One session as the journal has it."""
+
+    id: str
+    number: int
+    state: State
+    recipe: Recipe
+    cell: str
+    fingerprint: str
+    reason: dict[str, Any] | None
+    created_at: float
+    started_at: float | None
+    ended_at: float | None
+
+
+@dataclass(frozen=True)
+class Event:
+    """One thing that happened; ids rise without end."""
+
+    id: int
+    session_id: str | None
+    type: str
+    body: dict[str, Any]
+    at: float
+
+
+@dataclass(frozen=True)
+class Action:
+    """Who asked for what, and what came of it."""
+
+    session_id: str | None
+    action: str
+    actor: str
+    outcome: str
+    at: float
+
+
+@dataclass(frozen=True)
+class Artifact:
+    """One file or folder that a step made."""
+
+    kind: str
+    number: int
+    path: str
+    sha256: str
+    body: dict[str, Any]
+    created_at: float
+
+
+def session_of(row: sqlite3.Row) -> SessionRow:
+    """A row of the table `session` as a value."""
+    return SessionRow(
+        id=row["id"],
+        number=row["number"],
+        state=State(row["state"]),
+        recipe=Recipe.model_validate_json(row["recipe"]),
+        cell=row["cell"],
+        fingerprint=row["fingerprint"],
+        reason=None if row["reason"] is None else json.loads(row["reason"]),
+        created_at=row["created_at"],
+        started_at=row["started_at"],
+        ended_at=row["ended_at"],
+    )
