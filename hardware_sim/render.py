@@ -37,7 +37,7 @@ class Lens:
     def directions(self, columns: FloatArray, rows: FloatArray) -> Float32Array:
         """Directions (N, 3), object frame, unit OpenCV z, of the rays through image points in pixels (N,)."""
         points = np.stack([columns, rows], axis=-1).reshape(-1, 1, 2)
-        criteria = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-11)
+        criteria = (cv2.TERM_CRITERIA_COUNT, 12, 0.0)
         flat = cv2.undistortPoints(points, self.matrix, self.distortion, criteria=criteria)
         rays = np.concatenate([flat.reshape(-1, 2), np.ones((len(points), 1))], axis=1)
         return geometry.rotate(self.object_from_camera, rays).astype(np.float32)

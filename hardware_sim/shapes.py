@@ -47,8 +47,8 @@ def relief(random: np.random.Generator) -> Mesh:
     middle = (size - 1) / 2
     heights: FloatArray = np.asarray(gaussian_filter(_stamp(random, size, pixel), 0.00042 / pixel), float)
 
-    ring = np.linspace(0.0, radius - fillet, 240)
-    angle = np.linspace(0, 2 * np.pi, 1301)
+    ring = np.linspace(0.0, radius - fillet, 210)
+    angle = np.linspace(0, 2 * np.pi, 1101)
     angle[-1] = 0.0
     x, y = np.outer(ring, np.cos(angle)), np.outer(ring, np.sin(angle))
     where = np.stack([y / pixel + middle, x / pixel + middle])
@@ -62,10 +62,10 @@ def relief(random: np.random.Generator) -> Mesh:
         radius - fillet + fillet * np.sin(bend),
         base + rim - fillet + fillet * np.cos(bend),
         np.stack([np.sin(bend), np.cos(bend)], axis=1),
-        1300,
+        1100,
     )
-    wall = sheets.cone((radius, base + rim - fillet), (radius, 0.0), (1.0, 0.0), 1300)
-    floor = sheets.cone((0.0, 0.0), (radius, 0.0), (0.0, -1.0), 1300)
+    wall = sheets.cone((radius, base + rim - fillet), (radius, 0.0), (1.0, 0.0), 1100)
+    floor = sheets.cone((0.0, 0.0), (radius, 0.0), (0.0, -1.0), 1100)
     return sheets.joined([face, edge, wall, floor])
 
 

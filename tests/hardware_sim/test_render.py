@@ -137,7 +137,7 @@ def test_rays_go_through_the_distorted_pixels() -> None:
     directions = camera.directions(pixels[:, 0], pixels[:, 1])
     in_camera = geometry.rotate(geometry.inverse(camera.object_from_camera), directions)
     back, _ = cv2.projectPoints(in_camera, np.zeros(3), np.zeros(3), camera.matrix, camera.distortion)
-    assert back.reshape(-1, 2) == pytest.approx(pixels, abs=5e-3)
+    assert back.reshape(-1, 2) == pytest.approx(pixels, abs=1e-3)
 
 
 def test_gloss_peaks_half_way_between_lamp_and_camera() -> None:

@@ -215,10 +215,19 @@ def test_every_profile_is_there() -> None:
 
 
 def test_the_lamp_is_fixed_to_the_flange(cell: CellConfig, direct: World) -> None:
-    from acquisition.waypoints import kinematics
-
-    base_from_flange = kinematics.forward(kinematics.arm_model("ur5e"), np.array(JOINTS))
-    expected = base_from_flange @ cell.arm.flange_from_tool.matrix
+    # Published Denavit–Hartenberg values of the UR5e: d, a, α of each joint.
+    links = [
+        (0.1625, 0.0, np.pi / 2),
+        (0.0, -0.425, 0.0),
+        (0.0, -0.3922, 0.0),
+        (0.1333, 0.0, np.pi / 2),
+        (0.0997, 0.0, -np.pi / 2),
+        (0.0996, 0.0, 0.0),
+    ]
+    flange = np.eye(4)
+    for angle, (d, a, twist) in zip(JOINTS, links, strict=True):
+        flange = flange @ geometry.pose([0, 0, d], [0, 0, angle]) @ geometry.pose([a, 0, 0], [twist, 0, 0])
+    expected = flange @ cell.arm.flange_from_tool.matrix
     found = direct.base_from_lamp(JOINTS)
     assert found == pytest.approx(expected, abs=1e-9)
     centre = np.array([0.55, 0, 0.03])
