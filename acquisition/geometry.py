@@ -5,29 +5,31 @@ y up, z to the camera) and OpenCV's `camera` frame (x right, y down, z forward) 
 nowhere else.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 FloatArray = npt.NDArray[np.float64]
 
 VIEW_FROM_CAMERA: FloatArray = np.diag([1.0, -1.0, -1.0, 1.0])
 CAMERA_FROM_VIEW: FloatArray = VIEW_FROM_CAMERA
+_SMALL = 1e-9
 
 
 def pose(position_m: Sequence[float] | FloatArray, rotation_vector_rad: Sequence[float] | FloatArray) -> FloatArray:
     """Makes a (4, 4) pose from a position in m and a rotation vector in rad."""
+    x, y, z = (float(value) for value in rotation_vector_rad)
+    angle = math.sqrt(x * x + y * y + z * z)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    # Rodrigues' formula with sin(θ)/θ and (1 − cos θ)/θ², which have finite limits where the axis is undefined.
+    first = math.sin(angle) / angle if angle > _SMALL else 1.0
+    second = 0.5 * (math.sin(angle / 2) / (angle / 2)) ** 2 if angle > _SMALL else 0.5
     matrix = np.eye(4)
-    matrix[:3, :3] = Rotation.from_rotvec(np.asarray(rotation_vector_rad, dtype=float)).as_matrix()
+    matrix[:3, :3] += first * cross + second * cross @ cross
     matrix[:3, 3] = position_m
     return matrix
-
-
-def rotation_vector(matrix: FloatArray) -> FloatArray:
-    """The rotation vector (3,) in rad of a (4, 4) pose or (3, 3) rotation."""
-    return Rotation.from_matrix(matrix[:3, :3]).as_rotvec()
 
 
 def inverse(matrix: FloatArray) -> FloatArray:
