@@ -150,3 +150,26 @@ def test_listeners_that_leave_are_forgotten(own: Any) -> None:
         gone.wait(0.02)
 
     assert own.server._feed.listeners == 0
+
+
+def test_a_client_that_stalls_holds_up_nobody_and_misses_nothing(own: Any) -> None:
+    count, journal = 60, own.service.store.journal
+    for number in range(count):
+        journal.announce(None, "test.large", {"number": number, "filling": "x" * 100_000})
+    host, port = own.url.removeprefix("http://").split(":")
+    with socket.socket() as stalled:
+        stalled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        stalled.settimeout(10)
+        stalled.connect((host, int(port)))
+        stalled.sendall(f"GET /v1/events?after=0 HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())
+        for _ in range(20):  # others read and write meanwhile
+            made = own.client.create()
+            assert next(own.client.events(made.id, after=0)).type == "session.created"
+        text = b""
+        while text.count(b"event: session.created") < 20:
+            part = stalled.recv(1 << 16)
+            assert part
+            text += part
+
+    heard = [int(line.split()[1]) for line in text.decode().splitlines() if line.startswith("id: ")]
+    assert heard == list(range(count + 21))  # the first says where the stream begins
