@@ -11,8 +11,8 @@ import queue
 import threading
 import time
 from collections.abc import Callable
+from concurrent import futures
 from concurrent.futures import Future
-from concurrent.futures import TimeoutError as FutureTimeoutError
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any, TypeVar
@@ -33,6 +33,8 @@ _log = logging.getLogger(__name__)
 READY_WITHIN_S = 20.0
 """Connecting takes a second; an address where nobody listens answers within 3 s; the rest is a busy machine."""
 CONNECT_EVERY_S = 5.0
+CLOSING_SEEN_S = 0.1
+"""Whoever waits for devices notices within this that the service ends."""
 
 INTERRUPTS = frozenset(
     {
@@ -357,11 +359,13 @@ class Runner:
                 future.set_exception(error)
 
         self._requests.put(request)
-        try:
-            return future.result(READY_WITHIN_S)
-        except FutureTimeoutError:
-            future.cancel()
-            raise RigError(ErrorCode.RIG_NOT_READY, f"The devices were not ready within {READY_WITHIN_S:g} s") from None
+        deadline = time.monotonic() + READY_WITHIN_S
+        while not self._closing.is_set() and time.monotonic() < deadline:
+            if futures.wait([future], CLOSING_SEEN_S).done:
+                return future.result()
+        future.cancel()
+        why = "The service is ending" if self._closing.is_set() else f"Not ready within {READY_WITHIN_S:g} s"
+        raise RigError(ErrorCode.RIG_NOT_READY, why)
 
     def _obstacles(self) -> list[dict[str, Any]]:
         found: list[dict[str, Any]] = []

@@ -1,6 +1,7 @@
 """Sessions without a cell: created, listed, refused, deleted; the journal is the real one."""
 
 import shutil
+import signal
 import socket
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -247,6 +248,23 @@ def test_the_service_answers_while_the_arm_is_silent(start: Any) -> None:
     assert codes <= {ErrorCode.ARM_UNREACHABLE, ErrorCode.SESSION_ACTION_NOT_ALLOWED, ErrorCode.RIG_NOT_READY}
 
 
+def test_whoever_waits_for_devices_is_told_that_the_service_ends(start: Any) -> None:
+    with (
+        socket.create_server(("127.0.4.3", 29999), backlog=50),
+        ThreadPoolExecutor(6) as pool,
+        start(address="127.0.4.3") as service,
+    ):
+        made = service.client.create()
+        waiting = [pool.submit(_post_start, service.url, made.id) for _ in range(4)]
+        while len(service.server.server_state.tasks) < len(waiting):  # requests that are being served
+            threading.Event().wait(0.01)
+        service.server.handle_exit(signal.SIGTERM, None)
+        found = [future.result(20).json() for future in waiting]
+
+    assert {item["code"] for item in found} <= {ErrorCode.RIG_NOT_READY, ErrorCode.ARM_UNREACHABLE}
+    assert "The service is ending" in [item["detail"] for item in found]
+
+
 def test_stop_halts_even_when_the_journal_is_stuck(own: Any) -> None:
     """A disk that hangs: the journal's lock is held for as long as the stop is tried."""
     journal, stuck, done = own.service.store.journal, threading.Event(), threading.Event()
@@ -271,5 +289,8 @@ def test_stop_halts_even_when_the_journal_is_stuck(own: Any) -> None:
 
 
 def _start(url: str, session_id: str) -> str:
-    answer = httpx.post(f"{url}/v1/sessions/{session_id}/actions", json={"action": "start"}, timeout=60)
-    return answer.json()["code"]
+    return _post_start(url, session_id).json()["code"]
+
+
+def _post_start(url: str, session_id: str) -> httpx.Response:
+    return httpx.post(f"{url}/v1/sessions/{session_id}/actions", json={"action": "start"}, timeout=60)
