@@ -3,6 +3,8 @@
 import hashlib
 import json
 import time
+from collections.abc import Generator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -14,14 +16,28 @@ from api.client import Client
 from hardware_sim import grade, truth
 from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
-from tests.end_to_end.processes import client_of, fastest_joint, rests_after, serving, wait_until_moving
+from tests.end_to_end.processes import Service, client_of, fastest_joint, rests_after, serving, wait_until_moving
 
-PIXELS = 192
+PIXELS = 160
 
 
-def cell(folder: Path, address: str, **changes: object) -> Cell:
-    wishes = {"object_name": "vase", "seed": 1, "profile": "direct", "speed": 10.0, "pixels": PIXELS} | changes
-    return Cell(address=address, folder=folder / "cell", **wishes)  # type: ignore[arg-type]
+@dataclass(frozen=True)
+class Rig:
+    """A simulated cell and a service for it."""
+
+    cell: Cell
+    service: Service
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[Rig, None, None]:
+    folder = tmp_path_factory.mktemp("rig")
+    with cell(folder, "127.0.6.1") as running, serving(running, folder / "data") as service:
+        yield Rig(running, service)
+
+
+def cell(folder: Path, address: str) -> Cell:
+    return Cell(address, "vase", 1, "direct", 4.0, folder=folder / "cell", pixels=PIXELS)
 
 
 def grades(running: Cell, data: Path, session_id: str) -> list[grade.Grade]:
@@ -31,19 +47,18 @@ def grades(running: Cell, data: Path, session_id: str) -> list[grade.Grade]:
     return [grade.grade_folder(folder, true, calibration) for folder in sorted(results.iterdir())]
 
 
-def test_a_whole_session_finds_the_normals_and_keeps_everything(tmp_path: Path) -> None:
-    with cell(tmp_path, "127.0.6.1") as running, serving(running, tmp_path / "data") as service:
-        with client_of(service) as client:
-            done = client.capture(Recipe(seed=1), progress=False)
-            events = client.past_events(done.id)
-            normals = client.download(done.id, 1, "normals.png", tmp_path / "normals.png")
-        pilot, final = grades(running, service.data, done.id)
+def test_a_whole_session_finds_the_normals_and_keeps_everything(rig: Rig, tmp_path: Path) -> None:
+    with client_of(rig.service) as client:
+        done = client.capture(Recipe(seed=1), progress=False)
+        events = client.past_events(done.id)
+        normals = client.download(done.id, 1, "normals.png", tmp_path / "normals.png")
+    pilot, final = grades(rig.cell, rig.service.data, done.id)
     assert final.mean_deg < 1.2
     assert final.mean_deg < 0.67 * pilot.mean_deg
     assert final.coverage > 0.98
     assert final.found_to_predicted is not None
     assert 1 / 1.5 < final.found_to_predicted < 1.5
-    folder = service.data / "sessions" / done.id
+    folder = rig.service.data / "sessions" / done.id
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     for name, facts in manifest["files"].items():
         assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == facts["sha256"], name
@@ -62,27 +77,16 @@ def test_a_whole_session_finds_the_normals_and_keeps_everything(tmp_path: Path) 
             assert max(abs(a - b) for a, b in zip(planned, shot["light"]["position"], strict=True)) < 2e-3
 
 
-@pytest.mark.parametrize("method", ["two-rings", "random"])
-def test_fixed_patterns_run_through_the_same_session(tmp_path: Path, method: str) -> None:
-    address = "127.0.6.2" if method == "random" else "127.0.6.3"
-    with (
-        cell(tmp_path, address) as running,
-        serving(running, tmp_path / "data") as service,
-        client_of(service) as client,
-    ):
-        done = client.capture(Recipe(method=method, pilot_lights=3, planned_lights=3, seed=2), progress=False)  # type: ignore[arg-type]
-        (found,) = grades(running, service.data, done.id)
-        assert found.coverage > 0.9
+def test_a_fixed_pattern_runs_through_the_same_session(rig: Rig) -> None:
+    with client_of(rig.service) as client:
+        done = client.capture(Recipe(method="random", pilot_lights=3, planned_lights=3, seed=2), progress=False)
         assert len(client.results(done.id)) == 1
+    (found,) = grades(rig.cell, rig.service.data, done.id)
+    assert found.coverage > 0.9
 
 
-def test_stop_in_mid_move_over_http_and_the_next_session_starts_from_there(tmp_path: Path) -> None:
-    with (
-        cell(tmp_path, "127.0.6.4", speed=1.0) as running,
-        serving(running, tmp_path / "data") as service,
-        client_of(service) as client,
-        ControlClient("127.0.6.4") as control,
-    ):
+def test_stop_in_mid_move_over_http_and_the_next_session_starts_from_there(rig: Rig) -> None:
+    with client_of(rig.service) as client, ControlClient(rig.cell.address) as control:
         first = client.create(Recipe())
         client.start(first.id)
         wait_until_moving(control)
@@ -102,7 +106,7 @@ def test_stop_in_mid_move_over_http_and_the_next_session_starts_from_there(tmp_p
 
 
 def test_killing_the_service_stops_the_arm_and_loses_no_announced_frame(tmp_path: Path) -> None:
-    with cell(tmp_path, "127.0.6.5", speed=3.0) as running, ControlClient("127.0.6.5") as control:
+    with cell(tmp_path, "127.0.6.5") as running, ControlClient("127.0.6.5") as control:
         data = tmp_path / "data"
         announced: list[tuple[int, int]] = []
         with serving(running, data) as service, client_of(service) as client:
