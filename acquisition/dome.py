@@ -7,7 +7,7 @@ nearest reachable candidate, and a set of candidates that cannot surround the ob
 import numpy as np
 
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import FloatArray, Light
+from acquisition.types import BoolArray, FloatArray, Light
 
 LEAST_SUPPORT = 0.05
 """Candidates must lean by this much (sine of the slant) to every side, else they lie in one half-plane."""
@@ -30,8 +30,8 @@ def directions(candidates: FloatArray, center: FloatArray, count: int) -> FloatA
     if len(candidates) < max(count, 3):
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
-            f"{count} lights are wanted, but the arm reaches only {len(candidates)} positions: ask for fewer lights, or "
-            "widen the reach (GET /v1/rig/reach says why positions are refused)",
+            f"{count} lights are wanted, but the arm reaches only {len(candidates)} positions: ask for fewer lights, "
+            "or widen the reach (GET /v1/rig/reach says why positions are refused)",
             reachable=len(candidates),
             wanted=count,
         )
@@ -50,13 +50,13 @@ def directions(candidates: FloatArray, center: FloatArray, count: int) -> FloatA
     return units
 
 
-def nearest_distinct(ideal: FloatArray, units: FloatArray, free: FloatArray) -> tuple[list[int], FloatArray]:
+def nearest_distinct(ideal: FloatArray, units: FloatArray, free: BoolArray) -> tuple[list[int], FloatArray]:
     """For each ideal unit direction (M, 3) its own candidate among `units` (K, 3) where `free` (K,) holds.
 
     Returns indices (M) and the angles missed (M,), rad. The nearest pairs are settled first.
     """
     angles = np.arccos(np.clip(ideal @ units.T, -1.0, 1.0))
-    angles[:, ~np.asarray(free, dtype=bool)] = np.inf
+    angles[:, ~free] = np.inf
     chosen = [-1] * len(ideal)
     miss = np.zeros(len(ideal))
     for _ in range(len(ideal)):

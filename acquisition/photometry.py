@@ -8,8 +8,9 @@ that is, the signal as a fraction of what a perfectly white surface facing the l
 model is near light throughout: a lamp on an arm stands at three object sizes, where a distant light is wrong by 20°.
 
 The variance of y has four terms: shot noise; read noise and quantisation, of the lit frame and of the dark frame that
-is subtracted from it; a share c of y for intensity errors; and (σ_d ρ|s|)² for errors of the light's direction. The last
-two dominate in practice, and without the last one a surface at the terminator would seem to carry infinite information.
+is subtracted from it; a share c of y for intensity errors; and (σ_d ρ|s|)² for errors of the light's direction. The
+last two dominate in practice, and without the last one a surface at the terminator would seem to carry infinite
+information.
 
 Pixels live on the distorted image as the camera gives it; distortion is in the rays. Kernels compile at import, into
 numba's cache: `KERNELS` lists them.
@@ -87,7 +88,7 @@ def project(calibration: Calibration, positions: npt.ArrayLike) -> FloatArray:
     pixels, _ = cv2.projectPoints(
         camera, np.zeros(3), np.zeros(3), np.array(calibration.camera_matrix), np.array(calibration.distortion)
     )
-    return pixels.reshape(-1, 2)
+    return np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
 
 
 def lamps(lights: Sequence[Light]) -> Float32Array:

@@ -42,8 +42,8 @@ def pattern(recipe: Recipe, reach: Reach) -> list[Light]:
     if worst_deg > WORST_MISS_DEG:
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
-            f"the pilot's ring at {RING_SLANT_DEG:.0f}° cannot be formed: one light would stand {worst_deg:.0f}° from its "
-            "place; free more of the dome, GET /v1/rig/reach says what refuses positions",
+            f"the pilot's ring at {RING_SLANT_DEG:.0f}° cannot be formed: one light would stand {worst_deg:.0f}° from "
+            "its place; free more of the dome, GET /v1/rig/reach says what refuses positions",
             worst_miss_deg=worst_deg,
         )
     return [dome.light(candidates[index], reach.center) for index in (top, *chosen)]

@@ -1,10 +1,11 @@
 """Normals to depth: least squares over the edges between neighbouring pixels, exact on any mask.
 
-With rays r of a perspective (and distorted) image, a plane with normal n satisfies n·r Z = const, so two neighbours p, q
-on it have log Z_q − log Z_p = log(n·r_p / n·r_q). Log depth is therefore linear in the unknowns, whatever the lens. The
-normal equations are solved by conjugate gradients, preconditioned by a Poisson solve on the full rectangle by cosine
-transforms: that needs about ten iterations where plain CG needs hundreds, and the mask's border stays exact. Edges count
-by how surely both ends see the camera. Depth is known up to one factor per connected part, which the caller gives.
+With rays r of a perspective (and distorted) image, a plane with normal n satisfies n·r Z = const, so two neighbours p
+and q on it have log Z_q − log Z_p = log(n·r_p / n·r_q). Log depth is therefore linear in the unknowns, whatever the
+lens. The normal equations are solved by conjugate gradients, preconditioned by a Poisson solve on the full rectangle by
+cosine transforms: that needs about ten iterations where plain CG needs hundreds, and the mask's border stays exact.
+Edges count by how surely both ends see the camera. Depth is known up to one factor per connected part, which the caller
+gives.
 """
 
 import cv2
@@ -33,7 +34,8 @@ def depth(
     rows = _steps(x, y, z, ray, mask, certainty, axis=0)
     log_start = np.log(start_m)
     solution = log_start + _conjugate_gradients(columns, rows, log_start, mask)
-    parts, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
+    parts, found = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
+    labels = np.asarray(found, dtype=np.intp)
     counts = np.maximum(np.bincount(labels.ravel(), minlength=parts), 1)
     shift = np.bincount(labels.ravel(), (log_start - solution).ravel(), minlength=parts) / counts
     shift[0] = 0.0
@@ -95,8 +97,8 @@ def _conjugate_gradients(
 
     solution = np.zeros((height, width), dtype=np.float32)
     residual = gather(
-        weight_c * (step_c - np.diff(start, axis=1).astype(np.float32)),
-        weight_r * (step_r - np.diff(start, axis=0).astype(np.float32)),
+        (weight_c * (step_c - np.diff(start, axis=1))).astype(np.float32),
+        (weight_r * (step_r - np.diff(start, axis=0))).astype(np.float32),
     )
     first = float(np.sqrt(np.vdot(residual, residual)))
     if first == 0.0:

@@ -25,7 +25,7 @@ BLOCK = 512
     fastmath=True,
     error_model="numpy",
 )
-def estimate(
+def estimate(  # noqa: PLR0915 - one fused kernel is the point
     values: Float32Array,  # (F, N)
     light: Float32Array,  # (F, 3, N)
     usable: np.ndarray,  # (F, N) uint8

@@ -78,7 +78,7 @@ class Estimate:
     @property
     def normals(self) -> Float32Array:
         """Unit normals (3, N), view frame."""
-        return self.g / np.maximum(self.albedo, np.float32(1e-9))
+        return (self.g / np.maximum(self.albedo, 1e-9)).astype(np.float32)
 
 
 def derivative(light: Float32Array, point: Float32Array, along: Float32Array, lamp: Float32Array) -> Float32Array:
@@ -93,7 +93,7 @@ def derivative(light: Float32Array, point: Float32Array, along: Float32Array, la
 def measurements(
     pixels: Pixels, values: Float32Array, strength: Float32Array, threshold: float
 ) -> tuple[BoolArray, BoolArray, Float32Array]:
-    """Which measurements are usable (F, N), which of them lie beside a shadow (F, N), and each pixel's largest y/|s|."""
+    """Which measurements are usable (F, N), which of these lie beside a shadow, and each pixel's largest y/|s|."""
     ratio = values / np.maximum(strength, np.float32(1e-9))
     largest = np.max(np.where(pixels.clipped, 0, ratio), axis=0)
     shadowed = (ratio < threshold * largest) & ~pixels.clipped

@@ -1,8 +1,8 @@
 """Images to normals: the loop of solving, integrating and self-calibrating, and the last solve.
 
 Near light needs depth, depth needs normals, and intensities need both, so they are found in turn; that loop runs on a
-grid coarse enough to cost nothing, because depth and intensities do not need every pixel. The last solve then sees every
-pixel once, with the viewing axis as the mean of its weak prior and with a depth offset as a fourth unknown.
+grid coarse enough to cost nothing, because depth and intensities do not need every pixel. The last solve then sees
+every pixel once, with the viewing axis as the mean of its weak prior and with a depth offset as a fourth unknown.
 """
 
 from dataclasses import dataclass, replace
@@ -15,9 +15,20 @@ from acquisition.errors import ErrorCode, RigError
 from acquisition.normals import integrate, lambert, observe, self_calibration, silhouette
 from acquisition.normals.lambert import Estimate, Pixels
 from acquisition.types import (
-    ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, BoolArray, Calibration, Float32Array, FloatArray, Information, NormalMap,
-    Observations, SolveSettings,
-)  # fmt: skip
+    ATTACHED,
+    CAST,
+    HIGHLIGHT,
+    LIT,
+    SATURATED,
+    BoolArray,
+    Calibration,
+    Float32Array,
+    FloatArray,
+    Information,
+    NormalMap,
+    Observations,
+    SolveSettings,
+)
 
 OFFSET_SIGMA_M = 0.003
 """1 σ of a pixel's depth offset in the joint solve."""
@@ -54,8 +65,8 @@ def solve(
     """Solves all images taken so far.
 
     `initial_depth_m` is the object's rough depth along OpenCV's z (a number or an (H, W) map; 30 mm off is fine);
-    `region` (H, W) is where the object can be, none: the whole image. Raises RigError normals.infeasible when fewer than
-    three lights are usable, the lights are parallel or in one plane, or nothing is lit.
+    `region` (H, W) is where the object can be, none: the whole image. Raises RigError normals.infeasible when fewer
+    than three lights are usable, the lights are parallel or in one plane, or nothing is lit.
     """
     height, width = calibration.height, calibration.width
     lights = [light for _, light in observe.lit_shots(observations)]
@@ -80,8 +91,8 @@ def solve(
     along = photometry.ray_directions(pixels.ray)
     factors = np.exp(scene.log_intensity)
     final = lambert.solve(
-        pixels, pixels.values / factors[:, None].astype(np.float32), pixels.take(scene.depth_m), lamp, calibration, noise,
-        threshold=settings.shadow_threshold, offset_sigma_m=OFFSET_SIGMA_M, robust=settings.robust,
+        pixels, (pixels.values / factors[:, None]).astype(np.float32), pixels.take(scene.depth_m), lamp, calibration,
+        noise,        threshold=settings.shadow_threshold, offset_sigma_m=OFFSET_SIGMA_M, robust=settings.robust,
     )  # fmt: skip
     normals = lambert.facing(final.normals, along)
     solved = np.count_nonzero(final.usable, axis=0) >= 2
@@ -137,7 +148,8 @@ def _refine(
     coarse = _coarser(pixels, factor)
     ray = coarse.image(coarse.ray)
     mask = coarse.image(np.ones(len(coarse.index), np.bool_))
-    depth = cv2.resize(scene.depth_m, (coarse.shape[1], coarse.shape[0]), interpolation=cv2.INTER_AREA)
+    size = (coarse.shape[1], coarse.shape[0])
+    depth = np.asarray(cv2.resize(scene.depth_m, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
     ray_full = _fill_rays(ray, mask)
     rng = np.random.default_rng(0)
     sample = np.sort(rng.permutation(len(coarse.index))[:CALIBRATION_SAMPLES])
@@ -177,7 +189,7 @@ def _calibrate(
         )  # fmt: skip
         step = self_calibration.step(
             found.light, lambert.derivative(found.light, found.point, along, lamp),
-            values / np.exp(total.log_intensity)[:, None], found.g, found.offset_m, found.weights,
+            (values / np.exp(total.log_intensity)[:, None]).astype(np.float32), found.g, found.offset_m, found.weights,
             log_intensity + total.log_intensity, shift + total.shift_m,
             calibration.intensity_sigma if many else 0.0, SHIFT_SIGMA_M if many else 0.0, OFFSET_SIGMA_M,
         )  # fmt: skip

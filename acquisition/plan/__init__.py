@@ -1,7 +1,7 @@
 """Which lights to add, from what the images so far say of the object.
 
-Before: `normals`, whose normal map, albedo, depth, σ and information per pixel are all that is read. After: `waypoints`,
-or nothing when the recipe is fulfilled. `baseline` gives the patterns that planning is compared with.
+Before: `normals`, whose normal map, albedo, depth, σ and information per pixel are all that is read. After:
+`waypoints`, or nothing when the recipe is fulfilled. `baseline` gives the patterns that planning is compared with.
 """
 
 from acquisition.plan.baselines import baseline

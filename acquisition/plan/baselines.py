@@ -8,12 +8,13 @@ import numpy as np
 
 from acquisition import dome, geometry
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import FloatArray, Light, LightPlan, Method, Reach, Recipe
+from acquisition.types import FloatArray, LightPlan, Method, Reach, Recipe
 
 INNER_SLANT_DEG, OUTER_SLANT_DEG = 25.0, 55.0
 DRBOHLAV_SLANT_DEG = 54.74
 """arccos(1/√3): orthogonal lights when there are three (Drbohlav and Chantler 2005)."""
 
+VIEWING_AXIS = np.array([0.0, 0.0, 1.0])
 TURNS = 12
 PAPER_STARTS = 20
 
@@ -21,8 +22,8 @@ PAPER_STARTS = 20
 def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightPlan:
     """The lights of a method other than `optimal`; nothing is predicted of them.
 
-    Raises RigError plan.infeasible when the reach does not allow so many lights, waypoints.unreachable naming the user's
-    own lights that the arm cannot serve, request.invalid for `optimal`, which needs a normal map.
+    Raises RigError plan.infeasible when the reach does not allow so many lights, waypoints.unreachable naming the
+    user's own lights that the arm cannot serve, request.invalid for `optimal`, which needs a normal map.
     """
     if method == "user":
         return _user(recipe, reach)
@@ -47,8 +48,8 @@ def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightP
     notes = []
     if np.max(miss) > np.radians(10):
         notes.append(
-            f"{int(np.sum(miss > np.radians(10)))} of {count} lights stand more than 10° from their place in the pattern: "
-            "the arm does not reach nearer"
+            f"{int(np.sum(miss > np.radians(10)))} of {count} lights stand more than 10° from their place in the "
+            "pattern: the arm does not reach nearer"
         )
     return _plan(method, chosen, units, reach, reasons, notes)
 
@@ -81,9 +82,9 @@ def unit_lights(count: int, rng: np.random.Generator) -> FloatArray:
     def value(lights: FloatArray) -> float:
         return float(np.trace(tangential @ np.linalg.inv(lights.T @ lights + 1e-9 * np.eye(3))))
 
-    best = upper(rng.normal(size=(count, 3)) + [0, 0, 1])
+    best = upper(rng.normal(size=(count, 3)) + VIEWING_AXIS)
     for _ in range(PAPER_STARTS):
-        lights = upper(rng.normal(size=(count, 3)) + [0, 0, 1])
+        lights = upper(rng.normal(size=(count, 3)) + VIEWING_AXIS)
         rate = 0.3
         for _ in range(200):
             inverse = np.linalg.inv(lights.T @ lights + 1e-9 * np.eye(3))

@@ -2,8 +2,8 @@
 
 Greedy alone is 10–30 % short in the objective for few lights; exchanging one light at a time for the best candidate
 closes that, and several starts remove the rest. One start is the two-ring pattern, so that a plan is never predicted to
-be worse than the pattern. Everything is deterministic for a given seed. What is reported is predicted on pixels that the
-search has not seen, because those it has seen flatter it.
+be worse than the pattern. Everything is deterministic for a given seed. What is reported is predicted on pixels that
+the search has not seen, because those it has seen flatter it.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from acquisition import dome
 from acquisition.errors import ErrorCode, RigError
 from acquisition.plan import baselines, criterion
 from acquisition.plan.criterion import Candidates, Samples
-from acquisition.types import Calibration, FloatArray, LightPlan, NormalMap, Observations, Reach, Recipe
+from acquisition.types import Calibration, FloatArray, Light, LightPlan, NormalMap, Observations, Reach, Recipe
 
 SEARCH_PIXELS = 400
 POLISH_PIXELS = 900
@@ -64,19 +64,16 @@ def choose(
     reasons = [
         f"{baselines.place(units[index])}: {_worth(fresh, there, number)}" for number, index in enumerate(chosen)
     ]
-    notes = [
-        f"mean σ {np.mean(before_deg):.2f}° from the images so far, {np.mean(sigma_deg):.2f}° expected with these lights"
-    ]
+    notes = [f"mean σ {np.mean(before_deg):.2f}° so far, {np.mean(sigma_deg):.2f}° expected with these lights"]
     dark = float(np.mean(np.sum(there.visibility > 0.5, axis=0) == 0))
     if dark > 0.02:
         notes.append(f"{dark:.0%} of the pixels are expected to see none of the new lights")
-    plan = _described([], [], sigma_deg, notes)
-    return plan.model_copy(update={"lights": chosen_lights, "reasons": reasons})
+    return _described(chosen_lights, reasons, sigma_deg, notes)
 
 
-def _described(lights: list[object], reasons: list[str], sigma_deg: FloatArray, notes: list[str]) -> LightPlan:
+def _described(lights: list[Light], reasons: list[str], sigma_deg: FloatArray, notes: list[str]) -> LightPlan:
     return LightPlan(
-        lights=[],
+        lights=lights,
         method="optimal",
         reasons=reasons,
         predicted_sigma_deg=float(np.mean(sigma_deg)),

@@ -11,7 +11,15 @@ import numpy as np
 
 from acquisition import geometry
 from acquisition.types import (
-    Calibration, FrameQuality, FrameRef, Light, Observations, Refusal, SensorModel, Shot, ShotKey,
+    Calibration,
+    FrameQuality,
+    FrameRef,
+    Light,
+    Observations,
+    Refusal,
+    SensorModel,
+    Shot,
+    ShotKey,
 )  # fmt: skip
 
 TABLE_DEPTH = 0.9
@@ -21,22 +29,22 @@ Height = Callable[[np.ndarray, np.ndarray], np.ndarray]
 def calibration(size: int = 192, **changes: object) -> Calibration:
     """A camera 0.9 m above the table that sees 0.2 m of it."""
     focal = size * TABLE_DEPTH / 0.2
-    values = dict(
-        width=size,
-        height=size,
-        camera_matrix=((focal, 0.0, size / 2 - 0.5), (0.0, focal, size / 2 - 0.5), (0.0, 0.0, 1.0)),
-        distortion=(0.0, 0.0, 0.0, 0.0, 0.0),
-        base_from_camera=((1.0, 0, 0, 0), (0.0, -1, 0, 0), (0.0, 0, -1, TABLE_DEPTH), (0.0, 0, 0, 1)),
-        tool_from_lamp=((1.0, 0, 0, 0), (0.0, 1, 0, 0), (0.0, 0, 1, 0), (0.0, 0, 0, 1)),
-        lamp_intensity=20.0,
-        reference_m=0.45,
-        lobe_exponent=0.8,
-        sensor=SensorModel(bits=12, gain_e_per_dn=2.5, read_noise_e=5.0, full_well_e=10077.5, black_level_dn=64.0),
-        intensity_sigma=0.01,
-        lamp_position_sigma_m=0.001,
-        made_at="2026-01-01T00:00:00Z",
-        valid_days=100.0,
-    )
+    values = {
+        "width": size,
+        "height": size,
+        "camera_matrix": ((focal, 0.0, size / 2 - 0.5), (0.0, focal, size / 2 - 0.5), (0.0, 0.0, 1.0)),
+        "distortion": (0.0, 0.0, 0.0, 0.0, 0.0),
+        "base_from_camera": ((1.0, 0, 0, 0), (0.0, -1, 0, 0), (0.0, 0, -1, TABLE_DEPTH), (0.0, 0, 0, 1)),
+        "tool_from_lamp": ((1.0, 0, 0, 0), (0.0, 1, 0, 0), (0.0, 0, 1, 0), (0.0, 0, 0, 1)),
+        "lamp_intensity": 20.0,
+        "reference_m": 0.45,
+        "lobe_exponent": 0.8,
+        "sensor": SensorModel(bits=12, gain_e_per_dn=2.5, read_noise_e=5.0, full_well_e=10077.5, black_level_dn=64.0),
+        "intensity_sigma": 0.01,
+        "lamp_position_sigma_m": 0.001,
+        "made_at": "2026-01-01T00:00:00Z",
+        "valid_days": 100.0,
+    }
     values.update(changes)
     return Calibration(**values)
 
