@@ -67,6 +67,7 @@ def _routed(life: Any) -> FastAPI:
         lifespan=life,
         docs_url=None,  # the usual pages load scripts from elsewhere; this service works without a network
         redoc_url=None,
+        redirect_slashes=False,  # one address for each thing
         responses=problems.declared_for_all(),
         generate_unique_id_function=lambda route: route.name,
     )
