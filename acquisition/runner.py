@@ -160,6 +160,7 @@ class Runner:
         self._token.set()
         self._rig.halt()
         self._requests.put(lambda: self._journal_halt(actor))
+        self._token.set()  # a start may have been entered since: its token is another one
 
     def acknowledge(self, actor: str) -> None:
         """A person has looked and finds the cell clear. Raises RigError safety.still_faulted."""
@@ -231,8 +232,10 @@ class Runner:
         self._monitor.clear()
         self._in_thread(self._readiness.make_ready)
         self._monitor.clear()
+        before, then = journal.trigger(session_id, action, actor)
+        if before is then:  # the same start came twice: the other one runs it
+            return then
         token = StopToken()
-        then = journal.trigger(session_id, action, actor)[1]
         self._token = token
         self._requests.put(lambda: self._run(session_id, token))
         return then
@@ -243,13 +246,13 @@ class Runner:
         if holder is not None and holder.id == session_id:
             self._token.set()
             self._rig.halt()
-        before, then = journal.trigger(session_id, Trigger.STOP, actor)
-        # A resume may have begun between the halt and the entry: its token is another one.
+        _, then = journal.trigger(session_id, Trigger.STOP, actor)
         if then is State.STOPPING:
+            # A resume may have begun between the halt and the entry: its token is another one. And the turn may have
+            # ended before the entry, or none was running, so that nobody else would settle.
             self._token.set()
             self._rig.halt()
-            if before is State.PAUSED:  # no turn is running that would notice
-                self._requests.put(lambda: self._trigger(session_id, Trigger.SETTLE))
+            self._requests.put(lambda: self._trigger(session_id, Trigger.SETTLE))
         return then
 
     def _journal_halt(self, actor: str) -> None:
@@ -284,7 +287,10 @@ class Runner:
         except Halted:
             self._settle(session_id)
         except RigError as error:
-            self._give_up(session_id, error)
+            if token.is_set():  # what a halt breaks off is no fault; a safety stop has its own latch
+                self._settle(session_id)
+            else:
+                self._give_up(session_id, error)
         except Exception as error:  # noqa: BLE001 - the thread must live on; the session tells what failed
             _log.exception("session %s", session_id)
             self._give_up(session_id, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
@@ -311,21 +317,20 @@ class Runner:
     def _settle(self, session_id: str) -> None:
         """After a halt: the arm has come to rest; what the state becomes depends on who asked."""
         state = self._store.journal.session(session_id).state
-        if self._closing.is_set() or state in (State.RUNNING, State.PAUSING):
-            if state in session.HOLDS_THE_RIG and self._closing.is_set():
-                reason = problem(ErrorCode.SERVICE_RESTARTED, "The service was ended")
-                self._trigger(session_id, Trigger.INTERRUPT, reason=reason)
-            return  # a halt that is not journalled yet: its entry follows as a request
         if state is State.STOPPING:
             self._trigger(session_id, Trigger.SETTLE)
+        elif self._closing.is_set() and state in session.HOLDS_THE_RIG:
+            reason = problem(ErrorCode.SERVICE_RESTARTED, "The service was ended")
+            self._trigger(session_id, Trigger.INTERRUPT, reason=reason)
+        # Else a halt that is not journalled yet: its entry follows as a request.
 
     def _give_up(self, session_id: str, error: RigError) -> None:
         self._rig.halt()
+        latch = self._monitor.latch
+        if latch is not None:  # the monitor was quicker and its halt ended the step: the latch is the cause
+            error = RigError(latch.code, latch.detail)
         _log.error("session %s: %s", session_id, error)
         reason = problem(error.code, error.detail, **error.context)
-        if self._store.journal.session(session_id).state is State.STOPPING:
-            self._trigger(session_id, Trigger.SETTLE)
-            return
         self._trigger(session_id, Trigger.INTERRUPT if error.code in INTERRUPTS else Trigger.FAIL, reason=reason)
 
     def _trigger(
