@@ -24,9 +24,14 @@ def light(position: FloatArray, center: FloatArray) -> Light:
 def directions(candidates: FloatArray, center: FloatArray, count: int) -> FloatArray:
     """Unit directions (K, 3) from `center` to the candidates (K, 3), once they are known to allow `count` lights.
 
-    Raises RigError plan.infeasible when there are fewer than `count`, or when all lie in one half-plane as the camera
-    sees them, where the lights could not surround the object.
+    Raises RigError plan.infeasible when there are fewer than `count`, when a position is not a number, or when all lie
+    in one half-plane as the camera sees them, where the lights could not surround the object.
     """
+    if not np.all(np.isfinite(candidates)) or not np.all(np.isfinite(center)):
+        raise RigError(
+            ErrorCode.PLAN_INFEASIBLE,
+            "a reachable position is not a number: check base_from_camera and the cell's dome",
+        )
     if len(candidates) < max(count, 3):
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
@@ -53,8 +58,17 @@ def directions(candidates: FloatArray, center: FloatArray, count: int) -> FloatA
 def nearest_distinct(ideal: FloatArray, units: FloatArray, free: BoolArray) -> tuple[list[int], FloatArray]:
     """For each ideal unit direction (M, 3) its own candidate among `units` (K, 3) where `free` (K,) holds.
 
-    Returns indices (M) and the angles missed (M,), rad. The nearest pairs are settled first.
+    Returns indices (M) and the angles missed (M,), rad. The nearest pairs are settled first. Raises RigError
+    plan.infeasible when fewer than M candidates are free.
     """
+    if np.count_nonzero(free) < len(ideal):
+        raise RigError(
+            ErrorCode.PLAN_INFEASIBLE,
+            f"{len(ideal)} places of a pattern are to be filled from {np.count_nonzero(free)} reachable positions: "
+            "ask for fewer lights, or widen the reach (GET /v1/rig/reach says why positions are refused)",
+            reachable=int(np.count_nonzero(free)),
+            wanted=len(ideal),
+        )
     angles = np.arccos(np.clip(ideal @ units.T, -1.0, 1.0))
     angles[:, ~free] = np.inf
     chosen = [-1] * len(ideal)

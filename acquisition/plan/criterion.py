@@ -27,7 +27,6 @@ PRIOR_SCALE = 0.5
 LEAST_COSINE = 0.08
 ATTACHED_SIGMA = 0.06
 CAST_SIGMA = 0.04
-SATURATED = 0.97
 MAP_SIZE = 192
 STEEPEST_DEG = 78.0
 
@@ -81,6 +80,8 @@ def usable(normal_map: NormalMap, calibration: Calibration) -> np.ndarray:
     """Numbers of the information's pixels that a plan can reason about: finite, and not seen edge-on."""
     information = normal_map.information
     rows, columns = information.rows, information.columns
+    if not len(rows):
+        return np.empty(0, dtype=np.int64)
     along = photometry.ray_directions(_rays_at(calibration, rows, columns))
     normal = normal_map.normals[rows, columns].T
     cosine = -np.sum(normal * along, axis=0) / np.sqrt(np.sum(along * along, axis=0))
@@ -115,7 +116,9 @@ def candidates(
     level = recipe.exposure.target / brightest
     if recipe.exposure.seconds is not None:
         level = np.full_like(brightest, recipe.exposure.seconds * calibration.lamp_intensity)
-    visibility = np.where(value * level[:, None] > SATURATED, 0.0, visibility)
+    sensor = calibration.sensor
+    clipping = (photometry.clipping_dn(sensor) - sensor.black_level_dn) / sensor.full_scale_dn
+    visibility = np.where(value * level[:, None] > clipping, 0.0, visibility)
 
     noise = photometry.noise(calibration, list(level / calibration.lamp_intensity), float(np.mean(distance)))
     deviation = np.sqrt(noise.variance(value, sample.albedo * strength))

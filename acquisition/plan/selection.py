@@ -83,15 +83,19 @@ def _described(lights: list[Light], reasons: list[str], sigma_deg: FloatArray, n
 
 
 def _search(sample: Samples, options: Candidates, units: FloatArray, count: int, seed: int) -> list[int]:
-    """The best set found: short searches on few pixels from all starts, then exchange on all pixels."""
+    """The best set found: short searches on few pixels from all starts, then exchange on all pixels.
+
+    Few pixels may mislead, so the last exchange starts from whichever is best on all of them, the patterns included.
+    """
     few = _thinned(sample, options, SEARCH_PIXELS)
     rng = np.random.default_rng(seed)
     free = np.ones(len(units), dtype=np.bool_)
-    starts = [_greedy(*few, count)]
-    starts += [dome.nearest_distinct(baselines.two_rings(count, turn), units, free)[0] for turn in (0.0, 0.33, 0.67)]
+    patterns = [dome.nearest_distinct(baselines.two_rings(count, turn), units, free)[0] for turn in (0.0, 0.33, 0.67)]
+    starts = [_greedy(*few, count), *patterns]
     starts += [[int(index) for index in rng.permutation(len(units))[:count]] for _ in range(RANDOM_STARTS)]
     found = [_exchange(*few, start, passes=3) for start in starts]
-    best = min(found, key=lambda item: (item[0], item[1]))[1]
+    shortlist = [min(found, key=lambda item: (item[0], item[1]))[1], *patterns]
+    best = min(shortlist, key=lambda chosen: criterion.expect(sample, options.only(chosen)).objective)
     return _exchange(sample, options, best, passes=4)[1]
 
 
