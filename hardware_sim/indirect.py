@@ -13,7 +13,7 @@ from hardware_sim.objects import SceneObject
 from hardware_sim.render import TABLE_ALBEDO, Lamp, View, lit
 from hardware_sim.tracing import Tracer
 
-OBJECT_PATCHES = 3200
+OBJECT_PATCHES = 2600
 TABLE_RADIUS_M = 0.35
 TABLE_END_M = 4.0
 TABLE_CELL_PIXELS = 8
@@ -28,7 +28,7 @@ class IndirectLight:
         table = radiosity.disc(TABLE_RADIUS_M, rings=20, sectors=40, far_m=TABLE_END_M)
         self._count = len(surface.centres)
         self._patches = radiosity.joined(surface, table)
-        self._factors = radiosity.form_factors(self._patches, tracer)
+        self._factors = radiosity.form_factors(self._patches, tracer, TABLE_END_M)
         self._albedo = np.concatenate(
             [
                 surface.mean(scene.texture.albedo(surface.points).astype(float)),
@@ -58,7 +58,7 @@ class IndirectLight:
 
     def ambient(self) -> Float32Array:
         """The picture (H, W) under the room's light alone, all bounces; a white surface under open sky sends 1."""
-        direct = np.clip(1 - self._factors.sum(axis=1).astype(float), 0, None)
+        direct = np.clip(1 - np.asarray(self._factors.sum(axis=1), float), 0, None)
         everything = direct + radiosity.bounced(self._factors, self._albedo, direct)
         return self._picture(
             self._to_pixels @ everything[: self._count].astype(np.float32), self._to_grid @ everything[self._count :]

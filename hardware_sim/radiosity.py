@@ -1,35 +1,33 @@
 """Light that surfaces throw at one another: radiosity on a coarse mesh of patches, hidden sides and table included.
 
 A patch is a cluster of points drawn evenly from the surface, near one another in place and direction, so that any mesh
-gives patches of like size without being remeshed. Form factors are those of small discs with visibility by ray casting;
-they depend on shape alone and take less than a second, so that they are not stored. The indirect light is smooth except
-at contact, so that its interpolation from patches to pixels of the fine mesh loses little.
+gives patches of like size without being remeshed. Form factors are counted with rays, which is right at contact too,
+where formulas for distant patches are not; they depend on shape alone and take a few seconds, so that they are not
+stored. The indirect light is smooth except at contact, so that its interpolation from patches to pixels loses little.
 
-Source: C. M. Goral et al., Modeling the interaction of light between diffuse surfaces, SIGGRAPH 1984; the disc's form
-factor is J. R. Wallace et al., A ray tracing algorithm for progressive radiosity, SIGGRAPH 1989.
+Source: C. M. Goral et al., Modeling the interaction of light between diffuse surfaces, SIGGRAPH 1984; form factors by
+rays: F. X. Sillion and C. Puech, Radiosity and Global Illumination, 1994, section 4.
 """
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from acquisition.types import BoolArray, Float32Array, FloatArray
+from acquisition.types import BoolArray, FloatArray
 from hardware_sim.sheets import Mesh
 from hardware_sim.tracing import START_M, Tracer
 
 TURN_M = 0.012
 """Two points whose normals are at right angles count as √2 times this far apart when points are clustered."""
-NEAR_AREAS = 20.0
-NEAR_CONNECTIONS = 16
-"""Patches nearer than the root of so many patch areas are compared by so many pairs of points."""
-LIFT_M = 6e-5
-"""Connections run this far above the surface."""
+RAYS = 256
+"""Rays that leave each patch to find its form factors."""
 NEIGHBOURS = 10
-"""Patches that a pixel's indirect light is interpolated from."""
+OFF_PLANE = 15.0
+"""Patches that a pixel's indirect light is interpolated from, and what their squared distance from its tangent plane
+counts in addition."""
 
 
 @dataclass(frozen=True)
@@ -136,95 +134,57 @@ def exposed(tracer: Tracer, points: FloatArray, normals: FloatArray) -> BoolArra
     return (hits.triangles < 0) | (np.einsum("ni,ni->n", tracer.mesh.face_normals[hits.triangles], normals) < 1e-6)
 
 
-def form_factors(patches: Patches, tracer: Tracer) -> Float32Array:
+def form_factors(patches: Patches, tracer: Tracer, table_m: float = 0.0) -> csr_array:
     """F (P, P): the share of patch i's hemisphere, weighted by the cosine, that patch j fills as i sees it.
 
-    Patches close to each other are compared point by point, since part of one may be hidden from the other; far ones
-    from centre to centre.
+    Rays leave the points of each patch evenly over the cosine-weighted hemisphere; what they meet first belongs to the
+    patch nearest in place and direction. Rays that miss the mesh and go down meet the table, z = 0 within `table_m`.
     """
     count = len(patches.centres)
     order = np.argsort(patches.point_patches, kind="stable")
     first = np.searchsorted(patches.point_patches[order], np.arange(count + 1))
-    points, normals = patches.points[order], patches.point_normals[order]
-    rows, columns, starts, ends, kernel = _pairs(
-        patches.centres, patches.normals, patches.areas, points, normals, first.astype(np.int64)
-    )
-    seen = np.empty(len(rows), dtype=bool)
-    for start in range(0, len(rows), 1_000_000):
-        part = slice(start, start + 1_000_000)
-        # A ray has no end, so what it hits beyond the far patch does not count.
-        hits = tracer.first_hits(starts[part], ends[part] - starts[part])
-        seen[part] = (hits.triangles < 0) | (hits.distances > 1 - 1e-3)
-    rows, columns, kernel = rows[seen], columns[seen], kernel[seen]
-    both = np.concatenate([rows * count + columns, columns * count + rows])
-    share = np.concatenate([kernel * patches.areas[columns], kernel * patches.areas[rows]])
-    factors = np.bincount(both, share, count * count).astype(np.float32).reshape(count, count)
-    # Discs in touch can fill more than the hemisphere; nobody can.
-    return factors / np.maximum(factors.sum(axis=1, keepdims=True), 1.0)
+    tree = cKDTree(np.concatenate([patches.centres, TURN_M * patches.normals], axis=1))
+    face_normals = tracer.mesh.face_normals
+    turns = np.random.default_rng(2).uniform(size=(count, 2))
+    rows: list[npt.NDArray[np.int64]] = []
+    columns: list[npt.NDArray[np.int64]] = []
+    for start in range(0, count, 1000):
+        patch = np.arange(start, min(start + 1000, count))
+        which = first[patch, None] + np.arange(RAYS) % (first[patch + 1] - first[patch])[:, None]
+        which = order[which.ravel()]
+        # A low-discrepancy sequence (Roberts' R2), shifted at random for each patch.
+        u = (turns[patch, 0, None] + 0.7548776662466927 * np.arange(RAYS)) % 1.0
+        v = (turns[patch, 1, None] + 0.5698402909980532 * np.arange(RAYS)) % 1.0
+        normals = patches.point_normals[which]
+        directions = _hemisphere(normals, u.ravel(), v.ravel())
+        origins = patches.points[which] + START_M * normals
+        hits = tracer.first_hits(origins.astype(np.float32), directions.astype(np.float32))
+        on_mesh = hits.triangles >= 0
+        down = ~on_mesh & (directions[:, 2] < -1e-6)
+        reach = np.where(on_mesh, hits.distances, -origins[:, 2] / np.where(down, directions[:, 2], -1.0))
+        points = origins + reach[:, None] * directions
+        met = on_mesh | (down & (np.hypot(points[:, 0], points[:, 1]) < table_m))
+        facing = np.where(on_mesh[:, None], face_normals[hits.triangles], [0.0, 0.0, 1.0])
+        _, nearest = tree.query(np.concatenate([points[met], TURN_M * facing[met]], axis=1))
+        rows.append(np.repeat(patch, RAYS)[met])
+        columns.append(np.asarray(nearest, dtype=np.int64))
+    row, column = np.concatenate(rows), np.concatenate(columns)
+    share = np.full(len(row), 1.0 / RAYS, dtype=np.float32)
+    return csr_array((share, (row, column)), shape=(count, count))
 
 
-@numba.njit(
-    "Tuple((int64[::1], int64[::1], float32[:, ::1], float32[:, ::1], float64[::1]))"
-    "(float64[:, ::1], float64[:, ::1], float64[::1], float64[:, ::1], float64[:, ::1], int64[::1])",
-    cache=True,
-)
-def _pairs(
-    centres: FloatArray,
-    normals: FloatArray,
-    areas: FloatArray,
-    points: FloatArray,
-    point_normals: FloatArray,
-    first: npt.NDArray[np.int64],
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Float32Array, Float32Array, FloatArray]:
-    """Connections between patches that face each other: both patches, both ends, and the part of F_ij / A_j.
-
-    The points of patch i are points[first[i] : first[i + 1]].
-    """
-    count = len(centres)
-    rows = np.empty(0, dtype=np.int64)
-    columns = np.empty(0, dtype=np.int64)
-    starts = np.empty((0, 3), dtype=np.float32)
-    ends = np.empty((0, 3), dtype=np.float32)
-    kernel = np.empty(0, dtype=np.float64)
-    p, q, m, n = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    total = 0
-    for fill in (False, True):
-        if fill:
-            rows, columns = np.empty(total, dtype=np.int64), np.empty(total, dtype=np.int64)
-            starts, ends = np.empty((total, 3), dtype=np.float32), np.empty((total, 3), dtype=np.float32)
-            kernel = np.empty(total, dtype=np.float64)
-            total = 0
-        for i in range(count):
-            for j in range(i + 1, count):
-                x, y, z = centres[j, 0] - centres[i, 0], centres[j, 1] - centres[i, 1], centres[j, 2] - centres[i, 2]
-                area = (areas[i] + areas[j]) / 2
-                near = x * x + y * y + z * z < NEAR_AREAS * area
-                in_first, in_second = first[i + 1] - first[i], first[j + 1] - first[j]
-                connections = NEAR_CONNECTIONS if near else 1
-                for k in range(connections):
-                    if near:
-                        one, other = first[i] + k % in_first, first[j] + (7 * k + 3) % in_second
-                        p[:], m[:] = points[one], point_normals[one]
-                        q[:], n[:] = points[other], point_normals[other]
-                    else:
-                        p[:], m[:], q[:], n[:] = centres[i], normals[i], centres[j], normals[j]
-                    x, y, z = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-                    out = m[0] * x + m[1] * y + m[2] * z
-                    back = -(n[0] * x + n[1] * y + n[2] * z)
-                    if out <= 0 or back <= 0:
-                        continue
-                    if fill:
-                        square = x * x + y * y + z * z
-                        rows[total], columns[total] = i, j
-                        kernel[total] = out * back / (square * (np.pi * square + area / connections)) / connections
-                        for axis in range(3):
-                            starts[total, axis] = p[axis] + LIFT_M * m[axis]
-                            ends[total, axis] = q[axis] + LIFT_M * n[axis]
-                    total += 1
-    return rows, columns, starts, ends, kernel
+def _hemisphere(normals: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
+    """Unit vectors (N, 3) about normals (N, 3), even under the cosine for even u and v (N,) in [0, 1)."""
+    radius, angle = np.sqrt(u), 2 * np.pi * v
+    side = np.where(np.abs(normals[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
+    first = np.cross(side, normals)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(normals, first)
+    across = (radius * np.cos(angle))[:, None] * first + (radius * np.sin(angle))[:, None] * second
+    return across + np.sqrt(1 - u)[:, None] * normals
 
 
-def bounced(factors: Float32Array, albedo: FloatArray, direct: FloatArray) -> FloatArray:
+def bounced(factors: csr_array, albedo: FloatArray, direct: FloatArray) -> FloatArray:
     """Indirect light (P,) falling on each patch, all bounces, from the direct light (P,) that falls on it."""
     direct32, albedo32 = direct.astype(np.float32), albedo.astype(np.float32)
     indirect = np.zeros_like(direct32)
@@ -239,15 +199,21 @@ def bounced(factors: Float32Array, albedo: FloatArray, direct: FloatArray) -> Fl
 def interpolation(patches: Patches, points: FloatArray, normals: FloatArray) -> csr_array:
     """The matrix (N, P) that takes values of patches to points (N, 3) with normals (N, 3).
 
+    Patches off a point's tangent plane count as farther, so that the foot of a step takes nothing from its top.
     Weights fall to zero at the farthest of the neighbours used, so that they change smoothly from point to point.
     """
-    neighbours = min(NEIGHBOURS, len(patches.centres) - 1)
+    asked = min(2 * NEIGHBOURS, len(patches.centres))
     tree = cKDTree(np.concatenate([patches.centres, TURN_M * patches.normals], axis=1))
-    found = tree.query(np.concatenate([points, TURN_M * normals], axis=1), k=neighbours + 1)
+    found = tree.query(np.concatenate([points, TURN_M * normals], axis=1), k=asked)
     distance, patch = np.asarray(found[0]), np.asarray(found[1])
-    weight = (1 - (distance[:, :-1] / distance[:, -1:]) ** 2) ** 2 + 1e-9
+    height = np.einsum("ni,nki->nk", normals, patches.centres[patch]) - np.einsum("ni,ni->n", normals, points)[:, None]
+    square = distance**2 + OFF_PLANE * height**2
+    reach = np.partition(square, NEIGHBOURS, axis=1)[:, NEIGHBOURS, None]
+    weight = np.clip(1 - square / reach, 0, None) ** 2
     weight /= weight.sum(axis=1, keepdims=True)
-    rows = np.repeat(np.arange(len(points)), neighbours)
-    return csr_array(
-        (weight.ravel().astype(np.float32), (rows, patch[:, :-1].ravel())), shape=(len(points), len(patches.centres))
+    rows = np.repeat(np.arange(len(points)), asked)
+    matrix = csr_array(
+        (weight.ravel().astype(np.float32), (rows, patch.ravel())), shape=(len(points), len(patches.centres))
     )
+    matrix.eliminate_zeros()
+    return matrix

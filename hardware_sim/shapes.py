@@ -105,12 +105,13 @@ def part(random: np.random.Generator) -> Mesh:
     """A machined part of 0.126 m: two steps, a plate with two blind holes, a ramp and a bored, chamfered boss."""
     x0, x1, x2, x3, x4 = -0.063, -0.042, -0.025, 0.020, 0.063
     y0, y1 = -0.044, 0.044
-    floor, plate, step, top = 0.018, 0.027, 0.033, 0.046
+    floor, plate, step, top = 0.018, 0.024, 0.028, 0.038
     wide, narrow = 0.0145 * random.uniform(0.9, 1.1), 0.0095 * random.uniform(0.9, 1.1)
     solids = [
         sheets.box((x0, y0, 0.0), (x4, y1, floor)),
-        sheets.box((x0, y0, floor), (x2, y1, step)),
-        sheets.box((x0, y0, step), (x1, y1, top)),
+        # Side by side, not one on the other: `radiosity.exposed` needs to know inside from outside.
+        sheets.box((x1, y0, floor), (x2, y1, step)),
+        sheets.box((x0, y0, floor), (x1, y1, top)),
     ]
     for low, high, hole in ((y0, 0.0, wide), (0.0, y1, narrow)):
         solids.append(_plate_with_hole((x2, low), (x3, high), hole, floor, plate))
@@ -119,21 +120,21 @@ def part(random: np.random.Generator) -> Mesh:
         sheets.quad((x2, y0, floor), (x3, y0, floor), (x3, y0, plate), (x2, y0, plate)),
         sheets.quad((x3, y1, floor), (x2, y1, floor), (x2, y1, plate), (x3, y1, plate)),
     ]
-    high, side = floor + (x4 - x3) * np.tan(np.radians(random.uniform(24, 31))), 0.002
+    high, side = floor + (x4 - x3) * np.tan(np.radians(random.uniform(14, 20))), 0.002
     solids += [  # the ramp
         sheets.quad((x3, y0, floor), (x4, y0, high), (x4, side, high), (x3, side, floor)),
         sheets.quad((x4, y0, floor), (x4, side, floor), (x4, side, high), (x4, y0, high)),
         sheets.quad((x4, y0, floor), (x4, y0, high), (x3, y0, floor), (x3, y0, floor)),
         sheets.quad((x4, side, high), (x4, side, floor), (x3, side, floor), (x3, side, floor)),
     ]
-    outer, bore, crown, chamfer = 0.014, 0.0065 * random.uniform(0.9, 1.1), 0.038, 0.003
+    outer, bore, crown, chamfer = 0.014, 0.0065 * random.uniform(0.9, 1.1), 0.030, 0.003
     boss = sheets.joined(
         [
             sheets.cone((outer, floor), (outer, crown - chamfer), (1.0, 0.0), 192),
             sheets.cone((outer, crown - chamfer), (outer - chamfer, crown), (1.0, 1.0), 192),
             sheets.cone((outer - chamfer, crown), (bore, crown), (0.0, 1.0), 192),
-            sheets.cone((bore, crown), (bore, 0.029), (-1.0, 0.0), 192),
-            sheets.cone((bore, 0.029), (0.0, 0.029), (0.0, 1.0), 192),
+            sheets.cone((bore, crown), (bore, 0.025), (-1.0, 0.0), 192),
+            sheets.cone((bore, 0.025), (0.0, 0.025), (0.0, 1.0), 192),
         ]
     )
     solids.append(boss.moved(np.eye(3), np.array([0.0415, 0.0245, 0.0])))

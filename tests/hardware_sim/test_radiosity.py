@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hardware_sim import radiosity, sheets
+from hardware_sim import objects, radiosity, sheets
 from hardware_sim.sheets import Mesh
 from hardware_sim.tracing import Tracer
 
@@ -22,7 +22,7 @@ def factor_between(first: Mesh, second: Mesh, count: int = 400) -> float:
     tracer = Tracer(sheets.joined([first, second]))
     a, b = radiosity.cluster(first, tracer, count), radiosity.cluster(second, tracer, count)
     patches = radiosity.joined(a, b)
-    factors = radiosity.form_factors(patches, tracer)
+    factors = radiosity.form_factors(patches, tracer).toarray()
     n = len(a.centres)
     return float((a.areas @ factors[:n, n:].sum(axis=1)) / a.areas.sum())
 
@@ -44,8 +44,10 @@ def test_a_wall_between_hides_them_from_each_other() -> None:
     ceiling = grid([0, 0, SIDE], [0, 1, 0], [1, 0, 0])
     between = sheets.box((-0.1, -0.1, 0.045), (0.2, 0.2, 0.055))
     tracer = Tracer(sheets.joined([floor, ceiling, between]))
-    a, b = radiosity.cluster(floor, tracer, 100), radiosity.cluster(ceiling, tracer, 100)
-    assert radiosity.form_factors(radiosity.joined(a, b), tracer).max() == 0
+    a, b, c = (radiosity.cluster(mesh, tracer, 100) for mesh in (floor, ceiling, between))
+    factors = radiosity.form_factors(radiosity.joined(radiosity.joined(a, b), c), tracer).toarray()
+    assert factors[:100, 100:200].sum() == factors[100:200, :100].sum() == 0
+    assert factors[:100, 200:].sum(axis=1).mean() > 0.8
 
 
 @pytest.fixture(scope="module")
@@ -55,17 +57,18 @@ def cavity() -> tuple[radiosity.Patches, np.ndarray]:
     mesh = sheets.joined(grids)
     tracer = Tracer(mesh)
     patches = radiosity.cluster(mesh, tracer, 900)
-    return patches, radiosity.form_factors(patches, tracer)
+    return patches, radiosity.form_factors(patches, tracer).toarray()
 
 
 def test_a_closed_cavity_keeps_its_light(cavity: tuple[radiosity.Patches, np.ndarray]) -> None:
-    """Inside a sphere every patch sees every other in proportion to its area, and all of them fill the hemisphere."""
+    """Inside a sphere every patch sees every region in proportion to its area, and all of them fill the hemisphere."""
     patches, factors = cavity
-    assert factors.sum(axis=1) == pytest.approx(1.0, abs=0.03)
-    # Far patches; discs in touch are an approximation.
-    far = np.linalg.norm(patches.centres[:, None] - patches.centres[None], axis=-1) > 0.02
-    expected = np.broadcast_to(patches.areas / patches.areas.sum(), factors.shape)
-    assert np.median(np.abs(factors[far] / expected[far] - 1)) < 0.05
+    assert factors.sum(axis=1) == pytest.approx(1.0, abs=1e-5)
+    for direction in ([1, 0, 0], [0, -1, 0], [0, 0, 1]):
+        region = patches.centres @ direction > 0.02
+        share = patches.areas[region].sum() / patches.areas.sum()
+        assert factors[:, region].sum(axis=1) == pytest.approx(share, abs=0.04)
+        assert factors[:, region].sum(axis=1).mean() == pytest.approx(share, abs=0.005)
 
 
 @pytest.mark.parametrize("albedo", [0.2, 0.5, 0.8])
@@ -74,13 +77,15 @@ def test_an_integrating_sphere_has_its_gain(cavity: tuple[radiosity.Patches, np.
     patches, factors = cavity
     count = len(patches.centres)
     indirect = radiosity.bounced(factors, np.full(count, albedo), np.ones(count))
-    assert indirect.mean() == pytest.approx(albedo / (1 - albedo), rel=0.06 / (1 - albedo))
+    assert indirect.mean() == pytest.approx(albedo / (1 - albedo), rel=0.002)
 
 
 def test_energy_is_reciprocal(cavity: tuple[radiosity.Patches, np.ndarray]) -> None:
     patches, factors = cavity
-    flow = patches.areas[:, None] * factors
-    assert np.abs(flow - flow.T).sum() < 0.02 * flow.sum()
+    one, other = patches.centres[:, 0] > 0.025, patches.centres[:, 1] < -0.01
+    forth = patches.areas[one] @ factors[np.ix_(one, other)].sum(axis=1)
+    back = patches.areas[other] @ factors[np.ix_(other, one)].sum(axis=1)
+    assert forth == pytest.approx(back, rel=0.02)
 
 
 def test_patches_cover_the_surface_once() -> None:
@@ -103,3 +108,14 @@ def test_interpolation_keeps_constants_and_is_smooth() -> None:
     ramp = matrix @ patches.centres[:, 0]
     assert np.abs(ramp - x).max() < 0.004
     assert np.abs(np.diff(ramp)).max() < 0.0006  # twenty times the step, a fraction of a patch
+
+
+def test_buried_faces_take_no_part() -> None:
+    """What a part of overlapping solids shows from above covers its footprint, 126 mm × 88 mm, exactly once."""
+    mesh = objects.build("part", 1).mesh
+    patches = radiosity.cluster(mesh, Tracer(mesh), 2000)
+    up = np.clip(patches.point_normals[:, 2], 0, None)
+    per_point = patches.areas.sum() / len(patches.points)
+    assert up.sum() * per_point == pytest.approx(0.126 * 0.088, rel=0.01)
+    down = np.clip(-patches.point_normals[:, 2], 0, None)
+    assert down.sum() * per_point == pytest.approx(0.126 * 0.088, rel=0.01)
