@@ -1,0 +1,76 @@
+"""The command line as a person calls it."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def lightpose(*arguments: str, timeout_s: float = 100.0) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [sys.executable, "-m", "api.cli", *arguments],
+        cwd=ROOT, capture_output=True, text=True, check=False, timeout=timeout_s,
+    )  # fmt: skip
+
+
+def test_help_loads_no_numerical_kernel() -> None:
+    script = (
+        "import sys\nfrom typer.testing import CliRunner\nfrom api.cli import app\n"
+        "assert CliRunner().invoke(app, ['--help']).exit_code == 0\n"
+        "print([name for name in ('numba', 'scipy', 'cv2', 'trimesh', 'fastapi') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.stdout.strip() == "[]", done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("demo", "--object", "teapot"), "teapot"),
+        (("demo", "--method", "magic"), "method"),
+        (("demo", "--planned", "-3"), "planned_lights"),
+        (("sim", "--object", "teapot"), "sphere"),
+        (("sim", "--profile", "dreamy"), "dreamy"),
+        (("sim", "--address", "10.1.2.3"), "10.1.2.3"),
+        (("serve", "--cell", "no-such-cell.toml"), "no-such-cell.toml"),
+        (("serve", "--cell", "deploy/cell.sim.toml", "--host", "0.0.0.0"), "authentication"),  # noqa: S104
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_bad_input_is_named_with_what_to_do(arguments: tuple[str, ...], said: str, tmp_path: Path) -> None:
+    more = ("--data", str(tmp_path)) if arguments[0] in ("demo", "serve") else ()
+    done = lightpose(*arguments, *more)
+    assert done.returncode == 2
+    assert said in done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_check_says_what_the_cell_can_do_and_names_what_is_missing() -> None:
+    offline = lightpose("check", "--offline")
+    assert offline.returncode == 0, offline.stderr
+    assert "positions on the dome" in offline.stdout
+    assert "route of the pilot" in offline.stdout
+    alone = lightpose("check")
+    assert alone.returncode == 1
+    assert "arm.unreachable" in alone.stdout
+    assert "what to do" in alone.stdout
+
+
+def test_the_demonstration_ends_with_one_json_object(tmp_path: Path) -> None:
+    done = lightpose(
+        "demo", "--object", "sphere", "--profile", "ideal", "--pixels", "96", "--speed", "10", "--pilot", "3",
+        "--planned", "2", "--no-random", "--data", str(tmp_path), "--json",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    outcome = json.loads(done.stdout.splitlines()[-1])
+    assert outcome["object"] == "sphere"
+    assert outcome["lights_total"] == 5
+    assert outcome["random_mean_deg"] is None
+    assert outcome["mean_deg"] < 2.0
+    assert outcome["mean_deg"] < outcome["pilot_mean_deg"]
+    assert (Path(outcome["results"]) / "normals.png").exists()
+    assert set(outcome["seconds"]) >= {"pilot", "waypoints", "capture", "normals", "plan", "total"}
