@@ -67,7 +67,7 @@ def test_a_closed_cavity_keeps_its_light(cavity: tuple[radiosity.Patches, np.nda
     for direction in ([1, 0, 0], [0, -1, 0], [0, 0, 1]):
         region = patches.centres @ direction > 0.02
         share = patches.areas[region].sum() / patches.areas.sum()
-        assert factors[:, region].sum(axis=1) == pytest.approx(share, abs=0.04)
+        assert factors[:, region].sum(axis=1) == pytest.approx(share, abs=0.06)
         assert factors[:, region].sum(axis=1).mean() == pytest.approx(share, abs=0.005)
 
 
