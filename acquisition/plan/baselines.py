@@ -17,6 +17,8 @@ DRBOHLAV_SLANT_DEG = 54.74
 VIEWING_AXIS = np.array([0.0, 0.0, 1.0])
 TURNS = 12
 PAPER_STARTS = 20
+LARGEST_SLANT_DEG = 75.0
+"""Unbounded, the paper's criterion sends all lights to the horizon of a surface that faces the camera."""
 
 
 def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightPlan:
@@ -75,9 +77,8 @@ def unit_lights(count: int, rng: np.random.Generator) -> FloatArray:
     tangential = np.diag([1.0, 1.0, 0.0])
 
     def upper(lights: FloatArray) -> FloatArray:
-        lights = lights / np.linalg.norm(lights, axis=-1, keepdims=True)
-        lights[:, 2] = np.maximum(lights[:, 2], np.cos(np.radians(75.0)))
-        return lights / np.linalg.norm(lights, axis=-1, keepdims=True)
+        slant, azimuth = geometry.slant_azimuth(lights)
+        return geometry.direction(np.minimum(slant, np.radians(LARGEST_SLANT_DEG)), azimuth)
 
     def value(lights: FloatArray) -> float:
         return float(np.trace(tangential @ np.linalg.inv(lights.T @ lights + 1e-9 * np.eye(3))))

@@ -56,7 +56,7 @@ def choose(
     lights = [dome.light(position, reach.center) for position in positions]
     options = criterion.candidates(known, lights, normal_map, calibration, recipe)
 
-    chosen = _search(known, options, units, wanted, recipe.seed)
+    chosen = search(known, options, units, wanted, recipe.seed)
     chosen_lights = [lights[index] for index in chosen]
     there = criterion.candidates(fresh, chosen_lights, normal_map, calibration, recipe)
     sigma_deg = criterion.expect(fresh, there).sigma_deg
@@ -82,7 +82,7 @@ def _described(lights: list[Light], reasons: list[str], sigma_deg: FloatArray, n
     )
 
 
-def _search(sample: Samples, options: Candidates, units: FloatArray, count: int, seed: int) -> list[int]:
+def search(sample: Samples, options: Candidates, units: FloatArray, count: int, seed: int) -> list[int]:
     """The best set found: short searches on few pixels from all starts, then exchange on all pixels.
 
     Few pixels may mislead, so the last exchange starts from whichever is best on all of them, the patterns included.

@@ -1,0 +1,106 @@
+"""Cases for the planner: abstract ones of random rows, and normal maps of scenes whose truth is known."""
+
+import numpy as np
+
+from acquisition import photometry
+from acquisition.plan import criterion
+from acquisition.plan.criterion import Candidates, Samples
+from acquisition.types import FloatArray, Information, Light, NormalMap, Observations, Recipe
+from tests.acquisition.scenes import Frames, Scene
+
+NOTHING_TAKEN = Observations(shots=[], darks={}, frames=Frames())
+
+
+def facing_camera(rng: np.random.Generator, count: int, widest_deg: float = 70) -> FloatArray:
+    """Unit normals (3, count) within a cone round the view axis, evenly by area."""
+    cosine = rng.uniform(np.cos(np.radians(widest_deg)), 1, count)
+    azimuth = rng.uniform(0, 2 * np.pi, count)
+    sine = np.sqrt(1 - cosine**2)
+    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine])
+
+
+def random_case(seed: int, pixels: int = 20, lights: int = 6) -> tuple[Samples, Candidates]:
+    """Random pixels with random prior information, and random rows seen with random probability."""
+    rng = np.random.default_rng(seed)
+    half = rng.normal(size=(pixels, 4, 4)) * 20
+    samples = Samples(
+        point=np.zeros((3, pixels), np.float32),
+        along=np.zeros((3, pixels), np.float32),
+        normal=facing_camera(rng, pixels).astype(np.float32),
+        albedo=rng.uniform(0.2, 0.9, pixels).astype(np.float32),
+        sigma=np.zeros(pixels, np.float32),
+        information=half @ half.transpose(0, 2, 1) + 5 * np.eye(4),
+    )
+    row = rng.normal(size=(lights, 4, pixels)) * 60
+    return samples, Candidates(row.astype(np.float32), rng.random((lights, pixels)).astype(np.float32))
+
+
+def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -> tuple[Samples, Candidates]:
+    """Pixels of normals (3, P) that see each distant unit light (K, 3) with noise 1/`scale`, and know little else."""
+    pixels = normal.shape[1]
+    samples = Samples(
+        point=np.zeros((3, pixels), np.float32),
+        along=np.zeros((3, pixels), np.float32),
+        normal=normal.astype(np.float32),
+        albedo=np.ones(pixels, np.float32),
+        sigma=np.zeros(pixels, np.float32),
+        information=np.tile(np.diag([1.0, 1.0, 1.0, 1.0]), (pixels, 1, 1)),
+    )
+    row = np.zeros((len(units), 4, pixels), np.float32)
+    row[:, :3] = scale * units[:, :, None]
+    return samples, Candidates(row, np.ones((len(units), pixels), np.float32))
+
+
+def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: int = 3) -> NormalMap:
+    """The normal map of a solver that is right everywhere, with the information that `lights` would have given."""
+    known = true.calibration
+    height, width = true.mask.shape
+    rows, columns = np.nonzero(true.graded)
+    rows, columns = rows[::step].astype(np.int64), columns[::step].astype(np.int64)
+
+    def of_object(values: np.ndarray, outside: float = 0.0) -> np.ndarray:
+        mask = true.mask if values.ndim == 2 else true.mask[..., None]
+        return np.where(mask, values, outside).astype(np.float32)
+
+    def made(matrices: FloatArray) -> NormalMap:
+        return NormalMap(
+            normals=of_object(true.normals),
+            albedo=of_object(true.albedo),
+            depth=of_object(true.depth),
+            sigma_deg=of_object(np.full((height, width), sigma_deg), np.nan),
+            residual=np.zeros((height, width), np.float32),
+            mask=true.mask,
+            silhouette=true.mask,
+            flags=np.zeros((len(lights), height, width), np.uint8),
+            intensity_factors=np.ones(len(lights)),
+            information=Information(rows=rows, columns=columns, matrices=matrices),
+        )
+
+    blank = made(np.zeros((len(rows), 4, 4)))
+    if not lights:
+        return blank
+    samples = criterion.samples(blank, known, np.arange(len(rows)))
+    there = criterion.candidates(samples, lights, blank, known, Recipe())
+    row = there.row.astype(float) * (there.visibility[:, None] > 0.5)
+    row[:, 3] /= criterion.OFFSET_SIGMA_M
+    return made(np.einsum("kap,kbp->pab", row, row))
+
+
+def vectors_by_hand(true: Scene, light: Light, rows: np.ndarray, columns: np.ndarray) -> FloatArray:
+    """Light vectors (3, K) at pixels of a scene, written out again."""
+    known = true.calibration
+    offset = np.array(light.position)[:, None] - true.points[:, rows, columns]
+    r = np.linalg.norm(offset, axis=0)
+    lobe = (-np.array(light.axis) @ (offset / r)) ** known.lobe_exponent
+    return known.reference_m**2 * lobe * offset / r**3
+
+
+def noise_by_hand(true: Scene, level: float, value: FloatArray, strength: FloatArray, distance: float) -> FloatArray:
+    """Variance of values at an exposure that takes y = 1 to `level` of full scale, from the photometry's constants."""
+    known, sensor = true.calibration, true.calibration.sensor
+    electrons = sensor.gain_e_per_dn * sensor.full_scale_dn * level
+    share = known.intensity_sigma**2 + (2 * known.lamp_position_sigma_m / distance) ** 2
+    share += photometry.FLAT_FIELD_SIGMA**2
+    turn = (known.lamp_position_sigma_m**2 + photometry.DEPTH_SIGMA_M**2) / distance**2
+    floor = 2 * (sensor.read_noise_e**2 + sensor.gain_e_per_dn**2 / 12) / electrons**2
+    return value / electrons + floor + share * value**2 + turn * strength**2

@@ -1,0 +1,170 @@
+"""The patterns that planning has to beat: their geometry, and what they say when the arm cannot serve them."""
+
+import numpy as np
+import pytest
+
+from acquisition import geometry, plan
+from acquisition.errors import ErrorCode, RigError
+from acquisition.plan import baselines
+from acquisition.types import FloatArray, LightPlan, Method, Recipe
+from tests.acquisition.scenes import Dome
+
+PATTERNS: list[Method] = ["two-rings", "ring", "drbohlav", "max-distance", "paper", "random"]
+
+
+def units(chosen: LightPlan, reach: Dome) -> FloatArray:
+    return (np.array([light.position for light in chosen.lights]) - reach.center) / reach.radius_m
+
+
+def slants_deg(chosen: LightPlan, reach: Dome) -> FloatArray:
+    return np.degrees(geometry.slant_azimuth(units(chosen, reach))[0])
+
+
+def azimuths_deg(directions: FloatArray) -> FloatArray:
+    return np.degrees(geometry.slant_azimuth(directions)[1]) % 360
+
+
+@pytest.mark.parametrize("method", PATTERNS)
+@pytest.mark.parametrize("count", [4, 8, 20])
+def test_all_lights_are_distinct_candidates_and_each_has_its_reason(method: Method, count: int) -> None:
+    reach = Dome(seed=3)
+    chosen = plan.baseline(method, count, Recipe(method=method, seed=5), reach)
+    positions = np.array([light.position for light in chosen.lights])
+    distance = np.linalg.norm(positions[:, None] - reach.candidates[None], axis=-1)
+    assert np.all(distance.min(axis=1) < 1e-12)
+    assert len(set(distance.argmin(axis=1))) == count
+    assert chosen.method == method
+    assert len(chosen.reasons) == count
+    assert all(reason.startswith("slant ") for reason in chosen.reasons)
+    assert chosen.predicted_sigma_deg is None
+    assert chosen.predicted_median_deg is None
+
+
+@pytest.mark.parametrize("count", [6, 8, 9, 12, 20])
+def test_two_rings_a_third_inside_and_staggered(count: int) -> None:
+    lights = baselines.two_rings(count, turn=0.3)
+    slant = np.degrees(geometry.slant_azimuth(lights)[0])
+    inner = lights[np.isclose(slant, 25)]
+    outer = lights[np.isclose(slant, 55)]
+    assert len(inner) == round(count / 3)
+    assert len(inner) + len(outer) == count
+    for ring in (inner, outer):
+        around = np.sort(azimuths_deg(ring))
+        np.testing.assert_allclose(np.diff(np.append(around, around[0] + 360)), 360 / len(ring), atol=1e-6)
+    first = np.abs((azimuths_deg(inner[:1]) - azimuths_deg(outer) + 180) % 360 - 180)
+    assert np.min(first) == pytest.approx(180 / len(outer))
+
+
+def test_three_or_fewer_lights_are_one_ring() -> None:
+    for count in (1, 2, 3):
+        slant = geometry.slant_azimuth(baselines.two_rings(count))[0]
+        np.testing.assert_allclose(np.degrees(slant), 55)
+
+
+@pytest.mark.parametrize(("method", "slant_deg"), [("ring", 25.0), ("ring", 60.0), ("drbohlav", 54.7356)])
+def test_one_ring_stands_at_its_slant_and_even_azimuths(method: Method, slant_deg: float) -> None:
+    reach = Dome(count=3000, refused=0)
+    recipe = Recipe(method=method, slant_deg=slant_deg if method == "ring" else 45.0)
+    chosen = plan.baseline(method, 6, recipe, reach)
+    np.testing.assert_allclose(slants_deg(chosen, reach), slant_deg, atol=2.0)
+    around = np.sort(azimuths_deg(units(chosen, reach)))
+    np.testing.assert_allclose(np.diff(np.append(around, around[0] + 360)), 60, atol=5)
+    assert not chosen.notes
+
+
+def test_three_lights_of_drbohlav_and_chantler_are_orthogonal() -> None:
+    lights = geometry.direction(np.radians(baselines.DRBOHLAV_SLANT_DEG), np.arange(3) * 2 * np.pi / 3)
+    np.testing.assert_allclose(lights @ lights.T, np.eye(3), atol=2e-4)
+
+
+def test_random_is_reproduced_by_its_seed_and_only_by_it() -> None:
+    reach = Dome()
+    drawn = [plan.baseline("random", 8, Recipe(method="random", seed=seed), reach).lights for seed in (1, 1, 2)]
+    assert drawn[0] == drawn[1]
+    assert drawn[0] != drawn[2]
+
+
+def test_random_serves_the_whole_reach() -> None:
+    reach = Dome(refused=0)
+    all_units = np.concatenate(
+        [units(plan.baseline("random", 20, Recipe(method="random", seed=seed), reach), reach) for seed in range(30)]
+    )
+    expected = np.mean((reach.candidates - reach.center) / reach.radius_m, axis=0)
+    np.testing.assert_allclose(all_units.mean(axis=0), expected, atol=0.1)
+
+
+@pytest.mark.parametrize("count", [4, 8, 12])
+def test_max_distance_keeps_a_greater_least_angle_than_others(count: int) -> None:
+    reach = Dome(refused=0)
+
+    def least_angle(directions: FloatArray) -> float:
+        cosine = directions @ directions.T - 2 * np.eye(count)
+        return float(np.arccos(np.max(cosine)))
+
+    ours = least_angle(units(plan.baseline("max-distance", count, Recipe(method="max-distance"), reach), reach))
+    all_units = (reach.candidates - reach.center) / reach.radius_m
+    rng = np.random.default_rng(0)
+    best_random = max(least_angle(all_units[rng.permutation(len(all_units))[:count]]) for _ in range(500))
+    assert ours > best_random
+
+
+@pytest.mark.parametrize("count", [3, 4, 8])
+def test_the_papers_lights_beat_all_random_ones_in_its_own_criterion(count: int) -> None:
+    def value(lights: FloatArray) -> float:
+        return float(np.trace(np.diag([1.0, 1.0, 0.0]) @ np.linalg.inv(lights.T @ lights)))
+
+    lights = baselines.unit_lights(count, np.random.default_rng(0))
+    np.testing.assert_allclose(np.linalg.norm(lights, axis=1), 1, atol=1e-9)
+    assert np.all(lights[:, 2] > np.cos(np.radians(75.1)))
+    rng = np.random.default_rng(1)
+    azimuth = rng.uniform(0, 2 * np.pi, (5000, count))
+    slant = np.arccos(rng.uniform(np.cos(np.radians(75)), 1, (5000, count)))
+    drawn = geometry.direction(slant, azimuth)
+    assert value(lights) < min(value(one) for one in drawn)
+    # (tr √M)²/m with M = diag(1, 1, 0) bounds it; the slant limit keeps it above.
+    bound = 4 / count
+    assert bound < value(lights) < 1.2 * bound / np.sin(np.radians(75)) ** 2
+
+
+def test_a_light_far_from_its_place_is_noted() -> None:
+    reach = Dome(refused=0)
+    around = (reach.candidates - reach.center) / reach.radius_m
+    azimuth = np.degrees(np.arctan2(around[:, 1], around[:, 0]))
+    reach.candidates = reach.candidates[(np.abs(azimuth) > 50) | (around[:, 2] > np.cos(np.radians(20)))]
+    chosen = plan.baseline("ring", 12, Recipe(method="ring", slant_deg=60), reach)
+    assert any("more than 10° from their place" in note for note in chosen.notes)
+
+
+@pytest.mark.parametrize("method", PATTERNS)
+def test_more_lights_than_the_arm_reaches_are_refused(method: Method) -> None:
+    reach = Dome(refused=0)
+    reach.candidates = reach.candidates[:7]
+    with pytest.raises(RigError) as caught:
+        plan.baseline(method, 8, Recipe(method=method), reach)
+    assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
+
+
+def test_the_planned_method_is_no_pattern() -> None:
+    with pytest.raises(RigError) as caught:
+        plan.baseline("optimal", 8, Recipe(), Dome())
+    assert caught.value.code == ErrorCode.REQUEST_INVALID
+
+
+def test_the_users_lights_are_taken_as_given() -> None:
+    reach = Dome()
+    given = [tuple(float(x) for x in reach.center + reach.radius_m * geometry.direction(0.5, a)) for a in (0, 2, 4)]
+    chosen = plan.baseline("user", 3, Recipe(method="user", user_lights=given), reach)
+    assert [light.position for light in chosen.lights] == given
+    for light in chosen.lights:
+        toward = (reach.center - np.array(light.position)) / reach.radius_m
+        np.testing.assert_allclose(light.axis, toward, atol=1e-9)
+
+
+def test_the_users_unreachable_lights_are_named_by_number() -> None:
+    reach = Dome()
+    slants = (0.5, 1.4, 0.6, 1.5)
+    given = [tuple(float(x) for x in reach.center + 0.45 * geometry.direction(slant, slant)) for slant in slants]
+    with pytest.raises(RigError, match=r"user light 1: .*; user light 3: ") as caught:
+        plan.baseline("user", 4, Recipe(method="user", user_lights=given), reach)
+    assert caught.value.code == ErrorCode.WAYPOINTS_UNREACHABLE
+    assert caught.value.context["lights"] == [1, 3]

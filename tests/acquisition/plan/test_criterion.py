@@ -1,0 +1,212 @@
+"""The criterion against plain linear algebra, and what it believes of shadows, exposure and depth."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition import geometry
+from acquisition.plan import criterion
+from acquisition.plan.criterion import CAP_DEG, LEVELS, Candidates, Samples
+from acquisition.types import Exposure, FloatArray, Light, Recipe
+from tests.acquisition import scenes
+from tests.acquisition.plan import cases
+
+
+def variance_by_hand(sample: Samples, lights: Candidates, chosen: list[int]) -> FloatArray:
+    """Angular variance (S, P), one pixel and one scenario at a time."""
+    out = np.empty((len(LEVELS), len(sample.albedo)))
+    for s, level in enumerate(LEVELS):
+        for p in range(len(sample.albedo)):
+            fisher = sample.information[p].copy()
+            for k in chosen:
+                if lights.visibility[k, p] > level:
+                    row = lights.row[k, :, p].astype(float)
+                    fisher += np.outer(row, row)
+            n = sample.normal[:, p].astype(float)
+            across = np.eye(3) - np.outer(n, n)
+            covariance = np.linalg.inv(fisher)[:3, :3]
+            out[s, p] = np.trace(across @ covariance @ across) / float(sample.albedo[p]) ** 2
+    return out
+
+
+def objective_by_hand(variance: FloatArray) -> float:
+    return float(np.mean(variance / (1 + variance / np.radians(CAP_DEG) ** 2)))
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 2**31 - 1), st.integers(0, 6))
+def test_variance_is_that_of_the_inverted_information(seed: int, count: int) -> None:
+    sample, lights = cases.random_case(seed)
+    chosen = list(range(count))
+    expected = variance_by_hand(sample, lights, chosen)
+    found = criterion.expect(sample, lights.only(chosen))
+    np.testing.assert_allclose(found.variance, expected, rtol=1e-4)
+    assert found.objective == pytest.approx(objective_by_hand(expected), rel=1e-4)
+    np.testing.assert_allclose(found.sigma_deg, np.degrees(np.sqrt(expected)).mean(axis=0), rtol=1e-4)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 2**31 - 1), st.integers(0, 5))
+def test_scanning_a_candidate_equals_adding_it(seed: int, count: int) -> None:
+    sample, lights = cases.random_case(seed)
+    chosen = list(range(count))
+    scanned = criterion.scan(sample, criterion.expect(sample, lights.only(chosen)), lights)
+    for k in range(len(lights.row)):
+        added = objective_by_hand(variance_by_hand(sample, lights, [*chosen, k]))
+        assert scanned[k] == pytest.approx(added, rel=2e-3)
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 2**31 - 1))
+def test_a_light_never_makes_a_pixel_less_certain(seed: int) -> None:
+    sample, lights = cases.random_case(seed)
+    without, with_it = (criterion.expect(sample, lights.only(list(range(n)))).variance for n in (3, 4))
+    assert np.all(with_it <= without * (1 + 1e-9))
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 2**31 - 1))
+def test_certain_shadow_is_worth_nothing_and_doubt_costs(seed: int) -> None:
+    sample, lights = cases.random_case(seed)
+    before = criterion.expect(sample, lights.only([]))
+    hidden, doubtful, seen = (Candidates(lights.row, np.full_like(lights.visibility, v)) for v in (0.0, 0.5, 1.0))
+    np.testing.assert_allclose(criterion.scan(sample, before, hidden), before.objective, rtol=1e-5)
+    assert np.all(criterion.scan(sample, before, doubtful) >= criterion.scan(sample, before, seen) * (1 - 1e-6))
+
+
+# ------------------------------------------------------------------------------------------------ from a normal map
+
+
+@pytest.fixture(scope="module")
+def cushion() -> scenes.Scene:
+    return scenes.scene(scenes.bumps, scenes.calibration(128))
+
+
+def test_rows_are_light_vectors_and_depth_slopes_over_the_noise(cushion: scenes.Scene) -> None:
+    light = scenes.ring(1, 30.0, turn=0.7)[0]
+    normal_map = cases.known_map(cushion, [])
+    chosen = np.arange(0, len(normal_map.information.rows), 7)
+    sample = criterion.samples(normal_map, cushion.calibration, chosen)
+    recipe = Recipe(exposure=Exposure(seconds=0.03))
+    row = criterion.candidates(sample, [light], normal_map, cushion.calibration, recipe).row[0]
+
+    rows, columns = normal_map.information.rows[chosen], normal_map.information.columns[chosen]
+    n, albedo = cushion.normals[rows, columns].T, cushion.albedo[rows, columns]
+    s = cases.vectors_by_hand(cushion, light, rows, columns)
+    strength = np.linalg.norm(s, axis=0)
+    lit = np.sum(n * s, axis=0) > 0.1 * strength
+    distance = float(np.mean(np.linalg.norm(np.array(light.position) - cushion.points[:, rows, columns].T, axis=1)))
+    level = 0.03 * cushion.calibration.lamp_intensity
+    value = albedo * np.sum(n * s, axis=0)
+    deviation = np.sqrt(cases.noise_by_hand(cushion, level, value, albedo * strength, distance))
+    np.testing.assert_allclose(row[:3, lit], (s / deviation)[:, lit], rtol=2e-3, atol=1e-3)
+
+    # Depth moves a point along its ray; the lobe, which hardly changes over millimetres, is left out of the model.
+    e = 1e-4
+    x = cushion.points[:, rows, columns]
+    position = np.array(light.position)[:, None]
+    nearer, farther = (
+        offset / np.linalg.norm(offset, axis=0) ** 3 for offset in (position - x * (1 - e), position - x * (1 + e))
+    )
+    lobe = strength * np.sum((position - x) ** 2, axis=0)
+    slope = albedo * np.sum(n * (farther - nearer), axis=0) * lobe / (2 * e * cushion.depth[rows, columns])
+    expected = slope * criterion.OFFSET_SIGMA_M / deviation
+    np.testing.assert_allclose(row[3, lit], expected[lit], rtol=0.02, atol=0.02 * np.abs(expected).max())
+
+
+def wall(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A plate with a wall of 30 mm along y in its middle."""
+    plate = np.where(np.maximum(np.abs(x), np.abs(y)) < 0.06, 0.01, 0.0)
+    return np.where((np.abs(x) < 0.004) & (np.abs(y) < 0.06), 0.04, plate)
+
+
+def test_a_light_behind_the_wall_gets_no_credit_and_one_before_it_all() -> None:
+    true = scenes.scene(wall, scenes.calibration(128))
+    normal_map = cases.known_map(true, [], step=1)
+    rows, columns = normal_map.information.rows, normal_map.information.columns
+    x, z = true.points[0, rows, columns], true.points[2, rows, columns]
+    left = np.flatnonzero((x < -0.008) & (x > -0.024) & (z < -0.885))
+    right = np.flatnonzero((x > 0.008) & (x < 0.024) & (z < -0.885))
+    assert min(len(left), len(right)) > 100
+    light = scenes.ring(1, 55.0)[0]  # towards +x: the wall's shadow is 43 mm long
+    sides = {}
+    for name, chosen in (("left", left), ("right", right)):
+        sample = criterion.samples(normal_map, true.calibration, chosen)
+        lights = criterion.candidates(sample, [light], normal_map, true.calibration, Recipe())
+        before = criterion.expect(sample, lights.only([]))
+        sides[name] = lights.visibility, before.objective - criterion.scan(sample, before, lights)[0]
+    assert np.mean(sides["left"][0] < 0.1) > 0.97
+    assert np.mean(sides["right"][0] > 0.9) > 0.97
+    assert sides["left"][1] < 0.02 * sides["right"][1]
+
+
+def test_surface_turned_away_gets_no_credit(cushion: scenes.Scene) -> None:
+    normal_map = cases.known_map(cushion, [])
+    sample = criterion.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
+    light = scenes.ring(1, 70.0)[0]
+    visibility = criterion.candidates(sample, [light], normal_map, cushion.calibration, Recipe()).visibility[0]
+    toward = np.array(light.position)[:, None] - sample.point
+    cosine = np.sum(toward * sample.normal, axis=0) / np.linalg.norm(toward, axis=0)
+    assert np.sum(cosine < -0.1) > 20
+    assert np.all(visibility[cosine < -0.1] < LEVELS[0])
+
+
+def test_visibility_of_a_sure_map_is_that_of_the_scene(cushion: scenes.Scene) -> None:
+    normal_map = cases.known_map(cushion, [], sigma_deg=0.2)
+    sample = criterion.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
+    lights = scenes.ring(5, 60.0, turn=0.2)
+    visibility = criterion.candidates(sample, lights, normal_map, cushion.calibration, Recipe()).visibility
+    rows, columns = normal_map.information.rows, normal_map.information.columns
+    brightest = [cases.vectors_by_hand(cushion, light, rows, columns) for light in lights]
+    least = criterion.LEAST_COSINE * sample.albedo * np.linalg.norm(brightest, axis=1)  # below it the solver rejects
+    seen = np.stack([scenes.lit(cushion, light)[rows, columns] for light in lights]) > least
+    assert np.mean((visibility > 0.5) == seen) > 0.95
+    assert np.mean(seen[visibility > 0.9]) > 0.98
+    assert np.mean(seen[visibility < 0.1]) < 0.05
+
+
+def test_an_exposure_that_clips_gives_no_information(cushion: scenes.Scene) -> None:
+    normal_map = cases.known_map(cushion, [])
+    sample = criterion.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
+    light = scenes.ring(1, 20.0)
+    seconds = 1.0 / (0.5 * cushion.calibration.lamp_intensity)  # y = 0.5 · 1.0 reaches the converter's end
+    for factor, expected in ((0.5, 0.0), (8.0, 1.0)):
+        recipe = Recipe(exposure=Exposure(seconds=factor * seconds))
+        visibility = criterion.candidates(sample, light, normal_map, cushion.calibration, recipe).visibility
+        assert np.mean(visibility < 0.01) == pytest.approx(expected, abs=0.08)
+
+
+def test_pixels_seen_edge_on_or_not_finite_are_not_planned_by(cushion: scenes.Scene) -> None:
+    normal_map = cases.known_map(cushion, scenes.ring(4, 40.0))
+    all_pixels = criterion.usable(normal_map, cushion.calibration)
+    assert len(all_pixels) > 0.98 * len(normal_map.information.rows)
+    rows, columns = normal_map.information.rows, normal_map.information.columns
+    normal_map.normals[rows[0], columns[0]] = np.nan
+    normal_map.depth[rows[1], columns[1]] = np.inf
+    normal_map.albedo[rows[2], columns[2]] = np.nan
+    normal_map.information.matrices[3, 0, 0] = np.nan
+    normal_map.normals[rows[4], columns[4]] = geometry.direction(np.radians(89.0), 0.3)
+    kept = criterion.usable(normal_map, cushion.calibration)
+    assert set(all_pixels) - set(kept) == {0, 1, 2, 3, 4} & set(all_pixels)
+
+
+def test_unlit_pixels_keep_the_weak_priors_forty_degrees(cushion: scenes.Scene) -> None:
+    normal_map = cases.known_map(cushion, [])
+    sample = criterion.samples(normal_map, cushion.calibration, np.arange(50))
+    nothing = Candidates(np.empty((0, 4, 50), np.float32), np.empty((0, 50), np.float32))
+    np.testing.assert_allclose(criterion.expect(sample, nothing).sigma_deg, np.degrees(np.sqrt(0.5)), rtol=1e-3)
+
+
+def test_lights_bring_what_their_number_says(cushion: scenes.Scene) -> None:
+    """Twice as many independent images halve the variance of well-lit pixels."""
+    lights: list[Light] = scenes.ring(8, 35.0)
+    few, many = (cases.known_map(cushion, lights[::2]), cases.known_map(cushion, lights))
+    chosen = np.arange(len(few.information.rows))
+    spread = []
+    for normal_map in (few, many):
+        sample = criterion.samples(normal_map, cushion.calibration, chosen)
+        pixels = len(sample.albedo)
+        nothing = Candidates(np.empty((0, 4, pixels), np.float32), np.empty((0, pixels), np.float32))
+        spread.append(np.median(criterion.expect(sample, nothing).variance[0]))
+    assert spread[0] / spread[1] == pytest.approx(2.0, rel=0.15)

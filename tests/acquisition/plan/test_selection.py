@@ -1,0 +1,185 @@
+"""The search against exhaustive search and closed form, and whole plans on scenes of known truth."""
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from acquisition import dome, geometry, pilot, plan
+from acquisition.errors import ErrorCode, RigError
+from acquisition.plan import baselines, criterion, selection
+from acquisition.types import Information, NormalMap, Recipe
+from tests.acquisition import scenes
+from tests.acquisition.plan import cases
+
+
+def dome_units(count: int, lowest_cosine: float = 0.0) -> np.ndarray:
+    cosine = np.linspace(1, lowest_cosine, count)
+    return geometry.direction(np.arccos(cosine), np.arange(count) * np.pi * (3 - np.sqrt(5)))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_search_is_within_five_per_cent_of_exhaustive_search(seed: int) -> None:
+    sample, options = cases.random_case(seed, pixels=24, lights=11)
+    chosen = selection.search(sample, options, dome_units(11, 0.3), 3, seed)
+    found = criterion.expect(sample, options.only(chosen)).objective
+    best = min(criterion.expect(sample, options.only(list(some))).objective for some in combinations(range(11), 3))
+    assert len(set(chosen)) == 3
+    assert best * (1 - 1e-9) <= found <= 1.05 * best
+
+
+@pytest.mark.parametrize("count", [3, 4, 6, 8, 12])
+def test_distant_unshadowed_lights_reach_the_closed_form(count: int) -> None:
+    """Unit lights, equal noise: no set is better than (tr √M)²/m, M the mean of I − n nᵀ."""
+    normal = cases.facing_camera(np.random.default_rng(0), 150)
+    mean = np.mean(np.eye(3)[None] - normal.T[:, :, None] * normal.T[:, None, :], axis=0)
+    bound = np.sum(np.sqrt(np.linalg.eigvalsh(mean))) ** 2 / count
+    units = dome_units(200)
+    sample, options = cases.distant_case(normal, units, scale=1000.0)
+    chosen = selection.search(sample, options, units, count, 0)
+    variance = float(np.mean(criterion.expect(sample, options.only(chosen)).variance)) * 1000.0**2
+    assert bound * (1 - 1e-4) <= variance <= 1.01 * bound
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("count", [4, 7])
+def test_never_worse_than_any_pattern_it_starts_from(seed: int, count: int) -> None:
+    units = dome_units(60, 0.3)
+    sample, options = cases.random_case(seed, pixels=500, lights=60)
+    chosen = selection.search(sample, options, units, count, seed)
+    found = criterion.expect(sample, options.only(chosen)).objective
+    for turn in (0.0, 0.33, 0.67):
+        ring, _ = dome.nearest_distinct(baselines.two_rings(count, turn), units, np.ones(60, dtype=np.bool_))
+        assert found <= criterion.expect(sample, options.only(ring)).objective * (1 + 1e-6)
+
+
+# ------------------------------------------------------------------------------------------------------- whole plans
+
+
+@pytest.fixture(scope="module")
+def reach() -> scenes.Dome:
+    return scenes.Dome(seed=1)
+
+
+@pytest.fixture(scope="module")
+def cushion() -> scenes.Scene:
+    return scenes.scene(scenes.bumps, scenes.calibration(128))
+
+
+@pytest.fixture(scope="module")
+def piloted(cushion: scenes.Scene, reach: scenes.Dome) -> NormalMap:
+    return cases.known_map(cushion, pilot.pattern(Recipe(), reach))
+
+
+def planned(normal_map: NormalMap, true: scenes.Scene, reach: scenes.Dome, count: int = 4, seed: int = 0):
+    return plan.choose(normal_map, cases.NOTHING_TAKEN, Recipe(seed=seed), reach, true.calibration, count)
+
+
+def test_a_plan_is_the_same_each_time(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
+    assert planned(piloted, cushion, reach) == planned(piloted, cushion, reach)
+
+
+def test_lights_are_distinct_reachable_and_explained(
+    piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
+) -> None:
+    chosen = planned(piloted, cushion, reach, count=6)
+    positions = np.array([light.position for light in chosen.lights])
+    distance = np.linalg.norm(positions[:, None] - reach.candidates[None], axis=-1)
+    assert np.all(distance.min(axis=1) < 1e-12)
+    assert len(set(distance.argmin(axis=1))) == 6
+    assert chosen.method == "optimal"
+    assert len(chosen.reasons) == 6
+    assert all("slant" in reason and "pixels" in reason for reason in chosen.reasons)
+    assert any("expected with these lights" in note for note in chosen.notes)
+
+
+def test_more_lights_are_predicted_to_be_better(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
+    sigma = [planned(piloted, cushion, reach, count).predicted_sigma_deg for count in (0, 2, 4, 8)]
+    assert sigma == sorted(sigma, reverse=True)
+    assert sigma[0] > 1.2 * sigma[-1]
+
+
+def test_a_plan_is_predicted_better_than_two_rings(
+    piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
+) -> None:
+    chosen = planned(piloted, cushion, reach).lights
+    rings = plan.baseline("two-rings", 4, Recipe(method="two-rings"), reach).lights
+    sample = criterion.samples(piloted, cushion.calibration, criterion.usable(piloted, cushion.calibration))
+    ours, theirs = (
+        criterion.expect(sample, criterion.candidates(sample, lights, piloted, cushion.calibration, Recipe())).objective
+        for lights in (chosen, rings)
+    )
+    assert ours < theirs
+
+
+def test_a_blind_side_of_the_pilot_is_lit(cushion: scenes.Scene, reach: scenes.Dome) -> None:
+    """After pilot lights from the right only, most of the lights that are added come from the left."""
+    right = [light for light in scenes.ring(12, 55.0) if light.position[0] > 0.15]
+    assert len(right) >= 3
+    added = planned(cases.known_map(cushion, right), cushion, reach, count=4).lights
+    assert sum(light.position[0] < -0.05 for light in added) >= 2
+    assert np.mean([light.position[0] for light in added]) < -0.05
+
+
+def test_what_is_fulfilled_needs_no_lights_but_is_forecast(
+    piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
+) -> None:
+    lights = scenes.ring(8, 45.0)
+    taken = scenes.capture(cushion, lights)
+    chosen = plan.choose(piloted, taken, Recipe(), reach, cushion.calibration)
+    assert chosen.lights == []
+    assert chosen.predicted_sigma_deg > 0
+    assert "all lights of the recipe have been taken" in chosen.notes
+
+
+@pytest.mark.parametrize("kept", [0, 1, 5])
+def test_fewer_candidates_than_lights_are_refused(kept: int, piloted: NormalMap, cushion: scenes.Scene) -> None:
+    few = scenes.Dome(refused=0)
+    few.candidates = few.candidates[:: len(few.candidates) // 6][:kept]
+    with pytest.raises(RigError) as caught:
+        planned(piloted, cushion, few, count=8)
+    assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
+    assert caught.value.context["reachable"] == kept
+
+
+def test_candidates_on_one_side_are_refused(piloted: NormalMap, cushion: scenes.Scene) -> None:
+    half = scenes.Dome(refused=0)
+    half.candidates = half.candidates[half.candidates[:, 1] < 0]
+    with pytest.raises(RigError, match="one side") as caught:
+        planned(piloted, cushion, half)
+    assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
+
+
+def test_an_empty_map_is_refused(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
+    nothing = np.zeros(0, np.int64)
+    empty = replace(
+        piloted,
+        mask=np.zeros_like(piloted.mask),
+        information=Information(rows=nothing, columns=nothing, matrices=np.zeros((0, 4, 4))),
+    )
+    with pytest.raises(RigError, match="only 0 pixels") as caught:
+        planned(empty, cushion, reach)
+    assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
+
+
+@pytest.mark.parametrize("name", ["normals", "depth", "albedo"])
+def test_maps_that_are_no_numbers_are_refused(
+    name: str, piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
+) -> None:
+    broken = replace(piloted, **{name: np.full_like(getattr(piloted, name), np.nan)})
+    with pytest.raises(RigError) as caught:
+        planned(broken, cushion, reach)
+    assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
+
+
+def test_some_pixels_that_are_no_numbers_are_left_out(
+    piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
+) -> None:
+    normals, depth = piloted.normals.copy(), piloted.depth.copy()
+    normals[60:64] = np.nan
+    depth[:, 70:73] = np.nan
+    chosen = planned(replace(piloted, normals=normals, depth=depth), cushion, reach)
+    whole = planned(piloted, cushion, reach)
+    assert len(chosen.lights) == 4
+    assert chosen.predicted_sigma_deg == pytest.approx(whole.predicted_sigma_deg, rel=0.15)
