@@ -16,7 +16,7 @@ demo: setup
 	$(BIN)/lightpose demo
 
 test: setup
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses 2 --dist loadfile
 
 test-long: setup
 	$(BIN)/pytest -m long --timeout 3600
