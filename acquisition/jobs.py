@@ -104,6 +104,7 @@ def solve_normals(
         settings,
         initial_depth_m=region.middle_depth_m(cell, calibration),
         region=region.keep_out(cell, calibration),
+        table_depth_m=region.table_depth_m(cell, calibration),
     )
     export.write(found, folder)
     sigma = found.sigma_deg[found.mask]

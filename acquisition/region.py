@@ -9,7 +9,7 @@ import numpy as np
 
 from acquisition import geometry
 from acquisition.config import CellConfig
-from acquisition.types import BoolArray, Calibration
+from acquisition.types import BoolArray, Calibration, Float32Array
 
 _CIRCLE_POINTS = 96
 
@@ -43,3 +43,20 @@ def middle_depth_m(cell: CellConfig, calibration: Calibration) -> float:
     cylinder = cell.object.keep_out
     center = geometry.transform(cylinder.base_from_object.matrix, [0.0, 0.0, cylinder.height_m / 2])
     return float(geometry.transform(geometry.inverse(np.array(calibration.base_from_camera)), center)[2])
+
+
+def table_depth_m(cell: CellConfig, calibration: Calibration) -> Float32Array:
+    """Depth (H, W) along the camera's z of the cell's table; infinite where a pixel looks past it."""
+    camera_from_base = geometry.inverse(np.array(calibration.base_from_camera))
+    point = geometry.transform(camera_from_base, cell.table.point_m)
+    normal = geometry.rotate(camera_from_base, cell.table.normal)
+    rows, columns = np.mgrid[0 : calibration.height, 0 : calibration.width].astype(float)
+    ray = cv2.undistortPoints(
+        np.stack([columns, rows], axis=-1).reshape(-1, 1, 2),
+        np.array(calibration.camera_matrix),
+        np.array(calibration.distortion),
+    ).reshape(*rows.shape, 2)
+    falling = ray @ normal[:2] + normal[2]
+    depth = np.full(falling.shape, np.inf)
+    np.divide(normal @ point, falling, out=depth, where=falling * (normal @ point) > 0)
+    return depth.astype(np.float32)

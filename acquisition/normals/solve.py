@@ -1,19 +1,20 @@
-"""Images to normals: the loop of solving, integrating and self-calibrating, and the last solve.
+"""Images to normals: window and mask, the refining loop, the last solve, and the result as a map of the whole frame.
 
-Near light needs depth, depth needs normals, and intensities need both, so they are found in turn; that loop runs on a
-grid coarse enough to cost nothing, because depth and intensities do not need every pixel. The last solve then sees
-every pixel once, with the viewing axis as the mean of its weak prior and with a depth offset as a fourth unknown.
+The last solve sees every pixel once, with the viewing axis as the mean of its weak prior and with a depth offset as a
+fourth unknown. A pixel with fewer than two usable lights gets no normal; one with two gets one that leans on the prior,
+and a σ that says so.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from acquisition import photometry
 from acquisition.errors import ErrorCode, RigError
-from acquisition.normals import integrate, lambert, observe, self_calibration, silhouette
+from acquisition.normals import integrate, lambert, observe, refine, silhouette
+from acquisition.normals.interreflection import Table
 from acquisition.normals.lambert import Estimate, Pixels
+from acquisition.normals.refine import Refined
 from acquisition.types import (
     ATTACHED,
     CAST,
@@ -23,35 +24,18 @@ from acquisition.types import (
     BoolArray,
     Calibration,
     Float32Array,
-    FloatArray,
     Information,
     NormalMap,
     Observations,
     SolveSettings,
 )
 
-OFFSET_SIGMA_M = 0.003
-"""1 σ of a pixel's depth offset in the joint solve."""
+BOUNCE_SIGMA = 0.3
+"""1 σ of the predicted bounced light, as a share of it."""
 
-SHIFT_SIGMA_M = 0.03
-"""1 σ of the object's mean depth as the caller gives it."""
-
-FIRST_THRESHOLD = 0.15
-LEAST_IMAGES_TO_CALIBRATE = 4
-COARSE_PIXELS = 30_000
 SAMPLES = 4000
-CALIBRATION_SAMPLES = 2500
 LEAST_SPREAD = 0.05
 """Smallest singular value of the unit light directions (scaled by √F): below, they lie in one plane."""
-
-
-@dataclass(frozen=True)
-class _Scene:
-    """What the loop refines: depth of the window in m, log intensity per image, the whole object's shift."""
-
-    depth_m: Float32Array
-    log_intensity: FloatArray
-    shift_m: float
 
 
 def solve(
@@ -61,11 +45,13 @@ def solve(
     *,
     initial_depth_m: float | Float32Array,
     region: BoolArray | None = None,
+    table_depth_m: Float32Array | None = None,
 ) -> NormalMap:
     """Solves all images taken so far.
 
     `initial_depth_m` is the object's rough depth along OpenCV's z (a number or an (H, W) map; 30 mm off is fine);
-    `region` (H, W) is where the object can be, none: the whole image. Raises RigError normals.infeasible when fewer
+    `region` (H, W) is where the object can be, none: the whole image; `table_depth_m` (H, W) is the depth of the table
+    it stands on, none: it stands on nothing that sends light. Raises RigError normals.infeasible when fewer
     than three lights are usable, the lights are parallel or in one plane, or nothing is lit.
     """
     height, width = calibration.height, calibration.width
@@ -86,17 +72,16 @@ def solve(
     if np.count_nonzero(found) < 16:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no object was found in the region: check where it stands")
     pixels = _pixels(found, ray, stack.values, stack.clipped)
-    scene = _refine(pixels, _Scene(depth.copy(), np.zeros(len(lights)), 0.0), lamp, calibration, noise, settings)
+    table = None if table_depth_m is None else Table(table_depth_m[rows, columns], stack.values)
+    refined = refine.refine(pixels, pixels.take(depth), lamp, calibration, noise, settings, table)
 
     along = photometry.ray_directions(pixels.ray)
-    factors = np.exp(scene.log_intensity)
-    final = lambert.solve(
-        pixels, (pixels.values / factors[:, None]).astype(np.float32), pixels.take(scene.depth_m), lamp, calibration,
-        noise,        threshold=settings.shadow_threshold, offset_sigma_m=OFFSET_SIGMA_M, robust=settings.robust,
-    )  # fmt: skip
+    factors = np.exp(refined.log_intensity)
+    final = _last(pixels, refined, lamp, calibration, noise, settings)
     normals = lambert.facing(final.normals, along)
     solved = np.count_nonzero(final.usable, axis=0) >= 2
-    depth_map = integrate.depth(pixels.image(normals), found, ray, pixels.image(_certainty(final)), scene.depth_m)
+    start = pixels.image(refined.depth_m, float(np.mean(refined.depth_m)))
+    depth_map = integrate.depth(pixels.image(normals), found, ray, pixels.image(refine.certainty(final)), start)
     result = _Placed(pixels, solved, rows, columns, (height, width))
     chosen = _samples(pixels, solved)
     sigma = np.where(solved, np.degrees(np.sqrt(final.variance)), np.nan).astype(np.float32)
@@ -117,7 +102,12 @@ def solve(
             matrices=lambert.information(final, chosen, lamp, along),
         ),
         noise={"intensity": noise.intensity, "direction": noise.direction, "shot": float(np.mean(noise.shot))},
-        notes={"shift_m": scene.shift_m, "threshold": settings.shadow_threshold},
+        notes={
+            "shift_m": refined.shift_m,
+            "threshold": settings.shadow_threshold,
+            "bounce_scale": refined.bounce_scale,
+            "bounce_corrected": refined.received is not None,
+        },
     )
 
 
@@ -139,67 +129,26 @@ class _Placed:
         return out
 
 
-def _refine(
-    pixels: Pixels, scene: _Scene, lamp: Float32Array, calibration: Calibration, noise: photometry.Noise,
+def _last(
+    pixels: Pixels, refined: Refined, lamp: Float32Array, calibration: Calibration, noise: photometry.Noise,
     settings: SolveSettings,
-) -> _Scene:  # fmt: skip
-    """Depth and intensities, found in turn on a coarse grid; the depth comes back at full size."""
-    factor = max(1, int(np.sqrt(len(pixels.index) / COARSE_PIXELS)))
-    coarse = _coarser(pixels, factor)
-    ray = coarse.image(coarse.ray)
-    mask = coarse.image(np.ones(len(coarse.index), np.bool_))
-    size = (coarse.shape[1], coarse.shape[0])
-    depth = np.asarray(cv2.resize(scene.depth_m, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
-    ray_full = _fill_rays(ray, mask)
-    rng = np.random.default_rng(0)
-    sample = np.sort(rng.permutation(len(coarse.index))[:CALIBRATION_SAMPLES])
-    log_intensity, shift = scene.log_intensity.copy(), scene.shift_m
-    threshold = FIRST_THRESHOLD
-    for _ in range(settings.depth_rounds):
-        values = coarse.values / np.exp(log_intensity)[:, None].astype(np.float32)
-        found = lambert.solve(
-            coarse, values, coarse.take(depth), lamp, calibration, noise, threshold=threshold, robust=settings.robust
-        )
-        normals = lambert.facing(found.normals, photometry.ray_directions(coarse.ray))
-        depth = integrate.depth(coarse.image(normals), mask, ray_full, coarse.image(_certainty(found)), depth)
-        step = _calibrate(
-            coarse.subset(sample), values[:, sample], coarse.take(depth)[sample], lamp, calibration, noise,
-            settings, log_intensity, shift,
+) -> Estimate:  # fmt: skip
+    """The solve of all pixels at full size; bounced light needs the albedo, so it is taken out in two turns."""
+    measured = (pixels.values / np.exp(refined.log_intensity)[:, None]).astype(np.float32)
+
+    def once(values: Float32Array, extra: Float32Array | None) -> Estimate:
+        return lambert.solve(
+            pixels, values, refined.depth_m, lamp, calibration, noise, threshold=settings.shadow_threshold,
+            offset_sigma_m=refine.OFFSET_SIGMA_M, robust=settings.robust, extra=extra,
         )  # fmt: skip
-        log_intensity = log_intensity + step.log_intensity
-        shift += step.shift_m
-        depth = depth + np.float32(step.shift_m) * mask
-        threshold = settings.shadow_threshold
-    return _Scene(_finer(depth, mask, factor, pixels, scene.depth_m), log_intensity, shift)
 
-
-def _calibrate(
-    pixels: Pixels, values: Float32Array, depth: Float32Array, lamp: Float32Array, calibration: Calibration,
-    noise: photometry.Noise, settings: SolveSettings, log_intensity: FloatArray, shift: float,
-) -> self_calibration.Shared:  # fmt: skip
-    """The shared unknowns' total change over three Gauss–Newton steps."""
-    many = len(lamp) >= LEAST_IMAGES_TO_CALIBRATE
-    total = self_calibration.Shared(np.zeros(len(lamp)), 0.0)
-    along = photometry.ray_directions(pixels.ray)
-    for _ in range(3):
-        found = lambert.solve(
-            pixels, values / np.exp(total.log_intensity)[:, None].astype(np.float32),
-            depth + np.float32(total.shift_m), lamp, calibration, noise,
-            threshold=settings.shadow_threshold, offset_sigma_m=OFFSET_SIGMA_M, robust=settings.robust,
-        )  # fmt: skip
-        step = self_calibration.step(
-            found.light, lambert.derivative(found.light, found.point, along, lamp),
-            (values / np.exp(total.log_intensity)[:, None]).astype(np.float32), found.g, found.offset_m, found.weights,
-            log_intensity + total.log_intensity, shift + total.shift_m,
-            calibration.intensity_sigma if many else 0.0, SHIFT_SIGMA_M if many else 0.0, OFFSET_SIGMA_M,
-        )  # fmt: skip
-        total = self_calibration.Shared(total.log_intensity + step.log_intensity, total.shift_m + step.shift_m)
-    return total
-
-
-def _certainty(found: Estimate) -> Float32Array:
-    """How far a pixel's normal is to be believed in integration, 0–1."""
-    return (1.0 / (1.0 + found.variance / np.radians(3.0) ** 2)).astype(np.float32) + np.float32(1e-3)
+    found = once(measured, None)
+    if refined.received is None:
+        return found
+    for _ in range(2):
+        indirect = refined.received * np.minimum(found.albedo, 1)
+        found = once(measured - indirect, (np.float32(BOUNCE_SIGMA) * indirect) ** 2)
+    return found
 
 
 def _flags(found: Estimate, pixels: Pixels, noise: photometry.Noise) -> np.ndarray:
@@ -263,46 +212,6 @@ def _pixels(mask: BoolArray, ray: Float32Array, values: Float32Array, clipped: B
         values=np.ascontiguousarray(values.reshape(count, -1)[:, index]),
         clipped=clipped.reshape(count, -1)[:, index],
     )
-
-
-def _coarser(pixels: Pixels, factor: int) -> Pixels:
-    """Means over blocks of factor × factor pixels, object pixels only; a block with a clipped pixel is clipped."""
-    if factor == 1:
-        return pixels
-    height, width = -(-pixels.shape[0] // factor), -(-pixels.shape[1] // factor)
-    row, column = np.unravel_index(pixels.index, pixels.shape)
-    block = (row // factor) * width + column // factor
-    index, inverse = np.unique(block, return_inverse=True)
-    share = 1.0 / np.bincount(inverse)
-
-    def mean(values: np.ndarray) -> np.ndarray:
-        return np.stack([np.bincount(inverse, one) * share for one in values])
-
-    return replace(
-        pixels,
-        shape=(height, width),
-        index=index,
-        ray=mean(pixels.ray).astype(np.float32),
-        values=mean(pixels.values).astype(np.float32),
-        clipped=mean(pixels.clipped) > 0,
-    )
-
-
-def _fill_rays(ray: Float32Array, mask: BoolArray) -> Float32Array:
-    """Rays of blocks outside the object do not matter but must be finite."""
-    return np.where(mask[None], ray, np.float32(0))
-
-
-def _finer(depth: Float32Array, mask: BoolArray, factor: int, pixels: Pixels, start: Float32Array) -> Float32Array:
-    """Coarse depth at full size; the object's depth is carried over its border first."""
-    weight = mask.astype(np.float32)
-    smooth = cv2.blur(depth * weight, (5, 5)) / np.maximum(cv2.blur(weight, (5, 5)), 1e-6)
-    carried = np.where(mask, depth, np.where(cv2.blur(weight, (5, 5)) > 1e-6, smooth, depth)).astype(np.float32)
-    full = cv2.resize(carried, (mask.shape[1] * factor, mask.shape[0] * factor), interpolation=cv2.INTER_LINEAR)[
-        : pixels.shape[0], : pixels.shape[1]
-    ]
-    inside = pixels.image(np.ones(len(pixels.index), np.bool_))
-    return np.where(inside, full, start).astype(np.float32)
 
 
 def _samples(pixels: Pixels, solved: BoolArray) -> np.ndarray:
