@@ -16,7 +16,17 @@ from scipy.special import ndtr
 
 from acquisition import photometry
 from acquisition.plan import kernels
-from acquisition.types import Calibration, Float32Array, FloatArray, Light, NormalMap, Recipe
+from acquisition.types import (
+    ATTACHED,
+    CAST,
+    Calibration,
+    Float32Array,
+    FloatArray,
+    Light,
+    NormalMap,
+    Observations,
+    Recipe,
+)
 
 LEVELS = (1 / 6, 1 / 2, 5 / 6)
 OFFSET_SIGMA_M = 0.003
@@ -25,6 +35,7 @@ CAP_DEG = 10.0
 
 PRIOR_SCALE = 0.5
 LEAST_COSINE = 0.08
+SURE = 0.9
 ATTACHED_SIGMA = 0.06
 CAST_SIGMA = 0.04
 MAP_SIZE = 192
@@ -35,6 +46,8 @@ STEEPEST_DEG = 78.0
 class Samples:
     """Sample pixels: what the images so far say of them."""
 
+    row: np.ndarray  # (P,)
+    column: np.ndarray  # (P,)
     point: Float32Array  # (3, P) m, view frame
     along: Float32Array  # (3, P) ∂x/∂Z
     normal: Float32Array  # (3, P)
@@ -67,6 +80,8 @@ def samples(normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray)
     weak[:, (0, 1, 2), (0, 1, 2)] = (1.0 / (PRIOR_SCALE * albedo) ** 2)[:, None]
     weak[:, 3, 3] = 1.0
     return Samples(
+        row=rows,
+        column=columns,
         point=photometry.points(ray, depth),
         along=photometry.ray_directions(ray),
         normal=np.ascontiguousarray(normal_map.normals[rows, columns].T),
@@ -127,6 +142,21 @@ def candidates(
     slope = -sample.albedo * strength / distance * (facing - 3 * cosine * turning) * OFFSET_SIGMA_M
     row = np.concatenate([light, slope[:, None]], axis=1) / deviation[:, None]
     return Candidates(np.ascontiguousarray(row, np.float32), np.ascontiguousarray(visibility, np.float32))
+
+
+def unexplained_shadows(
+    sample: Samples, normal_map: NormalMap, observations: Observations, calibration: Calibration, recipe: Recipe
+) -> float:
+    """Share of the measurements found dark among those that the normal map's own shape would surely light.
+
+    Integrating normals closes steps that no pixel sees; the shadows that they cast remain, and give them away.
+    """
+    lights = [shot.light for shot in observations.shots if shot.kind == "light" and shot.light is not None]
+    if not lights or len(lights) != len(normal_map.flags):
+        return 0.0
+    sure = candidates(sample, lights, normal_map, calibration, recipe).visibility > SURE
+    dark = normal_map.flags[:, sample.row, sample.column] & (ATTACHED | CAST) > 0
+    return float(np.mean(dark[sure])) if np.any(sure) else 0.0
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,8 @@ def random_case(seed: int, pixels: int = 20, lights: int = 6) -> tuple[Samples, 
     rng = np.random.default_rng(seed)
     half = rng.normal(size=(pixels, 4, 4)) * 20
     samples = Samples(
+        row=np.zeros(pixels, np.int64),
+        column=np.zeros(pixels, np.int64),
         point=np.zeros((3, pixels), np.float32),
         along=np.zeros((3, pixels), np.float32),
         normal=facing_camera(rng, pixels).astype(np.float32),
@@ -39,6 +41,8 @@ def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -
     """Pixels of normals (3, P) that see each distant unit light (K, 3) with noise 1/`scale`, and know little else."""
     pixels = normal.shape[1]
     samples = Samples(
+        row=np.zeros(pixels, np.int64),
+        column=np.zeros(pixels, np.int64),
         point=np.zeros((3, pixels), np.float32),
         along=np.zeros((3, pixels), np.float32),
         normal=normal.astype(np.float32),

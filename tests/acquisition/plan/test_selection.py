@@ -9,7 +9,7 @@ import pytest
 from acquisition import dome, geometry, pilot, plan
 from acquisition.errors import ErrorCode, RigError
 from acquisition.plan import baselines, criterion, selection
-from acquisition.types import Information, NormalMap, Recipe
+from acquisition.types import CAST, LIT, Information, NormalMap, Recipe
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -183,3 +183,22 @@ def test_some_pixels_that_are_no_numbers_are_left_out(
     whole = planned(piloted, cushion, reach)
     assert len(chosen.lights) == 4
     assert chosen.predicted_sigma_deg == pytest.approx(whole.predicted_sigma_deg, rel=0.15)
+
+
+@pytest.mark.parametrize(("height_m", "warned"), [(0.0, False), (0.03, True)])
+def test_shadows_of_a_step_that_the_depth_map_lacks_are_noted(
+    height_m: float, warned: bool, reach: scenes.Dome
+) -> None:
+    """The images are those of a plate with a block on it, the depth map that of the bare plate."""
+
+    def plate(x: np.ndarray, y: np.ndarray, top: float = 0.0) -> np.ndarray:
+        return np.where(np.hypot(x, y) < 0.06, 0.01, 0.0) + np.where(np.maximum(abs(x), abs(y)) < 0.015, top, 0.0)
+
+    flat = scenes.scene(plate, scenes.calibration(112))
+    stepped = scenes.scene(lambda x, y: plate(x, y, height_m), scenes.calibration(112))
+    lights = pilot.pattern(Recipe(), reach)
+    dark = np.stack([scenes.lit(stepped, light) == 0 for light in lights])
+    normal_map = replace(cases.known_map(flat, lights), flags=np.where(dark, CAST, LIT).astype(np.uint8))
+    taken = scenes.capture(stepped, lights)
+    chosen = plan.choose(normal_map, taken, Recipe(), reach, flat.calibration)
+    assert any("steps that its depth map does not show" in note for note in chosen.notes) == warned

@@ -1,0 +1,95 @@
+"""Depth from true normals of analytic surfaces, in perspective, on masks with holes."""
+
+import numpy as np
+import pytest
+
+from acquisition import photometry
+from acquisition.normals import integrate
+from acquisition.types import Float32Array
+from tests.acquisition import scenes
+
+SIZE = 160
+
+
+def surface(tilt: float = 0.0, wave_m: float = 0.004, distortion: float = 0.0):
+    """Depth Z(x, y) of a wavy, tilted surface at each pixel, its normals (3, H, W) and its rays."""
+    known = scenes.calibration(SIZE, distortion=(distortion, 0.0, 0.0, 0.0, 0.0))
+    ray = photometry.rays(known, slice(0, SIZE), slice(0, SIZE)).astype(float)
+
+    def z(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return 0.85 + tilt * x + wave_m * np.sin(x / 0.012) * np.cos(y / 0.015)
+
+    depth = np.full((SIZE, SIZE), 0.85)
+    for _ in range(60):
+        depth = z(ray[0] * depth, ray[1] * depth)
+    x, y = ray * depth
+    e = 1e-6
+    gx, gy = (z(x + e, y) - z(x - e, y)) / (2 * e), (z(x, y + e) - z(x, y - e)) / (2 * e)
+    normal = np.stack([gx, -gy, np.ones_like(gx)])  # view frame: y up, towards the camera
+    normal /= np.linalg.norm(normal, axis=0)
+    return depth, normal.astype(np.float32), ray.astype(np.float32)
+
+
+def integrated(normal: Float32Array, mask: np.ndarray, ray: Float32Array, depth: np.ndarray) -> np.ndarray:
+    start = np.where(mask, np.exp(np.mean(np.log(depth[mask]))), 0.9).astype(np.float32)
+    return integrate.depth(normal, mask, ray, np.ones(mask.shape, np.float32), start)
+
+
+def rms_mm(found: np.ndarray, depth: np.ndarray, mask: np.ndarray) -> float:
+    return float(np.sqrt(np.mean((found - depth)[mask] ** 2)) * 1e3)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.5])
+@pytest.mark.parametrize("distortion", [0.0, -0.15])
+def test_a_wavy_surface_comes_back_within_tens_of_microns(tilt: float, distortion: float) -> None:
+    depth, normal, ray = surface(tilt, distortion=distortion)
+    mask = np.ones(depth.shape, np.bool_)
+    assert rms_mm(integrated(normal, mask, ray, depth), depth, mask) < 0.1
+
+
+def test_holes_and_a_ragged_border_do_not_matter() -> None:
+    depth, normal, ray = surface(0.2)
+    v, u = np.mgrid[:SIZE, :SIZE]
+    angle, radius = np.arctan2(v - 80, u - 80), np.hypot(v - 80, u - 80)
+    mask = radius < 60 + 8 * np.sin(7 * angle)
+    mask &= (np.hypot(v - 60, u - 70) > 12) & (np.hypot(v - 100, u - 95) > 9)
+    garbage = np.where(mask, normal, np.float32(0))
+    found = integrated(garbage, mask, ray, depth)
+    assert rms_mm(found, depth, mask) < 0.1
+    np.testing.assert_allclose(found[~mask], 0.9)
+
+
+def test_a_plane_is_exact() -> None:
+    depth, normal, ray = surface(0.7, wave_m=0.0)
+    mask = np.ones(depth.shape, np.bool_)
+    assert rms_mm(integrated(normal, mask, ray, depth), depth, mask) < 0.03
+
+
+def test_parts_that_do_not_touch_each_keep_their_own_depth() -> None:
+    depth, normal, ray = surface(0.1)
+    mask = np.zeros(depth.shape, np.bool_)
+    mask[20:140, 10:60] = mask[20:140, 90:150] = True
+    start = depth.astype(np.float32).copy()
+    for columns, shift in ((slice(10, 60), 1.0), (slice(90, 150), 1.02)):
+        part = depth[20:140, columns]
+        start[20:140, columns] = shift * np.exp(np.mean(np.log(part)))
+    found = integrate.depth(normal, mask, ray, np.ones(mask.shape, np.float32), start)
+    for columns, shift in ((slice(12, 58), 1.0), (slice(92, 148), 1.02)):
+        ratio = found[25:135, columns] / depth[25:135, columns]
+        np.testing.assert_allclose(ratio, shift, atol=3e-4)
+
+
+def test_uncertain_pixels_yield_to_certain_ones() -> None:
+    depth, normal, ray = surface(0.0)
+    mask = np.ones(depth.shape, np.bool_)
+    wrong = normal.copy()
+    wrong[:, 70:90, 70:90] = np.array([0.6, 0.0, 0.8], np.float32)[:, None, None]
+    certainty = np.ones(mask.shape, np.float32)
+    start = np.full(depth.shape, np.exp(np.mean(np.log(depth))), np.float32)
+    believed = integrate.depth(wrong, mask, ray, certainty, start)
+    certainty[70:90, 70:90] = 1e-3
+    doubted = integrate.depth(wrong, mask, ray, certainty, start)
+    outside = mask.copy()
+    outside[68:92, 68:92] = False
+    assert rms_mm(doubted, depth, outside) < 0.15
+    assert rms_mm(doubted, depth, outside) < 0.3 * rms_mm(believed, depth, outside)

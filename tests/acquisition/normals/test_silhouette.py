@@ -1,0 +1,70 @@
+"""Object against table by brightness alone."""
+
+import numpy as np
+import pytest
+
+from acquisition.errors import ErrorCode, RigError
+from acquisition.normals import silhouette
+from tests.acquisition import scenes
+
+
+def stack(true: scenes.Scene, lights: int = 6, seed: int = 0) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    values = np.stack([scenes.lit(true, light) for light in scenes.ring(lights, 45.0, turn=0.3)])
+    return (values * (1 + 0.01 * rng.normal(size=values.shape)) + 0.002 * rng.normal(size=values.shape)).astype(
+        np.float32
+    )
+
+
+@pytest.mark.parametrize("shape", [scenes.sphere, scenes.bumps, scenes.relief])
+@pytest.mark.parametrize("albedo", [0.3, 0.7])
+def test_a_bright_object_on_a_dark_table(shape: scenes.Height, albedo: float) -> None:
+    true = scenes.scene(shape, scenes.calibration(112), albedo=albedo, table=0.08)
+    values = stack(true)
+    found = silhouette.find(
+        values, np.ones_like(values), np.zeros(values.shape, np.bool_), np.ones(true.mask.shape, np.bool_)
+    )
+    assert np.mean(found[true.mask]) > 0.96
+    assert np.mean(found[~true.mask]) < 0.02
+
+
+def test_only_the_region_is_looked_at() -> None:
+    true = scenes.scene(scenes.relief, scenes.calibration(96))
+    values = stack(true)
+    region = np.zeros(true.mask.shape, np.bool_)
+    region[20:60, 20:80] = True
+    found = silhouette.find(values, np.ones_like(values), np.zeros(values.shape, np.bool_), region)
+    assert not np.any(found & ~region)
+    assert np.mean(found[true.mask & region]) > 0.95
+
+
+def test_clipped_pixels_are_object() -> None:
+    true = scenes.scene(scenes.relief, scenes.calibration(96))
+    values = stack(true)
+    clipped = np.zeros(values.shape, np.bool_)
+    clipped[:, 40:56, 40:56] = True
+    values[clipped] = 0.0
+    found = silhouette.find(values, np.ones_like(values), clipped, np.ones(true.mask.shape, np.bool_))
+    assert np.all(found[40:56, 40:56])
+
+
+def test_nothing_lit_is_refused() -> None:
+    dark = np.zeros((4, 40, 40), np.float32)
+    with pytest.raises(RigError, match="nothing in the region is lit") as caught:
+        silhouette.find(dark, np.ones_like(dark), np.zeros(dark.shape, np.bool_), np.ones((40, 40), np.bool_))
+    assert caught.value.code == ErrorCode.NORMALS_INFEASIBLE
+
+
+def test_the_largest_part_with_its_holes_filled() -> None:
+    mask = np.zeros((30, 30), np.bool_)
+    mask[2:6, 2:6] = True
+    mask[10:25, 10:25] = True
+    mask[15:18, 15:18] = False
+    part = silhouette.largest_part(mask)
+    expected = np.zeros_like(mask)
+    expected[10:25, 10:25] = True
+    np.testing.assert_array_equal(part, expected)
+
+
+def test_of_nothing_there_is_no_part() -> None:
+    assert not np.any(silhouette.largest_part(np.zeros((5, 5), np.bool_)))
