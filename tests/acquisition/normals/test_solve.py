@@ -1,0 +1,288 @@
+"""The solver on scenes of known truth: perspective, near light, shadows, sensor noise, unknown intensities."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition import normals
+from acquisition.errors import ErrorCode, RigError
+from acquisition.plan import baselines
+from acquisition.types import (
+    ATTACHED,
+    CAST,
+    LIT,
+    SATURATED,
+    Calibration,
+    Light,
+    NormalMap,
+    Observations,
+    Shot,
+    SolveSettings,
+)
+from tests.acquisition import scenes
+
+SIZE = 112
+ROUGH_DEPTH_M = scenes.TABLE_DEPTH - 0.045
+
+
+@pytest.fixture(scope="module")
+def ball() -> scenes.Scene:
+    return scenes.scene(scenes.sphere, scenes.calibration(SIZE))
+
+
+@pytest.fixture(scope="module")
+def cushion() -> scenes.Scene:
+    return scenes.scene(scenes.bumps, scenes.calibration(SIZE))
+
+
+def two_rings(count: int, turn: float = 0.2) -> list[Light]:
+    center = scenes.Dome(refused=0).center
+    lights = []
+    for unit in baselines.two_rings(count, turn):
+        lights.append(Light(position=tuple((center + 0.45 * unit).tolist()), axis=tuple((-unit).tolist())))
+    return lights
+
+
+def found(
+    observations: Observations, known: Calibration, settings: SolveSettings | None = None, **options: object
+) -> NormalMap:
+    return normals.solve(observations, known, settings or SolveSettings(), initial_depth_m=ROUGH_DEPTH_M, **options)
+
+
+@pytest.fixture(scope="module")
+def clean(cushion: scenes.Scene) -> NormalMap:
+    taken = scenes.capture(cushion, two_rings(12), intensity_sigma=0, position_sigma_m=0, noisy=False)
+    return found(taken, cushion.calibration)
+
+
+def test_clean_images_of_a_cushion_give_its_normals(clean: NormalMap, cushion: scenes.Scene) -> None:
+    error = cushion.error_deg(clean.normals)
+    assert np.mean(error) < 0.5
+    assert np.median(error) < 0.25
+    assert np.mean(clean.mask[cushion.graded]) > 0.995
+
+
+def test_clean_images_of_a_ball_give_its_normals(ball: scenes.Scene) -> None:
+    taken = scenes.capture(ball, two_rings(12), intensity_sigma=0, position_sigma_m=0, noisy=False)
+    error = ball.error_deg(found(taken, ball.calibration).normals)
+    assert np.mean(error) < 0.5
+
+
+def test_albedo_is_absolute_and_normals_are_unit(clean: NormalMap, cushion: scenes.Scene) -> None:
+    assert np.median(clean.albedo[cushion.graded]) == pytest.approx(0.5, rel=0.08)
+    np.testing.assert_allclose(np.linalg.norm(clean.normals[clean.mask], axis=-1), 1, atol=1e-5)
+    assert np.all(clean.normals[~clean.mask] == 0)
+    assert np.all(np.isnan(clean.sigma_deg[~clean.mask]))
+
+
+def test_depth_has_the_cushions_shape(clean: NormalMap, cushion: scenes.Scene) -> None:
+    where = cushion.graded & clean.mask
+    difference = clean.depth[where] - cushion.depth[where]
+    assert np.std(difference) < 0.0012
+
+
+def test_shadows_are_flagged_as_shadows(clean: NormalMap, cushion: scenes.Scene) -> None:
+    dark, lit = [], []
+    for number, light in enumerate(two_rings(12)):
+        value = scenes.lit(cushion, light)[cushion.graded]
+        flags = clean.flags[number][cushion.graded]
+        dark.append(((flags & (ATTACHED | CAST)) > 0)[value == 0])
+        lit.append(((flags & LIT) > 0)[value > 0.15 * cushion.albedo[cushion.graded]])
+    assert np.concatenate(dark).size > 200
+    assert np.mean(np.concatenate(dark)) > 0.95
+    assert np.mean(np.concatenate(lit)) > 0.98
+
+
+def test_cast_and_attached_shadows_are_told_apart(clean: NormalMap, cushion: scenes.Scene) -> None:
+    right = total = 0
+    for number, light in enumerate(two_rings(12)):
+        toward = np.array(light.position)[:, None, None] - cushion.points
+        cosine = np.einsum("hwc,chw->hw", cushion.normals, toward) / np.linalg.norm(toward, axis=0)
+        dark = cushion.graded & (scenes.lit(cushion, light) == 0)
+        for kind, where in ((ATTACHED, dark & (cosine < -0.05)), (CAST, dark & (cosine > 0.25))):
+            right += int(np.count_nonzero(clean.flags[number][where] & kind))
+            total += int(np.count_nonzero(where))
+    assert total > 150
+    assert right > 0.85 * total
+
+
+def test_noisy_images_still_give_half_a_degree_or_so(cushion: scenes.Scene) -> None:
+    result = found(scenes.capture(cushion, two_rings(12), seed=1), cushion.calibration)
+    assert np.mean(cushion.error_deg(result.normals)) < 0.9
+
+
+@pytest.mark.parametrize("shape", ["ball", "cushion"])
+def test_sigma_is_honest_over_several_draws(shape: str, request: pytest.FixtureRequest) -> None:
+    """P(e < σ) is 0.632 and P(e < 2σ) 0.982 for a Rayleigh error; errors of one draw go together, so four are taken."""
+    true: scenes.Scene = request.getfixturevalue(shape)
+    within, within_two = [], []
+    for seed in range(4):
+        result = found(scenes.capture(true, two_rings(8, turn=0.13 * seed), seed=seed), true.calibration)
+        sigma = result.sigma_deg[true.graded]
+        error = true.error_deg(result.normals)
+        known = np.isfinite(sigma)
+        within.append(np.mean(error[known] < sigma[known]))
+        within_two.append(np.mean(error[known] < 2 * sigma[known]))
+    assert 0.5 < np.mean(within) < 0.85
+    assert np.mean(within_two) > 0.93
+
+
+def test_pixels_lit_by_two_lights_say_how_uncertain_they_are(cushion: scenes.Scene) -> None:
+    result = found(scenes.capture(cushion, scenes.ring(4, 60.0, turn=0.3), seed=2), cushion.calibration)
+    lights = np.count_nonzero(result.flags & LIT, axis=0)
+    two = result.mask & (lights == 2) & cushion.graded
+    all_four = result.mask & (lights == 4) & cushion.graded
+    assert np.count_nonzero(two) > 30
+    assert np.median(result.sigma_deg[two]) > 4 * np.median(result.sigma_deg[all_four])
+    assert np.median(result.sigma_deg[two]) > 4.0
+
+
+def test_saturated_pixels_are_flagged_and_not_used(cushion: scenes.Scene) -> None:
+    """Three of ten images are exposed twice too long."""
+    lights = two_rings(10)
+    usual = scenes.capture(cushion, lights, seed=3)
+    seconds = 2.0 * max(shot.exposure_s for shot in usual.shots)
+    longer = scenes.capture(cushion, lights[:3], seed=3, exposure_s=seconds)
+    frames = scenes.Frames()
+    frames.stored = usual.frames.stored | {f"longer/{name}": frame for name, frame in longer.frames.stored.items()}
+
+    def moved(shot: Shot) -> Shot:
+        return shot.model_copy(update={"frame": shot.frame.model_copy(update={"path": f"longer/{shot.frame.path}"})})
+
+    taken = Observations(
+        shots=[*(moved(shot) for shot in longer.shots), *usual.shots[3:]],
+        darks=usual.darks | {seconds: moved(longer.darks[seconds])},
+        frames=frames,
+    )
+    result = found(taken, cushion.calibration)
+    clipped = 0
+    for number, light in enumerate(lights[:3]):
+        level = scenes.lit(cushion, light) * cushion.calibration.lamp_intensity * seconds
+        over, under = cushion.graded & (level > 1.1), cushion.graded & (level < 0.85)
+        clipped += np.count_nonzero(over)
+        assert np.all(result.flags[number][over] & SATURATED)
+        assert not np.any(result.flags[number][over] & LIT)
+        assert not np.any(result.flags[number][under] & SATURATED)
+    assert clipped > 500
+    assert np.mean(cushion.error_deg(result.normals)) < 1.5
+
+
+def test_a_wrong_intensity_is_found(cushion: scenes.Scene) -> None:
+    """One lamp image of 3 % too much light is brought to within 1 %; factors are free in their mean."""
+    lights = two_rings(10)
+    taken = scenes.capture(cushion, lights, seed=4, intensity_sigma=0.0, position_sigma_m=0.0)
+    stored = taken.frames.stored
+    name = taken.shots[6].frame.path
+    black = cushion.calibration.sensor.black_level_dn
+    stored[name] = np.round(black + 1.03 * (stored[name] - black)).astype(np.uint16)
+    factors = found(taken, cushion.calibration).intensity_factors
+    others = np.delete(factors, 6)
+    assert factors[6] / np.exp(np.mean(np.log(others))) == pytest.approx(1.03, abs=0.01)
+    assert np.all(np.abs(others / np.exp(np.mean(np.log(others))) - 1) < 0.01)
+
+
+def test_a_rough_depth_that_is_off_does_not_matter(cushion: scenes.Scene) -> None:
+    taken = scenes.capture(cushion, two_rings(10), intensity_sigma=0, position_sigma_m=0, noisy=False)
+    errors = [
+        np.mean(
+            cushion.error_deg(
+                normals.solve(taken, cushion.calibration, SolveSettings(), initial_depth_m=ROUGH_DEPTH_M + off).normals
+            )
+        )
+        for off in (-0.015, 0.015)
+    ]
+    assert max(errors) < 0.7
+
+
+def test_a_region_changes_nothing_but_where_is_looked(cushion: scenes.Scene) -> None:
+    """Only the region's rows and columns are read; what is solved there does not depend on it."""
+    taken = scenes.capture(cushion, two_rings(8), seed=5)
+    rows, columns = np.nonzero(cushion.mask)
+    region = np.zeros_like(cushion.mask)
+    region[rows.min() - 5 : rows.max() + 6, columns.min() - 4 : columns.max() + 7] = True
+    whole, part = found(taken, cushion.calibration), found(taken, cushion.calibration, region=region)
+    assert not np.any(part.mask & ~region)
+    both = whole.mask & part.mask & cushion.graded
+    assert np.count_nonzero(both) > 0.99 * np.count_nonzero(cushion.graded)
+    cosine = np.sum(whole.normals[both] * part.normals[both], axis=-1)
+    assert np.percentile(np.degrees(np.arccos(np.clip(cosine, -1, 1))), 95) < 0.3
+
+
+def test_the_same_images_give_the_same_map(cushion: scenes.Scene) -> None:
+    taken = scenes.capture(cushion, two_rings(6), seed=6)
+    first, second = (found(taken, cushion.calibration) for _ in range(2))
+    np.testing.assert_array_equal(first.normals, second.normals)
+    np.testing.assert_array_equal(first.information.matrices, second.information.matrices)
+
+
+def test_information_is_symmetric_positive_and_at_solved_pixels(clean: NormalMap) -> None:
+    matrices = clean.information.matrices
+    np.testing.assert_allclose(matrices, matrices.transpose(0, 2, 1), rtol=1e-9, atol=1e-6)
+    assert np.all(np.linalg.eigvalsh(matrices)[:, 0] > -1e-6 * np.linalg.eigvalsh(matrices)[:, -1])
+    assert np.all(clean.mask[clean.information.rows, clean.information.columns])
+
+
+# --------------------------------------------------------------------------------------------------------- bad input
+
+
+def refused(observations: Observations, known: Calibration, **options: object) -> RigError:
+    with pytest.raises(RigError) as caught:
+        found(observations, known, **options)
+    assert caught.value.code == ErrorCode.NORMALS_INFEASIBLE
+    return caught.value
+
+
+@pytest.fixture(scope="module")
+def taken(cushion: scenes.Scene) -> Observations:
+    return scenes.capture(cushion, two_rings(5), seed=7)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_fewer_than_three_lights_are_refused(count: int, taken: Observations, cushion: scenes.Scene) -> None:
+    error = refused(replace(taken, shots=taken.shots[:count]), cushion.calibration)
+    assert "at least three" in error.detail
+    assert error.context["lights"] == count
+
+
+def test_parallel_lights_are_refused(cushion: scenes.Scene) -> None:
+    one = two_rings(3)[0]
+    assert "parallel" in refused(scenes.capture(cushion, [one, one, one]), cushion.calibration).detail
+
+
+def test_lights_in_one_plane_with_the_object_are_refused(cushion: scenes.Scene) -> None:
+    line = [scenes.ring(1, slant)[0] for slant in (10.0, 30.0, 50.0)]
+    assert "one plane" in refused(scenes.capture(cushion, line), cushion.calibration).detail
+
+
+def test_an_empty_region_is_refused(taken: Observations, cushion: scenes.Scene) -> None:
+    refused(taken, cushion.calibration, region=np.zeros_like(cushion.mask))
+
+
+def test_a_region_of_another_size_is_refused(taken: Observations, cushion: scenes.Scene) -> None:
+    refused(taken, cushion.calibration, region=np.ones((10, 10), np.bool_))
+
+
+def test_a_light_that_is_no_number_is_refused(taken: Observations, cushion: scenes.Scene) -> None:
+    shots = list(taken.shots)
+    nowhere = Light.model_construct(position=(float("nan"), 0.0, 0.0), axis=(0.0, 0.0, -1.0))
+    shots[2] = shots[2].model_copy(update={"light": nowhere})
+    assert "not a number" in refused(replace(taken, shots=shots), cushion.calibration).detail
+
+
+def test_a_missing_lamp_off_frame_is_named(taken: Observations, cushion: scenes.Scene) -> None:
+    gone = taken.shots[3].exposure_s
+    darks = {seconds: shot for seconds, shot in taken.darks.items() if seconds != gone}
+    error = refused(replace(taken, darks=darks), cushion.calibration)
+    assert "lamp-off" in error.detail
+    assert error.context["file"] in {shot.frame.path for shot in taken.shots if shot.exposure_s == gone}
+
+
+def test_frames_of_another_size_are_named(taken: Observations) -> None:
+    assert "pixels" in refused(taken, scenes.calibration(SIZE // 2)).detail
+
+
+def test_dark_images_are_refused(taken: Observations, cushion: scenes.Scene) -> None:
+    frames = scenes.Frames()
+    frames.stored = {name: np.full_like(frame, 64) for name, frame in taken.frames.stored.items()}
+    refused(replace(taken, frames=frames), cushion.calibration)
