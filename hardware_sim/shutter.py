@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Protocol
 
 from hardware_sim.world import Moment
@@ -22,13 +23,14 @@ MOMENTS = 8
 
 @dataclass(frozen=True)
 class CellState:
-    """Joints (6,) in rad, whether the lamp's output is on, seconds of wall time since it changed, and the factor by
-    which the cell runs faster than life."""
+    """Joints (6,) in rad, whether the lamp's output is on, seconds since it changed, the factor by which the cell runs
+    faster than life, and the controller's clock in s, in which that age counts."""
 
     joints: tuple[float, ...]
     lamp_on: bool
     lamp_age_s: float
     speed_factor: float
+    clock_s: float
 
 
 class StateSource(Protocol):
@@ -40,27 +42,33 @@ class StateSource(Protocol):
 
 
 def expose(source: StateSource, exposure_s: float) -> list[Moment]:
-    """Keeps the shutter open for `exposure_s` of the cell's time and says what happened; shares add up to 1."""
+    """Keeps the shutter open for `exposure_s` of the cell's time and says what happened; shares add up to 1.
+
+    What happened is timed by the controller's clock alone: on a busy machine that clock lags behind this process's, and
+    an age by the one against a duration by the other would make a lamp seem to have come on late.
+    """
     begun = time.monotonic()
     states = [source.state()]
-    times = [begun]
     duration = exposure_s / states[0].speed_factor
     pause = max(0.002, duration / (2 * MOMENTS))
-    while times[-1] - begun < duration:
-        time.sleep(min(pause, max(0.0, begun + duration - time.monotonic())))
+    while time.monotonic() - begun < duration or states[-1].clock_s <= states[0].clock_s:
+        time.sleep(min(pause, max(0.001, begun + duration - time.monotonic())))
         states.append(source.state())
-        times.append(time.monotonic())
-    return moments(states, times)
+    return moments(states)
 
 
-def moments(states: Sequence[CellState], times: Sequence[float]) -> list[Moment]:
-    """The moments between states read at wall times in s; intervals in which the arm rests are one moment."""
+def moments(states: Sequence[CellState]) -> list[Moment]:
+    """The moments between states, whose clock has moved on; intervals in which the arm rests are one moment."""
+    whole_s = states[-1].clock_s - states[0].clock_s
     parts: list[Moment] = []
-    for before, after, start, end in zip(states[:-1], states[1:], times[:-1], times[1:], strict=True):
-        level = _mean_level(after, (end - start) * after.speed_factor)
+    for before, after in pairwise(states):
+        passed_s = after.clock_s - before.clock_s
+        if passed_s <= 0:
+            continue
+        level = _mean_level(after, passed_s * after.speed_factor)
         still = max(abs(a - b) for a, b in zip(before.joints, after.joints, strict=True)) < STILL_RAD
         middle = tuple((a + b) / 2 for a, b in zip(before.joints, after.joints, strict=True))
-        parts.append(Moment((end - start) / (times[-1] - times[0]), before.joints if still else middle, level))
+        parts.append(Moment(passed_s / whole_s, before.joints if still else middle, level))
     merged: list[Moment] = []
     most = math.ceil(len(parts) / MOMENTS)
     members = 0

@@ -43,6 +43,7 @@ class ControllerState:
             lamp_on=bool(state["digital_outputs"] >> self._output & 1),
             lamp_age_s=float(state["output_age_s"][self._output]),
             speed_factor=float(state["speed_factor"]),
+            clock_s=float(state["timestamp"]),
         )
 
 

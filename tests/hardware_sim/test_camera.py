@@ -30,7 +30,7 @@ class Cell:
     def state(self) -> CellState:
         if self.lost:
             raise RigError(ErrorCode.DEVICE_DISCONNECTED, "the simulated controller is lost")
-        return CellState((0.0,) * 6, self.lamp_on, 10.0, 10.0)
+        return CellState((0.0,) * 6, self.lamp_on, 10.0, 10.0, time.monotonic())
 
     def frame(self, moments: list[Moment], exposure_s: float, attempt: int) -> np.ndarray:
         self.taking += 1

@@ -1,25 +1,35 @@
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from hardware_sim import shutter
 from hardware_sim.shutter import LAMP_TIME_CONSTANT_S, CellState
+from hardware_sim.world import Moment
 
 REST = (0.1, -1.5, 1.2, -1.0, -1.57, 0.3)
 
 
 def state(age_s: float, lamp_on: bool = True, shift: float = 0.0, factor: float = 1.0) -> CellState:
-    return CellState(tuple(joint + shift for joint in REST), lamp_on, age_s, factor)
+    return CellState(tuple(joint + shift for joint in REST), lamp_on, age_s, factor, 0.0)
+
+
+def moments(states: Sequence[CellState], times: Sequence[float]) -> list[Moment]:
+    """The moments of states at these times of the controller's clock."""
+    return shutter.moments([replace(state, clock_s=at) for state, at in zip(states, times, strict=True)])
 
 
 def test_a_resting_arm_under_a_settled_lamp_is_one_moment_whatever_the_clock() -> None:
-    first = shutter.moments([state(1.0), state(1.02), state(1.05)], [0.0, 0.02, 0.05])
-    second = shutter.moments([state(9.0), state(9.06)], [3.0, 3.06])
+    first = moments([state(1.0), state(1.02), state(1.05)], [0.0, 0.02, 0.05])
+    second = moments([state(9.0), state(9.06)], [3.0, 3.06])
     assert first == second
     assert (first[0].share, first[0].lamp_level) == (pytest.approx(1.0), 1.0)
 
 
 def test_a_dark_lamp_gives_exactly_nothing() -> None:
-    assert shutter.moments([state(1.0, False), state(1.1, False)], [0.0, 0.1])[0].lamp_level == 0.0
+    assert moments([state(1.0, False), state(1.1, False)], [0.0, 0.1])[0].lamp_level == 0.0
 
 
 @pytest.mark.parametrize("factor", [1.0, 5.0])
@@ -34,13 +44,13 @@ def test_the_mean_level_is_that_of_an_exponential(factor: float, lamp_on: bool, 
     before = state(
         max(age_s - duration, 0.0) if age_s > duration else 5.0, lamp_on == (age_s > duration), factor=factor
     )
-    found = shutter.moments([before, state(age_s, lamp_on, factor=factor)], [0.0, duration])
+    found = moments([before, state(age_s, lamp_on, factor=factor)], [0.0, duration])
     assert found[0].lamp_level == pytest.approx(expected, abs=shutter.SETTLED + 1e-4)
 
 
 def test_a_moving_arm_becomes_a_few_moments_in_order() -> None:
     states = [state(1.0 + k / 100, shift=k / 100) for k in range(41)]
-    found = shutter.moments(states, [k / 100 for k in range(41)])
+    found = moments(states, [k / 100 for k in range(41)])
     assert 4 <= len(found) <= shutter.MOMENTS
     assert sum(moment.share for moment in found) == pytest.approx(1.0)
     bases = [moment.joints[0] for moment in found]
@@ -51,7 +61,7 @@ def test_a_moving_arm_becomes_a_few_moments_in_order() -> None:
 
 def test_an_arm_that_stops_in_mid_exposure_keeps_the_rest_as_one_moment() -> None:
     states = [state(1.0, shift=min(k, 3) / 100) for k in range(9)]
-    found = shutter.moments(states, [k / 10 for k in range(9)])
+    found = moments(states, [k / 10 for k in range(9)])
     assert found[-1].share == pytest.approx(5 / 8)
     assert found[-1].joints == pytest.approx(tuple(joint + 0.03 for joint in REST))
 
@@ -62,9 +72,25 @@ def test_expose_takes_the_time_of_the_cell() -> None:
 
         def state(self) -> CellState:
             self.calls += 1
-            return state(5.0, factor=4.0)
+            now = time.monotonic() - begun
+            return replace(state(5.0 + now, factor=4.0), clock_s=now)
 
+    begun = time.monotonic()
     source = Source()
     found = shutter.expose(source, 0.2)
     assert [moment.lamp_level for moment in found] == [1.0]
     assert 3 <= source.calls <= 40
+
+
+def test_a_controller_whose_clock_lags_does_not_dim_a_settled_lamp() -> None:
+    """It answers a tenth of a second late, as on a busy machine: the lamp's age and the exposure count by its clock."""
+
+    class Late:
+        def state(self) -> CellState:
+            on_since = time.monotonic() - begun
+            if on_since > 0.02:
+                time.sleep(0.05)
+            return replace(state(0.02 + on_since, factor=8.0), clock_s=on_since)
+
+    begun = time.monotonic()
+    assert [moment.lamp_level for moment in shutter.expose(Late(), 0.05)] == [1.0]

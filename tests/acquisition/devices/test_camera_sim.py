@@ -33,7 +33,9 @@ class Standing:
     """An arm at rest under a dark lamp."""
 
     def state(self) -> CellState:
-        return CellState(joints=(0.0,) * 6, lamp_on=False, lamp_age_s=math.inf, speed_factor=1.0)
+        return CellState(
+            joints=(0.0,) * 6, lamp_on=False, lamp_age_s=math.inf, speed_factor=1.0, clock_s=time.monotonic()
+        )
 
 
 def numbered(moments: object, exposure_s: float, attempt: int) -> npt.NDArray[np.uint16]:
