@@ -10,6 +10,7 @@ import os
 import shutil
 import tempfile
 from pathlib import Path
+from zipfile import BadZipFile
 
 import cv2
 import numpy as np
@@ -85,7 +86,7 @@ def read(folder: Path) -> NormalMap:
                 noise=json.loads(str(stored["noise"])),
                 notes=json.loads(str(stored["notes"])),
             )
-    except (OSError, ValueError, KeyError, tifffile.TiffFileError, EOFError) as error:
+    except (OSError, ValueError, KeyError, tifffile.TiffFileError, EOFError, BadZipFile) as error:
         raise RigError(
             ErrorCode.STORE_CORRUPT, f"{path}: is not a normal map: {error}; solve the session again", file=str(path)
         ) from error

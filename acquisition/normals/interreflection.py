@@ -152,7 +152,7 @@ def _walls_radiosity(
     _lit(point, walls.point, walls.normal, lamp, affine, free)
     light = photometry.light_vectors(np.ascontiguousarray(walls.point.T), lamp, calibration)
     falling = np.clip(np.einsum("fcn,nc->nf", light, walls.normal), 0, None) * free
-    direct = (walls.albedo[:, None] * falling).astype(np.float32)
+    direct = np.ascontiguousarray(walls.albedo[:, None] * falling, np.float32)  # einsum may answer by columns
     sent = direct
     for _ in range(WALL_BOUNCES):
         bounced = np.empty_like(direct)

@@ -69,8 +69,10 @@ def estimate(  # noqa: PLR0915 - one fused kernel is the point
             g[3, p] = zero
             albedo2[p] = g[0, p] * g[0, p] + g[1, p] * g[1, p] + g[2, p] * g[2, p]
         for turn in range(rounds):
-            # The first round is plain least squares: residuals against the prior say nothing.
+            # Residuals against the prior say nothing, so the first round is least squares; it counts bright
+            # measurements most, because those left over in shadow by bounced light are dark.
             tail = zero if turn == 0 else inverse_cauchy2
+            first = one if turn == 0 and inverse_cauchy2 > zero else zero
             for p in range(size):
                 w = precision[start + p]
                 m[0, p] = w
@@ -122,6 +124,8 @@ def estimate(  # noqa: PLR0915 - one fused kernel is the point
                     difference = y - (g[0, p] * sx + g[1, p] * sy + g[2, p] * sz)
                     v = extra[f, n] + shot_f * max(y, zero) + floor_f + c2 * y * y + d2 * albedo2[p] * s2
                     w = np.float32(usable[f, n]) / (v + difference * difference * tail)
+                    share = max(y, zero) * max(y, zero) / (albedo2[p] * s2 + tiny)
+                    w *= one + first * (share * share - one)
                     weights[f, n] = w
                     target = w * (y + h * zeta)
                     wx = w * sx
