@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition import photometry
-from acquisition.normals import grid, integrate, interreflection, lambert, self_calibration
+from acquisition.normals import grid, integrate, interreflection, lambert, self_calibration, steps
 from acquisition.normals.interreflection import Table
 from acquisition.normals.lambert import Estimate, Pixels
 from acquisition.types import Calibration, Float32Array, FloatArray, SolveSettings
@@ -25,10 +25,13 @@ LARGEST_STEP_M = 0.02
 LARGEST_SHIFT_M = 0.08
 FIRST_THRESHOLD = 0.15
 LEAST_IMAGES_TO_CALIBRATE = 4
-COARSE_PIXELS = 9_000
+COARSE_PIXELS = 12_000
 CALIBRATION_SAMPLES = 2500
 BOUNCE_ROUNDS = 2
 """Rounds more where bounced light matters."""
+
+FIRST_CUTS = 4
+"""Times that the surface is cut at its steps at first; later rounds start from what they find cut."""
 
 BOUNCE_MATTERS = 0.01
 """Share of bounced light, at the pixels that have most of it, below which it is left alone."""
@@ -36,10 +39,12 @@ BOUNCE_MATTERS = 0.01
 
 @dataclass(frozen=True)
 class Refined:
-    """What the last solve takes over, at the full pixels: depth (N,) in m, log intensity (F,), the shift of the whole
-    object in m, the light received from the object itself (F, N) or none, and the scale found for it."""
+    """What the last solve takes over, at the full pixels: depth (N,) in m, how whole the surface is, 0–1 (N,), log
+    intensity (F,), the shift of the whole object in m, the light received from other surfaces (F, N) or none, and the
+    scale found for it."""
 
     depth_m: Float32Array
+    whole: Float32Array
     log_intensity: FloatArray
     shift_m: float
     received: Float32Array | None
@@ -51,7 +56,7 @@ def refine(
     settings: SolveSettings, table: Table | None = None,
 ) -> Refined:  # fmt: skip
     """Starts from depth (N,) in m and refines it with all that depends on it; `table` surrounds the object."""
-    factor = max(1, int(np.sqrt(len(pixels.index) / COARSE_PIXELS)))
+    factor = int(np.ceil(np.sqrt(len(pixels.index) / COARSE_PIXELS)))
     coarse = grid.coarser(pixels, factor)
     around = None if table is None else Table(grid.means(table.depth_m, factor), grid.means(table.values, factor))
     mask = coarse.image(np.ones(len(coarse.index), np.bool_))
@@ -63,6 +68,7 @@ def refine(
     received: Float32Array | None = None
     indirect = np.zeros_like(coarse.values)
     scale, threshold = 1.0, FIRST_THRESHOLD
+    whole = np.ones_like(depth)
     for turn in range(settings.depth_rounds + BOUNCE_ROUNDS):
         measured = _divided(coarse.values, log_intensity)
         values = measured - indirect
@@ -70,8 +76,14 @@ def refine(
             coarse, values, depth, lamp, calibration, noise, threshold=threshold, robust=settings.robust
         )
         normals = lambert.facing(found.normals, along)
-        start = coarse.image(depth, float(np.mean(depth)))
-        depth = coarse.take(integrate.depth(coarse.image(normals), mask, ray, coarse.image(certainty(found)), start))
+        sure = certainty(found)
+        levelled = steps.depth(coarse, values, found, normals, sure, depth, lamp, FIRST_CUTS if turn == 0 else 1)
+        if levelled is None:
+            start = coarse.image(depth, float(np.mean(depth)))
+            depth = coarse.take(integrate.depth(coarse.image(normals), mask, ray, coarse.image(sure), start))
+            whole = np.ones_like(depth)
+        else:
+            depth, whole = levelled
         step = _calibrate(
             coarse.subset(chosen), values[:, chosen], depth[chosen], lamp, calibration, noise, settings,
             log_intensity, shift,
@@ -93,6 +105,7 @@ def refine(
                 break
     return Refined(
         depth_m=grid.finer(depth, coarse, factor, pixels),
+        whole=grid.finer(whole, coarse, factor, pixels),
         log_intensity=log_intensity,
         shift_m=shift,
         received=None if received is None else np.float32(scale) * grid.finer(received, coarse, factor, pixels),

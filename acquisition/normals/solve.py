@@ -80,8 +80,9 @@ def solve(
     final = _last(pixels, refined, lamp, calibration, noise, settings)
     normals = lambert.facing(final.normals, along)
     solved = np.count_nonzero(final.usable, axis=0) >= 2
+    sure = refine.certainty(final) * refined.whole
     start = pixels.image(refined.depth_m, float(np.mean(refined.depth_m)))
-    depth_map = integrate.depth(pixels.image(normals), found, ray, pixels.image(refine.certainty(final)), start)
+    depth_map = integrate.depth(pixels.image(normals), found, ray, pixels.image(sure), start)
     result = _Placed(pixels, solved, rows, columns, (height, width))
     chosen = _samples(pixels, solved)
     sigma = np.where(solved, np.degrees(np.sqrt(final.variance)), np.nan).astype(np.float32)
