@@ -65,6 +65,7 @@ class Cell:
             speed=self._speed,
             low_when_stopped=(self.config.lamp.output,),
             trace=self._trace,
+            log_level="INFO",  # why a program ended is the first thing that a puzzled person asks
         )
         try:
             self._world = subprocess.Popen(  # noqa: S603 - our own module, arguments checked
