@@ -36,7 +36,7 @@ BEYOND_PICTURE = 0.5
 NOTHING = 2.0
 """Where there is no table, nothing stands within so many times the object's depth."""
 
-LEAST_EVIDENCE = 100
+LEAST_EVIDENCE = 30
 LEAST_PREDICTION = 0.002
 LARGEST_SCALE = 1.1
 TURNED_AWAY = -0.1

@@ -40,8 +40,8 @@ BOUNCE_MATTERS = 0.01
 @dataclass(frozen=True)
 class Refined:
     """What the last solve takes over, at the full pixels: depth (N,) in m, how whole the surface is, 0–1 (N,), log
-    intensity (F,), the shift of the whole object in m, the light received from other surfaces (F, N) or none, and the
-    scale found for it."""
+    intensity (F,), the shift of the whole object in m, the light received from other surfaces (F, N) or none, the scale
+    found for it, and its share of all light."""
 
     depth_m: Float32Array
     whole: Float32Array
@@ -49,6 +49,7 @@ class Refined:
     shift_m: float
     received: Float32Array | None
     bounce_scale: float
+    bounce_share: float
 
 
 def refine(
@@ -68,7 +69,7 @@ def refine(
     received: Float32Array | None = None
     indirect = np.zeros_like(coarse.values)
     scale, threshold = 1.0, FIRST_THRESHOLD
-    whole = np.ones_like(depth)
+    whole, stepped = np.ones_like(depth), True
     for turn in range(settings.depth_rounds + BOUNCE_ROUNDS):
         measured = _divided(coarse.values, log_intensity)
         values = measured - indirect
@@ -77,13 +78,15 @@ def refine(
         )
         normals = lambert.facing(found.normals, along)
         sure = certainty(found)
-        levelled = steps.depth(coarse, values, found, normals, sure, depth, lamp, FIRST_CUTS if turn == 0 else 1)
-        if levelled is None:
-            start = coarse.image(depth, float(np.mean(depth)))
-            depth = coarse.take(integrate.depth(coarse.image(normals), mask, ray, coarse.image(sure), start))
-            whole = np.ones_like(depth)
-        else:
-            depth, whole = levelled
+        start = coarse.image(depth, float(np.mean(depth)))
+        smooth = coarse.take(integrate.depth(coarse.image(normals), mask, ray, coarse.image(sure), start))
+        levelled = None
+        if stepped:
+            cuts = FIRST_CUTS if turn == 0 else 1
+            levelled = steps.depth(coarse, values, found, normals, sure, depth, smooth, lamp, cuts)
+        # Shadows tell of steps best before indirect light has been taken out of them, however well.
+        stepped = levelled is not None
+        depth, whole = (smooth, np.ones_like(smooth)) if levelled is None else levelled
         step = _calibrate(
             coarse.subset(chosen), values[:, chosen], depth[chosen], lamp, calibration, noise, settings,
             log_intensity, shift,
@@ -110,6 +113,7 @@ def refine(
         shift_m=shift,
         received=None if received is None else np.float32(scale) * grid.finer(received, coarse, factor, pixels),
         bounce_scale=scale,
+        bounce_share=0.0 if received is None else float(np.sum(indirect) / np.sum(coarse.values)),
     )
 
 

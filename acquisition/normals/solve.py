@@ -106,8 +106,7 @@ def solve(
         notes={
             "shift_m": refined.shift_m,
             "threshold": settings.shadow_threshold,
-            "bounce_scale": refined.bounce_scale,
-            "bounce_corrected": refined.received is not None,
+            "interreflection": {"share": refined.bounce_share, "scale": refined.bounce_scale},
         },
     )
 

@@ -39,6 +39,8 @@ EDGE = 0.03
 WRONG = 4.0
 """Pixels by which a shadow may disagree before it counts as mistaken."""
 LEAST_EQUATIONS = 30
+TELLING = 2.0
+"""Pixels by which a shadow contradicts the depth from normals alone when there is a step between."""
 
 
 @dataclass(frozen=True)
@@ -52,21 +54,24 @@ class _Equations:
 
 def depth(
     pixels: Pixels, values: Float32Array, found: Estimate, normals: Float32Array, certainty: Float32Array,
-    start_m: Float32Array, lamp: Float32Array, rounds: int,
+    start_m: Float32Array, smooth_m: Float32Array, lamp: Float32Array, rounds: int,
 ) -> tuple[Float32Array, Float32Array] | None:  # fmt: skip
     """Depth (N,) in m, and how whole the surface is at each pixel, 0–1 (N,); none where shadows show no step.
 
     `values` (F, N) with indirect light taken out, `normals` (3, N), `start_m` (N,) for the mean, for the shadows' rays
-    and, when there is but one round of reweighting, for the cuts known so far.
+    and, when there is but one round of reweighting, for the cuts known so far. `smooth_m` (N,) is what normals alone
+    give: where it explains the shadows too, there are no steps.
     """
     equations = _equations(pixels, values, found, start_m, lamp)
-    if len(equations.edge) < LEAST_EQUATIONS:
-        return None
     slopes = _slopes(pixels, normals, certainty)
     p, q = slopes.first, slopes.second
     number = np.full(pixels.shape[0] * pixels.shape[1], -1)
     number[pixels.index] = np.arange(len(pixels.index))
     tip, edge = number[equations.tip], number[equations.edge]
+    smooth = np.log(smooth_m)
+    missed = np.abs(smooth[edge] - smooth[tip] - equations.step) > TELLING * slopes.pitch
+    if np.count_nonzero(missed) < LEAST_EQUATIONS:
+        return None
     whole = np.ones(len(pixels.index))
     whole[edge] = EDGE
     at_start = np.log(start_m.astype(np.float64))
