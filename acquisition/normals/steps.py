@@ -39,8 +39,10 @@ EDGE = 0.03
 WRONG = 4.0
 """Pixels by which a shadow may disagree before it counts as mistaken."""
 LEAST_EQUATIONS = 30
+LEAST_SHARE = 0.5
 TELLING = 2.0
-"""Pixels by which a shadow contradicts the depth from normals alone when there is a step between."""
+"""Steps are believed when so many shadows, and so large a share of them, contradict the depth from normals alone by so
+many pixels: relief is full of short shadows that do not."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ def depth(
     tip, edge = number[equations.tip], number[equations.edge]
     smooth = np.log(smooth_m)
     missed = np.abs(smooth[edge] - smooth[tip] - equations.step) > TELLING * slopes.pitch
-    if np.count_nonzero(missed) < LEAST_EQUATIONS:
+    if np.count_nonzero(missed) < max(LEAST_EQUATIONS, LEAST_SHARE * len(missed)):
         return None
     whole = np.ones(len(pixels.index))
     whole[edge] = EDGE
