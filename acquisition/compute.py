@@ -14,11 +14,11 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
 
+from acquisition import priority
 from acquisition.errors import ErrorCode, Halted, RigError
 
 _log = logging.getLogger(__name__)
 _POLL_S = 0.02
-_NICENESS = 10
 
 
 class Compute:
@@ -89,7 +89,7 @@ class Compute:
 
 
 def _serve(connection: Connection) -> None:
-    os.nice(_NICENESS)
+    priority.take(priority.BACKGROUND)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     jobs = importlib.import_module("acquisition.jobs")  # here only: the kernels belong to this process
     while True:

@@ -13,6 +13,7 @@ from types import FrameType
 import uvicorn
 from fastapi import FastAPI
 
+from acquisition import priority
 from acquisition.errors import ErrorCode, RigError
 from api import settings as settings_
 from api import wiring
@@ -93,6 +94,7 @@ def serve(settings: Settings, say: Callable[[str], None] = announce) -> None:
     Raises RigError as `make` does, and config.invalid when the port cannot be had.
     """
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    priority.take(priority.SERVICE)
     server = make(settings, say)
     try:
         server.run()

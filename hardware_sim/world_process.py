@@ -6,14 +6,13 @@ happens however its parent dies.
 """
 
 import json
-import os
 import sys
 from pathlib import Path
 from typing import cast
 
 import cv2
 
-from acquisition import config
+from acquisition import config, priority
 from acquisition.errors import RigError
 from hardware_sim.camera import CameraServer
 from hardware_sim.controller.control import ControlClient
@@ -50,7 +49,7 @@ class ControllerState:
 def main(folder: Path, object_name: str, seed: int, profile: ProfileName) -> None:
     """Serves one world until standard input ends."""
     cv2.setNumThreads(1)  # the other core belongs to the service
-    os.nice(10)  # rendering waits for the controller's tick and the service's, never the other way round
+    priority.take(priority.BACKGROUND)  # rendering waits for the controller's tick, never the other way round
     try:
         cell = config.load(folder / "cell.toml")
         calibration = config.load_calibration(folder / cell.calibration)

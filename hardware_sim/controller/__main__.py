@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from types import FrameType
 
+from acquisition import priority
 from hardware_sim.controller.kinematics import JOINT_LIMIT, MODELS
 from hardware_sim.controller.server import serve
 
@@ -34,6 +35,7 @@ def main() -> int:
     if not 0.0 < options.speed <= 1000.0:
         parser.error("--speed must be above 0 and at most 1000")
     logging.basicConfig(level=options.log, stream=sys.stderr, format="%(asctime)s %(name)s %(message)s")
+    priority.take(priority.DRIVER)  # a real controller has a machine of its own
     ended = False
 
     def end(number: int, frame: FrameType | None) -> None:

@@ -23,6 +23,7 @@ import rtde_control
 import rtde_io
 import rtde_receive
 
+from acquisition import priority
 from acquisition.devices.ur import protocol
 from acquisition.devices.ur.controller import Controller, Task
 from acquisition.devices.ur.interfaces import Constructors, Control, Outputs, Receive
@@ -179,6 +180,7 @@ def _outputs(address: str) -> Outputs:
 def main() -> None:
     """`python -m acquisition.devices.ur.driver PIPE BOARD`, both inherited file descriptors."""
     pipe, board = int(sys.argv[1]), int(sys.argv[2])
+    priority.take(priority.DRIVER)
     controller = Controller(Constructors(control=_control, receive=_receive, outputs=_outputs))
     driver = Driver(Connection(socket.socket(fileno=pipe).detach()), Board(board), controller)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the service, which halts and then leaves
