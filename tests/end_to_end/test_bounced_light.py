@@ -1,0 +1,128 @@
+"""The solver on the simulator's own pictures, without the arm: light that the object throws on itself, and steps."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from acquisition import config, lamp_pose, pilot, region
+from acquisition.capture import exposure
+from acquisition.normals import interreflection, solve
+from acquisition.types import (
+    FrameQuality,
+    FrameRef,
+    NormalMap,
+    Observations,
+    Recipe,
+    Shot,
+    ShotKey,
+    SolveSettings,
+)
+from acquisition.waypoints import kinematics
+from acquisition.waypoints.reach import reach
+from acquisition.waypoints.route import route
+from hardware_sim import grade, nominal
+from hardware_sim.world import Moment, ProfileName, World
+
+PIXELS = 192
+CELL = config.load(nominal.default_cell_file())
+CALIBRATION = nominal.calibration(PIXELS)
+EXPOSURE_S = 0.03
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Frames in memory."""
+
+    pixels: dict[str, npt.NDArray[np.uint16]]
+
+    def rows(self, frame: FrameRef, start: int, stop: int) -> npt.NDArray[np.uint16]:
+        return self.pixels[frame.path][start:stop]
+
+
+@cache
+def stations() -> tuple[tuple[float, ...], ...]:
+    """Joints of eight lights that the arm reaches."""
+    lights = pilot.pattern(Recipe(pilot_lights=8, planned_lights=0), reach(CELL, CALIBRATION))
+    return tuple(waypoint.joints for waypoint in route(lights, CELL.arm.home, CELL, CALIBRATION).waypoints)
+
+
+@cache
+def scene(name: str, profile: ProfileName) -> tuple[World, Observations]:
+    world = World(CELL, CALIBRATION, name, 1, profile)
+    frames: dict[str, npt.NDArray[np.uint16]] = {}
+    model, flange_from_tool = kinematics.arm_model(CELL.arm.model), CELL.arm.flange_from_tool.matrix
+
+    def shot(number: int, joints: tuple[float, ...], lit: bool) -> Shot:
+        path = f"{number}.tiff"
+        exposure_s = exposure.in_range(EXPOSURE_S, CELL.camera)
+        frames[path] = world.frame([Moment(1.0, joints, float(lit))], exposure_s, 0)
+        base_from_tool = kinematics.forward(model, np.array([joints]))[0, -1] @ flange_from_tool
+        return Shot(
+            key=ShotKey(pass_number=0, number=number),
+            kind="light" if lit else "dark",
+            frame=FrameRef(path=path, width=PIXELS, height=PIXELS, sha256=""),
+            exposure_s=exposure_s,
+            light_number=number if lit else None,
+            light=lamp_pose.light_from_tool(base_from_tool, CALIBRATION) if lit else None,
+            lamp_on=lit,
+            taken_at=0.0,
+            quality=FrameQuality(saturated=0.0, bright_level=0.5, accepted=True),
+        )
+
+    shots = [shot(number, joints, lit=True) for number, joints in enumerate(stations())]
+    dark = shot(len(shots), stations()[0], lit=False)
+    return world, Observations(shots, {dark.exposure_s: dark}, Frames(frames))
+
+
+def solved(observations: Observations) -> NormalMap:
+    return solve(
+        observations,
+        CALIBRATION,
+        SolveSettings(),
+        initial_depth_m=region.middle_depth_m(CELL, CALIBRATION),
+        region=region.keep_out(CELL, CALIBRATION),
+        table_depth_m=region.table_depth_m(CELL, CALIBRATION),
+    )
+
+
+def graded(found: NormalMap, world: World) -> grade.Grade:
+    return grade.grade(found.normals, found.mask, found.sigma_deg, world.truth(), CALIBRATION)
+
+
+@pytest.mark.parametrize("name", ["part", "figure"])
+def test_taking_bounced_light_out_makes_the_normals_better(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    world, observations = scene(name, "realistic")
+    corrected = solved(observations)
+    assert corrected.notes["interreflection"]["scale"] > 0.6
+    assert corrected.notes["interreflection"]["share"] > 0.01
+    with monkeypatch.context() as patched:
+        patched.setattr(interreflection, "scale", lambda *_: 0.0)
+        uncorrected = solved(observations)
+    assert graded(corrected, world).mean_deg < 0.85 * graded(uncorrected, world).mean_deg
+
+
+def test_where_nothing_bounces_next_to_nothing_is_taken_out() -> None:
+    world, observations = scene("figure", "direct")
+    found = solved(observations)
+    assert found.notes["interreflection"]["scale"] < 0.2
+    assert graded(found, world).mean_deg < 1.5
+
+
+def test_depth_keeps_the_steps_of_a_machined_part() -> None:
+    """Smooth integration closes most of them, because the camera sees no wall."""
+    world, observations = scene("part", "direct")
+    found, true = solved(observations), world.truth()
+    both = found.mask & true.mask
+    error = found.depth[both] - true.depth[both]
+    spread = float(np.std(true.depth[both]))
+    assert float(np.median(np.abs(error - np.median(error)))) < 0.35 * spread
+
+
+def test_the_table_lies_where_the_cell_says() -> None:
+    depth = region.table_depth_m(CELL, CALIBRATION)
+    assert depth.shape == (PIXELS, PIXELS)
+    assert depth[PIXELS // 2, PIXELS // 2] == pytest.approx(0.9, abs=1e-6)  # the camera looks straight down on it
+    assert np.ptp(depth) < 1e-6
