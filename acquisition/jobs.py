@@ -10,10 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from acquisition import geometry, photometry, pilot, plan, region
+from acquisition.capture import check
 from acquisition.config import CellConfig
 from acquisition.normals import export, solve
 from acquisition.plan import baselines
 from acquisition.types import (
+    LIT,
     Calibration,
     JointPath,
     Light,
@@ -27,8 +29,6 @@ from acquisition.types import (
 )
 from acquisition.waypoints import reach as reaching
 from acquisition.waypoints import route as routing
-
-BRIGHT_PERCENTILE = 99.5
 
 
 def make_reach(cell: CellConfig, calibration: Calibration, cache: Path) -> None:
@@ -80,7 +80,7 @@ def expected_levels(normal_map: NormalMap, lights: list[Light], calibration: Cal
     vectors = photometry.light_vectors(point, photometry.lamps(lights), calibration)
     facing = np.einsum("fck,kc->fk", vectors, normal_map.normals[rows, columns])
     signal = normal_map.albedo[rows, columns] * np.clip(facing, 0, None) * calibration.lamp_intensity
-    return [float(value) for value in np.percentile(signal, BRIGHT_PERCENTILE, axis=1)]
+    return [float(value) for value in np.percentile(signal, check.BRIGHT_PERCENTILE, axis=1)]
 
 
 def plan_route(lights: list[Light], start: tuple[float, ...], cell: CellConfig, calibration: Calibration) -> Route:
@@ -108,7 +108,7 @@ def solve_normals(
     )
     export.write(found, folder)
     sigma = found.sigma_deg[found.mask]
-    lights_used = np.count_nonzero(found.flags & 1, axis=0)[found.silhouette]
+    lights_used = np.count_nonzero(found.flags & LIT, axis=0)[found.silhouette]
     return ResultSummary(
         images=len(observations.shots),
         object_pixels=int(np.count_nonzero(found.silhouette)),
