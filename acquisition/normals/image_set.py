@@ -1,0 +1,155 @@
+"""A set of images with known lights, wherever it comes from: what readers of capture folders give and solvers take.
+
+Pixels stay where they are and are read in blocks of rows, in the type they are stored in: sixteen-bit integers are half
+the bytes of floats, and solvers are limited by memory. A stack of any size can be solved as long as its reader gives
+rows without holding every image; formats that decode only as a whole are for the reader to unpack once.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from acquisition.errors import ErrorCode, RigError
+from acquisition.types import BoolArray, Float32Array, FloatArray
+
+LEAST_SPREAD = 0.02
+"""Smallest singular value of the light directions (scaled by √F): below, they lie in one plane."""
+
+Raw = npt.NDArray[np.uint8] | npt.NDArray[np.uint16] | npt.NDArray[np.float32]
+
+
+class RowReader(Protocol):
+    """Gives rows of stored images; picklable, so that another process can read them."""
+
+    def __call__(self, image: int, start: int, stop: int) -> Raw:
+        """Rows [start, stop) of image number `image`: (rows, W) grey or (rows, W, 3) in the order R, G, B.
+
+        Linear values above black in the stored type, uint8, uint16 or float32, the same for all images; C-contiguous.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class DistantLights:
+    """Lights so far away that each has one direction for the whole object.
+
+    `directions` (F, 3) from the object to the light, view frame (x right, y up, z to the camera), of any length;
+    `intensities` (F, C), one column per channel: images are divided by them.
+    """
+
+    directions: FloatArray
+    intensities: FloatArray
+
+
+@dataclass(frozen=True)
+class NearLights:
+    """Point lights at `positions_m` (F, 3) in the view frame (origin at the camera).
+
+    `intensity` (F,) is the value, as a fraction of full scale, that a perfectly white matt surface facing the lamp at
+    `reference_m` would give.
+    """
+
+    positions_m: FloatArray
+    intensity: FloatArray
+    reference_m: float
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A calibrated pinhole camera: matrix K (3, 3) in pixels and OpenCV's distortion (k1 k2 p1 p2 k3)."""
+
+    matrix: FloatArray
+    distortion: FloatArray = field(default_factory=lambda: np.zeros(5))
+
+
+@dataclass(frozen=True)
+class ImageSet:
+    """Images of one object from one view, each under one known light."""
+
+    names: tuple[str, ...]
+    """The file of each image (F), for messages."""
+    height: int
+    width: int
+    channels: int
+    """1 or 3."""
+    rows: RowReader
+    full_scale: float
+    """The stored value that is 1.0 as a fraction of full scale."""
+    saturated_from: float
+    """Fraction of full scale from which a value counts as clipped."""
+    lights: DistantLights | NearLights
+    mask: BoolArray
+    """(H, W) the object: where normals are solved."""
+    camera: Camera | None = None
+    """None: orthographic."""
+    evaluation_mask: BoolArray | None = None
+    """(H, W) where errors are graded; none: the mask."""
+    truth: Float32Array | None = None
+    """(H, W, 3) true normals, view frame."""
+    rough_depth_m: float | Float32Array | None = None
+    """The object's rough depth along OpenCV's z, a number or (H, W)."""
+    notes: dict[str, Any] = field(default_factory=dict[str, Any])
+    """What the reader wants the report to say."""
+
+    @property
+    def count(self) -> int:
+        """How many images there are."""
+        return len(self.names)
+
+    def values(self, image: int, start: int, stop: int) -> Float32Array:
+        """Rows [start, stop) of one image as fractions of full scale, float32 (rows, W) or (rows, W, 3)."""
+        return self.rows(image, start, stop).astype(np.float32) * np.float32(1.0 / self.full_scale)
+
+
+def check(images: ImageSet) -> None:
+    """Refuses a set that no solver can solve, whatever its pixels hold.
+
+    Raises RigError normals.infeasible: fewer than three lights, as many lights as images not given, numbers that are
+    not finite, a light without direction or intensity, lights in one plane, or an empty mask.
+    """
+    lights = images.lights
+    first = lights.directions if isinstance(lights, DistantLights) else lights.positions_m
+    strength = lights.intensities if isinstance(lights, DistantLights) else lights.intensity[:, None]
+    if images.count < 3:
+        raise RigError(
+            ErrorCode.NORMALS_INFEASIBLE,
+            f"{images.count} image(s) ({', '.join(images.names) or 'none'}): three lights are the least that give a "
+            "normal; add images from other lights",
+        )
+    if first.shape != (images.count, 3) or len(strength) != images.count:
+        raise RigError(
+            ErrorCode.NORMALS_INFEASIBLE,
+            f"{images.count} images but {len(first)} lights and {len(strength)} intensities: give one row for each "
+            "image, in the images' order",
+        )
+    for name, place, power in zip(images.names, first, strength, strict=True):
+        if not np.all(np.isfinite(place)) or not np.linalg.norm(place) > 0:
+            raise RigError(
+                ErrorCode.NORMALS_INFEASIBLE,
+                f"{name}: its light is at {place.tolist()}, which is no place or direction: correct that row",
+                file=name,
+            )
+        if not np.all(np.isfinite(power)) or not np.all(power > 0):
+            raise RigError(
+                ErrorCode.NORMALS_INFEASIBLE,
+                f"{name}: its light's intensity is {power.tolist()}: it must be positive; correct that row",
+                file=name,
+            )
+    if images.mask.shape != (images.height, images.width) or not np.any(images.mask):
+        raise RigError(
+            ErrorCode.NORMALS_INFEASIBLE,
+            f"the mask is empty or not {images.width} × {images.height} like {images.names[0]}: draw it round the "
+            "object",
+        )
+    if isinstance(lights, DistantLights):
+        units = first / np.linalg.norm(first, axis=1, keepdims=True)
+        spread = float(np.linalg.svd(units, compute_uv=False)[-1] / np.sqrt(len(units)))
+        if not spread > LEAST_SPREAD:
+            raise RigError(
+                ErrorCode.NORMALS_INFEASIBLE,
+                f"the lights of {images.names[0]} … {images.names[-1]} are parallel or lie in one plane: take images "
+                "with lights from other sides",
+                spread=spread,
+            )
