@@ -53,6 +53,11 @@ class Value(BaseModel):
 
 Method = Literal["optimal", "two-rings", "ring", "drbohlav", "max-distance", "paper", "random", "user"]
 
+Objective = Literal["capped", "mean", "quantile", "coverage"]
+"""Over the object's pixels, or over the region of interest: `capped` the mean of the angular variance, each pixel's
+capped so that a few that no light can reach do not decide for all; `mean` the mean σ; `quantile` the σ that nine tenths
+of the pixels keep below; `coverage` first as many pixels as can be lit by three lights, then `capped`."""
+
 
 class Exposure(Value):
     """How exposure times are chosen: the 99.5th percentile of the object's pixels is put at `target` of full scale."""
@@ -70,6 +75,7 @@ class Recipe(Value):
     method: Method = "optimal"
     pilot_lights: int = Field(default=4, ge=3, le=16)
     planned_lights: int = Field(default=4, ge=0, le=64, description="0: the pilot only")
+    objective: Objective = Field(default="capped", description="What method `optimal` makes as small as it can")
     slant_deg: float = Field(default=45.0, ge=5, le=80, description="Slant of method `ring`")
     user_lights: list[Vector3] = Field(
         default_factory=list[tuple[float, float, float]],
@@ -106,6 +112,14 @@ class Light(Value):
     axis: Vector3
 
 
+class Expected(Value):
+    """One point of the forecast curve: the error to be expected after so many lights."""
+
+    added: int = Field(ge=0, description="Lights planned beside those taken already")
+    lights: int = Field(ge=0, description="All lights of the session then")
+    sigma_deg: float = Field(description="Mean over the object's pixels of the expected σ (mean error 0.886 σ)")
+
+
 class LightPlan(Value):
     """The lights of one pass and what is expected of them."""
 
@@ -119,7 +133,29 @@ class LightPlan(Value):
     predicted_median_deg: float | None = Field(
         default=None, description="Expected median angular error, 0.833 × median σ"
     )
-    lower_bound_sigma_deg: float | None = None
+    lower_bound_sigma_deg: float | None = Field(
+        default=None,
+        description="Root of the mean angular variance that no choice among the candidates can go below, as far as "
+        "shadows are known; comparable with efficiencies, not with the mean of σ",
+    )
+    efficiency: float | None = Field(
+        default=None, description="Lower bound over the plan's own root mean variance: 1 is the best there can be"
+    )
+    two_rings_efficiency: float | None = Field(default=None, description="The same of as many lights on two rings")
+    relaxation_gap: float | None = Field(
+        default=None, description="How far the bound's own optimisation was from its end, as a fraction"
+    )
+    certificate_note: str | None = Field(default=None, description="What the bound says of this plan, in words")
+    forecast: list[Expected] = Field(
+        default_factory=list[Expected], description="Error to be expected against number of lights; empty: not asked"
+    )
+    fallback: str | None = Field(
+        default=None, description="Why the two-ring pattern was taken in place of planned lights; none: it was not"
+    )
+    gains: list[float] = Field(
+        default_factory=list[float],
+        description="For each light, the share by which the mean σ would rise without it; empty: nothing is predicted",
+    )
     levels_per_s: list[float] | None = Field(
         default=None,
         description="For each light, the expected 99.5th percentile of the object's signal as a fraction of full scale "

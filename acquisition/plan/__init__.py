@@ -5,6 +5,6 @@ Before: `normals`, whose normal map, albedo, depth, σ and information per pixel
 """
 
 from acquisition.plan.baselines import baseline
-from acquisition.plan.selection import choose
+from acquisition.plan.selection import choose, forecast
 
-__all__ = ["baseline", "choose"]
+__all__ = ["baseline", "choose", "forecast"]

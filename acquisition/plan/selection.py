@@ -6,13 +6,26 @@ be worse than the pattern. Everything is deterministic for a given seed. What is
 the search has not seen, because those it has seen flatter it.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from acquisition import dome
 from acquisition.errors import ErrorCode, RigError
 from acquisition.plan import baselines, criterion
 from acquisition.plan.criterion import Candidates, Samples
-from acquisition.types import Calibration, FloatArray, Light, LightPlan, NormalMap, Observations, Reach, Recipe
+from acquisition.types import (
+    BoolArray,
+    Calibration,
+    Expected,
+    FloatArray,
+    Light,
+    LightPlan,
+    NormalMap,
+    Observations,
+    Reach,
+    Recipe,
+)
 
 SEARCH_PIXELS = 400
 POLISH_PIXELS = 900
@@ -31,11 +44,17 @@ def choose(
     reach: Reach,
     calibration: Calibration,
     count: int | None = None,
+    *,
+    region: BoolArray | None = None,
+    deadline_s: float | None = None,
+    certify: bool = True,
 ) -> LightPlan:
     """The lights that make the normals most certain, given what all images so far say.
 
-    `count` lights, or as many as the recipe still lacks; an empty plan says that it is fulfilled. Raises RigError
-    plan.infeasible when the arm reaches too few positions or the normal map has too few pixels to plan by.
+    `count` lights, or as many as the recipe still lacks; an empty plan says that it is fulfilled. `region` (H, W) is
+    the part of the image that matters, none: the whole object. After `deadline_s` seconds the best so far is returned.
+    Raises RigError plan.infeasible when the arm reaches too few positions or the normal map has too few pixels to plan
+    by.
     """
     taken = sum(shot.kind == "light" for shot in observations.shots)
     wanted = max(recipe.lights_total - taken, 0) if count is None else count
@@ -78,6 +97,30 @@ def choose(
             "that its depth map does not show, and errors may be twice those expected"
         )
     return _described(chosen_lights, reasons, sigma_deg, notes)
+
+
+def forecast(
+    normal_map: NormalMap,
+    observations: Observations,
+    recipe: Recipe,
+    reach: Reach,
+    calibration: Calibration,
+    counts: Sequence[int],
+    *,
+    region: BoolArray | None = None,
+) -> list[Expected]:
+    """The error to be expected after each of `counts` further lights, chosen as `choose` would; in that order.
+
+    Raises RigError plan.infeasible as `choose` does.
+    """
+    taken = sum(shot.kind == "light" for shot in observations.shots)
+    points: list[Expected] = []
+    for count in counts:
+        chosen = choose(normal_map, observations, recipe, reach, calibration, count, region=region, certify=False)
+        sigma_deg = chosen.predicted_sigma_deg
+        if sigma_deg is not None:
+            points.append(Expected(added=count, lights=taken + count, sigma_deg=sigma_deg))
+    return points
 
 
 def _described(lights: list[Light], reasons: list[str], sigma_deg: FloatArray, notes: list[str]) -> LightPlan:
