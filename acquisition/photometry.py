@@ -127,27 +127,41 @@ def saturated(frame: npt.NDArray[np.uint16], sensor: SensorModel) -> BoolArray:
     return frame >= clipping_dn(sensor)
 
 
-def noise(
-    calibration: Calibration, exposures_s: Sequence[float], distance_m: float, ambient_dn: Sequence[float] | None = None
-) -> Noise:
-    """The noise of images with these exposure times and lamps at about `distance_m` from the object.
+def sensor_noise(
+    calibration: Calibration, exposures_s: Sequence[float], ambient_dn: Sequence[float] | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """The sensor's part of the variance of y, shot·y + floor, as `shot` (F,) and `floor` (F,).
 
     `ambient_dn` is the mean signal of each image's lamp-off frame above black, whose shot noise enters twice.
-    A lamp misplaced along the ray changes the intensity by 2/r, across it the direction by 1/r.
     """
     sensor = calibration.sensor
     scale = np.array([electrons_per_value(calibration, t) for t in exposures_s])
     ambient_e = sensor.gain_e_per_dn * np.asarray(ambient_dn if ambient_dn is not None else np.zeros(len(scale)))
     floor = 2.0 * (sensor.read_noise_e**2 + sensor.gain_e_per_dn**2 / 12.0 + np.maximum(ambient_e, 0.0)) / scale**2
+    return 1.0 / scale, floor
+
+
+def model_noise(calibration: Calibration, shot: FloatArray, floor: FloatArray, distance_m: float) -> Noise:
+    """The noise of images with a sensor's `shot` and `floor` (F,) and lamps at about `distance_m` from the object.
+
+    A lamp misplaced along the ray changes the intensity by 2/r, across it the direction by 1/r.
+    """
     position = calibration.lamp_position_sigma_m
     return Noise(
-        shot=1.0 / scale,
+        shot=shot,
         floor=floor,
         intensity=float(
             np.sqrt(calibration.intensity_sigma**2 + (2 * position / distance_m) ** 2 + FLAT_FIELD_SIGMA**2)
         ),
         direction=hypot(position, DEPTH_SIGMA_M) / distance_m,
     )
+
+
+def noise(
+    calibration: Calibration, exposures_s: Sequence[float], distance_m: float, ambient_dn: Sequence[float] | None = None
+) -> Noise:
+    """The noise of images with these exposure times and lamps at about `distance_m` from the object."""
+    return model_noise(calibration, *sensor_noise(calibration, exposures_s, ambient_dn), distance_m)
 
 
 @numba.njit(

@@ -10,18 +10,24 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import BoolArray, Calibration, Float32Array, Light, Observations, Shot
+from acquisition.types import BoolArray, Calibration, Float32Array, FloatArray, Light, Observations, Shot
 
 
 @dataclass(frozen=True)
 class Stack:
-    """Images in a window of the frame: values y and clipped pixels (F, h, w), and what made them."""
+    """Images in a window of the frame, from whatever source: values y and clipped pixels (F, h, w), and what made them.
+
+    `shot` and `floor` (F,) are the sensor's part of the variance of y, shot·y + floor; where nothing is known of the
+    sensor they are zero and the rounding, and the rest is found in the residuals.
+    """
 
     values: Float32Array
     clipped: BoolArray
     lights: tuple[Light, ...]
-    exposures_s: tuple[float, ...]
-    ambient_dn: tuple[float, ...]
+    rows: slice
+    columns: slice
+    shot: FloatArray
+    floor: FloatArray
 
 
 def lit_shots(observations: Observations) -> list[tuple[Shot, Light]]:
@@ -56,13 +62,9 @@ def read(observations: Observations, calibration: Calibration, rows: slice, colu
         frame = _window(shot, observations, calibration, rows, columns)
         values[index] = photometry.normalised(frame, darks[shot.exposure_s], shot.exposure_s, calibration)
         clipped[index] = photometry.saturated(frame, calibration.sensor)
-    return Stack(
-        values=values,
-        clipped=clipped,
-        lights=tuple(light for _, light in shots),
-        exposures_s=tuple(shot.exposure_s for shot, _ in shots),
-        ambient_dn=tuple(float(np.mean(darks[shot.exposure_s])) - black for shot, _ in shots),
-    )
+    ambient_dn = [float(np.mean(darks[shot.exposure_s])) - black for shot, _ in shots]
+    photons, floor = photometry.sensor_noise(calibration, [shot.exposure_s for shot, _ in shots], ambient_dn)
+    return Stack(values, clipped, tuple(light for _, light in shots), rows, columns, photons, floor)
 
 
 def _dark(observations: Observations, shot: Shot) -> Shot:

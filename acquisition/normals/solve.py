@@ -14,6 +14,7 @@ from acquisition.errors import ErrorCode, RigError
 from acquisition.normals import integrate, lambert, observe, refine, silhouette
 from acquisition.normals.interreflection import Table
 from acquisition.normals.lambert import Estimate, Pixels
+from acquisition.normals.observe import Stack
 from acquisition.normals.refine import Refined
 from acquisition.types import (
     ATTACHED,
@@ -54,21 +55,43 @@ def solve(
     it stands on, none: it stands on nothing that sends light. Raises RigError normals.infeasible when fewer
     than three lights are usable, the lights are parallel or in one plane, or nothing is lit.
     """
-    height, width = calibration.height, calibration.width
-    lights = [light for _, light in observe.lit_shots(observations)]
-    rows, columns = _window(region, height, width)
+    rows, columns = _window(region, calibration.height, calibration.width)
     stack = observe.read(observations, calibration, rows, columns)
+    return solve_stack(
+        stack, calibration, settings, initial_depth_m=initial_depth_m, region=region, table_depth_m=table_depth_m
+    )
+
+
+def solve_stack(
+    stack: Stack,
+    calibration: Calibration,
+    settings: SolveSettings,
+    *,
+    initial_depth_m: float | Float32Array,
+    region: BoolArray | None = None,
+    table_depth_m: Float32Array | None = None,
+    object_mask: BoolArray | None = None,
+) -> NormalMap:
+    """Solves images of any source within the stack's window.
+
+    `object_mask` (H, W) is the object's whole silhouette; none: it is found in the images, within `region`. The rest as
+    for `solve`. All (H, W) are of the calibration's size. Raises RigError normals.infeasible as `solve` does.
+    """
+    height, width = calibration.height, calibration.width
+    rows, columns = stack.rows, stack.columns
+    _refuse_few(stack)
     inside = np.ones(stack.values.shape[1:], np.bool_) if region is None else region[rows, columns]
     ray = photometry.rays(calibration, rows, columns)
     depth = np.broadcast_to(np.asarray(initial_depth_m, np.float32), (height, width))[rows, columns]
-    lamp = photometry.lamps(lights)
-    middle = _middle(ray, depth, inside)
+    lamp = photometry.lamps(stack.lights)
+    known = None if object_mask is None else object_mask[rows, columns] & inside
+    middle = _middle(ray, depth, inside if known is None else known)
     _refuse_flat_lights(lamp, middle)
     distance = float(np.mean(np.linalg.norm(lamp[:, :3] - middle, axis=1)))
-    noise = photometry.noise(calibration, stack.exposures_s, distance, stack.ambient_dn)
+    noise = photometry.model_noise(calibration, stack.shot, stack.floor, distance)
 
     strength = _strength(ray, depth, lamp, calibration)
-    found = silhouette.find(stack.values, strength, stack.clipped, inside)
+    found = known if known is not None else silhouette.find(stack.values, strength, stack.clipped, inside)
     if np.count_nonzero(found) < 16:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no object was found in the region: check where it stands")
     pixels = _pixels(found, ray, stack.values, stack.clipped)
@@ -166,6 +189,15 @@ def _flags(found: Estimate, pixels: Pixels, noise: photometry.Noise) -> np.ndarr
     ).astype(np.uint8)  # fmt: skip
 
 
+def _refuse_few(stack: Stack) -> None:
+    if len(stack.lights) < 3:
+        raise RigError(
+            ErrorCode.NORMALS_INFEASIBLE,
+            f"there are {len(stack.lights)} lit images and at least three are needed: take more lights",
+            lights=len(stack.lights),
+        )
+
+
 def _window(region: BoolArray | None, height: int, width: int) -> tuple[slice, slice]:
     """The bounding box of the region."""
     if region is None:
@@ -179,6 +211,8 @@ def _window(region: BoolArray | None, height: int, width: int) -> tuple[slice, s
 
 
 def _middle(ray: Float32Array, depth: Float32Array, inside: BoolArray) -> Float32Array:
+    if not np.any(inside):
+        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "the mask of the object is empty: draw it round the object")
     if not np.all(np.isfinite(depth)) or np.any(depth <= 0):
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "the rough depth must be positive: check base_from_camera")
     return np.mean(photometry.points(ray[:, inside], depth[inside]), axis=1)
