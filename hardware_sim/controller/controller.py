@@ -74,6 +74,7 @@ class Controller:
         self.program_name = ""
         self.force_mode_settings: dict[str, float] = {}
         self.messages: deque[str] = deque(maxlen=500)
+        self.exceptions: deque[str] = deque(maxlen=16)  # not yet sent to clients
         self._sample = sample
         self._program: Program | None = None
         self._secondary: list[Program] = []
@@ -114,7 +115,7 @@ class Controller:
         try:
             compiled = compile_program(text, VOCABULARY)
         except ScriptSyntaxError as error:
-            self.report(f"program refused: {error}")
+            self.runtime_exception(f"program refused: {error}")
             return
         if compiled.secondary:
             self._secondary.append(Program(compiled, self._functions))
@@ -288,6 +289,11 @@ class Controller:
         self.messages.append(f"{self.timestamp:.3f} {message}")
         LOG.log(level, "%.3f %s", self.timestamp, message)
 
+    def runtime_exception(self, message: str) -> None:
+        """Reports why a program was refused or ended by itself: to the log, and by the ports to clients that listen."""
+        self.report(message)
+        self.exceptions.append(message)
+
     def tick(self, now: float) -> None:
         """Advances by one tick; `now` is time.monotonic()."""
         self.now = now
@@ -326,7 +332,7 @@ class Controller:
             try:
                 program.turn()
             except ScriptError as error:
-                self.report(f"runtime exception in {program.name}: {error}")
+                self.runtime_exception(f"runtime exception in {program.name}: {error}")
                 self._end_program()
             else:
                 if program.finished and self._program is program:
@@ -337,7 +343,7 @@ class Controller:
                 try:
                     secondary.turn()
                 except ScriptError as error:
-                    self.report(f"runtime exception in {secondary.name}: {error}")
+                    self.runtime_exception(f"runtime exception in {secondary.name}: {error}")
                     secondary.close()
             self._secondary = [s for s in self._secondary if not s.finished]
             self._in_secondary = False
