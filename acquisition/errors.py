@@ -16,6 +16,9 @@ class ErrorCode(StrEnum):
     REQUEST_NOT_FOUND = "request.not_found"
     REQUEST_METHOD_NOT_ALLOWED = "request.method_not_allowed"
     REQUEST_FOREIGN = "request.foreign"
+    REQUEST_UNAUTHENTICATED = "request.unauthenticated"
+    REQUEST_FORBIDDEN = "request.forbidden"
+    REQUEST_TOO_MANY_FAILURES = "request.too_many_failures"
     REQUEST_TOO_LARGE = "request.too_large"
     REQUEST_MEDIA_TYPE = "request.media_type"
     CONFIG_INVALID = "config.invalid"
@@ -76,6 +79,17 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         403,
         "The request comes from a foreign page or names a foreign host",
         "Call the service by its own address, or allow the page's origin in LIGHTPOSE_ALLOWED_ORIGINS.",
+    ),
+    ErrorCode.REQUEST_UNAUTHENTICATED: Problem(
+        401,
+        "The request carries no valid key",
+        "Send `Authorization: Bearer <key>`; `lightpose keys add` makes one. Pages use a ticket of POST /v1/tickets.",
+    ),
+    ErrorCode.REQUEST_FORBIDDEN: Problem(
+        403, "The key's role does not allow this", "Use a key of the role in `needed`; `lightpose keys add` makes one."
+    ),
+    ErrorCode.REQUEST_TOO_MANY_FAILURES: Problem(
+        429, "Too many wrong keys", "Wait for the seconds in `retry_after_s`; then send the right key."
     ),
     ErrorCode.REQUEST_TOO_LARGE: Problem(413, "The request body is too large", "Send a smaller body."),
     ErrorCode.REQUEST_MEDIA_TYPE: Problem(

@@ -15,9 +15,11 @@ from fastapi.middleware.cors import CORSMiddleware
 from fastapi.openapi.utils import get_openapi
 from fastapi.responses import HTMLResponse
 
-from api import events, problems, rig, sessions
+from api import events, problems, rig, sessions, tickets
+from api.authentication import Authentication
 from api.events import EventFeed
 from api.gate import Gate
+from api.keys import KeyRing
 from api.schemas import EventResource, Problem
 from api.settings import Settings
 from api.wiring import Service
@@ -29,28 +31,34 @@ DESCRIPTION = (
 _SCHEMAS_OF_NO_ROUTE = {"Problem": Problem, "EventResource": EventResource}
 
 
-def create_app(service: Service, settings: Settings) -> FastAPI:
-    """The application that serves `service`; it opens the service on start-up and closes it in the end."""
+def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
+    """The application that serves `service` to the holders of `keys`; it opens the service on start-up and closes it in
+    the end.
+    """
 
     @asynccontextmanager
     async def life(app: FastAPI) -> AsyncGenerator[None, None]:
         feed: EventFeed = app.state.feed
         await anyio.to_thread.run_sync(service.open)
+        keys.open()
         feed.start()
         try:
             yield
         finally:
             await anyio.to_thread.run_sync(feed.close)
+            await anyio.to_thread.run_sync(keys.close)
             await anyio.to_thread.run_sync(service.close)
 
     app = _routed(life)
     app.state.service = service
     app.state.feed = EventFeed(service.store.journal)
+    app.state.keys = keys
+    app.add_middleware(Gate, settings=settings, authentication=Authentication(keys))
+    # Outside the gate, so that a page that may call can read a refusal, and its preflight needs no key.
     if settings.allowed_origins:
         app.add_middleware(
             CORSMiddleware, allow_origins=list(settings.allowed_origins), allow_methods=["*"], allow_headers=["*"]
         )
-    app.add_middleware(Gate, settings=settings)
     return app
 
 
@@ -72,7 +80,7 @@ def _routed(life: Any) -> FastAPI:
         generate_unique_id_function=lambda route: route.name,
     )
     problems.install(app)
-    for part in (rig, sessions, events, problems):
+    for part in (rig, sessions, events, tickets, problems):
         app.include_router(part.router)
     app.add_api_route("/docs", _docs, include_in_schema=False, response_class=HTMLResponse)
     app.openapi = lambda: _openapi(app)
@@ -87,6 +95,16 @@ def _openapi(app: FastAPI) -> dict[str, Any]:
             own = model.model_json_schema(ref_template="#/components/schemas/{model}", mode="serialization")
             components.update(own.pop("$defs", {}))
             components[name] = own
+        schema["components"]["securitySchemes"] = {
+            "key": {"type": "http", "scheme": "bearer", "description": "Made by `lightpose keys add`"},
+            "ticket": {
+                "type": "apiKey",
+                "in": "query",
+                "name": "ticket",
+                "description": "Of POST /v1/tickets; GET only",
+            },
+        }
+        schema["security"] = [{"key": []}, {"ticket": []}, {}]  # none: on a machine without keys
         app.openapi_schema = schema
     return app.openapi_schema
 

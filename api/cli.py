@@ -134,6 +134,48 @@ def check(
         raise typer.Exit(1)
 
 
+keys_app = typer.Typer(no_args_is_help=True, help="API keys: who may call the service, and what they may do.")
+app.add_typer(keys_app, name="keys")
+Data = Annotated[Path, typer.Option(help="The service's data folder")]
+
+
+@keys_app.command("add")
+def add_key(
+    name: str,
+    role: Annotated[
+        str, typer.Option(help="viewer looks, operator moves the arm, admin deletes sessions too")
+    ] = "operator",
+    data: Data = Path("data"),
+) -> None:
+    """Makes a key and prints its secret, this once."""
+    from api import keys
+
+    roles = [str(item) for item in keys.Role]
+    if role not in roles:
+        raise typer.BadParameter(f"choose of {', '.join(roles)}", param_hint="--role")
+    print(_told(lambda: keys.add(keys.path_in(data), name, keys.Role(role))))
+
+
+@keys_app.command("revoke")
+def revoke_key(name: str, data: Data = Path("data")) -> None:
+    """Removes a key; a running service refuses it within a second."""
+    from api import keys
+
+    _told(lambda: keys.revoke(keys.path_in(data), name))
+
+
+@keys_app.command("list")
+def list_keys(data: Data = Path("data")) -> None:
+    """Names and roles of the keys; secrets are not kept."""
+    from datetime import UTC, datetime
+
+    from api import keys
+
+    content = _told(lambda: keys.read(keys.path_in(data)))
+    for key in content.keys if content is not None else ():
+        print(f"{key.name}\t{key.role}\tmade {datetime.fromtimestamp(key.created_at, UTC):%Y-%m-%d}")
+
+
 @app.command()
 def warm() -> None:
     """Compiles the numerical kernels into their cache, so that no session waits for it."""

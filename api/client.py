@@ -9,6 +9,7 @@ again from the last event seen. Every refusal of the service is a `ProblemError`
 """
 
 import hashlib
+import os
 import time
 from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
@@ -76,10 +77,14 @@ class ProblemError(Exception):
 class Client:
     """One service; use it as a context manager or `close` it. Methods raise ProblemError, and httpx.TransportError
     when the service cannot be reached.
+
+    `key` is the caller's API key; none: what LIGHTPOSE_KEY says, or no key at all.
     """
 
-    def __init__(self, url: str) -> None:
-        self._http = httpx.Client(base_url=url, timeout=TIMEOUT_S, trust_env=False)
+    def __init__(self, url: str, key: str | None = None) -> None:
+        key = key or os.environ.get("LIGHTPOSE_KEY")
+        headers = {"Authorization": f"Bearer {key}"} if key else {}
+        self._http = httpx.Client(base_url=url, timeout=TIMEOUT_S, trust_env=False, headers=headers)
 
     def __enter__(self) -> "Client":
         return self

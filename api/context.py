@@ -4,6 +4,7 @@ from typing import Annotated
 
 from fastapi import Depends, Request
 
+from api.keys import Caller
 from api.wiring import Service
 
 
@@ -12,10 +13,14 @@ async def _service(request: Request) -> Service:
     return request.app.state.service
 
 
+async def _caller(request: Request) -> Caller:
+    return request.state.caller
+
+
 async def _actor(request: Request) -> str:
-    # There are no keys yet: whoever is on this machine is an operator.
-    return f"operator@{request.client.host if request.client else 'local'}"
+    return f"{request.state.caller.name}@{request.client.host if request.client else 'local'}"
 
 
 ServiceOf = Annotated[Service, Depends(_service)]
 Actor = Annotated[str, Depends(_actor)]
+CallerOf = Annotated[Caller, Depends(_caller)]

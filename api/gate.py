@@ -1,4 +1,5 @@
-"""What a request must be before any route sees it: for this host, from no foreign page, small, and JSON if anything.
+"""What a request must be before any route sees it: for this host, from no foreign page, of somebody who may, small, and
+JSON if anything.
 
 Even on loopback a web page must not move the arm. A page that resolves its own name to this machine betrays itself by
 the Host header, any other page by its Origin, and a form by its media type. The checks run on the event loop, take no
@@ -13,6 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from acquisition.errors import ErrorCode, RigError
 from api import problems
+from api.authentication import Authentication
 from api.settings import Settings, is_loopback
 
 MAX_BODY_BYTES = 262_144
@@ -22,8 +24,9 @@ MAX_BODY_BYTES = 262_144
 class Gate:
     """ASGI middleware; answers with a problem object, or passes a request whose body is whole and well-formed."""
 
-    def __init__(self, app: ASGIApp, settings: Settings) -> None:
+    def __init__(self, app: ASGIApp, settings: Settings, authentication: Authentication) -> None:
         self._app = app
+        self._authentication = authentication
         self._hosts = {settings.host.lower(), *settings.allowed_hosts}
         self._origins = set(settings.allowed_origins)
 
@@ -35,12 +38,17 @@ class Gate:
         headers = Headers(scope=scope)
         try:
             self._refuse_foreign(scope, headers)
+            scope.setdefault("state", {})["caller"] = self._authentication.caller(scope, headers)
             body = await _read(headers, receive)
             if body:
                 _refuse_malformed(headers, body)
         except RigError as error:
             answer = problems.response(error.code, error.detail, error.context, scope["path"])
             answer.headers["Connection"] = "close"  # what is left of the body is not read
+            if error.code is ErrorCode.REQUEST_UNAUTHENTICATED:
+                answer.headers["WWW-Authenticate"] = "Bearer"
+            if "retry_after_s" in error.context:
+                answer.headers["Retry-After"] = str(error.context["retry_after_s"])
             await answer(scope, receive, send)
             return
         await self._app(scope, _replayed(body, receive), send)

@@ -80,6 +80,16 @@ class ProblemPage(Resource):
     remedy: str
 
 
+# ------------------------------------------------------------------------------------------------------------- tickets
+
+
+class TicketResource(Resource):
+    """A short-lived right to look, for addresses that a browser opens by itself."""
+
+    ticket: str
+    good_until: datetime
+
+
 # ----------------------------------------------------------------------------------------------------------------- rig
 
 

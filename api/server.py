@@ -15,8 +15,8 @@ from fastapi import FastAPI
 
 from acquisition import priority
 from acquisition.errors import ErrorCode, RigError
+from api import keys, wiring
 from api import settings as settings_
-from api import wiring
 from api.app import create_app
 from api.events import EventFeed
 from api.settings import Settings
@@ -63,12 +63,13 @@ class Server(uvicorn.Server):
 def make(settings: Settings, say: Callable[[str], None] | None = None) -> Server:
     """The server of these settings, not yet running.
 
-    Raises RigError config.invalid for a host that is not this machine alone, for a bad cell file or calibration;
-    store.locked, store.corrupt.
+    Raises RigError config.invalid for a host that is not this machine alone while there are no keys, for a bad cell
+    file, calibration or key file; store.locked, store.corrupt.
     """
-    settings_.refuse_open_bind(settings.host)
+    ring = keys.KeyRing(keys.path_in(settings.data))
+    settings_.refuse_open_bind(settings.host, ring.required)
     service = wiring.build(settings)
-    app: FastAPI = create_app(service, settings)
+    app: FastAPI = create_app(service, settings, ring)
     config = uvicorn.Config(
         app,
         host=settings.host,

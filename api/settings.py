@@ -47,13 +47,14 @@ def read(**given: Any) -> Settings:
         raise RigError(ErrorCode.CONFIG_INVALID, fields) from error
 
 
-def refuse_open_bind(host: str) -> None:
-    """Raises RigError config.invalid unless `host` is this machine alone: nothing tells callers apart yet."""
-    if not is_loopback(host):
+def refuse_open_bind(host: str, keys: bool) -> None:
+    """Raises RigError config.invalid when others than this machine could call and there are no `keys` to tell them."""
+    if not keys and not is_loopback(host):
         raise RigError(
             ErrorCode.CONFIG_INVALID,
-            f"The service does not listen on {host!r}: it has no authentication, and whoever reaches it moves the arm. "
-            "Listen on 127.0.0.1 and reach it from elsewhere by an SSH tunnel (ssh -L 8000:127.0.0.1:8000 …).",
+            f"The service does not listen on {host!r} without keys: whoever reaches it moves the arm. Make one with "
+            "`lightpose keys add NAME --role operator`, or listen on 127.0.0.1 and reach it from elsewhere by an SSH "
+            "tunnel (ssh -L 8000:127.0.0.1:8000 …).",
             host=host,
         )
 

@@ -53,7 +53,11 @@ def test_it_listens_on_this_machine_only(cell_file: Path, tmp_path: Path, host: 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.0.4.2", "::1", "localhost"])
 def test_loopback_has_several_names(host: str) -> None:
-    settings.refuse_open_bind(host)
+    settings.refuse_open_bind(host, keys=False)
+
+
+def test_with_keys_it_may_listen_to_others() -> None:
+    settings.refuse_open_bind("0.0.0.0", keys=True)  # noqa: S104
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,194 @@
+"""Keys and tickets: who is let in, who may do what, and what happens when keys change under a running service."""
+
+import stat
+import time
+from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from typer.testing import CliRunner
+
+from acquisition.errors import ErrorCode, RigError
+from api import keys
+from api.app import description
+from api.authentication import FAILURES
+from api.cli import app
+from api.client import Client, ProblemError
+from api.keys import KeyRing, Role
+
+SECRETS = dict[Role, str]
+
+
+@pytest.fixture
+def secrets(tmp_path: Path) -> SECRETS:
+    return {role: keys.add(keys.path_in(tmp_path / "data"), f"the-{role}", role) for role in Role}
+
+
+@pytest.fixture
+def locked(secrets: SECRETS, start: Callable[..., AbstractContextManager[Any]]) -> Generator[Any]:
+    """A service that asks for keys."""
+    with start() as running:
+        yield running
+
+
+def as_(role: Role, secrets: SECRETS) -> dict[str, str]:
+    return {"Authorization": f"Bearer {secrets[role]}"}
+
+
+def test_nothing_but_health_and_problem_pages_answers_without_a_key(locked: Any) -> None:
+    for path, methods in description()["paths"].items():
+        for method in methods:
+            address = path.replace("{code}", "rig.busy").replace("{session_id}", "x")
+            address = address.replace("{number}", "0").replace("{shot_number}", "0").replace("{artefact}", "a")
+            answer = locked.http.request(method.upper(), address)
+            if path.startswith(("/health/", "/problems/")):
+                assert answer.status_code in (200, 503), path
+            else:
+                assert answer.status_code in (401, 429), (method, path)
+    for path in ("/docs", "/openapi.json"):
+        assert locked.http.get(path).status_code in (401, 429)
+
+
+def test_a_refusal_says_how_to_ask(locked: Any) -> None:
+    answer = locked.http.get("/v1/rig")
+    assert answer.status_code == 401
+    assert answer.headers["www-authenticate"] == "Bearer"
+    assert answer.json()["code"] == "request.unauthenticated"
+
+
+def test_roles(locked: Any, secrets: SECRETS) -> None:
+    http: httpx.Client = locked.http
+    viewer, operator, admin = (as_(role, secrets) for role in Role)
+    assert http.get("/v1/rig", headers=viewer).status_code == 200
+    refused = http.post("/v1/sessions", json={}, headers=viewer)
+    assert (refused.status_code, refused.json()["code"]) == (403, "request.forbidden")
+    assert refused.json()["needed"] == "operator"
+    made = http.post("/v1/sessions", json={}, headers=operator)
+    assert made.status_code == 201
+    assert http.delete(made.headers["location"], headers=operator).status_code == 403
+    assert http.delete(made.headers["location"], headers=admin).status_code == 204
+
+
+def test_every_key_may_stop_and_the_journal_names_it(locked: Any, secrets: SECRETS) -> None:
+    made = locked.http.post("/v1/sessions", json={}, headers=as_(Role.OPERATOR, secrets)).headers["location"]
+    assert locked.http.post("/v1/rig/stop", headers=as_(Role.VIEWER, secrets)).status_code == 202
+    answer = locked.http.post(f"{made}/actions", json={"action": "stop"}, headers=as_(Role.OPERATOR, secrets))
+    assert answer.status_code == 202
+    history = locked.http.get(f"{made}/actions", headers=as_(Role.VIEWER, secrets)).json()["items"]
+    assert history[-1]["actor"].startswith("the-operator@")
+
+
+def test_a_ticket_looks_and_nothing_else(locked: Any, secrets: SECRETS) -> None:
+    ticket = locked.http.post("/v1/tickets", headers=as_(Role.ADMIN, secrets)).json()["ticket"]
+    assert locked.http.get("/v1/rig", params={"ticket": ticket}).status_code == 200
+    events = locked.http.get("/v1/events", params={"ticket": ticket, "after": 0, "follow": False})
+    assert events.status_code == 200
+    assert locked.http.post("/v1/sessions", json={}, params={"ticket": ticket}).status_code == 401
+    assert locked.http.post("/v1/rig/stop", params={"ticket": ticket}).status_code == 401
+    assert locked.http.get("/v1/rig", params={"ticket": "x" + ticket[1:]}).status_code == 401
+
+
+def test_guessing_is_slowed_down_and_right_keys_pass_all_the_same(locked: Any, secrets: SECRETS) -> None:
+    for _ in range(FAILURES):
+        assert locked.http.get("/v1/rig", headers={"Authorization": "Bearer wrong"}).status_code == 401
+    answer = locked.http.get("/v1/rig", headers={"Authorization": "Bearer wrong"})
+    assert answer.status_code == 429
+    assert 0 < int(answer.headers["retry-after"]) <= 60
+    assert locked.http.post("/v1/rig/stop", headers=as_(Role.VIEWER, secrets)).status_code == 202
+
+
+def test_odd_headers_let_nobody_in(locked: Any) -> None:
+    for header in ("", "Bearer", "Basic b3BlcmF0b3I6eA==", "Bearer \x80\xff", "x" * 5000):
+        answer = locked.http.get("/v1/rig", headers={"Authorization": header.encode("latin-1")})
+        assert answer.status_code == 401
+
+
+def test_the_client_takes_a_key(locked: Any, secrets: SECRETS, monkeypatch: pytest.MonkeyPatch) -> None:
+    with Client(locked.url, key=secrets[Role.OPERATOR]) as client:
+        assert client.rig().cell
+    monkeypatch.setenv("LIGHTPOSE_KEY", secrets[Role.VIEWER])
+    with Client(locked.url) as client:
+        assert client.rig().cell
+        with pytest.raises(ProblemError) as refused:
+            client.acknowledge()
+    assert refused.value.code is ErrorCode.REQUEST_FORBIDDEN
+
+
+def test_keys_change_under_a_running_service(tmp_path: Path, start: Callable[..., AbstractContextManager[Any]]) -> None:
+    data = tmp_path / "data"
+
+    def status(secret: str) -> int:
+        return running.http.get("/v1/rig", headers={"Authorization": f"Bearer {secret}"}).status_code
+
+    def becomes(expected: int, secret: str) -> bool:
+        deadline = time.monotonic() + 10
+        while time.monotonic() < deadline:
+            if status(secret) == expected:
+                return True
+            time.sleep(0.1)
+        return False
+
+    with start() as running:
+        assert running.http.get("/v1/rig").status_code == 200  # no keys: this machine is trusted
+        one = keys.add(keys.path_in(data), "one", Role.VIEWER)
+        assert becomes(401, "wrong")
+        assert becomes(200, one)
+        ticket = running.http.post("/v1/tickets", headers={"Authorization": f"Bearer {one}"}).json()["ticket"]
+        keys.revoke(keys.path_in(data), "one")
+        assert becomes(401, one) or status(one) == 429
+        assert running.http.get("/v1/rig", params={"ticket": ticket}).status_code in (401, 429)
+        two = keys.add(keys.path_in(data), "two", Role.VIEWER)
+        assert becomes(200, two)
+        keys.path_in(data).write_text("broken")
+        assert becomes(429, two) or status(two) == 401
+        keys.path_in(data).unlink()
+        assert running.http.get("/v1/rig").status_code in (401, 429)
+
+
+def test_the_file_holds_no_secret_and_is_its_owners_alone(tmp_path: Path) -> None:
+    file = keys.path_in(tmp_path)
+    secret = keys.add(file, "lab", Role.OPERATOR)
+    assert secret not in file.read_text()
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    ring = KeyRing(file)
+    caller = ring.caller(secret)
+    assert caller is not None
+    assert (caller.name, caller.role) == ("lab", Role.OPERATOR)
+    assert ring.caller(secret[:-1]) is None
+    assert ring.caller("") is None
+
+
+def test_tickets_end_and_do_not_pile_up(tmp_path: Path) -> None:
+    keys.add(keys.path_in(tmp_path), "lab", Role.VIEWER)
+    ring = KeyRing(keys.path_in(tmp_path))
+    caller = keys.Caller("lab", Role.VIEWER)
+    first = ring.issue_ticket(caller, 0.0)
+    assert ring.holder(first, keys.TICKET_S - 1) == caller
+    assert ring.holder(first, keys.TICKET_S + 1) is None
+    for _ in range(keys.MOST_TICKETS + 5):
+        last = ring.issue_ticket(caller, 1.0)
+    assert ring.holder(first, 2.0) is None
+    assert ring.holder(last, 2.0) == caller
+
+
+@pytest.mark.parametrize("name", ["", "a b", "x" * 61, "../x", "ключ"])
+def test_bad_names_are_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(RigError, match=r"no name for a key"):
+        keys.add(keys.path_in(tmp_path), name, Role.VIEWER)
+    assert not keys.path_in(tmp_path).exists()
+
+
+def test_the_command_line_makes_lists_and_revokes(tmp_path: Path) -> None:
+    runner = CliRunner()
+    data = ["--data", str(tmp_path)]
+    made = runner.invoke(app, ["keys", "add", "lab", "--role", "viewer", *data])
+    assert made.exit_code == 0
+    assert made.stdout.strip().startswith(keys.PREFIX)
+    assert runner.invoke(app, ["keys", "add", "lab", *data]).exit_code == 2
+    assert runner.invoke(app, ["keys", "add", "other", "--role", "king", *data]).exit_code == 2
+    assert "lab\tviewer" in runner.invoke(app, ["keys", "list", *data]).stdout
+    assert runner.invoke(app, ["keys", "revoke", "lab", *data]).exit_code == 0
+    assert runner.invoke(app, ["keys", "revoke", "lab", *data]).exit_code == 2
