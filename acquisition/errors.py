@@ -48,6 +48,7 @@ class ErrorCode(StrEnum):
     WAYPOINTS_UNREACHABLE = "waypoints.unreachable"
     WAYPOINTS_COLLISION = "waypoints.collision"
     NORMALS_INFEASIBLE = "normals.infeasible"
+    FOLDER_INVALID = "folder.invalid"
     SCENE_MOVED = "scene.moved"
     STORE_DISK_FULL = "store.disk_full"
     STORE_LOCKED = "store.locked"
@@ -179,6 +180,9 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.NORMALS_INFEASIBLE: Problem(
         422, "Normals cannot be solved from these images", "See the detail: at least three usable lights are needed."
+    ),
+    ErrorCode.FOLDER_INVALID: Problem(
+        422, "A capture folder cannot be read", "Correct the file named in the detail; nothing has been written."
     ),
     ErrorCode.SCENE_MOVED: Problem(409, "The object or the camera has moved", "Put it back, or start a new session."),
     ErrorCode.STORE_DISK_FULL: Problem(
