@@ -177,6 +177,31 @@ def list_keys(data: Data = Path("data")) -> None:
 
 
 @app.command()
+def prune(
+    older_than: Annotated[float, typer.Option(min=0, help="Days since a session ended")] = 30,
+    keep: Annotated[int, typer.Option(min=0, help="So many of the newest ended sessions stay in any case")] = 10,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be removed")] = False,
+    data: Data = Path("data"),
+) -> None:
+    """Removes old ended sessions with their files; what holds the rig or has not ended stays."""
+    import time
+    from datetime import UTC, datetime
+
+    from acquisition.store import retention
+
+    found = _told(
+        lambda: retention.prune(data, older_than_days=older_than, keep=keep, now=time.time(), pretend=dry_run)
+    )
+    for item in found:
+        print(
+            f"{item.session_id}\tended {datetime.fromtimestamp(item.ended_at, UTC):%Y-%m-%d}\t{item.bytes / 1e6:.1f} MB"
+        )
+    print(
+        f"{'would remove' if dry_run else 'removed'} {len(found)} sessions, {sum(i.bytes for i in found) / 1e6:.1f} MB"
+    )
+
+
+@app.command()
 def warm() -> None:
     """Compiles the numerical kernels into their cache, so that no session waits for it."""
     import importlib

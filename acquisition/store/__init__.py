@@ -6,6 +6,7 @@ whatever was announced is on the disk, and a crash between the two leaves at mos
 
 import fcntl
 import os
+import shutil
 from pathlib import Path
 
 from acquisition.errors import ErrorCode, RigError
@@ -40,6 +41,11 @@ class Store:
     def cache(self, name: str) -> Path:
         """A file that can be made again."""
         return self.data / "cache" / name
+
+    @property
+    def free(self) -> int:
+        """Free bytes where the folder lies."""
+        return shutil.disk_usage(self.data).free
 
     def record(self, session_id: str) -> Record:
         """What the next step is read from."""

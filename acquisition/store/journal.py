@@ -18,7 +18,7 @@ from typing import Any
 
 from acquisition.errors import ErrorCode, RigError
 from acquisition.session import ENDED, HOLDS_THE_RIG, PassRecord, Record, State, Trigger, after, allowed
-from acquisition.store.rows import Action, Artifact, Event, SessionRow, session_of
+from acquisition.store.rows import Action, Artifact, Counts, Event, SessionRow, session_of
 from acquisition.types import LightPlan, Recipe, Route, Shot
 
 MIGRATIONS = ("schema_001.sql",)
@@ -285,6 +285,13 @@ class Journal:
             limit,
         )
         return [Event(row["id"], row["session_id"], row["type"], json.loads(row["body"]), row["at"]) for row in rows]
+
+    def counts(self) -> Counts:
+        """How much the journal holds."""
+        states = self._all("SELECT state, count(*) AS count FROM session GROUP BY state")
+        (shots,) = self._all("SELECT count(*) AS count FROM shot")
+        by_state = {State(row["state"]): int(row["count"]) for row in states}
+        return Counts(by_state, int(shots["count"]), self.last_event_id())
 
     def last_event_id(self) -> int:
         """The newest event's id, 0 when there is none."""

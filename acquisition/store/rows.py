@@ -48,6 +48,15 @@ class Action:
 
 
 @dataclass(frozen=True)
+class Counts:
+    """How much a journal holds: sessions by state, images, events."""
+
+    sessions: dict[State, int]
+    shots: int
+    events: int
+
+
+@dataclass(frozen=True)
 class Artifact:
     """One file or folder that a step made."""
 

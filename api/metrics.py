@@ -1,0 +1,51 @@
+"""What Prometheus asks: read off journal and rig status at each scrape, so that a restart forgets nothing."""
+
+from collections.abc import Iterator
+
+from fastapi import APIRouter, Request
+from fastapi.responses import Response
+from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from acquisition.session import State
+from api.context import ServiceOf
+from api.events import EventFeed
+from api.wiring import Service
+
+router = APIRouter(tags=["health"])
+
+
+@router.get(
+    "/metrics", response_class=Response, responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}}
+)
+def metrics(service: ServiceOf, request: Request) -> Response:
+    """The service's figures in Prometheus' text format."""
+    registry = CollectorRegistry(auto_describe=False)
+    registry.register(_Figures(service, request.app.state.feed))
+    return Response(generate_latest(registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
+
+
+class _Figures(Collector):
+    def __init__(self, service: Service, feed: EventFeed) -> None:
+        self._service = service
+        self._feed = feed
+
+    def collect(self) -> Iterator[Metric]:
+        """All figures of this moment."""
+        status, counts = self._service.runner.status(), self._service.store.journal.counts()
+        yield InfoMetricFamily("lightpose_cell", "The cell", {"name": status.cell, "arm_model": status.arm_model})
+        sessions = GaugeMetricFamily("lightpose_sessions", "Sessions by state", labels=["state"])
+        for state in State:
+            sessions.add_metric([str(state)], counts.sessions.get(state, 0))
+        yield sessions
+        yield CounterMetricFamily("lightpose_events", "Events ever entered", value=counts.events)
+        yield GaugeMetricFamily("lightpose_shots", "Images in the data folder's journal", value=counts.shots)
+        yield GaugeMetricFamily("lightpose_event_listeners", "Clients that follow events", value=self._feed.listeners)
+        yield GaugeMetricFamily("lightpose_arm_connected", "The arm answers", value=status.reading.connected)
+        yield GaugeMetricFamily("lightpose_camera_ready", "The camera answers", value=status.camera_ready)
+        yield GaugeMetricFamily("lightpose_may_start", "A session may start", value=status.may_start)
+        yield GaugeMetricFamily(
+            "lightpose_safety_latched", "A safety fault waits for a person", value=status.latched is not None
+        )
+        yield GaugeMetricFamily("lightpose_free_bytes", "Free space of the data folder", value=self._service.store.free)

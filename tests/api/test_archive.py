@@ -1,0 +1,120 @@
+"""Taking a session home: the archive, the log, the figures for monitoring, and forgetting what is old."""
+
+import io
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from acquisition.errors import RigError
+from acquisition.session import Trigger
+from acquisition.store import Journal, retention
+from acquisition.types import Recipe
+from api.cli import app
+
+DAY_S = 86_400.0
+
+
+def test_the_archive_holds_the_folder_and_the_journal(own: Any) -> None:
+    session = own.client.create(Recipe(label="to take home"))
+    folder: Path = own.service.store.folder(session.id)
+    (folder / "passes" / "0").mkdir(parents=True)
+    (folder / "passes" / "0" / "plan.json").write_text("{}")
+    (folder / ".shot.tiff.part").write_text("half")
+    (folder / "out").symlink_to("/etc/hostname")
+    (folder / "frame.tiff").write_bytes(bytes(range(256)) * 2000)
+
+    answer = own.http.get(f"/v1/sessions/{session.id}/archive")
+
+    assert answer.status_code == 200
+    assert int(answer.headers["content-length"]) == len(answer.content)
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as packed:
+        assert packed.testzip() is None
+        names = {name.removeprefix(f"{session.id}/") for name in packed.namelist()}
+        assert names == {
+            "journal.jsonl", "recipe.json", "cell.json", "calibration.json", "passes/0/plan.json", "frame.tiff",
+        }  # fmt: skip
+        assert packed.read(f"{session.id}/frame.tiff") == bytes(range(256)) * 2000
+        lines = packed.read(f"{session.id}/journal.jsonl").decode().splitlines()
+    assert json.loads(lines[0])["what"] == "session.created"
+
+
+def test_the_log_tells_events_and_actions_in_order(own: Any) -> None:
+    session = own.client.create(Recipe())
+    own.http.post(f"/v1/sessions/{session.id}/actions", json={"action": "pause"})
+    own.http.post(f"/v1/sessions/{session.id}/actions", json={"action": "stop"})
+
+    text = own.http.get(f"/v1/sessions/{session.id}/log").text
+
+    places = [text.index(word) for word in ("session.created", "outcome=refused", "outcome=stopped")]
+    assert places == sorted(places)
+    assert "operator@" in text
+
+
+@pytest.mark.parametrize("what", ["archive", "log"])
+def test_of_no_session_there_is_neither(shared: Any, what: str) -> None:
+    for name in ("nobody", "..%2F..%2Fetc", "%2e%2e"):
+        answer = shared.http.get(f"/v1/sessions/{name}/{what}")
+        assert answer.status_code == 404
+        assert answer.headers["content-type"] == "application/problem+json"
+
+
+def test_figures_for_monitoring(own: Any) -> None:
+    own.client.create(Recipe())
+    text = own.http.get("/metrics").text
+    assert 'lightpose_sessions{state="created"} 1.0' in text
+    assert 'lightpose_sessions{state="running"} 0.0' in text
+    assert "lightpose_arm_connected 0.0" in text
+    assert "lightpose_events_total 1.0" in text
+
+
+def _ended(journal: Journal, data: Path) -> str:
+    row, _ = journal.create_session(Recipe(), "{}", "x")
+    journal.trigger(row.id, Trigger.STOP, "test")
+    (data / "sessions" / row.id).mkdir(parents=True)
+    (data / "sessions" / row.id / "frame.tiff").write_bytes(bytes(1000))
+    return row.id
+
+
+def test_only_old_ended_sessions_are_forgotten(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "rig.db")
+    old, newer = _ended(journal, tmp_path), _ended(journal, tmp_path)
+    created, _ = journal.create_session(Recipe(), "{}", "x")
+    holding, _ = journal.create_session(Recipe(), "{}", "x")
+    journal.trigger(holding.id, Trigger.START, "test")
+    now = (journal.session(old).ended_at or 0.0) + 31 * DAY_S
+
+    def prune(days: float, keep: int, pretend: bool = False) -> list[str]:
+        found = retention.prune(tmp_path, older_than_days=days, keep=keep, now=now, pretend=pretend)
+        assert all(item.bytes == 1000 for item in found)
+        return [item.session_id for item in found]
+
+    assert prune(32, keep=0) == []
+    assert prune(30, keep=2) == []
+    assert prune(30, keep=1, pretend=True) == [old]
+    assert journal.session(old).id == old
+    assert prune(30, keep=1) == [old]
+    assert not (tmp_path / "sessions" / old).exists()
+    assert (tmp_path / "sessions" / newer).exists()
+    assert prune(30, keep=0) == [newer]
+    assert {row.id for row in journal.sessions(10)} == {created.id, holding.id}
+    journal.close()
+
+
+def test_the_command_line_prunes(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "rig.db")
+    old = _ended(journal, tmp_path)
+    journal.close()
+    arguments = ["prune", "--data", str(tmp_path), "--older-than", "0", "--keep", "0"]
+    assert "would remove 1 sessions" in CliRunner().invoke(app, [*arguments, "--dry-run"]).stdout
+    assert old in CliRunner().invoke(app, arguments).stdout
+    assert CliRunner().invoke(app, ["prune", "--data", str(tmp_path / "nowhere")]).exit_code == 2
+
+
+def test_what_is_no_data_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RigError, match="no data folder"):
+        retention.prune(tmp_path, older_than_days=0, keep=0, now=0, pretend=False)
+    assert not (tmp_path / "rig.db").exists()
