@@ -362,7 +362,8 @@ class NormalMap:
     """What the solver found for each pixel; arrays are zero (σ: NaN) outside `mask`.
 
     `sigma_deg`: √ of the variance summed over both tangential directions, so that the angular error is Rayleigh with
-    mean 0.886 σ, median 0.833 σ, P(e < σ) = 0.632.
+    mean 0.886 σ, median 0.833 σ, P(e < σ) = 0.632. Where `doubtful` is true σ means nothing: fewer than three lights,
+    or a larger share of `indirect` light (thrown by other surfaces) than its prediction can be trusted with.
     """
 
     normals: Float32Array  # (H, W, 3) view frame
@@ -375,6 +376,8 @@ class NormalMap:
     flags: npt.NDArray[np.uint8]  # (F, H, W)
     intensity_factors: FloatArray  # (F,)
     information: Information
+    indirect: Float32Array | None = None  # (H, W) share of all light that other surfaces threw; none: not predicted
+    doubtful: BoolArray | None = None  # (H, W)
     noise: dict[str, float] = field(default_factory=dict[str, float])  # names of parameters → values used
     notes: dict[str, Any] = field(default_factory=dict[str, Any])
 
