@@ -10,8 +10,8 @@ import shutil
 from pathlib import Path
 
 from acquisition.errors import ErrorCode, RigError
+from acquisition.frames import FolderFrames
 from acquisition.session import Record
-from acquisition.store.folder import FolderFrames
 from acquisition.store.journal import Journal
 from acquisition.store.rows import Action, Artifact, Event, SessionRow
 

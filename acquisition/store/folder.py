@@ -1,4 +1,4 @@
-"""Session folders: files that appear whole or not at all, and frames read row by row.
+"""Session folders: files that appear whole or not at all.
 
 A file is written beside its place, flushed to the disk and renamed, and only then entered in the journal; a folder is
 complete without the database and can leave home.
@@ -10,7 +10,6 @@ import io
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -80,28 +79,6 @@ def write_manifest(folder: Path, facts: Mapping[str, object]) -> str:
         if path.is_file() and path.name != "manifest.json" and not path.name.endswith(".part")
     }
     return write_bytes(folder / "manifest.json", json.dumps({**facts, "files": files}, indent=2).encode())
-
-
-@dataclass(frozen=True)
-class FolderFrames:
-    """The frames of one session folder as a FrameSource; picklable, since it holds a path only."""
-
-    folder: Path
-
-    def rows(self, frame: FrameRef, start: int, stop: int) -> npt.NDArray[np.uint16]:
-        """Rows [start, stop) of a frame. Raises RigError store.corrupt when the file is missing or cut short."""
-        path = self.folder / frame.path
-        try:
-            pixels = tifffile.memmap(path, mode="r")
-        except (OSError, ValueError, tifffile.TiffFileError) as error:
-            raise RigError(ErrorCode.STORE_CORRUPT, f"{frame.path}: {error}", file=frame.path) from error
-        if pixels.shape != (frame.height, frame.width) or pixels.dtype != np.uint16:
-            raise RigError(
-                ErrorCode.STORE_CORRUPT,
-                f"{frame.path}: {pixels.shape} {pixels.dtype}, expected {(frame.height, frame.width)} uint16",
-                file=frame.path,
-            )
-        return np.asarray(pixels[start:stop])
 
 
 def _flush_folder(folder: Path) -> None:
