@@ -219,7 +219,13 @@ def next_step(record: Record, joints: tuple[float, ...], home: tuple[float, ...]
 
 
 def passes_wanted(recipe: Recipe) -> int:
-    """How many passes the recipe has: a pilot and a planned one, or a single one for every fixed pattern."""
+    """How many passes the recipe has at most.
+
+    A fixed pattern has a single one, planned lights a pilot and one more. A target of accuracy may take a pass for each
+    light, and ends with one that has no lights.
+    """
+    if recipe.target_sigma_deg is not None:
+        return 2 + recipe.max_lights - recipe.pilot_lights
     return 2 if recipe.method == "optimal" and recipe.planned_lights > 0 else 1
 
 
@@ -241,10 +247,21 @@ def stage(record: Record, step: Step | None) -> Stage:
 
 
 def progress(record: Record) -> float:
-    """The share of the work that is done, 0–1, by the images taken and the solves made."""
-    total = record.recipe.lights_total + 2 * passes_wanted(record.recipe)
-    done = sum(len(work.shots) + 2 * work.solved for work in record.passes)
-    return min(1.0, done / total) if record.state is not State.COMPLETED else 1.0
+    """The share of the work that is done, 0–1, by the images taken and the solves made.
+
+    How much a target of accuracy will take is not known before its last pass; what is planned, and one pass more, is
+    counted until then.
+    """
+    if record.state is State.COMPLETED:
+        return 1.0
+    recipe = record.recipe
+    if recipe.target_sigma_deg is None:
+        total = recipe.lights_total + 2 * passes_wanted(recipe)
+    else:
+        planned = [len(work.plan.lights) for work in record.passes if work.plan is not None]
+        more = not planned or planned[-1] > 0
+        total = max(sum(planned), recipe.pilot_lights) + 2 * max(len(planned), 1) + 3 * more
+    return min(1.0, sum(len(work.shots) + 2 * work.solved for work in record.passes) / total)
 
 
 def same_place(joints: tuple[float, ...], other: tuple[float, ...]) -> bool:

@@ -74,7 +74,17 @@ class Recipe(Value):
     kind: Literal["capture"] = "capture"
     method: Method = "optimal"
     pilot_lights: int = Field(default=4, ge=3, le=16)
-    planned_lights: int = Field(default=4, ge=0, le=64, description="0: the pilot only")
+    planned_lights: int = Field(
+        default=4, ge=0, le=64, description="0: the pilot only, or as many as `target_sigma_deg` needs"
+    )
+    target_sigma_deg: float | None = Field(
+        default=None,
+        ge=0.1,
+        le=10,
+        description="Accuracy on order: lights are added until the mean of `sigma_deg` over the object, or over the "
+        "region of interest, is no more than this (mean error 0.886 σ); instead of planned_lights",
+    )
+    max_lights: int = Field(default=24, ge=3, le=80, description="The most lights, pilot included, for a target")
     objective: Objective = Field(default="capped", description="What method `optimal` makes as small as it can")
     slant_deg: float = Field(default=45.0, ge=5, le=80, description="Slant of method `ring`")
     user_lights: list[Vector3] = Field(
@@ -88,6 +98,25 @@ class Recipe(Value):
     label: str = Field(default="", max_length=200)
     notes: str = Field(default="", max_length=10_000)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _a_target_takes_the_place_of_a_number(cls, given: Any) -> Any:
+        if isinstance(given, dict) and cast(dict[str, Any], given).get("target_sigma_deg") is not None:
+            return {"planned_lights": 0, **cast(dict[str, Any], given)}
+        return given
+
+    @model_validator(mode="after")
+    def _target_is_for_planned_lights(self) -> "Recipe":
+        if self.target_sigma_deg is None:
+            return self
+        if self.planned_lights:
+            raise ValueError("give planned_lights or target_sigma_deg: a target chooses the number of lights itself")
+        if self.method != "optimal":
+            raise ValueError("target_sigma_deg is for method `optimal`: a fixed pattern has a fixed number of lights")
+        if self.max_lights < self.pilot_lights:
+            raise ValueError("max_lights counts the pilot's lights too: it must not be below pilot_lights")
+        return self
+
     @model_validator(mode="after")
     def _user_lights_belong_to_method_user(self) -> "Recipe":
         if self.method == "user" and len(self.user_lights) < 3:
@@ -98,8 +127,10 @@ class Recipe(Value):
 
     @property
     def lights_total(self) -> int:
-        """How many lights the whole session uses."""
-        return len(self.user_lights) if self.method == "user" else self.pilot_lights + self.planned_lights
+        """How many lights the whole session uses; with a target, how many at most."""
+        if self.method == "user":
+            return len(self.user_lights)
+        return self.pilot_lights + self.planned_lights if self.target_sigma_deg is None else self.max_lights
 
 
 # ----------------------------------------------------------------------------------------------------- light and motion
@@ -162,6 +193,9 @@ class LightPlan(Value):
         "per second; none: nothing is known of the object yet",
     )
     notes: list[str] = Field(default_factory=list[str], description="What a person should know: lights left out, why")
+    conclusion: str | None = Field(
+        default=None, description="Why no further lights are taken for the recipe's target; none: there are some"
+    )
 
 
 class Waypoint(Value):
