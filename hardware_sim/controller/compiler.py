@@ -58,15 +58,15 @@ _OPERATORS = {"xor": "!=", "and": "and", "or": "or"}
 @lru_cache(maxsize=8)
 def compile_program(text: str, vocabulary: Vocabulary) -> CompiledProgram:
     """Compiles one program. Raises ScriptSyntaxError naming the line."""
-    program = parse(text)
-    if program.parameters:
-        raise ScriptSyntaxError(f"line {program.line}: nobody gives {program.name} its parameters")
-    writer = _Writer(program, vocabulary)
-    source, lines = writer.write()
     try:
+        program = parse(text)
+        if program.parameters:
+            raise ScriptSyntaxError(f"line {program.line}: nobody gives {program.name} its parameters")
+        source, lines = _Writer(program, vocabulary).write()
         code = compile(source, f"<{program.name}>", "exec")
-    except (SyntaxError, RecursionError, MemoryError) as error:
-        raise ScriptSyntaxError(f"{program.name}: cannot be compiled: {error}") from error
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        # Too deep for a stack, or a number of thousands of digits.
+        raise ScriptSyntaxError(f"the program cannot be compiled: {error}") from error
     return CompiledProgram(program.name, program.kind == "sec", code, tuple(lines))
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from hardware_sim.controller import publication
 from hardware_sim.controller.arm import Arm
-from hardware_sim.controller.compiler import compile_program
+from hardware_sim.controller.compiler import CompiledProgram, compile_program
 from hardware_sim.controller.functions import VOCABULARY, table
 from hardware_sim.controller.kinematics import ArmModel
 from hardware_sim.controller.modes import RobotMode, RuntimeState, SafetyMode
@@ -108,14 +108,20 @@ class Controller:
         return self.robot_mode is RobotMode.RUNNING and self.safety_mode in (SafetyMode.NORMAL, SafetyMode.REDUCED)
 
     def load(self, text: str) -> None:
-        """Takes a program from a script port: starts it in place of the running one, a `sec` beside it."""
+        """Compiles a program and starts it."""
+        try:
+            self.start(compile_program(text, VOCABULARY))
+        except ScriptSyntaxError as error:
+            self.refuse(error)
+
+    def refuse(self, error: ScriptSyntaxError) -> None:
+        """Says why a program could not be compiled; what runs goes on."""
+        self.runtime_exception(f"program refused: {error}")
+
+    def start(self, compiled: CompiledProgram) -> None:
+        """Starts a program in place of the running one, a `sec` beside it."""
         if not self.remote_control:
             self.report("program refused: the robot is in local control")
-            return
-        try:
-            compiled = compile_program(text, VOCABULARY)
-        except ScriptSyntaxError as error:
-            self.runtime_exception(f"program refused: {error}")
             return
         if compiled.secondary:
             self._secondary.append(Program(compiled, self._functions))

@@ -1,5 +1,8 @@
 """The values that RTDE clients see, and the registers that they and the program write.
 
+Names and types are those of PolyScope 5.11: what came later (`actual_current_as_torque`, `time_scale_source`, …) is
+not found here either, because clients tell versions apart by that.
+
 All outputs live in one flat list; a recipe is then an `itemgetter` and a precompiled `struct`, so that 500 packets a
 second with 180 numbers each cost little.
 """
@@ -25,7 +28,7 @@ BIT_REGISTERS = 128
 _VECTORS_6D = (
     "target_q target_qd target_qdd target_current target_moment actual_q actual_qd actual_current "
     "joint_control_output actual_TCP_pose actual_TCP_speed actual_TCP_force target_TCP_pose target_TCP_speed "
-    "joint_temperatures actual_joint_voltage actual_current_as_torque ft_raw_wrench payload_inertia"
+    "joint_temperatures actual_joint_voltage ft_raw_wrench payload_inertia"
 )
 _DOUBLES = (
     "timestamp actual_execution_time speed_scaling target_speed_fraction actual_momentum actual_main_voltage "
@@ -37,7 +40,8 @@ _OTHERS = {
     "VECTOR3D": "actual_tool_accelerometer payload_cog elbow_position elbow_velocity",
     "UINT64": "actual_digital_input_bits actual_digital_output_bits",
     "UINT32": "runtime_state robot_status_bits safety_status_bits analog_io_types tool_analog_input_types "
-    "tool_output_mode output_bit_registers0_to_31 output_bit_registers32_to_63",
+    "tool_mode euromap67_input_bits euromap67_output_bits output_bit_registers0_to_31 output_bit_registers32_to_63",
+    "UINT8": "tool_output_mode tool_digital_output0_mode tool_digital_output1_mode",
     "INT32": "robot_mode safety_mode safety_status tool_output_voltage",
     "VECTOR6INT32": "joint_mode",
 }

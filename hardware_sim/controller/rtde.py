@@ -1,8 +1,10 @@
 """RTDE, protocol version 2: recipes, registers with owners, data at up to 500 Hz (port 30004).
 
 A frame is a big-endian uint16 size, a uint8 type and the payload. Nothing is ever sent between a request and its
-reply: clients read exactly one frame and take it for the reply. Bad frames are logged and ignored; only a size below
-the header's, after which no frame can be found any more, ends the connection.
+reply: clients read exactly one frame and take it for the reply. So texts, too, reach only clients that have started.
+What cannot be done is refused in the reply; bad frames are logged and ignored; only a size below the header's, after
+which no frame can be found any more, ends the connection. Before version 2 is agreed upon, set-ups are refused: a real
+controller would take them for version 1, whose frames differ.
 """
 
 import logging
@@ -25,6 +27,9 @@ PORT = 30004
 FREQUENCY = 500.0  # Hz
 _HEADER = struct.Struct(">HB")
 _MOST_RECIPES = 255
+_LONGEST_LIST = 2048  # bytes of names in one set-up, the limit that the protocol's guide states
+_REFUSED = b"\x00"
+_SOURCE = b"Controller"
 
 
 class Kind(IntEnum):
@@ -38,6 +43,15 @@ class Kind(IntEnum):
     PAUSE = ord("P")
     DATA = ord("U")
     TEXT = ord("M")
+
+
+class Level(IntEnum):
+    """How grave a text is."""
+
+    EXCEPTION = 0
+    ERROR = 1
+    WARNING = 2
+    INFO = 3
 
 
 @dataclass(frozen=True)
@@ -84,8 +98,31 @@ class Owners:
 
 
 def _split(payload: bytes) -> list[str]:
+    """The names of a list; none where it is longer than allowed."""
+    if len(payload) > _LONGEST_LIST:
+        LOG.warning("RTDE list of %d bytes refused: at most %d", len(payload), _LONGEST_LIST)
+        return []
     # ur_rtde ends its lists with a comma, UR's own client does not.
     return [name for name in payload.decode("latin-1").split(",") if name]
+
+
+def text_frame(text: str, level: Level) -> bytes:
+    """A text message; its length is a single byte, so the end of a long one is lost."""
+    message = text.encode()[:255]
+    payload = bytes([len(message)]) + message + bytes([len(_SOURCE)]) + _SOURCE + bytes([level])
+    return _HEADER.pack(_HEADER.size + len(payload), Kind.TEXT) + payload
+
+
+def read_text(payload: bytes) -> str:
+    """What a client's text message says, with its source and level. Raises ValueError where it is cut short."""
+    source_at = 1 + payload[0] if payload else 0
+    level_at = source_at + 1 + payload[source_at] if 0 < source_at < len(payload) else len(payload)
+    if level_at >= len(payload):
+        raise ValueError("the text message is cut short")
+    message, source = payload[1:source_at], payload[source_at + 1 : level_at]
+    names = {level.value: level.name for level in Level}
+    level = names.get(payload[level_at], str(payload[level_at]))
+    return f"{level} of {source.decode(errors='replace')!r}: {message.decode(errors='replace')!r}"
 
 
 def _picker(slots: Sequence[int]) -> Callable[[Sequence[float]], tuple[float, ...]]:
@@ -107,9 +144,10 @@ class RtdeConnection(Connection):
         super().__init__(stream)
         self.started = False
         self.output: OutputRecipe | None = None
-        self.every = 1  # ticks between packets
+        self.frequency = FREQUENCY
         self._controller = controller
         self._owners = owners
+        self._agreed = False
         self._inputs: list[InputRecipe] = []
         self._buffer = b""
 
@@ -133,6 +171,11 @@ class RtdeConnection(Connection):
             at += size
         self._buffer = buffer[at:]
 
+    def due(self, ticks: int) -> bool:
+        """Whether this tick's values go to the client: so many of 500 ticks as its frequency says, evenly spread."""
+        packets = ticks * self.frequency // FREQUENCY
+        return self.started and packets != (ticks - 1) * self.frequency // FREQUENCY
+
     def _reply(self, kind: Kind, payload: bytes) -> None:
         self.send(_HEADER.pack(_HEADER.size + len(payload), kind) + payload)
 
@@ -140,10 +183,14 @@ class RtdeConnection(Connection):
         if kind == Kind.DATA:
             self._data(payload)
         elif kind == Kind.PROTOCOL:
-            accepted = len(payload) >= 2 and payload[:2] == b"\x00\x02"
+            accepted = payload == b"\x00\x02"
+            self._agreed = self._agreed or accepted
             self._reply(Kind.PROTOCOL, bytes([accepted]))
         elif kind == Kind.VERSION:
             self._reply(Kind.VERSION, struct.pack(">4I", *VERSION))
+        elif kind in (Kind.OUTPUTS, Kind.INPUTS) and not self._agreed:
+            LOG.warning("RTDE set-up refused: the client has not asked for protocol version 2")
+            self._reply(Kind(kind), _REFUSED)
         elif kind == Kind.OUTPUTS:
             self._set_outputs(payload)
         elif kind == Kind.INPUTS:
@@ -152,28 +199,30 @@ class RtdeConnection(Connection):
             self._reply(Kind(kind), b"\x01")
             self.started = kind == Kind.START
         elif kind == Kind.TEXT:
-            LOG.info("RTDE message: %r", payload)
+            try:
+                LOG.info("RTDE text: %s", read_text(payload))
+            except ValueError as error:
+                LOG.warning("RTDE text ignored: %s", error)
         else:
             LOG.warning("RTDE frame of unknown type %d", kind)
 
     def _set_outputs(self, payload: bytes) -> None:
-        if len(payload) < 8:
-            LOG.warning("RTDE output set-up without a frequency")
-            self._reply(Kind.OUTPUTS, b"\x00")
-            return
-        (frequency,) = struct.unpack_from(">d", payload)
+        self.output = None
+        frequency = struct.unpack_from(">d", payload)[0] if len(payload) >= 8 else math.nan
         names = _split(payload[8:])
         types = [OUTPUT_TYPES.get(name, "NOT_FOUND") for name in names]
-        if not names or "NOT_FOUND" in types:
-            self.output = None
-            self._reply(Kind.OUTPUTS, b"\x00" + ",".join(types).encode())
+        answer = ",".join(types).encode()
+        if not frequency > 0.0 or not names or "NOT_FOUND" in types:
+            LOG.warning("RTDE outputs refused: %r at %g Hz", names, frequency)
+            self._reply(Kind.OUTPUTS, _REFUSED + answer)
             return
         slots = [OFFSETS[n] + i for n, t in zip(names, types, strict=True) for i in range(TYPES[t][1])]
         layout = struct.Struct(">HBB" + "".join(TYPES[t][0] for t in types))
         self.output = OutputRecipe(tuple(names), _picker(slots), layout)
-        sane = math.isfinite(frequency) and frequency > 0.0
-        self.every = max(1, round(FREQUENCY / frequency)) if sane else 1
-        self._reply(Kind.OUTPUTS, b"\x01" + ",".join(types).encode())
+        if frequency > FREQUENCY:
+            LOG.warning("RTDE outputs at %g Hz instead of %g Hz", FREQUENCY, frequency)
+        self.frequency = min(frequency, FREQUENCY)
+        self._reply(Kind.OUTPUTS, b"\x01" + answer)
 
     def _set_inputs(self, payload: bytes) -> None:
         names = _split(payload)
@@ -182,7 +231,8 @@ class RtdeConnection(Connection):
         ]
         answer = ",".join(types).encode()
         if not names or len(self._inputs) >= _MOST_RECIPES or "IN_USE" in types or "NOT_FOUND" in types:
-            self._reply(Kind.INPUTS, b"\x00" + answer)
+            LOG.warning("RTDE inputs refused: %r are %r", names, types)
+            self._reply(Kind.INPUTS, _REFUSED + answer)
             return
         self._owners.take(names, self)
         registers: list[tuple[int, int, int]] = []
@@ -231,12 +281,18 @@ def apply_outputs(controller: Controller, written: dict[str, Any]) -> None:
         fraction = written.get("speed_slider_fraction", math.nan)
         if 0.0 <= fraction <= 1.0:
             controller.slider = fraction
+        else:
+            LOG.warning("speed slider left at %g: %g was written", controller.slider, fraction)
     mask = written.get("standard_analog_output_mask", 0)
     for number in (0, 1):
         ratio = written.get(f"standard_analog_output_{number}", math.nan)
-        if mask >> number & 1 and 0.0 <= ratio <= 1.0:
+        if not mask >> number & 1:
+            continue
+        if 0.0 <= ratio <= 1.0:
             outputs.analog_ratio[number] = ratio
             outputs.analog_is_voltage[number] = bool(written.get("standard_analog_output_type", 0) >> number & 1)
+        else:
+            LOG.warning("analogue output %d left as it was: %g was written", number, ratio)
 
 
 def broadcast(connections: Sequence[RtdeConnection], controller: Controller) -> None:
@@ -245,12 +301,20 @@ def broadcast(connections: Sequence[RtdeConnection], controller: Controller) -> 
     values = controller.registers.values
     for connection in connections:
         recipe = connection.output
-        if recipe is None or not connection.started or controller.ticks % connection.every:
+        if recipe is None or not connection.due(controller.ticks):
             continue
         data = packed.get(recipe.names)
         if data is None:
             data = packed[recipe.names] = recipe.pack(values)
         connection.offer(data)
+
+
+def announce(connections: Sequence[RtdeConnection], message: str) -> None:
+    """Tells every started client of a program's runtime exception."""
+    frame = text_frame(message, Level.EXCEPTION)
+    for connection in connections:
+        if connection.started:
+            connection.offer(frame)
 
 
 def send_half_a_packet(connections: Sequence[RtdeConnection], controller: Controller) -> None:

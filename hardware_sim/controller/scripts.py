@@ -1,27 +1,71 @@
 """The script ports: programs as text, without length or terminator (ports 30001–30003).
 
-A program is complete when its blocks are closed again. Nothing is sent back; what a client leaves half sent is
-forgotten when it closes.
+A program is complete when its blocks are closed again; what a client leaves half sent is forgotten when it closes.
+Compiling the library's control script takes tens of milliseconds, a long path much more: a thread does it beside the
+ticks, and the loop loads what is compiled, in the order of arrival. Nothing is sent back but, on the primary port,
+runtime exceptions as robot messages.
 """
 
 import logging
+import re
 import socket
+import struct
+from collections import deque
+from collections.abc import Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
 
+from hardware_sim.controller.compiler import CompiledProgram, compile_program
 from hardware_sim.controller.controller import Controller
-from hardware_sim.controller.sockets import LineConnection
-from hardware_sim.controller.syntax import depth_change
+from hardware_sim.controller.functions import VOCABULARY
+from hardware_sim.controller.sockets import Connection, LineConnection
+from hardware_sim.controller.syntax import ScriptSyntaxError, depth_change
 
 LOG = logging.getLogger("hardware_sim.controller")
-PORTS = (30001, 30002, 30003)
-_LONGEST_PROGRAM = 4 << 20
+PRIMARY_PORT = 30001
+PORTS = (PRIMARY_PORT, 30002, 30003)
+_LONGEST_PROGRAM = 1 << 20  # characters; a path of 10,000 waypoints
+_MOST_WAITING = 64  # programs
+# Size, type, time in µs, source, type of robot message, line and column of the script; then the text.
+_ROBOT_MESSAGE = struct.Struct(">iBQbbii")
+_IS_ROBOT_MESSAGE, _FROM_CONTROLLER, _IS_RUNTIME_EXCEPTION = 20, 7, 10
+
+
+class Uploads:
+    """Programs between their arrival and their start."""
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+        self._pool = ThreadPoolExecutor(1, "compiler")
+        self._waiting: deque[Future[CompiledProgram]] = deque()
+
+    def add(self, text: str) -> None:
+        """Has a program compiled."""
+        if len(self._waiting) >= _MOST_WAITING:
+            self._controller.report(f"program refused: {_MOST_WAITING} others wait to be compiled")
+            return
+        self._waiting.append(self._pool.submit(compile_program, text, VOCABULARY))
+
+    def deliver(self) -> None:
+        """Starts what is compiled, unless an earlier one is not yet."""
+        while self._waiting and self._waiting[0].done():
+            try:
+                compiled = self._waiting.popleft().result()
+            except ScriptSyntaxError as error:
+                self._controller.refuse(error)
+            else:
+                self._controller.start(compiled)
+
+    def close(self) -> None:
+        """Forgets what waits."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
 
 
 class ScriptConnection(LineConnection):
     """One sender of programs."""
 
-    def __init__(self, stream: socket.socket, controller: Controller) -> None:
+    def __init__(self, stream: socket.socket, uploads: Uploads) -> None:
         super().__init__(stream)
-        self._controller = controller
+        self._uploads = uploads
         self._lines: list[str] = []
         self._depth = 0
         self._size = 0
@@ -33,6 +77,35 @@ class ScriptConnection(LineConnection):
         self._lines.append(text)
         self._size += len(text)
         self._depth += depth_change(text)
-        if self._depth <= 0 or self._size > _LONGEST_PROGRAM:
+        if self._size > _LONGEST_PROGRAM:
+            # Its other lines would be taken for programs of their own.
+            LOG.warning("a program of more than %d characters: connection closed", _LONGEST_PROGRAM)
+            self.closed = True
+        elif self._depth <= 0:
             lines, self._lines, self._depth, self._size = self._lines, [], 0, 0
-            self._controller.load("\n".join(lines) + "\n")
+            self._uploads.add("\n".join(lines) + "\n")
+
+
+def exception_message(text: str, timestamp: float) -> bytes:
+    """A runtime exception as a robot message of the primary interface, with the line that the text names, or −1."""
+    named = re.search(r"\bline (\d{1,9})\b", text)
+    words = text.encode()
+    return (
+        _ROBOT_MESSAGE.pack(
+            _ROBOT_MESSAGE.size + len(words),
+            _IS_ROBOT_MESSAGE,
+            round(timestamp * 1e6),
+            _FROM_CONTROLLER,
+            _IS_RUNTIME_EXCEPTION,
+            int(named[1]) if named else -1,
+            -1,
+        )
+        + words
+    )
+
+
+def announce(connections: Iterable[Connection], text: str, timestamp: float) -> None:
+    """Tells clients of the primary port of a program's runtime exception."""
+    message = exception_message(text, timestamp)
+    for connection in connections:
+        connection.offer(message)

@@ -1,7 +1,8 @@
 """The loop: sockets between ticks, ticks on absolute deadlines, one thread.
 
-One thread needs no locks and gives every packet the values of exactly one tick. After a delay the missed ticks are
-caught up, so that time stamps stay 2 ms × ticks; after a long freeze (a stopped process) the time is lost instead.
+One thread needs no locks and gives every packet the values of exactly one tick; a second one only compiles programs.
+After a delay the missed ticks are caught up, so that time stamps stay 2 ms × ticks; after a long freeze (a stopped
+process) the time is lost instead.
 """
 
 import logging
@@ -20,12 +21,14 @@ from hardware_sim.controller.dashboard import DashboardConnection
 from hardware_sim.controller.kinematics import MODELS
 from hardware_sim.controller.rtde import Owners, RtdeConnection
 from hardware_sim.controller.script_values import STEP_TIME
-from hardware_sim.controller.scripts import ScriptConnection
+from hardware_sim.controller.scripts import ScriptConnection, Uploads
 from hardware_sim.controller.sockets import Connection, Port
 
 LOG = logging.getLogger("hardware_sim.controller")
 _LONGEST_CATCH_UP = 1.0  # s
 _SWEEP = 50  # ticks
+_SWITCH_INTERVAL = 0.0002  # s: the loop takes over from the thread that compiles in time for its tick
+_AT_ONCE = 8  # descriptors served before the clock is read again; epoll gives the others their turn next
 
 
 class Server:
@@ -36,12 +39,13 @@ class Server:
         self.controller = controller
         self._poll = select.epoll()
         self._owners = Owners()
+        self._uploads = Uploads(controller)
         self._stall_ends: dict[int, float] = {}
         self._ports: dict[int, Port] = {}
         accepts: dict[int, Callable[[socket.socket], Connection]] = {
             rtde.PORT: lambda s: RtdeConnection(s, controller, self._owners),
             dashboard.PORT: lambda s: DashboardConnection(s, controller),
-            **dict.fromkeys(scripts.PORTS, lambda s: ScriptConnection(s, controller)),
+            **dict.fromkeys(scripts.PORTS, lambda s: ScriptConnection(s, self._uploads)),
             control_port.PORT: lambda s: ControlConnection(s, controller, self),
         }
         try:
@@ -83,7 +87,7 @@ class Server:
             if wait > 0.0:
                 # select waits in microseconds, epoll only in milliseconds.
                 select.select([self._poll.fileno()], [], [], wait)
-            for descriptor, event in self._poll.poll(0):
+            for descriptor, event in self._poll.poll(0, _AT_ONCE):
                 if descriptor == stop_descriptor:
                     if not os.read(descriptor, 4096):
                         return
@@ -108,7 +112,9 @@ class Server:
             for number in [n for n, end in self._stall_ends.items() if end <= now]:
                 del self._stall_ends[number]
                 self._ports[number].stall(False)
+        self._uploads.deliver()
         self.controller.tick(now)
+        self._announce_exceptions()
         port = self._ports[rtde.PORT]
         if port.connections and not port.stalled:
             rtde.broadcast(self._rtde_connections(), self.controller)
@@ -116,8 +122,17 @@ class Server:
             for port in self._ports.values():
                 port.sweep()
 
+    def _announce_exceptions(self) -> None:
+        exceptions = self.controller.exceptions
+        while exceptions:
+            text = exceptions.popleft()
+            rtde.announce(self._rtde_connections(), text)
+            primary = self._ports[scripts.PRIMARY_PORT]
+            scripts.announce(primary.connections.values(), text, self.controller.timestamp)
+
     def close(self) -> None:
         """Closes all ports."""
+        self._uploads.close()
         for port in self._ports.values():
             port.close()
         self._poll.close()
@@ -156,6 +171,7 @@ def serve(
         sample=None if writer is None else writer.sample,
     )
     server = Server(controller, address)
+    sys.setswitchinterval(_SWITCH_INTERVAL)
     try:
         sys.stdout.write(f"ready {address}\n")
         sys.stdout.flush()

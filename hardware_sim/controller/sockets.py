@@ -1,10 +1,10 @@
 """Ports and connections without threads: one epoll loop reads, ticks and writes.
 
-A tick must never wait for a client: bytes that a socket does not take at once are kept (replies) or dropped (data
-packets). A port can be stalled or cut, as faults on demand.
+A tick must never wait for a client: replies are collected while a client's bytes are read and sent in one go; what its
+socket does not take is kept (replies) or dropped (data packets). Each read is small, so that the loop gets back to the
+clock soon however fast somebody sends. A port can be stalled or cut, as faults on demand.
 """
 
-import contextlib
 import logging
 import select
 import socket
@@ -12,9 +12,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 LOG = logging.getLogger("hardware_sim.controller")
-_READ = 65536
+_READ = 4096  # bytes: the smallest frames and lines in it are answered within a few ms
 _MOST_PENDING = 1 << 20  # bytes of unread replies after which a client is given up
 _MOST_CLIENTS = 64  # per port
+# A peer that vanished without a word, as at a pulled cable, is given up within half a minute.
+_KEEPALIVE = (
+    (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 10),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 5),
+    (socket.IPPROTO_TCP, socket.TCP_KEEPCNT, 3),
+    (socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 25_000),  # ms
+)
 
 
 class Connection(ABC):
@@ -34,15 +42,12 @@ class Connection(ABC):
         """Called once when the connection is over."""
 
     def send(self, data: bytes) -> None:
-        """Sends a reply; what the socket does not take now follows later."""
-        if self.closed:
-            return
-        if self.unsent:
+        """Keeps a reply until all bytes at hand are read; then the port flushes."""
+        if not self.closed:
             self.unsent += data
             if len(self.unsent) > _MOST_PENDING:
+                LOG.warning("a client does not read its replies: connection closed")
                 self.closed = True
-            return
-        self._send_now(data)
 
     def offer(self, data: bytes) -> None:
         """Sends a packet that may be lost: dropped when the client has not read the ones before."""
@@ -50,21 +55,27 @@ class Connection(ABC):
             self._send_now(data)
 
     def flush(self) -> None:
-        """Goes on sending."""
-        data, self.unsent = bytes(self.unsent), bytearray()
-        self._send_now(data)
+        """Sends what is kept; what the socket does not take now follows later."""
+        if self.unsent:
+            data, self.unsent = bytes(self.unsent), bytearray()
+            self._send_now(data)
 
     def _send_now(self, data: bytes) -> None:
         try:
             sent = self.stream.send(data)
         except BlockingIOError:
             sent = 0
-        except OSError:
-            self.closed = True
+        except OSError as error:
+            self.lost(error)
             return
         if sent < len(data):
             self.unsent = bytearray(data[sent:])
             self.wants_write()
+
+    def lost(self, error: OSError) -> None:
+        """Ends the connection because of its socket: reset, broken, timed out."""
+        LOG.info("connection lost: %s: %s", type(error).__name__, error)
+        self.closed = True
 
 
 class Port:
@@ -101,35 +112,47 @@ class Port:
         connection = self.connections.get(descriptor)
         if connection is None:
             return
-        if event & select.EPOLLOUT and not connection.closed:
-            connection.flush()
-            if not connection.unsent and not connection.closed:
-                self._poll.modify(descriptor, select.EPOLLIN)
         if event & (select.EPOLLIN | select.EPOLLHUP | select.EPOLLERR):
             self._read(connection)
+        if not connection.closed:
+            connection.flush()
+            if event & select.EPOLLOUT and not connection.unsent:
+                self._poll.modify(descriptor, select.EPOLLIN)
         if connection.closed:
             self._drop(descriptor)
 
     def _take_client(self) -> None:
         try:
             stream, _ = self.listener.accept()
-        except OSError:
+        except (BlockingIOError, ConnectionError):
+            return  # it hung up before it was served
+        except OSError as error:
+            LOG.warning("port %d cannot take a client: %s", self.number, error)
             return
         if len(self.connections) >= _MOST_CLIENTS:
+            LOG.info("port %d has %d clients: another one refused", self.number, _MOST_CLIENTS)
             stream.close()
             return
-        stream.setblocking(False)
-        stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        try:
+            stream.setblocking(False)
+            for level, option, value in ((socket.IPPROTO_TCP, socket.TCP_NODELAY, 1), *_KEEPALIVE):
+                stream.setsockopt(level, option, value)
+        except OSError as error:
+            LOG.info("client lost while it was taken: %s", error)
+            stream.close()
+            return
         descriptor = stream.fileno()
         connection = self._accept(stream)
         connection.wants_write = lambda: self._watch_writing(descriptor)
         self.connections[descriptor] = connection
-        self._poll.register(descriptor, select.EPOLLOUT | select.EPOLLIN if connection.unsent else select.EPOLLIN)
+        self._poll.register(descriptor, select.EPOLLIN)
+        connection.flush()
+        if connection.closed:
+            self._drop(descriptor)
 
     def _watch_writing(self, descriptor: int) -> None:
         if descriptor in self.connections and not self.stalled:
-            with contextlib.suppress(OSError):
-                self._poll.modify(descriptor, select.EPOLLIN | select.EPOLLOUT)
+            self._poll.modify(descriptor, select.EPOLLIN | select.EPOLLOUT)
 
     def _read(self, connection: Connection) -> None:
         try:
@@ -139,8 +162,9 @@ class Port:
                 connection.stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)
         except BlockingIOError:
             return
-        except OSError:
-            data = b""
+        except OSError as error:
+            connection.lost(error)
+            return
         if data:
             connection.received(data)
         else:
@@ -172,8 +196,7 @@ class Port:
     def _drop(self, descriptor: int) -> None:
         connection = self.connections.pop(descriptor)
         connection.closed = True
-        with contextlib.suppress(OSError):
-            self._poll.unregister(descriptor)
+        self._poll.unregister(descriptor)
         connection.stream.close()
         connection.ended()
 

@@ -1,8 +1,12 @@
-"""An RTDE client written from the protocol's description alone; it shares no code with the server."""
+"""An RTDE client written from the protocol's description alone; it shares no code with the server.
+
+Its parts are those that a recorder or a control loop needs: agree on a version, set up recipes, start, read packets
+by name, write registers, read and send texts.
+"""
 
 import socket
 import struct
-from typing import Any
+from typing import Any, Self
 
 _CODES = {
     "DOUBLE": "d",
@@ -19,14 +23,17 @@ _CODES = {
 
 
 class PlainClient:
-    """One RTDE connection."""
+    """One RTDE connection; `version` None asks for none."""
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, version: int | None = 2) -> None:
         self.socket = socket.create_connection((address, 30004), 3.0)
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.unread = b""
+        self.texts: list[tuple[str, str, int]] = []
         self._output = ""
         self._inputs: dict[int, str] = {}
+        if version is not None:
+            assert self.request("V", struct.pack(">H", version)) == b"\x01"
 
     def send(self, kind: str, payload: bytes = b"") -> None:
         """Sends one frame."""
@@ -71,10 +78,32 @@ class PlainClient:
         self.send("U", struct.pack(self._inputs[recipe], recipe, *values))
 
     def sample(self) -> tuple[Any, ...]:
-        """The next packet's values."""
+        """The next packet's values; texts on the way go to `texts`."""
         kind, payload = self.receive()
+        while kind == "M":
+            self.texts.append(self.text(payload))
+            kind, payload = self.receive()
         assert kind == "U"
         return struct.unpack(self._output, payload)[1:]
+
+    @staticmethod
+    def text(payload: bytes) -> tuple[str, str, int]:
+        """A text message: its words, its source and its level."""
+        length = payload[0]
+        source = payload[1 + length]
+        assert len(payload) == length + source + 3
+        return payload[1 : 1 + length].decode(), payload[2 + length : -1].decode(), payload[-1]
+
+    def say(self, words: str, source: str, level: int) -> None:
+        """Sends a text message."""
+        parts = [bytes([len(part)]) + part for part in (words.encode(), source.encode())]
+        self.send("M", b"".join(parts) + bytes([level]))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *failure: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Hangs up."""

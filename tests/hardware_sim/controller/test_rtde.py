@@ -24,14 +24,16 @@ RECORD = (
 @pytest.fixture
 def client(controller: ControllerProcess) -> PlainClient:
     """A client that has agreed on version 2."""
-    client = PlainClient(controller.address)
-    assert client.request("V", struct.pack(">H", 2)) == b"\x01"
-    return client
+    return PlainClient(controller.address)
 
 
 def test_versions(controller: ControllerProcess) -> None:
-    client = PlainClient(controller.address)
+    client = PlainClient(controller.address, version=None)
     assert client.request("V", struct.pack(">H", 1)) == b"\x00"
+    assert client.request("V", b"") == b"\x00"
+    # Set-ups are those of version 1 until version 2 is agreed upon: refused.
+    assert client.request("O", struct.pack(">d", 500.0) + b"timestamp") == b"\x00"
+    assert client.request("I", b"input_int_register_0") == b"\x00"
     assert client.request("V", struct.pack(">H", 2)) == b"\x01"
     assert struct.unpack(">4I", client.request("v")) == (5, 11, 1, 108318)
 
