@@ -1,0 +1,100 @@
+"""Near-light folders: `lights.json` with lamp positions in the camera's frame, a calibrated camera, images beside it.
+
+Positions are in OpenCV's camera frame (x right, y down, z forward) in mm and become the view frame in m here.
+`intensity` is what a perfectly white matt surface facing the lamp at `reference_mm` would give, as a fraction of full
+scale, so albedo is absolute. `black_level` (stored values, the same for all images) is optional and zero if absent.
+"""
+
+import json
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from acquisition.geometry import VIEW_FROM_CAMERA
+from acquisition.normals.folders import masks, pixels
+from acquisition.normals.folders.pixels import Progress
+from acquisition.normals.folders.refusal import refusal, text
+from acquisition.normals.image_set import Camera, ImageSet, NearLights
+from acquisition.types import Value, Vector3
+
+LIGHTS = "lights.json"
+SATURATED_FROM = 0.985
+DISTORTION_LENGTHS = (0, 4, 5)
+
+
+class _Camera(Value):
+    K: Annotated[tuple[Vector3, Vector3, Vector3], Field(strict=False)]
+    distortion: list[float] = Field(default_factory=list[float])
+
+
+class _Light(Value):
+    file: str
+    position: Vector3
+    intensity: float = Field(gt=0)
+
+
+class _Lights(Value):
+    unit: Literal["mm"]
+    reference_mm: float = Field(gt=0)
+    camera: _Camera
+    lights: list[_Light] = Field(min_length=1)
+    depth_mm: float = Field(gt=0)
+    black_level: int = Field(default=0, ge=0)
+
+
+def read(folder: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
+    """Reads the folder. Raises RigError folder.invalid naming the file, and the field in `lights.json`."""
+    path = folder / LIGHTS
+    given = _lights(path)
+    matrix = np.array(given.camera.K)
+    if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or not np.allclose(matrix[2], (0, 0, 1)):
+        raise refusal(path, "camera.K is no camera matrix: give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels")
+    if len(given.camera.distortion) not in DISTORTION_LENGTHS:
+        raise refusal(path, "camera.distortion must be empty or hold k1 k2 p1 p2 [k3]: undistort the images otherwise")
+    distortion = np.zeros(5)
+    distortion[: len(given.camera.distortion)] = given.camera.distortion
+    paths = [folder / light.file for light in given.lights]
+    stored = pixels.store(paths, scratch, given.black_level, progress)
+    if not (0 <= matrix[0, 2] < stored.width and 0 <= matrix[1, 2] < stored.height):
+        raise refusal(path, f"camera.K has its centre outside the {stored.width} × {stored.height} images: correct it")
+    warnings = masks.depth_warning(stored)
+    if "black_level" not in given.model_fields_set:
+        warnings.append("No black level is given: it is taken as zero. Give `black_level` where the camera has one.")
+    found = masks.solving(folder, stored.height, stored.width)
+    if found is None:
+        warnings.append(f"There is no {masks.MASK}: the object is looked for in the images.")
+    mask = np.ones((stored.height, stored.width), np.bool_) if found is None else found
+    pixels.look(stored, paths, mask, SATURATED_FROM)
+    black = given.black_level / stored.full_scale
+    return ImageSet(
+        names=tuple(light.file for light in given.lights),
+        height=stored.height,
+        width=stored.width,
+        channels=stored.channels,
+        rows=stored.rows,
+        full_scale=stored.full_scale,
+        saturated_from=SATURATED_FROM - black,
+        lights=NearLights(
+            np.array([light.position for light in given.lights]) @ VIEW_FROM_CAMERA[:3, :3].T / 1000,
+            np.array([light.intensity for light in given.lights]),
+            given.reference_mm / 1000,
+        ),
+        mask=mask,
+        camera=Camera(matrix, distortion),
+        evaluation_mask=masks.evaluation(folder, stored.height, stored.width),
+        rough_depth_m=given.depth_mm / 1000,
+        notes={"format": "near light", "warnings": warnings},
+    )
+
+
+def _lights(path: Path) -> _Lights:
+    try:
+        return _Lights.model_validate_json(text(path))
+    except ValidationError as error:
+        worst = error.errors(include_url=False)[0]
+        field = ".".join(str(part) for part in worst["loc"]) or "the file"
+        raise refusal(path, f"{field}: {worst['msg']} ({len(error.errors())} in all): correct it") from error
+    except json.JSONDecodeError as error:
+        raise refusal(path, f"is no JSON: {error}") from error

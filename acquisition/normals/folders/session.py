@@ -1,0 +1,75 @@
+"""Our own session folders, read as plain files: the journal is not needed, so a folder can leave home.
+
+`manifest.json` lists the shots as they were measured; recipe, cell and calibration stand beside it.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import ValidationError
+
+from acquisition.config import CellConfig
+from acquisition.frames import FolderFrames
+from acquisition.normals.folders.refusal import refusal, text
+from acquisition.types import Calibration, LightPlan, Observations, Recipe, Shot, Value
+
+RECIPE, CELL, CALIBRATION, MANIFEST = "recipe.json", "cell.json", "calibration.json", "manifest.json"
+ValueT = TypeVar("ValueT", bound=Value)
+
+
+@dataclass(frozen=True)
+class SessionCapture:
+    """What a session took, and which of its results are in the folder."""
+
+    folder: Path
+    recipe: Recipe
+    cell: CellConfig
+    calibration: Calibration
+    shots: tuple[Shot, ...]
+    plans: tuple[LightPlan, ...]
+    results: tuple[int, ...]
+
+    def observations(self, last_pass: int) -> Observations:
+        """The images of the passes up to `last_pass`, in the order and with the lamp-off frames of its solve."""
+        taken = sorted(self.shots, key=lambda shot: (shot.key.pass_number, shot.key.number))
+        used = [shot for shot in taken if shot.key.pass_number <= last_pass]
+        return Observations(
+            [shot for shot in used if shot.kind == "light"],
+            {shot.exposure_s: shot for shot in used if shot.kind == "dark"},  # the newest one of each exposure time
+            FolderFrames(self.folder),
+        )
+
+
+def read(folder: Path) -> SessionCapture:
+    """Reads a session's folder. Raises RigError folder.invalid naming the file that is missing or damaged."""
+    shots = _shots(folder / MANIFEST)
+    passes = 1 + max((shot.key.pass_number for shot in shots), default=0)
+    results = [int(path.parent.name) for path in folder.glob("results/*/normals.tiff") if path.parent.name.isdigit()]
+    return SessionCapture(
+        folder=folder,
+        recipe=_value(folder / RECIPE, Recipe),
+        cell=_value(folder / CELL, CellConfig),
+        calibration=_value(folder / CALIBRATION, Calibration),
+        shots=shots,
+        plans=tuple(_value(folder / f"passes/{number}/plan.json", LightPlan) for number in range(passes)),
+        results=tuple(sorted(results)),
+    )
+
+
+def _shots(manifest: Path) -> tuple[Shot, ...]:
+    try:
+        listed = json.loads(text(manifest))["shots"]
+        return tuple(Shot.model_validate_json(json.dumps(shot)) for shot in listed)
+    except (ValueError, KeyError, TypeError) as error:
+        raise refusal(manifest, f"does not list the session's shots: {error}; was the session completed?") from error
+
+
+def _value(path: Path, kind: type[ValueT]) -> ValueT:
+    try:
+        return kind.model_validate_json(text(path))
+    except ValidationError as error:
+        worst = error.errors(include_url=False)[0]
+        field = ".".join(str(part) for part in worst["loc"])
+        raise refusal(path, f"{field}: {worst['msg']}; restore the file") from error

@@ -1,0 +1,197 @@
+"""Whatever is wrong with a folder is refused with the file's name and what to do, before anything is solved."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+
+from acquisition.errors import ErrorCode, RigError
+from acquisition.normals import folders
+from tests.acquisition.normals.folders import small
+
+Damage = Callable[[Path], object]
+
+
+def cut(name: str, keep: float = 0.5) -> Damage:
+    def damage(folder: Path) -> None:
+        content = (folder / name).read_bytes()
+        (folder / name).write_bytes(content[: int(len(content) * keep)])
+
+    return damage
+
+
+def flip(name: str) -> Damage:
+    def damage(folder: Path) -> None:
+        content = bytearray((folder / name).read_bytes())
+        content[len(content) // 2] ^= 0xFF
+        (folder / name).write_bytes(bytes(content))
+
+    return damage
+
+
+def image(name: str, pixels: np.ndarray) -> Damage:
+    return lambda folder: cv2.imwrite(str(folder / name), pixels)
+
+
+def line(name: str, number: int, content: str | None) -> Damage:
+    def damage(folder: Path) -> None:
+        lines = (folder / name).read_text().splitlines()
+        lines[number : number + 1] = [] if content is None else [content]
+        (folder / name).write_text("\n".join(lines) + "\n")
+
+    return damage
+
+
+def first(count: int, *names: str) -> Damage:
+    def damage(folder: Path) -> None:
+        for name in names:
+            (folder / name).write_text("\n".join((folder / name).read_text().splitlines()[:count]))
+
+    return damage
+
+
+def field(path: str, value: object) -> Damage:
+    def damage(folder: Path) -> None:
+        content = json.loads((folder / "lights.json").read_text())
+        *parents, last = path.split(".")
+        place = content
+        for name in parents:
+            place = place[int(name) if name.isdigit() else name]
+        place[last] = value
+        (folder / "lights.json").write_text(json.dumps(content))
+
+    return damage
+
+
+def every(folder: Path, pixels: np.ndarray) -> None:
+    for path in folder.glob("0*.png"):
+        cv2.imwrite(str(path), pixels)
+
+
+N = small.SIZE
+GREY = np.full((N, N), 20_000, np.uint16)
+TABLES = ("filenames.txt", "light_directions.txt", "light_intensities.txt")
+DILIGENT: dict[str, tuple[Damage, str, str]] = {
+    "another size": (image("003.png", np.full((N, N + 1, 3), 9_000, np.uint16)), "003.png", "41 × 40"),
+    "missing": (lambda folder: (folder / "004.png").unlink(), "004.png", "missing"),
+    "truncated png": (cut("002.png"), "002.png", "truncated"),
+    "png without its end": (cut("002.png", 0.999), "002.png", "truncated"),
+    "damaged png": (flip("002.png"), "002.png", "damaged"),
+    "empty file": (cut("002.png", 0), "002.png", "no image"),
+    "grey among colours": (image("005.png", GREY), "005.png", "channels"),
+    "alpha": (image("001.png", np.full((N, N, 4), 9_000, np.uint16)), "001.png", "4 channels"),
+    "8 bits among 16": (image("005.png", np.full((N, N, 3), 90, np.uint8)), "005.png", "uint8"),
+    "black": (image("006.png", np.zeros((N, N, 3), np.uint16)), "006.png", "black"),
+    "all black": (lambda folder: every(folder, np.zeros((N, N, 3), np.uint16)), "001.png", "black"),
+    "saturated": (lambda folder: every(folder, np.full((N, N, 3), 65535, np.uint16)), "001.png", "overexposed"),
+    "no list": (lambda folder: (folder / "filenames.txt").unlink(), "filenames.txt", "missing"),
+    "empty list": (lambda folder: (folder / "filenames.txt").write_text("\n"), "filenames.txt", "no images"),
+    "no directions": (lambda folder: (folder / TABLES[1]).unlink(), TABLES[1], "missing"),
+    "a direction missing": (line(TABLES[1], 2, None), TABLES[1], "5 rows"),
+    "a direction too many": (line(TABLES[1], 2, "0 0 1\n0 0 1"), TABLES[1], "7 rows"),
+    "NaN in a direction": (line(TABLES[1], 2, "nan 0 1"), TABLES[1], "line 3"),
+    "two numbers": (line(TABLES[1], 0, "0 1"), TABLES[1], "line 1 has 2 numbers"),
+    "a word": (line(TABLES[1], 1, "0 up 1"), TABLES[1], "line 2"),
+    "zero direction": (line(TABLES[1], 1, "0 0 0"), TABLES[1], "002.png"),
+    "intensity zero": (line(TABLES[2], 3, "1 0 1"), TABLES[2], "line 4"),
+    "an intensity missing": (line(TABLES[2], 3, None), TABLES[2], "5 rows"),
+    "two lights": (first(2, *TABLES), TABLES[1], "three lights"),
+    "parallel": (lambda folder: np.savetxt(folder / TABLES[1], np.tile([0.1, 0.2, 1], (6, 1))), TABLES[1], "parallel"),
+    "one plane": (
+        lambda folder: np.savetxt(folder / TABLES[1], [[i / 9, 0, 1] for i in range(6)]), TABLES[1], "one plane",
+    ),
+    "no mask": (lambda folder: (folder / "mask.png").unlink(), "mask.png", "missing"),
+    "empty mask": (image("mask.png", np.zeros((N, N), np.uint8)), "mask.png", "empty"),
+    "mask of another size": (image("mask.png", np.ones((N - 1, N), np.uint8)), "mask.png", "40 × 39"),
+    "eval mask empty": (image("eval_mask.png", np.zeros((N, N), np.uint8)), "eval_mask.png", "empty"),
+    "truth of another size": (
+        lambda folder: np.save(folder / "normals_gt.npy", np.ones((3, 3, 3))), "normals_gt.npy", "(3, 3, 3)",
+    ),
+    "truth truncated": (
+        lambda folder: (np.save(folder / "normals_gt.npy", np.ones((N, N, 3))), cut("normals_gt.npy")(folder)),
+        "normals_gt.npy", "read",
+    ),
+    "truth no matlab file": (lambda f: (f / "Normal_gt.mat").write_bytes(b"x" * 300), "Normal_gt.mat", "read"),
+}  # fmt: skip
+LP: dict[str, tuple[Damage, str, str]] = {
+    "count": (line("lights.lp", 0, "7"), "lights.lp", "7 images and 6 rows"),
+    "no count": (line("lights.lp", 0, None), "lights.lp", "line 1"),
+    "empty": (lambda folder: (folder / "lights.lp").write_text(""), "lights.lp", "line 1"),
+    "short row": (line("lights.lp", 2, "0 1"), "lights.lp", "line 3"),
+    "NaN": (line("lights.lp", 2, "img 1.png 0 inf 1"), "lights.lp", "line 3"),
+    "zero": (line("lights.lp", 2, "img 1.png 0 0 0"), "lights.lp", "line 3"),
+    "no number": (line("lights.lp", 2, "img 1.png 0 0 up"), "lights.lp", "line 3"),
+    "missing image": (line("lights.lp", 2, "img 9.png 0 0 1"), "img 9.png", "missing"),
+    "two lists": (lambda folder: (folder / "other.lp").write_text("0"), "", "other.lp"),
+}
+NEAR: dict[str, tuple[Damage, str, str]] = {
+    "truncated tiff": (cut("2.tiff"), "2.tiff", "truncated"),
+    "tiff header only": (cut("2.tiff", 0.002), "2.tiff", "TIFF"),
+    "tiff of noise": (lambda folder: (folder / "2.tiff").write_bytes(b"\x17" * 4000), "2.tiff", "TIFF"),
+    "two pages": (lambda folder: tifffile.imwrite(folder / "2.tiff", np.stack([GREY, GREY])), "2.tiff", "pages"),
+    "32-bit integers": (lambda folder: tifffile.imwrite(folder / "2.tiff", GREY.astype(np.uint32)), "2.tiff", "uint32"),
+    "not a number": (
+        lambda folder: [tifffile.imwrite(p, np.full((N, N), np.nan, np.float32)) for p in folder.glob("*.tiff")],
+        "0.tiff", "not numbers",
+    ),
+    "no json": (lambda folder: (folder / "lights.json").write_text("{"), "lights.json", "JSON"),
+    "inches": (field("unit", "in"), "lights.json", "unit"),
+    "no reference": (field("reference_mm", 0), "lights.json", "reference_mm"),
+    "no position": (field("lights.1.position", [0, 1]), "lights.json", "lights.1.position"),
+    "NaN position": (field("lights.1.position", [0, 1, float("nan")]), "lights.json", "lights.1.position"),
+    "no intensity": (field("lights.1.intensity", -1), "lights.json", "lights.1.intensity"),
+    "no lights": (field("lights", []), "lights.json", "lights"),
+    "unknown field": (field("gain", 3), "lights.json", "gain"),
+    "no camera matrix": (field("camera.K", [[0, 0, 1], [0, 0, 1], [0, 0, 1]]), "lights.json", "camera.K"),
+    "centre outside": (field("camera.K", [[90, 0, 900], [0, 90, 20], [0, 0, 1]]), "lights.json", "camera.K"),
+    "long distortion": (field("camera.distortion", [0.0] * 8), "lights.json", "distortion"),
+    "missing": (field("lights.1.file", "nine.tiff"), "nine.tiff", "missing"),
+}  # fmt: skip
+CASES = [
+    pytest.param(make, *case, id=f"{make.__name__}: {name}")
+    for make, cases in ((small.diligent, DILIGENT), (small.lp, LP), (small.near, NEAR))
+    for name, case in cases.items()
+]
+
+
+@pytest.mark.parametrize(("make", "damage", "file", "said"), CASES)
+def test_what_is_wrong_is_named(
+    make: Callable[[Path], Path], damage: Damage, file: str, said: str, tmp_path: Path
+) -> None:
+    folder = make(tmp_path / "in")
+    damage(folder)
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    with pytest.raises(RigError) as caught:
+        folders.read(folder, scratch)
+    assert caught.value.code in (ErrorCode.FOLDER_INVALID, ErrorCode.NORMALS_INFEASIBLE)
+    assert caught.value.detail.startswith(str(folder / file if file else folder))
+    assert said in caught.value.detail
+    assert caught.value.context["file"]
+
+
+def test_a_folder_of_none_of_the_formats(tmp_path: Path) -> None:
+    for folder in (tmp_path, tmp_path / "nothing"):
+        with pytest.raises(RigError) as caught:
+            folders.kind_of(folder)
+        assert caught.value.code is ErrorCode.FOLDER_INVALID
+        assert str(folder) in caught.value.detail
+
+
+def test_a_sphere_beside_the_object(tmp_path: Path) -> None:
+    folder = small.diligent(tmp_path / "in")
+    with pytest.raises(RigError, match="sphere"):
+        folders.read(folder, tmp_path, sphere=folders.Sphere(500, 500, 3))
+
+
+def test_a_file_that_shrinks_while_it_is_read(tmp_path: Path) -> None:
+    folder = small.near(tmp_path / "in")
+    images = folders.read(folder, tmp_path)
+    cut("3.tiff")(folder)
+    with pytest.raises(RigError) as caught:
+        images.values(3, 0, N)
+    assert caught.value.context["file"] == str(folder / "3.tiff")

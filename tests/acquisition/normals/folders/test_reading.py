@@ -1,0 +1,170 @@
+"""Folders as other programs write them are read as they are meant."""
+
+import pickle
+from pathlib import Path
+
+import cv2
+import numpy as np
+import OpenEXR
+import pytest
+import tifffile
+from scipy.io import savemat
+
+from acquisition.normals import folders
+from acquisition.normals.folders import pixels, truth
+from acquisition.normals.image_set import Camera, DistantLights, ImageSet, NearLights
+from tests.acquisition.normals.folders import small
+
+
+def distant_normals(images: ImageSet) -> np.ndarray:
+    """Least squares over the brighter measurements of each pixel, written out here."""
+    assert isinstance(images.lights, DistantLights)
+    stack = np.stack([images.values(index, 0, images.height) for index in range(images.count)])
+    grey = stack if stack.ndim == 3 else (stack / images.lights.intensities[:, None, None]).mean(axis=-1)
+    if stack.ndim == 3:
+        grey = grey / images.lights.intensities[:, 0, None, None]
+    units = images.lights.directions / np.linalg.norm(images.lights.directions, axis=1, keepdims=True)
+    out = np.zeros((images.height, images.width, 3))
+    for row, column in np.argwhere(images.mask):
+        used = grey[:, row, column] > 1e-4
+        if np.count_nonzero(used) >= 3:
+            g = np.linalg.lstsq(units[used], grey[used, row, column], rcond=None)[0]
+            out[row, column] = g / np.linalg.norm(g)
+    return out
+
+
+def error_deg(found: np.ndarray, true: np.ndarray) -> np.ndarray:
+    both = (np.linalg.norm(found, axis=-1) > 0.5) & (np.linalg.norm(true, axis=-1) > 0.5)
+    return np.degrees(np.arccos(np.clip(np.sum(found * true, axis=-1)[both], -1, 1)))
+
+
+@pytest.mark.parametrize("colour", [True, False])
+def test_a_diligent_folder(colour: bool, tmp_path: Path) -> None:
+    folder = small.diligent(tmp_path / "in", colour)
+    images = folders.read(folder, tmp_path)
+    assert images.channels == (3 if colour else 1)
+    assert images.names == tuple(f"{number:03d}.png" for number in range(1, 7))
+    np.testing.assert_array_equal(images.mask, small.sphere()[1])
+    assert error_deg(distant_normals(images), small.sphere()[0]).max() < 0.1
+
+
+def test_channels_come_in_the_order_of_their_intensities(tmp_path: Path) -> None:
+    folder = small.diligent(tmp_path / "in")
+    colours = np.zeros((small.SIZE, small.SIZE, 3), np.uint16)
+    colours[..., 0] = 50_000  # red; OpenCV writes the last channel first
+    cv2.imwrite(str(folder / "001.png"), colours[..., ::-1])
+    rows = folders.read(folder, tmp_path).values(0, 0, 2)
+    assert rows[0, 0].tolist() == pytest.approx([50_000 / 65535, 0, 0])
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_an_lp_folder_names_may_hold_spaces(bits: int, tmp_path: Path) -> None:
+    folder = small.lp(tmp_path / "in", bits)
+    images = folders.read(folder, tmp_path)
+    assert images.names[2] == "img 2.png"
+    assert images.mask.all()
+    assert error_deg(distant_normals(images), small.sphere()[0]).max() < (0.1 if bits == 16 else 5)
+    assert any("8 bits" in sentence for sentence in images.notes["warnings"]) == (bits == 8)
+    assert folders.read(folder / "lights.lp", tmp_path).names == images.names
+
+
+def test_an_lp_file_of_another_machine_finds_its_images(tmp_path: Path) -> None:
+    folder = small.lp(tmp_path / "in")
+    text = (folder / "lights.lp").read_text()
+    (folder / "lights.lp").write_text(text.replace("img 0", "C:\\rti\\img 0").replace("img 1", "/home/a/img 1"))
+    assert folders.read(folder, tmp_path).count == 6
+
+
+def test_a_near_light_folder_comes_in_the_view_frame_in_metres(tmp_path: Path) -> None:
+    images = folders.read(small.near(tmp_path / "in"), tmp_path)
+    assert isinstance(images.lights, NearLights)
+    assert images.lights.positions_m[1].tolist() == pytest.approx([0.25, 0.0, -0.15])
+    assert images.lights.positions_m[3].tolist() == pytest.approx([0.0, -0.26, -0.12])
+    assert images.lights.reference_m == pytest.approx(0.4)
+    assert images.rough_depth_m == pytest.approx(0.48)
+    assert images.truth is not None
+    assert images.truth[small.SIZE // 2, small.SIZE // 2, 2] > 0.99
+    assert any("black level" in sentence for sentence in images.notes["warnings"])
+
+
+def test_a_black_level_is_taken_off(tmp_path: Path) -> None:
+    folder = small.near(tmp_path / "in")
+    before = folders.read(folder, tmp_path).rows(0, 0, small.SIZE).copy()
+    (tmp_path / "scratch").mkdir()
+    for path in folder.glob("*.tiff"):
+        tifffile.imwrite(path, tifffile.imread(path) + np.uint16(500))
+    text = (folder / "lights.json").read_text()
+    (folder / "lights.json").write_text(text.replace('"unit"', '"black_level": 500, "unit"'))
+    after = folders.read(folder, tmp_path / "scratch")
+    np.testing.assert_array_equal(after.rows(0, 0, small.SIZE), before)
+    assert after.saturated_from == pytest.approx(0.985 - 500 / 65535)
+    assert not any("black level" in sentence for sentence in after.notes["warnings"])
+
+
+def test_plain_tiff_is_read_where_it_lies_and_all_else_from_scratch(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    grey = rng.integers(0, 65535, (9, 7), dtype=np.uint16)
+    colour = rng.integers(0, 65535, (9, 7, 3), dtype=np.uint16)
+    cases = {"big-endian": grey, "deflate": grey, "rgb": colour, "planar": colour}
+    tifffile.imwrite(tmp_path / "big-endian.tiff", grey, byteorder=">")
+    cv2.imwrite(str(tmp_path / "deflate.tiff"), grey, [cv2.IMWRITE_TIFF_COMPRESSION, 8])
+    tifffile.imwrite(tmp_path / "rgb.tiff", colour, photometric="rgb")
+    tifffile.imwrite(tmp_path / "planar.tiff", colour.transpose(2, 0, 1), photometric="rgb", planarconfig="separate")
+    for name, expected in cases.items():
+        scratch = tmp_path / name
+        scratch.mkdir()
+        stored = pixels.store([tmp_path / f"{name}.tiff"], scratch)
+        rows = pickle.loads(pickle.dumps(stored.rows))  # noqa: S301 - made here
+        np.testing.assert_array_equal(rows(0, 2, 5), expected[2:5])
+        assert rows(0, 2, 5).dtype == np.uint16  # native byte order
+        assert rows(0, 2, 5).flags.c_contiguous
+        assert bool(list(scratch.iterdir())) == (name in ("deflate", "planar"))
+
+
+@pytest.mark.parametrize("name", ["Normal_gt.mat", "normals_gt.npy", "normals_gt.tiff", "normals_gt.exr"])
+def test_truth_is_found_in_every_form(name: str, tmp_path: Path) -> None:
+    folder = small.diligent(tmp_path / "in")
+    true = small.sphere()[0].astype(np.float32)
+    match name.rsplit(".", maxsplit=1)[-1]:
+        case "mat":
+            savemat(folder / name, {"Normal_gt": true.astype(np.float64)})
+        case "npy":
+            np.save(folder / name, true)
+        case "tiff":
+            tifffile.imwrite(folder / name, true, photometric="rgb")
+        case _:
+            channels = {f"N.{axis}": np.ascontiguousarray(true[..., index]) for index, axis in enumerate("XYZ")}
+            OpenEXR.File({"type": OpenEXR.scanlineimage}, channels).write(str(folder / name))
+    found = folders.read(folder, tmp_path).truth
+    assert found is not None
+    np.testing.assert_allclose(found, true, atol=1e-6)
+
+
+def test_a_sphere_is_its_own_truth(tmp_path: Path) -> None:
+    folder = small.diligent(tmp_path / "in")
+    images = folders.read(folder, tmp_path, sphere=folders.Sphere(small.SIZE / 2, small.SIZE / 2, small.RADIUS))
+    assert images.truth is not None
+    np.testing.assert_allclose(images.truth[images.mask], small.sphere()[0][images.mask], atol=1e-6)
+    assert images.evaluation_mask is not None
+    np.testing.assert_array_equal(images.evaluation_mask, images.mask)
+
+
+def test_a_sphere_seen_in_perspective(tmp_path: Path) -> None:
+    images = folders.read(small.near(tmp_path / "in"), tmp_path)
+    focal = images.camera.matrix[0, 0]  # type: ignore[union-attr]
+    radius = focal * np.tan(np.arcsin(40 / 500))
+    normals, inside = truth.sphere_normals(
+        truth.Sphere(small.SIZE / 2, small.SIZE / 2, radius), images.height, images.width, images.camera
+    )
+    assert images.truth is not None
+    np.testing.assert_array_equal(inside, images.mask)
+    assert error_deg(normals, images.truth).max() < 0.1
+    # Off the axis every normal on the outline is at right angles to its ray.
+    wide = Camera(np.array([[100.0, 0, 50], [0, 100, 50], [0, 0, 1]]))
+    normals, inside = truth.sphere_normals(truth.Sphere(120.0, 80.0, 30.0), 150, 200, wide)
+    row, column = np.mgrid[:150, :200]
+    ray = np.stack([(column - 50) / 100, -(row - 50) / 100, -np.ones(row.shape)], -1)
+    cosine = -np.sum(normals * ray, axis=-1)[inside] / np.linalg.norm(ray, axis=-1)[inside]
+    np.testing.assert_allclose(np.linalg.norm(normals[inside], axis=-1), 1, atol=1e-6)
+    assert cosine.min() > 0
+    assert cosine.max() > 0.999
