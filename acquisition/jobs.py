@@ -16,6 +16,7 @@ from acquisition.normals import export, solve
 from acquisition.plan import baselines
 from acquisition.types import (
     LIT,
+    BoolArray,
     Calibration,
     JointPath,
     Light,
@@ -50,13 +51,17 @@ def _reach(cell: CellConfig, calibration: Calibration, cache: Path) -> reaching.
 
 def choose_lights(
     recipe: Recipe, cell: CellConfig, calibration: Calibration, cache: Path, result: Path | None,
-    observations: Observations | None,
+    observations: Observations | None, drawn: Path | None,
 ) -> LightPlan:  # fmt: skip
-    """The next pass's lights: planned from the last result where there is one, else the first pass's."""
+    """The next pass's lights: planned from the last result where there is one, else the first pass's.
+
+    `drawn` is the mask of the region of interest, none: the whole object.
+    """
     reach = _reach(cell, calibration, cache)
     if result is not None and observations is not None:
         normal_map = export.read(result)
-        chosen = plan.choose(normal_map, observations, recipe, reach, calibration)
+        want = plan.choose if recipe.target_sigma_deg is None else plan.approach
+        chosen = want(normal_map, observations, recipe, reach, calibration, region=_drawn(drawn, calibration))
         return chosen.model_copy(update={"levels_per_s": expected_levels(normal_map, chosen.lights, calibration)})
     if recipe.method != "optimal":
         return baselines.baseline(recipe.method, recipe.lights_total, recipe, reach)
@@ -68,6 +73,10 @@ def choose_lights(
         reasons=[f"pilot light at slant {slant:.0f}°" for slant in slants],
         notes=[f"The top light stands at slant {min(slants):.1f}°, the smallest that the arm reaches in free view."],
     )
+
+
+def _drawn(mask: Path | None, calibration: Calibration) -> BoolArray | None:
+    return None if mask is None else region.decoded(mask.read_bytes(), calibration)
 
 
 def expected_levels(normal_map: NormalMap, lights: list[Light], calibration: Calibration) -> list[float]:
@@ -95,9 +104,9 @@ def plan_retreat(start: tuple[float, ...], cell: CellConfig, calibration: Calibr
 
 def solve_normals(
     observations: Observations, cell: CellConfig, calibration: Calibration, settings: SolveSettings,
-    forecast: LightPlan | None, folder: Path,
+    forecast: LightPlan | None, drawn: Path | None, folder: Path,
 ) -> ResultSummary:  # fmt: skip
-    """Solves all images and writes the result into `folder`."""
+    """Solves all images and writes the result into `folder`; `drawn` is the mask of the region of interest, if any."""
     found = solve(
         observations,
         calibration,
@@ -113,8 +122,11 @@ def solve_normals(
         images=len(observations.shots),
         object_pixels=int(np.count_nonzero(found.silhouette)),
         solved_pixels=int(np.count_nonzero(found.mask)),
-        mean_sigma_deg=float(np.mean(sigma)),
+        mean_sigma_deg=photometry.mean_sigma_deg(found, calibration),
         median_sigma_deg=float(np.median(sigma)),
+        region_sigma_deg=None
+        if drawn is None
+        else photometry.mean_sigma_deg(found, calibration, _drawn(drawn, calibration)),
         predicted_sigma_deg=None if forecast is None else forecast.predicted_sigma_deg,
         predicted_median_deg=None if forecast is None else forecast.predicted_median_deg,
         fewer_than_three_lights=float(np.mean(lights_used < 3)),

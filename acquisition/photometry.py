@@ -25,8 +25,9 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from acquisition.errors import ErrorCode, RigError
 from acquisition.geometry import VIEW_FROM_CAMERA
-from acquisition.types import BoolArray, Calibration, Float32Array, FloatArray, Light, SensorModel
+from acquisition.types import BoolArray, Calibration, Float32Array, FloatArray, Light, NormalMap, SensorModel
 
 DEPTH_SIGMA_M = 0.0015
 """1 σ of a pixel's depth after integration that the direction term allows for; larger errors are the depth column's."""
@@ -36,6 +37,9 @@ FLAT_FIELD_SIGMA = 0.005
 
 SATURATED_FROM = 0.985
 """Share of the clipping level above which a value is taken as clipped."""
+
+GRADED_SLANT_DEG = 78.0
+"""Greatest angle between a normal and its viewing ray over which errors and σ are averaged."""
 
 
 @dataclass(frozen=True)
@@ -162,6 +166,32 @@ def noise(
 ) -> Noise:
     """The noise of images with these exposure times and lamps at about `distance_m` from the object."""
     return model_noise(calibration, *sensor_noise(calibration, exposures_s, ambient_dn), distance_m)
+
+
+def facing(normal_map: NormalMap, calibration: Calibration) -> BoolArray:
+    """The solved pixels (H, W) whose normal lies within `GRADED_SLANT_DEG` of the viewing ray: those that errors count.
+
+    The rim beyond is seen edge-on by few pixels of large σ, which no light helps.
+    """
+    ray = rays(calibration, slice(0, calibration.height), slice(0, calibration.width))
+    along = ray_directions(ray)
+    cosine = -np.einsum("hwc,chw->hw", normal_map.normals, along) / np.sqrt(np.einsum("chw,chw->hw", along, along))
+    return normal_map.mask & (cosine > np.cos(np.radians(GRADED_SLANT_DEG)))
+
+
+def mean_sigma_deg(normal_map: NormalMap, calibration: Calibration, region: BoolArray | None = None) -> float:
+    """Mean σ in degrees over the facing pixels, of `region` (H, W) where one is given.
+
+    Raises RigError normals.infeasible when there are none.
+    """
+    counted = facing(normal_map, calibration)
+    counted = counted if region is None else counted & region
+    sigma = normal_map.sigma_deg[counted]
+    sigma = sigma[np.isfinite(sigma)]
+    if not len(sigma):
+        where = "of the object" if region is None else "of the region of interest"
+        raise RigError(ErrorCode.NORMALS_INFEASIBLE, f"no pixel {where} has a normal: draw the region on the object")
+    return float(np.mean(sigma, dtype=np.float64))
 
 
 @numba.njit(

@@ -1,17 +1,21 @@
-"""Where the object can be in the image: the keep-out cylinder and the table as the camera sees them.
+"""Parts of the image: where the object can be as the camera sees it, and the region of interest that a person drew.
 
-Lives below the stages because two of them ask: capture checks a frame's exposure there, normals look for the object's
-silhouette there and start from the depth of the middle of the cylinder.
+Lives below the stages because several ask: capture checks a frame's exposure in the keep-out cylinder, normals look for
+the object's silhouette there and start from the depth of its middle, and the plan serves the region of interest.
 """
+
+import struct
 
 import cv2
 import numpy as np
 
 from acquisition import geometry
 from acquisition.config import CellConfig
+from acquisition.errors import ErrorCode, RigError
 from acquisition.types import BoolArray, Calibration, Float32Array
 
 _CIRCLE_POINTS = 96
+_PNG_START = b"\x89PNG\r\n\x1a\n"
 
 
 def keep_out(cell: CellConfig, calibration: Calibration) -> BoolArray:
@@ -36,6 +40,37 @@ def keep_out(cell: CellConfig, calibration: Calibration) -> BoolArray:
     image = np.zeros((calibration.height, calibration.width), np.uint8)
     cv2.fillConvexPoly(image, outline, 1, shift=3)
     return image.astype(np.bool_)
+
+
+def decoded(content: bytes, calibration: Calibration) -> BoolArray:
+    """The mask (H, W) in a PNG of the camera's size: a pixel that is not black belongs to it.
+
+    Raises RigError request.invalid when it is no PNG, of another size, or all black.
+    """
+    wanted = (calibration.width, calibration.height)
+    # The header's size is looked at before anything is unpacked: a small file can hold a huge image.
+    size = struct.unpack(">II", content[16:24]) if content.startswith(_PNG_START) and len(content) > 24 else None
+    if size is not None and size != wanted:
+        raise RigError(
+            ErrorCode.REQUEST_INVALID,
+            f"the mask is {size[0]} × {size[1]} pixels and the camera's images are {wanted[0]} × {wanted[1]}: draw it "
+            "on an image of this camera",
+        )
+    image = None if size is None else cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise RigError(ErrorCode.REQUEST_INVALID, "the mask is not a PNG image, or a damaged one: send a PNG file")
+    mask = np.any(np.asarray(image) > 0, axis=-1)
+    if not np.any(mask):
+        raise RigError(ErrorCode.REQUEST_INVALID, "the mask is all black: paint the region of interest in white")
+    return mask
+
+
+def encoded(mask: BoolArray) -> bytes:
+    """A mask (H, W) as a PNG, black and white."""
+    written, content = cv2.imencode(".png", mask.astype(np.uint8) * 255)
+    if not written:
+        raise RigError(ErrorCode.SERVICE_FAULT, "the mask could not be encoded")
+    return content.tobytes()
 
 
 def middle_depth_m(cell: CellConfig, calibration: Calibration) -> float:

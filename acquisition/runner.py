@@ -141,6 +141,13 @@ class Runner:
             self._steps.begin(row.id, recipe)
         return row, new
 
+    def draw_region(self, session_id: str, mask: bytes, actor: str) -> int:
+        """Keeps a PNG as the session's region of interest; returns its pixels.
+
+        Raises RigError request.invalid, session.action_not_allowed, session.not_found.
+        """
+        return self._steps.draw(session_id, mask, actor)
+
     def act(self, session_id: str, action: Trigger, actor: str) -> State:
         """A person's action; returns the state after it.
 

@@ -11,6 +11,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import assert_never
 
+import numpy as np
+
 from acquisition import lamp_pose, region, session
 from acquisition.capture import check, exposure, take
 from acquisition.capture.take import Exposed
@@ -19,7 +21,7 @@ from acquisition.devices import Rig, StopToken
 from acquisition.errors import ErrorCode, RigError
 from acquisition.session import ChooseLights, GoHome, PlanRoute, Record, SolveNormals, Step, TakeDark, TakeShot
 from acquisition.store import FolderFrames, Store
-from acquisition.store.folder import write_frame, write_manifest, write_value
+from acquisition.store.folder import write_bytes, write_frame, write_manifest, write_value
 from acquisition.types import (
     BoolArray,
     Calibration,
@@ -103,6 +105,7 @@ class Steps:
             self.reach_cache,
             previous,
             None if previous is None else self._observations(record, folder),
+            self._drawn(record.session_id),
         )
         name = f"passes/{number}/plan.json"
         digest = write_value(folder / name, plan)
@@ -112,8 +115,32 @@ class Steps:
             "predicted_sigma_deg": plan.predicted_sigma_deg,
             "predicted_median_deg": plan.predicted_median_deg,
             "notes": plan.notes,
+            "conclusion": plan.conclusion,
         }
         self._store.journal.add_artifact(record.session_id, "plan", number, name, digest, body, "plan.ready")
+
+    def _drawn(self, session_id: str) -> Path | None:
+        """The mask of the region of interest, where one was drawn."""
+        masks = self._store.journal.artifacts(session_id, "region")
+        return self._store.folder(session_id) / masks[-1].path if masks else None
+
+    def draw(self, session_id: str, content: bytes, actor: str) -> int:
+        """Keeps a mask (PNG) as the session's region of interest and returns its number of pixels.
+
+        Raises RigError request.invalid, session.action_not_allowed, session.not_found.
+        """
+        self._store.journal.may_draw(session_id)
+        mask = region.decoded(content, self._calibration)
+        if not np.any(mask & self._region):
+            raise RigError(
+                ErrorCode.REQUEST_INVALID, "the mask lies outside of where the object can be: draw it on the object"
+            )
+        made = len(self._store.journal.artifacts(session_id, "region"))
+        name = "region.png" if made == 0 else f"region_{made + 1}.png"
+        digest = write_bytes(self._store.folder(session_id) / name, region.encoded(mask))
+        pixels = int(np.count_nonzero(mask))
+        self._store.journal.add_region(session_id, name, digest, {"pixels": pixels}, actor)
+        return pixels
 
     def _plan_route(self, record: Record, step: PlanRoute, stop: StopToken) -> None:
         number, folder = step.pass_number, self._store.folder(record.session_id)
@@ -234,6 +261,7 @@ class Steps:
             self._calibration,
             SolveSettings(),
             record.passes[step.number].plan,
+            self._drawn(record.session_id),
             folder / name,
         )
         facts = {

@@ -21,7 +21,7 @@ from acquisition.session import ENDED, HOLDS_THE_RIG, PassRecord, Record, State,
 from acquisition.store.rows import Action, Artifact, Counts, Event, SessionRow, session_of
 from acquisition.types import LightPlan, Recipe, Route, Shot
 
-MIGRATIONS = ("schema_001.sql",)
+MIGRATIONS = ("schema_001.sql", "schema_002.sql")
 
 
 class Journal:
@@ -180,12 +180,35 @@ class Journal:
     ) -> None:
         """Enters a plan, route or result whose file is already on the disk, with the event that announces it."""
         with self._transaction() as connection:
-            connection.execute(
-                "INSERT INTO artifact (session_id, kind, number, path, sha256, body, created_at)"
-                " VALUES (?, ?, ?, ?, ?, ?, ?)",
-                (session_id, kind, number, path, sha256, json.dumps(body), time.time()),
+            self._add_artifact(connection, session_id, kind, number, path, sha256, body, event)
+
+    def may_draw(self, session_id: str) -> SessionRow:
+        """The session, when a region of interest could still guide its plan.
+
+        Raises RigError session.action_not_allowed when it could not, session.not_found.
+        """
+        row = self.session(session_id)
+        planned = any(item.number > 0 for item in self.artifacts(session_id, "plan"))
+        if row.state not in (State.CREATED, State.PAUSED) or planned:
+            raise RigError(
+                ErrorCode.SESSION_ACTION_NOT_ALLOWED,
+                "A region of interest is drawn before the start, or while the session is paused before its lights are "
+                f"planned; this one is {row.state}{' and planned' if planned else ''}",
+                state=row.state,
+                allowed=[str(action) for action in allowed(row.state)],
             )
-            self._event(connection, session_id, event, {"number": number, "path": path})
+        return row
+
+    def add_region(self, session_id: str, path: str, sha256: str, body: dict[str, Any], actor: str) -> None:
+        """Enters a region of interest whose file is already on the disk; the newest one holds.
+
+        Raises RigError as `may_draw`.
+        """
+        with self._transaction() as connection:
+            row = self.may_draw(session_id)
+            self._record_action(connection, session_id, "draw-region", actor, str(row.state))
+            number = len(self.artifacts(session_id, "region"))
+            self._add_artifact(connection, session_id, "region", number, path, sha256, body, "region.drawn")
 
     def artifacts(self, session_id: str, kind: str) -> list[Artifact]:
         """The artefacts of one kind, oldest first."""
@@ -336,6 +359,17 @@ class Journal:
         # After the lock is free: whoever waits here reads the table under that lock.
         with self._grown:
             self._grown.notify_all()
+
+    def _add_artifact(
+        self, connection: sqlite3.Connection, session_id: str, kind: str, number: int, path: str, sha256: str,
+        body: dict[str, Any], event: str,
+    ) -> None:  # fmt: skip
+        connection.execute(
+            "INSERT INTO artifact (session_id, kind, number, path, sha256, body, created_at)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?)",
+            (session_id, kind, number, path, sha256, json.dumps(body), time.time()),
+        )
+        self._event(connection, session_id, event, {"number": number, "path": path})
 
     def _event(self, connection: sqlite3.Connection, session_id: str | None, type_: str, body: dict[str, Any]) -> None:
         connection.execute(
