@@ -5,6 +5,7 @@ own solver took. Whatever is wrong with a folder is found here, before anything 
 file's name. Before: any capture. After: `distant`, or `solve` for near light.
 """
 
+import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -59,7 +60,8 @@ def read(folder: Path, scratch: Path, *, sphere: Sphere | None = None, progress:
     kind = kind_of(folder)
     if kind == "session":
         raise refusal(folder, "is a session's folder: read it as one")
-    lights, images = _images(folder, kind, scratch, progress)
+    own = Path(tempfile.mkdtemp(dir=scratch))  # so that one scratch folder serves several reads
+    lights, images = _images(folder, kind, own, progress)
     try:
         check(images)
     except RigError as error:

@@ -195,10 +195,11 @@ def _plain_tiff(path: Path) -> tuple[Place, tuple[int, ...]] | None:
                 raise refusal(path, f"holds {len(file.pages)} pages: save one image as one page")
             page = file.pages.first
             shape, kind = tuple(int(size) for size in page.shape), page.dtype
-            planar = page.samplesperpixel > 1 and page.planarconfig != tifffile.PLANARCONFIG.CONTIG
+            if page.samplesperpixel > 1 and page.planarconfig != tifffile.PLANARCONFIG.CONTIG:
+                raise refusal(path, "stores its channels as separate planes: save them interleaved")
             if kind is None:
                 raise refusal(path, "holds no pixels: save it again")
-            if not page.is_contiguous or planar or page.fillorder != 1:
+            if not page.is_contiguous or page.fillorder != 1:
                 return None
             _refuse(path, kind, shape)
             offset = int(page.dataoffsets[0])

@@ -133,6 +133,12 @@ NEAR: dict[str, tuple[Damage, str, str]] = {
     "tiff header only": (cut("2.tiff", 0.002), "2.tiff", "TIFF"),
     "tiff of noise": (lambda folder: (folder / "2.tiff").write_bytes(b"\x17" * 4000), "2.tiff", "TIFF"),
     "two pages": (lambda folder: tifffile.imwrite(folder / "2.tiff", np.stack([GREY, GREY])), "2.tiff", "pages"),
+    "planes": (
+        lambda folder: tifffile.imwrite(
+            folder / "2.tiff", np.stack([GREY] * 3), photometric="rgb", planarconfig="separate"
+        ),
+        "2.tiff", "planes",
+    ),
     "32-bit integers": (lambda folder: tifffile.imwrite(folder / "2.tiff", GREY.astype(np.uint32)), "2.tiff", "uint32"),
     "not a number": (
         lambda folder: [tifffile.imwrite(p, np.full((N, N), np.nan, np.float32)) for p in folder.glob("*.tiff")],

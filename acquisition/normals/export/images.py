@@ -1,0 +1,52 @@
+"""Pictures and float maps with their convention written into them, so that a file that left home still says what it is.
+
+OpenCV writes no text into PNG files; a tEXt chunk put in behind the header does.
+"""
+
+import zlib
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+import tifffile
+
+from acquisition.types import BoolArray, Float32Array
+
+Green = Literal["opengl", "directx"]
+FRAME = "view frame: x right, y up, z to the camera; row 0 at the top"
+COLOURS = {
+    "opengl": f"colour = (n + 1) / 2, OpenGL green (+Y up); {FRAME}",
+    "directx": f"colour = (n + 1) / 2 with y turned round, DirectX green (+Y down); {FRAME}",
+}
+
+
+def normals_png(path: Path, normals: Float32Array, mask: BoolArray, green: Green = "opengl") -> None:
+    """A 16-bit RGB normal map of normals (H, W, 3), black outside the mask (H, W)."""
+    scale = np.array([32767.5, 32767.5 if green == "opengl" else -32767.5, 32767.5], np.float32)
+    colours = np.clip(normals * scale + np.float32(32768.0), 0, 65535).astype(np.uint16)  # truncation after + ½ rounds
+    colours[~mask] = 0
+    png(path, colours, COLOURS[green])
+
+
+def png(path: Path, pixels: np.ndarray, description: str = "") -> None:
+    """An 8- or 16-bit PNG, (H, W) or (H, W, 3) RGB, with a description (Latin-1) where one is given."""
+    colour = cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR) if pixels.ndim == 3 else pixels
+    encoded, content = cv2.imencode(".png", colour, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    if not encoded:
+        raise OSError(f"{path} could not be encoded")
+    path.write_bytes(with_text(content.tobytes(), description) if description else content.tobytes())
+
+
+def with_text(content: bytes, description: str) -> bytes:
+    """A PNG with `Description` as a tEXt chunk behind its header."""
+    body = b"tEXtDescription\0" + description.encode("latin-1")
+    chunk = (len(body) - 4).to_bytes(4, "big") + body + zlib.crc32(body).to_bytes(4, "big")
+    behind_header = 8 + 25  # signature, and IHDR with its 13 bytes
+    return content[:behind_header] + chunk + content[behind_header:]
+
+
+def float_tiff(path: Path, values: Float32Array, description: str) -> None:
+    """A float32 TIFF, (H, W) or (H, W, 3), uncompressed."""
+    kind = "rgb" if values.ndim == 3 else "minisblack"
+    tifffile.imwrite(path, values, photometric=kind, description=description.encode(), metadata=None)

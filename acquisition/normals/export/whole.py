@@ -1,0 +1,35 @@
+"""Folders that appear whole or not at all: written beside their place under a hidden name, then renamed."""
+
+import shutil
+import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from acquisition.errors import ErrorCode, RigError
+
+
+@contextmanager
+def whole_folder(folder: Path, *, replace: bool) -> Generator[Path]:
+    """Gives a hidden folder to write into; it takes the name `folder` when the block ends, and is gone when it fails.
+
+    What stood there before is replaced as a whole; unless `replace`, anything but an empty folder is refused with
+    RigError folder.invalid, before the block runs.
+    """
+    if not replace and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise RigError(
+            ErrorCode.FOLDER_INVALID,
+            f"{folder}: holds files already: name a new folder, or empty it",
+            file=str(folder),
+        )
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    partial = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    try:
+        yield partial
+        partial.chmod(0o755)
+        if folder.exists():
+            shutil.rmtree(folder)
+        partial.rename(folder)
+    except BaseException:
+        shutil.rmtree(partial, ignore_errors=True)
+        raise

@@ -1,0 +1,216 @@
+"""Exports read back by other means than they were written: what stands in them is what they say."""
+
+import json
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import OpenEXR
+import pytest
+import tifffile
+import trimesh
+
+from acquisition.errors import ErrorCode, RigError
+from acquisition.normals import export, folders
+from acquisition.normals.image_set import ImageSet
+from acquisition.types import LIT, Information, NormalMap
+from tests.acquisition.normals.folders import small
+
+
+def truth_as_result(images: ImageSet, depth: np.ndarray) -> NormalMap:
+    """The true normals as if they had been found."""
+    assert images.truth is not None
+    mask = images.mask & (np.linalg.norm(images.truth, axis=-1) > 0.5)
+    shape = mask.shape
+    return NormalMap(
+        normals=np.where(mask[..., None], images.truth, 0).astype(np.float32),
+        albedo=np.where(mask, small.ALBEDO, 0).astype(np.float32),
+        depth=np.where(mask, depth, 0).astype(np.float32),
+        sigma_deg=np.where(mask, 0.7, np.nan).astype(np.float32),
+        residual=np.where(mask, 1.0, 0).astype(np.float32),
+        mask=mask,
+        silhouette=images.mask,
+        flags=np.where(mask, LIT, 0).astype(np.uint8) * np.ones((images.count, 1, 1), np.uint8),
+        intensity_factors=np.ones(images.count),
+        information=Information(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 4, 4))),
+        indirect=np.full(shape, 0.25, np.float32),
+        doubtful=mask & (np.arange(shape[1]) < 3),
+    )
+
+
+@pytest.fixture
+def near(tmp_path: Path) -> export.Source:
+    """A ball 500 mm away, seen in perspective."""
+    images = folders.read(small.near(tmp_path / "near"), tmp_path)
+    assert images.truth is not None
+    z = 0.5 - 0.04 * images.truth[..., 2]  # the ball's centre is on the axis, 0.5 m away
+    return export.Source(truth_as_result(images, z), images)
+
+
+@pytest.fixture
+def distant(tmp_path: Path) -> export.Source:
+    folder = small.diligent(tmp_path / "distant")
+    np.save(folder / "normals_gt.npy", small.sphere()[0])
+    images = folders.read(folder, tmp_path)
+    return export.Source(truth_as_result(images, 50 - 16 * small.sphere()[0][..., 2]), images)
+
+
+def made(name: str, source: export.Source, folder: Path) -> Path:
+    folder.mkdir(exist_ok=True)
+    export.make(name, source, folder)
+    return folder / name
+
+
+def png_text(path: Path) -> str:
+    content = path.read_bytes()
+    at = content.index(b"tEXt")
+    length = int.from_bytes(content[at - 4 : at], "big")
+    return content[at + 4 : at + 4 + length].decode("latin-1").split("\0", 1)[1]
+
+
+def test_optional_maps_read_back_exactly(near: export.Source, tmp_path: Path) -> None:
+    names = export.write(near.normal_map, tmp_path / "result")
+    again = export.read(tmp_path / "result")
+    assert {"indirect.tiff", "doubtful.png"} <= set(names)
+    for name in ("indirect", "doubtful"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(near.normal_map, name))
+    bare = replace(near.normal_map, indirect=None, doubtful=None)
+    assert not {"indirect.tiff", "doubtful.png"} & set(export.write(bare, tmp_path / "result"))
+    again = export.read(tmp_path / "result")
+    assert again.indirect is None
+    assert again.doubtful is None
+
+
+def test_the_green_of_directx_is_turned_and_both_files_say_what_they_are(near: export.Source, tmp_path: Path) -> None:
+    found = near.normal_map
+    export.write(found, tmp_path / "result")
+    pictures = {}
+    for name, path in (
+        ("OpenGL", tmp_path / "result" / "normals.png"),
+        ("DirectX", made("normals_directx.png", near, tmp_path / "out")),
+    ):
+        assert name in png_text(path)
+        pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)[..., ::-1]
+        pictures[name] = pixels.astype(float) / 65535 * 2 - 1
+        assert not np.any(pixels[~found.mask])
+    np.testing.assert_allclose(pictures["OpenGL"][found.mask], found.normals[found.mask], atol=1.6e-5)
+    np.testing.assert_allclose(pictures["DirectX"][found.mask], found.normals[found.mask] * [1, -1, 1], atol=1.6e-5)
+    with tifffile.TiffFile(tmp_path / "result" / "depth.tiff") as file:
+        assert "depth along the camera's axis, m" in file.pages.first.description
+
+
+def test_the_channels_of_exr(near: export.Source, tmp_path: Path) -> None:
+    found = near.normal_map
+    file = OpenEXR.File(str(made("maps.exr", near, tmp_path / "out")), separate_channels=True)
+    channels = {name: channel.pixels for name, channel in file.channels().items()}
+    normals = np.stack([channels[f"N.{axis}"] for axis in "XYZ"], -1)
+    np.testing.assert_allclose(normals, found.normals, atol=5e-4)
+    np.testing.assert_array_equal(channels["Z"], found.depth)
+    np.testing.assert_array_equal(channels["sigma_deg"], np.nan_to_num(found.sigma_deg))
+    np.testing.assert_allclose(channels["albedo"], found.albedo, atol=5e-4)
+    np.testing.assert_array_equal(channels["indirect"], found.indirect)
+    assert "y up" in file.header()["convention"]
+    assert "m;" in file.header()["units"]
+
+
+def test_the_mesh_is_the_ball_and_faces_the_camera(near: export.Source, tmp_path: Path) -> None:
+    path = made("mesh.ply", near, tmp_path / "out")
+    assert b"comment view frame: x right, y up" in path.read_bytes()[:300]
+    mesh = trimesh.load(path, process=False)
+    assert len(mesh.vertices) == np.count_nonzero(near.normal_map.mask)
+    np.testing.assert_allclose(np.linalg.norm(mesh.vertices - [0, 0, -0.5], axis=1), 0.04, atol=2e-4)
+    np.testing.assert_allclose(mesh.vertex_normals, near.normal_map.normals[near.normal_map.mask], atol=1e-6)
+    toward = -np.sum(mesh.face_normals * mesh.triangles_center, axis=1)
+    assert toward.min() > 0
+    assert len(mesh.faces) > 1.7 * len(mesh.vertices)
+
+
+def test_no_triangle_joins_two_levels(distant: export.Source, tmp_path: Path) -> None:
+    shape = distant.normal_map.mask.shape
+    step = np.where(np.arange(shape[1]) < shape[1] // 2, 10.0, 30.0) * np.ones(shape)
+    flat = replace(distant.normal_map, depth=step.astype(np.float32), mask=np.ones(shape, bool))
+    mesh = trimesh.load(made("mesh.ply", replace(distant, normal_map=flat), tmp_path / "out"), process=False)
+    assert len(mesh.faces) == 2 * (shape[0] - 1) * (shape[1] - 2)
+    assert np.ptp(mesh.triangles[..., 2], axis=1).max() == 0
+
+
+def test_lights_for_other_programs(near: export.Source, tmp_path: Path) -> None:
+    rows = made("lights.lp", near, tmp_path / "out").read_text().splitlines()
+    assert int(rows[0]) == near.images.count == len(rows) - 1
+    name, x, y, z = rows[2].split()
+    assert name == "1.tiff"
+    expected = np.array([0.25, 0, -0.15]) - near.centre
+    np.testing.assert_allclose([float(x), float(y), float(z)], expected / np.linalg.norm(expected), atol=1e-5)
+
+    dome = json.loads(made("lights.dome", near, tmp_path / "out").read_text())
+    assert dome["lightConfiguration"] == "lights3d"
+    place = np.array([dome["positions3d"][1][axis] for axis in "xyz"])
+    np.testing.assert_allclose(place, expected * 1000, atol=1e-3)
+    assert dome["imageWidth"] == pytest.approx(1000 * near.width_m)
+    assert 0.08 < near.width_m < 0.11  # the ball of 80 mm is 32 of 40 pixels wide
+    adjust = np.array([one["g"] for one in dome["ledAdjust"]])
+    assert adjust.shape == (6,)
+
+
+def test_a_diligent_folder_comes_back_as_it_was(distant: export.Source, tmp_path: Path) -> None:
+    again = folders.read(made("diligent", distant, tmp_path / "out"), tmp_path)
+    for index in range(again.count):
+        np.testing.assert_array_equal(
+            again.values(index, 0, again.height), distant.images.values(index, 0, again.height)
+        )
+    np.testing.assert_array_equal(again.mask, distant.images.mask)
+    np.testing.assert_allclose(again.lights.intensities, distant.images.lights.intensities, rtol=1e-8)  # type: ignore[union-attr]
+    units = distant.images.lights.directions  # type: ignore[union-attr]
+    units = units / np.linalg.norm(units, axis=1, keepdims=True)
+    np.testing.assert_allclose(again.lights.directions, units, atol=1e-8)  # type: ignore[union-attr]
+
+
+def test_near_light_says_that_it_is_near_where_only_directions_can_be_given(
+    near: export.Source, tmp_path: Path
+) -> None:
+    folder = made("diligent", near, tmp_path / "out")
+    assert "near" in (folder / "README.txt").read_text()
+    assert folders.read(folder, tmp_path).count == near.images.count
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_an_lp_set_of_any_depth_becomes_sixteen_bits(bits: int, tmp_path: Path) -> None:
+    images = folders.read(small.lp(tmp_path / "in", bits), tmp_path)
+    source = export.Source(
+        truth_as_result(replace(images, truth=small.sphere()[0]), np.ones(images.mask.shape)), images
+    )
+    again = folders.read(made("diligent", source, tmp_path / "out"), tmp_path)
+    np.testing.assert_allclose(again.values(1, 0, again.height), images.values(1, 0, again.height), atol=1e-7)
+
+
+def test_what_integration_tools_read(near: export.Source, distant: export.Source, tmp_path: Path) -> None:
+    folder = made("integration", near, tmp_path / "near-out")
+    np.testing.assert_allclose(np.loadtxt(folder / "K.txt"), near.images.camera.matrix, rtol=1e-8)  # type: ignore[union-attr]
+    assert cv2.imread(str(folder / "normal_map.png"), cv2.IMREAD_UNCHANGED).dtype == np.uint16
+    mask = cv2.imread(str(folder / "mask.png"), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(mask > 0, near.normal_map.mask)
+    assert not (made("integration", distant, tmp_path / "distant-out") / "K.txt").exists()
+
+
+def test_a_folder_appears_whole_or_not_at_all(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+
+    def broken() -> None:
+        with export.whole_folder(target, replace=False) as partial:
+            (partial / "half").write_text("half")
+            raise subprocess.SubprocessError("in the middle")
+
+    with pytest.raises(subprocess.SubprocessError):
+        broken()
+    assert list(tmp_path.iterdir()) == []
+    with export.whole_folder(target, replace=False) as partial:
+        (partial / "all").write_text("all")
+        assert not target.exists()
+    assert [path.name for path in target.iterdir()] == ["all"]
+    with pytest.raises(RigError) as refused, export.whole_folder(target, replace=False):
+        pass
+    assert refused.value.code is ErrorCode.FOLDER_INVALID
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+    assert [path.name for path in target.iterdir()] == ["all"]
