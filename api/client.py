@@ -31,6 +31,7 @@ from api.schemas import (
     PassResource,
     PassSummary,
     Problem,
+    RegionResource,
     ResultResource,
     RigResource,
     SafetyResource,
@@ -150,6 +151,16 @@ class Client:
     def delete(self, session_id: str) -> None:
         """Removes a session that does not hold the rig, with its files."""
         self._send("DELETE", f"/v1/sessions/{session_id}")
+
+    def draw_region(self, session_id: str, mask: Path) -> int:
+        """Says by a PNG of the camera's size which part of the object matters; returns its number of pixels."""
+        answer = self._send(
+            "PUT",
+            f"/v1/sessions/{session_id}/region.png",
+            content=mask.read_bytes(),
+            headers={"Content-Type": "image/png"},
+        )
+        return _parsed(answer, RegionResource).pixels
 
     def start(self, session_id: str) -> State:
         """Starts a session; returns its state."""

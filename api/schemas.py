@@ -238,6 +238,9 @@ class SessionResource(Resource):
     progress: float = Field(ge=0, le=1)
     seconds_left: float | None
     reason: Problem | None = Field(description="Why the session is in this state, when something went wrong")
+    conclusion: str | None = Field(
+        default=None, description="Why no more lights are taken, where an accuracy was ordered and this is decided"
+    )
     allowed_actions: list[str]
     recipe: Recipe
     cell: str
@@ -273,6 +276,13 @@ class PassResource(Resource):
     plan: LightPlan
     route: Route | None
     shots: list[ShotResource]
+    links: Links
+
+
+class RegionResource(Resource):
+    """The region of interest that was taken."""
+
+    pixels: int
     links: Links
 
 

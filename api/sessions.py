@@ -277,6 +277,7 @@ def artefact(
 def _resource(service: Service, row: SessionRow) -> SessionResource:
     progress = service.runner.progress(row.id)
     answers = service.store.journal.artifacts(row.id, "result")
+    plans = service.store.journal.artifacts(row.id, "plan")
     here = f"/v1/sessions/{row.id}"
     return SessionResource(
         id=row.id,
@@ -287,6 +288,7 @@ def _resource(service: Service, row: SessionRow) -> SessionResource:
         progress=progress.progress,
         seconds_left=progress.seconds_left,
         reason=None if row.reason is None else _reason(row.reason, here),
+        conclusion=plans[-1].body.get("conclusion") if plans else None,
         allowed_actions=[str(action) for action in session.allowed(row.state)],
         recipe=row.recipe,
         cell=json.loads(row.cell)["name"],
@@ -315,7 +317,7 @@ def _action(item: Action) -> ActionResource:
 
 def _result(session_id: str, folder: Path, entry: Artifact) -> ResultResource:
     here = f"/v1/sessions/{session_id}/results/{entry.number}"
-    figures = {name: entry.body[name] for name in ResultSummary.model_fields}
+    figures = {name: entry.body[name] for name in ResultSummary.model_fields if name in entry.body}
     return ResultResource(
         number=entry.number,
         passes=list(range(entry.number + 1)),

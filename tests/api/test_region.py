@@ -1,0 +1,92 @@
+"""The region of interest over HTTP: what is taken, what is refused, and when."""
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import httpx
+import numpy as np
+import pytest
+
+from acquisition.errors import ErrorCode
+from acquisition.session import Trigger
+from acquisition.types import Recipe
+from api.client import ProblemError
+
+SIZE = 1024  # of the simulated cell's calibration
+
+
+def png(mask: np.ndarray) -> bytes:
+    written, content = cv2.imencode(".png", mask.astype(np.uint8) * 255)
+    assert written
+    return content.tobytes()
+
+
+def square(size: int = SIZE, half: int = 60) -> np.ndarray:
+    mask = np.zeros((size, size), bool)
+    mask[size // 2 - half : size // 2 + half, size // 2 - half : size // 2 + half] = True
+    return mask
+
+
+def put(http: httpx.Client, session_id: str, content: bytes, media_type: str = "image/png") -> httpx.Response:
+    return http.put(f"/v1/sessions/{session_id}/region.png", content=content, headers={"Content-Type": media_type})
+
+
+def test_the_newest_mask_holds_and_comes_back_as_it_was_drawn(own: Any, tmp_path: Path) -> None:
+    session = own.client.create(Recipe())
+    assert own.http.get(f"/v1/sessions/{session.id}/region.png").status_code == 404
+
+    assert put(own.http, session.id, png(square(half=20))).json()["pixels"] == 1600
+    drawn = tmp_path / "mask.png"
+    drawn.write_bytes(png(square()))
+    assert own.client.draw_region(session.id, drawn) == 14400
+
+    answer = own.http.get(f"/v1/sessions/{session.id}/region.png")
+    kept = cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert answer.headers["content-type"] == "image/png"
+    assert np.array_equal(kept > 0, square())
+    events = [event for event in own.client.past_events(session.id) if event.type == "region.drawn"]
+    assert [event.body["path"] for event in events] == ["region.png", "region_2.png"]
+    assert "draw-region" in {item["action"] for item in own.http.get(session.links["actions"]).json()["items"]}
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (png(square(size=100, half=10)), "100 × 100"),
+        (png(np.zeros((SIZE, SIZE), bool)), "all black"),
+        (png(np.eye(SIZE, dtype=bool) & (np.arange(SIZE) < 20)), "outside"),
+        (b"GIF89a, not a picture of ours", "not a PNG"),
+        (png(square())[:60], "damaged"),
+        (b"", "required"),
+    ],
+    ids=["of another size", "empty", "beside the object", "no PNG", "cut short", "no body"],
+)
+def test_a_mask_that_cannot_be_used_is_refused_with_what_to_do(shared: Any, content: bytes, said: str) -> None:
+    session = shared.client.create(Recipe())
+
+    answer = put(shared.http, session.id, content)
+
+    assert answer.status_code == 422
+    assert answer.json()["code"] == ErrorCode.REQUEST_INVALID
+    assert said in answer.json()["detail"]
+    assert shared.http.get(f"/v1/sessions/{session.id}/region.png").status_code == 404
+
+
+def test_only_a_picture_is_taken_and_only_for_a_session_that_has_not_begun(own: Any) -> None:
+    session = own.client.create(Recipe())
+    assert put(own.http, session.id, png(square()), "application/octet-stream").status_code == 415
+    assert put(own.http, "no-such", png(square())).status_code == 404
+
+    own.service.store.journal.trigger(session.id, Trigger.STOP, "test")
+
+    with pytest.raises(ProblemError) as late:
+        own.client.draw_region(session.id, _written(own))
+    assert late.value.code is ErrorCode.SESSION_ACTION_NOT_ALLOWED
+    assert not (own.service.store.folder(session.id) / "region.png").exists()
+
+
+def _written(own: Any) -> Path:
+    path = own.settings.data / "mask.png"
+    path.write_bytes(png(square()))
+    return path
