@@ -39,7 +39,8 @@ FIELD_M = 0.14
 """What the image's side sees at the depth of CENTER."""
 
 BOUNCES_DEPTH = 8
-GRADED_DEG = 78.0
+GRADED_DEG, CREASE_DEG = 78.0, 20.0
+TENTH = 0.1
 Gloss = Literal["blinn", "ggx"]
 TEXTURE = "texture"
 
@@ -52,7 +53,7 @@ class Truth:
     normals: np.ndarray
     depth_m: np.ndarray
     mask: np.ndarray  # the whole silhouette
-    graded: np.ndarray  # within 78° of the ray, eroded by one pixel
+    graded: np.ndarray  # those that have one normal, within 78° of the ray
 
     def error_deg(self, normals: np.ndarray) -> np.ndarray:
         """Angle (H, W) to the true normal."""
@@ -103,11 +104,27 @@ def truth(name: str, pixels: int) -> Truth:
     direction = rays(pixels)[0]
     found = _seen(name, direction.reshape(-1, 3))
     hit, point, normal = (part.reshape(pixels, pixels, *part.shape[1:]) for part in found)
-    unit = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
-    cosine = -np.sum(normal * unit, axis=-1)
-    core = cv2.erode(hit.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
-    graded = core & (cosine > np.cos(np.radians(GRADED_DEG)))
-    return Truth(name, np.where(hit[..., None], normal, 0.0), np.where(hit, -point[..., 2], TABLE_DEPTH_M), hit, graded)
+    return Truth(
+        name,
+        np.where(hit[..., None], normal, 0.0),
+        np.where(hit, -point[..., 2], TABLE_DEPTH_M),
+        hit,
+        _graded(name, pixels),
+    )
+
+
+def _graded(name: str, pixels: int) -> np.ndarray:
+    """Pixels (H, W) that have one normal: none of them within a pixel of what is seen at more than 78°, or is not the
+    object; and no pixel that straddles a crease of more than 20°."""
+    direction = rays(pixels, 4)
+    found = _seen(name, direction.reshape(-1, 3))
+    hit, _, normal = (part.reshape(16, pixels, pixels, *part.shape[1:]) for part in found)
+    cosine = -np.sum(normal * direction, axis=-1) / np.linalg.norm(direction, axis=-1)
+    steep = np.mean(~hit | (cosine < np.cos(np.radians(GRADED_DEG))), axis=0) >= TENTH
+    core = cv2.erode((~steep).astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
+    other = np.sum(normal * normal[:1], axis=-1) < np.cos(np.radians(CREASE_DEG))
+    creased = np.minimum(np.mean(other, axis=0), 1 - np.mean(other, axis=0)) >= TENTH
+    return core & ~creased
 
 
 def two_rings(count: int, turn: float = 0.2) -> np.ndarray:

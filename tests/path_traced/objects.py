@@ -38,8 +38,8 @@ def _part() -> Mesh:
     """A machined plate: two levels, a boss, a ramp, two blind holes."""
     z = 0.014
     left, right, half_y = -0.017, 0.055, 0.040
-    holes = [(-0.002, 0.022, 0.010, 0.007), (0.038, -0.020, 0.014, 0.010)]  # x, y, half of its square, radius
-    pieces = [_square_with_hole(x, y, z, half, radius, 0.010) for x, y, half, radius in holes]
+    holes = [(-0.002, 0.022, 0.012, 0.009), (0.038, -0.020, 0.014, 0.011)]  # x, y, half of its square, radius
+    pieces = [_square_with_hole(x, y, z, half, radius, 0.008) for x, y, half, radius in holes]
     # The rest of the lower level: bands left, right, below and above each hole's square, and the strip between them.
     for x, y, half, _ in holes:
         x0, x1 = (left, 0.018) if x < 0.018 else (0.018, right)
