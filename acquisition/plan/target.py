@@ -43,18 +43,18 @@ def approach(
     reached = photometry.mean_sigma_deg(normal_map, calibration, region)
     state = f"mean σ {reached:.2f}°"
     if reached <= target:
-        return _concluded(f"target met with {taken} images: {state} ≤ {target:g}°")
+        return _concluded(f"target met with {taken} images: {state} ≤ {target:.3g}°")
     allowed = recipe.max_lights - taken
     if allowed <= 0:
-        return _concluded(f"the most lights allowed were taken ({taken}): {state} > {target:g}°")
+        return _concluded(f"the most lights allowed were taken ({taken}): {state} > {target:.3g}°")
     counts = [count for count in COUNTS if count < allowed] + [allowed]
     curve = selection.forecast(normal_map, observations, recipe, reach, calibration, counts, region=region)
     least = min(point.sigma_deg for point in curve)
     if least > (1 - LEAST_GAIN) * reached:
-        return _concluded(f"no light that the arm can reach would bring {state} below {least:.2f}°, target {target:g}°")
+        return _concluded(f"no light that the arm can reach brings {state} below {least:.2f}°; wanted {target:.3g}°")
     wanted = _first_that_meets(curve, target)
     chosen = selection.choose(normal_map, observations, recipe, reach, calibration, wanted, region=region)
-    notes = [f"{state} with {taken} images; {target:g}° is wanted"]
+    notes = [f"{state} with {taken} images; {target:.3g}° is wanted"]
     if least > target:
         notes.append(f"the target may not be met: {least:.2f}° is expected with all {recipe.max_lights} lights allowed")
     return chosen.model_copy(update={"notes": [*notes, *chosen.notes], "forecast": curve})

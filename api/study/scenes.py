@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from acquisition import config, geometry, normals, pilot, plan, region
 from acquisition.capture import check, exposure
+from acquisition.session import passes_wanted
 from acquisition.types import (
     BoolArray,
     Calibration,
@@ -243,16 +244,23 @@ class Scene:
         return self._found[key]
 
     def run(self, recipe: Recipe) -> Run:
-        """What a session with this recipe finds: a pattern at once, or a pilot, a plan, and the planned lights."""
+        """What a session with this recipe finds: a pattern at once, or a pilot, plans, and the planned lights."""
         if recipe.method != "optimal":
             chosen = plan.baseline(recipe.method, recipe.lights_total, recipe, self.dome)
             return Run(self.found(chosen.lights), chosen)
-        first = pilot.pattern(recipe, self.dome)
-        known = self.found(first)
-        if recipe.planned_lights == 0:
-            return Run(known, LightPlan(lights=first, method="pilot", reasons=["pilot"] * len(first)))
-        chosen = plan.choose(known.normal_map, known.observations, recipe, self.dome, self.calibration, certify=False)
-        return Run(self.found([*first, *chosen.lights]), chosen)
+        lights = pilot.pattern(recipe, self.dome)
+        chosen = LightPlan(lights=lights, method="pilot", reasons=["pilot"] * len(lights))
+        for _ in range(passes_wanted(recipe) - 1):
+            known = self.found(lights)
+            further = self._further(known, recipe)
+            if not further.lights:
+                return Run(known, further)
+            chosen, lights = further, [*lights, *further.lights]
+        return Run(self.found(lights), chosen)
+
+    def _further(self, known: Found, recipe: Recipe) -> LightPlan:
+        arguments = (known.normal_map, known.observations, recipe, self.dome, self.calibration)
+        return plan.choose(*arguments, certify=False) if recipe.target_sigma_deg is None else plan.approach(*arguments)
 
     def _picture(self, light: Light, repeat: int) -> Float32Array:
         """Signal (H, W), fraction of full scale per second, with the image's own error of intensity and position."""

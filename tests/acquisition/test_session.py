@@ -1,6 +1,7 @@
 """The state table and the next step: every state × trigger, and the order of the work."""
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
@@ -95,8 +96,8 @@ def record(recipe: Recipe, *passes: PassRecord) -> Record:
     return Record("s", recipe, State.RUNNING, passes)
 
 
-def walk(recipe: Recipe) -> list[session.Step]:
-    """Does every step on paper, in the order that next_step gives."""
+def walk(recipe: Recipe, lights: Sequence[int] = (3,)) -> list[session.Step]:
+    """Does every step on paper, in the order that next_step gives; planned passes have so many lights, in turn."""
     work: dict[int, PassRecord] = {}
     here: tuple[float, ...] = HOME
     steps: list[session.Step] = []
@@ -107,7 +108,8 @@ def walk(recipe: Recipe) -> list[session.Step]:
         steps.append(step)
         match step:
             case ChooseLights():
-                count = recipe.pilot_lights if step.pass_number == 0 and recipe.method == "optimal" else 3
+                is_pilot = step.pass_number == 0 and recipe.method == "optimal"
+                count = recipe.pilot_lights if is_pilot else lights[max(step.pass_number - 1, 0)]
                 work[step.pass_number] = PassRecord(plan=plan(count))
             case PlanRoute():
                 order = sorted(step.light_numbers, reverse=True)
@@ -139,6 +141,35 @@ def test_fixed_patterns_have_one_pass_and_a_pilot_alone_needs_no_plan() -> None:
     assert session.passes_wanted(Recipe(method="two-rings")) == 1
     assert session.passes_wanted(Recipe(planned_lights=0)) == 1
     assert session.passes_wanted(Recipe()) == 2
+
+
+def test_an_ordered_accuracy_takes_passes_until_a_plan_has_no_lights() -> None:
+    steps = walk(Recipe(target_sigma_deg=0.7), lights=(3, 1, 1, 0))
+    assert [step.pass_number for step in steps if isinstance(step, ChooseLights)] == [0, 1, 2, 3, 4]
+    assert [step.number for step in steps if isinstance(step, SolveNormals)] == [0, 1, 2, 3]
+    assert sum(isinstance(step, TakeShot) for step in steps) == 4 + 3 + 1 + 1
+    assert isinstance(steps[-1], ChooseLights)  # the arm is home already
+    most = Recipe(target_sigma_deg=0.1, max_lights=8)
+    assert len([step for step in walk(most, lights=(1, 1, 1, 1, 0)) if isinstance(step, SolveNormals)]) == 5
+
+
+def test_an_accuracy_is_ordered_in_place_of_a_number_of_lights() -> None:
+    ordered = Recipe(target_sigma_deg=0.7)
+    assert (ordered.planned_lights, ordered.lights_total) == (0, ordered.max_lights)
+    assert Recipe.model_validate_json(ordered.model_dump_json()) == ordered
+    for wrong in ({"planned_lights": 4}, {"method": "two-rings"}, {"pilot_lights": 6, "max_lights": 5}):
+        with pytest.raises(ValueError, match=r"target|max_lights"):
+            Recipe.model_validate({"target_sigma_deg": 0.7, **wrong})
+
+
+def test_progress_of_an_ordered_accuracy_stays_below_one_until_it_is_met() -> None:
+    recipe = Recipe(target_sigma_deg=0.7)
+    pilot = PassRecord(plan=plan(4), shots={number: shot(number) for number in range(4)}, solved=True)
+    planned = PassRecord(plan=plan(3), shots={number: shot(number) for number in range(3)}, solved=True)
+    shares = [session.progress(record(recipe, *passes)) for passes in ((), (pilot,), (pilot, planned))]
+    assert shares == sorted(shares)
+    assert shares[0] == 0
+    assert shares[-1] < 1
 
 
 def test_a_route_is_planned_anew_from_wherever_the_arm_stands_for_the_lights_left() -> None:
