@@ -1,4 +1,8 @@
-"""From the controller's state to the values that RTDE clients see."""
+"""From the controller's state to the values that RTDE clients see.
+
+Currents, moments, forces, momentum, accelerations of the joints and all inputs from outside are not simulated: they
+stay 0, temperatures and voltages at what an idle arm has.
+"""
 
 from typing import TYPE_CHECKING
 
@@ -56,6 +60,9 @@ def modes(controller: "Controller", pace: float) -> None:
     values[_DIGITAL_OUTPUTS] = controller.outputs.levels
     values[_ANALOG_OUTPUT_0] = controller.outputs.analog(0)
     values[_ANALOG_OUTPUT_1] = controller.outputs.analog(1)
+    first, second = controller.outputs.analog_is_voltage
+    values[_ANALOG_TYPES] = 0b11 | first << 2 | second << 3
+    values[_TOOL_MODE] = values[_JOINT_MODE]
     values[_PAYLOAD] = arm.payload
     values[_PAYLOAD_COG : _PAYLOAD_COG + 3] = arm.payload_center
     values[_PAYLOAD_INERTIA : _PAYLOAD_INERTIA + 6] = arm.payload_inertia
@@ -74,6 +81,8 @@ _SPEED_FRACTION = OFFSETS["target_speed_fraction"]
 _DIGITAL_OUTPUTS = OFFSETS["actual_digital_output_bits"]
 _ANALOG_OUTPUT_0 = OFFSETS["standard_analog_output0"]
 _ANALOG_OUTPUT_1 = OFFSETS["standard_analog_output1"]
+_ANALOG_TYPES = OFFSETS["analog_io_types"]
+_TOOL_MODE = OFFSETS["tool_mode"]
 _PAYLOAD = OFFSETS["payload"]
 _PAYLOAD_COG = OFFSETS["payload_cog"]
 _PAYLOAD_INERTIA = OFFSETS["payload_inertia"]

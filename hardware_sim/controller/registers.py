@@ -37,7 +37,7 @@ _DOUBLES = (
     "tool_output_current tool_temperature tcp_force_scalar io_current euromap67_24V_voltage euromap67_24V_current"
 )
 _OTHERS = {
-    "VECTOR3D": "actual_tool_accelerometer payload_cog elbow_position elbow_velocity",
+    "VECTOR3D": "actual_tool_accelerometer payload_cog",
     "UINT64": "actual_digital_input_bits actual_digital_output_bits",
     "UINT32": "runtime_state robot_status_bits safety_status_bits analog_io_types tool_analog_input_types "
     "tool_mode euromap67_input_bits euromap67_output_bits output_bit_registers0_to_31 output_bit_registers32_to_63",

@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import socket
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -52,6 +53,25 @@ class Cell:
         return self.process.address
 
 
+def restart_program(cell: Cell) -> None:
+    """Uploads the control script again and waits until it runs."""
+    assert cell.control.reuploadScript()
+    wait_until(cell.control.isProgramRunning)
+
+
+def at_home(cell: Cell) -> None:
+    """Takes faults away, puts outputs low, makes the control script run where it does not, and moves home."""
+    with cell.process.control() as control:
+        control.fault("clear")
+    for number in range(8):
+        if cell.receive.getDigitalOutState(number):
+            cell.io.setStandardDigitalOut(number, False)
+    if cell.dashboard.programState() != "PLAYING rtde_control":
+        restart_program(cell)
+    assert cell.control.moveJ(HOME, 3.0, 20.0)
+    wait_until(lambda: cell.receive.getActualQ() == pytest.approx(HOME, abs=1e-9))
+
+
 def connect(stack: ExitStack, **options: Any) -> Cell:
     """Starts a controller and connects all four clients; the stack disconnects them before it ends the controller."""
     import dashboard_client
@@ -70,3 +90,9 @@ def connect(stack: ExitStack, **options: Any) -> Cell:
     dashboard.connect()
     stack.callback(dashboard.disconnect)
     return Cell(process, control, receive, io, dashboard)
+
+
+def send_script(address: str, text: str) -> None:
+    """Sends a program to the secondary port."""
+    with socket.create_connection((address, 30002), 3.0) as script:
+        script.sendall(text.encode())

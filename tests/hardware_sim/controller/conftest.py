@@ -1,4 +1,4 @@
-"""Fixtures: a controller process per test or per module, and the real library's clients on it."""
+"""Fixtures: one cell for all tests that leave it as they found it, a controller of its own for those that do not."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -6,21 +6,21 @@ from contextlib import ExitStack
 import pytest
 
 from hardware_sim.controller.process import ControllerProcess
-from tests.hardware_sim.controller.cells import Cell, connect, start
+from tests.hardware_sim.controller.cells import Cell, at_home, connect, start
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def shared_cell() -> Iterator[Cell]:
-    """One cell for a module whose tests leave program and modes as they found them."""
+    """A controller with the real library's clients: constructing and disconnecting them takes seconds."""
     with ExitStack() as stack:
         yield connect(stack)
 
 
 @pytest.fixture
-def cell() -> Iterator[Cell]:
-    """A cell for one test."""
-    with ExitStack() as stack:
-        yield connect(stack)
+def cell(shared_cell: Cell) -> Cell:
+    """The shared cell, its program running, the arm at home."""
+    at_home(shared_cell)
+    return shared_cell
 
 
 @pytest.fixture

@@ -8,14 +8,12 @@ import sys
 import textwrap
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 from hardware_sim.controller.process import ControllerProcess
-from tests.hardware_sim.controller.cells import HOME, Cell, start, wait_until
-from tests.hardware_sim.controller.plain_client import PlainClient
+from tests.hardware_sim.controller.cells import HOME, Cell, at_home, restart_program, start, wait_until
 
 FAR = [q + 1.0 for q in HOME]
 NEAR = [q + 0.1 for q in HOME]
@@ -35,18 +33,10 @@ def run_client(code: str, address: str, seconds: float = 20.0) -> subprocess.Com
     )
 
 
-def restart_program(cell: Cell) -> None:
-    """Uploads the control script again and waits until it runs."""
-    assert cell.control.reuploadScript()
-    wait_until(cell.control.isProgramRunning)
-
-
 @pytest.fixture
 def cell(shared_cell: Cell) -> Iterator[Cell]:
-    """The module's cell, its program running, at home; afterwards every fault is taken away again."""
-    if not shared_cell.control.isProgramRunning():
-        restart_program(shared_cell)
-    assert shared_cell.control.moveJ(HOME, 3.0, 20.0)
+    """The shared cell at home; afterwards every fault and the program are taken away again."""
+    at_home(shared_cell)
     yield shared_cell
     with shared_cell.process.control() as control:
         control.fault("clear")
@@ -262,31 +252,6 @@ def test_link_cut_is_seen_by_the_receive_client(controller: ControllerProcess) -
     assert result.stdout.splitlines() == ["connected False", "again True True"], result.stderr
 
 
-def test_client_killed_in_mid_move_leaves_the_arm_moving_and_its_inputs_free(controller: ControllerProcess) -> None:
-    import rtde_control
-
-    result = run_client(
-        """
-        import os, signal, sys, time
-        import rtde_control
-        control = rtde_control.RTDEControlInterface(sys.argv[1])
-        control.moveJ([1.0, -1.9, 1.9, -1.57, -1.57, 0.0], 0.5, 1.0, True)
-        time.sleep(0.2)
-        os.kill(os.getpid(), signal.SIGKILL)
-        """,
-        controller.address,
-    )
-    assert result.returncode == -9
-    with controller.control() as truth:
-        assert truth.state()["program_running"]
-        assert truth.state()["joint_speeds"][0] > 0.0
-        control = rtde_control.RTDEControlInterface(controller.address)
-        assert control.isProgramRunning()
-        control.disconnect()
-        wait_until(lambda: truth.state()["joint_speeds"][0] == 0.0)
-        assert truth.state()["joints"][0] < 1.0
-
-
 def test_controller_killed(controller: ControllerProcess) -> None:
     client = subprocess.Popen(
         [
@@ -318,26 +283,6 @@ def test_controller_killed(controller: ControllerProcess) -> None:
     output, _ = client.communicate("\n", timeout=15)
     # Only isConnected tells: the program is said to run for ever.
     assert output.splitlines()[-1] == "False False True"
-
-
-def test_upper_register_range_leaves_the_lower_one_free(controller: ControllerProcess) -> None:
-    import rtde_control
-    import rtde_io
-
-    with ExitStack() as stack:
-        io = rtde_io.RTDEIOInterface(controller.address)
-        stack.callback(io.disconnect)
-        interface = rtde_control.RTDEControlInterface
-        flags = interface.FLAG_UPLOAD_SCRIPT | interface.FLAG_UPPER_RANGE_REGISTERS
-        control = interface(controller.address, 500.0, flags)
-        stack.callback(control.disconnect)
-        assert control.moveJ(NEAR, 3.0, 20.0)
-        plain = PlainClient(controller.address)
-        stack.callback(plain.close)
-        assert plain.inputs("input_int_register_0,input_double_register_0")[0] == 1
-        assert plain.inputs("input_int_register_24") == (0, ["IN_USE"])
-        with controller.control() as truth:
-            assert truth.state()["joints"] == pytest.approx(NEAR, abs=1e-6)
 
 
 def test_controller_ends_with_its_parent() -> None:

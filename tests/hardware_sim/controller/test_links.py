@@ -1,0 +1,220 @@
+"""Several clients, several cells, rates, versions and flags: the library's connections."""
+
+import itertools
+import signal
+import struct
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+
+import pytest
+
+from hardware_sim.controller.process import ControllerProcess
+from tests.hardware_sim.controller.cells import HOME, Cell, send_script, start, wait_until
+from tests.hardware_sim.controller.plain_client import PlainClient
+
+NEAR = [q + 0.1 for q in HOME]
+
+
+def test_all_interfaces_construct_and_see_the_arm(controller: ControllerProcess) -> None:
+    """Check 1; how fast is in the benchmarks."""
+    import rtde_control
+    import rtde_io
+    import rtde_receive
+    import script_client
+
+    with ExitStack() as stack:
+        control = rtde_control.RTDEControlInterface(controller.address)
+        stack.callback(control.disconnect)
+        receive = rtde_receive.RTDEReceiveInterface(controller.address)
+        stack.callback(receive.disconnect)
+        io = rtde_io.RTDEIOInterface(controller.address)
+        stack.callback(io.disconnect)
+        script = script_client.ScriptClient(controller.address, 5, 11)
+        script.connect()
+        stack.callback(script.disconnect)
+        assert all(client.isConnected() for client in (control, receive, io, script))
+        assert control.isProgramRunning()
+        assert receive.getActualQ() == pytest.approx(HOME)
+        assert receive.getRobotStatus() == control.getRobotStatus() == 0b1011
+        assert script.sendScriptCommand("sec quick():\n  set_digital_out(6, True)\nend\n")
+        wait_until(lambda: receive.getDigitalOutState(6))
+
+
+def test_second_clients_are_refused_and_inputs_freed(controller: ControllerProcess) -> None:
+    """Check 22."""
+    import rtde_control
+    import rtde_io
+
+    for interface in (rtde_control.RTDEControlInterface, rtde_io.RTDEIOInterface):
+        first = interface(controller.address)
+        with pytest.raises(RuntimeError, match="already in use"):
+            interface(controller.address)
+        first.disconnect()
+        interface(controller.address).disconnect()
+
+
+def test_packets_come_500_times_a_second_to_three_clients(controller: ControllerProcess) -> None:
+    """Check 25, for two seconds."""
+    rate(controller, 1000)
+
+
+@pytest.mark.long
+def test_packets_come_500_times_a_second_to_three_clients_for_ten_seconds(controller: ControllerProcess) -> None:
+    """Check 25."""
+    rate(controller, 5000)
+
+
+def rate(controller: ControllerProcess, packets: int) -> None:
+    with ExitStack() as stack:
+        clients = [stack.enter_context(PlainClient(controller.address)) for _ in range(3)]
+        for client in clients:
+            client.outputs("timestamp,actual_q,actual_TCP_pose")
+            client.request("S")
+        stamps: list[list[int]] = [[], [], []]
+        began, first = time.monotonic(), clients[0].sample()[0]
+        for _ in range(packets):
+            for client, seen in zip(clients, stamps, strict=True):
+                seen.append(round(client.sample()[0] / 0.002))
+        seconds, last = time.monotonic() - began, clients[0].sample()[0]
+    for seen in stamps:
+        assert {b - a for a, b in itertools.pairwise(seen)} == {1}
+    # The time stamps keep pace with the clock, whatever the load did to single packets.
+    assert last - first == pytest.approx(seconds, rel=0.01, abs=0.1)
+
+
+@pytest.mark.parametrize(("frequency", "steps"), [(125.0, {4}), (10.0, {50}), (200.0, {2, 3}), (-1.0, {1})])
+def test_frequencies_are_kept(shared_cell: Cell, frequency: float, steps: set[int]) -> None:
+    """Check 26."""
+    import rtde_receive
+
+    receive = rtde_receive.RTDEReceiveInterface(shared_cell.address, frequency, ["timestamp"])
+    stamps: set[float] = set()
+    wait_until(lambda: stamps.add(receive.getTimestamp()) or len(stamps) > 12)
+    receive.disconnect()
+    seen = [round((b - a) / 0.002) for a, b in itertools.pairwise(sorted(stamps))]
+    # The library keeps the newest packet only; a busy machine may skip some between two looks.
+    assert min(seen) in steps
+    assert all(step % min(steps) == 0 for step in seen if len(steps) == 1)
+
+
+def test_unknown_output_is_named(shared_cell: Cell) -> None:
+    """Check 27."""
+    import rtde_receive
+
+    with pytest.raises(RuntimeError, match="no_such_variable"):
+        rtde_receive.RTDEReceiveInterface(shared_cell.address, 500.0, ["timestamp", "no_such_variable"])
+
+
+def test_two_cells_at_once() -> None:
+    """Check 28."""
+    import rtde_receive
+
+    with start() as first, start(model="ur10e", home=NEAR) as second:
+        readers = [rtde_receive.RTDEReceiveInterface(process.address) for process in (first, second)]
+        assert readers[0].getActualQ() == pytest.approx(HOME)
+        assert readers[1].getActualQ() == pytest.approx(NEAR)
+        assert readers[0].getActualTCPPose() != pytest.approx(readers[1].getActualTCPPose(), abs=0.01)
+        for reader in readers:
+            reader.disconnect()
+
+
+def test_client_killed_in_mid_move_leaves_the_arm_moving_and_its_inputs_free(controller: ControllerProcess) -> None:
+    """Check 29."""
+    import rtde_control
+
+    code = """
+import os, signal, sys, time
+import rtde_control
+control = rtde_control.RTDEControlInterface(sys.argv[1])
+control.moveJ([1.0, -1.9, 1.9, -1.57, -1.57, 0.0], 0.5, 1.0, True)
+time.sleep(0.2)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    result = subprocess.run(
+        [sys.executable, "-c", code, controller.address], capture_output=True, timeout=20, check=False
+    )
+    assert result.returncode == -signal.SIGKILL
+    with controller.control() as truth:
+        assert truth.state()["program_running"]
+        assert truth.state()["joint_speeds"][0] > 0.0
+        control = rtde_control.RTDEControlInterface(controller.address)
+        assert control.isProgramRunning()
+        control.disconnect()
+        wait_until(lambda: truth.state()["joint_speeds"][0] == 0.0)
+        assert truth.state()["joints"][0] < 1.0
+        # A client that disconnects leaves its program running.
+        assert truth.state()["program_running"]
+
+
+def test_new_client_replaces_the_program_of_the_last_one(controller: ControllerProcess) -> None:
+    """Failure: an old control program still runs."""
+    import rtde_control
+
+    rtde_control.RTDEControlInterface(controller.address).disconnect()
+    with controller.control() as truth:
+        assert truth.state()["program_running"]
+        control = rtde_control.RTDEControlInterface(controller.address)
+        assert control.moveJ(NEAR, 3.0, 20.0)
+        assert sum("program rtde_control started" in line for line in truth.log()) == 2
+        control.disconnect()
+
+
+def test_upper_register_range_leaves_the_lower_one_free(controller: ControllerProcess) -> None:
+    import rtde_control
+    import rtde_io
+
+    with ExitStack() as stack:
+        io = rtde_io.RTDEIOInterface(controller.address)
+        stack.callback(io.disconnect)
+        interface = rtde_control.RTDEControlInterface
+        flags = interface.FLAG_UPLOAD_SCRIPT | interface.FLAG_UPPER_RANGE_REGISTERS
+        control = interface(controller.address, 500.0, flags)
+        stack.callback(control.disconnect)
+        assert control.moveJ(NEAR, 3.0, 20.0)
+        assert control.getTCPOffset() == [0.0] * 6
+        plain = stack.enter_context(PlainClient(controller.address))
+        assert plain.inputs("input_int_register_0,input_double_register_0")[0] == 1
+        assert plain.inputs("input_int_register_24") == (0, ["IN_USE"])
+        with controller.control() as truth:
+            assert truth.state()["joints"] == pytest.approx(NEAR, abs=1e-6)
+
+
+@pytest.mark.long
+def test_programs_are_refused_in_local_control_whatever_the_client_checks(controller: ControllerProcess) -> None:
+    """The flag that turns the check off alone also turns the upload off: the library wants them together."""
+    import rtde_control
+
+    interface = rtde_control.RTDEControlInterface
+    with controller.control() as truth:
+        truth.fault("local_mode")
+        flags = interface.FLAG_UPLOAD_SCRIPT | interface.FLAG_DISABLE_REMOTE_CONTROL_CHECK
+        with pytest.raises(RuntimeError, match="Failed to start control script"):
+            interface(controller.address, 500.0, flags)
+        assert any("local control" in line for line in truth.log())
+        assert not truth.state()["program_running"]
+
+
+def test_versions_of_rtde_and_dashboard_agree(shared_cell: Cell) -> None:
+    with PlainClient(shared_cell.address) as plain:
+        version = ".".join(map(str, struct.unpack(">4I", plain.request("v"))))
+    assert version in shared_cell.dashboard.polyscopeVersion()
+
+
+def test_speed_factor_shortens_moves_and_nothing_else() -> None:
+    with start(speed=8.0) as process, process.control() as truth:
+        program = (
+            "def f():\n movej([1.0,-1.9,1.9,-1.57,-1.57,0], a=1.4, v=1.05)\n write_output_integer_register(0, 1)\nend\n"
+        )
+        with PlainClient(process.address) as plain:
+            plain.outputs("timestamp,actual_qd,output_int_register_0")
+            plain.request("S")
+            send_script(process.address, program)
+            samples = [plain.sample()]
+            while not samples[-1][-1]:
+                samples.append(plain.sample())
+        moving = [sample[0] for sample in samples if any(sample[1:7])]
+        assert moving[-1] - moving[0] == pytest.approx((1.0 / 1.05 + 1.05 / 1.4) / 8.0, abs=0.01)
+        assert truth.state()["joints"][0] == 1.0
+        assert {round(b[0] - a[0], 9) for a, b in itertools.pairwise(samples)} == {0.002}
