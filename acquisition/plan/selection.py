@@ -1,19 +1,20 @@
-"""Which lights to add: greedy from several starts, then exchange.
+"""Which lights to add: what the images say, what each light would bring, the search, and what is expected of it.
 
-Greedy alone is 10–30 % short in the objective for few lights; exchanging one light at a time for the best candidate
-closes that, and several starts remove the rest. One start is the two-ring pattern, so that a plan is never predicted to
-be worse than the pattern. Everything is deterministic for a given seed. What is reported is predicted on pixels that
-the search has not seen, because those it has seen flatter it.
+What is reported is predicted on pixels that the search has not seen, because those it has seen flatter it.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from acquisition import dome
 from acquisition.errors import ErrorCode, RigError
-from acquisition.plan import baselines, criterion
+from acquisition.plan import baselines, criterion, objective, patterns, relaxation, search, visibility
 from acquisition.plan.criterion import Candidates, Samples
+from acquisition.plan.deadline import Deadline
+from acquisition.plan.objective import VARIANCE, Loss
+from acquisition.plan.visibility import Surface
 from acquisition.types import (
     BoolArray,
     Calibration,
@@ -27,14 +28,39 @@ from acquisition.types import (
     Recipe,
 )
 
-SEARCH_PIXELS = 400
-POLISH_PIXELS = 900
+SAMPLE_PIXELS = 900
+CERTIFICATE_PIXELS = 300
 LEAST_PIXELS = 20
-RANDOM_STARTS = 3
 MOST_CANDIDATES = 300
 STEPS_FROM = 0.05
 """Share of unexplained shadows above which the depth map is not to be trusted: 0–3 % on objects without steps, 9 % on a
 machined part, where the errors found are twice those expected."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a plan is made from: sample pixels to search by and fresh ones to predict by, and candidate lights."""
+
+    normal_map: NormalMap
+    surface: Surface
+    calibration: Calibration
+    recipe: Recipe
+    reach: Reach
+    known: Samples
+    fresh: Samples
+    taken: FloatArray  # (T, 3) unit directions of the lights taken already
+    positions: FloatArray  # (K, 3) m, view frame
+    units: FloatArray  # (K, 3)
+
+    def candidates(self, sample: Samples, positions: FloatArray) -> Candidates:
+        """What lights at positions (M, 3) would tell sample pixels."""
+        lights = [dome.light(position, self.reach.center) for position in positions]
+        return criterion.candidates(sample, lights, self.surface, self.calibration, self.recipe)
+
+    def pattern(self, options: Candidates, loss: Loss, count: int) -> tuple[list[int], list[list[int]]]:
+        """The best two-ring completion, and all of them."""
+        sets = patterns.completions(self.taken, self.units, count)
+        return min(sets, key=lambda chosen: search.value(self.known, options, loss, chosen)), sets
 
 
 def choose(
@@ -56,47 +82,50 @@ def choose(
     Raises RigError plan.infeasible when the arm reaches too few positions or the normal map has too few pixels to plan
     by.
     """
+    until = Deadline.within(deadline_s)
     taken = sum(shot.kind == "light" for shot in observations.shots)
     wanted = max(recipe.lights_total - taken, 0) if count is None else count
-    usable = criterion.usable(normal_map, calibration)
-    if len(usable) < LEAST_PIXELS:
-        raise RigError(
-            ErrorCode.PLAN_INFEASIBLE,
-            f"only {len(usable)} pixels of the normal map can be planned by: check the pilot's images and the region",
-            pixels=len(usable),
-        )
-    order = np.random.default_rng(recipe.seed).permutation(usable)
-    half = max(len(order) // 2, LEAST_PIXELS // 2)
-    known = criterion.samples(normal_map, calibration, np.sort(order[:half][:POLISH_PIXELS]))
-    fresh = criterion.samples(normal_map, calibration, np.sort(order[half:][:POLISH_PIXELS]))
+    problem = _problem(normal_map, observations, recipe, reach, calibration, region, wanted)
     if wanted == 0:
-        sigma_deg = criterion.expect(fresh, _none(fresh)).sigma_deg
+        sigma_deg = criterion.expect(problem.fresh, criterion.none(problem.fresh)).sigma_deg
         return _described([], [], sigma_deg, ["all lights of the recipe have been taken"])
-    units = dome.directions(reach.candidates, reach.center, wanted)
-    thin = np.linspace(0, len(units) - 1, min(len(units), MOST_CANDIDATES)).round().astype(int)
-    units, positions = units[thin], reach.candidates[thin]
-    lights = [dome.light(position, reach.center) for position in positions]
-    options = criterion.candidates(known, lights, normal_map, calibration, recipe)
-
-    chosen = search(known, options, units, wanted, recipe.seed)
-    chosen_lights = [lights[index] for index in chosen]
-    there = criterion.candidates(fresh, chosen_lights, normal_map, calibration, recipe)
-    sigma_deg = criterion.expect(fresh, there).sigma_deg
-    before_deg = criterion.expect(fresh, _none(fresh)).sigma_deg
+    options = problem.candidates(problem.known, problem.positions)
+    loss, pattern, sets = _judged(problem, options, wanted)
+    chosen = search.search(problem.known, options, loss, sets, wanted, recipe.seed, until)
+    positions = search.refine(
+        problem.known,
+        problem.positions[chosen],
+        reach.center,
+        loss,
+        lambda places: problem.candidates(problem.known, places),
+        lambda place: reach.allows(place) is None,
+        until,
+    )
+    there = problem.candidates(problem.fresh, positions)
+    sigma_deg = criterion.expect(problem.fresh, there).sigma_deg
+    before_deg = criterion.expect(problem.fresh, criterion.none(problem.fresh)).sigma_deg
+    directions = (positions - reach.center) / np.linalg.norm(positions - reach.center, axis=1, keepdims=True)
     reasons = [
-        f"{baselines.place(units[index])}: {_worth(fresh, there, number)}" for number, index in enumerate(chosen)
+        f"{baselines.place(direction)}: {_worth(problem.fresh, there, number)}"
+        for number, direction in enumerate(directions)
     ]
     notes = [f"mean σ {np.mean(before_deg):.2f}° so far, {np.mean(sigma_deg):.2f}° expected with these lights"]
     dark = float(np.mean(np.sum(there.visibility > 0.5, axis=0) == 0))
     if dark > 0.02:
         notes.append(f"{dark:.0%} of the pixels are expected to see none of the new lights")
-    unexplained = criterion.unexplained_shadows(known, normal_map, observations, calibration, recipe)
+    unexplained = criterion.unexplained_shadows(
+        problem.known, normal_map, problem.surface, observations, calibration, recipe
+    )
     if unexplained > STEPS_FROM:
         notes.append(
             f"{unexplained:.0%} of what the shape found so far would light is dark in the images: the object has steps "
             "that its depth map does not show, and errors may be twice those expected"
         )
-    return _described(chosen_lights, reasons, sigma_deg, notes)
+    lights = [dome.light(position, reach.center) for position in positions]
+    plan = _described(lights, reasons, sigma_deg, notes)
+    if certify:
+        plan = plan.model_copy(update=_certificate(problem, options, positions, pattern, until))
+    return plan
 
 
 def forecast(
@@ -114,13 +143,89 @@ def forecast(
     Raises RigError plan.infeasible as `choose` does.
     """
     taken = sum(shot.kind == "light" for shot in observations.shots)
+    problem = _problem(normal_map, observations, recipe, reach, calibration, region, max(counts, default=0))
+    options = problem.candidates(problem.known, problem.positions)
+    never = Deadline()
     points: list[Expected] = []
     for count in counts:
-        chosen = choose(normal_map, observations, recipe, reach, calibration, count, region=region, certify=False)
-        sigma_deg = chosen.predicted_sigma_deg
-        if sigma_deg is not None:
-            points.append(Expected(added=count, lights=taken + count, sigma_deg=sigma_deg))
+        chosen: list[int] = []
+        if count:
+            loss, pattern, _ = _judged(problem, options, count)
+            starts = [search.greedy(problem.known, options, loss, count, never), pattern]
+            found = [search.exchange(problem.known, options, loss, start, never, passes=2) for start in starts]
+            chosen = min(found, key=lambda some: search.value(problem.known, options, loss, some))
+        there = problem.candidates(problem.fresh, problem.positions[chosen])
+        sigma_deg = float(np.mean(criterion.expect(problem.fresh, there).sigma_deg))
+        points.append(Expected(added=count, lights=taken + count, sigma_deg=sigma_deg))
     return points
+
+
+def _problem(
+    normal_map: NormalMap, observations: Observations, recipe: Recipe, reach: Reach, calibration: Calibration,
+    region: BoolArray | None, count: int,
+) -> Problem:  # fmt: skip
+    usable = criterion.usable(normal_map, calibration)
+    where = ""
+    if region is not None:
+        information = normal_map.information
+        usable = usable[region[information.rows[usable], information.columns[usable]]]
+        where = " in the region of interest"
+    if len(usable) < LEAST_PIXELS:
+        raise RigError(
+            ErrorCode.PLAN_INFEASIBLE,
+            f"only {len(usable)} sample pixels of the normal map can be planned by{where}, {LEAST_PIXELS} are needed: "
+            "check the pilot's images and the region",
+            pixels=len(usable),
+        )
+    order = np.random.default_rng(recipe.seed).permutation(usable)
+    half = max(len(order) // 2, LEAST_PIXELS // 2)
+    units = dome.directions(reach.candidates, reach.center, count)
+    thin = np.linspace(0, len(units) - 1, min(len(units), MOST_CANDIDATES)).round().astype(int)
+    lights = [shot.light.position for shot in observations.shots if shot.kind == "light" and shot.light is not None]
+    offsets = np.array(lights).reshape(-1, 3) - reach.center
+    return Problem(
+        normal_map,
+        visibility.surface(normal_map, calibration),
+        calibration,
+        recipe,
+        reach,
+        criterion.samples(normal_map, calibration, np.sort(order[:half][:SAMPLE_PIXELS])),
+        criterion.samples(normal_map, calibration, np.sort(order[half:][:SAMPLE_PIXELS])),
+        offsets / np.linalg.norm(offsets, axis=1, keepdims=True),
+        reach.candidates[thin],
+        units[thin],
+    )
+
+
+def _judged(problem: Problem, options: Candidates, count: int) -> tuple[Loss, list[int], list[list[int]]]:
+    """The recipe's loss, the best two-ring completion by it, and all of them."""
+    pattern, _ = problem.pattern(options, VARIANCE, count)
+    loss = objective.loss(problem.recipe.objective, criterion.expect(problem.known, options.only(pattern)))
+    return loss, *problem.pattern(options, loss, count)
+
+
+def _certificate(
+    problem: Problem, options: Candidates, positions: FloatArray, pattern: list[int], until: Deadline
+) -> dict[str, float | str]:
+    """The lower bound, and what plan and pattern come to against it; the plan's own lights are candidates too."""
+    step = max(1, len(problem.known.albedo) // CERTIFICATE_PIXELS)
+    sample = problem.known.thinned(step)
+    ours = problem.candidates(problem.known, positions).thinned(step)
+    few = options.thinned(step)
+    found = relaxation.bound(sample, few.joined(ours), len(positions), until)
+    variance, rings = (float(np.mean(criterion.expect(sample, set_).variance)) for set_ in (ours, few.only(pattern)))
+    efficiency, of_rings = float(np.sqrt(found.variance / variance)), float(np.sqrt(found.variance / rings))
+    return {
+        "lower_bound_sigma_deg": found.sigma_deg,
+        "efficiency": efficiency,
+        "two_rings_efficiency": of_rings,
+        "relaxation_gap": found.gap,
+        "certificate_note": (
+            f"no choice of {len(positions)} among the {len(few.row) + len(positions)} positions looked at brings the "
+            f"root mean square σ below {found.sigma_deg:.2f}°; this plan is expected to reach "
+            f"{np.degrees(np.sqrt(variance)):.2f}°, two rings {np.degrees(np.sqrt(rings)):.2f}°"
+        ),
+    }
 
 
 def _described(lights: list[Light], reasons: list[str], sigma_deg: FloatArray, notes: list[str]) -> LightPlan:
@@ -134,69 +239,6 @@ def _described(lights: list[Light], reasons: list[str], sigma_deg: FloatArray, n
     )
 
 
-def search(sample: Samples, options: Candidates, units: FloatArray, count: int, seed: int) -> list[int]:
-    """The best set found: short searches on few pixels from all starts, then exchange on all pixels.
-
-    Few pixels may mislead, so the last exchange starts from whichever is best on all of them, the patterns included.
-    """
-    few = _thinned(sample, options, SEARCH_PIXELS)
-    rng = np.random.default_rng(seed)
-    free = np.ones(len(units), dtype=np.bool_)
-    patterns = [dome.nearest_distinct(baselines.two_rings(count, turn), units, free)[0] for turn in (0.0, 0.33, 0.67)]
-    starts = [_greedy(*few, count), *patterns]
-    starts += [[int(index) for index in rng.permutation(len(units))[:count]] for _ in range(RANDOM_STARTS)]
-    found = [_exchange(*few, start, passes=3) for start in starts]
-    shortlist = [min(found, key=lambda item: (item[0], item[1]))[1], *patterns]
-    best = min(shortlist, key=lambda chosen: criterion.expect(sample, options.only(chosen)).objective)
-    return _exchange(sample, options, best, passes=4)[1]
-
-
-def _thinned(sample: Samples, options: Candidates, pixels: int) -> tuple[Samples, Candidates]:
-    step = slice(None, None, max(1, len(sample.albedo) // pixels))
-    return (
-        Samples(
-            row=sample.row[step],
-            column=sample.column[step],
-            point=np.ascontiguousarray(sample.point[:, step]),
-            along=np.ascontiguousarray(sample.along[:, step]),
-            normal=np.ascontiguousarray(sample.normal[:, step]),
-            albedo=sample.albedo[step],
-            sigma=sample.sigma[step],
-            information=sample.information[step],
-        ),
-        Candidates(np.ascontiguousarray(options.row[:, :, step]), np.ascontiguousarray(options.visibility[:, step])),
-    )
-
-
-def _greedy(sample: Samples, options: Candidates, count: int) -> list[int]:
-    chosen: list[int] = []
-    for _ in range(count):
-        objective = criterion.scan(sample, criterion.expect(sample, options.only(chosen)), options)
-        objective[chosen] = np.inf
-        chosen.append(int(np.argmin(objective)))
-    return chosen
-
-
-def _exchange(sample: Samples, options: Candidates, start: list[int], passes: int) -> tuple[float, list[int]]:
-    """Exchanges one light at a time for the best candidate until nothing improves; the objective and the set."""
-    chosen = list(start)
-    value = criterion.expect(sample, options.only(chosen)).objective
-    for _ in range(passes):
-        changed = False
-        for number in range(len(chosen)):
-            others = chosen[:number] + chosen[number + 1 :]
-            objective = criterion.scan(sample, criterion.expect(sample, options.only(others)), options)
-            objective[others] = np.inf
-            best = int(np.argmin(objective))
-            if objective[best] < value * (1 - 1e-5):
-                chosen[number] = best
-                value = float(objective[best])
-                changed = True
-        if not changed:
-            break
-    return value, chosen
-
-
 def _worth(sample: Samples, lights: Candidates, number: int) -> str:
     """What one light brings beside all the others."""
     others = [index for index in range(len(lights.row)) if index != number]
@@ -207,8 +249,3 @@ def _worth(sample: Samples, lights: Candidates, number: int) -> str:
         return "makes all pixels a little more certain"
     fell = f"from {np.median(without[better]):.1f}° to {np.median(with_it[better]):.1f}°"
     return f"makes {np.mean(better):.0%} of the pixels more certain, their median σ falls {fell}"
-
-
-def _none(sample: Samples) -> Candidates:
-    pixels = len(sample.albedo)
-    return Candidates(np.empty((0, 4, pixels), np.float32), np.empty((0, pixels), np.float32))

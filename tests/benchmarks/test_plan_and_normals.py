@@ -21,7 +21,7 @@ def test_plan(
     true = scenes.scene(scenes.bumps, scenes.calibration(160))
     reach = scenes.Dome(refused=0, count=candidates)
     normal_map = cases.known_map(true, pilot.pattern(Recipe(), reach), step=1)
-    monkeypatch.setattr(selection, "POLISH_PIXELS", pixels)
+    monkeypatch.setattr(selection, "SAMPLE_PIXELS", pixels)
     arguments = (normal_map, cases.NOTHING_TAKEN, Recipe(), reach, true.calibration, lights)
     chosen = benchmark.pedantic(plan.choose, args=arguments, rounds=3, warmup_rounds=1)
     benchmark.extra_info["predicted mean σ in degrees"] = round(chosen.predicted_sigma_deg or np.nan, 3)

@@ -3,9 +3,9 @@
 import numpy as np
 
 from acquisition import photometry
-from acquisition.plan import criterion
+from acquisition.plan import criterion, visibility
 from acquisition.plan.criterion import Candidates, Samples
-from acquisition.types import FloatArray, Information, Light, NormalMap, Observations, Recipe
+from acquisition.types import Calibration, FloatArray, Information, Light, NormalMap, Observations, Recipe
 from tests.acquisition.scenes import Frames, Scene
 
 NOTHING_TAKEN = Observations(shots=[], darks={}, frames=Frames())
@@ -32,6 +32,7 @@ def random_case(seed: int, pixels: int = 20, lights: int = 6) -> tuple[Samples, 
         albedo=rng.uniform(0.2, 0.9, pixels).astype(np.float32),
         sigma=np.zeros(pixels, np.float32),
         information=half @ half.transpose(0, 2, 1) + 5 * np.eye(4),
+        lit=np.zeros(pixels, np.float32),
     )
     row = rng.normal(size=(lights, 4, pixels)) * 60
     return samples, Candidates(row.astype(np.float32), rng.random((lights, pixels)).astype(np.float32))
@@ -49,10 +50,31 @@ def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -
         albedo=np.ones(pixels, np.float32),
         sigma=np.zeros(pixels, np.float32),
         information=np.tile(np.diag([1.0, 1.0, 1.0, 1.0]), (pixels, 1, 1)),
+        lit=np.zeros(pixels, np.float32),
     )
     row = np.zeros((len(units), 4, pixels), np.float32)
     row[:, :3] = scale * units[:, :, None]
     return samples, Candidates(row, np.ones((len(units), pixels), np.float32))
+
+
+def lit_case(seed: int, units: FloatArray, pixels: int = 200) -> tuple[Samples, Candidates]:
+    """Pixels that see distant lights they are turned to, as surely as 3° of doubt of their normal allows."""
+    rng = np.random.default_rng(seed)
+    normal = facing_camera(rng, pixels)
+    samples, options = distant_case(normal, units, scale=80.0)
+    cosine = units @ normal
+    seen = 1 / (1 + np.exp(-(cosine - 0.08) / 0.04))
+    hidden = rng.random((pixels, 3)) - 0.5  # each pixel has a side from which something stands in the light's way
+    blocked = units @ np.stack([hidden[:, 0], hidden[:, 1], 0 * hidden[:, 2]]) > 0.25
+    return samples, Candidates(options.row, np.where(blocked, 0, seen).astype(np.float32))
+
+
+def told(
+    samples: Samples, lights: list[Light], normal_map: NormalMap, known: Calibration, recipe: Recipe | None = None
+) -> Candidates:
+    """What lights would tell sample pixels of a normal map."""
+    surface = visibility.surface(normal_map, known)
+    return criterion.candidates(samples, lights, surface, known, recipe or Recipe())
 
 
 def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: int = 3) -> NormalMap:
@@ -84,7 +106,7 @@ def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: in
     if not lights:
         return blank
     samples = criterion.samples(blank, known, np.arange(len(rows)))
-    there = criterion.candidates(samples, lights, blank, known, Recipe())
+    there = told(samples, lights, blank, known)
     row = there.row.astype(float) * (there.visibility[:, None] > 0.5)
     row[:, 3] /= criterion.OFFSET_SIGMA_M
     return made(np.einsum("kap,kbp->pab", row, row))

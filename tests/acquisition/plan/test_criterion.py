@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from acquisition import geometry
 from acquisition.plan import criterion
-from acquisition.plan.criterion import CAP_DEG, LEVELS, Candidates, Samples
+from acquisition.plan.criterion import LEVELS, Candidates, Samples
+from acquisition.plan.objective import CAP_DEG, CAPPED
 from acquisition.types import Exposure, FloatArray, Light, Recipe
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
@@ -42,7 +43,7 @@ def test_variance_is_that_of_the_inverted_information(seed: int, count: int) -> 
     expected = variance_by_hand(sample, lights, chosen)
     found = criterion.expect(sample, lights.only(chosen))
     np.testing.assert_allclose(found.variance, expected, rtol=1e-4)
-    assert found.objective == pytest.approx(objective_by_hand(expected), rel=1e-4)
+    assert CAPPED.of(found) == pytest.approx(objective_by_hand(expected), rel=1e-4)
     np.testing.assert_allclose(found.sigma_deg, np.degrees(np.sqrt(expected)).mean(axis=0), rtol=1e-4)
 
 
@@ -51,7 +52,7 @@ def test_variance_is_that_of_the_inverted_information(seed: int, count: int) -> 
 def test_scanning_a_candidate_equals_adding_it(seed: int, count: int) -> None:
     sample, lights = cases.random_case(seed)
     chosen = list(range(count))
-    scanned = criterion.scan(sample, criterion.expect(sample, lights.only(chosen)), lights)
+    scanned = CAPPED.scan(sample, criterion.expect(sample, lights.only(chosen)), lights)
     for k in range(len(lights.row)):
         added = objective_by_hand(variance_by_hand(sample, lights, [*chosen, k]))
         assert scanned[k] == pytest.approx(added, rel=2e-3)
@@ -71,8 +72,8 @@ def test_certain_shadow_is_worth_nothing_and_doubt_costs(seed: int) -> None:
     sample, lights = cases.random_case(seed)
     before = criterion.expect(sample, lights.only([]))
     hidden, doubtful, seen = (Candidates(lights.row, np.full_like(lights.visibility, v)) for v in (0.0, 0.5, 1.0))
-    np.testing.assert_allclose(criterion.scan(sample, before, hidden), before.objective, rtol=1e-5)
-    assert np.all(criterion.scan(sample, before, doubtful) >= criterion.scan(sample, before, seen) * (1 - 1e-6))
+    np.testing.assert_allclose(CAPPED.scan(sample, before, hidden), CAPPED.of(before), rtol=1e-5)
+    assert np.all(CAPPED.scan(sample, before, doubtful) >= CAPPED.scan(sample, before, seen) * (1 - 1e-6))
 
 
 # ------------------------------------------------------------------------------------------------ from a normal map
@@ -89,7 +90,7 @@ def test_rows_are_light_vectors_and_depth_slopes_over_the_noise(cushion: scenes.
     chosen = np.arange(0, len(normal_map.information.rows), 7)
     sample = criterion.samples(normal_map, cushion.calibration, chosen)
     recipe = Recipe(exposure=Exposure(seconds=0.03))
-    row = criterion.candidates(sample, [light], normal_map, cushion.calibration, recipe).row[0]
+    row = cases.told(sample, [light], normal_map, cushion.calibration, recipe).row[0]
 
     rows, columns = normal_map.information.rows[chosen], normal_map.information.columns[chosen]
     n, albedo = cushion.normals[rows, columns].T, cushion.albedo[rows, columns]
@@ -133,9 +134,9 @@ def test_a_light_behind_the_wall_gets_no_credit_and_one_before_it_all() -> None:
     sides = {}
     for name, chosen in (("left", left), ("right", right)):
         sample = criterion.samples(normal_map, true.calibration, chosen)
-        lights = criterion.candidates(sample, [light], normal_map, true.calibration, Recipe())
+        lights = cases.told(sample, [light], normal_map, true.calibration)
         before = criterion.expect(sample, lights.only([]))
-        sides[name] = lights.visibility, before.objective - criterion.scan(sample, before, lights)[0]
+        sides[name] = lights.visibility, CAPPED.of(before) - CAPPED.scan(sample, before, lights)[0]
     assert np.mean(sides["left"][0] < 0.1) > 0.97
     assert np.mean(sides["right"][0] > 0.9) > 0.97
     assert sides["left"][1] < 0.02 * sides["right"][1]
@@ -145,7 +146,7 @@ def test_surface_turned_away_gets_no_credit(cushion: scenes.Scene) -> None:
     normal_map = cases.known_map(cushion, [])
     sample = criterion.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
     light = scenes.ring(1, 70.0)[0]
-    visibility = criterion.candidates(sample, [light], normal_map, cushion.calibration, Recipe()).visibility[0]
+    visibility = cases.told(sample, [light], normal_map, cushion.calibration).visibility[0]
     toward = np.array(light.position)[:, None] - sample.point
     cosine = np.sum(toward * sample.normal, axis=0) / np.linalg.norm(toward, axis=0)
     assert np.sum(cosine < -0.1) > 20
@@ -156,7 +157,7 @@ def test_visibility_of_a_sure_map_is_that_of_the_scene(cushion: scenes.Scene) ->
     normal_map = cases.known_map(cushion, [], sigma_deg=0.2)
     sample = criterion.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
     lights = scenes.ring(5, 60.0, turn=0.2)
-    visibility = criterion.candidates(sample, lights, normal_map, cushion.calibration, Recipe()).visibility
+    visibility = cases.told(sample, lights, normal_map, cushion.calibration).visibility
     rows, columns = normal_map.information.rows, normal_map.information.columns
     brightest = [cases.vectors_by_hand(cushion, light, rows, columns) for light in lights]
     least = criterion.LEAST_COSINE * sample.albedo * np.linalg.norm(brightest, axis=1)  # below it the solver rejects
@@ -173,7 +174,7 @@ def test_an_exposure_that_clips_gives_no_information(cushion: scenes.Scene) -> N
     seconds = 1.0 / (0.5 * cushion.calibration.lamp_intensity)  # y = 0.5 · 1.0 reaches the converter's end
     for factor, expected in ((0.5, 0.0), (8.0, 1.0)):
         recipe = Recipe(exposure=Exposure(seconds=factor * seconds))
-        visibility = criterion.candidates(sample, light, normal_map, cushion.calibration, recipe).visibility
+        visibility = cases.told(sample, light, normal_map, cushion.calibration, recipe).visibility
         assert np.mean(visibility < 0.01) == pytest.approx(expected, abs=0.08)
 
 
@@ -194,7 +195,7 @@ def test_pixels_seen_edge_on_or_not_finite_are_not_planned_by(cushion: scenes.Sc
 def test_unlit_pixels_keep_the_weak_priors_forty_degrees(cushion: scenes.Scene) -> None:
     normal_map = cases.known_map(cushion, [])
     sample = criterion.samples(normal_map, cushion.calibration, np.arange(50))
-    nothing = Candidates(np.empty((0, 4, 50), np.float32), np.empty((0, 50), np.float32))
+    nothing = criterion.none(sample)
     np.testing.assert_allclose(criterion.expect(sample, nothing).sigma_deg, np.degrees(np.sqrt(0.5)), rtol=1e-3)
 
 
@@ -206,7 +207,6 @@ def test_lights_bring_what_their_number_says(cushion: scenes.Scene) -> None:
     spread = []
     for normal_map in (few, many):
         sample = criterion.samples(normal_map, cushion.calibration, chosen)
-        pixels = len(sample.albedo)
-        nothing = Candidates(np.empty((0, 4, pixels), np.float32), np.empty((0, pixels), np.float32))
+        nothing = criterion.none(sample)
         spread.append(np.median(criterion.expect(sample, nothing).variance[0]))
     assert spread[0] / spread[1] == pytest.approx(2.0, rel=0.15)

@@ -1,0 +1,77 @@
+"""What a set of lights is judged by: one number made of the angular variances of all pixels in all scenarios.
+
+`capped`, the default, is the mean of v / (1 + v/cap²): plain mean variance is decided by a few pixels that no light can
+reach. `mean` is the mean σ. `quantile` looks at the worst pixels only, by how far their σ stands above what four fifths
+of the pixels keep below with the two-ring pattern; measured against a threshold that stays, it adds up over pixels, so
+that one scan judges all candidates, and what lowers it lowers the upper quantiles. `coverage` first counts the lights
+that pixels lack of three, which a solve needs, and lets `capped` decide between equals.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acquisition.plan import kernels
+from acquisition.plan.criterion import LEVELS, Candidates, Expectation, Samples
+from acquisition.types import Float32Array, FloatArray, Objective
+
+CAP_DEG = 10.0
+QUANTILE = 0.8
+LACKING = 10.0
+"""Loss of one light lacked by all pixels: a thousand times what the capped variance can differ by."""
+
+
+@dataclass(frozen=True)
+class Loss:
+    """Loss of a pixel: of_variance · c + of_sigma · max(√c − threshold, 0) + lacking · lights lacked of three, where
+    c = v / (1 + v · inverse_cap); v in rad²."""
+
+    of_variance: float
+    of_sigma: float
+    threshold: float
+    inverse_cap: float
+    lacking: float
+
+    def of(self, expectation: Expectation) -> float:
+        """The mean loss over pixels and scenarios."""
+        capped = expectation.variance / (1 + expectation.variance * self.inverse_cap)
+        loss = self.of_variance * capped + self.of_sigma * np.maximum(np.sqrt(capped) - self.threshold, 0)
+        lacked = np.maximum(3 - expectation.lit, 0) if self.lacking > 0 else np.zeros(1)
+        return float(np.mean(loss) + self.lacking * np.mean(lacked))
+
+    def scan(self, sample: Samples, present: Expectation, lights: Candidates) -> FloatArray:
+        """The mean loss (K,) with each one of `lights` added to what is present."""
+        out, deficit = np.empty(len(lights.row)), np.empty(len(lights.row))
+        kernels.scan(
+            present.covariance,
+            present.variance.astype(np.float32),
+            present.lit,
+            lights.row,
+            lights.visibility,
+            sample.normal,
+            sample.inverse_albedo2,
+            np.array(LEVELS, np.float32),
+            self._scalars,
+            out,
+            deficit,
+        )
+        return out + self.lacking * deficit
+
+    @property
+    def _scalars(self) -> Float32Array:
+        return np.array([self.of_variance, self.of_sigma, self.threshold, self.inverse_cap], np.float32)
+
+
+CAPPED = Loss(1.0, 0.0, 0.0, 1.0 / np.radians(CAP_DEG) ** 2, 0.0)
+VARIANCE = Loss(1.0, 0.0, 0.0, 0.0, 0.0)
+"""Plain mean variance: the convex one, which a lower bound can be had for."""
+
+
+def loss(objective: Objective, reference: Expectation) -> Loss:
+    """The loss of an objective; `reference` is what two rings would give, for the threshold of `quantile`."""
+    if objective == "mean":
+        return Loss(0.0, 1.0, 0.0, 0.0, 0.0)
+    if objective == "quantile":
+        capped = reference.variance / (1 + reference.variance * CAPPED.inverse_cap)
+        return replace(CAPPED, of_variance=0.0, of_sigma=1.0, threshold=float(np.sqrt(np.quantile(capped, QUANTILE))))
+    return replace(CAPPED, lacking=LACKING) if objective == "coverage" else CAPPED

@@ -1,0 +1,77 @@
+"""Whether the object stands in a light's way: shadow rays over the depth map that the images gave.
+
+The depth map is resampled to a grid of undistorted rays, coarse enough to be quick and to forgive its noise; where
+there is no object it is far away. A ray's clearance is the least slope at which it passes over the surface.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from acquisition import photometry
+from acquisition.plan import kernels
+from acquisition.types import Calibration, Float32Array, NormalMap
+
+MAP_SIZE = 192
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Depth (h, w) in m on a grid of rays, OpenCV camera frame: the first column's and row's ray, the step in rays, and
+    the object's least depth."""
+
+    depth: Float32Array
+    ray_x: float
+    ray_y: float
+    pitch: float
+    nearest: float
+
+    def clearance(self, point: Float32Array, lamp: Float32Array) -> Float32Array:
+        """Least slope (K, P) by which the rays of lamps (K, 3 or more) clear the surface on the way to points (3, P),
+        both in m, view frame."""
+        sign = np.array([1.0, -1.0, -1.0], np.float32)
+        out = np.empty((len(lamp), point.shape[1]), np.float32)
+        kernels.clearance(
+            self.depth,
+            self.ray_x,
+            self.ray_y,
+            self.pitch,
+            np.ascontiguousarray(point * sign[:, None]),
+            np.ascontiguousarray(lamp[:, :3] * sign),
+            self.nearest,
+            1.5 * self.pitch * self.nearest,
+            out,
+        )
+        return out
+
+
+def surface(normal_map: NormalMap, calibration: Calibration) -> Surface:
+    """The surface of a normal map that has some finite depth."""
+    known = normal_map.mask & (normal_map.depth > 0) & np.isfinite(normal_map.depth)
+    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    corners = rays_at(
+        calibration, np.array([rows[0], rows[0], rows[-1], rows[-1]]), np.array([columns[0], columns[-1]] * 2)
+    )
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    pitch = float(np.max(high - low)) / MAP_SIZE
+    size = np.ceil((high - low) / pitch).astype(int) + 3
+    first = low - pitch
+    grid = np.meshgrid(first[0] + pitch * np.arange(size[0]), first[1] + pitch * np.arange(size[1]))
+    ray = np.stack(grid).astype(np.float32)
+    directions = photometry.ray_directions(ray).reshape(3, -1)
+    pixels = photometry.project(calibration, directions.T).reshape(*ray.shape[1:], 2).astype(np.float32)
+    nearest, farthest = float(normal_map.depth[known].min()), float(normal_map.depth[known].max())
+    far = farthest + 0.05
+    filled = np.where(known, normal_map.depth, np.float32(far)).astype(np.float32)
+    depth = cv2.remap(
+        filled, pixels[..., 0], pixels[..., 1], cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=far
+    )
+    return Surface(np.ascontiguousarray(depth, np.float32), float(first[0]), float(first[1]), pitch, nearest)
+
+
+def rays_at(calibration: Calibration, rows: np.ndarray, columns: np.ndarray) -> Float32Array:
+    """Undistorted rays (2, K) of pixels, X/Z and Y/Z in the OpenCV camera frame."""
+    pixels = np.stack([columns, rows], axis=-1).astype(np.float64)[:, None, :]
+    rays = cv2.undistortPoints(pixels, np.array(calibration.camera_matrix), np.array(calibration.distortion))
+    return np.ascontiguousarray(rays[:, 0].T, dtype=np.float32)

@@ -1,0 +1,120 @@
+"""The search against exhaustive search, closed form and many starts; the bound against all of them."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from acquisition import dome, geometry
+from acquisition.plan import criterion, patterns, relaxation, search
+from acquisition.plan.baselines import two_rings
+from acquisition.plan.deadline import Deadline
+from acquisition.plan.objective import CAPPED, VARIANCE
+from acquisition.types import FloatArray
+from tests.acquisition.plan import cases
+
+NEVER = Deadline()
+
+
+def dome_units(count: int, lowest_cosine: float = 0.0) -> FloatArray:
+    cosine = np.linspace(1, lowest_cosine, count)
+    return geometry.direction(np.arccos(cosine), np.arange(count) * np.pi * (3 - np.sqrt(5)))
+
+
+def rings(units: FloatArray, count: int) -> list[list[int]]:
+    return patterns.completions(np.empty((0, 3)), units, count)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_search_is_within_five_per_cent_of_exhaustive_search(seed: int) -> None:
+    sample, options = cases.random_case(seed, pixels=24, lights=11)
+    chosen = search.search(sample, options, CAPPED, rings(dome_units(11, 0.3), 3), 3, seed, NEVER)
+    found = search.value(sample, options, CAPPED, chosen)
+    best = min(search.value(sample, options, CAPPED, list(some)) for some in combinations(range(11), 3))
+    assert len(set(chosen)) == 3
+    assert best * (1 - 1e-9) <= found <= 1.05 * best
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_no_choice_at_all_beats_the_bound(seed: int) -> None:
+    sample, options = cases.random_case(seed, pixels=6, lights=8)
+    count = 1 + seed % 4
+    found = relaxation.bound(sample, options, count, NEVER)
+    best = min(search.value(sample, options, VARIANCE, list(some)) for some in combinations(range(8), count))
+    assert found.variance <= best * (1 + 1e-6)
+    assert found.gap <= 0.001
+    assert np.sum(found.shares) == pytest.approx(count, rel=1e-3)
+
+
+@pytest.mark.parametrize("count", [3, 4, 5, 6, 8, 12])
+def test_distant_unshadowed_lights_reach_the_closed_form(count: int) -> None:
+    """Unit lights, equal noise: no set is better than (tr √M)²/m, M the mean of I − n nᵀ; the relaxation finds it."""
+    normal = cases.facing_camera(np.random.default_rng(0), 150)
+    mean = np.mean(np.eye(3)[None] - normal.T[:, :, None] * normal.T[:, None, :], axis=0)
+    closed = np.sum(np.sqrt(np.linalg.eigvalsh(mean))) ** 2 / count
+    units = dome_units(300)
+    sample, options = cases.distant_case(normal, units, scale=80.0)
+    chosen = search.search(sample, options, VARIANCE, rings(units, count), count, 0, NEVER)
+    on_grid = search.value(sample, options, VARIANCE, chosen) * 80.0**2
+    assert closed * (1 - 3e-4) <= on_grid <= 1.005 * closed
+    positions = search.refine(
+        sample, units[chosen], np.zeros(3), VARIANCE, lambda places: cases.distant_case(normal, places, 80.0)[1],
+        lambda place: bool(place[2] >= 0), NEVER,
+    )  # fmt: skip
+    refined = (
+        float(np.mean(criterion.expect(sample, cases.distant_case(normal, positions, 80.0)[1]).variance)) * 80.0**2
+    )
+    assert closed * (1 - 3e-4) <= refined <= min(1.001 * closed, on_grid * (1 + 1e-6))
+    bound = relaxation.bound(sample, options, count, NEVER)
+    assert bound.variance * 80.0**2 == pytest.approx(closed, rel=2e-3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("count", [4, 7])
+def test_never_worse_than_any_pattern_it_starts_from(seed: int, count: int) -> None:
+    units = dome_units(60, 0.3)
+    sample, options = cases.random_case(seed, pixels=500, lights=60)
+    starts = rings(units, count)
+    chosen = search.search(sample, options, CAPPED, starts, count, seed, NEVER)
+    found = search.value(sample, options, CAPPED, chosen)
+    assert all(found <= search.value(sample, options, CAPPED, start) * (1 + 1e-6) for start in starts)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("count", [4, 8])
+def test_within_one_per_cent_of_the_best_of_fifty_starts(seed: int, count: int) -> None:
+    units = dome_units(80, 0.3)
+    sample, options = cases.lit_case(seed, units)
+    chosen = search.search(sample, options, CAPPED, rings(units, count), count, seed, NEVER)
+    rng = np.random.default_rng(seed + 1000)
+    starts = [[int(index) for index in rng.permutation(len(units))[:count]] for _ in range(50)]
+    best = min(
+        search.value(sample, options, CAPPED, search.exchange(sample, options, CAPPED, start, NEVER, passes=8))
+        for start in starts
+    )
+    assert search.value(sample, options, CAPPED, chosen) <= 1.01 * best
+
+
+def test_a_deadline_gives_the_best_so_far() -> None:
+    units = dome_units(60, 0.3)
+    sample, options = cases.random_case(0, pixels=500, lights=60)
+    starts = rings(units, 6)
+    chosen = search.search(sample, options, CAPPED, starts, 6, 0, Deadline.within(0.0))
+    assert len(set(chosen)) == 6
+    found = search.value(sample, options, CAPPED, chosen)
+    assert all(found <= search.value(sample, options, CAPPED, start) * (1 + 1e-6) for start in starts)
+    bound = relaxation.bound(sample, options, 6, Deadline.within(0.0))
+    assert 0 <= bound.variance <= search.value(sample, options, VARIANCE, chosen)
+    assert bound.gap > 0.001
+
+
+def test_lights_taken_already_fill_their_places_of_the_pattern() -> None:
+    units = dome_units(400, 0.2)
+    whole = two_rings(8, turn=0.3)
+    taken = whole[[0, 4, 6]]
+    best = max(
+        (np.min(np.max(units[added] @ whole[[1, 2, 3, 5, 7]].T, axis=0)), added)
+        for added in patterns.completions(taken, units, 5)
+    )
+    assert best[0] > np.cos(0.15)
+    assert len(dome.nearest_distinct(whole, units, np.ones(400, dtype=np.bool_))[0]) == 8
