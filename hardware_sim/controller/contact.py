@@ -1,0 +1,251 @@
+"""Whether the arm touches something: the truth that the simulated controller's protective stops come from.
+
+Nothing of the planner is in it, neither code nor shapes nor clearances, so that an error there shows here. Links are
+sphere sets (`link_spheres.json`, made by `hardware_sim.link_spheres`): contact is reported at the latest when a link is
+2 mm deep in something (two links: 4 mm deep in each other), and never while they are over 1 mm (2 mm) apart.
+
+Each pair of bodies is looked at as often as it could have met: a look gives their distance, and nothing needs to be
+looked at again before a bound on the movement of all points of the one against the other has used it up (conservative
+advancement). Of the two dozen pairs most ticks look at none; near something there is a look for each `FINEST_M`.
+"""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from hardware_sim.controller import poses
+from hardware_sim.controller.kinematics import ArmModel
+from hardware_sim.controller.poses import Frame
+from hardware_sim.controller.surroundings import FloatArray, Surroundings
+
+BoolArray = npt.NDArray[np.bool_]
+LINKS = ("base", "shoulder", "upper arm", "forearm", "wrist 1", "wrist 2", "wrist 3", "tool")
+FINEST_M = 0.001
+"""No point of the arm moves further than this between two looks that find something that near."""
+
+_TOOL = 7
+_FLANGE = 6
+_UNIT_M = 1e-4
+_GROUP = 32
+_FAR_M = 0.03  # beyond this a lower bound is as good as the distance
+_TOOL_DIP_M = 0.0005
+# The flange turns in wrist 2 and carries the tool; wrist 1 and wrist 3 cannot meet, whatever the joints.
+_NEVER = {(4, 6), (5, _TOOL)}
+_TWISTS = ((0.0, 1.0), (1.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, 0.0))  # cosine and sine
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Two parts that touch, and the joints (6,) in rad at which they began to."""
+
+    first: str
+    second: str
+    joints: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """The spheres of one part, grouped with their neighbours, each group in a sphere of its own; part's frame, m."""
+
+    spheres: FloatArray  # (S, 3) centres
+    radii: FloatArray  # (S,)
+    members: npt.NDArray[np.int64]  # (S,) the group of each
+    centers: FloatArray  # (K, 3)
+    bounds: FloatArray  # (K,) radii round the groups
+    center: FloatArray  # (3,)
+    radius: float  # round all of them
+    reach: float  # of the farthest point from the frame's origin
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """A part of the arm, and another (`other` ≥ 0) or a body of the surroundings (`body` ≥ 0)."""
+
+    part: int
+    other: int
+    body: int
+
+
+class ContactCheck:
+    """Follows one arm through its movements."""
+
+    def __init__(self, model: ArmModel, surroundings: Surroundings) -> None:
+        self._surroundings = surroundings
+        self._rows = (
+            (0.0, model.d1), (model.a2, 0.0), (model.a3, 0.0), (0.0, model.d4), (0.0, model.d5), (0.0, model.d6),
+        )  # fmt: skip
+        spheres = [*_links(model.name), _tool(surroundings.tool)]
+        self._parts = [_part(s) for s in spheres]
+        present = [number for number, s in enumerate(spheres) if len(s)]
+        # The base stands on the table and cannot move.
+        self._pairs = [
+            _Pair(part, -1, body) for body in range(len(surroundings.bodies)) for part in present if part > 0
+        ] + [
+            _Pair(part, other, -1)
+            for part in present
+            for other in present
+            if other - part >= 2 and (part, other) not in _NEVER
+        ]
+        self._levers = np.array([self._lever(pair) for pair in self._pairs])
+        self._left = np.full(len(self._pairs), -1.0)
+        self._joints: FloatArray | None = None
+
+    def forget(self) -> None:
+        """The arm may be anywhere now: the next `advance` looks at everything."""
+        self._joints = None
+
+    def advance(self, joints: Sequence[float]) -> Contact | None:
+        """The first contact on the straight way from the joints (6,) of the last call to these, in rad."""
+        goal = np.array(joints, dtype=float)
+        if self._joints is None:
+            self._joints = goal
+            self._left[:] = -1.0
+        start, self._joints = self._joints, goal
+        moved = self._levers @ np.abs(goal - start)
+        steps = max(1, math.ceil(float(moved.max()) / FINEST_M))
+        for step in range(1, steps + 1):
+            self._left -= moved / steps
+            if self._left.min() < 0.0:
+                here = start + step / steps * (goal - start)
+                touching = self._look(here.tolist())
+                if touching is not None:
+                    first, second = self._names(touching)
+                    return Contact(first, second, tuple(here.tolist()))
+        return None
+
+    def distances(self, joints: Sequence[float]) -> dict[tuple[str, str], float]:
+        """The distance in m of each pair of bodies, negative where they are in each other; exact below 30 mm.
+
+        Farther apart, a bound that the distance is not below.
+        """
+        frames = self.frames(joints)
+        return {self._names(pair): self._distance(pair, frames) for pair in self._pairs}
+
+    def _look(self, joints: Sequence[float]) -> _Pair | None:
+        """Looks at the pairs that may have met; returns the one that is deepest in each other, if any is."""
+        frames = self.frames(joints)
+        deepest: tuple[float, _Pair | None] = (0.0, None)
+        for number in np.flatnonzero(self._left < 0.0):
+            distance = self._distance(self._pairs[number], frames)
+            self._left[number] = distance
+            if distance <= deepest[0]:
+                deepest = distance, self._pairs[number]
+        return deepest[1]
+
+    def _names(self, pair: _Pair) -> tuple[str, str]:
+        other = LINKS[pair.other] if pair.body < 0 else self._surroundings.bodies[pair.body]
+        return LINKS[pair.part], other
+
+    def _distance(self, pair: _Pair, frames: list[Frame]) -> float:
+        """The distance of a pair, or a bound from below where that is beyond `_FAR_M`; branch and bound."""
+        one = self._parts[pair.part]
+        rotation, shift = _moved(frames[min(pair.part, _FLANGE)])
+        if pair.body >= 0:
+            around = (rotation @ one.center + shift)[None]
+            bound = float(self._surroundings.distances(around, pair.body)[0]) - one.radius
+            if bound >= _FAR_M:
+                return bound
+            points = one.spheres @ rotation.T + shift
+            return float((self._surroundings.distances(points, pair.body) - one.radii).min())
+        two = self._parts[pair.other]
+        other_rotation, other_shift = _moved(frames[min(pair.other, _FLANGE)])
+        # All in the frame of the first.
+        turn, way = rotation.T @ other_rotation, rotation.T @ (other_shift - shift)
+        bounds = _gaps(one.centers, one.bounds, two.centers @ turn.T + way, two.bounds)
+        nearest = int(bounds.argmin())
+        if bounds.flat[nearest] >= _FAR_M:
+            return float(bounds.flat[nearest])
+        mine, its = one.members == nearest // len(two.centers), two.members == nearest % len(two.centers)
+        best = _least_gap(one, mine, two, its, turn, way)
+        rivals = bounds < best
+        if np.count_nonzero(rivals) > 1:
+            mine, its = rivals.any(axis=1)[one.members], rivals.any(axis=0)[two.members]
+            best = _least_gap(one, mine, two, its, turn, way)
+        return best
+
+    def frames(self, joints: Sequence[float]) -> list[Frame]:
+        """The seven links' frames in base: 0 the base, 6 the flange; (Denavit–Hartenberg)."""
+        frames = [poses.IDENTITY]
+        for q, (a, d), (ct, st) in zip(joints, self._rows, _TWISTS, strict=True):
+            c, s = math.cos(q), math.sin(q)
+            step = (c, -s * ct, s * st, a * c, s, c * ct, -c * st, a * s, 0.0, st, ct, d)
+            frames.append(poses.compose(frames[-1], step))
+        return frames
+
+    def _lever(self, pair: _Pair) -> list[float]:
+        """How far (6,) from each joint's axis, m, any point can be that the joint moves in the frame of the other."""
+        far, near = (min(pair.other, _FLANGE), pair.part) if pair.body < 0 else (min(pair.part, _FLANGE), 0)
+        reach = self._parts[pair.other if pair.body < 0 else pair.part].reach
+        levers = [0.0] * 6
+        for joint in range(near, far):
+            # The offset along a joint's own axis does not turn with it.
+            levers[joint] = abs(self._rows[joint][0]) + sum(math.hypot(*r) for r in self._rows[joint + 1 : far]) + reach
+        return levers
+
+
+def _links(model: str) -> list[FloatArray]:
+    """The spheres (S, 4) of the seven links, each in its frame, m."""
+    text = Path(__file__).with_name("link_spheres.json").read_text(encoding="utf-8")
+    return [np.array(link).reshape(-1, 4) * _UNIT_M for link in json.loads(text)[model]]
+
+
+def _tool(capsules: FloatArray) -> FloatArray:
+    """Spheres (S, 4) for capsules (T, 7), so close that nowhere more than `_TOOL_DIP_M` is missing."""
+    spheres: list[FloatArray] = []
+    for row in capsules:
+        start, end, radius = row[:3], row[3:6], float(row[6])
+        spacing = math.sqrt(8.0 * radius * _TOOL_DIP_M)
+        count = int(np.linalg.norm(end - start) / spacing) + 2
+        share = np.linspace(0.0, 1.0, count)[:, None]
+        spheres.append(np.hstack([start + share * (end - start), np.full((count, 1), radius)]))
+    return np.vstack(spheres) if spheres else np.zeros((0, 4))
+
+
+def _part(spheres: FloatArray) -> _Part:
+    groups = _groups(spheres)
+    ordered = np.vstack(groups) if groups else np.zeros((0, 4))
+    around = np.array([_around(group) for group in groups]).reshape(-1, 4)
+    whole = _around(spheres) if len(spheres) else np.zeros(4)
+    members = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
+    reach = float((np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]).max(initial=0.0))
+    return _Part(
+        ordered[:, :3].copy(), ordered[:, 3].copy(), members, around[:, :3].copy(), around[:, 3].copy(), whole[:3],
+        float(whole[3]), reach,
+    )  # fmt: skip
+
+
+def _around(spheres: FloatArray) -> FloatArray:
+    """A sphere (4,) round spheres (S, 4)."""
+    center = (spheres[:, :3].min(axis=0) + spheres[:, :3].max(axis=0)) / 2
+    return np.array([*center, (np.linalg.norm(spheres[:, :3] - center, axis=1) + spheres[:, 3]).max()])
+
+
+def _groups(spheres: FloatArray) -> list[FloatArray]:
+    """Splits spheres (S, 4) across their longest extent until each group is small."""
+    if len(spheres) <= _GROUP:
+        return [spheres] if len(spheres) else []
+    extent = np.ptp(spheres[:, :3], axis=0)
+    order = np.argsort(spheres[:, int(np.argmax(extent))], kind="stable")
+    half = len(order) // 2
+    return _groups(spheres[order[:half]]) + _groups(spheres[order[half:]])
+
+
+def _moved(frame: Frame) -> tuple[FloatArray, FloatArray]:
+    rows = np.array(frame).reshape(3, 4)
+    return rows[:, :3], rows[:, 3]
+
+
+def _least_gap(one: _Part, mine: BoolArray, two: _Part, its: BoolArray, turn: FloatArray, way: FloatArray) -> float:
+    """The least distance of some spheres of one part from some of another, whose frame is turned and shifted."""
+    return float(_gaps(one.spheres[mine], one.radii[mine], two.spheres[its] @ turn.T + way, two.radii[its]).min())
+
+
+def _gaps(a: FloatArray, a_radii: FloatArray, b: FloatArray, b_radii: FloatArray) -> FloatArray:
+    """Distances (A, B) of spheres round a (A, 3) from spheres round b (B, 3)."""
+    squared = np.add.outer(np.einsum("ai,ai->a", a, a), np.einsum("bi,bi->b", b, b)) - 2.0 * (a @ b.T)
+    return np.sqrt(np.maximum(squared, 0.0)) - np.add.outer(a_radii, b_radii)

@@ -1,0 +1,85 @@
+"""The links of an arm as spheres: from meshes to the few numbers that `controller.contact` checks with.
+
+Spheres, because the distance of two is one subtraction: some hundred thousand a second cost the controller almost
+nothing, and the same sets serve for table, camera, object and the arm itself. A link's spheres stand out of its convex
+mesh by at most `OUT_M` and leave no point of its surface more than `GAP_M` outside; so a contact is seen at the latest
+when a body is `GAP_M` deep, and never while it is further off than `OUT_M`.
+
+    python -m hardware_sim.link_spheres FOLDER > hardware_sim/controller/link_spheres.json
+
+FOLDER holds, for each model, a folder of seven convex, watertight STL files in m, sorted from base to flange, each in
+its Denavit–Hartenberg frame: the collision meshes of UR's public robot description (BSD-3-Clause).
+"""
+
+import heapq
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from scipy.spatial import KDTree
+
+from acquisition.types import FloatArray
+from hardware_sim.controller.kinematics import MODELS
+
+OUT_M = 0.001
+GAP_M = 0.002
+UNIT_M = 1e-4
+"""Numbers are stored as whole tenths of a millimetre."""
+
+_SAMPLE_M = 0.0025
+_LATTICE_M = 0.006
+_DEPTHS_M = (0.002, 0.004, 0.008, 0.016, 0.025, 0.035)
+
+
+def packed(mesh: trimesh.Trimesh) -> FloatArray:
+    """Spheres (S, 4), centre and radius in m, that cover a convex mesh: greedily, the one that covers most first."""
+    surface = np.vstack([mesh.sample(int(mesh.area / _SAMPLE_M**2), seed=0), mesh.vertices])
+    centers = np.vstack([_candidates(mesh), surface])  # a point of the surface covers at least itself
+    offsets = (mesh.face_normals * mesh.triangles_center).sum(axis=1)
+    radii = (offsets - centers @ mesh.face_normals.T).min(axis=1) + OUT_M
+    inside = radii > OUT_M - UNIT_M
+    centers, radii = centers[inside], np.maximum(radii[inside], OUT_M)
+    reached = [np.array(r, dtype=int) for r in KDTree(surface).query_ball_point(centers, radii + GAP_M - UNIT_M)]
+    missing = np.ones(len(surface), dtype=bool)
+    best = [(-len(found), number) for number, found in enumerate(reached)]
+    heapq.heapify(best)
+    chosen: list[int] = []
+    while missing.any():
+        if not best:
+            raise ValueError(f"{int(missing.sum())} of {len(surface)} points stay uncovered: the mesh is not convex")
+        _, number = heapq.heappop(best)
+        gain = int(missing[reached[number]].sum())
+        if gain and best and gain < -best[0][0]:
+            heapq.heappush(best, (-gain, number))
+        elif gain:
+            chosen.append(number)
+            missing[reached[number]] = False
+    return np.column_stack([centers[chosen], radii[chosen]])
+
+
+def _candidates(mesh: trimesh.Trimesh) -> FloatArray:
+    """Centres that may serve: a lattice, and points at some depths under the surface and under the vertices."""
+    low, high = mesh.bounds
+    axes = [np.arange(a + _LATTICE_M / 2, b, _LATTICE_M) for a, b in zip(low, high, strict=True)]
+    points, faces = mesh.sample(3000, return_index=True, seed=1)
+    under = [
+        start - depth * normals
+        for start, normals in ((points, mesh.face_normals[faces]), (mesh.vertices, mesh.vertex_normals))
+        for depth in _DEPTHS_M
+    ]
+    return np.vstack([np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3), *under])
+
+
+def main(folder: Path) -> None:
+    """Prints the spheres of all models as JSON: model → seven lists of whole numbers x, y, z, radius, x, y, …"""
+    models: dict[str, list[list[int]]] = {}
+    for model in MODELS:
+        links = [packed(trimesh.load_mesh(path)) for path in sorted((folder / model).glob("*.stl"))]
+        models[model] = [np.rint(link / UNIT_M).astype(int).ravel().tolist() for link in links]
+    print(json.dumps(models, separators=(",", ":")).replace("],[", "],\n["))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
