@@ -1,36 +1,22 @@
-"""What the unmodified ur-rtde returns, raises and leaves behind when the controller fails.
+"""What the unmodified ur-rtde returns, raises and leaves behind when arm, program or safety fail.
 
-Where the library may abort its process or block for minutes, the client is a process of its own.
+`test_failing_links` has what fails between library and controller.
 """
 
-import subprocess
-import sys
-import textwrap
+import math
+import struct
 import time
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from hardware_sim.controller.process import ControllerProcess
-from tests.hardware_sim.controller.cells import HOME, Cell, at_home, restart_program, start, wait_until
+from tests.hardware_sim.controller.cells import HOME, Cell, at_home, restart_program, send_script, wait_until
+from tests.hardware_sim.controller.plain_client import PlainClient
 
 FAR = [q + 1.0 for q in HOME]
-NEAR = [q + 0.1 for q in HOME]
 SPEED, ACCELERATION = 1.05, 1.4
 PROTECTIVE_BITS, EMERGENCY_BITS = 1028, 1216
-
-
-def run_client(code: str, address: str, seconds: float = 20.0) -> subprocess.CompletedProcess[str]:
-    """Runs a client program in a process of its own; `address` is its first argument."""
-    return subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(code), address],
-        capture_output=True,
-        text=True,
-        timeout=seconds,
-        check=False,
-        cwd=Path.cwd(),
-    )
 
 
 @pytest.fixture
@@ -45,26 +31,8 @@ def cell(shared_cell: Cell) -> Iterator[Cell]:
     wait_until(lambda: shared_cell.receive.getActualQd() == [0.0] * 6)
 
 
-def test_nobody_listens(controller: ControllerProcess) -> None:
-    import rtde_receive
-
-    controller.close()
-    with pytest.raises(RuntimeError, match="Could not connect to"):
-        rtde_receive.RTDEReceiveInterface(controller.address)
-
-
-def test_local_control_refuses_clients_and_programs(controller: ControllerProcess) -> None:
-    import rtde_control
-
-    with controller.control() as faults:
-        faults.fault("local_mode")
-        with pytest.raises(RuntimeError, match="enable remote control"):
-            rtde_control.RTDEControlInterface(controller.address)
-        faults.fault("remote_mode")
-        rtde_control.RTDEControlInterface(controller.address).disconnect()
-
-
 def test_program_stopped_during_a_synchronous_move(cell: Cell) -> None:
+    """Failure: the program is stopped in a synchronous move, and what each call says afterwards."""
     with cell.process.control() as faults:
         faults.fault("program_stop", at_s=0.3)
         assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
@@ -80,11 +48,13 @@ def test_program_stopped_during_a_synchronous_move(cell: Cell) -> None:
         cell.control.getForwardKinematics()
     assert cell.control.getInverseKinematics(cell.receive.getActualTCPPose()) == []
     assert not cell.control.isSteady()
+    assert cell.control.stopJ(2.0) is None
     restart_program(cell)
     assert cell.control.moveJ(HOME, 3.0, 20.0)
 
 
 def test_program_stopped_by_the_dashboard_during_an_asynchronous_move(cell: Cell) -> None:
+    """Failure: the program is stopped in an asynchronous move."""
     assert cell.io.setStandardDigitalOut(0, True)
     assert cell.io.setStandardDigitalOut(1, True)
     assert cell.control.moveJ(FAR, SPEED, ACCELERATION, True)
@@ -105,6 +75,7 @@ def test_program_stopped_by_the_dashboard_during_an_asynchronous_move(cell: Cell
 
 
 def test_protective_stop_during_a_move_and_the_way_back(cell: Cell) -> None:
+    """Failure: protective stop in a synchronous move; unlocking too early; uploads during it; after it."""
     with cell.process.control() as faults:
         faults.fault("protective_stop", at_s=0.3)
         assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
@@ -132,11 +103,13 @@ def test_protective_stop_during_a_move_and_the_way_back(cell: Cell) -> None:
 
 
 def test_protective_stop_asked_for_by_the_client(cell: Cell) -> None:
+    """Failure: triggerProtectiveStop."""
     assert not cell.control.triggerProtectiveStop()  # it works, and says no
     wait_until(cell.receive.isProtectiveStopped)
 
 
 def test_emergency_stop_takes_the_power_and_the_program(cell: Cell) -> None:
+    """Failure: emergency stop in a synchronous move."""
     with cell.process.control() as faults:
         faults.fault("emergency_stop", at_s=0.3)
         assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
@@ -162,17 +135,50 @@ def test_emergency_stop_takes_the_power_and_the_program(cell: Cell) -> None:
 
 
 def test_pose_without_solution_ends_the_program(cell: Cell) -> None:
-    assert cell.control.getInverseKinematics([5.0, 0.0, 0.5, 0.0, 3.1, 0.0]) == []
-    wait_until(lambda: not cell.control.isProgramRunning())
-    with cell.process.control() as control:
-        assert any("no solution" in line for line in control.log())
+    """Check 9. Failure: inverse kinematics without solution."""
+    nowhere = [5.0, 0.0, 0.5, 0.0, 3.1, 0.0]
+    for call, answer in ((cell.control.getInverseKinematics, []), (cell.control.moveJ_IK, False)):
+        assert call(nowhere) == answer
+        wait_until(lambda: not cell.control.isProgramRunning())
+        with cell.process.control() as control:
+            assert "no solution" in control.log()[-1]
+        restart_program(cell)
 
 
-def test_refused_function_ends_the_program_and_is_named(cell: Cell) -> None:
-    assert not cell.control.zeroFtSensor()
-    wait_until(lambda: not cell.control.isProgramRunning())
+REFUSED = {
+    "zeroFtSensor": ("zero_ftsensor", False, ()),
+    "freedriveMode": ("freedrive_mode", False, ()),
+    "endFreedriveMode": ("end_freedrive_mode", False, ()),
+    "teachMode": ("teach_mode", False, ()),
+    "endTeachMode": ("end_teach_mode", False, ()),
+    "ftRtdeInputEnable": ("ft_rtde_input_enable", False, (True,)),
+    "enableExternalFtSensor": ("enable_external_ft_sensor", False, (True,)),
+    "setGravity": ("set_gravity", False, ([0.0, 0.0, 9.8],)),
+    "moveUntilContact": ("tool_contact", False, ([0.0, 0.0, -0.01, 0.0, 0.0, 0.0],)),
+    # These are sent and forgotten by the library: it says that they worked.
+    "forceMode": ("force_mode", True, ([0.0] * 6, [0] * 6, [0.0] * 6, 2, [1.0] * 6)),
+    "servoC": ("servoc", True, ([0.3, -0.3, 0.3, 0.0, 3.1, 0.0],)),
+}
+
+
+@pytest.mark.parametrize("method", REFUSED)
+def test_refused_function_ends_the_program_and_is_named(cell: Cell, method: str) -> None:
+    """Failure: a function that is not simulated; its name and line reach the log and every RTDE client."""
+    name, answer, arguments = REFUSED[method]
+    with PlainClient(cell.address) as listener:
+        listener.outputs("timestamp")
+        listener.request("S")
+        assert getattr(cell.control, method)(*arguments) is answer
+        wait_until(lambda: not cell.control.isProgramRunning())
+        wait_until(lambda: listener.sample() and listener.texts)
+        ((words, source, level),) = listener.texts
+    assert words.endswith(f"{name} is not simulated by this controller")
+    assert "line" in words
+    assert (source, level) == ("Controller", 0)
     with cell.process.control() as control:
-        assert any("zero_ftsensor is not simulated" in line for line in control.log())
+        assert control.log()[-1].endswith(words)
+    # What was sent and forgotten is still asked for; the next call that fails takes it back.
+    assert not cell.control.setTcp([0.0] * 6)
 
 
 def test_straight_move_out_of_reach_is_a_protective_stop(cell: Cell) -> None:
@@ -182,6 +188,7 @@ def test_straight_move_out_of_reach_is_a_protective_stop(cell: Cell) -> None:
 
 
 def test_watchdog_ends_a_synchronous_move(cell: Cell) -> None:
+    """Failure: a watchdog and a synchronous move."""
     assert cell.control.setWatchdog(10.0)
     before = cell.receive.getTimestamp()
     assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
@@ -190,6 +197,7 @@ def test_watchdog_ends_a_synchronous_move(cell: Cell) -> None:
 
 
 def test_foreign_program_takes_the_arm_until_it_ends(cell: Cell) -> None:
+    """Failure: a foreign program."""
     import socket
 
     time.sleep(0.05)  # the script is ready for a command; else the library waits 4 s for that
@@ -202,13 +210,107 @@ def test_foreign_program_takes_the_arm_until_it_ends(cell: Cell) -> None:
     restart_program(cell)
 
 
+def test_foreign_program_in_mid_move_stops_it_and_blocks_its_caller(cell: Cell) -> None:
+    """Failure: a foreign program in a synchronous move."""
+    with ThreadPoolExecutor(1) as pool:
+        foreign = "def foreign():\n  sleep(0.5)\n  write_output_integer_register(30, 7)\nend\n"
+
+        def send() -> None:
+            time.sleep(0.3)
+            send_script(cell.address, foreign)
+
+        sent = pool.submit(send)
+        before = cell.receive.getTimestamp()
+        assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
+        sent.result()
+    assert 0.7 < cell.receive.getTimestamp() - before < 1.5
+    assert cell.dashboard.programState() == "STOPPED foreign"
+    assert HOME[0] < cell.receive.getActualQ()[0] < FAR[0]
+
+
+def test_protective_stop_in_an_asynchronous_move_leaves_its_progress_running(cell: Cell) -> None:
+    """Failure: protective stop in an asynchronous move."""
+    assert cell.control.moveJ(FAR, SPEED, ACCELERATION, True)
+    wait_until(lambda: cell.receive.getActualQd()[0] > 0.5)
+    with cell.process.control() as faults:
+        faults.fault("protective_stop")
+    wait_until(cell.receive.isProtectiveStopped)
+    wait_until(lambda: cell.receive.getActualQd() == [0.0] * 6)
+    assert cell.control.getAsyncOperationProgressEx().isAsyncOperationRunning()
+    # The control client has no such question; the receive client and the dashboard have.
+    assert not hasattr(cell.control, "isProtectiveStopped")
+
+
+def test_upload_returns_before_its_program_runs(cell: Cell) -> None:
+    """Failure: reuploadScript and a move right after it."""
+    for _ in range(3):
+        assert cell.control.reuploadScript()
+        assert not cell.control.moveJ(HOME, SPEED, ACCELERATION)
+        wait_until(cell.control.isProgramRunning)
+    assert cell.control.moveJ(HOME, SPEED, ACCELERATION)
+
+
+def test_values_out_of_range_are_refused_by_the_library(cell: Cell) -> None:
+    """Failure: bad speeds and accelerations."""
+    pose = cell.receive.getActualTCPPose()
+    for call, values in (
+        (cell.control.moveJ, (HOME, 3.2, 1.0)),
+        (cell.control.moveJ, (HOME, 1.0, 41.0)),
+        (cell.control.moveJ, (HOME, math.nan, 1.0)),
+        (cell.control.moveL, (pose, 3.5, 1.0)),
+        (cell.control.moveL, (pose, 0.1, 151.0)),
+        (cell.control.servoJ, (HOME, 0.0, 0.0, 0.002, 0.01, 300)),
+        (cell.control.servoJ, (HOME, 0.0, 0.0, 0.002, 0.1, 3000)),
+        (cell.control.moveJ, ([[*HOME, 1.0, 1.0, 3.0]],)),
+    ):
+        with pytest.raises(ValueError, match="The value is"):
+            call(*values)
+    assert cell.control.isProgramRunning()
+
+
+def test_stop_in_the_unit_of_the_other_kind(cell: Cell) -> None:
+    """stopL first runs stopj; once a stop was asynchronous, stopJ runs stopl, for the program's life."""
+    restart_program(cell)
+
+    def turned_while_stopping(stop: Callable[[], None]) -> float:
+        at_home(cell)
+        assert cell.control.moveJ([HOME[0] + 2.0, *HOME[1:]], 1.0, 5.0, True)
+        wait_until(lambda: cell.receive.getActualQd()[0] == pytest.approx(1.0))
+        before = cell.receive.getActualQ()[0]
+        stop()
+        wait_until(lambda: cell.receive.getActualQd() == [0.0] * 6)
+        return cell.receive.getActualQ()[0] - before
+
+    radius = math.hypot(*cell.receive.getActualTCPPose()[:2])
+    turned = turned_while_stopping(lambda: cell.control.stopL(2.0))
+    assert turned == pytest.approx(1.0 / (2 * 2.0), abs=0.05)  # 2 rad/s²
+    turned_while_stopping(lambda: cell.control.stopJ(2.0, True))
+    turned = turned_while_stopping(lambda: cell.control.stopJ(2.0))
+    assert turned == pytest.approx(1.0 / (2 * 2.0 / radius), abs=0.05)  # 2 m/s² at the tool's radius
+
+
 def test_bad_program_is_refused_and_the_running_one_lives(cell: Cell) -> None:
     import socket
 
-    with socket.create_connection((cell.address, 30002)) as script:
+    with (
+        PlainClient(cell.address) as listener,
+        socket.create_connection((cell.address, 30001)) as primary,
+        socket.create_connection((cell.address, 30002)) as script,
+    ):
+        listener.outputs("timestamp")
+        listener.request("S")
+        primary.settimeout(3.0)
         script.sendall(b"def broken():\n  movej([0,0,\nend\n")
-        script.sendall(b"def unknown():\n  no_such_function()\nend\n")
+        script.sendall(b"def unknown():\n  textmsg(1)\n  no_such_function()\nend\n")
         script.sendall(b"def half():\n  sleep(10)\n")
+        wait_until(lambda: listener.sample() and len(listener.texts) == 2)
+        assert "line 3" in listener.texts[1][0]
+        assert "no_such_function" in listener.texts[1][0]
+        assert listener.texts[1][1:] == ("Controller", 0)
+        robot_message = primary.recv(4096)
+        size, kind, _, _, subtype, line, column = struct.unpack_from(">iBQbbii", robot_message)
+        assert (kind, subtype, line, column) == (20, 10, 3, -1)
+        assert robot_message[23:size].decode() == listener.texts[0][0]
     with cell.process.control() as control:
         wait_until(lambda: any("no_such_function" in line for line in control.log()))
     assert cell.control.isProgramRunning()
@@ -230,112 +332,3 @@ def test_arm_that_is_not_where_it_says(cell: Cell) -> None:
         control.fault("joint_offset", offsets_rad=[0.01, 0, 0, 0, 0, 0])
         assert control.state()["joints"][0] == pytest.approx(HOME[0] + 0.01)
         assert cell.receive.getActualQ() == pytest.approx(HOME)
-
-
-def test_link_cut_is_seen_by_the_receive_client(controller: ControllerProcess) -> None:
-    result = run_client(
-        """
-        import sys, time
-        import rtde_receive
-        from hardware_sim.controller.control import ControlClient
-        receive = rtde_receive.RTDEReceiveInterface(sys.argv[1])
-        with ControlClient(sys.argv[1]) as control:
-            control.fault("cut", port=30004)
-        deadline = time.monotonic() + 3
-        while receive.isConnected() and time.monotonic() < deadline:
-            time.sleep(0.01)
-        print("connected", receive.isConnected())
-        print("again", receive.reconnect(), receive.getTimestamp() > 0)
-        """,
-        controller.address,
-    )
-    assert result.stdout.splitlines() == ["connected False", "again True True"], result.stderr
-
-
-def test_controller_killed(controller: ControllerProcess) -> None:
-    client = subprocess.Popen(
-        [
-            sys.executable,
-            "-c",
-            textwrap.dedent("""
-            import os, sys, time
-            import rtde_control, rtde_receive
-            receive = rtde_receive.RTDEReceiveInterface(sys.argv[1])
-            control = rtde_control.RTDEControlInterface(sys.argv[1])
-            print("ready", flush=True)
-            sys.stdin.readline()
-            deadline = time.monotonic() + 6
-            while (control.isConnected() or receive.isConnected()) and time.monotonic() < deadline:
-                time.sleep(0.01)
-            print(control.isConnected(), receive.isConnected(), control.isProgramRunning(), flush=True)
-            os._exit(0)
-            """),
-            controller.address,
-        ],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    )
-    assert client.stdout is not None
-    assert client.stdout.readline() == "ready\n"
-    controller.kill()
-    output, _ = client.communicate("\n", timeout=15)
-    # Only isConnected tells: the program is said to run for ever.
-    assert output.splitlines()[-1] == "False False True"
-
-
-def test_controller_ends_with_its_parent() -> None:
-    code = """
-    import os, sys
-    from tests.hardware_sim.controller.cells import start
-    process = start()
-    print(process.address, process.process.pid, flush=True)
-    os._exit(1)
-    """
-    result = run_client(code, "")
-    address, number = result.stdout.split()
-    wait_until(lambda: not Path(f"/proc/{number}").exists() or _is_zombie(int(number)))
-    with start() as other:  # the machine still serves
-        assert other.address != ""
-    assert address.startswith("127.0.1.")
-
-
-def _is_zombie(number: int) -> bool:
-    return Path(f"/proc/{number}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
-
-
-@pytest.mark.long
-def test_frozen_controller_makes_the_library_reconnect(controller: ControllerProcess) -> None:
-    import signal
-
-    client = subprocess.Popen(
-        [
-            sys.executable,
-            "-c",
-            textwrap.dedent("""
-            import os, sys
-            import rtde_control, rtde_receive
-            receive = rtde_receive.RTDEReceiveInterface(sys.argv[1])
-            control = rtde_control.RTDEControlInterface(sys.argv[1])
-            print("ready", flush=True)
-            print(control.moveJ([2.0, -1.9, 1.9, -1.57, -1.57, 0.0], 0.4, 1.0), flush=True)
-            print(receive.isConnected(), control.isConnected(), flush=True)
-            os._exit(0)
-            """),
-            controller.address,
-        ],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    )
-    assert client.stdout is not None
-    assert client.stdout.readline() == "ready\n"
-    time.sleep(0.5)
-    controller.process.send_signal(signal.SIGSTOP)
-    time.sleep(4.0)
-    controller.process.send_signal(signal.SIGCONT)
-    output, _ = client.communicate(timeout=20)
-    moved, connected = output.splitlines()[-2:]
-    assert moved == "False"
-    assert connected.startswith("False")

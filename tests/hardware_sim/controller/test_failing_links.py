@@ -1,0 +1,313 @@
+"""What the unmodified ur-rtde returns, raises and leaves behind when the controller or the link to it fails.
+
+The library may abort its process or block for minutes here, so that its clients are processes of their own.
+"""
+
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import pytest
+
+from hardware_sim.controller.process import ControllerProcess
+from tests.hardware_sim.controller.cells import start, wait_until
+
+ABORTED = -signal.SIGABRT
+
+
+class Client:
+    """A Python program in a process of its own; `sys.argv[1]` is the controller's address."""
+
+    def __init__(self, code: str, address: str) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", "import os, sys, time\n" + textwrap.dedent(code), address],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=Path.cwd(),
+        )
+
+    def wait_for(self, line: str) -> None:
+        """Waits for a line of output."""
+        assert self.process.stdout is not None
+        assert self.process.stdout.readline() == line + "\n"
+
+    def finish(self, seconds: float = 20.0) -> list[str]:
+        """Lets it go on, waits for its end; the rest of its output."""
+        output, errors = self.process.communicate("\n", timeout=seconds)
+        return output.splitlines() or errors.splitlines()
+
+    def hangs(self, seconds: float) -> bool:
+        """Whether it is still at it after so long; ends it then."""
+        try:
+            self.process.communicate("\n", timeout=seconds)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.communicate()
+            return True
+        return False
+
+
+def run(code: str, address: str) -> list[str]:
+    return Client(code, address).finish()
+
+
+def test_nobody_listens(controller: ControllerProcess) -> None:
+    """Failure: the port is closed."""
+    import rtde_control
+    import rtde_io
+    import rtde_receive
+
+    controller.close()
+    for interface in (rtde_control.RTDEControlInterface, rtde_receive.RTDEReceiveInterface, rtde_io.RTDEIOInterface):
+        with pytest.raises(RuntimeError, match="Could not connect to"):
+            interface(controller.address)
+
+
+def test_silent_port_holds_a_constructor_until_it_speaks(controller: ControllerProcess) -> None:
+    """Failure: the port is open and silent."""
+    with controller.control() as faults:
+        faults.fault("stall", port=30004, seconds=2.0)
+        client = Client(
+            """
+            import rtde_receive
+            print("constructing", flush=True)
+            began = time.monotonic()
+            receive = rtde_receive.RTDEReceiveInterface(sys.argv[1])
+            print(receive.isConnected(), time.monotonic() - began > 0.5, flush=True)
+            os._exit(0)
+            """,
+            controller.address,
+        )
+        client.wait_for("constructing")
+        assert client.finish() == ["True True"]
+
+
+@pytest.mark.long
+def test_controller_in_the_process_of_its_client_is_a_deadlock() -> None:
+    """Failure: both in one process; the library holds the interpreter's lock while it waits."""
+    code = """
+    import threading
+    import rtde_receive
+    from hardware_sim.controller import serve
+    thread = threading.Thread(target=serve, args=[sys.argv[1]], kwargs={"home": [0.0, -1.9, 1.9, -1.57, -1.57, 0.0]})
+    thread.daemon = True
+    thread.start()
+    time.sleep(1.0)
+    rtde_receive.RTDEReceiveInterface(sys.argv[1])
+    """
+    with start() as process:
+        address = process.address
+    client = Client(code, address)
+    client.wait_for(f"ready {address}")
+    assert client.hangs(5.0)
+
+
+def test_local_control_refuses_clients(controller: ControllerProcess) -> None:
+    """Failure: local control."""
+    import rtde_control
+
+    with controller.control() as faults:
+        faults.fault("local_mode")
+        with pytest.raises(RuntimeError, match="enable remote control"):
+            rtde_control.RTDEControlInterface(controller.address)
+        faults.fault("remote_mode")
+        rtde_control.RTDEControlInterface(controller.address).disconnect()
+
+
+def test_link_cut_is_seen_by_the_receive_client(controller: ControllerProcess) -> None:
+    """Failure: reconnect() of the receive client, with the controller there and gone."""
+    client = Client(
+        """
+        import rtde_receive
+        from hardware_sim.controller.control import ControlClient
+        receive = rtde_receive.RTDEReceiveInterface(sys.argv[1])
+        with ControlClient(sys.argv[1]) as control:
+            control.fault("cut", port=30004)
+        deadline = time.monotonic() + 3
+        while receive.isConnected() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        print("connected", receive.isConnected(), flush=True)
+        print("again", receive.reconnect(), receive.getTimestamp() > 0, flush=True)
+        sys.stdin.readline()
+        while receive.isConnected() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        try:
+            receive.reconnect()
+        except RuntimeError as error:
+            print("Could not connect" in str(error), receive.isConnected(), flush=True)
+        os._exit(0)
+        """,
+        controller.address,
+    )
+    client.wait_for("connected False")
+    client.wait_for("again True True")
+    controller.kill()
+    assert client.finish() == ["True False"]
+
+
+def test_controller_killed(controller: ControllerProcess) -> None:
+    """Failure: the controller's process is killed."""
+    client = Client(
+        """
+        import rtde_control, rtde_receive
+        receive = rtde_receive.RTDEReceiveInterface(sys.argv[1])
+        control = rtde_control.RTDEControlInterface(sys.argv[1])
+        control.moveJ([2.0, -1.9, 1.9, -1.57, -1.57, 0.0], 0.4, 1.0, True)
+        time.sleep(0.1)
+        print("ready", flush=True)
+        sys.stdin.readline()
+        deadline = time.monotonic() + 6
+        while (control.isConnected() or receive.isConnected()) and time.monotonic() < deadline:
+            time.sleep(0.01)
+        print(control.isConnected(), receive.isConnected(), control.isProgramRunning(), flush=True)
+        first = receive.getTimestamp(), control.getAsyncOperationProgressEx().isAsyncOperationRunning()
+        time.sleep(0.1)
+        print(first == (receive.getTimestamp(), True), flush=True)
+        os._exit(0)
+        """,
+        controller.address,
+    )
+    client.wait_for("ready")
+    controller.kill()
+    # Only isConnected and a time stamp that stands still tell: the program and the move are said to run for ever.
+    assert client.finish()[-2:] == ["False False True", "True"]
+
+
+@pytest.mark.long
+def test_moves_block_after_the_controller_was_killed() -> None:
+    """Failure: the controller's process is killed; a move in progress and a later one, also when it is back."""
+    with start() as process:
+        code = """
+        import rtde_control
+        control = rtde_control.RTDEControlInterface(sys.argv[1])
+        print("ready", flush=True)
+        if {later}:
+            sys.stdin.readline()
+            time.sleep(0.5)
+        control.moveJ([2.0, -1.9, 1.9, -1.57, -1.57, 0.0], 0.4, 1.0)
+        """
+        during = Client(code.format(later=False), process.address)
+        during.wait_for("ready")
+        time.sleep(0.3)
+        process.kill()
+        assert during.hangs(9.0)
+    with start() as process:
+        later = Client(code.format(later=True), process.address)
+        later.wait_for("ready")
+        process.kill()
+        assert later.hangs(9.0)
+
+
+def test_io_client_says_yes_once_after_the_controllers_death(controller: ControllerProcess) -> None:
+    """Failure: the IO client after the controller's death."""
+    client = Client(
+        """
+        import rtde_io
+        io = rtde_io.RTDEIOInterface(sys.argv[1])
+        print("ready", flush=True)
+        sys.stdin.readline()
+        print(io.isConnected(), io.setStandardDigitalOut(1, True), flush=True)
+        time.sleep(0.1)
+        for _ in range(2):
+            try:
+                io.setStandardDigitalOut(1, True)
+            except RuntimeError as error:
+                print(error, flush=True)
+        print(io.isConnected(), flush=True)
+        io = None
+        print("not reached", flush=True)
+        """,
+        controller.address,
+    )
+    client.wait_for("ready")
+    controller.kill()
+    answers = [line for line in client.finish() if "Lost connection" not in line]
+    assert answers == ["True True", "write: Broken pipe", "write: Broken pipe", "True"]
+    # Its destructor takes the whole process along.
+    assert client.process.returncode == ABORTED
+
+
+def test_custom_script_that_cannot_start_blocks_its_sender(controller: ControllerProcess) -> None:
+    """The library waits for a word that only the script itself would write."""
+    for script, logged in (("x = = 1", "unexpected '='"), ("zero_ftsensor()", "zero_ftsensor is not simulated")):
+        client = Client(
+            f"""
+            import rtde_control
+            control = rtde_control.RTDEControlInterface(sys.argv[1])
+            print("ready", flush=True)
+            control.sendCustomScriptFunction("lines", "{script}\\n")
+            """,
+            controller.address,
+        )
+        client.wait_for("ready")
+        with controller.control() as truth:
+            wait_until(lambda truth=truth, logged=logged: any(logged in line for line in truth.log()))
+            assert client.hangs(0.5)
+
+
+@pytest.mark.long
+def test_register_ranges_of_two_clients_in_turn() -> None:
+    """Failure: the last program listens in the other range of registers."""
+    code = """
+    import rtde_control
+    began = time.monotonic()
+    kind = rtde_control.RTDEControlInterface
+    flags = kind.FLAG_UPLOAD_SCRIPT | ({upper} and kind.FLAG_UPPER_RANGE_REGISTERS)
+    control = kind(sys.argv[1], 500.0, flags)
+    print(time.monotonic() - began > 3.0, flush=True)
+    os._exit(0)
+    """
+    with start() as process:
+        assert run(code.format(upper=False), process.address) == ["False"]
+        # It waits four seconds for a word in the upper range, then stops the program by the dashboard.
+        assert run(code.format(upper=True), process.address)[-1] == "True"
+        # The lower range still says "ready" from the first program: its stop command reaches nobody.
+        assert Client(code.format(upper=False), process.address).hangs(15.0)
+
+
+@pytest.mark.long
+def test_frozen_controller_makes_the_library_reconnect(controller: ControllerProcess) -> None:
+    """Failure: the controller is frozen for 4 s in a synchronous move."""
+    client = Client(
+        """
+        import rtde_control, rtde_receive
+        receive = rtde_receive.RTDEReceiveInterface(sys.argv[1])
+        control = rtde_control.RTDEControlInterface(sys.argv[1])
+        print("ready", flush=True)
+        print(control.moveJ([2.0, -1.9, 1.9, -1.57, -1.57, 0.0], 0.4, 1.0), flush=True)
+        print(receive.isConnected(), flush=True)
+        time.sleep(1.5)
+        os._exit(0)
+        """,
+        controller.address,
+    )
+    client.wait_for("ready")
+    time.sleep(0.5)
+    controller.process.send_signal(signal.SIGSTOP)
+    time.sleep(4.0)
+    controller.process.send_signal(signal.SIGCONT)
+    assert client.finish()[-2:] == ["False", "False"]
+    with controller.control() as truth:
+        assert sum("program rtde_control started" in line for line in truth.log()) == 2
+
+
+def test_controller_ends_with_its_parent() -> None:
+    (number,) = run(
+        """
+        from tests.hardware_sim.controller.cells import start
+        process = start()
+        print(process.process.pid, flush=True)
+        os._exit(1)
+        """,
+        "",
+    )
+    wait_until(lambda: not Path(f"/proc/{number}").exists() or is_zombie(int(number)))
+
+
+def is_zombie(number: int) -> bool:
+    return Path(f"/proc/{number}/stat").read_text().rsplit(")", 1)[1].split()[0] == "Z"
