@@ -156,11 +156,16 @@ class Geometry:
         )
 
     @cached_property
+    def centres(self) -> render.Samples:
+        """What the rays through the pixel centres hit, object frame."""
+        rows, columns = np.divmod(np.arange(self.lens.height * self.lens.width, dtype=float), self.lens.width)
+        return render.object_samples(self.glossy, self.tracer, self.lens.eye, self.lens.directions(columns, rows))
+
+    @cached_property
     def truth(self) -> Truth:
         """What is true at the pixel centres, view frame."""
         height, width = self.lens.height, self.lens.width
-        rows, columns = np.divmod(np.arange(height * width, dtype=float), width)
-        seen = render.object_samples(self.glossy, self.tracer, self.lens.eye, self.lens.directions(columns, rows))
+        seen = self.centres
         view_from_object = geometry.inverse(self.object_from_view)
         true_normals = np.zeros((height, width, 3), np.float32)
         depth, albedo, mask = (np.zeros((height, width), kind) for kind in (np.float32, np.float32, bool))
@@ -181,7 +186,7 @@ class Scene:
 
     def __init__(self, shared: Geometry, *, glossy: bool = False) -> None:
         self.geometry = shared
-        self._object = shared.glossy if glossy else replace(shared.glossy, name=shared.shape, gloss=0.0)
+        self.surface = shared.glossy if glossy else replace(shared.glossy, name=shared.shape, gloss=0.0)
         self._pictures: dict[tuple[object, ...], Float32Array] = {}
         self._found: dict[tuple[Light, ...], Found] = {}
 
@@ -278,8 +283,8 @@ class Scene:
                 known.lobe_exponent,
             )
             fine, coarse = self.geometry.views
-            picture = render.direct(fine, self._object, self.geometry.tracer, lamp)
-            self._pictures[key] = picture + render.direct(coarse, self._object, self.geometry.tracer, lamp)
+            picture = render.direct(fine, self.surface, self.geometry.tracer, lamp)
+            self._pictures[key] = picture + render.direct(coarse, self.surface, self.geometry.tracer, lamp)
         return self._pictures[key]
 
     def _random(self, *key: object) -> np.random.Generator:
