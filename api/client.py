@@ -11,19 +11,19 @@ again from the last event seen. Every refusal of the service is a `ProblemError`
 import hashlib
 import os
 import time
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator
 from pathlib import Path
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any
 
 import httpx
-from httpx_sse import EventSource, connect_sse
-from pydantic import BaseModel, ValidationError
-from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from httpx_sse import connect_sse
 
 from acquisition.errors import ErrorCode
-from acquisition.session import ENDED, State
+from acquisition.session import State
 from acquisition.types import Recipe
+from api.answers import ModelT, ProblemError, completed, parsed, raise_problem
+from api.following import PATIENCE_S, Bar, Place, goes_on_by_itself, past, rests
 from api.schemas import (
     ActionAccepted,
     EventResource,
@@ -40,39 +40,12 @@ from api.schemas import (
 
 TIMEOUT_S = 30.0
 """Longer than a start may wait for devices, and than the pause between two keep-alive comments of the event stream."""
-PATIENCE_S = 30.0
-"""How long a broken connection is tried again."""
-_FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.1, 2.0
-
-ModelT = TypeVar("ModelT", bound=BaseModel)
 
 
-class ProblemError(Exception):
-    """The service refused, or a session did not complete: a code for programs, a sentence, and what to do."""
-
-    def __init__(self, problem: Problem) -> None:
-        super().__init__(f"{problem.code}: {problem.detail}. {problem.remedy}")
-        self.problem = problem
-
-    @property
-    def code(self) -> ErrorCode:
-        """The code, such as `rig.busy`."""
-        return self.problem.code
-
-    @property
-    def detail(self) -> str:
-        """What happened in this case."""
-        return self.problem.detail
-
-    @property
-    def remedy(self) -> str:
-        """What to do."""
-        return self.problem.remedy
-
-    @property
-    def context(self) -> Mapping[str, Any]:
-        """Further facts, such as `allowed`, `holder` or `errors`."""
-        return self.problem.model_extra or {}
+def headers_with(key: str | None) -> dict[str, str]:
+    """The headers that show a key; without one, what LIGHTPOSE_KEY says."""
+    key = key or os.environ.get("LIGHTPOSE_KEY")
+    return {"Authorization": f"Bearer {key}"} if key else {}
 
 
 class Client:
@@ -83,9 +56,7 @@ class Client:
     """
 
     def __init__(self, url: str, key: str | None = None) -> None:
-        key = key or os.environ.get("LIGHTPOSE_KEY")
-        headers = {"Authorization": f"Bearer {key}"} if key else {}
-        self._http = httpx.Client(base_url=url, timeout=TIMEOUT_S, trust_env=False, headers=headers)
+        self._http = httpx.Client(base_url=url, timeout=TIMEOUT_S, trust_env=False, headers=headers_with(key))
 
     def __enter__(self) -> "Client":
         return self
@@ -115,7 +86,7 @@ class Client:
 
     def acknowledge(self) -> SafetyResource:
         """Says that a person has looked at the cell and finds it clear."""
-        return _parsed(self._send("POST", "/v1/rig/safety/acknowledgement"), SafetyResource)
+        return parsed(self._send("POST", "/v1/rig/safety/acknowledgement"), SafetyResource)
 
     def wait_ready(self, timeout_s: float = 60.0) -> RigResource:
         """Waits until a session may start. Raises ProblemError rig.not_ready with the last reasons."""
@@ -134,7 +105,7 @@ class Client:
         """Creates a session; nothing moves. Repeating the call with the same key makes no second one."""
         headers = {} if idempotency_key is None else {"Idempotency-Key": idempotency_key}
         content = (recipe or Recipe()).model_dump(mode="json")
-        return _parsed(self._send("POST", "/v1/sessions", json=content, headers=headers), SessionResource)
+        return parsed(self._send("POST", "/v1/sessions", json=content, headers=headers), SessionResource)
 
     def session(self, session_id: str) -> SessionResource:
         """One session as it is now."""
@@ -160,7 +131,7 @@ class Client:
             content=mask.read_bytes(),
             headers={"Content-Type": "image/png"},
         )
-        return _parsed(answer, RegionResource).pixels
+        return parsed(answer, RegionResource).pixels
 
     def start(self, session_id: str) -> State:
         """Starts a session; returns its state."""
@@ -181,7 +152,7 @@ class Client:
     def act(self, session_id: str, action: str) -> State:
         """Takes one of the session's `allowed_actions`."""
         answer = self._send("POST", f"/v1/sessions/{session_id}/actions", json={"action": action})
-        return _parsed(answer, ActionAccepted).state
+        return parsed(answer, ActionAccepted).state
 
     def passes(self, session_id: str) -> list[PassSummary]:
         """The passes that have a plan."""
@@ -214,7 +185,7 @@ class Client:
             ):
                 if answer.is_error:
                     answer.read()
-                    _raise_problem(answer)
+                    raise_problem(answer)
                 for block in answer.iter_bytes():
                     digest.update(block)
                     file.write(block)
@@ -234,35 +205,28 @@ class Client:
 
         Raises httpx.TransportError when the service stays away for `patience_s`.
         """
-        query = {} if session_id is None else {"session_id": session_id}
-        last = after
-        pause, broken_since = _FIRST_PAUSE_S, None
+        place = Place(session_id, after, patience_s)
         while True:
-            headers = {} if last is None else {"Last-Event-ID": str(last)}
             try:
-                with connect_sse(self._http, "GET", "/v1/events", params=query, headers=headers) as source:
+                with connect_sse(self._http, "GET", "/v1/events", params=place.query, headers=place.headers) as source:
                     if source.response.is_error:
                         source.response.read()
-                        _raise_problem(source.response)
-                    pause, broken_since = _FIRST_PAUSE_S, None
+                        raise_problem(source.response)
+                    place.connected()
                     for message in source.iter_sse():
-                        last = int(message.id) if message.id else last
-                        if message.data:  # the first message only says where the stream begins
-                            yield EventResource.model_validate_json(message.data)
-            except httpx.TransportError:
-                broken_since = broken_since or time.monotonic()
-                if time.monotonic() > broken_since + patience_s:
-                    raise
-            time.sleep(pause)
-            pause = min(2 * pause, _LONGEST_PAUSE_S)
+                        event = place.read(message)
+                        if event is not None:
+                            yield event
+            except httpx.TransportError as error:
+                place.broke(error)
+            time.sleep(place.next_pause())
 
     def past_events(self, session_id: str) -> list[EventResource]:
         """What has happened in a session so far."""
         answer = self._http.get("/v1/events", params={"session_id": session_id, "after": 0, "follow": False})
         if answer.is_error:
-            _raise_problem(answer)
-        found = EventSource(answer).iter_sse()
-        return [EventResource.model_validate_json(message.data) for message in found if message.data]
+            raise_problem(answer)
+        return past(answer)
 
     def wait(self, session_id: str, on_event: Callable[[EventResource], None] | None = None) -> SessionResource:
         """Follows a session from its first event until it has ended or nothing goes on without a person.
@@ -272,9 +236,9 @@ class Client:
         for event in self.events(session_id, after=0):
             if on_event is not None:
                 on_event(event)
-            if event.type == "session.state" and _rests(event.body):
+            if rests(event):
                 session = self.session(session_id)
-                if session.state in ENDED or session.reason is not None:
+                if not goes_on_by_itself(session):
                     return session
         raise AssertionError("the events of a session have no end")
 
@@ -286,75 +250,17 @@ class Client:
         created = self.create(recipe)
         self.start(created.id)
         if progress:
-            with Bar(created, self) as bar:
-                session = self.wait(created.id, bar.show)
-        else:
-            session = self.wait(created.id)
-        if session.state is State.COMPLETED:
-            return session
-        detail = f"Session {session.id} is {session.state}"
-        raise ProblemError(session.reason or Problem.of(ErrorCode.SESSION_STEP_FAILED, detail))
+            with Bar() as bar:
+                return completed(self.wait(created.id, lambda _: bar.show(self.session(created.id))))
+        return completed(self.wait(created.id))
 
     # ------------------------------------------------------------------------------------------------------- internals
 
     def _get(self, address: str, model: type[ModelT]) -> ModelT:
-        return _parsed(self._send("GET", address), model)
+        return parsed(self._send("GET", address), model)
 
     def _send(self, method: str, address: str, **arguments: Any) -> httpx.Response:
         answer = self._http.request(method, address, **arguments)
         if answer.is_error:
-            _raise_problem(answer)
+            raise_problem(answer)
         return answer
-
-
-class Bar:
-    """A progress bar of one session, with what it does and the time left."""
-
-    def __init__(self, session: SessionResource, client: Client) -> None:
-        self._client = client
-        self._session = session
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TaskProgressColumn(),
-            TimeElapsedColumn(),
-            TextColumn("{task.fields[left]}"),
-        )
-        self._task: TaskID | None = None
-
-    def __enter__(self) -> "Bar":
-        self._progress.start()
-        self._task = self._progress.add_task("", total=1.0, left="")
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._progress.stop()
-
-    def show(self, event: EventResource) -> None:
-        """Brings the bar up to date after an event of the session."""
-        if self._task is None or not event.type.startswith(("session.", "shot.", "normals.")):
-            return
-        session = self._client.session(self._session.id)
-        left = "" if session.seconds_left is None else f"{session.seconds_left:.0f} s left"
-        self._progress.update(
-            self._task, completed=session.progress, description=f"{session.state}: {session.stage}", left=left
-        )
-
-
-def _rests(body: Mapping[str, Any]) -> bool:
-    return body["state"] in ENDED or (body["state"] in (State.INTERRUPTED, State.PAUSED) and "reason" in body)
-
-
-def _parsed(answer: httpx.Response, model: type[ModelT]) -> ModelT:
-    return model.model_validate_json(answer.content)
-
-
-def _raise_problem(answer: httpx.Response) -> None:
-    try:
-        problem = Problem.model_validate_json(answer.content)
-    except ValidationError:
-        detail = f"{answer.url} answered {answer.status_code}, not as this service does: {answer.text[:200]!r}"
-        problem = Problem.of(ErrorCode.SERVICE_FAULT, detail)
-    raise ProblemError(problem)

@@ -1,0 +1,85 @@
+"""The awaited client does what the other one does, and many of it follow at once."""
+
+import asyncio
+import inspect
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from typing import Any
+
+import pytest
+
+from acquisition.errors import ErrorCode
+from acquisition.session import State
+from acquisition.types import Recipe
+from api.answers import ProblemError
+from api.async_client import AsyncClient
+from api.client import Client
+
+
+def test_both_clients_have_the_same_methods() -> None:
+    def methods(kind: type) -> set[str]:
+        return {name for name, _ in inspect.getmembers(kind, inspect.isfunction) if not name.startswith("_")}
+
+    assert methods(AsyncClient) == methods(Client)
+
+
+def test_a_session_from_creation_to_deletion(own: Any) -> None:
+    async def script() -> None:
+        async with AsyncClient(own.url) as client:
+            assert not (await client.rig()).may_start
+            made = await client.create(Recipe(label="awaited"), idempotency_key="one")
+            assert (await client.create(Recipe(label="awaited"), idempotency_key="one")).id == made.id
+            assert [item.id async for item in client.sessions()] == [made.id]
+            assert await client.stop(made.id) is State.STOPPED
+            assert (await client.wait(made.id)).state is State.STOPPED
+            assert [event.type for event in await client.past_events(made.id)] == ["session.created", "session.state"]
+            assert await client.passes(made.id) == []
+            assert await client.results(made.id) == []
+            await client.halt()
+            assert (await client.acknowledge()).clear
+            await client.delete(made.id)
+            with pytest.raises(ProblemError) as gone:
+                await client.session(made.id)
+            assert gone.value.code is ErrorCode.SESSION_NOT_FOUND
+
+    asyncio.run(script())
+
+
+def test_waiting_for_a_rig_that_is_not_there_says_why(shared: Any) -> None:
+    async def script() -> None:
+        async with AsyncClient(shared.url) as client:
+            with pytest.raises(ProblemError) as missing:
+                await client.wait_ready(timeout_s=0)
+            assert missing.value.code is ErrorCode.RIG_NOT_READY
+
+    asyncio.run(script())
+
+
+def test_listeners_side_by_side_miss_nothing_over_a_restart(start: Callable[..., AbstractContextManager[Any]]) -> None:
+    async def listen(client: AsyncClient, count: int) -> list[int]:
+        found: list[int] = []
+        async for event in client.events(after=0):
+            found.append(event.id)
+            if len(found) == count:
+                return found
+        raise AssertionError
+
+    async def script() -> None:
+        with start() as running:
+            port = int(running.url.rsplit(":", 1)[1])
+            async with AsyncClient(running.url) as client:
+                listeners = [asyncio.create_task(listen(client, 4)) for _ in range(8)]
+                made = await client.create(Recipe())
+                await client.stop(made.id)
+                await asyncio.sleep(0.3)
+                await asyncio.to_thread(running.client.close)
+                running.server.should_exit = True
+                await asyncio.to_thread(running.thread.join, 20)
+                with start(port=port) as again:
+                    made = await asyncio.to_thread(again.client.create, Recipe())
+                    await asyncio.to_thread(again.client.stop, made.id)
+                    heard = await asyncio.wait_for(asyncio.gather(*listeners), 20)
+                assert heard == [heard[0]] * 8
+                assert heard[0] == sorted(set(heard[0]))
+
+    asyncio.run(script())
