@@ -6,8 +6,9 @@ OpenGL green (+Y up) unless the name says DirectX. Each file carries its convent
 
 from acquisition.normals.export.catalogue import FILES, FOLDERS, Source, make
 from acquisition.normals.export.result import ARCHIVE, lights_used, read, write, write_maps
-from acquisition.normals.export.whole import whole_folder
+from acquisition.normals.export.whole import refuse_foreign, whole_folder
 
 __all__ = [
-    "ARCHIVE", "FILES", "FOLDERS", "Source", "lights_used", "make", "read", "whole_folder", "write", "write_maps",
+    "ARCHIVE", "FILES", "FOLDERS", "Source", "lights_used", "make", "read", "refuse_foreign", "whole_folder", "write",
+    "write_maps",
 ]  # fmt: skip

@@ -35,7 +35,7 @@ def write(normal_map: NormalMap, folder: Path) -> list[str]:
     normals.png (16-bit RGB, OpenGL green), mask.png, lights_used.png (count), normals/depth/sigma_deg/albedo/residual
     and, where it was predicted, indirect .tiff (float32; m, degrees), doubtful.png, normal_map.npz.
     """
-    with whole_folder(folder, replace=True) as partial:
+    with whole_folder(folder) as partial:
         write_maps(normal_map, partial)
         with open(partial / ARCHIVE, "wb") as file:
             np.savez(file, allow_pickle=False, **_arrays(normal_map))

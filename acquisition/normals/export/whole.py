@@ -9,19 +9,23 @@ from pathlib import Path
 from acquisition.errors import ErrorCode, RigError
 
 
+def refuse_foreign(folder: Path, sign: str) -> None:
+    """Refuses a folder that holds files but not the file `sign`, by which our own are known; nobody loses theirs.
+
+    Raises RigError folder.invalid.
+    """
+    if folder.exists() and (not folder.is_dir() or (any(folder.iterdir()) and not (folder / sign).is_file())):
+        raise RigError(
+            ErrorCode.FOLDER_INVALID, f"{folder}: holds other files: name a new folder, or empty it", file=str(folder)
+        )
+
+
 @contextmanager
-def whole_folder(folder: Path, *, replace: bool) -> Generator[Path]:
+def whole_folder(folder: Path) -> Generator[Path]:
     """Gives a hidden folder to write into; it takes the name `folder` when the block ends, and is gone when it fails.
 
-    What stood there before is replaced as a whole; unless `replace`, anything but an empty folder is refused with
-    RigError folder.invalid, before the block runs.
+    What stood there before is replaced as a whole.
     """
-    if not replace and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise RigError(
-            ErrorCode.FOLDER_INVALID,
-            f"{folder}: holds files already: name a new folder, or empty it",
-            file=str(folder),
-        )
     folder.parent.mkdir(parents=True, exist_ok=True)
     partial = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     try:

@@ -8,12 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
 from pydantic import ValidationError
 
+from acquisition import photometry
 from acquisition.config import CellConfig
 from acquisition.frames import FolderFrames
 from acquisition.normals.folders.refusal import refusal, text
-from acquisition.types import Calibration, LightPlan, Observations, Recipe, Shot, Value
+from acquisition.normals.image_set import Camera, ImageSet, NearLights, Raw
+from acquisition.types import BoolArray, Calibration, FrameRef, LightPlan, Observations, Recipe, Shot, Value
 
 RECIPE, CELL, CALIBRATION, MANIFEST = "recipe.json", "cell.json", "calibration.json", "manifest.json"
 ValueT = TypeVar("ValueT", bound=Value)
@@ -55,6 +58,54 @@ def read(folder: Path) -> SessionCapture:
         shots=shots,
         plans=tuple(_value(folder / f"passes/{number}/plan.json", LightPlan) for number in range(passes)),
         results=tuple(sorted(results)),
+    )
+
+
+@dataclass(frozen=True)
+class SessionRows:
+    """The lit frames of a session less their lamp-off frames, as a RowReader; picklable."""
+
+    frames: FolderFrames
+    lit: tuple[FrameRef, ...]
+    dark: tuple[FrameRef, ...]
+
+    def __call__(self, image: int, start: int, stop: int) -> Raw:
+        """Rows [start, stop) of one image, uint16, never below zero."""
+        lit, dark = (self.frames.rows(frames[image], start, stop) for frames in (self.lit, self.dark))
+        return np.maximum(lit, dark) - dark
+
+
+def images(capture: SessionCapture, last_pass: int, mask: BoolArray) -> ImageSet:
+    """The images of the passes up to `last_pass` as any other set: near lights, each exposure in its intensity.
+
+    `mask` (H, W) is where the object is. Raises RigError folder.invalid when a lamp-off frame is missing.
+    """
+    calibration, sensor = capture.calibration, capture.calibration.sensor
+    found = capture.observations(last_pass)
+    lit = [(shot, shot.light) for shot in found.shots if shot.light is not None]
+    for shot, _ in lit:
+        if shot.exposure_s not in found.darks:
+            raise refusal(capture.folder / shot.frame.path, "has no lamp-off frame of its exposure time: take one")
+    return ImageSet(
+        names=tuple(shot.frame.path for shot, _ in lit),
+        height=calibration.height,
+        width=calibration.width,
+        channels=1,
+        rows=SessionRows(
+            FolderFrames(capture.folder),
+            tuple(shot.frame for shot, _ in lit),
+            tuple(found.darks[shot.exposure_s].frame for shot, _ in lit),
+        ),
+        full_scale=sensor.full_scale_dn,
+        saturated_from=(photometry.clipping_dn(sensor) - sensor.black_level_dn) / sensor.full_scale_dn,
+        lights=NearLights(
+            np.array([light.position for _, light in lit]),
+            np.array([shot.exposure_s * calibration.lamp_intensity for shot, _ in lit]),
+            calibration.reference_m,
+        ),
+        mask=mask,
+        camera=Camera(np.array(calibration.camera_matrix), np.array(calibration.distortion)),
+        notes={"format": "session", "warnings": []},
     )
 
 

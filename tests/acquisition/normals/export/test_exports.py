@@ -198,19 +198,30 @@ def test_a_folder_appears_whole_or_not_at_all(tmp_path: Path) -> None:
     target = tmp_path / "out"
 
     def broken() -> None:
-        with export.whole_folder(target, replace=False) as partial:
+        with export.whole_folder(target) as partial:
             (partial / "half").write_text("half")
             raise subprocess.SubprocessError("in the middle")
 
     with pytest.raises(subprocess.SubprocessError):
         broken()
     assert list(tmp_path.iterdir()) == []
-    with export.whole_folder(target, replace=False) as partial:
+    with export.whole_folder(target) as partial:
         (partial / "all").write_text("all")
         assert not target.exists()
     assert [path.name for path in target.iterdir()] == ["all"]
-    with pytest.raises(RigError) as refused, export.whole_folder(target, replace=False):
-        pass
-    assert refused.value.code is ErrorCode.FOLDER_INVALID
+    with export.whole_folder(target) as partial:
+        (partial / "new").write_text("new")
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
-    assert [path.name for path in target.iterdir()] == ["all"]
+    assert [path.name for path in target.iterdir()] == ["new"]
+
+
+def test_nobody_loses_files(tmp_path: Path) -> None:
+    export.refuse_foreign(tmp_path / "new", "ours.json")
+    export.refuse_foreign(tmp_path, "ours.json")
+    (tmp_path / "thesis.tex").write_text("years of work")
+    for target in (tmp_path, tmp_path / "thesis.tex"):
+        with pytest.raises(RigError) as refused:
+            export.refuse_foreign(target, "ours.json")
+        assert refused.value.code is ErrorCode.FOLDER_INVALID
+    (tmp_path / "ours.json").write_text("{}")
+    export.refuse_foreign(tmp_path, "ours.json")

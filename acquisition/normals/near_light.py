@@ -1,0 +1,119 @@
+"""Near-light images of any source for the session's own solver: values in units of a white surface, a camera, a guess.
+
+A folder says nothing of the sensor, nor of how well its lights are known. Both are guessed on the cautious side, and
+the solver finds the rest in the residuals. Colour images are solved by the mean of their channels.
+"""
+
+import numpy as np
+
+from acquisition.errors import ErrorCode, RigError
+from acquisition.normals.image_set import ImageSet, NearLights
+from acquisition.normals.observe import Stack
+from acquisition.normals.solve import solve_stack
+from acquisition.types import Calibration, Light, NormalMap, SensorModel, SolveSettings
+
+FULL_WELL_E = 10_000.0
+"""Electrons at full scale that shot noise is reckoned with: those of a small pixel."""
+
+READ_NOISE_E = 5.0
+INTENSITY_SIGMA = 0.01
+POSITION_SIGMA_M = 0.001
+BLOCK_ROWS = 256
+
+
+def solve(images: ImageSet, settings: SolveSettings) -> NormalMap:
+    """Solves images with NearLights and a camera.
+
+    A mask that leaves something out is taken as the object's whole silhouette; where it is the whole frame, the object
+    is found in the images. Raises RigError normals.infeasible as `solve_stack` does, and where lights, camera or depth
+    are missing.
+    """
+    calibration = _calibration(images)
+    depth = images.rough_depth_m
+    if depth is None:
+        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs the object's rough depth: give depth_mm")
+    return solve_stack(
+        stack(images),
+        calibration,
+        settings,
+        initial_depth_m=depth,
+        object_mask=None if np.all(images.mask) else images.mask,
+    )
+
+
+def stack(images: ImageSet) -> Stack:
+    """The images within the mask's window as values y: 1 is a white surface facing the lamp at its reference."""
+    lights = images.lights
+    if not isinstance(lights, NearLights):
+        raise RigError(
+            ErrorCode.NORMALS_INFEASIBLE, "near light needs the lamps' positions, these lights are directions"
+        )
+    there = np.nonzero(images.mask)
+    rows, columns = _extent(there[0]), _extent(there[1])
+    size = (images.count, rows.stop - rows.start, columns.stop - columns.start)
+    values, clipped = np.empty(size, np.float32), np.empty(size, np.bool_)
+    for start in range(rows.start, rows.stop, BLOCK_ROWS):
+        stop = min(start + BLOCK_ROWS, rows.stop)
+        here = slice(start - rows.start, stop - rows.start)
+        for index in range(images.count):
+            block = images.values(index, start, stop)[:, columns]
+            top = block.max(axis=-1) if images.channels > 1 else block
+            grey = block.mean(axis=-1) if images.channels > 1 else block
+            clipped[index, here] = top >= images.saturated_from
+            values[index, here] = grey * np.float32(1 / lights.intensity[index])
+    step = 1 / images.full_scale if images.full_scale > 1 else 0.0  # floats have no steps
+    floor = ((READ_NOISE_E / FULL_WELL_E) ** 2 + step**2 / 12) / lights.intensity**2 / images.channels
+    middle = np.array([0.0, 0.0, -float(np.mean(images.rough_depth_m or 1.0))])
+    return Stack(
+        values=values,
+        clipped=clipped,
+        lights=tuple(_light(place, middle) for place in lights.positions_m),
+        rows=rows,
+        columns=columns,
+        shot=1 / (FULL_WELL_E * images.channels * lights.intensity),
+        floor=floor,
+    )
+
+
+def _calibration(images: ImageSet) -> Calibration:
+    """What the solver wants to know of camera and lamps: a lamp without a lobe, uncertainties that are usual."""
+    lights, camera = images.lights, images.camera
+    if camera is None or not isinstance(lights, NearLights):
+        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs a calibrated camera and the lamps' positions")
+    still = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    top = max(images.full_scale, 255.0)
+    first, second, third = (tuple(float(value) for value in row) for row in camera.matrix)
+    k1, k2, p1, p2, k3 = (float(value) for value in camera.distortion)
+    return Calibration(
+        width=images.width,
+        height=images.height,
+        camera_matrix=(first, second, third),  # pyright: ignore[reportArgumentType] - three of three each
+        distortion=(k1, k2, p1, p2, k3),
+        base_from_camera=still,
+        tool_from_lamp=still,
+        lamp_intensity=1.0,
+        reference_m=lights.reference_m,
+        lobe_exponent=0.0,
+        sensor=SensorModel(
+            bits=16 if top > 255 else 8,
+            gain_e_per_dn=FULL_WELL_E / top,
+            read_noise_e=READ_NOISE_E,
+            full_well_e=FULL_WELL_E,
+            black_level_dn=0.0,
+        ),
+        intensity_sigma=INTENSITY_SIGMA,
+        lamp_position_sigma_m=POSITION_SIGMA_M,
+        made_at="1970-01-01T00:00:00+00:00",  # unknown, and of no use here
+        valid_days=1.0,
+    )
+
+
+def _light(position: np.ndarray, middle: np.ndarray) -> Light:
+    axis = (middle - position) / np.linalg.norm(middle - position)
+    x, y, z = (float(value) for value in position)
+    u, v, w = (float(value) for value in axis)
+    return Light(position=(x, y, z), axis=(u, v, w))
+
+
+def _extent(places: np.ndarray) -> slice:
+    return slice(int(np.min(places)), int(np.max(places)) + 1)
