@@ -201,6 +201,57 @@ def prune(
     )
 
 
+class Solver(StrEnum):
+    """How a folder is solved."""
+
+    AUTO = "auto"
+    LEAST_SQUARES = "ls"
+    WEIGHTED = "weighted"
+    ROBUST = "robust"
+    GLOSSY = "glossy"
+
+
+@app.command("solve")
+def solve_folder(
+    folder: Annotated[
+        Path, typer.Argument(help="DiLiGenT-style, .lp with images, near light (lights.json), or a session's folder")
+    ],
+    solver: Annotated[Solver, typer.Option(help="auto chooses by the residuals and says why")] = Solver.AUTO,
+    near: Annotated[bool, typer.Option("--near", help="Insist on the near-light model")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for maps and report; it appears whole or not at all")] = None,
+    exports: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--export",
+            help="With --out, also: normals_directx.png, maps.exr, mesh.ply, lights.lp, lights.dome, diligent, "
+            "integration, or all; may be repeated",
+        ),
+    ] = None,
+    sphere: Annotated[str | None, typer.Option(help="cx,cy,r: a sphere in the image that the errors are for")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
+) -> None:
+    """Solves a folder of images to normals with an uncertainty for each pixel, and grades them where truth is known."""
+    from api import solving
+
+    outcome = _told(lambda: solving.run(solving.wishes(folder, solver.value, near, out, sphere, exports or [])))
+    if as_json:
+        print(json.dumps(outcome), flush=True)
+
+
+@app.command()
+def replay(
+    folder: Annotated[Path, typer.Argument(help="A session's folder")],
+    result: Annotated[int | None, typer.Option(min=0, help="Which result to compare with; default: the last")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
+) -> None:
+    """Solves a session's images again and compares with its stored result; writes nothing."""
+    from api import solving
+
+    outcome = _told(lambda: solving.replay(folder, result))
+    if as_json:
+        print(json.dumps(outcome), flush=True)
+
+
 @app.command()
 def warm() -> None:
     """Compiles the numerical kernels into their cache, so that no session waits for it."""
