@@ -4,26 +4,29 @@ Reported joints and true joints differ only by `joint_offset`, a fault on demand
 """
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
-from hardware_sim.controller import kinematics, poses
-from hardware_sim.controller.kinematics import JOINT_LIMIT, ArmModel
-from hardware_sim.controller.motion import (
-    Blend,
-    Follower,
-    JointBrake,
-    JointMove,
-    Joints,
-    LinearBrake,
-    LinearMove,
-    Motion,
-    MotionError,
-    linear_profile,
-    planned_joint_move,
-)
+from hardware_sim.controller import kinematics, limits, poses
+from hardware_sim.controller.blend import Blend
+from hardware_sim.controller.curves import Arc, Curve, Line
+from hardware_sim.controller.guiding import Guiding
+from hardware_sim.controller.kinematics import ArmModel
+from hardware_sim.controller.motion import STANDSTILL, Follower, Joints, Motion, MotionError, Twist
+from hardware_sim.controller.moves import JointMove, ProgrammedMove, ToolMove, curve_profile, planned_joint_move
 from hardware_sim.controller.poses import Frame
+from hardware_sim.controller.process_path import ProcessPath
+from hardware_sim.controller.steering import JointBrake, LinearBrake
 
-_HISTORY = 500  # ticks of joint positions kept for get_actual_joint_positions_history
+HISTORY = 500  # ticks of joint positions kept for get_actual_joint_positions_history
+
+
+@dataclass(frozen=True)
+class Corner:
+    """The end of the present move, where the next one may still blend into it within `radius` (m)."""
+
+    move: ProgrammedMove
+    radius: float
 
 
 class Arm:
@@ -35,7 +38,9 @@ class Arm:
         self.speeds: Joints = [0.0] * 6
         self.target: Joints = self.joints[:]
         self.motion: Motion | None = None
-        self.corner: Joints | None = None  # where the present move ends, while the next may still blend into it
+        self.blend: Blend | None = None  # what is left of the move before the present one
+        self.corner: Corner | None = None
+        self.guiding: Guiding | None = None  # while a person's hand may move the arm
         self.moves_started = 0
         self.tcp: list[float] = [0.0] * 6
         self.flange_from_tool: Frame = poses.IDENTITY
@@ -43,11 +48,11 @@ class Arm:
         self.payload_center: list[float] = [0.0] * 3
         self.payload_inertia: list[float] = [0.0] * 6
         self.joint_offset: Joints = [0.0] * 6
-        self.at_rest_ticks = _HISTORY
-        self.history: deque[Joints] = deque([self.joints[:]], maxlen=_HISTORY)
+        self.at_rest_ticks = HISTORY
+        self.history: deque[Joints] = deque([self.joints] * HISTORY, maxlen=HISTORY)
         self.base_from_flange = kinematics.forward(model, self.joints)
         self.base_from_tool = self.base_from_flange
-        self.tool_velocity: tuple[float, ...] = (0.0,) * 6
+        self.tool_velocity: Twist = STANDSTILL
 
     @property
     def moving(self) -> bool:
@@ -59,6 +64,10 @@ class Arm:
         """Where the arm really is, in rad."""
         return [q + o for q, o in zip(self.joints, self.joint_offset, strict=True)]
 
+    def tool_at(self, joints: Sequence[float]) -> Frame:
+        """`base_from_tool` at joints (6) in rad."""
+        return poses.compose(kinematics.forward(self.model, joints), self.flange_from_tool)
+
     def set_tcp(self, pose: Sequence[float]) -> None:
         """Sets the tool: a UR pose, flange frame."""
         self.tcp = [float(v) for v in pose]
@@ -67,75 +76,150 @@ class Arm:
 
     def refresh(self) -> None:
         """Recomputes the poses that follow from the joints."""
-        self.base_from_flange = kinematics.forward(self.model, self.joints)
-        self.base_from_tool = tool = poses.compose(self.base_from_flange, self.flange_from_tool)
-        known = None if self.motion is None else self.motion.velocity
+        axes, self.base_from_flange = kinematics.chain(self.model, self.joints)
+        self.base_from_tool = poses.compose(self.base_from_flange, self.flange_from_tool)
+        source = self.blend or self.motion
+        known = None if source is None else source.velocity
         if not any(self.speeds):
-            self.tool_velocity = (0.0,) * 6
+            self.tool_velocity = STANDSTILL
         elif known is not None:
             self.tool_velocity = known
         else:
-            point = (tool[3], tool[7], tool[11])
-            self.tool_velocity = kinematics.tool_velocity(self.model, self.joints, self.speeds, point)
+            self.tool_velocity = kinematics.velocity(axes, self.speeds, poses.position(self.base_from_tool))
+
+    # --- moves -----------------------------------------------------------------------------------------------
 
     @property
     def next_start(self) -> Joints:
         """The joints at which the next move begins: here, or at the corner that is being blended."""
-        return self.joints if self.corner is None else self.corner
+        return self.joints if self.corner is None else self.corner.move.end
 
     def follower(self) -> Follower:
         """A follower of tool poses that starts where the next move does."""
-        return Follower(self.model, self.next_start, self.flange_from_tool)
+        speeds = self.speeds if self.corner is None else STANDSTILL
+        return Follower(self.model, self.next_start, speeds, self.flange_from_tool)
 
     def joint_move(self, target: Sequence[float], speed: float, acceleration: float, seconds: float) -> JointMove:
-        """A joint move from where the next move begins."""
-        return planned_joint_move(self.model, self.next_start, target, speed, acceleration, seconds)
+        """A joint move from where the next move begins. Raises MotionError."""
+        start = self.next_start
+        return planned_joint_move(self.model, start, target, self.flange_from_tool, speed, acceleration, seconds)
 
-    def linear_move(self, target: Frame, speed: float, acceleration: float, seconds: float) -> LinearMove:
-        """A straight move of the tool from where the next move begins. Raises MotionError."""
-        start = poses.compose(kinematics.forward(self.model, self.next_start), self.flange_from_tool)
-        profile = linear_profile(start, target, speed, acceleration, seconds)
-        return LinearMove(self.follower(), start, target, profile)
+    def line_to(self, target: Frame) -> Line:
+        """The tool's straight line from where the next move begins."""
+        return Line(self.tool_at(self.next_start), target)
 
-    def start(self, move: JointMove | LinearMove) -> Motion:
-        """Begins a move, blended into the present one where that left a corner."""
+    def arc_to(self, via: Frame, target: Frame, fixed: bool) -> Arc:
+        """The tool's circle from where the next move begins. Raises ValueError where there is none."""
+        return Arc(self.tool_at(self.next_start), poses.position(via), target, fixed)
+
+    def tool_move(self, curve: Curve, speed: float, acceleration: float, seconds: float) -> ToolMove:
+        """A move of the tool on a curve. Raises MotionError."""
+        return ToolMove(self.follower(), curve, curve_profile(curve, speed, acceleration, seconds))
+
+    def start(self, move: ProgrammedMove, radius: float, warn: Callable[[str], None]) -> float:
+        """Begins a move, blended into the present one where that left a corner.
+
+        `radius` (m) is that of the blend at its end; returns it, or zero where that blend would overlap the one before
+        or is longer than the move. Each blend that is left out is said by `warn`.
+        """
+        corner, self.corner = self.corner, None
+        begin = self.tool_at(self.joints if corner is None else corner.move.end)
+        length, _ = poses.distance(begin, self.tool_at(move.end))
+        radius = self.admitted(length, radius, corner, warn)
         self.target = move.end
         self.moves_started += 1
-        self.motion = Blend(self.motion, self.corner, move) if self.motion and self.corner else move
-        self.corner = None
-        return self.motion
+        if corner is not None and self.motion is corner.move:
+            first = corner.radius if corner.radius <= length else 0.0
+            if first < corner.radius:
+                warn(f"the move is shorter than the blend before it ({corner.radius:g} m): the arm stops between them")
+            self.blend = Blend(corner.move, move, first, self.tool_at)
+        self.motion = move
+        return radius
+
+    def admitted(self, length: float, radius: float, corner: Corner | None, warn: Callable[[str], None]) -> float:
+        """The blend radius at the end of a move of `length` m: zero, with a warning, where blends would overlap."""
+        before = 0.0 if corner is None else corner.radius
+        if radius > 0.0 and before + radius > length:
+            warn(f"overlapping blends: radius {radius:g} m after {before:g} m on {length:.4f} m is left out")
+            return 0.0
+        return radius
+
+    def process(
+        self, line: Line, speed: float, acceleration: float, radius: float, warn: Callable[[str], None]
+    ) -> tuple[ProcessPath, float]:
+        """Begins a piece of a process path, or lets the present path go on with it; returns the path and the admitted
+        blend radius (see `start`). Raises MotionError.
+        """
+        corner = self.corner
+        path = None if corner is None else corner.move
+        if corner is not None and isinstance(path, ProcessPath) and self.motion is path and corner.radius < line.length:
+            admitted = self.admitted(line.length, radius, corner, warn)
+            if path.extend(line, corner.radius, speed, acceleration):
+                self.corner = None
+                self.target = path.end
+                self.moves_started += 1
+                return path, admitted
+            warn("the corner is too sharp or too near for an arc")
+        path = ProcessPath(self.follower(), line, speed, acceleration)
+        return path, self.start(path, radius, warn)
+
+    # --- stops -----------------------------------------------------------------------------------------------
+
+    def steer(self, motion: Motion) -> None:
+        """Puts a motion in the place of whatever moves the arm."""
+        self.corner = self.blend = None
+        self.motion = motion
 
     def brake(self, deceleration: float) -> JointBrake:
         """Begins to bring all joints to rest, the fastest at `deceleration` in rad/s²."""
-        self.corner = None
         brake = JointBrake(self.joints, self.speeds, deceleration)
-        self.motion = brake
+        self.steer(brake)
         return brake
 
     def brake_tool(self, deceleration: float) -> LinearBrake:
         """Begins to bring the tool to rest on its line, at `deceleration` in m/s²."""
         self.corner = None
-        brake = LinearBrake(self.follower(), self.base_from_tool, self.tool_velocity, deceleration)
-        self.motion = brake
+        brake = LinearBrake(self.follower(), self.base_from_tool, self.tool_velocity, self.speeds, deceleration)
+        self.steer(brake)
         return brake
 
+    # --- time ------------------------------------------------------------------------------------------------
+
+    def done(self, move: Motion) -> bool:
+        """Whether a move has come to its end."""
+        return move.finished and self.blend is None
+
     def step(self, dt: float, pace: float) -> None:
-        """Advances by `dt` seconds of motion time. Raises MotionError and leaves the arm where it was."""
+        """Advances by `dt` seconds of motion time. Raises MotionError: then the arm is where it was, or its tool is
+        faster than it may be.
+        """
         motion = self.motion
         if motion is None:
             return
-        if motion.finished:
+        if self.blend is None and motion.finished:
             self.speeds = [0.0] * 6
         else:
-            joints, speeds = motion.step(dt, pace)
-            for number, (q, s) in enumerate(zip(joints, speeds, strict=True)):
-                if abs(q) > JOINT_LIMIT and q * s > 0.0 and not isinstance(motion, JointBrake):
-                    raise MotionError(f"joint {number} is at its limit")
+            joints, speeds = (self.blend or motion).step(dt, pace)
+            if not isinstance(motion, JointBrake):
+                self._check(joints, speeds)
             self.joints, self.speeds = joints, speeds
         self.refresh()
-        if motion.finished:
+        if self.blend is not None and self.blend.finished:
+            self.blend = None
+        if self.done(motion):
             self.motion = None
             self.corner = None
+        if not isinstance(motion, JointBrake):
+            fault = limits.tool_fault(self.tool_velocity)
+            if fault is not None:
+                raise MotionError(fault)
+
+    @staticmethod
+    def _check(joints: Joints, speeds: Joints) -> None:
+        outwards = [q if q * s > 0.0 else 0.0 for q, s in zip(joints, speeds, strict=True)]
+        fault = limits.position_fault(outwards)
+        if fault is not None:
+            raise MotionError(fault)
 
     def end_tick(self) -> None:
         """Counts ticks at rest and keeps the history of joints."""

@@ -24,10 +24,9 @@ LOG = logging.getLogger("hardware_sim.controller")
 Waiting = Generator[None, None, None]
 
 REFUSED = frozenset(
-    """servoc force_mode end_force_mode zero_ftsensor teach_mode end_teach_mode freedrive_mode end_freedrive_mode
-    get_freedrive_status tool_contact ft_rtde_input_enable enable_external_ft_sensor set_gravity direct_torque
-    get_mass_matrix get_coriolis_and_centrifugal_torques get_target_joint_accelerations get_jacobian
-    get_jacobian_time_derivative get_joint_torques movec get_tcp_force""".split()  # noqa: SIM905 - names, not strings
+    """servoc force_mode end_force_mode zero_ftsensor tool_contact ft_rtde_input_enable enable_external_ft_sensor
+    set_gravity direct_torque get_mass_matrix get_coriolis_and_centrifugal_torques get_target_joint_accelerations
+    get_jacobian get_jacobian_time_derivative get_joint_torques get_tcp_force""".split()  # noqa: SIM905 - names, not strings
 )
 
 

@@ -1,23 +1,45 @@
-"""Forward and inverse kinematics of UR e-Series arms in closed form.
+"""Forward and inverse kinematics of UR e-Series arms, nominal and as calibrated in the factory.
 
 The controller solves them itself, apart from `acquisition.waypoints`, so that an error in one does not hide in the
-other. Denavit–Hartenberg lengths are the manufacturer's published ones; α = (π/2, 0, 0, π/2, −π/2, 0). The inverse
-follows Hawkins (Analytic inverse kinematics for the Universal Robots UR-5/UR-10 arms, 2013).
+other. Denavit–Hartenberg lengths are the manufacturer's published ones; α = (π/2, 0, 0, π/2, −π/2, 0). A real arm's
+axes are never quite parallel: `calibration.calibrated` gives the links of an `ArmModel` small errors, and everything
+here then speaks of that arm. Its inverse has no closed form; the nominal one (Hawkins, Analytic inverse kinematics for
+the Universal Robots UR-5/UR-10 arms, 2013) says which branches there are, Newton's method brings each to the true arm.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hardware_sim.controller.poses import Frame
+from hardware_sim.controller import poses
+from hardware_sim.controller.limits import JOINT_LIMIT
+from hardware_sim.controller.poses import Frame, Vector
 
-JOINT_LIMIT = 2.0 * math.pi  # rad, every joint
 _TOLERANCE = 1e-9
+_ROUNDING = 1e-9  # of a cosine
+_EDGE = 0.06  # of a cosine: how far past the nominal arm's reach a calibrated one may still reach
+_CONVERGED = 1e-10  # m and rad
+_NEWTON_STEPS = 12
+_LONGEST_NEWTON_STEP = 0.2  # rad, so that a branch near a singularity is not left
+_SAME_BRANCH = 1e-6  # rad
+
+Axis = tuple[Vector, Vector]  # direction and a point on it, base frame
+
+
+@dataclass(frozen=True)
+class Link:
+    """One row of the Denavit–Hartenberg table: lengths in m, angles in rad; `offset` adds to the joint's angle."""
+
+    length: float
+    distance: float
+    cos_twist: float
+    sin_twist: float
+    offset: float = 0.0
 
 
 @dataclass(frozen=True)
 class ArmModel:
-    """Lengths in m and the greatest joint speeds in rad/s of one model."""
+    """Nominal lengths in m, the chain of links as built, and the greatest joint speeds in rad/s of one arm."""
 
     name: str
     d1: float
@@ -28,10 +50,27 @@ class ArmModel:
     d6: float
     joint_speeds: tuple[float, ...]
     payload: float  # kg
+    links: tuple[Link, ...]
+    calibration_seed: int | None = None
+
+    @property
+    def reach(self) -> float:
+        """An upper bound in m of the flange's distance from any joint's axis."""
+        return sum(map(abs, (self.a2, self.a3, self.d4, self.d5, self.d6)))
 
 
 def _model(name: str, lengths: Sequence[float], speeds_deg_s: Sequence[float], payload: float) -> ArmModel:
-    return ArmModel(name, *lengths, joint_speeds=tuple(math.radians(s) for s in speeds_deg_s), payload=payload)
+    d1, a2, a3, d4, d5, d6 = lengths
+    links = (
+        Link(0.0, d1, 0.0, 1.0),
+        Link(a2, 0.0, 1.0, 0.0),
+        Link(a3, 0.0, 1.0, 0.0),
+        Link(0.0, d4, 0.0, 1.0),
+        Link(0.0, d5, 0.0, -1.0),
+        Link(0.0, d6, 1.0, 0.0),
+    )
+    speeds = tuple(math.radians(s) for s in speeds_deg_s)
+    return ArmModel(name, *lengths, joint_speeds=speeds, payload=payload, links=links)
 
 
 _SLOW_BASE = (120, 120, 180, 180, 180, 180)
@@ -46,57 +85,88 @@ MODELS: dict[str, ArmModel] = {
 }
 
 
+def chain(arm: ArmModel, joints: Sequence[float]) -> tuple[list[Axis], Frame]:
+    """The six joint axes in the base frame, and `base_from_flange`, at `joints` (6) in rad."""
+    axes: list[Axis] = []
+    xx, xy, xz = 1.0, 0.0, 0.0
+    yx, yy, yz = 0.0, 1.0, 0.0
+    zx, zy, zz = 0.0, 0.0, 1.0
+    px = py = pz = 0.0
+    for link, q in zip(arm.links, joints, strict=True):
+        axes.append(((zx, zy, zz), (px, py, pz)))
+        angle = q + link.offset
+        c, s = math.cos(angle), math.sin(angle)
+        # Turned about z; then y and z turn about the new x by the twist.
+        ux, uy, uz = c * yx - s * xx, c * yy - s * xy, c * yz - s * xz
+        xx, xy, xz = c * xx + s * yx, c * xy + s * yy, c * xz + s * yz
+        a, d = link.length, link.distance
+        px, py, pz = px + a * xx + d * zx, py + a * xy + d * zy, pz + a * xz + d * zz
+        c, s = link.cos_twist, link.sin_twist
+        yx, yy, yz = c * ux + s * zx, c * uy + s * zy, c * uz + s * zz
+        zx, zy, zz = c * zx - s * ux, c * zy - s * uy, c * zz - s * uz
+    return axes, (xx, yx, zx, px, xy, yy, zy, py, xz, yz, zz, pz)
+
+
 def forward(arm: ArmModel, joints: Sequence[float]) -> Frame:
     """`base_from_flange` at `joints` (6) in rad."""
-    q1, q2, q3, q4, q5, q6 = joints
-    c1, s1 = math.cos(q1), math.sin(q1)
-    c, s = math.cos(q2 + q3 + q4), math.sin(q2 + q3 + q4)
-    c5, s5 = math.cos(q5), math.sin(q5)
-    c6, s6 = math.cos(q6), math.sin(q6)
-    reach = arm.a2 * math.cos(q2) + arm.a3 * math.cos(q2 + q3)
-    rise = arm.a2 * math.sin(q2) + arm.a3 * math.sin(q2 + q3)
-    # Axes of the fourth frame; joints 2, 3 and 4 are parallel, so that only their sum turns it.
-    x4 = (c1 * c, s1 * c, s)
-    z4 = (c1 * s, s1 * s, -c)
-    # The y axis of the fourth frame is (s1, −c1, 0).
-    x5 = (c5 * x4[0] + s5 * s1, c5 * x4[1] - s5 * c1, c5 * x4[2])
-    z5 = (-s5 * x4[0] + c5 * s1, -s5 * x4[1] - c5 * c1, -s5 * x4[2])
-    x = c1 * reach + s1 * arm.d4 + arm.d5 * z4[0] + arm.d6 * z5[0]
-    y = s1 * reach - c1 * arm.d4 + arm.d5 * z4[1] + arm.d6 * z5[1]
-    z = arm.d1 + rise + arm.d5 * z4[2] + arm.d6 * z5[2]
-    # The y axis of the fifth frame is −z4.
-    return (
-        c6 * x5[0] - s6 * z4[0], -s6 * x5[0] - c6 * z4[0], z5[0], x,
-        c6 * x5[1] - s6 * z4[1], -s6 * x5[1] - c6 * z4[1], z5[1], y,
-        c6 * x5[2] - s6 * z4[2], -s6 * x5[2] - c6 * z4[2], z5[2], z,
-    )  # fmt: skip
+    return chain(arm, joints)[1]
 
 
-def _arccosine(value: float) -> float | None:
+def velocity(axes: Sequence[Axis], speeds: Sequence[float], point: Sequence[float]) -> tuple[float, ...]:
+    """Velocity (m/s, rad/s; base frame) of a point fixed to the flange, `point` (3) given in the base frame."""
+    vx = vy = vz = wx = wy = wz = 0.0
+    for ((ax, ay, az), (px, py, pz)), rate in zip(axes, speeds, strict=True):
+        if rate:
+            lx, ly, lz = point[0] - px, point[1] - py, point[2] - pz
+            vx += rate * (ay * lz - az * ly)
+            vy += rate * (az * lx - ax * lz)
+            vz += rate * (ax * ly - ay * lx)
+            wx += rate * ax
+            wy += rate * ay
+            wz += rate * az
+    return (vx, vy, vz, wx, wy, wz)
+
+
+def near_singularity(arm: ArmModel, joints: Sequence[float]) -> str | None:
+    """Which singularity of the nominal arm `joints` are close to, as a sentence's part; None where none is near."""
+    _, q2, q3, q4, q5, _ = joints
+    if abs(math.sin(q5)) < 0.05:
+        return "close to the wrist singularity (wrist 2 near 0° or 180°)"
+    if abs(math.sin(q3)) < 0.05:
+        return "close to the elbow singularity (arm stretched)"
+    # The wrist's centre over the base's axis: the base joint cannot move it along.
+    across = arm.a2 * math.cos(q2) + arm.a3 * math.cos(q2 + q3) + arm.d5 * math.sin(q2 + q3 + q4)
+    if abs(across) < 0.05 * arm.reach:
+        return "close to the shoulder singularity (wrist above the base)"
+    return None
+
+
+def _arccosine(value: float, slack: float) -> float | None:
     if abs(value) <= 1.0:
         return math.acos(value)
-    # A target at the very edge of the reach must not be lost to rounding.
-    return math.acos(math.copysign(1.0, value)) if abs(value) < 1.0 + _TOLERANCE else None
+    if abs(value) > 1.0 + slack:
+        return None
+    # A target at the very edge of the reach must not be lost; past it a start beside the singularity is a good one.
+    return math.acos(math.copysign(1.0 if slack == _ROUNDING else 2.0 - abs(value), value))
 
 
-def solutions(arm: ArmModel, base_from_flange: Frame, last_joint: float = 0.0) -> list[tuple[float, ...]]:
-    """All joint sets (up to 8) that reach a flange pose, each angle in (−π, π].
-
-    Where joints 4 and 6 turn about one line, joint 6 is free and `last_joint` is used for it.
-    """
+def _nominal_solutions(
+    arm: ArmModel, base_from_flange: Frame, last_joint: float, slack: float = _ROUNDING
+) -> list[list[float]]:
+    """All joint sets of the nominal arm, in closed form; `slack` is how far past its reach it may be stretched."""
     r00, r01, r02, x, r10, r11, r12, y, r20, r21, r22, z = base_from_flange
-    found: list[tuple[float, ...]] = []
+    found: list[list[float]] = []
     wrist_x, wrist_y = x - arm.d6 * r02, y - arm.d6 * r12
     radius = math.hypot(wrist_x, wrist_y)
     if radius < _TOLERANCE:
         return found
-    swing = _arccosine(arm.d4 / radius)
+    swing = _arccosine(arm.d4 / radius, slack)
     if swing is None:
         return found
     azimuth = math.atan2(wrist_y, wrist_x) + math.pi / 2
     for q1 in (azimuth + swing, azimuth - swing) if swing > 0.0 else (azimuth,):
         c1, s1 = math.cos(q1), math.sin(q1)
-        bend = _arccosine((x * s1 - y * c1 - arm.d4) / arm.d6)
+        bend = _arccosine((x * s1 - y * c1 - arm.d4) / arm.d6, slack)
         if bend is None:
             continue
         for q5 in (bend, -bend) if bend > 0.0 else (bend,):
@@ -118,13 +188,71 @@ def solutions(arm: ArmModel, base_from_flange: Frame, last_joint: float = 0.0) -
             reach = c1 * x + s1 * y - arm.d6 * out[2] - arm.d5 * z4_out
             rise = z - arm.d1 - arm.d6 * up[2] - arm.d5 * z4_up
             squared = reach * reach + rise * rise
-            elbow = _arccosine((squared - arm.a2**2 - arm.a3**2) / (2.0 * arm.a2 * arm.a3))
+            elbow = _arccosine((squared - arm.a2**2 - arm.a3**2) / (2.0 * arm.a2 * arm.a3), slack)
             if elbow is None:
                 continue
             for q3 in (elbow, -elbow) if elbow > 0.0 else (elbow,):
                 along, across = arm.a2 + arm.a3 * math.cos(q3), arm.a3 * math.sin(q3)
                 q2 = math.atan2(rise, reach) - math.atan2(across, along)
-                found.append(tuple(_wrap(q) for q in (q1, q2, q3, total - q2 - q3, q5, q6)))
+                found.append([_wrap(q) for q in (q1, q2, q3, total - q2 - q3, q5, q6)])
+    return found
+
+
+def refined(arm: ArmModel, base_from_flange: Frame, joints: Sequence[float]) -> list[float] | None:
+    """The joints of the chain as built that reach a flange pose, found by Newton's method from `joints`; None where
+    it finds none. Closer than 1e-9 m and rad.
+    """
+    found = list(joints)
+    error = math.inf
+    for _ in range(_NEWTON_STEPS):
+        axes, reached = chain(arm, found)
+        away, turn = poses.difference(reached, base_from_flange)
+        error = max(math.hypot(*away), math.hypot(*turn))
+        if error < _CONVERGED:
+            break
+        point = (reached[3], reached[7], reached[11])
+        step = _solved([velocity((axis,), (1.0,), point) for axis in axes], [*away, *turn])
+        if step is None:
+            return None
+        share = min(1.0, _LONGEST_NEWTON_STEP / max(map(abs, step)))
+        found = [q + share * s for q, s in zip(found, step, strict=True)]
+    return found if error < _TOLERANCE else None
+
+
+def _solved(columns: list[tuple[float, ...]], right: list[float]) -> list[float] | None:
+    """x of a square system given by its columns, by Gaussian elimination with pivots; None where it is singular."""
+    size = len(right)
+    rows = [[*(column[i] for column in columns), right[i]] for i in range(size)]
+    for i in range(size):
+        pivot = max(range(i, size), key=lambda k: abs(rows[k][i]))
+        if abs(rows[pivot][i]) < _TOLERANCE:
+            return None
+        rows[i], rows[pivot] = rows[pivot], rows[i]
+        for k in range(i + 1, size):
+            factor = rows[k][i] / rows[i][i]
+            if factor:
+                rows[k] = [a - factor * b for a, b in zip(rows[k], rows[i], strict=True)]
+    found = [0.0] * size
+    for i in reversed(range(size)):
+        found[i] = (rows[i][size] - sum(rows[i][k] * found[k] for k in range(i + 1, size))) / rows[i][i]
+    return found
+
+
+def solutions(arm: ArmModel, base_from_flange: Frame, last_joint: float = 0.0) -> list[tuple[float, ...]]:
+    """All joint sets (up to 8) that reach a flange pose, each angle in (−π, π].
+
+    Where joints 4 and 6 turn about one line, joint 6 is free and `last_joint` is used for it.
+    """
+    if arm.calibration_seed is None:
+        return [tuple(joints) for joints in _nominal_solutions(arm, base_from_flange, last_joint)]
+    found: list[tuple[float, ...]] = []
+    for seed in _nominal_solutions(arm, base_from_flange, last_joint, _EDGE):
+        joints = refined(arm, base_from_flange, seed)
+        if joints is None:
+            continue
+        wrapped = tuple(_wrap(q) for q in joints)
+        if all(max(abs(_wrap(a - b)) for a, b in zip(wrapped, other, strict=True)) > _SAME_BRANCH for other in found):
+            found.append(wrapped)
     return found
 
 
@@ -133,55 +261,38 @@ def _wrap(angle: float) -> float:
 
 
 def inverse(arm: ArmModel, base_from_flange: Frame, near: Sequence[float]) -> list[float] | None:
-    """The joints (6) in rad nearest to `near`, unwrapped within the joint limits; None where no set reaches."""
+    """The joints (6) in rad nearest to `near`, within the joint limits; None where no set reaches."""
+    return _nearest(arm, base_from_flange, near, JOINT_LIMIT)
+
+
+def following(arm: ArmModel, base_from_flange: Frame, last: Sequence[float]) -> list[float] | None:
+    """The joints (6) in rad that continue `last` without a jump, whatever the joint limits; None where none do."""
+    if arm.calibration_seed is not None:
+        # Beside the last joints Newton's method needs two steps, and cannot change the branch.
+        joints = refined(arm, base_from_flange, last)
+        if joints is not None:
+            return joints
+    return _nearest(arm, base_from_flange, last, math.inf)
+
+
+def _nearest(arm: ArmModel, base_from_flange: Frame, near: Sequence[float], limit: float) -> list[float] | None:
     best: list[float] | None = None
     least = math.inf
-    for solution in solutions(arm, base_from_flange, near[5]):
-        candidate = [_unwrap(q, n) for q, n in zip(solution, near, strict=True)]
+    found = solutions(arm, base_from_flange, near[5])
+    if arm.calibration_seed is not None:
+        # Near a singularity the nominal arm may not have the branch that the true one is on.
+        beside = refined(arm, base_from_flange, near)
+        found += [] if beside is None else [tuple(_wrap(q) for q in beside)]
+    for solution in found:
+        candidate = [_unwrap(q, n, limit) for q, n in zip(solution, near, strict=True)]
         cost = sum((q - n) ** 2 for q, n in zip(candidate, near, strict=True))
         if cost < least:
             best, least = candidate, cost
     return best
 
 
-def _unwrap(angle: float, near: float) -> float:
+def _unwrap(angle: float, near: float, limit: float) -> float:
     angle = near + math.remainder(angle - near, 2.0 * math.pi)
-    if angle > JOINT_LIMIT:
+    if angle > limit:
         return angle - 2.0 * math.pi
-    return angle + 2.0 * math.pi if angle < -JOINT_LIMIT else angle
-
-
-def tool_velocity(
-    arm: ArmModel, joints: Sequence[float], speeds: Sequence[float], point: Sequence[float]
-) -> tuple[float, ...]:
-    """Velocity of a point fixed to the flange (m/s, rad/s; base frame), `point` (3) given in the base frame."""
-    q1, q2, q3, q4, q5, _ = joints
-    c1, s1 = math.cos(q1), math.sin(q1)
-    c, s = math.cos(q2 + q3 + q4), math.sin(q2 + q3 + q4)
-    c5, s5 = math.cos(q5), math.sin(q5)
-    r2, h2 = arm.a2 * math.cos(q2), arm.d1 + arm.a2 * math.sin(q2)
-    r3, h3 = r2 + arm.a3 * math.cos(q2 + q3), h2 + arm.a3 * math.sin(q2 + q3)
-    hinge = (s1, -c1, 0.0)
-    z4 = (c1 * s, s1 * s, -c)
-    z5 = (-s5 * c1 * c + c5 * s1, -s5 * s1 * c - c5 * c1, -s5 * s)
-    p4 = (c1 * r3 + s1 * arm.d4, s1 * r3 - c1 * arm.d4, h3)
-    p5 = (p4[0] + arm.d5 * z4[0], p4[1] + arm.d5 * z4[1], p4[2] + arm.d5 * z4[2])
-    axes = (
-        ((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)),
-        (hinge, (0.0, 0.0, arm.d1)),
-        (hinge, (c1 * r2, s1 * r2, h2)),
-        (hinge, (c1 * r3, s1 * r3, h3)),
-        (z4, p4),
-        (z5, p5),
-    )
-    vx = vy = vz = wx = wy = wz = 0.0
-    for (ax, ay, az), (px, py, pz), rate in ((axis, origin, w) for (axis, origin), w in zip(axes, speeds, strict=True)):
-        if rate:
-            lx, ly, lz = point[0] - px, point[1] - py, point[2] - pz
-            vx += rate * (ay * lz - az * ly)
-            vy += rate * (az * lx - ax * lz)
-            vz += rate * (ax * ly - ay * lx)
-            wx += rate * ax
-            wy += rate * ay
-            wz += rate * az
-    return (vx, vy, vz, wx, wy, wz)
+    return angle + 2.0 * math.pi if angle < -limit else angle

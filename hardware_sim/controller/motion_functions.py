@@ -2,24 +2,38 @@
 
 They are generators: each claims the arm in every tick in which it waits, and a motion that nobody claims is braked, so
 that a killed thread, a finished program and a lost command all end at rest. A move with a blend radius returns when
-the tool is that near to its corner; the next move then starts while the rest of it fades out (`motion.Blend`).
+the next one may take over; that one then starts while the rest of the first fades out (`blend`), or goes on with the
+path (`process_path`).
 """
 
 from collections.abc import Callable, Generator
 from typing import Any, TypeVar
 
-from hardware_sim.controller import kinematics, poses
-from hardware_sim.controller.motion import JointMove, JointServo, JointSpeed, LinearMove, Motion, MotionError, ToolSpeed
+from hardware_sim.controller import kinematics, limits, poses
+from hardware_sim.controller.arm import Corner
+from hardware_sim.controller.curves import Curve
+from hardware_sim.controller.guiding import Guiding
+from hardware_sim.controller.motion import Motion, MotionError
+from hardware_sim.controller.moves import ProgrammedMove
 from hardware_sim.controller.poses import Frame
 from hardware_sim.controller.program import Pose, ScriptError
 from hardware_sim.controller.script_values import STEP_TIME, Bound, frame, not_negative, numbers, positive
+from hardware_sim.controller.steering import JointServo, JointSpeed, ToolSpeed
 
 Waiting = Generator[None, None, None]
-Begun = TypeVar("Begun", bound=Motion)
+Begun = TypeVar("Begun")
+_SHORTEST_PROCESS = 1e-4  # m: less has no direction to go on in, and only turns
+_GUIDING_DECELERATION = 4.0  # rad/s²
 
 
 class MotionFunctions(Bound):
     """What moves or stops the arm."""
+
+    def _require_arm(self, name: str) -> None:
+        """Raises ScriptError where the program may not move the arm now."""
+        self._controller.require_main_program()
+        if self._arm.guiding is not None:
+            raise ScriptError(f"{name}: the arm is in {self._arm.guiding.by}, end that first")
 
     def _begun(self, begin: Callable[[], Begun]) -> Begun | None:
         """What `begin` makes, or None with a protective stop where the arm cannot follow it."""
@@ -31,41 +45,42 @@ class MotionFunctions(Bound):
 
     def _wait_for(self, begin: Callable[[], Motion]) -> Waiting:
         """Waits until a motion has ended; begins it anew where a stop has thrown it out (resumed after an unlock)."""
-        self._controller.require_main_program()
         while True:
             motion = self._begun(begin)
             if motion is None:
                 yield
                 continue
-            while self._arm.motion is motion and not motion.finished:
+            while self._arm.motion is motion and not self._arm.done(motion):
                 self._controller.claim()
                 yield
             if motion.finished:
                 return
 
-    def _move(self, begin: Callable[[], JointMove | LinearMove], radius: float) -> Waiting:
-        """As `_wait_for`, but returns at the corner's blend radius (m) where there is one."""
-        if radius <= 0.0:
-            yield from self._wait_for(lambda: self._arm.start(begin()))
-            return
-        self._controller.require_main_program()
+    def _move(self, begin: Callable[[], tuple[ProgrammedMove, float]]) -> Waiting:
+        """As `_wait_for`, but returns where the next move may take over; `begin` also gives the blend's radius."""
+        arm = self._arm
         while True:
-            move = self._begun(begin)
-            if move is None:
+            begun = self._begun(begin)
+            if begun is None:
                 yield
                 continue
-            running = self._arm.start(move)
-            corner = poses.compose(kinematics.forward(self._arm.model, move.end), self._arm.flange_from_tool)
-            while self._arm.motion is running and not running.finished:
-                if move.time > 0.5 * move.profile.duration:
-                    way, _ = poses.distance(self._arm.base_from_tool, corner)
-                    if way <= radius:
-                        self._arm.corner = move.end
-                        return
+            move, radius = begun
+            base_from_end = arm.tool_at(move.end)
+            while arm.motion is move and not arm.done(move):
+                if radius > 0.0 and arm.blend is None and move.hands_over(arm.base_from_tool, base_from_end, radius):
+                    arm.corner = Corner(move, radius)
+                    return
                 self._controller.claim()
                 yield
-            if running.finished:
+            if move.finished:
                 return
+
+    def _started(self, plan: Callable[[], ProgrammedMove], radius: float) -> Callable[[], tuple[ProgrammedMove, float]]:
+        def begin() -> tuple[ProgrammedMove, float]:
+            move = plan()
+            return move, self._arm.start(move, radius, self._controller.report)
+
+        return begin
 
     def _come_to_rest(self, brake: Callable[[float], Motion], deceleration: float) -> Waiting:
         # A new move starts from rest; what a killed one left behind is braked first.
@@ -81,43 +96,85 @@ class MotionFunctions(Bound):
             raise ScriptError("no solution for the target pose")
         return joints
 
-    def _frame_of(self, target: Any) -> Frame:
+    def _frame_of(self, target: Any, what: str = "the target") -> Frame:
         if isinstance(target, Pose):
-            return frame(target, "the target")
-        joints = numbers(target, 6, "the target")
-        return poses.compose(kinematics.forward(self._arm.model, joints), self._arm.flange_from_tool)
+            return frame(target, what)
+        return self._arm.tool_at(numbers(target, 6, what))
 
     def movej(self, q: Any, a: float = 1.4, v: float = 1.05, t: float = 0.0, r: float = 0.0) -> Waiting:
+        self._require_arm("movej")
         acceleration, speed = positive(a, "a"), positive(v, "v")
         seconds, radius = not_negative(t, "t"), not_negative(r, "r")
         target = self._joints_of(q)
-        if any(abs(angle) > kinematics.JOINT_LIMIT for angle in target):
-            raise ScriptError("movej: the target is outside the joint limits")
+        fault = limits.position_fault(target)
+        if fault is not None:
+            raise ScriptError(f"movej: the target is outside the joint limits: {fault}")
         yield from self._come_to_rest(self._arm.brake, acceleration)
-        yield from self._move(lambda: self._arm.joint_move(target, speed, acceleration, seconds), radius)
+        plan = lambda: self._arm.joint_move(target, speed, acceleration, seconds)  # noqa: E731
+        yield from self._move(self._started(plan, radius))
 
     def movel(self, pose: Any, a: float = 1.2, v: float = 0.25, t: float = 0.0, r: float = 0.0) -> Waiting:
+        self._require_arm("movel")
+        target = self._frame_of(pose)
+        yield from self._tool_move(lambda: self._arm.line_to(target), a, v, t, r)
+
+    def movec(
+        self,
+        pose_via: Any,
+        pose_to: Any,
+        a: float = 1.2,
+        v: float = 0.25,
+        r: float = 0.0,
+        mode: int = 0,
+    ) -> Waiting:
+        self._require_arm("movec")
+        if mode not in (0, 1):
+            raise ScriptError(f"movec: mode must be 0 (free rotation) or 1 (fixed to the tangent), not {mode!r}")
+        via, target = self._frame_of(pose_via, "pose_via"), self._frame_of(pose_to, "pose_to")
+
+        def curve() -> Curve:
+            try:
+                return self._arm.arc_to(via, target, bool(mode))
+            except ValueError as error:
+                raise ScriptError(f"movec: {error}") from error
+
+        yield from self._tool_move(curve, a, v, 0.0, r)
+
+    def _tool_move(self, curve: Callable[[], Curve], a: Any, v: Any, t: Any, r: Any) -> Waiting:
         acceleration, speed = positive(a, "a"), positive(v, "v")
         seconds, radius = not_negative(t, "t"), not_negative(r, "r")
-        target = self._frame_of(pose)
         yield from self._come_to_rest(self._arm.brake_tool, acceleration)
-        yield from self._move(lambda: self._arm.linear_move(target, speed, acceleration, seconds), radius)
+        plan = lambda: self._arm.tool_move(curve(), speed, acceleration, seconds)  # noqa: E731
+        yield from self._move(self._started(plan, radius))
 
     def movep(self, pose: Any, a: float = 1.2, v: float = 0.25, r: float = 0.0) -> Waiting:
-        # The real controller keeps the tool's speed constant round the corner; here it blends as movel does.
-        yield from self.movel(pose, a, v, 0.0, r)
+        self._require_arm("movep")
+        acceleration, speed, radius = positive(a, "a"), positive(v, "v"), not_negative(r, "r")
+        target = self._frame_of(pose)
+        yield from self._come_to_rest(self._arm.brake_tool, acceleration)
+        line = self._arm.line_to(target)
+        if line.length < _SHORTEST_PROCESS:
+            yield from self.movel(pose, acceleration, speed, 0.0, radius)
+            return
+
+        def begin() -> tuple[ProgrammedMove, float]:
+            arm = self._arm
+            return arm.process(arm.line_to(target), speed, acceleration, radius, self._controller.report)
+
+        yield from self._move(begin)
 
     def stopj(self, a: float) -> Waiting:
         deceleration = positive(a, "a")
+        self._controller.require_main_program()
         yield from self._wait_for(lambda: self._arm.brake(deceleration))
 
     def stopl(self, a: float, aRot: float = 0.0) -> Waiting:
         del aRot
         deceleration = positive(a, "a")
+        self._controller.require_main_program()
         yield from self._wait_for(lambda: self._arm.brake_tool(deceleration))
 
     def _hold(self, motion: Motion, seconds: float) -> Waiting:
-        self._controller.require_main_program()
         for _ in range(max(1, round(not_negative(seconds, "t") / STEP_TIME))):
             if self._arm.motion is not motion:
                 return
@@ -126,20 +183,24 @@ class MotionFunctions(Bound):
         self._controller.claim()
 
     def speedj(self, qd: Any, a: float = 1.4, t: float = 0.0) -> Waiting:
+        self._require_arm("speedj")
         target, acceleration = numbers(qd, 6, "qd"), positive(a, "a")
         motion = self._arm.motion
         if not isinstance(motion, JointSpeed):
-            motion = self._arm.motion = JointSpeed(self._arm.model, self._arm.joints, self._arm.speeds)
+            motion = JointSpeed(self._arm.model, self._arm.joints, self._arm.speeds)
+            self._arm.steer(motion)
         motion.target, motion.acceleration = target, acceleration
         yield from self._hold(motion, t)
 
     def speedl(self, xd: Any, a: float = 1.2, t: float = 0.0, aRot: float = 0.0) -> Waiting:
         del aRot
+        self._require_arm("speedl")
         target, acceleration = numbers(xd, 6, "xd"), positive(a, "a")
         motion = self._arm.motion
         if not isinstance(motion, ToolSpeed):
+            self._arm.corner = None
             motion = ToolSpeed(self._arm.follower(), self._arm.base_from_tool, self._arm.tool_velocity)
-            self._arm.motion = motion
+            self._arm.steer(motion)
         motion.target, motion.acceleration = target, acceleration
         yield from self._hold(motion, t)
 
@@ -153,10 +214,15 @@ class MotionFunctions(Bound):
         gain: float = 300.0,
     ) -> Waiting:
         del a, v  # not used by the real controller either
+        self._require_arm("servoj")
         target = numbers(q, 6, "q")
+        fault = limits.position_fault(target)
+        if fault is not None:
+            raise ScriptError(f"servoj: the target is outside the joint limits: {fault}")
         motion = self._arm.motion
         if not isinstance(motion, JointServo):
-            motion = self._arm.motion = JointServo(self._arm.model, self._arm.joints, self._arm.speeds)
+            motion = JointServo(self._arm.model, self._arm.joints, self._arm.speeds)
+            self._arm.steer(motion)
         motion.target = target
         motion.lookahead = min(0.2, max(0.03, float(lookahead_time)))
         motion.gain = min(2000.0, max(100.0, float(gain)))
@@ -165,3 +231,23 @@ class MotionFunctions(Bound):
     def protective_stop(self) -> Waiting:
         self._controller.protective_stop("asked for by the program")
         yield
+
+    def _guide(self, guiding: Guiding) -> Waiting:
+        self._require_arm(guiding.by)
+        yield from self._come_to_rest(self._arm.brake, _GUIDING_DECELERATION)
+        self._arm.guiding = guiding
+
+    def freedrive_mode(self, freeAxes: Any = None, feature: Any = None) -> Waiting:
+        axes = [1.0] * 6 if freeAxes is None else numbers(freeAxes, 6, "freeAxes")
+        base_from_feature = poses.IDENTITY if feature is None else frame(feature, "feature")
+        yield from self._guide(Guiding("freedrive_mode", tuple(bool(free) for free in axes), base_from_feature))
+
+    def teach_mode(self) -> Waiting:
+        yield from self._guide(Guiding("teach_mode"))
+
+    def end_freedrive_mode(self) -> Waiting:
+        self._controller.require_main_program()
+        self._arm.guiding = None
+        yield from self._come_to_rest(self._arm.brake, _GUIDING_DECELERATION)
+
+    end_teach_mode = end_freedrive_mode

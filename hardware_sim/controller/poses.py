@@ -98,21 +98,53 @@ def rotate(a: Frame, v: Sequence[float]) -> Vector:
     )
 
 
+def position(a: Frame) -> Vector:
+    """The origin of the frame."""
+    return (a[3], a[7], a[11])
+
+
+def placed(a: Frame, place: Sequence[float]) -> Frame:
+    """The frame with its origin at `place`."""
+    x, y, z = place
+    return (*a[0:3], x, *a[4:7], y, *a[8:11], z)
+
+
+def turned(a: Frame, turn: Sequence[float], share: float = 1.0) -> Frame:
+    """The frame turned about its own origin by `share` of a rotation vector given in the frame itself."""
+    x, y, z = turn
+    return compose(a, from_ur((0.0, 0.0, 0.0, x * share, y * share, z * share)))
+
+
 def interpolate(a: Frame, b: Frame, share: float) -> Frame:
     """The frame at `share` of the way from a to b: position on the straight line, rotation about one fixed axis."""
-    rx, ry, rz = rotation_vector(compose(invert(a), b))
-    turned = compose(a, from_ur((0.0, 0.0, 0.0, rx * share, ry * share, rz * share)))
-    return (
-        turned[0], turned[1], turned[2], a[3] + (b[3] - a[3]) * share,
-        turned[4], turned[5], turned[6], a[7] + (b[7] - a[7]) * share,
-        turned[8], turned[9], turned[10], a[11] + (b[11] - a[11]) * share,
-    )  # fmt: skip
+    x, y, z = (p + (q - p) * share for p, q in zip(position(a), position(b), strict=True))
+    return placed(turned(a, rotation_vector(compose(invert(a), b)), share), (x, y, z))
+
+
+def minus(a: Vector, b: Vector) -> Vector:
+    """a − b."""
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """a × b."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def dot(a: Vector, b: Vector) -> float:
+    """a · b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def distance(a: Frame, b: Frame) -> tuple[float, float]:
     """Distance in m and angle in rad between two frames."""
     rx, ry, rz = rotation_vector(compose(invert(a), b))
-    return math.dist((a[3], a[7], a[11]), (b[3], b[7], b[11])), math.sqrt(rx * rx + ry * ry + rz * rz)
+    return math.dist(position(a), position(b)), math.sqrt(rx * rx + ry * ry + rz * rz)
+
+
+def difference(a: Frame, b: Frame) -> tuple[Vector, Vector]:
+    """The way in m and the turn in rad, both in the common frame, that bring frame a to frame b."""
+    return minus(position(b), position(a)), rotation_vector(compose(b, invert(a)))
 
 
 def matrix(a: Frame) -> list[list[float]]:

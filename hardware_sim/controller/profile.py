@@ -1,4 +1,4 @@
-"""The trapezoid: from rest to rest over a length, under a greatest speed and an acceleration."""
+"""Speed over time: the trapezoid of a programmed move, and the fading of a stop."""
 
 import math
 from dataclasses import dataclass
@@ -23,10 +23,29 @@ class Trapezoid:
         speed = length / (0.75 * seconds)
         return cls(length, speed, speed / (0.25 * seconds))
 
+    @classmethod
+    def planned(
+        cls, length: float, speed: float, acceleration: float, seconds: float, fastest: float, hardest: float
+    ) -> "Trapezoid":
+        """The profile of a move of `length`: lasting `seconds` where that is above zero, else under speed and
+        acceleration; never above the limits `fastest` and `hardest`, for which the time grows where it must.
+        """
+        if length <= 0.0:
+            return cls(0.0, speed, acceleration)
+        if seconds > 0.0:
+            shortest = max(length / (0.75 * fastest), math.sqrt(length / (0.75 * 0.25 * hardest)))
+            return cls.lasting(length, max(seconds, shortest))
+        return cls.under(length, min(speed, fastest), min(acceleration, hardest))
+
     @property
     def duration(self) -> float:
         """Seconds from rest to rest."""
         return self.length / self.speed + self.speed / self.acceleration if self.length > 0.0 else 0.0
+
+    @property
+    def ramp(self) -> float:
+        """Seconds of the acceleration, and of the braking."""
+        return self.speed / self.acceleration if self.length > 0.0 else 0.0
 
     def position(self, t: float) -> float:
         """Length covered at time t."""
@@ -48,7 +67,24 @@ class Trapezoid:
             return 0.0
         return min(self.speed, self.acceleration * t, self.acceleration * (duration - t))
 
+
+class Fading:
+    """A speed that falls evenly to zero within `seconds`, whatever the speed is of."""
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._time = 0.0
+
     @property
-    def ramp(self) -> float:
-        """Seconds of the acceleration, and of the braking."""
-        return self.speed / self.acceleration
+    def finished(self) -> bool:
+        """Whether the speed is zero."""
+        return self._time >= self._seconds
+
+    def advance(self, dt: float) -> tuple[float, float]:
+        """After `dt` more seconds: the way covered since the start, in seconds of the first speed, and the share of
+        that speed that is left.
+        """
+        self._time = min(self._time + dt, self._seconds)
+        if self._seconds <= 0.0:
+            return 0.0, 0.0
+        return self._time - 0.5 * self._time**2 / self._seconds, 1.0 - self._time / self._seconds

@@ -2,7 +2,9 @@
 
 from typing import Any
 
-from hardware_sim.controller import kinematics, poses
+from hardware_sim.controller import kinematics, limits, poses
+from hardware_sim.controller.arm import HISTORY
+from hardware_sim.controller.moves import JointMove, ToolCourse
 from hardware_sim.controller.program import Pose, ScriptError
 from hardware_sim.controller.script_values import STEP_TIME, Bound, frame, numbers
 
@@ -49,7 +51,7 @@ class StateFunctions(Bound):
     def is_within_safety_limits(self, value: Any) -> bool:
         if isinstance(value, Pose):
             return self._solve(value, None) is not None
-        return all(abs(q) <= kinematics.JOINT_LIMIT for q in numbers(value, 6, "the joints"))
+        return limits.position_fault(numbers(value, 6, "the joints")) is None
 
     def pose_trans(self, p_from: Any, p_from_to: Any) -> Pose:
         return Pose(poses.to_ur(poses.compose(frame(p_from), frame(p_from_to))))
@@ -114,9 +116,11 @@ class StateFunctions(Bound):
     def get_actual_joint_speeds(self) -> list[float]:
         return self._arm.speeds[:]
 
-    def get_actual_joint_positions_history(self, steps: int = 0) -> list[float]:
-        history = self._arm.history
-        return history[-1 - min(int(steps), len(history) - 1)][:]
+    def get_actual_joint_positions_history(self, steps: Any = 0) -> list[float]:
+        if not isinstance(steps, int) or not 0 <= steps < HISTORY:
+            what = "get_actual_joint_positions_history: steps"
+            raise ScriptError(f"{what} must be a whole number from 0 to {HISTORY - 1}, not {steps!r}")
+        return self._arm.history[-1 - steps][:]
 
     def get_actual_tcp_pose(self) -> Pose:
         return Pose(poses.to_ur(self._arm.base_from_tool))
@@ -132,7 +136,13 @@ class StateFunctions(Bound):
     get_actual_tcp_speed = get_target_tcp_speed
 
     def get_target_waypoint(self) -> Pose:
-        return self.get_forward_kin(self._arm.target)
+        moves = isinstance(self._arm.motion, JointMove | ToolCourse)
+        return self.get_forward_kin(self._arm.target if moves else None)
+
+    def get_freedrive_status(self) -> int:
+        if self._arm.guiding is None:
+            return 0
+        return 1 if kinematics.near_singularity(self._arm.model, self._arm.joints) else 0
 
     def force_mode_set_gain_scaling(self, scaling: float) -> None:
         self._controller.force_mode_settings["gain_scaling"] = float(scaling)

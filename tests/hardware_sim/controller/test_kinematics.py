@@ -70,7 +70,7 @@ def test_tool_velocity_is_the_derivative_of_the_pose() -> None:
             for s in (step, -step)
         )
         middle = poses.compose(kinematics.forward(model, joints), tool)
-        found = kinematics.tool_velocity(model, joints, rates, (middle[3], middle[7], middle[11]))
+        found = kinematics.velocity(kinematics.chain(model, joints)[0], rates, poses.position(middle))
         linear = [(ahead[i] - behind[i]) / (2 * step) for i in (3, 7, 11)]
         turning = [w / (2 * step) for w in poses.rotation_vector(poses.compose(ahead, poses.invert(behind)))]
         assert found == pytest.approx(linear + turning, abs=1e-6)

@@ -8,8 +8,9 @@ import pytest
 from hardware_sim.controller import kinematics, poses
 from hardware_sim.controller.controller import PROGRAM_STOP_DECELERATION, Controller
 from hardware_sim.controller.kinematics import MODELS
-from hardware_sim.controller.motion import JointBrake, JointMove
+from hardware_sim.controller.moves import JointMove
 from hardware_sim.controller.profile import Trapezoid
+from hardware_sim.controller.steering import JointBrake
 
 HOME = [0.0, -1.9, 1.9, -1.57, -1.57, 0.0]
 TICK = 0.002

@@ -1,0 +1,261 @@
+"""Programmed moves: each knows its end, and takes as long as its profile says.
+
+`JointMove` is a straight segment in joint space, a `ToolCourse` moves the tool: on a curve from rest to rest
+(`ToolMove`) or on a path at constant speed (`process_path.ProcessPath`). What `blend` needs to join two of them is the
+same for all: how long they take to start and to stop, and where they are shortly after their start and before their
+end.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Protocol
+
+from hardware_sim.controller import kinematics, limits, poses
+from hardware_sim.controller.curves import Curve
+from hardware_sim.controller.kinematics import ArmModel
+from hardware_sim.controller.motion import STANDSTILL, Follower, Joints, Motion, MotionError, State, Twist
+from hardware_sim.controller.poses import Frame
+from hardware_sim.controller.profile import Trapezoid
+
+_AT_REST: Joints = [0.0] * 6
+_STRIDE = 0.1  # m of the tool, or half as many quarter turns, between the poses that find where a course ends
+_STRIDE_TURN = 0.5  # rad
+
+
+class ProgrammedMove(Motion, Protocol):
+    """A move to a known end."""
+
+    end: Joints
+
+    @property
+    def time_left(self) -> float:
+        """Seconds of motion time until it stands at its end, as far as it is known now."""
+        ...
+
+    @property
+    def ramp_in(self) -> float:
+        """Seconds in which it gains speed at its start."""
+        ...
+
+    @property
+    def ramp_out(self) -> float:
+        """Seconds in which it loses speed before its end."""
+        ...
+
+    def joints_after(self, seconds: float) -> Joints:
+        """Where it is `seconds` after its start, within `ramp_in`. Raises MotionError."""
+        ...
+
+    def joints_before_end(self, seconds: float) -> Joints:
+        """Where it is `seconds` before its end, within `ramp_out`. Raises MotionError."""
+        ...
+
+    def hands_over(self, base_from_tool: Frame, base_from_end: Frame, radius: float) -> bool:
+        """Whether a move that follows may begin to take over, `radius` (m) being the blend's."""
+        ...
+
+
+class _OnTrapezoid:
+    """What follows from the profile of a move from rest to rest."""
+
+    def __init__(self, profile: Trapezoid) -> None:
+        self.profile = profile
+        self._time = 0.0
+        self.finished = profile.length <= 0.0
+
+    @property
+    def time_left(self) -> float:
+        """See ProgrammedMove."""
+        return max(0.0, self.profile.duration - self._time)
+
+    @property
+    def ramp_in(self) -> float:
+        """See ProgrammedMove."""
+        return self.profile.ramp
+
+    ramp_out = ramp_in
+
+    def hands_over(self, base_from_tool: Frame, base_from_end: Frame, radius: float) -> bool:
+        """See ProgrammedMove."""
+        return self.time_left <= self.ramp_out and poses.distance(base_from_tool, base_from_end)[0] <= radius
+
+    def _share(self, seconds: float) -> float:
+        """Share of the way that is covered at a time."""
+        return self.profile.position(seconds) / self.profile.length if self.profile.length > 0.0 else 1.0
+
+    def _share_rate(self) -> float:
+        """Change of that share per second, now."""
+        return self.profile.speed_at(self._time) / self.profile.length
+
+
+class JointMove(_OnTrapezoid):
+    """A straight segment in joint space from rest to rest, the leading axis on a trapezoid."""
+
+    velocity: Twist | None = None
+
+    def __init__(self, start: Sequence[float], target: Sequence[float], profile: Trapezoid) -> None:
+        super().__init__(profile)
+        self.end = list(target)
+        self._start = list(start)
+        self._way = [b - a for a, b in zip(start, target, strict=True)]
+
+    def joints_after(self, seconds: float) -> Joints:
+        """See ProgrammedMove."""
+        share = self._share(seconds)
+        return [a + share * w for a, w in zip(self._start, self._way, strict=True)]
+
+    def joints_before_end(self, seconds: float) -> Joints:
+        """See ProgrammedMove."""
+        return self.joints_after(self.profile.duration - seconds)
+
+    def step(self, dt: float, pace: float) -> State:
+        """See Motion."""
+        self._time += dt * pace
+        if self._time >= self.profile.duration:
+            self.finished = True
+            return self.end[:], _AT_REST[:]
+        rate = pace * self._share_rate()
+        return self.joints_after(self._time), [rate * w for w in self._way]
+
+
+def planned_joint_move(
+    arm: ArmModel,
+    start: Sequence[float],
+    target: Sequence[float],
+    flange_from_tool: Frame,
+    speed: float,
+    acceleration: float,
+    seconds: float,
+) -> JointMove:
+    """The move of `movej`: leading axis under `speed` (rad/s) and `acceleration` (rad/s²), or lasting `seconds`.
+
+    Every joint keeps its own limits and the tool its speed limit; the leading axis slows down for them. Raises
+    MotionError where the target is outside the joint limits.
+    """
+    fault = limits.position_fault(target)
+    if fault is not None:
+        raise MotionError(f"the target is outside the joint limits: {fault}")
+    way = [b - a for a, b in zip(start, target, strict=True)]
+    length = max(map(abs, way))
+    if length <= 0.0:
+        return JointMove(start, target, Trapezoid(0.0, speed, acceleration))
+    fastest = min(limit * length / abs(w) for limit, w in zip(arm.joint_speeds, way, strict=True) if w)
+    asked = min(fastest, length / (0.75 * seconds) if seconds > 0.0 else speed)
+    arms_length = arm.reach + math.hypot(*poses.position(flange_from_tool))
+    if asked * sum(map(abs, way)) / length * arms_length > limits.TOOL_SPEED:
+        fastest = min(fastest, limits.TOOL_SPEED * length / _tool_way(arm, start, way, flange_from_tool))
+    profile = Trapezoid.planned(length, speed, acceleration, seconds, fastest, limits.JOINT_ACCELERATION)
+    return JointMove(start, target, profile)
+
+
+def _tool_way(arm: ArmModel, start: Sequence[float], way: Sequence[float], flange_from_tool: Frame) -> float:
+    """The tool's speed in m per time of the whole move, where it is greatest, of joints that turn evenly."""
+    samples = 16
+    fastest = 1e-9
+    for number in range(samples + 1):
+        joints = [a + number / samples * w for a, w in zip(start, way, strict=True)]
+        axes, flange = kinematics.chain(arm, joints)
+        tool = poses.position(poses.compose(flange, flange_from_tool))
+        fastest = max(fastest, math.hypot(*kinematics.velocity(axes, way, tool)[:3]))
+    return fastest
+
+
+class ToolCourse(ABC):
+    """A move that knows where the tool has to be; the joints follow."""
+
+    end: Joints
+    base_from_end: Frame
+    finished: bool
+    follower: Follower
+    rate: Twist = STANDSTILL  # of the tool, per second of motion time
+    velocity: Twist | None = STANDSTILL
+
+    @property
+    @abstractmethod
+    def time_left(self) -> float:
+        """See ProgrammedMove."""
+
+    @abstractmethod
+    def advance(self, seconds: float) -> Frame:
+        """The tool's pose after `seconds` more of motion time; sets `rate` and `finished`."""
+
+    @abstractmethod
+    def frame_after(self, seconds: float) -> Frame:
+        """The tool's pose `seconds` after the start, within `ramp_in`."""
+
+    @abstractmethod
+    def frame_before_end(self, seconds: float) -> Frame:
+        """The tool's pose `seconds` before the end, within `ramp_out`."""
+
+    def joints_after(self, seconds: float) -> Joints:
+        """See ProgrammedMove."""
+        return self.follower.solve(self.frame_after(seconds))
+
+    def joints_before_end(self, seconds: float) -> Joints:
+        """See ProgrammedMove."""
+        return self.follower.solve(self.frame_before_end(seconds), self.end)
+
+    def step(self, dt: float, pace: float) -> State:
+        """See Motion."""
+        joints, speeds = self.follower.follow(self.advance(dt * pace), dt)
+        self.velocity = tuple(pace * r for r in self.rate)
+        return joints, _AT_REST[:] if self.finished else speeds
+
+
+class ToolMove(_OnTrapezoid, ToolCourse):
+    """A curve of the tool from rest to rest, the way on a trapezoid."""
+
+    def __init__(self, follower: Follower, curve: Curve, profile: Trapezoid) -> None:
+        """Raises MotionError where the end is out of reach."""
+        super().__init__(profile)
+        self.follower = follower
+        self._curve = curve
+        self.base_from_end = curve.at(1.0)
+        self.end = end_joints(follower, curve, follower.joints)
+
+    def advance(self, seconds: float) -> Frame:
+        """See ToolCourse."""
+        self._time += seconds
+        if self._time >= self.profile.duration:
+            self.finished = True
+            self.rate = STANDSTILL
+            return self.base_from_end
+        share, factor = self._share(self._time), self._share_rate()
+        self.rate = tuple(factor * r for r in self._curve.rate(share))
+        return self._curve.at(share)
+
+    def frame_after(self, seconds: float) -> Frame:
+        """See ToolCourse."""
+        return self._curve.at(self._share(seconds))
+
+    def frame_before_end(self, seconds: float) -> Frame:
+        """See ToolCourse."""
+        return self.frame_after(self.profile.duration - seconds)
+
+
+def end_joints(follower: Follower, curve: Curve, start: Joints) -> Joints:
+    """The joints at a curve's end when the tool has followed it from `start`. Raises MotionError."""
+    strides = 1 + int(max(curve.length / _STRIDE, curve.angle / _STRIDE_TURN))
+    joints = start
+    try:
+        # A long way may end on another turn of a joint than the shortest one would.
+        for number in range(1, strides + 1):
+            joints = follower.solve(curve.at(number / strides), joints)
+    except MotionError:
+        # Out of reach on the way: the arm moves until there, unless the end itself is out of reach.
+        return follower.solve(curve.at(1.0), start)
+    return joints
+
+
+def curve_profile(curve: Curve, speed: float, acceleration: float, seconds: float) -> Trapezoid:
+    """The profile over a curve's way in m (speed m/s, acceleration m/s²), or over its angle in rad where it only
+    turns; within the limits of tool speed, turn and acceleration.
+    """
+    if curve.length > 1e-6:
+        turn = max(curve.angle / curve.length, 1e-9)
+        fastest = min(limits.TOOL_SPEED, limits.TOOL_TURN / turn)
+        hardest = min(limits.TOOL_ACCELERATION, limits.TOOL_TURN_ACCELERATION / turn)
+        return Trapezoid.planned(curve.length, speed, acceleration, seconds, fastest, hardest)
+    length = curve.angle if curve.angle > 1e-9 else 0.0
+    return Trapezoid.planned(length, speed, acceleration, seconds, limits.TOOL_TURN, limits.TOOL_TURN_ACCELERATION)

@@ -1,0 +1,168 @@
+"""Motions without a programmed end: stops, speeds and servoing."""
+
+import math
+from collections.abc import Sequence
+
+from hardware_sim.controller import limits, poses
+from hardware_sim.controller.kinematics import ArmModel
+from hardware_sim.controller.motion import STANDSTILL, Follower, Joints, State, Twist
+from hardware_sim.controller.poses import Frame
+from hardware_sim.controller.profile import Fading
+
+_AT_REST: Joints = [0.0] * 6
+
+
+def stopping_time(speeds: Sequence[float], deceleration: float) -> float:
+    """Seconds in which the fastest joint (rad/s) comes to rest, at most as hard as drives brake."""
+    return max(map(abs, speeds)) / min(deceleration, limits.JOINT_ACCELERATION)
+
+
+class JointBrake:
+    """All joints come to rest together, the fastest at the deceleration asked for (`stopj`)."""
+
+    velocity: Twist | None = None
+
+    def __init__(self, joints: Sequence[float], speeds: Sequence[float], deceleration: float) -> None:
+        self._start, self._speeds = list(joints), list(speeds)
+        self._fading = Fading(stopping_time(speeds, deceleration))
+
+    @property
+    def finished(self) -> bool:
+        """See Motion."""
+        return self._fading.finished
+
+    def step(self, dt: float, pace: float) -> State:
+        """See Motion."""
+        del pace
+        covered, left = self._fading.advance(dt)
+        joints = [q + covered * s for q, s in zip(self._start, self._speeds, strict=True)]
+        return joints, [left * s for s in self._speeds]
+
+
+class LinearBrake:
+    """The tool comes to rest on the straight line of its present velocity (`stopl`)."""
+
+    def __init__(
+        self, follower: Follower, start: Frame, velocity: Sequence[float], speeds: Sequence[float], deceleration: float
+    ) -> None:
+        """Deceleration in m/s², in rad/s² where the tool only turns; `speeds` (rad/s) of the joints bound it."""
+        self._follower = follower
+        self._start, self._first = start, tuple(velocity)
+        self.velocity: Twist | None = tuple(velocity)
+        speed = math.hypot(*velocity[:3])
+        seconds = (speed if speed > 1e-6 else math.hypot(*velocity[3:])) / deceleration
+        self._fading = Fading(max(seconds, stopping_time(speeds, limits.JOINT_ACCELERATION)))
+
+    @property
+    def finished(self) -> bool:
+        """See Motion."""
+        return self._fading.finished
+
+    def step(self, dt: float, pace: float) -> State:
+        """See Motion."""
+        del pace
+        covered, left = self._fading.advance(dt)
+        self.velocity = tuple(left * v for v in self._first)
+        joints, speeds = self._follower.follow(moved(self._start, self._first, covered), dt)
+        return joints, _AT_REST[:] if self.finished else speeds
+
+
+def moved(base_from_tool: Frame, velocity: Sequence[float], seconds: float) -> Frame:
+    """A tool pose after `seconds` at a constant velocity (m/s, rad/s; base frame)."""
+    vx, vy, vz, wx, wy, wz = (v * seconds for v in velocity)
+    turned = poses.compose(poses.from_ur((0.0, 0.0, 0.0, wx, wy, wz)), base_from_tool)
+    x, y, z = poses.position(base_from_tool)
+    return poses.placed(turned, (x + vx, y + vy, z + vz))
+
+
+class JointSpeed:
+    """Joint speeds led to a target at an acceleration (`speedj`); the target may change while it runs."""
+
+    velocity: Twist | None = None
+    finished = False
+
+    def __init__(self, arm: ArmModel, joints: Sequence[float], speeds: Sequence[float]) -> None:
+        self._arm = arm
+        self._joints, self._speeds = list(joints), list(speeds)
+        self.target: Sequence[float] = _AT_REST
+        self.acceleration = 1.0
+
+    def step(self, dt: float, pace: float) -> State:
+        """See Motion."""
+        target = [
+            max(-limit, min(limit, pace * t)) for t, limit in zip(self.target, self._arm.joint_speeds, strict=True)
+        ]
+        change = min(self.acceleration, limits.JOINT_ACCELERATION) * dt
+        self._speeds = _approached(self._speeds, target, change)
+        self._joints = [q + s * dt for q, s in zip(self._joints, self._speeds, strict=True)]
+        return self._joints[:], self._speeds[:]
+
+
+class ToolSpeed:
+    """Tool velocity led to a target at an acceleration (`speedl`)."""
+
+    finished = False
+
+    def __init__(self, follower: Follower, start: Frame, velocity: Sequence[float]) -> None:
+        self._follower = follower
+        self._pose = start
+        self.velocity: Twist | None = tuple(velocity)
+        self.target: Sequence[float] = _AT_REST
+        self.acceleration = 1.0
+
+    def step(self, dt: float, pace: float) -> State:
+        """See Motion."""
+        factor = pace * min(1.0, limits.TOOL_SPEED / max(math.hypot(*self.target[:3]), 1e-9))
+        change = min(self.acceleration, limits.TOOL_ACCELERATION) * dt
+        velocity = tuple(_approached(self.velocity or STANDSTILL, [factor * t for t in self.target], change))
+        self.velocity = velocity
+        self._pose = moved(self._pose, velocity, dt)
+        return self._follower.follow(self._pose, dt)
+
+
+def _approached(values: Sequence[float], target: Sequence[float], greatest: float) -> list[float]:
+    """`values` brought nearer to `target` in a straight line, no component by more than `greatest`."""
+    way = [t - v for v, t in zip(values, target, strict=True)]
+    largest = max(abs(w) for w in way)
+    if largest <= greatest:
+        return list(target)
+    return [v + w * greatest / largest for v, w in zip(values, way, strict=True)]
+
+
+class JointServo:
+    """Joints pulled to a target that may change at any time (`servoj`).
+
+    A low-pass of time constant `lookahead`, its speeds and accelerations limited; the gain stiffens it in proportion to
+    its default.
+    """
+
+    velocity: Twist | None = None
+    finished = False
+
+    def __init__(self, arm: ArmModel, joints: Sequence[float], speeds: Sequence[float]) -> None:
+        self._arm = arm
+        self._joints, self._speeds = list(joints), list(speeds)
+        self.target = list(joints)
+        self.lookahead = 0.1
+        self.gain = 300.0
+
+    def step(self, dt: float, pace: float) -> State:
+        """See Motion."""
+        # Critically damped, so that speeds stay continuous and a standing target is reached without overshoot.
+        rate = 2.0 / self.lookahead * math.sqrt(self.gain / 300.0) * pace
+        joints, speeds = self._joints, self._speeds
+        decay = math.exp(-rate * dt)
+        change = limits.JOINT_ACCELERATION * dt
+        for i, limit in enumerate(self._arm.joint_speeds):
+            away = joints[i] - self.target[i]
+            slope = speeds[i] + rate * away
+            position = self.target[i] + (away + slope * dt) * decay
+            speed = (slope - rate * (away + slope * dt)) * decay
+            # Not faster than the limit, nor than it can still brake before its target.
+            fastest = min(limit, math.sqrt(2.0 * limits.JOINT_ACCELERATION * abs(away)))
+            if abs(position - joints[i]) > fastest * dt or abs(speed - speeds[i]) > change:
+                speed = max(-fastest, min(fastest, speed))
+                speed = max(speeds[i] - change, min(speeds[i] + change, speed))
+                position = joints[i] + speed * dt
+            joints[i], speeds[i] = position, speed
+        return joints[:], speeds[:]
