@@ -1,0 +1,345 @@
+"""`lightpose solve` and `lightpose replay`: folders to normals, without a service, a cell or a journal.
+
+Reading finds all that is wrong before anything is solved; writing goes to a hidden folder that takes its name at the
+end. Progress is for people, on the error stream; what programs read is one JSON object as the last line of the output.
+"""
+
+import json
+import tempfile
+import time
+from collections.abc import Generator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from acquisition import region
+from acquisition.errors import ErrorCode, RigError
+from acquisition.normals import distant, export, folders, near_light, report
+from acquisition.normals import solve as solve_session
+from acquisition.normals.export import lights
+from acquisition.normals.folders import Sphere, session
+from acquisition.normals.folders.grade import Grade, grade
+from acquisition.normals.folders.session import SessionCapture
+from acquisition.normals.image_set import DistantLights, ImageSet
+from acquisition.types import NormalMap, SolveSettings
+
+SUMMARY = "summary.json"
+WRITERS = 2
+SAME_DEG = 0.01
+"""Two normal maps whose normals differ by less everywhere are the same."""
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What a person asked for; `exports` are names of `export.FILES` and `export.FOLDERS`."""
+
+    folder: Path
+    solver: str = "auto"
+    near: bool = False
+    out: Path | None = None
+    sphere: Sphere | None = None
+    exports: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A result, the images it was solved from, and how."""
+
+    found: NormalMap
+    images: ImageSet
+    solver: str
+    why: str
+
+
+def wishes(
+    folder: Path, solver: str, near: bool, out: Path | None, sphere: str | None, exports: Sequence[str]
+) -> Wishes:
+    """The wishes of a command line: `sphere` as `cx,cy,r`, `exports` by name, `all` for all of them.
+
+    Raises RigError request.invalid.
+    """
+    known = tuple(export.FILES | export.FOLDERS)
+    unknown = set(exports) - {*known, "all"}
+    if unknown:
+        raise RigError(
+            ErrorCode.REQUEST_INVALID, f"--export {', '.join(sorted(unknown))}: choose of {', '.join(known)}, all"
+        )
+    chosen = known if "all" in exports else tuple(name for name in known if name in exports)
+    return Wishes(folder, solver, near, out, None if sphere is None else _sphere(sphere), chosen)
+
+
+def _sphere(text: str) -> Sphere:
+    try:
+        column, row, radius = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise RigError(
+            ErrorCode.REQUEST_INVALID, f"--sphere {text}: give cx,cy,r in pixels, such as 320,240,180"
+        ) from error
+    if not (np.isfinite([column, row, radius]).all() and radius > 0):
+        raise RigError(ErrorCode.REQUEST_INVALID, f"--sphere {text}: the radius must be positive")
+    return Sphere(column, row, radius)
+
+
+def run(asked: Wishes) -> dict[str, Any]:
+    """Reads, solves, grades and writes one folder; prints a table for people and returns what programs read."""
+    begun = time.monotonic()
+    _refuse(asked)
+    seconds: dict[str, float] = {}
+    console = Console(stderr=True)
+    with _bar(console) as bar, _scratch(asked.out) as scratch:
+        solved = _solved(asked, scratch, bar, seconds)
+        graded = grade(solved.found, solved.images)
+        if asked.out is not None:
+            with _timed(seconds, "write"), _step(bar, "writing"):
+                _write(asked, solved, graded, seconds, asked.out)
+    outcome = _outcome(asked, solved, graded, seconds, time.monotonic() - begun)
+    _show(console, outcome, report.sentences(solved.found, _facts(asked, solved, graded, seconds)))
+    return outcome
+
+
+def replay(folder: Path, number: int | None = None) -> dict[str, Any]:
+    """Solves a session's images again and compares with its stored result (default: the last); writes nothing.
+
+    Raises RigError folder.invalid when the folder holds no such result.
+    """
+    capture = session.read(folder)
+    chosen = number if number is not None else max(capture.results, default=-1)
+    if chosen not in capture.results:
+        have = ", ".join(str(one) for one in capture.results) or "none"
+        raise RigError(
+            ErrorCode.FOLDER_INVALID,
+            f"{folder}: has no result {chosen}, only {have}: name one of them",
+            file=str(folder),
+        )
+    stored = export.read(folder / "results" / str(chosen))
+    console = Console(stderr=True)
+    seconds: dict[str, float] = {}
+    with _bar(console) as bar, _timed(seconds, "solve"), _step(bar, "solving"):
+        found = _solve_session(capture, len(stored.flags), SolveSettings())
+    outcome = _compared(stored, found) | {"result": chosen, "images": len(found.flags), "seconds": seconds["solve"]}
+    table = Table(title=f"Result {chosen} of {folder.name}, solved again")
+    for column in ("", "stored", "again"):
+        table.add_column(column, justify="right" if column else "left")
+    table.add_row("normals", str(np.count_nonzero(stored.mask)), str(np.count_nonzero(found.mask)))
+    table.add_row("mean σ", *(_degrees(outcome[name]) for name in ("sigma_before_deg", "sigma_deg")))
+    console.print(table)
+    verdict = "the same" if outcome["same"] else "different"
+    console.print(
+        f"The normals are {verdict}: mean {outcome['mean_deg']:.4f}°, 95 % {outcome['p95_deg']:.4f}°, "
+        f"largest {outcome['max_deg']:.4f}°."
+    )
+    return outcome
+
+
+# ------------------------------------------------------------------------------------------------------------- solving
+
+
+def _solved(asked: Wishes, scratch: Path, bar: Progress, seconds: dict[str, float]) -> Solved:
+    kind = folders.kind_of(asked.folder)
+    if kind == "session":
+        with _timed(seconds, "read"):
+            capture = session.read(asked.folder)
+        with _timed(seconds, "solve"), _step(bar, "solving"):
+            found = _solve_session(capture, None, _settings(asked.solver))
+        last = len(capture.plans) - 1
+        return Solved(found, session.images(capture, last, found.silhouette), *_chosen(found, asked.solver))
+    with _timed(seconds, "read"):
+        task = bar.add_task("reading", total=None)
+        images = folders.read(
+            asked.folder,
+            scratch,
+            sphere=asked.sphere,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    distant_lights = isinstance(images.lights, DistantLights)
+    if asked.near and distant_lights:
+        raise RigError(
+            ErrorCode.FOLDER_INVALID,
+            f"{asked.folder}: gives directions, not positions: --near needs a folder with lights.json",
+            file=str(asked.folder),
+        )
+    with _timed(seconds, "solve"), _step(bar, "solving"):
+        if distant_lights:
+            found = distant.solve(images, asked.solver)
+        else:
+            found = near_light.solve(images, _settings(asked.solver))
+    return Solved(found, images, *_chosen(found, asked.solver))
+
+
+def _solve_session(capture: SessionCapture, count: int | None, settings: SolveSettings) -> NormalMap:
+    """Solves a session's images as the session did; `count` says by their number which passes a result was made of."""
+    cell, calibration = capture.cell, capture.calibration
+    passes = range(len(capture.plans))
+    last = next((one for one in passes if len(capture.observations(one).shots) == count), passes[-1])
+    return solve_session(
+        capture.observations(last),
+        calibration,
+        settings,
+        initial_depth_m=region.middle_depth_m(cell, calibration),
+        region=region.keep_out(cell, calibration),
+        table_depth_m=region.table_depth_m(cell, calibration),
+    )
+
+
+def _settings(solver: str) -> SolveSettings:
+    return SolveSettings()
+
+
+def _chosen(found: NormalMap, wished: str) -> tuple[str, str]:
+    return str(found.notes.get("solver", wished)), str(found.notes.get("why", ""))
+
+
+# ------------------------------------------------------------------------------------------------------------- writing
+
+
+def _refuse(asked: Wishes) -> None:
+    """Refuses what cannot be written, before anything is read."""
+    if asked.out is not None:
+        export.refuse_foreign(asked.out, SUMMARY)
+        if asked.out.resolve() == asked.folder.resolve():
+            raise RigError(ErrorCode.FOLDER_INVALID, f"{asked.out}: is the capture itself: name another folder")
+    elif asked.exports:
+        raise RigError(ErrorCode.REQUEST_INVALID, "--export writes files: name a folder with --out")
+
+
+def _write(asked: Wishes, solved: Solved, graded: Grade | None, seconds: dict[str, float], out: Path) -> None:
+    source = export.Source(solved.found, solved.images)
+    with export.whole_folder(out) as partial, ThreadPoolExecutor(WRITERS) as pool:
+        work = [
+            pool.submit(export.write_maps, solved.found, partial),
+            pool.submit(report.write, solved.found, _facts(asked, solved, graded, seconds), partial),
+            *(pool.submit(export.make, name, source, partial) for name in asked.exports),
+        ]
+        for future in work:
+            future.result()
+        summary = _outcome(asked, solved, graded, seconds, sum(seconds.values()))
+        (partial / SUMMARY).write_text(json.dumps(summary, indent=2), encoding="utf-8")
+
+
+def _facts(asked: Wishes, solved: Solved, graded: Grade | None, seconds: dict[str, float]) -> report.Facts:
+    images = solved.images
+    error = {} if graded is None else {"mean": graded.mean_deg, "median": graded.median_deg, "95 %": graded.p95_deg}
+    centre = export.Source(solved.found, images).centre
+    return report.Facts(
+        title=asked.folder.resolve().name,
+        names=images.names,
+        directions=lights.directions(images, centre),
+        solver=solved.solver,
+        why=solved.why,
+        seconds=dict(seconds),
+        error_deg=error,
+        warnings=tuple(images.notes.get("warnings", ())),
+    )
+
+
+def _outcome(
+    asked: Wishes, solved: Solved, graded: Grade | None, seconds: dict[str, float], total: float
+) -> dict[str, Any]:
+    """What `--json` prints: errors are null where no truth is known."""
+    nothing: dict[str, Any] = dict.fromkeys(field.name for field in fields(Grade))
+    errors = nothing if graded is None else asdict(graded)
+    return {
+        **errors,
+        "seconds": round(total, 3),
+        "solver": solved.solver,
+        "why": solved.why,
+        "folder": str(asked.folder),
+        "format": solved.images.notes["format"],
+        "images": solved.images.count,
+        "normals": int(np.count_nonzero(solved.found.mask)),
+        "sigma_mean_deg": _mean(solved.found.sigma_deg[solved.found.mask]),
+        "seconds_of": {name: round(value, 3) for name, value in seconds.items()},
+        "out": None if asked.out is None else str(asked.out),
+        "warnings": list(solved.images.notes["warnings"]),
+    }
+
+
+def _compared(before: NormalMap, after: NormalMap) -> dict[str, Any]:
+    """How two results of the same images differ, degrees over the pixels that both have."""
+    both = before.mask & after.mask
+    one, two = before.normals[both].astype(np.float64), after.normals[both].astype(np.float64)
+    angle = np.degrees(np.arctan2(np.linalg.norm(np.cross(one, two), axis=-1), np.sum(one * two, axis=-1)))
+    if not angle.size:
+        angle = np.array([np.inf])
+    return {
+        "same": bool(np.array_equal(before.mask, after.mask) and angle.max() < SAME_DEG),
+        "mean_deg": float(np.mean(angle)),
+        "p95_deg": float(np.percentile(angle, 95)),
+        "max_deg": float(np.max(angle)),
+        "pixels": int(np.count_nonzero(both)),
+        "pixels_before": int(np.count_nonzero(before.mask)),
+        "pixels_after": int(np.count_nonzero(after.mask)),
+        "sigma_before_deg": _mean(before.sigma_deg[before.mask]),
+        "sigma_deg": _mean(after.sigma_deg[after.mask]),
+    }
+
+
+def _degrees(value: float | None) -> str:
+    return "none" if value is None else f"{value:.3f}°"
+
+
+def _mean(values: np.ndarray) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(np.mean(known)) if known.size else None
+
+
+def _show(console: Console, outcome: dict[str, Any], warnings: list[str]) -> None:
+    table = Table(show_header=False)
+    table.add_row("images", str(outcome["images"]))
+    table.add_row("normals", str(outcome["normals"]))
+    table.add_row("solver", outcome["solver"] + (f" ({outcome['why']})" if outcome["why"] else ""))
+    if outcome["sigma_mean_deg"] is not None:
+        table.add_row("mean σ", f"{outcome['sigma_mean_deg']:.2f}°")
+    if outcome["mean_deg"] is not None:
+        table.add_row(
+            "error",
+            f"mean {outcome['mean_deg']:.2f}°, median {outcome['median_deg']:.2f}°, 95 % {outcome['p95_deg']:.2f}°",
+        )
+    table.add_row("seconds", f"{outcome['seconds']:.2f}")
+    table.add_row("written to", outcome["out"] or "nowhere: name a folder with --out")
+    console.print(table)
+    for sentence in warnings:
+        console.print(f"• {sentence}", highlight=False)
+
+
+@contextmanager
+def _scratch(out: Path | None) -> Generator[Path]:
+    """A folder for what is unpacked, on the disk of the output where there is one; it does not outlive the command."""
+    try:
+        if out is not None:
+            out.resolve().parent.mkdir(parents=True, exist_ok=True)
+        folder = tempfile.TemporaryDirectory(prefix=".lightpose-", dir=None if out is None else out.resolve().parent)
+    except OSError as error:
+        raise RigError(
+            ErrorCode.FOLDER_INVALID, f"{out or tempfile.gettempdir()}: cannot be written: {error}; name another folder"
+        ) from error
+    with folder as name:
+        yield Path(name)
+
+
+@contextmanager
+def _bar(console: Console) -> Generator[Progress]:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        yield bar
+
+
+@contextmanager
+def _step(bar: Progress, what: str) -> Generator[None]:
+    task = bar.add_task(what, total=None)
+    yield
+    bar.update(task, total=1, completed=1)
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], name: str) -> Generator[None]:
+    begun = time.monotonic()
+    yield
+    seconds[name] = time.monotonic() - begun
