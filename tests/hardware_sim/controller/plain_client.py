@@ -57,6 +57,15 @@ class PlainClient:
         assert answered == kind
         return reply
 
+    def request_between_packets(self, kind: str) -> bytes:
+        """Sends a request while packets arrive and returns its reply."""
+        self.send(kind)
+        answered, reply = self.receive()
+        while answered in ("U", "M"):
+            answered, reply = self.receive()
+        assert answered == kind
+        return reply
+
     def outputs(self, names: str, frequency: float = 500.0) -> tuple[int, list[str]]:
         """Sets up the output recipe: its id and the types."""
         reply = self.request("O", struct.pack(">d", frequency) + names.encode())
