@@ -149,7 +149,8 @@ def _solved(asked: Wishes, scratch: Path, bar: Progress, seconds: dict[str, floa
         with _timed(seconds, "solve"), _step(bar, "solving"):
             found = _solve_session(capture, None, _settings(asked.solver))
         last = len(capture.plans) - 1
-        return Solved(found, session.images(capture, last, found.silhouette), *_chosen(found, asked.solver))
+        images = session.images(capture.observations(last), capture.calibration, found.silhouette)
+        return Solved(found, images, *_chosen(found, asked.solver))
     with _timed(seconds, "read"):
         task = bar.add_task("reading", total=None)
         images = folders.read(

@@ -5,10 +5,10 @@ OpenGL green (+Y up) unless the name says DirectX. Each file carries its convent
 """
 
 from acquisition.normals.export.catalogue import FILES, FOLDERS, Source, make
-from acquisition.normals.export.result import ARCHIVE, lights_used, read, write, write_maps
+from acquisition.normals.export.result import ARCHIVE, lights_used, read, write, write_into, write_maps
 from acquisition.normals.export.whole import refuse_foreign, whole_folder
 
 __all__ = [
     "ARCHIVE", "FILES", "FOLDERS", "Source", "lights_used", "make", "read", "refuse_foreign", "whole_folder", "write",
-    "write_maps",
+    "write_into", "write_maps",
 ]  # fmt: skip

@@ -36,12 +36,17 @@ def write(normal_map: NormalMap, folder: Path) -> list[str]:
     and, where it was predicted, indirect .tiff (float32; m, degrees), doubtful.png, normal_map.npz.
     """
     with whole_folder(folder) as partial:
-        write_maps(normal_map, partial)
-        with open(partial / ARCHIVE, "wb") as file:
-            np.savez(file, allow_pickle=False, **_arrays(normal_map))
-            file.flush()
-            os.fsync(file.fileno())
+        write_into(normal_map, partial)
         return sorted(path.name for path in partial.iterdir())
+
+
+def write_into(normal_map: NormalMap, folder: Path) -> None:
+    """The same files into an existing folder, beside whatever else belongs to the result."""
+    write_maps(normal_map, folder)
+    with open(folder / ARCHIVE, "wb") as file:
+        np.savez(file, allow_pickle=False, **_arrays(normal_map))
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def write_maps(normal_map: NormalMap, folder: Path) -> None:

@@ -16,7 +16,9 @@ from acquisition.config import CellConfig
 from acquisition.frames import FolderFrames
 from acquisition.normals.folders.refusal import refusal, text
 from acquisition.normals.image_set import Camera, ImageSet, NearLights, Raw
-from acquisition.types import BoolArray, Calibration, FrameRef, LightPlan, Observations, Recipe, Shot, Value
+from acquisition.types import (
+    BoolArray, Calibration, FrameRef, FrameSource, LightPlan, Observations, Recipe, Shot, Value,
+)  # fmt: skip
 
 RECIPE, CELL, CALIBRATION, MANIFEST = "recipe.json", "cell.json", "calibration.json", "manifest.json"
 ValueT = TypeVar("ValueT", bound=Value)
@@ -65,7 +67,7 @@ def read(folder: Path) -> SessionCapture:
 class SessionRows:
     """The lit frames of a session less their lamp-off frames, as a RowReader; picklable."""
 
-    frames: FolderFrames
+    frames: FrameSource
     lit: tuple[FrameRef, ...]
     dark: tuple[FrameRef, ...]
 
@@ -75,26 +77,25 @@ class SessionRows:
         return np.maximum(lit, dark) - dark
 
 
-def images(capture: SessionCapture, last_pass: int, mask: BoolArray) -> ImageSet:
-    """The images of the passes up to `last_pass` as any other set: near lights, each exposure in its intensity.
+def images(observations: Observations, calibration: Calibration, mask: BoolArray) -> ImageSet:
+    """A session's images as any other set: near lights, each exposure in its intensity; `mask` (H, W) is the object.
 
-    `mask` (H, W) is where the object is. Raises RigError folder.invalid when a lamp-off frame is missing.
+    Raises RigError folder.invalid when a lamp-off frame is missing.
     """
-    calibration, sensor = capture.calibration, capture.calibration.sensor
-    found = capture.observations(last_pass)
-    lit = [(shot, shot.light) for shot in found.shots if shot.light is not None]
+    sensor = calibration.sensor
+    lit = [(shot, shot.light) for shot in observations.shots if shot.light is not None]
     for shot, _ in lit:
-        if shot.exposure_s not in found.darks:
-            raise refusal(capture.folder / shot.frame.path, "has no lamp-off frame of its exposure time: take one")
+        if shot.exposure_s not in observations.darks:
+            raise refusal(Path(shot.frame.path), "has no lamp-off frame of its exposure time: take one")
     return ImageSet(
         names=tuple(shot.frame.path for shot, _ in lit),
         height=calibration.height,
         width=calibration.width,
         channels=1,
         rows=SessionRows(
-            FolderFrames(capture.folder),
+            observations.frames,
             tuple(shot.frame for shot, _ in lit),
-            tuple(found.darks[shot.exposure_s].frame for shot, _ in lit),
+            tuple(observations.darks[shot.exposure_s].frame for shot, _ in lit),
         ),
         full_scale=sensor.full_scale_dn,
         saturated_from=(photometry.clipping_dn(sensor) - sensor.black_level_dn) / sensor.full_scale_dn,
