@@ -5,6 +5,9 @@ so that they cross to the process by name; what they return is a value of `types
 without importing a stage.
 """
 
+import shutil
+import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +15,9 @@ import numpy as np
 from acquisition import geometry, photometry, pilot, plan, region
 from acquisition.capture import check
 from acquisition.config import CellConfig
-from acquisition.normals import export, solve
+from acquisition.normals import export, report, solve
+from acquisition.normals.export import lights as light_files
+from acquisition.normals.folders import session as session_images
 from acquisition.plan import baselines
 from acquisition.types import (
     LIT,
@@ -102,11 +107,47 @@ def plan_retreat(start: tuple[float, ...], cell: CellConfig, calibration: Calibr
     return routing.retreat(start, cell, calibration)
 
 
+def make_export(observations: Observations, calibration: Calibration, result: Path, name: str) -> None:
+    """Makes one export of a stored result, `result`/exports/`name`, unless it is there; a folder becomes a zip file."""
+    made = result / "exports" / name
+    if made.exists():
+        return
+    found = export.read(result)
+    source = export.Source(found, session_images.images(observations, calibration, found.silhouette))
+    made.parent.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".", dir=made.parent) as partial:
+        stem = name.removesuffix(".zip") if name.endswith(".zip") else name
+        export.make(stem, source, Path(partial))
+        if name.endswith(".zip"):
+            shutil.make_archive(str(Path(partial) / stem), "zip", Path(partial) / stem)
+        (Path(partial) / name).rename(made)
+
+
+def _facts(
+    found: NormalMap, observations: Observations, calibration: Calibration, forecast: LightPlan | None, folder: Path,
+    seconds: dict[str, float],
+) -> report.Facts:  # fmt: skip
+    """What the report of a session's result says beside the maps; the folder is sessions/<id>/results/<number>."""
+    images = session_images.images(observations, calibration, found.silhouette)
+    passes = [shot.key.pass_number for shot in observations.shots if shot.light is not None]
+    return report.Facts(
+        title=f"Session {folder.parent.parent.name}, result {folder.name}",
+        names=images.names,
+        directions=light_files.directions(images, export.Source(found, images).centre),
+        groups=tuple("first pass" if number == 0 else "planned" for number in passes),
+        solver=str(found.notes.get("solver", "")),
+        why=str(found.notes.get("why", "")),
+        seconds=seconds,
+        predicted_sigma_deg=None if forecast is None else forecast.predicted_sigma_deg,
+    )
+
+
 def solve_normals(
     observations: Observations, cell: CellConfig, calibration: Calibration, settings: SolveSettings,
     forecast: LightPlan | None, drawn: Path | None, folder: Path,
 ) -> ResultSummary:  # fmt: skip
     """Solves all images and writes the result into `folder`; `drawn` is the mask of the region of interest, if any."""
+    begun = time.monotonic()
     found = solve(
         observations,
         calibration,
@@ -115,7 +156,10 @@ def solve_normals(
         region=region.keep_out(cell, calibration),
         table_depth_m=region.table_depth_m(cell, calibration),
     )
-    export.write(found, folder)
+    seconds = {"solve": time.monotonic() - begun}
+    with export.whole_folder(folder) as partial:
+        export.write_into(found, partial)
+        report.write(found, _facts(found, observations, calibration, forecast, folder, seconds), partial)
     sigma = found.sigma_deg[found.mask]
     lights_used = np.count_nonzero(found.flags & LIT, axis=0)[found.silhouette]
     return ResultSummary(
