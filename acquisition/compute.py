@@ -21,21 +21,38 @@ _log = logging.getLogger(__name__)
 _POLL_S = 0.02
 
 
+class GaveWay(Exception):  # noqa: N818 - begun again later, it is no error
+    """Raised where a job that yields was killed for one that does not."""
+
+
 class Compute:
     """Runs jobs in a child process; `run` may be called from any thread, one job runs at a time."""
 
     def __init__(self) -> None:
         self._context = multiprocessing.get_context("spawn")
         self._busy = threading.Lock()
+        self._counting = threading.Lock()
+        self._wanted = 0  # jobs that do not yield and wait or run
         self._process: BaseProcess | None = None
         self._connection: Connection | None = None
 
-    def run(self, stop: threading.Event, job: str, *arguments: Any) -> Any:
+    def run(self, stop: threading.Event, job: str, *arguments: Any, yields: bool = False) -> Any:
         """Runs the function `job` of `acquisition.jobs` and returns what it returns.
 
-        Raises what the job raises, Halted when the token is set meanwhile (the job is killed), and RigError
-        session.step_failed when the process dies.
+        A job that `yields` is killed when another one comes that does not. Raises what the job raises, Halted when the
+        token is set meanwhile (the job is killed), GaveWay, and RigError session.step_failed when the process dies.
         """
+        if yields:
+            return self._run(stop, job, arguments, yields)
+        with self._counting:
+            self._wanted += 1
+        try:
+            return self._run(stop, job, arguments, yields)
+        finally:
+            with self._counting:
+                self._wanted -= 1
+
+    def _run(self, stop: threading.Event, job: str, arguments: tuple[Any, ...], yields: bool) -> Any:
         with self._busy:
             connection = self._ready()
             connection.send((job, arguments))
@@ -43,6 +60,9 @@ class Compute:
                 if stop.is_set():
                     self._kill()
                     raise Halted
+                if yields and self._wanted:
+                    self._kill()
+                    raise GaveWay
             try:
                 worked, result = connection.recv()
             except (EOFError, ConnectionResetError) as error:
