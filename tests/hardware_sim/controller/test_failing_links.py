@@ -272,16 +272,18 @@ def test_register_ranges_of_two_clients_in_turn() -> None:
 
 @pytest.mark.long
 def test_frozen_controller_makes_the_library_reconnect(controller: ControllerProcess) -> None:
-    """Failure: the controller is frozen for 4 s in a synchronous move."""
+    """Failure: the controller is frozen for 4 s in a synchronous move.
+
+    The control client reconnects to the program that still runs. Its move says either, by chance; the arm goes on.
+    """
     client = Client(
         """
         import rtde_control, rtde_receive
         receive = rtde_receive.RTDEReceiveInterface(sys.argv[1])
         control = rtde_control.RTDEControlInterface(sys.argv[1])
         print("ready", flush=True)
-        print(control.moveJ([2.0, -1.9, 1.9, -1.57, -1.57, 0.0], 0.4, 1.0), flush=True)
-        print(receive.isConnected(), flush=True)
-        time.sleep(1.5)
+        moved = control.moveJ([2.0, -1.9, 1.9, -1.57, -1.57, 0.0], 0.8, 1.0)
+        print(moved in (True, False), receive.isConnected(), control.isConnected(), flush=True)
         os._exit(0)
         """,
         controller.address,
@@ -291,9 +293,10 @@ def test_frozen_controller_makes_the_library_reconnect(controller: ControllerPro
     controller.process.send_signal(signal.SIGSTOP)
     time.sleep(4.0)
     controller.process.send_signal(signal.SIGCONT)
-    assert client.finish()[-2:] == ["False", "False"]
+    assert client.finish()[-1] == "True False True"
     with controller.control() as truth:
-        assert sum("program rtde_control started" in line for line in truth.log()) == 2
+        wait_until(lambda: truth.state()["joints"][0] == 2.0)
+        assert truth.state()["moves_started"] == 1
 
 
 def test_controller_ends_with_its_parent() -> None:
