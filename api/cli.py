@@ -88,7 +88,10 @@ def sim(
     cell: Annotated[
         Path | None, typer.Option(help="The cell file to stand in for; default: the simulated cell")
     ] = None,
-    trace: Annotated[Path | None, typer.Option(help="Record every joint sample in this file")] = None,
+    record: Annotated[Path | None, typer.Option(help="Write every tick of the controller to this file")] = None,
+    programs: Annotated[
+        Path | None, typer.Option(help="Folder of programs (NAME.urp) that the dashboard loads")
+    ] = None,
 ) -> None:
     """Runs a simulated cell until interrupted; prints a line `ready …` when it can be connected to."""
     from hardware_sim import cell as simulation
@@ -103,7 +106,8 @@ def sim(
             folder=folder,
             pixels=pixels,
             cell_file=cell,
-            trace=trace,
+            record=record,
+            programs=programs,
             say=lambda line: print(line, flush=True),
         )
     )
@@ -250,6 +254,22 @@ def replay(
     outcome = _told(lambda: solving.replay(folder, result))
     if as_json:
         print(json.dumps(outcome), flush=True)
+
+
+@app.command()
+def study(
+    quick: Annotated[bool, typer.Option("--quick", help="Few draws: within a minute")] = False,
+    seed: Seed = 1,
+    out: Annotated[Path, typer.Option(help="Folder for study.html and study.json")] = Path("study"),
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
+) -> None:
+    """Compares ways of placing lights, and checks the paper's figures, as one page and JSON; moves nothing."""
+    from api.study import whole
+
+    told = _told(lambda: whole.run(seed, out, quick=quick))
+    print(out / "study.html")
+    if as_json:
+        print(json.dumps(told), flush=True)
 
 
 @app.command()

@@ -181,7 +181,7 @@ def _cell(wishes: Wishes, folder: Path) -> Generator[Path]:
     arguments = [
         "sim", "--address", _free_address(), "--object", wishes.object_name, "--seed", str(wishes.seed),
         "--profile", wishes.profile, "--speed", str(wishes.speed), "--pixels", str(wishes.pixels),
-        "--folder", str(folder / "cell"), "--trace", str(folder / "cell" / "joints.trace"),
+        "--folder", str(folder / "cell"), "--record", str(folder / "cell" / "ticks.record"),
     ]  # fmt: skip
     (folder / "cell").mkdir(exist_ok=True)
     with _process(arguments, folder / "log" / "sim.log", r"^ready ") as _:

@@ -42,7 +42,8 @@ class Cell:
         folder: Path,
         pixels: int = FULL_PIXELS,
         cell_file: Path | None = None,
-        trace: Path | None = None,
+        record: Path | None = None,
+        programs: Path | None = None,
     ) -> None:
         _refuse_nonsense(object_name, profile, speed, pixels)
         self.address = address
@@ -52,7 +53,7 @@ class Cell:
         self.truth_file = folder / "truth.npz"
         self.config = nominal.write(folder, address, pixels, cell_file or nominal.default_cell_file())
         self._arguments = [str(folder), object_name, str(seed), profile]
-        self._speed, self._trace = speed, trace
+        self._speed, self._record, self._programs = speed, record, programs
         self._controller: ControllerProcess | None = None
         self._world: subprocess.Popen[bytes] | None = None
 
@@ -64,7 +65,8 @@ class Cell:
             model=self.config.arm.model,
             speed=self._speed,
             low_when_stopped=(self.config.lamp.output,),
-            trace=self._trace,
+            record=self._record,
+            programs=self._programs,
             log_level="INFO",  # why a program ended is the first thing that a puzzled person asks
         )
         try:
@@ -117,7 +119,8 @@ def run(
     folder: Path | None = None,
     pixels: int = FULL_PIXELS,
     cell_file: Path | None = None,
-    trace: Path | None = None,
+    record: Path | None = None,
+    programs: Path | None = None,
     say: Callable[[str], None] = print,
 ) -> None:
     """Runs a cell until SIGTERM or SIGINT; says `ready …` when it can be connected to.
@@ -143,7 +146,8 @@ def run(
                 folder=place,
                 pixels=pixels,
                 cell_file=cell_file,
-                trace=trace,
+                record=record,
+                programs=programs,
             ) as cell:
                 say(f"ready cell={cell.cell_file} address={address} object={object_name} seed={seed} profile={profile}")
                 while not ending.wait(0.5):

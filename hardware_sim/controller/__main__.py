@@ -1,4 +1,7 @@
-"""`python -m hardware_sim.controller`: a controller as a process of its own."""
+"""`python -m hardware_sim.controller`: a controller as a process of its own.
+
+It prints `ready <address>` when clients can connect, and ends with exit status 0 at SIGTERM or SIGINT.
+"""
 
 import argparse
 import gc
@@ -23,12 +26,21 @@ def _joints(text: str) -> list[float]:
 def main() -> int:
     """Reads the command line and serves until the end of standard input, SIGTERM or SIGINT."""
     parser = argparse.ArgumentParser(prog="python -m hardware_sim.controller", description=__doc__)
-    parser.add_argument("--address", default="127.0.0.1")
-    parser.add_argument("--model", choices=sorted(MODELS), default="ur5e")
+    parser.add_argument("--address", default="127.0.0.1", help="loopback address; the ports are those of a real one")
+    parser.add_argument("--model", choices=sorted(MODELS), default="ur5e", help="the arm")
     parser.add_argument("--home", type=_joints, default="0,-1.9,1.9,-1.57,-1.57,0", help="initial joints in rad")
     parser.add_argument("--speed", type=float, default=1.0, help="speed factor of motion")
-    parser.add_argument("--low-when-stopped", type=int, nargs="*", default=[0], metavar="OUTPUT")
-    parser.add_argument("--trace", type=Path, help="append all joint samples to this file")
+    parser.add_argument(
+        "--low-when-stopped",
+        type=int,
+        nargs="*",
+        default=[0],
+        metavar="OUTPUT",
+        help="digital outputs held low while no program plays",
+    )
+    parser.add_argument("--surroundings", type=Path, help="what the arm can touch (.npz); default: nothing")
+    parser.add_argument("--programs", type=Path, help="folder of programs (NAME.urp, URScript) for `load NAME.urp`")
+    parser.add_argument("--record", type=Path, help="append every tick to this file")
     parser.add_argument("--until-eof", action="store_true", help="end when standard input does")
     parser.add_argument("--log", default="WARNING", choices=["DEBUG", "INFO", "WARNING", "ERROR"])
     options = parser.parse_args()
@@ -53,11 +65,13 @@ def main() -> int:
             home=options.home,
             speed=options.speed,
             low_when_stopped=options.low_when_stopped,
-            trace=options.trace,
+            surroundings=options.surroundings,
+            programs=options.programs,
+            record=options.record,
             stop=lambda: ended,
             stop_descriptor=sys.stdin.fileno() if options.until_eof else None,
         )
-    except OSError as error:
+    except (OSError, ValueError) as error:
         sys.stderr.write(f"{options.address}: {error}\n")
         return 1
     return 0

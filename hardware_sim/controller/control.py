@@ -1,7 +1,8 @@
-"""A client of the simulated controller's control port: read the truth, order faults."""
+"""A client of the simulated controller's control port: read the truth, order faults (`control_port`, `faults`)."""
 
 import json
 import socket
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -46,6 +47,14 @@ class ControlClient:
     def fault(self, kind: str, **parameters: Any) -> None:
         """Makes something go wrong (see `faults.FAULTS`), after `at_s` seconds where given."""
         self.request(command="fault", kind=kind, **parameters)
+
+    def collisions(self) -> list[dict[str, Any]]:
+        """All collisions so far: timestamp (s), first and second part, true joints (rad)."""
+        return list(self.request(command="collisions")["collisions"])
+
+    def surround(self, path: Path) -> None:
+        """Puts the arm into the surroundings of a file (see `surroundings`)."""
+        self.request(command="surroundings", file=str(path.resolve()))
 
     def log(self) -> list[str]:
         """The controller's latest messages."""

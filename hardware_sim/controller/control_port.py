@@ -1,13 +1,19 @@
-"""The simulator's own port (30200): the truth about the arm, and faults on demand.
+"""The simulator's own port (30200): the truth about the arm, faults on demand, surroundings.
 
-One JSON object per line in, one per line out. No real controller has it; only the simulated world and tests use it.
-Requests: `{"command": "state"}`, `{"command": "fault", "kind": …, "at_s": …, …}`, `{"command": "log"}`. Replies carry
-`"ok"`, and `"error"` where it is false.
+One JSON object per line in, one per line out; replies carry `"ok"`, and `"error"` where it is false. No real controller
+has this port; only the simulated world, tests and graders use it. From Python: `control.ControlClient`.
+
+    {"command": "state"}                            where everything is now, see `state`
+    {"command": "fault", "kind": …, …}              something goes wrong: all kinds are listed in `faults`
+    {"command": "collisions"}                       all collisions so far, oldest first
+    {"command": "log"}                              the latest messages
+    {"command": "surroundings", "file": path}       puts the arm into surroundings (`surroundings` says what is in them)
 """
 
 import json
 import socket
 import time
+from pathlib import Path
 from typing import Any
 
 from hardware_sim.controller import kinematics, poses
@@ -31,7 +37,7 @@ class ControlConnection(LineConnection):
         """Answers one request."""
         try:
             reply = self._answer(json.loads(text))
-        except (FaultError, ValueError, RecursionError) as error:
+        except (FaultError, ValueError, RecursionError, OSError) as error:
             reply = {"ok": False, "error": str(error)}
         self.send((json.dumps(reply, allow_nan=False) + "\n").encode())
 
@@ -43,18 +49,32 @@ class ControlConnection(LineConnection):
             return {"ok": True, **state(self._controller)}
         if command == "log":
             return {"ok": True, "messages": list(self._controller.messages)}
+        if command == "collisions":
+            collisions = self._controller.collisions
+            return {
+                "ok": True,
+                "count": collisions.count,
+                "collisions": [c.as_json() for c in collisions.records],
+            }
         if command == "fault":
             prepare(self._controller, self._links, request)
             return {"ok": True}
-        raise FaultError(f"command must be state, fault or log, not {command!r}")
+        if command == "surroundings":
+            file = request.get("file")
+            if not isinstance(file, str):
+                raise FaultError(f"file must be a path, not {file!r}")
+            self._controller.collisions.surround(Path(file))
+            return {"ok": True}
+        raise FaultError(f"command must be state, fault, collisions, log or surroundings, not {command!r}")
 
 
 def state(controller: Controller) -> dict[str, Any]:
-    """The truth: where the arm is, what its outputs are and since when."""
-    arm, outputs = controller.arm, controller.outputs
+    """The truth: where the arm is (m, rad, base frame), what its outputs are and since when, all modes, all faults."""
+    arm, outputs, safety = controller.arm, controller.outputs, controller.safety
     joints = arm.true_joints
     tool = poses.compose(kinematics.forward(arm.model, joints), arm.flange_from_tool)
     now = time.monotonic()
+    last = controller.collisions.records[-1] if controller.collisions.records else None
     return {
         "timestamp": controller.timestamp,
         "joints": joints,
@@ -69,7 +89,14 @@ def state(controller: Controller) -> dict[str, Any]:
         "safety_mode": int(controller.safety_mode),
         "runtime_state": int(controller.runtime_state),
         "program_running": controller.runtime_state is RuntimeState.PLAYING,
-        "remote_control": controller.remote_control,
+        "program": controller.program_name,
+        "remote_control": safety.remote_control,
+        "popup": safety.popup,
+        "safety_popup": safety.safety_popup,
         "moves_started": arm.moves_started,
         "model": arm.model.name,
+        "collisions": controller.collisions.count,
+        "last_collision": None if last is None else last.as_json(),
+        "touching": controller.collisions.touching,
+        "disturbances": controller.disturbances.as_json(),
     }

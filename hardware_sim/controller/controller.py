@@ -1,46 +1,43 @@
-"""The controller: the arm, its modes, the program it runs, its outputs, in ticks of 2 ms.
+"""The controller: the arm, the program it runs, its outputs and what stops it, in ticks of 2 ms.
 
-Each tick: due orders → watchdogs → the program's turn → motion → values for the clients. Motion advances by the speed
-factor × 2 ms, everything else keeps wall time. Nothing here knows sockets; the ports call in between ticks.
+Each tick: due orders → watchdogs → the program's turn → motion and what it touches → values for the clients. Motion
+advances by the speed factor × 2 ms, everything else keeps wall time. Nothing here knows sockets; the ports call in
+between ticks.
 """
 
 import logging
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from pathlib import Path
 
-from hardware_sim.controller import publication
+from hardware_sim.controller import loaded, publication
 from hardware_sim.controller.arm import Arm
+from hardware_sim.controller.collisions import Collisions
 from hardware_sim.controller.compiler import CompiledProgram, compile_program
+from hardware_sim.controller.disturbances import Disturbances
 from hardware_sim.controller.functions import VOCABULARY, table
+from hardware_sim.controller.hand import HandMove
 from hardware_sim.controller.kinematics import ArmModel
+from hardware_sim.controller.loaded import LoadedProgram
 from hardware_sim.controller.modes import RobotMode, RuntimeState, SafetyMode
 from hardware_sim.controller.motion import Motion, MotionError
-from hardware_sim.controller.outputs import Outputs
+from hardware_sim.controller.outputs import DIGITAL_OUTPUTS, Outputs
 from hardware_sim.controller.program import Program, ScriptError
 from hardware_sim.controller.registers import Registers
+from hardware_sim.controller.safety import Safety
 from hardware_sim.controller.script_values import STEP_TIME
 from hardware_sim.controller.syntax import ScriptSyntaxError
+from hardware_sim.controller.watchdogs import Watchdogs
 
 LOG = logging.getLogger("hardware_sim.controller")
 
 VERSION = (5, 11, 1, 108318)
-UNLOCK_AFTER = 5.0  # s between a protective stop and its unlocking
 PROGRAM_STOP_DECELERATION = 6.0  # rad/s², where a program ends in mid-move
 SAFETY_STOP_DECELERATION = 15.0  # rad/s²
 _PACE_RATE = 5.0  # per s: a pause from full speed takes 0.2 s
 _LONGEST_STEP = 0.008  # s of motion: large speed factors take several steps per tick
-SampleSink = Callable[[float, Sequence[float]], None]
-
-
-@dataclass
-class _Watchdog:
-    """Set by a program: a variable must arrive at least this often."""
-
-    period: float
-    action: str
-    last: float
+Record = Callable[["Controller", float], None]
 
 
 class Controller:
@@ -55,9 +52,10 @@ class Controller:
         speed_factor: float = 1.0,
         low_when_stopped: Iterable[int] = (0,),
         serial: str = "20215500042",
-        sample: SampleSink | None = None,
+        programs: Path | None = None,
+        record: Record | None = None,
     ) -> None:
-        """`now` is time.monotonic(); `sample` is called with motion's time stamp and the true joints."""
+        """`now` is time.monotonic(); `programs` holds what can be loaded; `record` is told each step's time stamp."""
         self.arm = Arm(model, home)
         self.registers = Registers()
         self.outputs = Outputs(low_when_stopped, now)
@@ -66,23 +64,24 @@ class Controller:
         self.slider = 1.0
         self.ticks = 0
         self.now = now
-        self.robot_mode = RobotMode.RUNNING
-        self.safety_mode = SafetyMode.NORMAL
+        self.safety = Safety(now)
+        self.collisions = Collisions(model)
+        self.disturbances = Disturbances()
         self.runtime_state = RuntimeState.STOPPED
-        self.remote_control = True
-        self.popup: str | None = None
         self.program_name = ""
+        self.loaded: LoadedProgram | None = None
         self.force_mode_settings: dict[str, float] = {}
         self.messages: deque[str] = deque(maxlen=500)
         self.exceptions: deque[str] = deque(maxlen=16)  # not yet sent to clients
-        self._sample = sample
+        self._programs = programs
+        self._record = record
         self._program: Program | None = None
         self._secondary: list[Program] = []
         self._in_secondary = False
         self._claimed = False
-        self._own_brake: Motion | None = None
-        self._watchdogs: dict[str, _Watchdog] = {}
-        self._stopped_at = -math.inf
+        self._unclaimed: Motion | None = None  # goes on although no program wants it
+        self._watchdogs = Watchdogs()
+        self._could_run = True
         self._pace = 1.0
         self._orders: list[tuple[Callable[[], bool], Callable[[], None]]] = []
         self._functions = table(self)
@@ -105,7 +104,17 @@ class Controller:
     @property
     def may_run(self) -> bool:
         """Whether modes allow a program."""
-        return self.robot_mode is RobotMode.RUNNING and self.safety_mode in (SafetyMode.NORMAL, SafetyMode.REDUCED)
+        return self.safety.may_run
+
+    @property
+    def robot_mode(self) -> RobotMode:
+        """What power and brakes do."""
+        return self.safety.robot_mode
+
+    @property
+    def safety_mode(self) -> SafetyMode:
+        """Why the arm may not move, if so."""
+        return self.safety.safety_mode
 
     def load(self, text: str) -> None:
         """Compiles a program and starts it."""
@@ -120,7 +129,7 @@ class Controller:
 
     def start(self, compiled: CompiledProgram) -> None:
         """Starts a program in place of the running one, a `sec` beside it."""
-        if not self.remote_control:
+        if not self.safety.remote_control:
             self.report("program refused: the robot is in local control")
             return
         if compiled.secondary:
@@ -157,14 +166,30 @@ class Controller:
         self.runtime_state = RuntimeState.PAUSING
         return True
 
-    def play(self) -> bool:
-        """Resumes a paused program; returns whether there was one that may run."""
-        if self._program is None or self.runtime_state not in (RuntimeState.PAUSED, RuntimeState.PAUSING):
+    def load_file(self, name: str) -> bool:
+        """Loads a program from the folder of programs, in place of the running one; False where there is none."""
+        found = loaded.find(self._programs, name)
+        if found is None:
             return False
-        if not self.may_run or not self.remote_control:
-            return False
-        self.runtime_state = RuntimeState.RESUMING
+        self.stop_program(f"{name} is loaded")
+        self.loaded, self.program_name = found, name
         return True
+
+    def play(self) -> bool:
+        """Resumes a paused program or starts the loaded one; returns whether there was one that may run."""
+        if not self.may_run:
+            return False
+        if self._program is not None:
+            if self.runtime_state not in (RuntimeState.PAUSED, RuntimeState.PAUSING):
+                return False
+            self.runtime_state = RuntimeState.RESUMING
+            return True
+        if self.loaded is None:
+            return False
+        self.load(self.loaded.text)
+        if self._program is not None:
+            self.program_name = self.loaded.name
+        return self._program is not None
 
     def claim(self) -> None:
         """Called by a program's motion function in each tick in which it wants its motion to go on."""
@@ -181,13 +206,11 @@ class Controller:
 
     def set_watchdog(self, variable: str, frequency: float, action: str) -> None:
         """Arms a watchdog for the program's life; frequency in Hz."""
-        self._watchdogs[variable] = _Watchdog(1.0 / frequency, action, self.now)
+        self._watchdogs.set(variable, frequency, action, self.now)
 
     def inputs_arrived(self, names: frozenset[str], now: float) -> None:
         """Feeds the watchdogs with the names of a packet."""
-        for variable, watchdog in self._watchdogs.items():
-            if variable in names:
-                watchdog.last = now
+        self._watchdogs.fed(names, now)
 
     # --- modes -----------------------------------------------------------------------------------------------
 
@@ -200,77 +223,56 @@ class Controller:
         self._safety_stop(SafetyMode.SAFEGUARD_STOP, why)
 
     def _safety_stop(self, mode: SafetyMode, why: str) -> None:
-        if not self.may_run:
+        if not self.safety.stop(mode, why):
             return
         self.report(f"{mode.name}: {why}")
-        self.safety_mode = mode
-        self._stopped_at = self.now
         if self._program is not None:
             self.runtime_state = RuntimeState.PAUSED
         self._close_secondary()
         self._brake(SAFETY_STOP_DECELERATION)
 
-    def unlock(self) -> str | None:
-        """Ends a protective stop; returns why not, or None when done."""
-        if self.safety_mode is not SafetyMode.PROTECTIVE_STOP:
-            return "Cannot unlock protective stop: there is none"
-        if self.now - self._stopped_at < UNLOCK_AFTER:
-            return "Cannot unlock protective stop until 5s after occurrence. Always inspect cause before unlocking"
-        self.safety_mode = SafetyMode.NORMAL
-        return None
-
-    def release_safeguard(self) -> None:
-        """Ends a safeguard stop."""
-        if self.safety_mode is SafetyMode.SAFEGUARD_STOP:
-            self.safety_mode = SafetyMode.NORMAL
-
     def emergency_stop(self, why: str, mode: SafetyMode = SafetyMode.ROBOT_EMERGENCY_STOP) -> None:
         """Brakes, ends the program, takes the power away; also violation and fault."""
         self.report(f"{mode.name}: {why}")
-        self.safety_mode = mode
-        self._power_down()
-
-    def release_emergency_stop(self) -> None:
-        """Ends an emergency stop; the arm stays without power."""
-        if self.safety_mode in (SafetyMode.ROBOT_EMERGENCY_STOP, SafetyMode.SYSTEM_EMERGENCY_STOP):
-            self.safety_mode = SafetyMode.NORMAL
-
-    def restart_safety(self) -> None:
-        """Ends a violation or a fault; the arm stays without power."""
-        if self.safety_mode in (SafetyMode.VIOLATION, SafetyMode.FAULT):
-            self.safety_mode = SafetyMode.NORMAL
-            self.robot_mode = RobotMode.POWER_OFF
-
-    def clear(self) -> None:
-        """Makes everything normal again, as after a visit of somebody with time: powered, released, no fault left."""
-        self.safety_mode = SafetyMode.NORMAL
-        self.robot_mode = RobotMode.RUNNING
-        self.remote_control = True
-        self.slider = 1.0
-        self.arm.joint_offset = [0.0] * 6
-        for number in list(self.outputs.stuck):
-            self.outputs.stick(number, None)
+        self.power_off()
+        self.safety.emergency(mode, why)
 
     def power_off(self) -> None:
         """Takes the power away; the program ends."""
-        self._power_down()
-
-    def _power_down(self) -> None:
         self.stop_program("power off")
         self._close_secondary()
         self._brake(SAFETY_STOP_DECELERATION)
-        self.robot_mode = RobotMode.POWER_OFF
+        self.safety.power_off()
 
-    def power_on(self) -> None:
-        """Powers the joints; the brakes stay closed."""
-        if self.robot_mode is RobotMode.POWER_OFF and self.safety_mode in (SafetyMode.NORMAL, SafetyMode.REDUCED):
-            self.robot_mode = RobotMode.IDLE
+    def clear(self) -> None:
+        """Makes everything normal again, as after a visit of somebody with time: powered, released, no fault left."""
+        self.safety.reset()
+        self.slider = 1.0
+        self.arm.joint_offset = [0.0] * 6
+        self.disturbances.heal()
+        for number in list(self.outputs.stuck):
+            self.outputs.stick(number, None)
 
-    def release_brakes(self) -> None:
-        """Opens the brakes, powering on first where needed."""
-        self.power_on()
-        if self.robot_mode is RobotMode.IDLE and not self.arm.moving:
-            self.robot_mode = RobotMode.RUNNING
+    def reboot(self) -> None:
+        """Begins anew as after a power cycle of the controller: booting, then without power; the arm stands."""
+        self.report("the controller restarts")
+        self.power_off()
+        self.outputs.write((1 << DIGITAL_OUTPUTS) - 1, 0)
+        self.arm.set_tcp([0.0] * 6)
+        self.arm.payload, self.slider, self.ticks = 0.0, 1.0, 0
+        self.loaded, self.program_name = None, ""
+        self.registers.values[:] = Registers().values
+        publication.steady(self.registers)
+        self.tool_changed()
+        self.safety.boot()
+
+    def move_by_hand(self, joints: Sequence[float], seconds: float) -> None:
+        """Somebody moves the arm to joints (6,) in rad; pushing an arm that a program holds is a protective stop."""
+        if self.playing:
+            self.protective_stop("somebody pushes the arm")
+        self.report("the arm is moved by hand")
+        self._unclaimed = self.arm.motion = HandMove(self.arm.joints, joints, seconds)
+        self.arm.corner = None
 
     def _close_secondary(self) -> None:
         for program in self._secondary:
@@ -278,7 +280,7 @@ class Controller:
         self._secondary.clear()
 
     def _brake(self, deceleration: float) -> None:
-        self._own_brake = self.arm.brake(deceleration)
+        self._unclaimed = self.arm.brake(deceleration)
 
     # --- time ------------------------------------------------------------------------------------------------
 
@@ -304,6 +306,7 @@ class Controller:
         """Advances by one tick; `now` is time.monotonic()."""
         self.now = now
         self.ticks += 1
+        self.safety.tick(now)
         if self._orders:
             waiting = self._orders
             self._orders = []
@@ -312,23 +315,25 @@ class Controller:
                     action()
                 else:
                     self._orders.append((when, action))
-        if self._watchdogs and self.playing:
-            self._check_watchdogs()
+        late = self._watchdogs.expired(now) if self.playing else None
+        if late is not None:
+            self._expire(*late)
         self._claimed = False
         self._take_turns()
+        if self.may_run and not self._could_run:
+            self.collisions.look_again()
+        self._could_run = self.may_run
         self._move()
         self.outputs.tick(now, self.playing)
+        if self._record is not None:
+            self._record(self, self.timestamp)
         publication.modes(self, self._pace)
 
-    def _check_watchdogs(self) -> None:
-        for variable, watchdog in list(self._watchdogs.items()):
-            if self.now - watchdog.last > watchdog.period:
-                watchdog.last = self.now
-                if watchdog.action == "stop":
-                    self.stop_program(f"watchdog: {variable} did not arrive for {watchdog.period:.3f} s")
-                    return
-                if watchdog.action == "pause":
-                    self.pause()
+    def _expire(self, action: str, why: str) -> None:
+        if action == "stop":
+            self.stop_program(why)
+        elif action == "pause":
+            self.pause()
 
     def _take_turns(self) -> None:
         if self.runtime_state is RuntimeState.RESUMING:
@@ -358,13 +363,15 @@ class Controller:
         arm = self.arm
         paused = self.runtime_state in (RuntimeState.PAUSING, RuntimeState.PAUSED)
         if arm.motion is None:
-            self._own_brake = None
-        elif not self._claimed and not paused and arm.motion is not self._own_brake and arm.corner is None:
+            self._unclaimed = None
+        elif not self._claimed and not paused and arm.motion is not self._unclaimed and arm.corner is None:
             self._brake(PROGRAM_STOP_DECELERATION)
         wanted = 0.0 if paused else self.slider
         dt = self.speed_factor * STEP_TIME
         if arm.motion is None:
             self._pace = wanted
+            if self.collisions.due:
+                self._feel()
         else:
             steps = max(1, math.ceil(dt / _LONGEST_STEP - 1e-9))
             for number in range(1, steps + 1):
@@ -374,9 +381,17 @@ class Controller:
                     arm.step(dt / steps, self._pace)
                 except MotionError as fault:
                     self.protective_stop(str(fault))
-                if self._sample is not None:
-                    self._sample(self.timestamp + (number / steps - 1.0) * STEP_TIME, arm.true_joints)
+                self._feel()
+                if self._record is not None:
+                    self._record(self, self.timestamp + (number / steps - 1.0) * STEP_TIME)
             publication.pose(arm, self.registers)
         arm.end_tick()
         if self.runtime_state is RuntimeState.PAUSING and not arm.moving:
             self.runtime_state = RuntimeState.PAUSED
+
+    def _feel(self) -> None:
+        """A protective stop where the arm has begun to touch something."""
+        collision = self.collisions.advance(self.arm.true_joints, self.timestamp)
+        if collision is not None:
+            self.report(f"COLLISION: {collision.parts}")
+            self.protective_stop(collision.parts)

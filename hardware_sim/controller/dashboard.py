@@ -1,55 +1,73 @@
 """The dashboard server: one line of text in, one line out (port 29999).
 
-Replies are compared whole by the clients, so they are the real ones, ended by a bare line feed.
+Replies are compared whole by the clients, so they are the real ones, ended by a bare line feed. In local control a
+controller answers questions and shows popups, and refuses all else; it goes on refusing on connections that were opened
+in local control until they are opened anew.
 """
 
 import socket
 from collections.abc import Callable
 
 from hardware_sim.controller.controller import VERSION, Controller
-from hardware_sim.controller.modes import RobotMode, RuntimeState
+from hardware_sim.controller.modes import RuntimeState
 from hardware_sim.controller.sockets import LineConnection
 
 PORT = 29999
-_LOCAL = "Command is not allowed: the robot is in local control"
+_REFUSED = (
+    "Command is not allowed due to safety reasons, "
+    "please switch robot to Remote Control mode and reconnect to port 29999"
+)
 
 
 class DashboardConnection(LineConnection):
     """One dashboard client."""
 
-    def __init__(self, stream: socket.socket, controller: Controller) -> None:
+    def __init__(self, stream: socket.socket, controller: Controller, shut_down: Callable[[], None]) -> None:
         super().__init__(stream)
         self._controller = controller
+        self._shut_down = shut_down
+        self._opened_remotely = controller.safety.remote_control
         self.send(b"Connected: Universal Robots Dashboard Server\n")
 
     def line(self, text: str) -> None:
         """Answers one request."""
-        command = text.strip()
-        if command:
-            self.send((answer(self._controller, command) + "\n").encode())
-        if command.lower() in ("quit", "shutdown"):
+        command = " ".join(text.split())
+        if not command:
+            return
+        reply = answer(self._controller, command, self._opened_remotely and self._controller.safety.remote_control)
+        self.send((reply + "\n").encode())
+        if reply == "Disconnected":
             self.flush()
             self.closed = True
+        elif reply == "Shutting down":
+            self.flush()
+            self._shut_down()
 
 
-def answer(controller: Controller, command: str) -> str:
+def answer(controller: Controller, command: str, remote: bool) -> str:
     """Carries out one dashboard command and returns its reply; letter case of the command does not matter."""
-    words = command.lower().split()
-    exact = _EXACT.get(" ".join(words))
-    if exact is not None:
-        return exact(controller)
-    argument = command[len(command.split(maxsplit=1)[0]) :].strip()
-    if words[0] == "load":
-        return f"File not found: {argument}"
-    if words[0] == "popup":
-        controller.popup = argument
+    lowered = command.lower()
+    question = _ALWAYS.get(lowered)
+    if question is not None:
+        return question(controller)
+    word, _, argument = command.partition(" ")
+    word = word.lower()
+    if word == "popup":
+        controller.safety.popup = argument
         return "showing popup"
-    if words[0] == "addtolog":
+    if word == "addtolog" and argument:
         controller.report(f"addToLog: {argument}")
         return "Added log message"
-    if words[0] == "setuserrole":
+    if word == "setuserrole" and argument:
         return f"Setting user role: {argument}"
-    return f'could not understand: "{command}"'
+    action = _REMOTE.get(lowered)
+    if action is None and not (word == "load" and argument):
+        return f'could not understand: "{command}"'
+    if not remote:
+        return _REFUSED
+    if action is not None:
+        return action(controller)
+    return f"Loading program: {argument}" if controller.load_file(argument) else f"File not found: {argument}"
 
 
 def _stop(controller: Controller) -> str:
@@ -58,15 +76,8 @@ def _stop(controller: Controller) -> str:
     return "Stopped"
 
 
-def _moving(name: str, reply: str, action: Callable[[Controller], object]) -> Callable[[Controller], str]:
-    """A command that remote control must allow and that fails where `action` returns False."""
-
-    def run(controller: Controller) -> str:
-        if not controller.remote_control:
-            return _LOCAL
-        return f"Failed to execute: {name}" if action(controller) is False else reply
-
-    return run
+def _checked(name: str, reply: str, action: Callable[[Controller], bool]) -> Callable[[Controller], str]:
+    return lambda controller: reply if action(controller) else f"Failed to execute: {name}"
 
 
 def _plain(reply: str, action: Callable[[Controller], object]) -> Callable[[Controller], str]:
@@ -78,69 +89,58 @@ def _plain(reply: str, action: Callable[[Controller], object]) -> Callable[[Cont
 
 
 def _unlock(controller: Controller) -> str:
-    return controller.unlock() or "Protective stop releasing"
-
-
-def _state(controller: Controller) -> str:
-    if controller.runtime_state is RuntimeState.STOPPED:
-        return "STOPPED"
-    paused = controller.runtime_state in (RuntimeState.PAUSED, RuntimeState.PAUSING)
-    return "PAUSED" if paused else "PLAYING"
+    return controller.safety.unlock() or "Protective stop releasing"
 
 
 def _program_state(controller: Controller) -> str:
-    return f"{_state(controller)} {controller.program_name or '<unnamed>'}"
+    word = "PLAYING"
+    if controller.runtime_state is RuntimeState.STOPPED:
+        word = "STOPPED"
+    elif controller.runtime_state in (RuntimeState.PAUSED, RuntimeState.PAUSING):
+        word = "PAUSED"
+    return f"{word} {controller.program_name or '<unnamed>'}"
 
 
-def _safety_name(controller: Controller) -> str:
-    return controller.safety_mode.name
+def _loaded(controller: Controller) -> str:
+    return "No program loaded" if controller.loaded is None else f"Loaded program: {controller.loaded.name}"
 
 
 def _close_popup(controller: Controller) -> None:
-    controller.popup = None
+    controller.safety.popup = None
 
 
-def _restart_safety(controller: Controller) -> None:
-    controller.restart_safety()
+def _close_safety_popup(controller: Controller) -> None:
+    controller.safety.safety_popup = None
 
 
-def _robot_mode(controller: Controller) -> str:
-    return f"Robotmode: {RobotMode(controller.robot_mode).name}"
-
-
-def _version(controller: Controller) -> str:
-    del controller
-    return "URSoftware {}.{}.{}.{} (Aug 05 2021)".format(*VERSION)
-
-
-def _is_saved(controller: Controller) -> str:
-    return f"true {controller.program_name}" if controller.program_name else "false <unnamed>"
-
-
-_EXACT: dict[str, Callable[[Controller], str]] = {
-    "polyscopeversion": _version,
-    "version": _version,
+_NUMBER = ".".join(map(str, VERSION))
+_ALWAYS: dict[str, Callable[[Controller], str]] = {
+    "polyscopeversion": lambda c: f"URSoftware {_NUMBER} (Aug 05 2021)",
+    "version": lambda c: _NUMBER,
     "get serial number": lambda c: c.serial,
     "get robot model": lambda c: c.arm.model.name.upper().removesuffix("E"),
-    "is in remote control": lambda c: str(c.remote_control).lower(),
-    "play": _moving("play", "Starting program", lambda c: c.play()),
-    "pause": _moving("pause", "Pausing program", lambda c: c.pause()),
-    "stop": _stop,
+    "get operational mode": lambda c: "NONE",
+    "is in remote control": lambda c: str(c.safety.remote_control).lower(),
     "running": lambda c: f"Program running: {str(c.runtime_state is not RuntimeState.STOPPED).lower()}",
     "programstate": _program_state,
-    "get loaded program": lambda c: "No program loaded",
-    "isprogramsaved": _is_saved,
-    "robotmode": _robot_mode,
-    "safetymode": lambda c: f"Safetymode: {_safety_name(c)}",
-    "safetystatus": lambda c: f"Safetystatus: {_safety_name(c)}",
-    "unlock protective stop": _unlock,
-    "power on": _moving("power on", "Powering on", lambda c: c.power_on()),
-    "power off": _moving("power off", "Powering off", lambda c: c.power_off()),
-    "brake release": _moving("brake release", "Brake releasing", lambda c: c.release_brakes()),
-    "close popup": _plain("closing popup", _close_popup),
-    "close safety popup": _plain("closing safety popup", _close_popup),
-    "restart safety": _plain("Restarting safety", _restart_safety),
+    "get loaded program": _loaded,
+    "isprogramsaved": lambda c: "false <unnamed>" if c.loaded is None else f"true {c.loaded.name}",
+    "robotmode": lambda c: f"Robotmode: {c.robot_mode.name}",
+    "safetymode": lambda c: f"Safetymode: {c.safety_mode.name}",
+    "safetystatus": lambda c: f"Safetystatus: {c.safety_mode.name}",
     "popup": _plain("showing popup", lambda c: None),
+    "close popup": _plain("closing popup", _close_popup),
+    "close safety popup": _plain("closing safety popup", _close_safety_popup),
     "quit": lambda c: "Disconnected",
-    "shutdown": _plain("Shutting down", lambda c: c.power_off()),
+}
+_REMOTE: dict[str, Callable[[Controller], str]] = {
+    "play": _checked("play", "Starting program", Controller.play),
+    "pause": _checked("pause", "Pausing program", Controller.pause),
+    "stop": _stop,
+    "unlock protective stop": _unlock,
+    "power on": _plain("Powering on", lambda c: c.safety.power_on()),
+    "power off": _plain("Powering off", lambda c: c.power_off()),
+    "brake release": _plain("Brake releasing", lambda c: c.safety.release_brakes()),
+    "restart safety": _plain("Restarting safety", lambda c: c.safety.restart()),
+    "shutdown": lambda c: "Shutting down",
 }

@@ -3,18 +3,25 @@
 Every fault is one entry of `FAULTS`; its parameters are the other fields of the request. Faults act between two ticks:
 at once, after `at_s` seconds of wall time, or as soon as the `at_move`-th move from now has begun.
 
-    protective_stop · safeguard_stop · emergency_stop · system_emergency_stop · violation · fault · power_off
-    release_safeguard_stop · release_emergency_stop · clear (everything normal again, at once)
-    program_stop · program_pause (as from the pendant) · local_mode · remote_mode
-    output_stuck {output, level: true | false | null = let go} · speed_slider {fraction}
-    joint_offset {offsets_rad: [6]} (the arm is not where it says) · time_jump {seconds}
-    cut {port} · stall {port, seconds} · half_packet (RTDE clients get half a packet, then the end of the connection)
+    safety      protective_stop · safeguard_stop · emergency_stop · system_emergency_stop · violation · fault
+                release_safeguard_stop · release_emergency_stop · clear (all is normal, powered and mended at once)
+    operation   power_off · program_stop · program_pause (as from the pendant) · local_mode · remote_mode
+                speed_slider {fraction} · hand_move {joints: [6], seconds} (somebody moves the arm by hand)
+                restart (all connections end, booting, then without power; also switches on what was shut down)
+    arm         joint_offset {offsets_rad: [6]} (the arm is not where it says) · time_jump {seconds}
+    outputs     output_stuck {output, level: true | false | null = let go}
+    links       cut {port} · stall {port, seconds} · half_packet (RTDE clients get half a packet, then the end)
+                delay {port, latency_ms, jitter_ms, seed} (both ways; 0 ends it)
+    world       lamp {fraction, flicker} (0: dead, though its output is on) · dropped_frame {count}
+                saturated_frame {count} · nudged_object {shift_m: [3], turn_rad}
 """
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from hardware_sim.controller.controller import Controller
+from hardware_sim.controller.kinematics import JOINT_LIMIT
 from hardware_sim.controller.modes import SafetyMode
 from hardware_sim.controller.outputs import DIGITAL_OUTPUTS
 
@@ -42,6 +49,14 @@ class Links(Protocol):
         """Sends half a data packet to RTDE clients and hangs up."""
         ...
 
+    def delay(self, port: int, latency: float, jitter: float, seed: int) -> None:
+        """Holds back all bytes of a port, both ways, by `latency` + up to `jitter` seconds."""
+        ...
+
+    def restart(self) -> None:
+        """Ends all connections and starts the controller anew."""
+        ...
+
 
 Parameters = Mapping[str, Any]
 Action = Callable[[], None]
@@ -52,6 +67,13 @@ def _number(parameters: Parameters, name: str, least: float, most: float) -> flo
     if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
         raise FaultError(f"{name} must be a number from {least:g} to {most:g}, not {value!r}")
     return float(value)
+
+
+def _vector(parameters: Parameters, name: str, count: int, most: float) -> list[float]:
+    values = parameters.get(name)
+    if not isinstance(values, list) or len(values) != count:
+        raise FaultError(f"{name} must be {count} numbers, not {values!r}")
+    return [_number({name: value}, name, -most, most) for value in values]
 
 
 def _port(parameters: Parameters, links: Links) -> int:
@@ -75,6 +97,58 @@ def _half_packet(controller: Controller, links: Links, parameters: Parameters) -
     return links.send_half_a_packet
 
 
+def _delay(controller: Controller, links: Links, parameters: Parameters) -> Action:
+    port = _port(parameters, links)
+    latency, jitter = (
+        _number({"latency_ms": 0.0, "jitter_ms": 0.0, **parameters}, n, 0.0, 10_000.0) / 1e3
+        for n in ("latency_ms", "jitter_ms")
+    )
+    seed = int(_number({"seed": 0, **parameters}, "seed", 0, 2**31))
+    return lambda: links.delay(port, latency, jitter, seed)
+
+
+def _restart(controller: Controller, links: Links, parameters: Parameters) -> Action:
+    return links.restart
+
+
+def _hand_move(controller: Controller, links: Links, parameters: Parameters) -> Action:
+    joints = _vector(parameters, "joints", 6, JOINT_LIMIT)
+    seconds = _number({"seconds": 1.0, **parameters}, "seconds", 0.0, 3600.0)
+    return lambda: controller.move_by_hand(joints, seconds)
+
+
+def _lamp(controller: Controller, links: Links, parameters: Parameters) -> Action:
+    given = {"fraction": 1.0, "flicker": 0.0, **parameters}
+    fraction, flicker = _number(given, "fraction", 0.0, 1.0), _number(given, "flicker", 0.0, 1.0)
+
+    def act() -> None:
+        controller.disturbances.lamp_fraction, controller.disturbances.lamp_flicker = fraction, flicker
+
+    return act
+
+
+def _frames(name: str) -> Callable[[Controller, Links, Parameters], Action]:
+    def make(controller: Controller, links: Links, parameters: Parameters) -> Action:
+        count = int(_number({"count": 1, **parameters}, "count", 1, 1e6))
+        disturbances = controller.disturbances
+        return lambda: setattr(disturbances, name, getattr(disturbances, name) + count)
+
+    return make
+
+
+def _nudged_object(controller: Controller, links: Links, parameters: Parameters) -> Action:
+    shift = _vector(parameters, "shift_m", 3, 1.0)
+    turn = _number({"turn_rad": 0.0, **parameters}, "turn_rad", -math.tau, math.tau)
+
+    def act() -> None:
+        disturbances = controller.disturbances
+        disturbances.object_shift_m = [a + b for a, b in zip(disturbances.object_shift_m, shift, strict=True)]
+        disturbances.object_turn_rad += turn
+        controller.collisions.nudge_object(shift, turn)
+
+    return act
+
+
 def _time_jump(controller: Controller, links: Links, parameters: Parameters) -> Action:
     seconds = _number(parameters, "seconds", 0.0, 1e6)
     return lambda: controller.jump_in_time(seconds)
@@ -83,7 +157,7 @@ def _time_jump(controller: Controller, links: Links, parameters: Parameters) -> 
 def _remote(remote: bool) -> Callable[[Controller, Links, Parameters], Action]:
     def make(controller: Controller, links: Links, parameters: Parameters) -> Action:
         def act() -> None:
-            controller.remote_control = remote
+            controller.safety.remote_control = remote
 
         return act
 
@@ -108,13 +182,10 @@ def _speed_slider(controller: Controller, links: Links, parameters: Parameters) 
 
 
 def _joint_offset(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    offsets = parameters.get("offsets_rad")
-    if not isinstance(offsets, list) or len(offsets) != 6:
-        raise FaultError(f"offsets_rad must be six numbers, not {offsets!r}")
-    values = [_number({"offsets_rad": v}, "offsets_rad", -1.0, 1.0) for v in offsets]
+    offsets = _vector(parameters, "offsets_rad", 6, 1.0)
 
     def act() -> None:
-        controller.arm.joint_offset = values
+        controller.arm.joint_offset = offsets
 
     return act
 
@@ -132,10 +203,10 @@ def _simple(action: Callable[[Controller], object]) -> Callable[[Controller, Lin
 FAULTS: dict[str, Callable[[Controller, Links, Parameters], Action]] = {
     "protective_stop": _simple(lambda c: c.protective_stop("fault on demand")),
     "safeguard_stop": _simple(lambda c: c.safeguard_stop("fault on demand")),
-    "release_safeguard_stop": _simple(lambda c: c.release_safeguard()),
+    "release_safeguard_stop": _simple(lambda c: c.safety.release_safeguard()),
     "emergency_stop": _simple(lambda c: c.emergency_stop("fault on demand")),
     "system_emergency_stop": _simple(lambda c: c.emergency_stop("fault on demand", SafetyMode.SYSTEM_EMERGENCY_STOP)),
-    "release_emergency_stop": _simple(lambda c: c.release_emergency_stop()),
+    "release_emergency_stop": _simple(lambda c: c.safety.release_emergency_stop()),
     "violation": _simple(lambda c: c.emergency_stop("fault on demand", SafetyMode.VIOLATION)),
     "fault": _simple(lambda c: c.emergency_stop("fault on demand", SafetyMode.FAULT)),
     "power_off": _simple(lambda c: c.power_off()),
@@ -146,10 +217,17 @@ FAULTS: dict[str, Callable[[Controller, Links, Parameters], Action]] = {
     "output_stuck": _output_stuck,
     "speed_slider": _speed_slider,
     "joint_offset": _joint_offset,
+    "hand_move": _hand_move,
+    "restart": _restart,
     "clear": _simple(lambda c: c.clear()),
     "cut": _cut,
     "stall": _stall,
     "half_packet": _half_packet,
+    "delay": _delay,
+    "lamp": _lamp,
+    "dropped_frame": _frames("dropped_frames"),
+    "saturated_frame": _frames("saturated_frames"),
+    "nudged_object": _nudged_object,
     "time_jump": _time_jump,
 }
 

@@ -29,18 +29,24 @@ class ControllerProcess:
         model: str = "ur5e",
         speed: float = 1.0,
         low_when_stopped: Iterable[int] = (0,),
-        trace: Path | None = None,
+        surroundings: Path | None = None,
+        programs: Path | None = None,
+        record: Path | None = None,
         log_level: str = "WARNING",
     ) -> None:
-        """Starts it and waits until it can be connected to. Raises RigError device.disconnected, naming why."""
+        """Starts it and waits until it can be connected to; the arguments are those of `server.serve`.
+
+        Raises RigError device.disconnected, naming why.
+        """
         self.address = address
         command = [sys.executable, "-m", "hardware_sim.controller", "--until-eof", "--address", address]
         command += ["--model", model, "--speed", repr(speed), "--log", log_level]
         # One word: the parser would take -1e-05 by itself for an option.
         command += ["--home=" + ",".join(repr(float(q)) for q in home)]
         command += ["--low-when-stopped", *map(str, low_when_stopped)]
-        if trace is not None:
-            command += ["--trace", str(trace)]
+        for name, path in (("surroundings", surroundings), ("programs", programs), ("record", record)):
+            if path is not None:
+                command += [f"--{name}", str(path)]
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603
         deadline = time.monotonic() + _START_TIMEOUT
         try:

@@ -6,6 +6,7 @@ process) the time is lost instead.
 """
 
 import logging
+import math
 import os
 import select
 import socket
@@ -18,11 +19,14 @@ from hardware_sim.controller import control_port, dashboard, rtde, scripts
 from hardware_sim.controller.control_port import ControlConnection
 from hardware_sim.controller.controller import Controller
 from hardware_sim.controller.dashboard import DashboardConnection
+from hardware_sim.controller.delay import Delay
 from hardware_sim.controller.kinematics import MODELS
 from hardware_sim.controller.rtde import Owners, RtdeConnection
+from hardware_sim.controller.safety import BOOT_SECONDS
 from hardware_sim.controller.script_values import STEP_TIME
 from hardware_sim.controller.scripts import ScriptConnection, Uploads
 from hardware_sim.controller.sockets import Connection, Port
+from hardware_sim.controller.trace import Recorder
 
 LOG = logging.getLogger("hardware_sim.controller")
 _LONGEST_CATCH_UP = 1.0  # s
@@ -44,7 +48,7 @@ class Server:
         self._ports: dict[int, Port] = {}
         accepts: dict[int, Callable[[socket.socket], Connection]] = {
             rtde.PORT: lambda s: RtdeConnection(s, controller, self._owners),
-            dashboard.PORT: lambda s: DashboardConnection(s, controller),
+            dashboard.PORT: lambda s: DashboardConnection(s, controller, self.shut_down),
             **dict.fromkeys(scripts.PORTS, lambda s: ScriptConnection(s, self._uploads)),
             control_port.PORT: lambda s: ControlConnection(s, controller, self),
         }
@@ -55,6 +59,9 @@ class Server:
             self.close()
             raise
         self._ports[rtde.PORT].quick_acknowledge = True
+        self._slow: list[Port] = []
+        self._off = False
+        self._reopen_at = 0.0
 
     def numbers(self) -> list[int]:
         """The ports of a real controller; the control port cannot be cut."""
@@ -73,6 +80,37 @@ class Server:
         """Sends half a data packet to RTDE clients and hangs up."""
         rtde.send_half_a_packet(self._rtde_connections(), self.controller)
         self._ports[rtde.PORT].sweep()
+
+    def delay(self, port: int, latency: float, jitter: float, seed: int) -> None:
+        """Holds back all bytes of a port, both ways, by `latency` + up to `jitter` seconds."""
+        self._ports[port].delay(Delay(latency, jitter, seed) if latency or jitter else None)
+        if self._ports[port] not in self._slow:
+            self._slow.append(self._ports[port])
+
+    def shut_down(self) -> None:
+        """Switches the controller off: its ports close; only `restart` opens them again."""
+        self.controller.power_off()
+        self._reopen_at = math.inf
+        self._off = True
+
+    def restart(self) -> None:
+        """Ends all connections and boots: the ports open again half way, without power it ends."""
+        self.controller.reboot()
+        self._reopen_at = time.monotonic() + BOOT_SECONDS / 2
+        self._off = True
+
+    def _switch(self, now: float) -> None:
+        """Closes or opens the ports of a controller that was switched off, between two ticks."""
+        ports = [self._ports[number] for number in self.numbers()]
+        if now < self._reopen_at:
+            for port in ports:
+                if port.open:
+                    port.shut()
+            return
+        self._off = False
+        for port in ports:
+            if not port.open:
+                port.reopen()
 
     def _rtde_connections(self) -> list[RtdeConnection]:
         return [c for c in self._ports[rtde.PORT].connections.values() if isinstance(c, RtdeConnection)]
@@ -112,6 +150,11 @@ class Server:
             for number in [n for n, end in self._stall_ends.items() if end <= now]:
                 del self._stall_ends[number]
                 self._ports[number].stall(False)
+        if self._off:
+            self._switch(now)
+        for port in self._slow:
+            if not port.stalled:
+                port.pass_on(now)
         self._uploads.deliver()
         self.controller.tick(now)
         self._announce_exceptions()
@@ -145,31 +188,33 @@ def serve(
     home: Sequence[float],
     speed: float = 1.0,
     low_when_stopped: Iterable[int] = (0,),
-    trace: Path | None = None,
+    surroundings: Path | None = None,
+    programs: Path | None = None,
+    record: Path | None = None,
     stop: Callable[[], bool] = lambda: False,
     stop_descriptor: int | None = None,
 ) -> None:
     """Runs a controller until `stop` returns True, `stop_descriptor` ends or the process is interrupted.
 
     Prints `ready <address>` when it can be connected to. `home` are the initial joints in rad; `speed` is the speed
-    factor of motion; `low_when_stopped` names the digital outputs held low while no program plays; `trace` is a file
-    for all joint samples (see `trace`). Never call it in a process that also holds `ur-rtde` objects: the library's
-    constructors hold the interpreter lock while they wait for this loop. Raises OSError where a port is taken.
+    factor of motion; `low_when_stopped` names the digital outputs held low while no program plays; `surroundings` is a
+    file of what the arm can touch, `programs` a folder of what the dashboard can load, `record` a file for every tick
+    (see the modules `surroundings`, `loaded`, `trace`). Never call it in a process that also holds `ur-rtde` objects:
+    the library's constructors hold the interpreter lock while they wait for this loop. Raises OSError where a port is
+    taken or a file cannot be opened, ValueError where one is not what it should be.
     """
-    writer = None
-    if trace is not None:
-        from hardware_sim.controller.trace import TraceWriter  # noqa: PLC0415 - numpy doubles the start-up time
-
-        step = speed * STEP_TIME
-        writer = TraceWriter(trace, step if step < 0.008 else 0.008)
+    recorder = None if record is None else Recorder(record)
     controller = Controller(
         MODELS[model],
         home,
         now=time.monotonic(),
         speed_factor=speed,
         low_when_stopped=low_when_stopped,
-        sample=None if writer is None else writer.sample,
+        programs=programs,
+        record=recorder,
     )
+    if surroundings is not None:
+        controller.collisions.surround(surroundings)
     server = Server(controller, address)
     sys.setswitchinterval(_SWITCH_INTERVAL)
     try:
@@ -178,5 +223,5 @@ def serve(
         server.run(stop, stop_descriptor)
     finally:
         server.close()
-        if writer is not None:
-            writer.close(controller.timestamp)
+        if recorder is not None:
+            recorder.close()

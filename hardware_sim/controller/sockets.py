@@ -11,6 +11,8 @@ import socket
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
+from hardware_sim.controller.delay import Delay, Pipe
+
 LOG = logging.getLogger("hardware_sim.controller")
 _READ = 4096  # bytes: the smallest frames and lines in it are answered within a few ms
 _MOST_PENDING = 1 << 20  # bytes of unread replies after which a client is given up
@@ -32,6 +34,7 @@ class Connection(ABC):
         self.stream = stream
         self.closed = False
         self.unsent = bytearray()
+        self.incoming, self.outgoing = Pipe(), Pipe()
         self.wants_write: Callable[[], None] = lambda: None
 
     @abstractmethod
@@ -60,17 +63,31 @@ class Connection(ABC):
             data, self.unsent = bytes(self.unsent), bytearray()
             self._send_now(data)
 
+    def pass_on(self, now: float) -> None:
+        """Lets through what a delay has held back for long enough."""
+        for data in self.incoming.arrived(now):
+            if not self.closed:
+                self.received(data)
+        self.flush()
+        data = b"".join(self.outgoing.arrived(now))
+        if data and not self.closed:
+            self.outgoing.put_back(self._transmit(data))
+
     def _send_now(self, data: bytes) -> None:
+        if not self.outgoing.holds_back(data):
+            self.unsent = bytearray(self._transmit(data))
+            if self.unsent:
+                self.wants_write()
+
+    def _transmit(self, data: bytes) -> bytes:
+        """Sends; returns what the socket does not take now."""
         try:
-            sent = self.stream.send(data)
+            return data[self.stream.send(data) :]
         except BlockingIOError:
-            sent = 0
+            return data
         except OSError as error:
             self.lost(error)
-            return
-        if sent < len(data):
-            self.unsent = bytearray(data[sent:])
-            self.wants_write()
+            return b""
 
     def lost(self, error: OSError) -> None:
         """Ends the connection because of its socket: reset, broken, timed out."""
@@ -91,16 +108,23 @@ class Port:
         self.quick_acknowledge = False
         self._poll = poll
         self._accept = accept
-        self.listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        self.listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self.delayed: Delay | None = None
+        self.open = True
+        self._address = address
+        self.listener = self._listen()
+
+    def _listen(self) -> socket.socket:
+        listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            self.listener.bind((address, number))
-            self.listener.listen(64)
+            listener.bind((self._address, self.number))
+            listener.listen(64)
         except OSError:
-            self.listener.close()
+            listener.close()
             raise
-        self.listener.setblocking(False)
-        poll.register(self.listener.fileno(), select.EPOLLIN)
+        listener.setblocking(False)
+        self._poll.register(listener.fileno(), select.EPOLLIN)
+        return listener
 
     def ready(self, descriptor: int, event: int) -> None:
         """Serves one descriptor that epoll named."""
@@ -143,6 +167,7 @@ class Port:
             return
         descriptor = stream.fileno()
         connection = self._accept(stream)
+        connection.incoming.delay = connection.outgoing.delay = self.delayed
         connection.wants_write = lambda: self._watch_writing(descriptor)
         self.connections[descriptor] = connection
         self._poll.register(descriptor, select.EPOLLIN)
@@ -165,10 +190,33 @@ class Port:
         except OSError as error:
             connection.lost(error)
             return
-        if data:
-            connection.received(data)
-        else:
+        if not data:
             connection.closed = True
+        elif not connection.incoming.holds_back(data):
+            connection.received(data)
+
+    def delay(self, delay: Delay | None) -> None:
+        """Slows all connections of the port down, those to come too; None ends it."""
+        self.delayed = delay
+        for connection in self.connections.values():
+            connection.incoming.delay = connection.outgoing.delay = delay
+
+    def pass_on(self, now: float) -> None:
+        """Lets through what was held back for long enough."""
+        for connection in self.connections.values():
+            connection.pass_on(now)
+
+    def shut(self) -> None:
+        """Closes the port, as a controller that is off."""
+        self.cut()
+        self._poll.unregister(self.listener.fileno())
+        self.listener.close()
+        self.open = False
+
+    def reopen(self) -> None:
+        """Opens it again at the same address. Raises OSError."""
+        self.listener = self._listen()
+        self.open = True
 
     def sweep(self) -> None:
         """Closes connections that ended while something was sent to them."""
@@ -183,6 +231,8 @@ class Port:
     def stall(self, stalled: bool) -> None:
         """Freezes reading, accepting and sending, or thaws them."""
         self.stalled = stalled
+        if not self.open:
+            return
         self._poll.modify(self.listener.fileno(), 0 if stalled else select.EPOLLIN)
         for descriptor, connection in self.connections.items():
             writing = select.EPOLLOUT if connection.unsent else 0
@@ -191,7 +241,7 @@ class Port:
     def close(self) -> None:
         """Closes the port and its connections."""
         self.cut()
-        self.listener.close()
+        self.listener.close()  # harmless where it is shut
 
     def _drop(self, descriptor: int) -> None:
         connection = self.connections.pop(descriptor)

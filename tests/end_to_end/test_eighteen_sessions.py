@@ -62,7 +62,7 @@ def figures(name: str, seed: int, profile: str, *options: str) -> dict[str, Any]
 def collisions(folder: Path) -> list[str]:
     """What the arm went through on the way, by meshes and kinematics that are not the planner's."""
     cell = config.load(folder / "cell" / "cell.toml")
-    _, joints = trace.read_trace(folder / "cell" / "joints.trace")
+    joints = trace.read_trace(folder / "cell" / "ticks.record").joints
     return [str(hit) for hit in audit.audit(audit.thinned(joints), cell)]
 
 

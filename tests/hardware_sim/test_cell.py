@@ -56,7 +56,7 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
         folder=folder / "files",
         pixels=PIXELS,
         cell_file=folder / "base.toml",
-        trace=folder / "trace.csv",
+        record=folder / "ticks.record",
     ) as cell:
         yield cell
 

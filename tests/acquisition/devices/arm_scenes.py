@@ -28,9 +28,9 @@ def arm_config(address: str) -> ArmConfig:
 
 
 @contextmanager
-def controller(address: str, trace: Path | None = None) -> Iterator[ControlClient]:
+def controller(address: str, record: Path | None = None) -> Iterator[ControlClient]:
     """A controller process; yields a client of its control port."""
-    with ControllerProcess(address, home=HOME, trace=trace) as process, process.control() as control:
+    with ControllerProcess(address, home=HOME, record=record) as process, process.control() as control:
         yield control
 
 

@@ -124,12 +124,12 @@ def test_emergency_stop_takes_the_power_and_the_program(cell: Cell) -> None:
     wait_until(lambda: cell.receive.getSafetyStatusBits() == 1)
     assert cell.dashboard.robotmode() == "Robotmode: POWER_OFF"
     cell.dashboard.powerOn()
-    assert cell.dashboard.robotmode() == "Robotmode: IDLE"
+    wait_until(lambda: cell.dashboard.robotmode() == "Robotmode: IDLE")
     cell.control.reuploadScript()
     time.sleep(0.1)
     assert not cell.control.isProgramRunning()
     cell.dashboard.brakeRelease()
-    assert cell.dashboard.robotmode() == "Robotmode: RUNNING"
+    wait_until(lambda: cell.dashboard.robotmode() == "Robotmode: RUNNING")
     restart_program(cell)
     assert cell.control.moveJ(HOME, 3.0, 20.0)
 

@@ -1,4 +1,4 @@
-"""The controller as a process: start, control port, trace, end."""
+"""The controller as a process: start, control port, record, end."""
 
 import json
 import socket
@@ -95,18 +95,30 @@ def test_fault_at_the_start_of_a_move(controller: ControllerProcess) -> None:
         assert control.state()["joints"][0] > 0.05
 
 
-def test_trace_holds_the_whole_motion(tmp_path: Path) -> None:
-    path = tmp_path / "joints.trace"
-    with start(trace=path, speed=4.0) as process, process.control() as control:
+def test_record_holds_the_whole_motion(tmp_path: Path) -> None:
+    path = tmp_path / "ticks.record"
+    with start(record=path, speed=4.0) as process, process.control() as control:
         send_script(process.address, MOVE)
         wait_until(lambda: control.state()["digital_outputs"] == 1 << 3)
-    times, joints = read_trace(path)
-    assert np.all(np.diff(times) > 0.0)
+        wait_until(lambda: not control.state()["program_running"])
+    trace = read_trace(path)
+    times, joints = trace.times, trace.joints
+    assert np.all(np.diff(times) >= 0.0)
     assert joints[0] == pytest.approx(HOME, abs=0.01)
     assert joints[-1] == pytest.approx([0.5, *HOME[1:]])
     steps = np.abs(np.diff(joints[:, 0]))
     assert steps.max() <= 1.0 * 0.008 * 1.001  # at most 8 ms of motion at 1 rad/s between two rows
-    assert np.diff(times).min() >= 0.002 - 1e-9
+    assert trace.outputs[-1] == 0b1000
+    assert np.all(np.diff(trace.outputs) >= 0)
+    assert set(trace.safety_mode) == {1}
+    assert set(trace.robot_mode) == {7}
+    assert list(dict.fromkeys(trace.runtime_state)) == [1, 2, 1]
+    assert not trace.touching.any()
+    # The pose is that of the joints: the flange's, as no tool is set.
+    from ur_analytic_ik import ur5e
+
+    for row in (0, len(times) // 2, -1):
+        assert trace.tcp[row, :3] == pytest.approx(ur5e.forward_kinematics(*joints[row])[:3, 3], abs=1e-6)
 
 
 def test_address_that_is_taken_is_reported(controller: ControllerProcess) -> None:

@@ -1,0 +1,104 @@
+"""Collisions of the simulated arm: found in every step of its motion, and kept for whoever grades a session."""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hardware_sim.controller.kinematics import ArmModel
+
+if TYPE_CHECKING:
+    from hardware_sim.controller.contact import Contact, ContactCheck
+    from hardware_sim.controller.surroundings import Surroundings
+
+_KEPT = 1000
+
+
+@dataclass(frozen=True)
+class Collision:
+    """Two parts that met: when (the controller's time stamp, s), which, and at which true joints (6,) in rad."""
+
+    timestamp: float
+    first: str
+    second: str
+    joints: tuple[float, ...]
+
+    @property
+    def parts(self) -> str:
+        """Both in words."""
+        return f"{self.first} touches {self.second}"
+
+    def as_json(self) -> dict[str, Any]:
+        """For the control port."""
+        return {
+            "timestamp": self.timestamp,
+            "first": self.first,
+            "second": self.second,
+            "joints": list(self.joints),
+        }
+
+
+class Collisions:
+    """Watches one arm. Without surroundings nothing is solid, not even the arm itself."""
+
+    def __init__(self, model: ArmModel) -> None:
+        self.records: deque[Collision] = deque(maxlen=_KEPT)
+        self.count = 0
+        self.touching: tuple[str, str] | None = None
+        self._model = model
+        self._check: ContactCheck | None = None
+        self._surroundings: Surroundings | None = None
+        self._known: set[tuple[str, str]] = set()  # met since the arm was last free
+        self._fresh = True
+
+    def surround(self, path: Path) -> None:
+        """Puts the arm into surroundings from a file. Raises OSError, ValueError."""
+        # numpy would double the start-up time of a controller that has nothing around it.
+        from hardware_sim.controller.surroundings import load  # noqa: PLC0415
+
+        self._surround(load(path))
+
+    def nudge_object(self, shift_m: Sequence[float], turn_rad: float) -> None:
+        """Moves the object by (3,) m and turns it about its own axis."""
+        if self._surroundings is not None:
+            self._surround(self._surroundings.nudged(shift_m, turn_rad))
+
+    def _surround(self, surroundings: "Surroundings") -> None:
+        from hardware_sim.controller.contact import ContactCheck  # noqa: PLC0415
+
+        self._surroundings = surroundings
+        self._check = ContactCheck(self._model, surroundings)
+        self.look_again()
+
+    def look_again(self) -> None:
+        """The arm may go on: what it touches now counts anew."""
+        self._known.clear()
+        self._fresh = True
+        if self._check is not None:
+            self._check.forget()
+
+    def advance(self, joints: Sequence[float], timestamp: float) -> Collision | None:
+        """Follows the arm to its true joints (6,); returns a pair that has begun to touch."""
+        contact = None if self._check is None else self._check.advance(joints)
+        self._fresh = False
+        if contact is None:
+            self.touching = None
+            self._known.clear()
+            return None
+        return self._noted(contact, timestamp)
+
+    @property
+    def due(self) -> bool:
+        """Whether to look although the arm stands still."""
+        return self._fresh and self._check is not None
+
+    def _noted(self, contact: "Contact", timestamp: float) -> Collision | None:
+        self.touching = (contact.first, contact.second)
+        if self.touching in self._known:
+            return None
+        self._known.add(self.touching)
+        self.count += 1
+        collision = Collision(timestamp, contact.first, contact.second, contact.joints)
+        self.records.append(collision)
+        return collision

@@ -1,0 +1,46 @@
+"""Links that are slow: bytes are held back, in order, each piece for a time of its own."""
+
+import random
+import time
+from collections import deque
+
+
+class Delay:
+    """How long: `latency` and up to `jitter` more, in s; the same seed draws the same times."""
+
+    def __init__(self, latency: float, jitter: float, seed: int) -> None:
+        self._latency, self._jitter = latency, jitter
+        self._random = random.Random(seed)  # noqa: S311 - a simulation, no secret
+
+    def draw(self) -> float:
+        """The next piece's time on its way, s."""
+        return self._latency + self._jitter * self._random.random()
+
+
+class Pipe:
+    """One direction of one connection."""
+
+    def __init__(self) -> None:
+        self.delay: Delay | None = None
+        self._pieces: deque[tuple[float, bytes]] = deque()
+
+    def holds_back(self, data: bytes) -> bool:
+        """Takes bytes that are not to arrive yet; False where nothing delays them."""
+        if self.delay is None and not self._pieces:
+            return False
+        due = time.monotonic() + (0.0 if self.delay is None else self.delay.draw())
+        # TCP keeps the order: nothing overtakes what was sent before.
+        self._pieces.append((max(due, self._pieces[-1][0]) if self._pieces else due, data))
+        return True
+
+    def arrived(self, now: float) -> list[bytes]:
+        """What has been on its way for long enough."""
+        pieces: list[bytes] = []
+        while self._pieces and self._pieces[0][0] <= now:
+            pieces.append(self._pieces.popleft()[1])
+        return pieces
+
+    def put_back(self, data: bytes) -> None:
+        """Keeps the rest of what has arrived, where the other end does not take it yet."""
+        if data:
+            self._pieces.appendleft((0.0, data))

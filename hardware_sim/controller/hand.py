@@ -1,0 +1,29 @@
+"""A person who moves the arm by hand, with its brakes open or in freedrive: no program knows of it."""
+
+from collections.abc import Sequence
+
+from hardware_sim.controller.motion import Joints, State
+
+
+class HandMove:
+    """All joints go evenly to where the person puts them, whatever slider and program say."""
+
+    velocity = None
+
+    def __init__(self, joints: Sequence[float], target: Sequence[float], seconds: float) -> None:
+        self._start: Joints = list(joints)
+        self._target: Joints = list(target)
+        self._seconds = seconds
+        self._time = 0.0
+        self.finished = False
+
+    def step(self, dt: float, pace: float) -> State:
+        """See Motion."""
+        del pace
+        self._time += dt
+        self.finished = self._time >= self._seconds
+        if self.finished:
+            return self._target[:], [0.0] * 6
+        way = [b - a for a, b in zip(self._start, self._target, strict=True)]
+        share = self._time / self._seconds
+        return [a + share * w for a, w in zip(self._start, way, strict=True)], [w / self._seconds for w in way]

@@ -1,0 +1,39 @@
+"""Watchdogs that a program sets: a variable must arrive at least so often."""
+
+from dataclasses import dataclass
+
+
+@dataclass
+class _Watchdog:
+    period: float  # s
+    action: str
+    last: float
+
+
+class Watchdogs:
+    """Those of one program; times are time.monotonic()."""
+
+    def __init__(self) -> None:
+        self._by_variable: dict[str, _Watchdog] = {}
+
+    def set(self, variable: str, frequency: float, action: str, now: float) -> None:
+        """Arms one; frequency in Hz, action `stop`, `pause` or `ignore`."""
+        self._by_variable[variable] = _Watchdog(1.0 / frequency, action, now)
+
+    def clear(self) -> None:
+        """Disarms all."""
+        self._by_variable.clear()
+
+    def fed(self, names: frozenset[str], now: float) -> None:
+        """Takes note of the names in a packet."""
+        for variable, watchdog in self._by_variable.items():
+            if variable in names:
+                watchdog.last = now
+
+    def expired(self, now: float) -> tuple[str, str] | None:
+        """The action of one whose variable is late, and why; each period once."""
+        for variable, watchdog in self._by_variable.items():
+            if now - watchdog.last > watchdog.period:
+                watchdog.last = now
+                return watchdog.action, f"watchdog: {variable} did not arrive for {watchdog.period:.3f} s"
+        return None
