@@ -17,8 +17,16 @@ from acquisition.frames import FolderFrames
 from acquisition.normals.folders.refusal import refusal, text
 from acquisition.normals.image_set import Camera, ImageSet, NearLights, Raw
 from acquisition.types import (
-    BoolArray, Calibration, FrameRef, FrameSource, LightPlan, Observations, Recipe, Shot, Value,
-)  # fmt: skip
+    BoolArray,
+    Calibration,
+    FrameRef,
+    FrameSource,
+    LightPlan,
+    Observations,
+    Recipe,
+    Shot,
+    Value,
+)
 
 RECIPE, CELL, CALIBRATION, MANIFEST = "recipe.json", "cell.json", "calibration.json", "manifest.json"
 ValueT = TypeVar("ValueT", bound=Value)
