@@ -54,6 +54,8 @@ class Compute:
 
     def _run(self, stop: threading.Event, job: str, arguments: tuple[Any, ...], yields: bool) -> Any:
         with self._busy:
+            if yields and self._wanted:
+                raise GaveWay
             connection = self._ready()
             connection.send((job, arguments))
             while not connection.poll(_POLL_S):
