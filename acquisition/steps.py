@@ -13,14 +13,15 @@ from typing import assert_never
 
 import numpy as np
 
-from acquisition import lamp_pose, region, session
+from acquisition import lamp_pose, region, results, session
 from acquisition.capture import check, exposure, take
 from acquisition.capture.take import Exposed
 from acquisition.compute import Compute
 from acquisition.devices import Rig, StopToken
 from acquisition.errors import ErrorCode, RigError
+from acquisition.results import Wish
 from acquisition.session import ChooseLights, GoHome, PlanRoute, Record, SolveNormals, Step, TakeDark, TakeShot
-from acquisition.store import FolderFrames, Store
+from acquisition.store import Store
 from acquisition.store.folder import write_bytes, write_frame, write_manifest, write_value
 from acquisition.types import (
     BoolArray,
@@ -28,7 +29,6 @@ from acquisition.types import (
     FrameQuality,
     JointPath,
     LightPlan,
-    Observations,
     Recipe,
     ResultSummary,
     Route,
@@ -104,7 +104,7 @@ class Steps:
             self._calibration,
             self.reach_cache,
             previous,
-            None if previous is None else self._observations(record, folder),
+            None if previous is None else results.observations(record, folder),
             self._drawn(record.session_id),
         )
         name = f"passes/{number}/plan.json"
@@ -251,7 +251,8 @@ class Steps:
         name = f"results/{step.number}"
         if (folder / name).exists():
             shutil.rmtree(folder / name)  # left by a crash before its entry: nobody was told of it
-        observations = self._observations(record, folder)
+        observations = results.observations(record, folder)
+        settings = SolveSettings()
         begun = time.monotonic()
         summary: ResultSummary = self._compute.run(
             stop,
@@ -259,32 +260,14 @@ class Steps:
             observations,
             self._rig.cell,
             self._calibration,
-            SolveSettings(),
+            settings,
             record.passes[step.number].plan,
             self._drawn(record.session_id),
             folder / name,
         )
-        facts = {
-            "session_id": record.session_id,
-            "number": step.number,
-            "origin": "session",
-            "software": {"lightpose": version("lightpose")},
-            "cell_fingerprint": self._rig.cell.fingerprint,
-            "convention": "view frame: x right, y up, z to the camera; colours (n + 1) / 2, OpenGL green (+Y)",
-            "seconds": round(time.monotonic() - begun, 3),
-            "summary": summary.model_dump(mode="json"),
-        }
-        digest = write_manifest(folder / name, facts)
-        body = {**summary.model_dump(mode="json"), "origin": "session", "seconds": facts["seconds"]}
-        self._store.journal.add_artifact(
-            record.session_id, "result", step.number, f"{name}/manifest.json", digest, body, "normals.ready"
-        )
-
-    def _observations(self, record: Record, folder: Path) -> Observations:
-        """All images so far; the lamp-off frame of each exposure time is the newest one."""
-        shots = [work.shots[number] for work in record.passes for number in sorted(work.shots)]
-        darks = {time_s: shot for work in record.passes for time_s, shot in work.darks.items()}
-        return Observations(shots, darks, FolderFrames(folder))
+        seconds = time.monotonic() - begun
+        wish = Wish(record.session_id, step.number, settings, step.number)
+        results.enter(self._store, wish, "session", summary, seconds, self._rig.cell)
 
 
 def _renumbered(error: RigError, light_numbers: tuple[int, ...]) -> RigError:

@@ -229,7 +229,8 @@ class Journal:
             row = self.session(session_id)
             plans = {item.number: item.path for item in self.artifacts(session_id, "plan")}
             routes = {item.number: item.path for item in self.artifacts(session_id, "route")}
-            solved = {item.number for item in self.artifacts(session_id, "result")}
+            results = self.artifacts(session_id, "result")
+            solved = {item.number for item in results if item.body.get("origin", "session") == "session"}
             shots = self.shots(session_id)
         passes = tuple(
             PassRecord(
