@@ -2,7 +2,8 @@
 
 One light near the view axis and the others on a ring at 50°: the top light sees into everything the camera sees and so
 makes shadows, albedo and depth safe, the ring gives the normals their directions. A ring alone leaves up to half of the
-pixels with fewer than three lights. The ring turns as a whole to where the arm serves it best.
+pixels with fewer than three lights. The ring turns as a whole to where the arm serves it best. Of three lights none can
+stand on top, or all would lie in one plane: they form a ring at 30°, which loses the fewest pixels to shadows.
 
 Before: nothing. After: `waypoints`, `capture`, `normals`.
 """
@@ -14,27 +15,27 @@ from acquisition.errors import ErrorCode, RigError
 from acquisition.types import Light, Reach, Recipe
 
 RING_SLANT_DEG = 50.0
+SLANT_OF_THREE_DEG = 30.0
 TURNS = 24
 WORST_MISS_DEG = 60.0
 """A ring light further than this from its ideal place no longer stands on its side of the object."""
 
 
 def pattern(recipe: Recipe, reach: Reach) -> list[Light]:
-    """The pilot's lights: one at the smallest reachable slant, `pilot_lights` − 1 at about 50°, all distinct.
+    """The pilot's lights: one at the smallest reachable slant, the others at about 50°; three at about 30°; all distinct.
 
     Raises RigError plan.infeasible when there are too few reachable positions or all lie on one side of the object.
     """
     candidates = reach.candidates
     units = dome.directions(candidates, reach.center, recipe.pilot_lights)
-    top = int(np.argmax(units[:, 2]))
-    free = np.arange(len(units)) != top
-    step = 2 * np.pi / (recipe.pilot_lights - 1)
+    top = [int(np.argmax(units[:, 2]))] if recipe.pilot_lights > 3 else []
+    slant_deg = RING_SLANT_DEG if top else SLANT_OF_THREE_DEG
+    free = np.ones(len(units), dtype=np.bool_)
+    free[top] = False
+    around = recipe.pilot_lights - len(top)
+    step = 2 * np.pi / around
     rings = [
-        dome.nearest_distinct(
-            geometry.direction(np.radians(RING_SLANT_DEG), turn + np.arange(recipe.pilot_lights - 1) * step),
-            units,
-            free,
-        )
+        dome.nearest_distinct(geometry.direction(np.radians(slant_deg), turn + np.arange(around) * step), units, free)
         for turn in np.arange(TURNS) * step / TURNS
     ]
     chosen, miss = min(rings, key=lambda ring: float(np.sum(ring[1] ** 2)))
@@ -42,8 +43,8 @@ def pattern(recipe: Recipe, reach: Reach) -> list[Light]:
     if worst_deg > WORST_MISS_DEG:
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
-            f"the pilot's ring at {RING_SLANT_DEG:.0f}° cannot be formed: one light would stand {worst_deg:.0f}° from "
+            f"the pilot's ring at {slant_deg:.0f}° cannot be formed: one light would stand {worst_deg:.0f}° from "
             "its place; free more of the dome, GET /v1/rig/reach says what refuses positions",
             worst_miss_deg=worst_deg,
         )
-    return [dome.light(candidates[index], reach.center) for index in (top, *chosen)]
+    return [dome.light(candidates[index], reach.center) for index in (*top, *chosen)]

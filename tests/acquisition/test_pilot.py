@@ -19,7 +19,14 @@ def gaps(azimuth_deg: FloatArray) -> FloatArray:
     return np.diff(np.append(around, around[0] + 360))
 
 
-@pytest.mark.parametrize("count", [3, 4, 5, 8, 16])
+def test_three_lights_do_not_lie_in_one_plane() -> None:
+    reach = Dome(refused=0)
+    slant, azimuth = slants_azimuths(pilot.pattern(Recipe(pilot_lights=3), reach), reach)
+    assert np.all(np.abs(slant - 30) < 6)
+    assert np.all(np.abs(gaps(azimuth) - 120) < 14)
+
+
+@pytest.mark.parametrize("count", [4, 5, 8, 16])
 def test_one_on_top_and_an_even_ring_at_fifty_degrees(count: int) -> None:
     reach = Dome(refused=0)
     lights = pilot.pattern(Recipe(pilot_lights=count), reach)
