@@ -1,0 +1,179 @@
+"""Errors against the number of images, for every method, matt and glossy: the same solver and as many images for all.
+
+A piece of the work is one draw of one object: its pictures are shared by all methods, numbers and finishes, and pieces
+run in two processes. Rivals that matter (ours and two rings) are drawn more often where they are compared.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+
+import numpy as np
+from scipy import stats
+
+from acquisition.types import FloatArray
+from api.study import scenes
+from api.study.scenes import METHODS, OBJECTS, Geometry, Run, Scene
+
+RIVALS = ("optimal", "two-rings")
+RAYLEIGH_MEAN = 0.886
+"""Mean angular error in σ."""
+
+
+@dataclass(frozen=True)
+class Draws:
+    """How often each number of images is drawn, for the rivals and for the other methods."""
+
+    rivals: dict[int, int]
+    others: dict[int, int]
+
+    def of(self, method: str) -> dict[int, int]:
+        """Draws by number of images."""
+        return self.rivals if method in RIVALS else self.others
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One draw of one object."""
+
+    shape: str
+    draw: int
+    seed: int
+    pixels: int
+    matt: Draws
+    glossy: Draws
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One session: what was found, and what the planner had predicted; degrees."""
+
+    shape: str
+    draw: int
+    glossy: bool
+    method: str
+    lights: int
+    mean_deg: float
+    median_deg: float
+    over_10: float
+    sigma_deg: float
+    predicted_sigma_deg: float | None
+    fallback: str | None
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Mean error over objects by number of images, with half widths of 95 % confidence intervals."""
+
+    method: str
+    error_deg: dict[int, float]
+    half_width_deg: dict[int, float]
+    over_10: dict[int, float]
+    draws: dict[int, int]
+    by_object: dict[int, dict[str, float]] = field(default_factory=dict[int, dict[str, float]])
+
+
+def pieces(seed: int, pixels: int, matt: Draws, glossy: Draws) -> list[Piece]:
+    """All pieces, those with most to do first."""
+    most = max([*matt.rivals.values(), *matt.others.values(), *glossy.rivals.values(), *glossy.others.values()])
+    return [Piece(shape, draw, 1000 * seed + draw, pixels, matt, glossy) for draw in range(most) for shape in OBJECTS]
+
+
+def work(piece: Piece) -> list[Sample]:
+    """All sessions of one piece."""
+    matt = Scene(Geometry(piece.shape, piece.seed, piece.pixels))
+    glossy = Scene(matt.geometry, glossy=True)
+    return [
+        _sample(piece, scene, method, lights)
+        for scene, draws in ((matt, piece.matt), (glossy, piece.glossy))
+        for method in METHODS
+        for lights, times in sorted(draws.of(method).items())
+        if piece.draw < times
+    ]
+
+
+def _sample(piece: Piece, scene: Scene, method: str, lights: int) -> Sample:
+    run: Run = scene.run(scenes.recipe(method, lights, piece.seed))
+    error = run.found.error_deg
+    sigma = run.found.normal_map.sigma_deg[scene.graded]
+    return Sample(
+        shape=piece.shape,
+        draw=piece.draw,
+        glossy=scene.is_glossy,
+        method=method,
+        lights=lights,
+        mean_deg=float(np.mean(error)),
+        median_deg=float(np.median(error)),
+        over_10=float(np.mean(error > 10)),
+        sigma_deg=float(np.nanmean(sigma)),
+        predicted_sigma_deg=run.plan.predicted_sigma_deg,
+        fallback=run.plan.fallback,
+    )
+
+
+def curves(samples: Sequence[Sample], *, glossy: bool) -> list[Curve]:
+    """One curve for each method, in the order of `METHODS`."""
+    return [
+        _curve(method, [sample for sample in samples if sample.method == method and sample.glossy is glossy])
+        for method in METHODS
+    ]
+
+
+def _curve(method: str, samples: Sequence[Sample]) -> Curve:
+    curve = Curve(method, {}, {}, {}, {})
+    for lights, group in groupby(sorted(samples, key=lambda item: item.lights), key=lambda item: item.lights):
+        found = list(group)
+        errors = [np.array([item.mean_deg for item in found if item.shape == shape]) for shape in OBJECTS]
+        errors = [values for values in errors if len(values)]
+        curve.error_deg[lights] = float(np.mean([np.mean(values) for values in errors]))
+        curve.half_width_deg[lights] = half_width(errors)
+        curve.over_10[lights] = float(np.mean([item.over_10 for item in found]))
+        curve.draws[lights] = max(len(values) for values in errors)
+        curve.by_object[lights] = {
+            shape: float(np.mean([item.mean_deg for item in found if item.shape == shape]))
+            for shape in OBJECTS
+            if any(item.shape == shape for item in found)
+        }
+    return curve
+
+
+def half_width(groups: Sequence[FloatArray]) -> float:
+    """Half the 95 % confidence interval of the mean of the groups' means, from the scatter within groups.
+
+    Objects are the ones that are there; only the draws are chance. Zero where nothing was drawn twice.
+    """
+    freedom = sum(len(values) - 1 for values in groups)
+    if freedom == 0:
+        return 0.0
+    variance = sum(float(np.var(values, ddof=1)) / len(values) for values in groups if len(values) > 1)
+    return float(stats.t.ppf(0.975, freedom) * np.sqrt(variance) / len(groups))
+
+
+def ratio(samples: Sequence[Sample], method: str, rival: str, lights: int, *, glossy: bool) -> tuple[float, float]:
+    """Mean error of a method over its rival's on the same draws, and half the 95 % confidence interval."""
+    ours, theirs = (
+        {
+            (item.shape, item.draw): item.mean_deg
+            for item in samples
+            if (item.method, item.lights, item.glossy) == (name, lights, glossy)
+        }
+        for name in (method, rival)
+    )
+    both = sorted(set(ours) & set(theirs))
+    if not both:
+        return float("nan"), float("nan")
+    quotient = float(np.mean([ours[key] for key in both]) / np.mean([theirs[key] for key in both]))
+    scale = float(np.mean([theirs[key] for key in both]))
+    rest = [
+        np.array([(ours[key] - quotient * theirs[key]) / scale for key in both if key[0] == shape]) for shape in OBJECTS
+    ]
+    return quotient, half_width([values for values in rest if len(values)])
+
+
+def predicted_over_found(samples: Sequence[Sample]) -> dict[str, list[float]]:
+    """For each matt object the planned runs' predicted mean error over the found one."""
+    told: dict[str, list[float]] = {}
+    for item in samples:
+        if item.method == "optimal" and not item.glossy and item.predicted_sigma_deg is not None:
+            told.setdefault(item.shape, []).append(RAYLEIGH_MEAN * item.predicted_sigma_deg / item.mean_deg)
+    return told
