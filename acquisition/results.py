@@ -14,7 +14,6 @@ import time
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 from acquisition import config, session
 from acquisition.compute import Compute, GaveWay
@@ -39,7 +38,7 @@ LOOK_EVERY_S = 0.5
 
 @dataclass(frozen=True)
 class Wish:
-    """One solve that a person asked for: its number among the session's results, and the passes whose images it uses."""
+    """One solve: its number among the session's results, and the last pass whose images it uses."""
 
     session_id: str
     number: int

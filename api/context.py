@@ -3,6 +3,7 @@
 from typing import Annotated
 
 from fastapi import Depends, Request
+from fastapi import Path as InPath
 
 from api.keys import Caller
 from api.wiring import Service
@@ -24,3 +25,6 @@ async def _actor(request: Request) -> str:
 ServiceOf = Annotated[Service, Depends(_service)]
 Actor = Annotated[str, Depends(_actor)]
 CallerOf = Annotated[Caller, Depends(_caller)]
+
+SessionId = Annotated[str, InPath(max_length=80)]
+Number = Annotated[int, InPath(ge=0, le=10_000)]

@@ -8,31 +8,26 @@ on, and a stop has threads that nothing else may take.
 import json
 import shutil
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 import anyio.to_thread
 from fastapi import APIRouter, Body, Header, Query, Request, Response
-from fastapi import Path as InPath
-from fastapi.responses import FileResponse
 
 from acquisition import session
 from acquisition.errors import ErrorCode, RigError
 from acquisition.session import Trigger
-from acquisition.store import Action, Artifact, SessionRow
-from acquisition.types import LightPlan, Recipe, ResultSummary, Route, Shot
-from api import preview, problems
-from api.context import Actor, ServiceOf
+from acquisition.store import Action, SessionRow
+from acquisition.types import LightPlan, Recipe, Route, Shot
+from api import preview, problems, results, stored
+from api.context import Actor, Number, ServiceOf, SessionId
 from api.schemas import (
     ActionAccepted,
     ActionRequest,
     ActionResource,
-    ArtefactResource,
     Page,
     PassResource,
     PassSummary,
     Problem,
-    ResultResource,
     SessionResource,
     ShotResource,
     moment,
@@ -41,12 +36,9 @@ from api.wiring import Service
 
 router = APIRouter(tags=["sessions"])
 
-SessionId = Annotated[str, InPath(max_length=80)]
-Number = Annotated[int, InPath(ge=0, le=10_000)]
 Limit = Annotated[int, Query(ge=1, le=200)]
 ItemT = TypeVar("ItemT")
 
-MEDIA_TYPES = {".png": "image/png", ".tiff": "image/tiff", ".json": "application/json"}
 _NOT_FOUND = problems.declared(ErrorCode.SESSION_NOT_FOUND, ErrorCode.REQUEST_NOT_FOUND)
 
 
@@ -187,15 +179,15 @@ def passes(service: ServiceOf, session_id: SessionId) -> Page[PassSummary]:
 def one_pass(service: ServiceOf, session_id: SessionId, number: Number) -> PassResource:
     """One pass: its lights, the way through them, its images."""
     folder = service.store.folder(session_id)
-    plan = _newest(service, session_id, "plan", number)
+    plan = stored.newest(service, session_id, "plan", number)
     if plan is None:
         raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Session {session_id} has no pass {number} (yet)")
-    route = _newest(service, session_id, "route", number)
+    route = stored.newest(service, session_id, "route", number)
     here = f"/v1/sessions/{session_id}/passes/{number}"
     return PassResource(
         number=number,
-        plan=LightPlan.model_validate_json(_stored(folder / plan.path)),
-        route=None if route is None else Route.model_validate_json(_stored(folder / route.path)),
+        plan=LightPlan.model_validate_json(stored.content(folder / plan.path)),
+        route=None if route is None else Route.model_validate_json(stored.content(folder / route.path)),
         shots=[
             ShotResource(shot=shot, links={"image": f"{here}/shots/{shot.key.number}/image"})
             for shot in service.store.journal.shots(session_id)
@@ -221,54 +213,11 @@ async def image(
     shot = await anyio.to_thread.run_sync(_shot, service, session_id, number, shot_number)
     path = service.store.data / "sessions" / session_id / shot.frame.path
     if format == "tiff":
-        return _file(path, f"{session_id}-pass{number}-shot{shot_number}.tiff", shot.frame.sha256)
+        return stored.answer(path, f"{session_id}-pass{number}-shot{shot_number}.tiff", shot.frame.sha256)
     picture = await anyio.to_thread.run_sync(
         preview.png, path, service.calibration.sensor, limiter=service.limits.pictures
     )
-    return Response(picture, media_type="image/png", headers=_kept(f"{shot.frame.sha256}-8"))
-
-
-# ------------------------------------------------------------------------------------------------------------- results
-
-
-@router.get("/v1/sessions/{session_id}/results", responses=_NOT_FOUND)
-def results(service: ServiceOf, session_id: SessionId) -> Page[ResultResource]:
-    """The results so far, oldest first; the last one is the session's answer."""
-    folder = service.store.folder(session_id)
-    found = service.store.journal.artifacts(session_id, "result")
-    return Page[ResultResource](items=[_result(session_id, folder, item) for item in found])
-
-
-@router.get(
-    "/v1/sessions/{session_id}/results/{number}",
-    responses={**_NOT_FOUND, **problems.declared(ErrorCode.RESULT_NOT_READY)},
-)
-def result(service: ServiceOf, session_id: SessionId, number: Number) -> ResultResource:
-    """One result: its figures and its files."""
-    return _result(session_id, service.store.folder(session_id), _ready(service, session_id, number))
-
-
-@router.get(
-    "/v1/sessions/{session_id}/results/{number}/{artefact}",
-    response_class=FileResponse,
-    responses={
-        200: {"content": {media_type: {} for media_type in MEDIA_TYPES.values()}},
-        **_NOT_FOUND,
-        **problems.declared(ErrorCode.RESULT_NOT_READY, ErrorCode.STORE_CORRUPT),
-    },
-)
-def artefact(
-    service: ServiceOf, session_id: SessionId, number: Number, artefact: Annotated[str, InPath(max_length=100)]
-) -> FileResponse:
-    """One file of a result, by its name in the manifest."""
-    entry = _ready(service, session_id, number)
-    manifest = service.store.folder(session_id) / entry.path
-    known = {name: str(facts["sha256"]) for name, facts in _files(manifest).items()} | {manifest.name: entry.sha256}
-    if artefact not in known:  # so no name reaches the disk that the manifest does not list
-        raise RigError(
-            ErrorCode.REQUEST_NOT_FOUND, f"Result {number} has no file of this name", artefacts=sorted(known)
-        )
-    return _file(manifest.parent / artefact, f"{session_id}-{number}-{artefact}", known[artefact])
+    return Response(picture, media_type="image/png", headers=stored.kept(f"{shot.frame.sha256}-8"))
 
 
 # ----------------------------------------------------------------------------------------------------------- resources
@@ -276,7 +225,8 @@ def artefact(
 
 def _resource(service: Service, row: SessionRow) -> SessionResource:
     progress = service.runner.progress(row.id)
-    answers = service.store.journal.artifacts(row.id, "result")
+    found = service.store.journal.artifacts(row.id, "result")
+    answers = [item for item in found if item.body["origin"] == "session"]
     plans = service.store.journal.artifacts(row.id, "plan")
     here = f"/v1/sessions/{row.id}"
     return SessionResource(
@@ -295,7 +245,7 @@ def _resource(service: Service, row: SessionRow) -> SessionResource:
         created=moment(row.created_at),
         started=None if row.started_at is None else moment(row.started_at),
         ended=None if row.ended_at is None else moment(row.ended_at),
-        answer=_result(row.id, service.store.folder(row.id), answers[-1]) if answers else None,
+        answer=results.resource(service, row.id, answers[-1]) if answers else None,
         links={
             "self": here,
             "actions": f"{here}/actions",
@@ -306,52 +256,13 @@ def _resource(service: Service, row: SessionRow) -> SessionResource:
     )
 
 
-def _reason(stored: dict[str, Any], instance: str) -> Problem:
-    context = {key: value for key, value in stored.items() if key not in ("code", "detail")}
-    return Problem.of(ErrorCode(stored["code"]), stored["detail"], context, instance)
+def _reason(kept: dict[str, Any], instance: str) -> Problem:
+    context = {key: value for key, value in kept.items() if key not in ("code", "detail")}
+    return Problem.of(ErrorCode(kept["code"]), kept["detail"], context, instance)
 
 
 def _action(item: Action) -> ActionResource:
     return ActionResource(action=item.action, actor=item.actor, outcome=item.outcome, at=moment(item.at))
-
-
-def _result(session_id: str, folder: Path, entry: Artifact) -> ResultResource:
-    here = f"/v1/sessions/{session_id}/results/{entry.number}"
-    figures = {name: entry.body[name] for name in ResultSummary.model_fields if name in entry.body}
-    return ResultResource(
-        number=entry.number,
-        passes=list(range(entry.number + 1)),
-        origin=entry.body["origin"],
-        created=moment(entry.created_at),
-        seconds=entry.body["seconds"],
-        summary=ResultSummary.model_validate(figures),
-        artefacts=[
-            ArtefactResource(name=name, bytes=facts["bytes"], sha256=facts["sha256"], href=f"{here}/{name}")
-            for name, facts in _files(folder / entry.path).items()
-        ],
-        links={"self": here, "manifest": f"{here}/manifest.json", "session": f"/v1/sessions/{session_id}"},
-    )
-
-
-def _ready(service: Service, session_id: str, number: int) -> Artifact:
-    """The entry of a result. Raises RigError result.not_ready while it may still come, else request.not_found."""
-    row = service.store.journal.session(session_id)
-    entry = _newest(service, session_id, "result", number)
-    if entry is not None:
-        return entry
-    if row.state not in session.ENDED and number < session.passes_wanted(row.recipe):
-        raise RigError(
-            ErrorCode.RESULT_NOT_READY,
-            f"Session {session_id} is {row.state} and has no result {number} yet",
-            state=row.state,
-            allowed=[str(action) for action in session.allowed(row.state)],
-        )
-    raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Session {session_id} is {row.state} and has no result {number}")
-
-
-def _newest(service: Service, session_id: str, kind: str, number: int) -> Artifact | None:
-    found = [item for item in service.store.journal.artifacts(session_id, kind) if item.number == number]
-    return found[-1] if found else None
 
 
 def _shot(service: Service, session_id: str, pass_number: int, number: int) -> Shot:
@@ -360,32 +271,6 @@ def _shot(service: Service, session_id: str, pass_number: int, number: int) -> S
         if (shot.key.pass_number, shot.key.number) == (pass_number, number):
             return shot
     raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Pass {pass_number} has no shot {number} (yet)")
-
-
-def _files(manifest: Path) -> dict[str, dict[str, Any]]:
-    return json.loads(_stored(manifest))["files"]
-
-
-def _stored(path: Path) -> bytes:
-    """A file that the journal names. Raises RigError store.corrupt when it is gone."""
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise RigError(ErrorCode.STORE_CORRUPT, f"{path.name}: {error.strerror}", file=path.name) from error
-
-
-def _file(path: Path, name: str, digest: str) -> FileResponse:
-    if not path.is_file():
-        raise RigError(ErrorCode.STORE_CORRUPT, f"{path.name} is gone", file=path.name)
-    media_type = MEDIA_TYPES.get(path.suffix, "application/octet-stream")
-    return FileResponse(
-        path, media_type=media_type, filename=name, content_disposition_type="inline", headers=_kept(digest)
-    )
-
-
-def _kept(digest: str) -> dict[str, str]:
-    # What was announced never changes; browsers may keep it.
-    return {"ETag": f'"{digest}"', "Cache-Control": "private, max-age=31536000, immutable"}
 
 
 def _page(request: Request, items: Sequence[ItemT], limit: int, after: int) -> Page[ItemT]:
