@@ -15,7 +15,7 @@ from fastapi.middleware.cors import CORSMiddleware
 from fastapi.openapi.utils import get_openapi
 from fastapi.responses import HTMLResponse
 
-from api import archive, events, metrics, planning, problems, rig, sessions, tickets
+from api import archive, events, metrics, planning, problems, results, rig, sessions, tickets
 from api.authentication import Authentication
 from api.events import EventFeed
 from api.gate import Gate
@@ -80,7 +80,7 @@ def _routed(life: Any) -> FastAPI:
         generate_unique_id_function=lambda route: route.name,
     )
     problems.install(app)
-    for part in (rig, sessions, planning, archive, events, tickets, metrics, problems):
+    for part in (rig, sessions, results, planning, archive, events, tickets, metrics, problems):
         app.include_router(part.router)
     app.add_api_route("/docs", _docs, include_in_schema=False, response_class=HTMLResponse)
     app.openapi = lambda: _openapi(app)

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from acquisition.errors import PROBLEMS, ErrorCode
 from acquisition.session import Stage, State
-from acquisition.types import LightPlan, Matrix4, Recipe, ResultSummary, Route, Shot
+from acquisition.types import LightPlan, Matrix4, Recipe, ResultSummary, Route, Shot, SolveSettings
 
 ItemT = TypeVar("ItemT")
 Links = dict[str, str]
@@ -219,11 +219,33 @@ class ResultResource(Resource):
 
     number: int
     passes: list[int] = Field(description="The passes whose images were solved")
-    origin: Literal["session"] = "session"
+    origin: Literal["session", "resolve"] = "session"
+    settings: SolveSettings | None = Field(default=None, description="How it was solved; null in results of old releases")
     created: datetime
     seconds: float = Field(description="Time that the solve took")
     summary: ResultSummary
     artefacts: list[ArtefactResource]
+    exports: dict[str, str] = Field(
+        default_factory=dict[str, str], description="Addresses of files that are made when they are first fetched"
+    )
+    links: Links
+
+
+class ResolveRequest(BaseModel):
+    """How a session is to be solved again."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    settings: SolveSettings = SolveSettings()
+    last_pass: int | None = Field(
+        default=None, ge=0, le=10_000, description="Use the images of the passes up to this one; null: all images"
+    )
+
+
+class ResolveAccepted(Resource):
+    """A solve was accepted; its result will have this number."""
+
+    number: int
     links: Links
 
 

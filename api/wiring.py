@@ -18,6 +18,7 @@ from acquisition.devices.camera_sim import SimCamera
 from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
 from acquisition.errors import ErrorCode
+from acquisition.results import Resolving
 from acquisition.runner import Runner
 from acquisition.safety import Latch, SafetyMonitor
 from acquisition.store import Store
@@ -34,6 +35,7 @@ class Limits:
     stop: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(8))
     reach: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
     pictures: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
+    exports: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
 
 
 @dataclass(frozen=True)
@@ -45,14 +47,18 @@ class Service:
     rig: Rig
     store: Store
     runner: Runner
+    resolving: Resolving
     limits: Limits = field(default_factory=Limits)
 
     def open(self) -> None:
-        """Starts the runner; nothing moves."""
+        """Starts the runner and whatever solves again; nothing moves."""
         self.runner.open()
+        self.resolving.open()
 
     def close(self) -> None:
         """Halts, ends the runner and closes the journal."""
+        self.runner.shut()
+        self.resolving.close()
         self.runner.close()
         self.store.close()
 
@@ -70,7 +76,9 @@ def build(settings: Settings) -> Service:
             store.journal.latch(latch.code, latch.detail)
 
     monitor = SafetyMonitor(rig.arm, safety_changed, _latched(store))
-    return Service(cell, calibration, rig, store, Runner(store, rig, calibration, Compute(), monitor))
+    compute = Compute()
+    runner = Runner(store, rig, calibration, compute, monitor)
+    return Service(cell, calibration, rig, store, runner, Resolving(store, compute))
 
 
 def build_rig(cell: CellConfig) -> Rig:
