@@ -220,7 +220,9 @@ class ResultResource(Resource):
     number: int
     passes: list[int] = Field(description="The passes whose images were solved")
     origin: Literal["session", "resolve"] = "session"
-    settings: SolveSettings | None = Field(default=None, description="How it was solved; null in results of old releases")
+    settings: SolveSettings | None = Field(
+        default=None, description="How it was solved; null in results of old releases"
+    )
     created: datetime
     seconds: float = Field(description="Time that the solve took")
     summary: ResultSummary
