@@ -67,11 +67,14 @@ class Noise:
 
 def rays(calibration: Calibration, rows: slice, columns: slice) -> Float32Array:
     """Rays (2, h, w) of a window of pixels: X/Z and Y/Z in the OpenCV camera frame, lens distortion removed."""
+    return camera_rays(np.array(calibration.camera_matrix), np.array(calibration.distortion), rows, columns)
+
+
+def camera_rays(matrix: FloatArray, distortion: FloatArray, rows: slice, columns: slice) -> Float32Array:
+    """`rays` of a camera with matrix K (3, 3) and OpenCV's distortion (5,)."""
     v, u = np.mgrid[rows, columns].astype(np.float64)
     pixels = np.stack([u.ravel(), v.ravel()], axis=-1)[:, None, :]
-    undistorted = cv2.undistortPoints(
-        pixels, np.array(calibration.camera_matrix), np.array(calibration.distortion), None, None, None
-    )
+    undistorted = cv2.undistortPoints(pixels, matrix, distortion, None, None, None)
     return np.ascontiguousarray(undistorted.reshape(*u.shape, 2).transpose(2, 0, 1), dtype=np.float32)
 
 

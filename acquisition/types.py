@@ -412,6 +412,7 @@ class NormalMap:
     information: Information
     indirect: Float32Array | None = None  # (H, W) share of all light that other surfaces threw; none: not predicted
     doubtful: BoolArray | None = None  # (H, W)
+    albedo_rgb: Float32Array | None = None  # (H, W, 3) of each channel; none: grey images
     noise: dict[str, float] = field(default_factory=dict[str, float])  # names of parameters → values used
     notes: dict[str, Any] = field(default_factory=dict[str, Any])
 
