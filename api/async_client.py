@@ -19,7 +19,7 @@ from httpx_sse import aconnect_sse
 
 from acquisition.errors import ErrorCode
 from acquisition.session import State
-from acquisition.types import Recipe
+from acquisition.types import Recipe, SolveSettings
 from api.answers import ModelT, ProblemError, completed, parsed, raise_problem
 from api.client import TIMEOUT_S, headers_with
 from api.following import PATIENCE_S, Bar, Place, goes_on_by_itself, past, rests
@@ -31,6 +31,8 @@ from api.schemas import (
     PassSummary,
     Problem,
     RegionResource,
+    ResolveAccepted,
+    ResolveRequest,
     ResultResource,
     RigResource,
     SafetyResource,
@@ -160,6 +162,15 @@ class AsyncClient:
     async def result(self, session_id: str, number: int) -> ResultResource:
         """One result."""
         return await self._get(f"/v1/sessions/{session_id}/results/{number}", ResultResource)
+
+    async def resolve(self, session_id: str, settings: SolveSettings | None = None, last_pass: int | None = None) -> int:
+        """Asks for an ended session to be solved again, from the passes up to `last_pass` (None: all of its images).
+
+        Returns the number that the result will have; the event `normals.ready` or `resolve.failed` tells the outcome.
+        """
+        request = ResolveRequest(settings=settings or SolveSettings(), last_pass=last_pass)
+        answer = await self._send("POST", f"/v1/sessions/{session_id}/results", json=request.model_dump(mode="json"))
+        return parsed(answer, ResolveAccepted).number
 
     async def download(self, session_id: str, number: int, name: str, path: Path) -> Path:
         """Fetches one file of a result, checked against the manifest; `path` appears whole or not at all.

@@ -21,7 +21,7 @@ from httpx_sse import connect_sse
 
 from acquisition.errors import ErrorCode
 from acquisition.session import State
-from acquisition.types import Recipe
+from acquisition.types import Recipe, SolveSettings
 from api.answers import ModelT, ProblemError, completed, parsed, raise_problem
 from api.following import PATIENCE_S, Bar, Place, goes_on_by_itself, past, rests
 from api.schemas import (
@@ -32,6 +32,8 @@ from api.schemas import (
     PassSummary,
     Problem,
     RegionResource,
+    ResolveAccepted,
+    ResolveRequest,
     ResultResource,
     RigResource,
     SafetyResource,
@@ -169,6 +171,15 @@ class Client:
     def result(self, session_id: str, number: int) -> ResultResource:
         """One result."""
         return self._get(f"/v1/sessions/{session_id}/results/{number}", ResultResource)
+
+    def resolve(self, session_id: str, settings: SolveSettings | None = None, last_pass: int | None = None) -> int:
+        """Asks for an ended session to be solved again, from the passes up to `last_pass` (None: all of its images).
+
+        Returns the number that the result will have; the event `normals.ready` or `resolve.failed` tells the outcome.
+        """
+        request = ResolveRequest(settings=settings or SolveSettings(), last_pass=last_pass)
+        body = request.model_dump(mode="json")
+        return parsed(self._send("POST", f"/v1/sessions/{session_id}/results", json=body), ResolveAccepted).number
 
     def download(self, session_id: str, number: int, name: str, path: Path) -> Path:
         """Fetches one file of a result, checked against the manifest; `path` appears whole or not at all.
