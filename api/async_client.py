@@ -163,7 +163,9 @@ class AsyncClient:
         """One result."""
         return await self._get(f"/v1/sessions/{session_id}/results/{number}", ResultResource)
 
-    async def resolve(self, session_id: str, settings: SolveSettings | None = None, last_pass: int | None = None) -> int:
+    async def resolve(
+        self, session_id: str, settings: SolveSettings | None = None, last_pass: int | None = None
+    ) -> int:
         """Asks for an ended session to be solved again, from the passes up to `last_pass` (None: all of its images).
 
         Returns the number that the result will have; the event `normals.ready` or `resolve.failed` tells the outcome.
