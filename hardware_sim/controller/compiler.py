@@ -3,7 +3,10 @@
 Walking a tree at 500 Hz would cost more than the rest of the controller; compiled once, one turn of the control
 script's main loop takes a few microseconds. A function that can neither wait nor loop becomes a plain function, every
 other a generator whose `yield` gives up the time slot. URScript's names get a prefix, so that no program can reach
-Python's own.
+Python's own, and its operators become calls of `meaning` wherever Python's would mean something else.
+
+A loop, and a function that calls itself, asks at each round whether the thread has done its share of this tick; what a
+round costs is counted here, from the size of its body.
 """
 
 from collections.abc import Iterator
@@ -22,10 +25,12 @@ from hardware_sim.controller.tree import (
     Index,
     ListOf,
     Literal,
+    Member,
     Name,
     Node,
     Run,
     Simple,
+    StructOf,
     Unary,
     While,
 )
@@ -52,7 +57,24 @@ class CompiledProgram:
     lines: tuple[int, ...]
 
 
-_OPERATORS = {"xor": "!=", "and": "and", "or": "or"}
+_LOGIC = {"xor": "!=", "and": "and", "or": "or"}
+_NATIVE = {"==", "!="}
+NAMES_OF_OPERATIONS = {
+    "+": "o_add",
+    "-": "o_subtract",
+    "*": "o_multiply",
+    "/": "o_divide",
+    "%": "o_remainder",
+    "<": "o_less",
+    "<=": "o_less_or_equal",
+    ">": "o_greater",
+    ">=": "o_greater_or_equal",
+}
+"""What a program's code calls the operators of `meaning.OPERATIONS`."""
+_COST_OF_BUILTIN = 10  # in nodes of the tree
+_COST_OF_KINEMATICS = 500
+_DEEPEST_COUNTED = 8  # calls inside calls
+TURN_BUDGET = 5000  # nodes that loops may do before their thread has to wait for its next slot
 
 
 @lru_cache(maxsize=8)
@@ -83,10 +105,12 @@ def _walk(nodes: list[Node]) -> Iterator[Node]:  # noqa: PLR0912 - one branch pe
         node = stack.pop()
         yield node
         match node:
-            case Assign(_, _, indices, value):
-                stack += [*indices, value]
-            case Evaluate(_, value) | Unary(_, _, value):
+            case Assign(_, target, value, _):
+                stack += [target, value]
+            case Evaluate(_, value) | Unary(_, _, value) | Member(_, value, _):
                 stack.append(value)
+            case StructOf(_, members):
+                stack += members.values()
             case If(_, branches):
                 for condition, body in branches:
                     stack += body if condition is None else [condition, *body]
@@ -117,33 +141,64 @@ class _Writer:
         self._all = list(_functions(program))
         self._names = {f.name for f in self._all}
         self._globals = {
-            node.name for f in self._all for node in _walk(f.body) if isinstance(node, Assign) and node.is_global
+            node.target.name
+            for f in self._all
+            for node in _walk(f.body)
+            if isinstance(node, Assign) and node.is_global and isinstance(node.target, Name)
         }
+        self._bodies = {f.name: list(_walk(f.body)) for f in self._all}
+        self._calls = {
+            name: {node.name for node in nodes if isinstance(node, Call)} for name, nodes in self._bodies.items()
+        }
+        self._recursive = {name for name in self._bodies if self._reaches(name, name)}
         self._waiting = self._find_waiting()
         self._source: list[str] = []
         self._lines: list[int] = [0]
 
     def _find_waiting(self) -> set[str]:
         """Names of the functions that may give up their time slot: by a loop, a wait, or a call of one that does."""
-        calls: dict[str, set[str]] = {}
-        waiting = {f.name for f in self._all if f.kind == "thread"} | {self._program.name}
-        for f in self._all:
-            names: set[str] = set()
-            for node in _walk(f.body):
-                if isinstance(node, Call):
-                    names.add(node.name)
-                elif isinstance(node, While) or (isinstance(node, Simple) and node.word in ("join", "halt")):
-                    waiting.add(f.name)
-            calls[f.name] = names
+        waiting = {f.name for f in self._all if f.kind == "thread"} | {self._program.name} | self._recursive
+        waiting |= {
+            name
+            for name, nodes in self._bodies.items()
+            if any(isinstance(n, While) or (isinstance(n, Simple) and n.word in ("join", "halt")) for n in nodes)
+        }
         while True:
             more = {
                 name
-                for name, called in calls.items()
+                for name, called in self._calls.items()
                 if name not in waiting and any(c in waiting or self._is_waiting_builtin(c) for c in called)
             }
             if not more:
                 return waiting
             waiting |= more
+
+    def _reaches(self, start: str, goal: str) -> bool:
+        """Whether calls lead from the body of one of the program's functions to another."""
+        seen: set[str] = set()
+        stack = list(self._calls[start])
+        while stack:
+            name = stack.pop()
+            if name == goal:
+                return True
+            if name in self._calls and name not in seen:
+                seen.add(name)
+                stack += self._calls[name]
+        return False
+
+    def _cost(self, nodes: list[Node], depth: int = 0) -> int:
+        """How much one run through nodes costs, in nodes; calls that may wait count by themselves."""
+        cost = 0
+        for node in nodes:
+            cost += 1
+            if isinstance(node, Call) and node.name in self._names:
+                if node.name not in self._waiting and depth < _DEEPEST_COUNTED:
+                    cost += self._cost(self._bodies[node.name], depth + 1)
+            elif isinstance(node, Call):
+                cost += _COST_OF_KINEMATICS if "_kin" in node.name else _COST_OF_BUILTIN
+            if cost > TURN_BUDGET:
+                return TURN_BUDGET
+        return cost
 
     def _is_waiting_builtin(self, name: str) -> bool:
         return name in self._vocabulary.waiting and name not in self._names
@@ -163,12 +218,14 @@ class _Writer:
 
     def _function(self, f: Function, indent: int) -> None:
         self._emit(indent, f.line, f"def f_{f.name}({', '.join('v_' + p for p in f.parameters)}):")
-        assigned = {n.name for n in _walk(f.body) if isinstance(n, Assign) and not n.indices}
+        assigned = {n.target.name for n in self._bodies[f.name] if isinstance(n, Assign) and isinstance(n.target, Name)}
         outer = sorted((assigned & self._globals) - set(f.parameters))
         if outer:
             self._emit(indent + 1, f.line, "nonlocal " + ", ".join(f"v_{name}" for name in outer))
         if f.name in self._waiting:
             self._emit(indent + 1, f.line, "if False: yield")
+        if f.name in self._recursive:
+            self._emit(indent + 1, f.line, f"if turn_is_spent({self._cost(self._bodies[f.name])}): yield")
         for parameter in f.parameters:
             self._emit(indent + 1, f.line, f"v_{parameter} = copy_of(v_{parameter})")
         for inner in f.functions:
@@ -183,12 +240,8 @@ class _Writer:
 
     def _statement(self, node: Node, indent: int) -> None:
         match node:
-            case Assign(line, name, indices, value):
-                text = self._expression(value)
-                if not isinstance(value, Literal | Binary | Unary | ListOf):
-                    text = f"copy_of({text})"
-                target = f"v_{name}" + "".join(f"[{self._expression(i)}]" for i in indices)
-                self._emit(indent, line, f"{target} = {text}")
+            case Assign(line, target, value):
+                self._emit(indent, line, self._assignment(target, self._value(value)))
             case Evaluate(line, value):
                 self._emit(indent, line, self._expression(value))
             case If(line, branches):
@@ -197,16 +250,49 @@ class _Writer:
                         self._emit(indent, line, "else:")
                     else:
                         word = "elif" if number else "if"
-                        self._emit(indent, condition.line, f"{word} {self._expression(condition)}:")
+                        self._emit(indent, condition.line, f"{word} {self._condition(condition)}:")
                     self._block(body, indent + 1)
             case While(line, condition, body):
-                self._emit(indent, line, f"while {self._expression(condition)}:")
-                self._emit(indent + 1, line, "if turn_is_spent(): yield")
+                self._emit(indent, line, f"while {self._condition(condition)}:")
+                cost = self._cost([*_walk([condition]), *_walk(body)])
+                self._emit(indent + 1, line, f"if turn_is_spent({cost}): yield")
                 self._block(body, indent + 1)
             case Simple():
                 self._simple(node, indent)
             case _:
                 raise ScriptSyntaxError(f"line {node.line}: not a statement")
+
+    def _assignment(self, target: Node, value: str) -> str:
+        match target:
+            case Name(_, name):
+                return f"v_{name} = {value}"
+            case Member(_, container, name):
+                return f"put_member({self._expression(container)}, {name!r}, {value})"
+            case Index(_, container, [*outer, last]):
+                place = self._expression(container)
+                for index in outer:
+                    place = f"item({place}, {self._expression(index)})"
+                return f"put({place}, {self._expression(last)}, {value})"
+            case _:
+                raise ScriptSyntaxError(f"line {target.line}: nothing can be assigned to this")
+
+    def _value(self, node: Node) -> str:
+        """An expression whose value somebody keeps: a copy, unless it is new anyway."""
+        text = self._expression(node)
+        return text if isinstance(node, Literal | Binary | Unary | ListOf | StructOf) else f"copy_of({text})"
+
+    def _condition(self, node: Node) -> str:
+        """An expression that must be a truth value; checked where that is not plain to see."""
+        text = self._expression(node)
+        match node:
+            case Literal(_, True | False) | Binary(
+                _, "and" | "or" | "xor" | "==" | "!=" | "<" | "<=" | ">" | ">=", _, _
+            ):
+                return text
+            case Unary(_, "not", _):
+                return text
+            case _:
+                return f"truth({text})"
 
     def _simple(self, node: Simple, indent: int) -> None:
         value = "" if node.value is None else self._expression(node.value)
@@ -220,21 +306,36 @@ class _Writer:
         }.get(node.word, node.word)
         self._emit(indent, node.line, text)
 
-    def _expression(self, node: Node) -> str:
+    def _expression(self, node: Node) -> str:  # noqa: PLR0912 - one branch per kind of node
         match node:
             case Literal(_, value):
                 return repr(value)
             case Name(_, name):
                 return f"v_{name}"
-            case ListOf(_, items, pose):
-                inner = "[" + ", ".join(self._expression(i) for i in items) + "]"
-                return f"Pose({inner})" if pose else inner
+            case ListOf(_, items, is_pose):
+                inner = "[" + ", ".join(self._value(i) for i in items) + "]"
+                return f"pose({inner})" if is_pose else inner
+            case StructOf(_, members):
+                return "Struct({" + ", ".join(f"{k!r}: {self._value(v)}" for k, v in members.items()) + "})"
             case Index(_, value, indices):
-                return self._expression(value) + "".join(f"[{self._expression(i)}]" for i in indices)
+                place = self._expression(value)
+                for index in indices:
+                    place = f"item({place}, {self._expression(index)})"
+                return place
+            case Member(_, value, name):
+                return f"member({self._expression(value)}, {name!r})"
+            case Unary(_, "not", value):
+                return f"(not {self._condition(value)})"
+            case Unary(_, "-", Literal(_, int() | float() as number)):
+                return f"(-{number!r})"
             case Unary(_, operator, value):
-                return f"({operator} {self._expression(value)})"
+                return f"{'negative' if operator == '-' else 'positive'}({self._expression(value)})"
+            case Binary(_, operator, left, right) if operator in _LOGIC:
+                return f"({self._condition(left)} {_LOGIC[operator]} {self._condition(right)})"
+            case Binary(_, operator, left, right) if operator in _NATIVE:
+                return f"({self._expression(left)} {operator} {self._expression(right)})"
             case Binary(_, operator, left, right):
-                return f"({self._expression(left)} {_OPERATORS.get(operator, operator)} {self._expression(right)})"
+                return f"{NAMES_OF_OPERATIONS[operator]}({self._expression(left)}, {self._expression(right)})"
             case Call():
                 return self._call(node)
             case Run(line, call):

@@ -157,6 +157,7 @@ class Controller:
         if program is not None:
             program.close()
         self.arm.corner = None
+        self.arm.guiding = None
         self.outputs.tick(self.now, False)
 
     def pause(self) -> bool:
@@ -268,11 +269,16 @@ class Controller:
 
     def move_by_hand(self, joints: Sequence[float], seconds: float) -> None:
         """Somebody moves the arm to joints (6,) in rad; pushing an arm that a program holds is a protective stop."""
-        if self.playing:
+        if self.arm.guiding is not None:
+            resists = self.arm.guiding.resists(self.arm.base_from_tool, self.arm.tool_at(joints))
+            if resists is not None:
+                self.report(resists)
+                return
+        elif self.playing:
             self.protective_stop("somebody pushes the arm")
         self.report("the arm is moved by hand")
-        self._unclaimed = self.arm.motion = HandMove(self.arm.joints, joints, seconds)
-        self.arm.corner = None
+        self._unclaimed = HandMove(self.arm.joints, joints, seconds)
+        self.arm.steer(self._unclaimed)
 
     def _close_secondary(self) -> None:
         for program in self._secondary:

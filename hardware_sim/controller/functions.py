@@ -1,146 +1,56 @@
 """All functions of URScript that this controller has, and those it refuses.
 
 What is not simulated is refused as a runtime exception that names the function; nothing answers "done" without having
-been done.
+been done. A name that URScript does not have at all is an error of the program's text.
 """
 
 import inspect
-import logging
-import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from hardware_sim.controller.compiler import Vocabulary
+from hardware_sim.controller.meaning import ScriptError
 from hardware_sim.controller.motion_functions import MotionFunctions
-from hardware_sim.controller.program import ScriptError
-from hardware_sim.controller.registers import DOUBLE_IN, DOUBLE_OUT, INT_IN, INT_OUT, REGISTERS
-from hardware_sim.controller.script_values import STEP_TIME, Bound, not_negative, positive
+from hardware_sim.controller.register_functions import RegisterFunctions
+from hardware_sim.controller.script_values import Bound
 from hardware_sim.controller.state_functions import StateFunctions
+from hardware_sim.controller.value_functions import Arithmetic, Strings
 
 if TYPE_CHECKING:
     from hardware_sim.controller.controller import Controller
 
-LOG = logging.getLogger("hardware_sim.controller")
-Waiting = Generator[None, None, None]
+_FORCE = """force_mode end_force_mode force zero_ftsensor tool_contact get_tcp_force get_joint_torques
+    ft_rtde_input_enable enable_external_ft_sensor set_gravity direct_torque screw_driving end_screw_driving
+    high_holding_torque_enable high_holding_torque_disable"""
+_DYNAMICS = """get_mass_matrix get_coriolis_and_centrifugal_torques get_target_joint_accelerations get_jacobian
+    get_jacobian_time_derivative get_joint_temp get_controller_temp get_tool_accelerometer_reading get_tool_current
+    wrench_trans"""
+_MOTION = """servoc path_offset_enable path_offset_disable path_offset_set path_offset_set_alpha_filter
+    path_offset_set_max_offset path_offset_get conveyor_pulse_decode set_conveyor_tick_count get_conveyor_tick_count
+    track_conveyor_linear track_conveyor_circular stop_conveyor_tracking encoder_enable_pulse_decode
+    encoder_enable_set_tick_count encoder_get_tick_count encoder_set_tick_count encoder_unwind_delta_tick_count
+    reset_revolution_counter set_safety_mode_transition_hardness"""
+_INPUTS_AND_OUTPUTS = """get_analog_in get_analog_out get_digital_in get_standard_analog_in get_standard_analog_out
+    get_standard_digital_in get_configurable_digital_in get_tool_analog_in get_tool_digital_in
+    get_configurable_digital_out get_tool_digital_out get_euromap_input get_euromap_output set_analog_inputrange
+    set_analog_out set_standard_analog_out set_analog_outputdomain set_tool_analog_input_domain
+    set_standard_analog_input_domain set_runstate_standard_digital_output_to_value
+    set_runstate_configurable_digital_output_to_value set_runstate_tool_digital_output_to_value
+    set_input_actions_to_default set_standard_digital_input_action set_configurable_digital_input_action
+    set_tool_digital_input_action set_euromap_output set_euromap_runstate_dependent_choice set_flag get_flag
+    set_tool_communication set_tool_output_mode set_tool_voltage set_tool_digital_output_mode
+    write_output_boolean_register read_output_boolean_register read_port_bit read_port_register write_port_bit
+    write_port_register"""
+_LINKS = """socket_open socket_close socket_get_var socket_read_ascii_float socket_read_binary_integer
+    socket_read_byte_list socket_read_line socket_read_string socket_send_byte socket_send_int socket_send_line
+    socket_send_string socket_set_var modbus_add_signal modbus_delete_signal modbus_get_signal_status
+    modbus_send_custom_command modbus_set_digital_input_action modbus_set_output_register modbus_set_output_signal
+    modbus_set_runstate_dependent_choice modbus_set_signal_update_frequency rpc_factory interpreter_mode
+    end_interpreter clear_interpreter get_interpreter_mode_status"""
+_MATRICES = "inv transpose size"
+REFUSED = frozenset(" ".join((_FORCE, _DYNAMICS, _MOTION, _INPUTS_AND_OUTPUTS, _LINKS, _MATRICES)).split())
 
-REFUSED = frozenset(
-    """servoc force_mode end_force_mode zero_ftsensor tool_contact ft_rtde_input_enable enable_external_ft_sensor
-    set_gravity direct_torque get_mass_matrix get_coriolis_and_centrifugal_torques get_target_joint_accelerations
-    get_jacobian get_jacobian_time_derivative get_joint_torques get_tcp_force""".split()  # noqa: SIM905 - names, not strings
-)
-
-
-class RegisterFunctions(Bound):
-    """Registers, messages, time, watchdog, outputs."""
-
-    def textmsg(self, message: Any, value: Any = "") -> None:
-        LOG.debug("textmsg %s%s", message, value)
-
-    popup = textmsg
-
-    def _slot(self, base: int, index: Any) -> int:
-        number = int(index)
-        if not 0 <= number < REGISTERS:
-            raise ScriptError(f"there is no register {index}")
-        return base + number
-
-    def read_input_float_register(self, address: int) -> float:
-        return self._values[self._slot(DOUBLE_IN, address)]
-
-    def read_input_integer_register(self, address: int) -> int:
-        return int(self._values[self._slot(INT_IN, address)])
-
-    def read_input_boolean_register(self, address: int) -> bool:
-        registers = self._controller.registers
-        if 0 <= address < 64:
-            word = registers.get(f"input_bit_registers{'0_to_31' if address < 32 else '32_to_63'}")[0]
-            return bool(int(word) >> (address % 32) & 1)
-        if address >= 128:
-            raise ScriptError(f"there is no register {address}")
-        return bool(registers.get(f"input_bit_register_{address}")[0])
-
-    def read_output_float_register(self, address: int) -> float:
-        return self._values[self._slot(DOUBLE_OUT, address)]
-
-    def read_output_integer_register(self, address: int) -> int:
-        return int(self._values[self._slot(INT_OUT, address)])
-
-    def write_output_float_register(self, address: int, value: float) -> None:
-        self._values[self._slot(DOUBLE_OUT, address)] = float(value)
-
-    def write_output_integer_register(self, address: int, value: int) -> None:
-        number = int(value)
-        if not -(2**31) <= number < 2**31:
-            raise ScriptError(f"{value} does not fit an integer register")
-        self._values[self._slot(INT_OUT, address)] = number
-
-    def sync(self) -> Waiting:
-        yield
-
-    def sleep(self, t: float) -> Waiting:
-        for _ in range(max(1, round(not_negative(t, "t") / STEP_TIME))):
-            yield
-
-    def get_steptime(self) -> float:
-        return STEP_TIME
-
-    def rtde_set_watchdog(self, variable_name: str, min_frequency: float, action: str = "pause") -> None:
-        if action.lower() not in ("ignore", "pause", "stop"):
-            raise ScriptError(f"rtde_set_watchdog: unknown action {action!r}")
-        self._controller.set_watchdog(variable_name, positive(min_frequency, "min_frequency"), action.lower())
-
-    def _set_output(self, n: int, first: int, count: int, level: Any) -> None:
-        if not 0 <= int(n) < count:
-            raise ScriptError(f"there is no digital output {n}")
-        self._controller.outputs.set_bit(first + int(n), bool(level))
-
-    def set_digital_out(self, n: int, b: bool) -> None:
-        self._set_output(n, 0, 18, b)
-
-    def set_standard_digital_out(self, n: int, b: bool) -> None:
-        self._set_output(n, 0, 8, b)
-
-    def set_configurable_digital_out(self, n: int, b: bool) -> None:
-        self._set_output(n, 8, 8, b)
-
-    def set_tool_digital_out(self, n: int, b: bool) -> None:
-        self._set_output(n, 16, 2, b)
-
-    def get_digital_out(self, n: int) -> bool:
-        if not 0 <= int(n) < 18:
-            raise ScriptError(f"there is no digital output {n}")
-        return bool(self._controller.outputs.levels >> int(n) & 1)
-
-    get_standard_digital_out = get_digital_out
-
-
-class Arithmetic(Bound):
-    """Numbers."""
-
-    def norm(self, a: Any) -> float:
-        return math.hypot(*a) if isinstance(a, list) else abs(a)
-
-    sqrt = staticmethod(math.sqrt)
-    sin = staticmethod(math.sin)
-    cos = staticmethod(math.cos)
-    tan = staticmethod(math.tan)
-    asin = staticmethod(math.asin)
-    acos = staticmethod(math.acos)
-    atan = staticmethod(math.atan)
-    atan2 = staticmethod(math.atan2)
-    pow = staticmethod(math.pow)
-    ceil = staticmethod(math.ceil)
-    floor = staticmethod(math.floor)
-    d2r = staticmethod(math.radians)
-    r2d = staticmethod(math.degrees)
-    length = staticmethod(len)
-    to_str = staticmethod(str)
-
-    def log(self, base: float, value: float) -> float:
-        return math.log(value, base)
-
-
-_GROUPS: tuple[type[Bound], ...] = (RegisterFunctions, MotionFunctions, StateFunctions, Arithmetic)
+_GROUPS: tuple[type[Bound], ...] = (RegisterFunctions, MotionFunctions, StateFunctions, Arithmetic, Strings)
 _MEMBERS = {
     name: member
     for group in _GROUPS

@@ -4,28 +4,18 @@ One turn per tick: every thread runs until it gives up its slot. A thread inside
 that runs. The first thread's end is the program's end.
 """
 
+import re
 from collections.abc import Callable, Generator, Mapping
 from types import GeneratorType
 from typing import Any
 
-from hardware_sim.controller.compiler import CompiledProgram
+from hardware_sim.controller import meaning
+from hardware_sim.controller.compiler import NAMES_OF_OPERATIONS, TURN_BUDGET, CompiledProgram
+from hardware_sim.controller.meaning import ScriptError
 
-LOOPS_PER_TURN = 1000  # rounds of loops a thread may do before it has to wait for its next slot
 _MAX_THREADS = 64
-
-
-class ScriptError(Exception):
-    """A runtime exception of a program; the message names the function or value at fault."""
-
-
-class Pose(list[float]):
-    """A pose value of URScript, told apart from a list of six numbers."""
-
-
-def copy_of(value: Any) -> Any:
-    """Lists and poses are values in URScript: whoever takes one takes a copy."""
-    kind: Any = type(value)
-    return kind(value) if kind is list or kind is Pose else value
+_MEANINGS = ("copy_of", "pose", "truth", "item", "put", "member", "put_member", "negative", "positive")
+_OWN_NAMES = re.compile(r"\b[fvb]_(?=\w)|\b\w+(?:Functions|Arithmetic|Strings)\.")  # in Python's messages
 
 
 class _Thread:
@@ -49,11 +39,12 @@ class Program:
         self._last_handle = 0
         self._current = 0
         self._critical = 0
-        self._loops_left = 0
+        self._budget = 0
         namespace: dict[str, Any] = {f"b_{name}": function for name, function in functions.items()}
         namespace |= {
-            "Pose": Pose,
-            "copy_of": copy_of,
+            "Struct": meaning.Struct,
+            **{name: getattr(meaning, name) for name in _MEANINGS},
+            **{name: meaning.OPERATIONS[sign] for sign, name in NAMES_OF_OPERATIONS.items()},
             "run": self._run,
             "kill": self._kill,
             "join": self._join,
@@ -72,7 +63,7 @@ class Program:
             if thread is None or (self._critical and self._critical != handle):
                 continue
             self._current = handle
-            self._loops_left = LOOPS_PER_TURN
+            self._budget = TURN_BUDGET
             try:
                 if thread.steps is not None:
                     next(thread.steps)
@@ -87,7 +78,8 @@ class Program:
                 name = str(error.name or "").removeprefix("v_")
                 raise ScriptError(f"{thread.name}, line {self._line(error)}: {name!r} has no value yet") from error
             except (TypeError, ValueError, IndexError, ArithmeticError, AttributeError) as error:
-                raise ScriptError(f"{thread.name}, line {self._line(error)}: {error}") from error
+                message = _OWN_NAMES.sub("", str(error))
+                raise ScriptError(f"{thread.name}, line {self._line(error)}: {message}") from error
             self._end(handle)
             if handle == self._main:
                 self.close()
@@ -144,6 +136,6 @@ class Program:
     def _exit_critical(self) -> None:
         self._critical = 0
 
-    def _turn_is_spent(self) -> bool:
-        self._loops_left -= 1
-        return self._loops_left < 0
+    def _turn_is_spent(self, cost: int) -> bool:
+        self._budget -= cost
+        return self._budget < 0

@@ -4,8 +4,8 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from hardware_sim.controller import poses
+from hardware_sim.controller.meaning import ScriptError, shown
 from hardware_sim.controller.poses import Frame
-from hardware_sim.controller.program import ScriptError
 
 if TYPE_CHECKING:
     from hardware_sim.controller.controller import Controller
@@ -14,33 +14,45 @@ STEP_TIME = 0.002  # s
 _SMALLEST = 1e-6  # of speeds and accelerations: below, a move would outlast the robot
 
 
+def number(value: Any, what: str) -> float:
+    """`value` as a finite number; a truth value is none. Raises ScriptError naming `what`."""
+    if type(value) is not float and type(value) is not int:
+        raise ScriptError(f"{what} must be a number, not {shown(value)}")
+    if not math.isfinite(value):
+        raise ScriptError(f"{what} is not finite")
+    return float(value)
+
+
+def whole(value: Any, what: str, count: int) -> int:
+    """`value` as a whole number from 0 to `count` − 1. Raises ScriptError naming `what`."""
+    if type(value) is not int:
+        raise ScriptError(f"{what} must be a whole number, not {shown(value)}")
+    if not 0 <= value < count:
+        raise ScriptError(f"{what} must be from 0 to {count - 1}, not {value}")
+    return value
+
+
 def numbers(value: Any, count: int, what: str) -> list[float]:
     """`value` as a list of `count` finite numbers. Raises ScriptError naming `what`."""
     if not isinstance(value, list) or len(value) != count:
-        raise ScriptError(f"{what} must be {count} numbers, not {value!r}")
-    try:
-        found = [float(v) for v in value]
-    except (TypeError, ValueError) as error:
-        raise ScriptError(f"{what} must be {count} numbers, not {value!r}") from error
-    if not all(map(math.isfinite, found)):
-        raise ScriptError(f"{what} holds a number that is not finite")
-    return found
+        raise ScriptError(f"{what} must be {count} numbers, not {shown(value)}")
+    return [number(v, what) for v in value]
 
 
 def positive(value: Any, what: str) -> float:
     """`value` as a number above zero. Raises ScriptError naming `what`."""
-    number = float(value)
-    if not (number >= _SMALLEST and math.isfinite(number)):
-        raise ScriptError(f"{what} must be above zero, not {value!r}")
-    return number
+    found = number(value, what)
+    if found < _SMALLEST:
+        raise ScriptError(f"{what} must be above zero, not {shown(value)}")
+    return found
 
 
 def not_negative(value: Any, what: str) -> float:
     """`value` as a finite number that is zero or above. Raises ScriptError naming `what`."""
-    number = float(value)
-    if not (number >= 0.0 and math.isfinite(number)):
-        raise ScriptError(f"{what} must be zero or above, not {value!r}")
-    return number
+    found = number(value, what)
+    if found < 0.0:
+        raise ScriptError(f"{what} must be zero or above, not {shown(value)}")
+    return found
 
 
 def frame(pose: Any, what: str = "the pose") -> Frame:

@@ -4,9 +4,9 @@ from typing import Any
 
 from hardware_sim.controller import kinematics, limits, poses
 from hardware_sim.controller.arm import HISTORY
+from hardware_sim.controller.meaning import Pose, ScriptError
 from hardware_sim.controller.moves import JointMove, ToolCourse
-from hardware_sim.controller.program import Pose, ScriptError
-from hardware_sim.controller.script_values import STEP_TIME, Bound, frame, numbers
+from hardware_sim.controller.script_values import STEP_TIME, Bound, frame, number, numbers
 
 STEADY_AFTER = 0.5  # s of motion time at rest
 
@@ -73,7 +73,7 @@ class StateFunctions(Bound):
         return poses.distance(frame(p_from), frame(p_to))[0]
 
     def interpolate_pose(self, p_from: Any, p_to: Any, alpha: float) -> Pose:
-        return Pose(poses.to_ur(poses.interpolate(frame(p_from), frame(p_to), float(alpha))))
+        return Pose(poses.to_ur(poses.interpolate(frame(p_from), frame(p_to), number(alpha, "alpha"))))
 
     def set_tcp(self, pose: Any) -> None:
         self._arm.set_tcp(numbers(pose, 6, "the TCP"))
@@ -83,7 +83,7 @@ class StateFunctions(Bound):
         return Pose(self._arm.tcp)
 
     def set_payload(self, m: float, cog: Any = None) -> None:
-        mass = float(m)
+        mass = number(m, "set_payload: m")
         if not 0.0 <= mass <= self._arm.model.payload:
             raise ScriptError(f"set_payload: {m} kg is outside 0 to {self._arm.model.payload}")
         self._arm.payload = mass
@@ -145,7 +145,7 @@ class StateFunctions(Bound):
         return 1 if kinematics.near_singularity(self._arm.model, self._arm.joints) else 0
 
     def force_mode_set_gain_scaling(self, scaling: float) -> None:
-        self._controller.force_mode_settings["gain_scaling"] = float(scaling)
+        self._controller.force_mode_settings["gain_scaling"] = number(scaling, "scaling")
 
     def force_mode_set_damping(self, damping: float) -> None:
-        self._controller.force_mode_settings["damping"] = float(damping)
+        self._controller.force_mode_settings["damping"] = number(damping, "damping")

@@ -18,10 +18,12 @@ from hardware_sim.controller.tree import (
     Index,
     ListOf,
     Literal,
+    Member,
     Name,
     Node,
     Run,
     Simple,
+    StructOf,
     Unary,
     While,
 )
@@ -190,7 +192,7 @@ class _Parser:
         word = token.text if token.kind == "name" else ""
         if word in ("global", "local"):
             self._next()
-            return self._assignment(word == "global")
+            return self._assigned(token.line, Name(token.line, self._identifier()), word == "global")
         if word == "if":
             return self._if()
         if word == "while":
@@ -212,27 +214,18 @@ class _Parser:
             self._next()
             return Simple(token.line, word)
         if token.kind == "name" and word not in _RESERVED:
-            following = self._words[self._at + 1]
-            if following.text == "=" or (following.text == "[" and self._is_indexed_assignment()):
-                return self._assignment(False)
+            begin = self._at
+            target = self._postfix()
+            if self.peek().kind == "operator" and self.peek().text == "=":
+                return self._assigned(token.line, target, False)
+            self._at = begin
         return Evaluate(token.line, self._expression())
 
-    def _is_indexed_assignment(self) -> bool:
-        depth, at = 0, self._at + 1
-        while self._words[at].kind != "end-of-text":
-            text = self._words[at].text
-            depth += (text == "[") - (text == "]")
-            at += 1
-            if depth == 0:
-                return self._words[at].text == "="
-        return False
-
-    def _assignment(self, is_global: bool) -> Assign:
-        line = self.peek().line
-        name = self._identifier()
-        indices = self._items("]") if self._accept("[") else []
+    def _assigned(self, line: int, target: Node, is_global: bool) -> Assign:
         self._expect("=")
-        return Assign(line, name, indices, self._expression(), is_global)
+        if not isinstance(target, Name | Index | Member):
+            raise ScriptSyntaxError(f"line {line}: nothing can be assigned to this")
+        return Assign(line, target, self._expression(), is_global)
 
     def _if(self) -> If:
         line = self._next().line
@@ -304,7 +297,11 @@ class _Parser:
 
     def _postfix(self) -> Node:
         node = self._atom()
-        while self._accept("["):
+        while self.peek().kind == "operator" and self.peek().text in ("[", "."):
+            if self._accept("."):
+                node = Member(node.line, node, self._identifier())
+                continue
+            self._expect("[")
             indices = self._items("]")
             if isinstance(node, Name) and node.name == "p" and len(indices) == _POSE_ITEMS:
                 # `p` is an ordinary variable too; only the number of items tells a pose from an index.
@@ -334,7 +331,14 @@ class _Parser:
             return Run(token.line, self._call(self._identifier(), token.line))
         if token.kind != "name" or token.text in _RESERVED:
             raise ScriptSyntaxError(f"line {token.line}: unexpected {token.text!r}")
-        return self._call(token.text, token.line) if self.peek().text == "(" else Name(token.line, token.text)
+        if self.peek().kind != "operator" or self.peek().text != "(":
+            return Name(token.line, token.text)
+        call = self._call(token.text, token.line)
+        if call.name != "struct":
+            return call
+        if call.arguments:
+            raise ScriptSyntaxError(f"line {call.line}: members of a struct have names")
+        return StructOf(call.line, call.keywords)
 
     def _call(self, name: str, line: int) -> Call:
         arguments: list[Node] = []

@@ -41,6 +41,21 @@ class Index(Node):
 
 
 @dataclass(frozen=True)
+class Member(Node):
+    """`value.name`."""
+
+    value: Node
+    name: str
+
+
+@dataclass(frozen=True)
+class StructOf(Node):
+    """`struct(name=value, …)`."""
+
+    members: dict[str, Node]
+
+
+@dataclass(frozen=True)
 class Call(Node):
     """`name(arguments)`."""
 
@@ -75,10 +90,9 @@ class Binary(Node):
 
 @dataclass(frozen=True)
 class Assign(Node):
-    """`[global] name[indices] = value`."""
+    """`[global] target = value`, the target a variable, an element or a member."""
 
-    name: str
-    indices: list[Node]
+    target: Name | Index | Member
     value: Node
     is_global: bool
 

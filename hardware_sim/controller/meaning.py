@@ -1,0 +1,199 @@
+"""What values and operators of URScript mean.
+
+Lists, poses and structs are values: whoever takes one takes a copy. Types are never mixed silently: what Python would
+do with a negative index, with a truth value in a sum or with a list times a number is an error here or has URScript's
+meaning.
+"""
+
+import operator
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+Operation = Callable[[Any, Any], Any]
+
+MOST_ELEMENTS = 20_000  # of one value
+MOST_CHARACTERS = 10_000  # of one string
+_LEAST_INTEGER, _MOST_INTEGER = -(2**31), 2**31 - 1
+
+
+class ScriptError(Exception):
+    """A runtime exception of a program; the message names the function or value at fault."""
+
+
+class Pose(list[float]):
+    """A pose value of URScript, told apart from a list of six numbers."""
+
+
+class Struct(dict[str, Any]):
+    """A value with named members, which are those it was made with."""
+
+
+_NUMBERS = frozenset((int, float))
+_CONTAINERS = frozenset((list, Pose, Struct))
+
+
+def copy_of(value: Any) -> Any:
+    """A copy of a value, so that changing one does not change the other. Raises ScriptError where it is too large."""
+    kind: Any = type(value)
+    if kind is Pose:
+        return Pose(value)
+    if kind not in _CONTAINERS:
+        return value
+    if kind is list and not any(type(element) in _CONTAINERS for element in value):
+        return value[:]
+    return _copied(value, [MOST_ELEMENTS])
+
+
+def _copied(value: Any, left: list[int]) -> Any:
+    kind: Any = type(value)
+    if kind not in _CONTAINERS:
+        return value
+    left[0] -= len(value)
+    if left[0] < 0:
+        raise ScriptError(f"a value of more than {MOST_ELEMENTS} elements")
+    if kind is Struct:
+        return Struct({name: _copied(element, left) for name, element in value.items()})
+    return kind(_copied(element, left) for element in value)
+
+
+def shown(value: Any) -> str:
+    """A value as URScript writes it."""
+    if isinstance(value, Struct):
+        return "struct(" + ", ".join(f"{name} = {shown(element)}" for name, element in value.items()) + ")"
+    if isinstance(value, list):
+        elements = ", ".join(shown(element) for element in value)  # pyright: ignore[reportUnknownVariableType]
+        return f"p[{elements}]" if isinstance(value, Pose) else f"[{elements}]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def pose(elements: list[Any]) -> Pose:
+    """`p[…]`. Raises ScriptError unless all six are numbers."""
+    for element in elements:
+        if type(element) not in _NUMBERS:
+            raise ScriptError(f"a pose is made of numbers, not of {shown(element)}")
+    return Pose(elements)
+
+
+def truth(value: Any) -> bool:
+    """A condition. Raises ScriptError unless it is a truth value."""
+    if value is True or value is False:
+        return value
+    raise ScriptError(f"a condition must be True or False, not {shown(value)}")
+
+
+def integer(value: Any) -> Any:
+    """A whole number that has come out of a calculation. Raises ScriptError where 32 bits do not hold it."""
+    if not _LEAST_INTEGER <= value <= _MOST_INTEGER:
+        raise ScriptError(f"the whole number {value} does not fit 32 bits" if abs(value) < 10**20 else "overflow")
+    return value
+
+
+def item(value: Any, index: Any) -> Any:
+    """`value[index]`."""
+    return value[_checked(value, index)]
+
+
+def put(value: Any, index: Any, element: Any) -> None:
+    """`value[index] = element`."""
+    number = _checked(value, index)
+    if type(value) is Pose and type(element) not in _NUMBERS:
+        raise ScriptError(f"a pose is made of numbers, not of {shown(element)}")
+    value[number] = element
+
+
+def _checked(value: Any, index: Any) -> int:
+    if type(value) is not list and type(value) is not Pose:
+        raise ScriptError(f"{shown(value)} has no elements")
+    if type(index) is not int:
+        raise ScriptError(f"an index must be a whole number, not {shown(index)}")
+    if not 0 <= index < len(value):
+        raise ScriptError(f"index {index} is outside a list of {len(value)}")
+    return index
+
+
+def member(value: Any, name: str) -> Any:
+    """`value.name`."""
+    _check_member(value, name)
+    return value[name]
+
+
+def put_member(value: Any, name: str, element: Any) -> None:
+    """`value.name = element`."""
+    _check_member(value, name)
+    value[name] = element
+
+
+def _check_member(value: Any, name: str) -> None:
+    if type(value) is not Struct:
+        raise ScriptError(f"{shown(value)} has no member {name!r}: it is no struct")
+    if name not in value:
+        raise ScriptError(f"the struct has no member {name!r}, only {', '.join(value)}")
+
+
+def _refuse(sign: str, a: Any, b: Any) -> NoReturn:
+    raise ScriptError(f"{shown(a)} {sign} {shown(b)}: these types do not go together")
+
+
+def _divided(a: Any, b: Any) -> Any:
+    if b == 0:
+        raise ScriptError("division by zero")
+    return a / b
+
+
+def _remainder(a: Any, b: Any) -> Any:
+    if b == 0:
+        raise ScriptError("division by zero")
+    return a % b
+
+
+def _arithmetic(sign: str, operation: Operation) -> Operation:
+    """An operator between numbers; lists of numbers are taken element by element, also with a number."""
+
+    def calculate(a: Any, b: Any) -> Any:
+        if type(a) in _NUMBERS and type(b) in _NUMBERS:
+            found = operation(a, b)
+            return found if type(found) is float else integer(found)
+        if type(a) is list and type(b) is list and len(a) == len(b):
+            return [calculate(x, y) for x, y in zip(a, b, strict=True)]
+        if type(a) is list and type(b) in _NUMBERS:
+            return [calculate(x, b) for x in a]
+        if type(b) is list and type(a) in _NUMBERS:
+            return [calculate(a, y) for y in b]
+        _refuse(sign, a, b)
+
+    return calculate
+
+
+def _comparison(sign: str, operation: Operation) -> Operation:
+    """An order between numbers."""
+
+    def compare(a: Any, b: Any) -> bool:
+        if type(a) in _NUMBERS and type(b) in _NUMBERS:
+            return operation(a, b)
+        _refuse(sign, a, b)
+
+    return compare
+
+
+def negative(value: Any) -> Any:
+    """`-value`."""
+    return OPERATIONS["-"](0, value)
+
+
+def positive(value: Any) -> Any:
+    """`+value`."""
+    return OPERATIONS["+"](0, value)
+
+
+OPERATIONS: dict[str, Operation] = {
+    "+": _arithmetic("+", operator.add),
+    "-": _arithmetic("-", operator.sub),
+    "*": _arithmetic("*", operator.mul),
+    "/": _arithmetic("/", _divided),
+    "%": _arithmetic("%", _remainder),
+    "<": _comparison("<", operator.lt),
+    "<=": _comparison("<=", operator.le),
+    ">": _comparison(">", operator.gt),
+    ">=": _comparison(">=", operator.ge),
+}
+"""By their signs; `==` and `!=` are Python's own, which compare by value."""

@@ -1,0 +1,97 @@
+"""URScript's functions on registers, messages, time, watchdogs and outputs."""
+
+import logging
+from collections.abc import Generator
+from typing import Any
+
+from hardware_sim.controller.meaning import ScriptError, shown, truth
+from hardware_sim.controller.registers import DOUBLE_IN, DOUBLE_OUT, INT_IN, INT_OUT, REGISTERS
+from hardware_sim.controller.script_values import STEP_TIME, Bound, not_negative, number, positive, whole
+
+LOG = logging.getLogger("hardware_sim.controller")
+Waiting = Generator[None, None, None]
+
+
+class RegisterFunctions(Bound):
+    """Registers, messages, time, watchdog, outputs."""
+
+    def textmsg(self, s1: Any, s2: Any = "") -> None:
+        if LOG.isEnabledFor(logging.DEBUG):
+            LOG.debug("textmsg %s%s", shown(s1), shown(s2))
+
+    def popup(
+        self, s: Any, title: Any = "Popup", warning: bool = False, error: bool = False, blocking: bool = False
+    ) -> None:
+        del warning, error
+        self._controller.report(f"popup {shown(title)}: {shown(s)}", logging.INFO)
+        if blocking:
+            self._controller.pause()
+
+    def _slot(self, base: int, index: Any) -> int:
+        return base + whole(index, "a register's number", REGISTERS)
+
+    def read_input_float_register(self, address: int) -> float:
+        return self._values[self._slot(DOUBLE_IN, address)]
+
+    def read_input_integer_register(self, address: int) -> int:
+        return int(self._values[self._slot(INT_IN, address)])
+
+    def read_input_boolean_register(self, address: int) -> bool:
+        registers = self._controller.registers
+        if 0 <= address < 64:
+            word = registers.get(f"input_bit_registers{'0_to_31' if address < 32 else '32_to_63'}")[0]
+            return bool(int(word) >> (address % 32) & 1)
+        if address >= 128:
+            raise ScriptError(f"there is no register {address}")
+        return bool(registers.get(f"input_bit_register_{address}")[0])
+
+    def read_output_float_register(self, address: int) -> float:
+        return self._values[self._slot(DOUBLE_OUT, address)]
+
+    def read_output_integer_register(self, address: int) -> int:
+        return int(self._values[self._slot(INT_OUT, address)])
+
+    def write_output_float_register(self, address: int, value: float) -> None:
+        self._values[self._slot(DOUBLE_OUT, address)] = number(value, "the value")
+
+    def write_output_integer_register(self, address: int, value: int) -> None:
+        # A float is cut to a whole number, as `ur-rtde`'s own scripts rely on; a truth value is not.
+        found = int(number(value, "the value"))
+        if not -(2**31) <= found < 2**31:
+            raise ScriptError(f"{value} does not fit an integer register")
+        self._values[self._slot(INT_OUT, address)] = found
+
+    def sync(self) -> Waiting:
+        yield
+
+    def sleep(self, t: float) -> Waiting:
+        for _ in range(max(1, round(not_negative(t, "t") / STEP_TIME))):
+            yield
+
+    def get_steptime(self) -> float:
+        return STEP_TIME
+
+    def rtde_set_watchdog(self, variable_name: str, min_frequency: float, action: str = "pause") -> None:
+        if action.lower() not in ("ignore", "pause", "stop"):
+            raise ScriptError(f"rtde_set_watchdog: unknown action {action!r}")
+        self._controller.set_watchdog(variable_name, positive(min_frequency, "min_frequency"), action.lower())
+
+    def _set_output(self, n: int, first: int, count: int, level: Any) -> None:
+        self._controller.outputs.set_bit(first + whole(n, "a digital output's number", count), truth(level))
+
+    def set_digital_out(self, n: int, b: bool) -> None:
+        self._set_output(n, 0, 18, b)
+
+    def set_standard_digital_out(self, n: int, b: bool) -> None:
+        self._set_output(n, 0, 8, b)
+
+    def set_configurable_digital_out(self, n: int, b: bool) -> None:
+        self._set_output(n, 8, 8, b)
+
+    def set_tool_digital_out(self, n: int, b: bool) -> None:
+        self._set_output(n, 16, 2, b)
+
+    def get_digital_out(self, n: int) -> bool:
+        return bool(self._controller.outputs.levels >> whole(n, "a digital output's number", 18) & 1)
+
+    get_standard_digital_out = get_digital_out
