@@ -1,0 +1,293 @@
+"""Solving again over HTTP, at a cell whose devices nobody answers for: no hardware is needed.
+
+The session's images are those of a small scene of known truth; they were entered as a capture enters them.
+"""
+
+import hashlib
+import io
+import json
+import re
+import time
+import zipfile
+from collections.abc import Generator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tifffile
+
+from acquisition import config
+from acquisition.errors import ErrorCode
+from acquisition.results import ACCEPTED, EXPORTS, FAILED, READY
+from acquisition.session import State
+from acquisition.store.folder import write_frame, write_value
+from acquisition.types import LightPlan, Observations, Recipe, Shot, SolveSettings
+from api import settings
+from api.client import ProblemError
+from tests.acquisition import scenes
+
+REPOSITORY = Path(__file__).parents[2]
+SIZE = 64
+LIGHTS = [*scenes.ring(3, 20.0), *scenes.ring(3, 50.0, 0.5)]
+
+
+@pytest.fixture(scope="module")
+def here(tmp_path_factory: pytest.TempPathFactory) -> settings.Settings:
+    """A cell file with a camera of few pixels and an arm that is not there."""
+    folder = tmp_path_factory.mktemp("resolve")
+    text = (REPOSITORY / "deploy" / "cell.sim.toml").read_text(encoding="utf-8")
+    text = re.sub(r'^address = ".*"', 'address = "127.0.45.1"', text, flags=re.MULTILINE)
+    (folder / "cell.toml").write_text(text, encoding="utf-8")
+    x, y, z = config.load(folder / "cell.toml").object.keep_out.base_from_object.position_m
+    above = ((1.0, 0.0, 0.0, x), (0.0, -1.0, 0.0, y), (0.0, 0.0, -1.0, z + scenes.TABLE_DEPTH), (0.0, 0.0, 0.0, 1.0))
+    known = scenes.calibration(SIZE, valid_days=36500.0, base_from_camera=above)
+    (folder / "calibration.sim.json").write_text(known.model_dump_json(), encoding="utf-8")
+    return settings.read(cell=folder / "cell.toml", data=folder / "data", host="127.0.45.2", port=0)
+
+
+@pytest.fixture(scope="module")
+def service(here: settings.Settings, serving: Any) -> Generator[Any]:
+    with serving(here) as found:
+        yield found
+
+
+@cache
+def scene() -> scenes.Scene:
+    return scenes.scene(scenes.bumps, scenes.calibration(SIZE))
+
+
+@cache
+def photographed() -> Observations:
+    return scenes.capture(scene(), LIGHTS, exposure_s=0.05)
+
+
+def capture(service: Any) -> str:
+    """A session with three lights in each of two passes, not ended."""
+    store = service.service.store
+    identity = service.client.create(Recipe(pilot_lights=3, planned_lights=3)).id
+    folder = store.folder(identity)
+    taken = photographed()
+    dark = next(iter(taken.darks.values()))
+    frames: Any = taken.frames
+
+    def enter(shot: Shot, pass_number: int, number: int) -> None:
+        file = f"passes/{pass_number}/shots/{number}.tiff"
+        key = shot.key.model_copy(update={"pass_number": pass_number, "number": number})
+        frame = write_frame(folder, file, frames.stored[shot.frame.path])
+        light_number = number if shot.kind == "light" else None
+        store.journal.add_shot(
+            identity, shot.model_copy(update={"key": key, "frame": frame, "light_number": light_number})
+        )
+
+    for pass_number, part in enumerate((taken.shots[:3], taken.shots[3:])):
+        plan = LightPlan(lights=[shot.light for shot in part if shot.light], method="user", reasons=[""] * len(part))
+        digest = write_value(folder / f"passes/{pass_number}/plan.json", plan)
+        body = {"lights": len(part), "method": "user", "predicted_sigma_deg": 1.0, "predicted_median_deg": None}
+        name = f"passes/{pass_number}/plan.json"
+        store.journal.add_artifact(identity, "plan", pass_number, name, digest, body, "plan.ready")
+        for number, shot in enumerate(part):
+            enter(shot, pass_number, number)
+        enter(dark, pass_number, len(part))
+    return identity
+
+
+@pytest.fixture(scope="module")
+def ended(service: Any) -> str:
+    identity = capture(service)
+    assert service.client.stop(identity) is State.STOPPED
+    return identity
+
+
+def outcome(service: Any, identity: str, number: int, within_s: float = 60.0) -> Any:
+    """The event that tells what became of a solve."""
+    deadline = time.monotonic() + within_s
+    while time.monotonic() < deadline:
+        for event in service.client.past_events(identity):
+            if event.type in (READY, FAILED) and event.body["number"] == number:
+                return event
+        time.sleep(0.1)
+    raise AssertionError("nothing came of it")
+
+
+@pytest.fixture(scope="module")
+def solved(service: Any, ended: str) -> int:
+    """The number of a result that was asked for and is there."""
+    number = service.client.resolve(ended)
+    assert outcome(service, ended, number).type == READY
+    return number
+
+
+def normals(service: Any, identity: str, number: int) -> np.ndarray:
+    content = service.http.get(f"/v1/sessions/{identity}/results/{number}/normals.tiff").content
+    return tifffile.imread(io.BytesIO(content))
+
+
+def test_it_is_accepted_solved_and_told_apart_from_the_sessions_own(service: Any, ended: str) -> None:
+    answer = service.http.post(f"/v1/sessions/{ended}/results", json={})
+
+    assert answer.status_code == 202
+    accepted = answer.json()
+    assert answer.headers["location"] == accepted["links"]["result"]
+    assert outcome(service, ended, accepted["number"]).type == READY
+    found = service.client.result(ended, accepted["number"])
+    assert found.origin == "resolve"
+    assert found.passes == [0, 1]
+    assert found.settings == SolveSettings()
+    assert found.summary.images == len(LIGHTS)
+    assert 0 < found.summary.mean_sigma_deg < 5
+    assert service.client.results(ended)[-1].number == accepted["number"]
+    session = service.client.session(ended)
+    assert session.answer is None  # it was stopped before its own solve
+    assert session.state is State.STOPPED
+    assert not service.client.rig().connected
+    assert np.mean(scene().error_deg(normals(service, ended, accepted["number"]))) < 2
+
+
+def test_settings_and_passes_are_as_asked(service: Any, ended: str, solved: int) -> None:
+    asked = SolveSettings(shadow_threshold=0.3, depth_rounds=0)
+
+    other = service.client.resolve(ended, asked)
+    fewer = service.client.resolve(ended, last_pass=0)
+
+    assert outcome(service, ended, other).type == outcome(service, ended, fewer).type == READY
+    assert service.client.result(ended, other).settings == asked
+    assert service.client.result(ended, fewer).passes == [0]
+    assert service.client.result(ended, fewer).summary.images == 3
+    assert len({solved, other, fewer}) == 3
+    one, two = normals(service, ended, solved), normals(service, ended, other)
+    assert np.abs(one - two).max() > 1e-3
+
+
+def test_the_report_is_a_file_of_the_result(service: Any, ended: str, solved: int) -> None:
+    known = {item.name: item for item in service.client.result(ended, solved).artefacts}
+
+    page = service.http.get(known["report.html"].href)
+
+    assert page.headers["content-type"].startswith("text/html")
+    assert hashlib.sha256(page.content).hexdigest() == known["report.html"].sha256
+    assert f"Session {ended}, result {solved}" in page.text
+    assert service.http.get(known["report.png"].href).content.startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("name", EXPORTS)
+def test_exports_are_made_when_they_are_fetched(service: Any, ended: str, solved: int, name: str) -> None:
+    address = service.client.result(ended, solved).exports[name]
+
+    first, second = service.http.get(address), service.http.get(address)
+
+    assert first.status_code == 200, first.text
+    assert first.content == second.content
+    assert first.headers["etag"] == second.headers["etag"]
+    match name.rsplit(".", maxsplit=1)[-1]:
+        case "zip":
+            with zipfile.ZipFile(io.BytesIO(first.content)) as packed:
+                assert packed.testzip() is None
+                assert "mask.png" in packed.namelist()
+        case "dome":
+            assert len(json.loads(first.content)["positions3d"]) == len(LIGHTS)
+        case "lp":
+            assert first.text.splitlines()[0] == str(len(LIGHTS))
+        case suffix:
+            assert first.content.startswith({"png": b"\x89PNG", "exr": b"v/1\x01", "ply": b"ply\n"}[suffix])
+
+
+def test_a_file_that_there_is_not(service: Any, ended: str, solved: int) -> None:
+    for name in ("mesh.stl", "diligent", "exports"):
+        answer = service.http.get(f"/v1/sessions/{ended}/results/{solved}/{name}")
+        assert answer.status_code == 404
+        assert {"report.html", "mesh.ply"} <= set(answer.json()["artefacts"])
+
+
+def test_what_is_being_solved_is_not_ready_and_what_was_never_asked_for_is_not_there(service: Any, ended: str) -> None:
+    number = service.client.resolve(ended)
+    answer = service.http.get(f"/v1/sessions/{ended}/results/{number}")
+
+    assert answer.status_code == 409
+    assert answer.json()["code"] == ErrorCode.RESULT_NOT_READY
+    assert service.http.get(f"/v1/sessions/{ended}/results/{number + 1}").status_code == 404
+    outcome(service, ended, number)
+    assert service.http.get(f"/v1/sessions/{ended}/results/{number}").status_code == 200
+
+
+def test_a_session_that_may_still_take_images_is_refused(service: Any) -> None:
+    identity = capture(service)
+
+    with pytest.raises(ProblemError) as refused:
+        service.client.resolve(identity)
+
+    assert refused.value.code is ErrorCode.SESSION_ACTION_NOT_ALLOWED
+    assert refused.value.problem.status == 409
+    assert refused.value.context["state"] == "created"
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"settings": {"robust": "yes"}},
+        {"settings": {"magic": 1}},
+        {"last_pass": -1},
+        {"passes": [0]},
+        {"settings": None},
+    ],
+)
+def test_a_request_that_is_not_valid(service: Any, ended: str, body: dict[str, Any]) -> None:
+    answer = service.http.post(f"/v1/sessions/{ended}/results", json=body)
+
+    assert answer.status_code == 422
+    assert answer.json()["code"] == ErrorCode.REQUEST_INVALID
+
+
+def test_sessions_that_cannot_be_solved(service: Any, ended: str) -> None:
+    empty = service.client.create().id
+    service.client.stop(empty)
+    for identity, last_pass in ((empty, None), (ended, 7)):
+        with pytest.raises(ProblemError) as refused:
+            service.client.resolve(identity, last_pass=last_pass)
+        assert refused.value.code is ErrorCode.NORMALS_INFEASIBLE
+    with pytest.raises(ProblemError) as unknown:
+        service.client.resolve("nobody")
+    assert unknown.value.code is ErrorCode.SESSION_NOT_FOUND
+
+
+def test_a_failure_is_told_and_stays(service: Any) -> None:
+    identity = capture(service)
+    service.client.stop(identity)
+    frame = service.service.store.folder(identity) / "passes/1/shots/1.tiff"
+    frame.write_bytes(frame.read_bytes()[:1000])
+
+    number = service.client.resolve(identity)
+
+    event = outcome(service, identity, number)
+    assert event.type == FAILED
+    assert event.body["problem"]["code"] == ErrorCode.STORE_CORRUPT
+    assert "shots/1.tiff" in event.body["problem"]["detail"]
+    answer = service.http.get(f"/v1/sessions/{identity}/results/{number}")
+    assert answer.json()["code"] == ErrorCode.STORE_CORRUPT
+    assert service.client.results(identity) == []
+    assert not (service.service.store.folder(identity) / "results" / str(number)).exists()
+    assert service.client.resolve(identity) == number + 1
+
+
+def test_what_was_asked_for_before_a_restart_is_done_after_it(serving: Any, here: Any, tmp_path: Path) -> None:
+    chosen = here.model_copy(update={"data": tmp_path / "data"})
+    with serving(chosen) as before:
+        identity = capture(before)
+        before.client.stop(identity)
+        # The service ends between accepting and solving: the journal has the first only.
+        body = {"number": 2, "last_pass": 1, "settings": SolveSettings().model_dump(mode="json"), "by": "operator"}
+        before.service.store.journal.announce(identity, ACCEPTED, body)
+    with serving(chosen) as after:
+        assert outcome(after, identity, 2).type == READY
+        assert after.client.result(identity, 2).origin == "resolve"
+
+
+def test_a_session_deleted_meanwhile_is_forgotten(service: Any) -> None:
+    identity = capture(service)
+    service.client.stop(identity)
+    service.client.resolve(identity)
+    service.client.delete(identity)
+    again = capture(service)
+    service.client.stop(again)
+    assert outcome(service, again, service.client.resolve(again)).type == READY
