@@ -88,6 +88,9 @@ def sim(
     cell: Annotated[
         Path | None, typer.Option(help="The cell file to stand in for; default: the simulated cell")
     ] = None,
+    calibration_seed: Annotated[
+        int | None, typer.Option(help="An arm that differs from its drawings by millimetres, as real ones do")
+    ] = None,
     record: Annotated[Path | None, typer.Option(help="Write every tick of the controller to this file")] = None,
     programs: Annotated[
         Path | None, typer.Option(help="Folder of programs (NAME.urp) that the dashboard loads")
@@ -106,6 +109,7 @@ def sim(
             folder=folder,
             pixels=pixels,
             cell_file=cell,
+            calibration_seed=calibration_seed,
             record=record,
             programs=programs,
             say=lambda line: print(line, flush=True),

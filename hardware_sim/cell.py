@@ -42,6 +42,7 @@ class Cell:
         folder: Path,
         pixels: int = FULL_PIXELS,
         cell_file: Path | None = None,
+        calibration_seed: int | None = None,
         record: Path | None = None,
         programs: Path | None = None,
     ) -> None:
@@ -53,6 +54,7 @@ class Cell:
         self.truth_file = folder / "truth.npz"
         self.config = nominal.write(folder, address, pixels, cell_file or nominal.default_cell_file())
         self._arguments = [str(folder), object_name, str(seed), profile]
+        self._calibration_seed = calibration_seed
         self._speed, self._record, self._programs = speed, record, programs
         self._controller: ControllerProcess | None = None
         self._world: subprocess.Popen[bytes] | None = None
@@ -63,6 +65,7 @@ class Cell:
             self.address,
             home=self.config.arm.home,
             model=self.config.arm.model,
+            calibration_seed=self._calibration_seed,
             speed=self._speed,
             low_when_stopped=(self.config.lamp.output,),
             record=self._record,
@@ -119,6 +122,7 @@ def run(
     folder: Path | None = None,
     pixels: int = FULL_PIXELS,
     cell_file: Path | None = None,
+    calibration_seed: int | None = None,
     record: Path | None = None,
     programs: Path | None = None,
     say: Callable[[str], None] = print,
@@ -146,6 +150,7 @@ def run(
                 folder=place,
                 pixels=pixels,
                 cell_file=cell_file,
+                calibration_seed=calibration_seed,
                 record=record,
                 programs=programs,
             ) as cell:

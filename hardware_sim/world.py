@@ -22,6 +22,7 @@ from acquisition.errors import ErrorCode, RigError
 from acquisition.types import BoolArray, Calibration, Float32Array, FloatArray
 from hardware_sim import objects, render, sensor
 from hardware_sim.controller import kinematics
+from hardware_sim.controller.calibration import calibrated
 from hardware_sim.indirect import IndirectLight
 from hardware_sim.render import Lamp, Lens
 from hardware_sim.tracing import Tracer
@@ -81,8 +82,15 @@ class World:
     """One object in one cell, seen by one camera. Raises RigError config.invalid when the object does not fit."""
 
     def __init__(
-        self, cell: CellConfig, calibration: Calibration, object_name: str, seed: int, profile: ProfileName
+        self,
+        cell: CellConfig,
+        calibration: Calibration,
+        object_name: str,
+        seed: int,
+        profile: ProfileName,
+        arm_calibration_seed: int | None = None,
     ) -> None:
+        """`arm_calibration_seed` is the controller's: where the lamp truly is follows from the arm as built."""
         self.calibration = calibration
         self.cell = cell
         self.scene = objects.build(object_name, seed)
@@ -96,7 +104,7 @@ class World:
         self._profile = PROFILES[profile]
         self._seed = seed
         self._object_from_base = geometry.inverse(keep_out.base_from_object.matrix)
-        self._arm = kinematics.MODELS[cell.arm.model]
+        self._arm = calibrated(kinematics.MODELS[cell.arm.model], arm_calibration_seed)
         self._flange_from_lamp = cell.arm.flange_from_tool.matrix @ np.array(calibration.tool_from_lamp)
         self._tracer = Tracer(self.scene.mesh)
         self.lens = Lens(
@@ -125,7 +133,7 @@ class World:
         return base_from_camera @ error
 
     def base_from_lamp(self, joints: Sequence[float]) -> FloatArray:
-        """The lamp's nominal pose (4, 4) at joints (6,) in rad: the controller's TCP plays no part in it."""
+        """The lamp's pose (4, 4) at joints (6,) in rad: the controller's TCP plays no part in it."""
         flange = np.eye(4)
         flange[:3] = np.reshape(kinematics.forward(self._arm, joints), (3, 4))
         return flange @ self._flange_from_lamp

@@ -95,6 +95,7 @@ def state(controller: Controller) -> dict[str, Any]:
         "safety_popup": safety.safety_popup,
         "moves_started": arm.moves_started,
         "model": arm.model.name,
+        "calibration_seed": arm.model.calibration_seed,
         "collisions": controller.collisions.count,
         "last_collision": None if last is None else last.as_json(),
         "touching": controller.collisions.touching,

@@ -27,6 +27,7 @@ class ControllerProcess:
         *,
         home: Sequence[float],
         model: str = "ur5e",
+        calibration_seed: int | None = None,
         speed: float = 1.0,
         low_when_stopped: Iterable[int] = (0,),
         surroundings: Path | None = None,
@@ -44,6 +45,8 @@ class ControllerProcess:
         # One word: the parser would take -1e-05 by itself for an option.
         command += ["--home=" + ",".join(repr(float(q)) for q in home)]
         command += ["--low-when-stopped", *map(str, low_when_stopped)]
+        if calibration_seed is not None:
+            command += [f"--calibration-seed={calibration_seed}"]
         for name, path in (("surroundings", surroundings), ("programs", programs), ("record", record)):
             if path is not None:
                 command += [f"--{name}", str(path)]

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from hardware_sim.controller import control_port, dashboard, rtde, scripts
 from hardware_sim.controller.control_port import ControlConnection
+from hardware_sim.controller.calibration import calibrated
 from hardware_sim.controller.controller import Controller
 from hardware_sim.controller.dashboard import DashboardConnection
 from hardware_sim.controller.delay import Delay
@@ -186,6 +187,7 @@ def serve(
     *,
     model: str = "ur5e",
     home: Sequence[float],
+    calibration_seed: int | None = None,
     speed: float = 1.0,
     low_when_stopped: Iterable[int] = (0,),
     surroundings: Path | None = None,
@@ -196,8 +198,9 @@ def serve(
 ) -> None:
     """Runs a controller until `stop` returns True, `stop_descriptor` ends or the process is interrupted.
 
-    Prints `ready <address>` when it can be connected to. `home` are the initial joints in rad; `speed` is the speed
-    factor of motion; `low_when_stopped` names the digital outputs held low while no program plays; `surroundings` is a
+    Prints `ready <address>` when it can be connected to. `home` are the initial joints in rad;
+    `calibration_seed` chooses an arm that differs from its drawings (see `calibration`); `speed` is the speed factor of
+    motion; `low_when_stopped` names the digital outputs held low while no program plays; `surroundings` is a
     file of what the arm can touch, `programs` a folder of what the dashboard can load, `record` a file for every tick
     (see the modules `surroundings`, `loaded`, `trace`). Never call it in a process that also holds `ur-rtde` objects:
     the library's constructors hold the interpreter lock while they wait for this loop. Raises OSError where a port is
@@ -205,7 +208,7 @@ def serve(
     """
     recorder = None if record is None else Recorder(record)
     controller = Controller(
-        MODELS[model],
+        calibrated(MODELS[model], calibration_seed),
         home,
         now=time.monotonic(),
         speed_factor=speed,
