@@ -1,63 +1,26 @@
 """The script ports: programs as text, without length or terminator (ports 30001–30003).
 
 A program is complete when its blocks are closed again; what a client leaves half sent is forgotten when it closes.
-Compiling the library's control script takes tens of milliseconds, a long path much more: a thread does it beside the
-ticks, and the loop loads what is compiled, in the order of arrival. Nothing is sent back but, on the primary port,
-runtime exceptions as robot messages.
+Nothing is sent back but, on the primary port, runtime exceptions as robot messages.
 """
 
 import logging
 import re
 import socket
 import struct
-from collections import deque
 from collections.abc import Iterable
-from concurrent.futures import Future, ThreadPoolExecutor
 
-from hardware_sim.controller.compiler import CompiledProgram, compile_program
-from hardware_sim.controller.controller import Controller
-from hardware_sim.controller.functions import VOCABULARY
 from hardware_sim.controller.sockets import Connection, LineConnection
-from hardware_sim.controller.syntax import ScriptSyntaxError, depth_change
+from hardware_sim.controller.syntax import depth_change
+from hardware_sim.controller.uploads import Uploads
 
 LOG = logging.getLogger("hardware_sim.controller")
 PRIMARY_PORT = 30001
 PORTS = (PRIMARY_PORT, 30002, 30003)
 _LONGEST_PROGRAM = 1 << 20  # characters; a path of 10,000 waypoints
-_MOST_WAITING = 64  # programs
 # Size, type, time in µs, source, type of robot message, line and column of the script; then the text.
 _ROBOT_MESSAGE = struct.Struct(">iBQbbii")
 _IS_ROBOT_MESSAGE, _FROM_CONTROLLER, _IS_RUNTIME_EXCEPTION = 20, 7, 10
-
-
-class Uploads:
-    """Programs between their arrival and their start."""
-
-    def __init__(self, controller: Controller) -> None:
-        self._controller = controller
-        self._pool = ThreadPoolExecutor(1, "compiler")
-        self._waiting: deque[Future[CompiledProgram]] = deque()
-
-    def add(self, text: str) -> None:
-        """Has a program compiled."""
-        if len(self._waiting) >= _MOST_WAITING:
-            self._controller.report(f"program refused: {_MOST_WAITING} others wait to be compiled")
-            return
-        self._waiting.append(self._pool.submit(compile_program, text, VOCABULARY))
-
-    def deliver(self) -> None:
-        """Starts what is compiled, unless an earlier one is not yet."""
-        while self._waiting and self._waiting[0].done():
-            try:
-                compiled = self._waiting.popleft().result()
-            except ScriptSyntaxError as error:
-                self._controller.refuse(error)
-            else:
-                self._controller.start(compiled)
-
-    def close(self) -> None:
-        """Forgets what waits."""
-        self._pool.shutdown(wait=False, cancel_futures=True)
 
 
 class ScriptConnection(LineConnection):

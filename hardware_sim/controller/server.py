@@ -1,6 +1,6 @@
 """The loop: sockets between ticks, ticks on absolute deadlines, one thread.
 
-One thread needs no locks and gives every packet the values of exactly one tick; a second one only compiles programs.
+One thread needs no locks and gives every packet the values of exactly one tick; what takes long is done elsewhere.
 After a delay the missed ticks are caught up, so that time stamps stay 2 ms × ticks; after a long freeze (a stopped
 process) the time is lost instead.
 """
@@ -25,14 +25,14 @@ from hardware_sim.controller.kinematics import MODELS
 from hardware_sim.controller.rtde import Owners, RtdeConnection
 from hardware_sim.controller.safety import BOOT_SECONDS
 from hardware_sim.controller.script_values import STEP_TIME
-from hardware_sim.controller.scripts import ScriptConnection, Uploads
+from hardware_sim.controller.scripts import ScriptConnection
 from hardware_sim.controller.sockets import Connection, Port
 from hardware_sim.controller.trace import Recorder
+from hardware_sim.controller.uploads import Uploads
 
 LOG = logging.getLogger("hardware_sim.controller")
 _LONGEST_CATCH_UP = 1.0  # s
 _SWEEP = 50  # ticks
-_SWITCH_INTERVAL = 0.0002  # s: the loop takes over from the thread that compiles in time for its tick
 _AT_ONCE = 8  # descriptors served before the clock is read again; epoll gives the others their turn next
 
 
@@ -219,7 +219,6 @@ def serve(
     if surroundings is not None:
         controller.collisions.surround(surroundings)
     server = Server(controller, address)
-    sys.setswitchinterval(_SWITCH_INTERVAL)
     try:
         sys.stdout.write(f"ready {address}\n")
         sys.stdout.flush()

@@ -67,6 +67,10 @@ def at_home(cell: Cell) -> None:
         if cell.receive.getDigitalOutState(number):
             cell.io.setStandardDigitalOut(number, False)
     if cell.dashboard.programState() != "PLAYING rtde_control":
+        cell.dashboard.stop()
+        wait_until(lambda: not cell.control.isProgramRunning())
+        # A command that the library does not wait for stays in the registers; a call that fails takes it back.
+        cell.control.setTcp([0.0] * 6)
         restart_program(cell)
     assert cell.control.moveJ(HOME, 3.0, 20.0)
     wait_until(lambda: cell.receive.getActualQ() == pytest.approx(HOME, abs=1e-9))

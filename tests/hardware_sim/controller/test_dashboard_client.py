@@ -113,20 +113,20 @@ def test_life_from_power_off_to_running_and_back(cell: Cell) -> None:
 def test_violation_and_fault_end_with_a_restart_of_safety(cell: Cell) -> None:
     for kind, status, bit in (("violation", "VIOLATION", 8), ("fault", "FAULT", 9)):
         with cell.process.control() as control:
+            control.fault("clear")
             control.fault(kind)
         wait_until(lambda bit=bit: cell.receive.getSafetyStatusBits() >> bit & 1)
         assert cell.dashboard.safetystatus() == f"Safetystatus: {status}"
         assert not cell.control.moveJ(HOME, 1.0, 1.0)
         cell.dashboard.powerOn()
         assert cell.dashboard.robotmode() == "Robotmode: POWER_OFF"
-        cell.dashboard.restartSafety()
-        assert cell.dashboard.safetystatus() == "Safetystatus: NORMAL"
-        assert cell.dashboard.robotmode() == "Robotmode: BOOTING"
-        wait_until(lambda: cell.dashboard.robotmode() == "Robotmode: POWER_OFF")
-        cell.dashboard.powerOn()
-        cell.dashboard.brakeRelease()
-        wait_until(lambda: cell.dashboard.robotmode() == "Robotmode: RUNNING")
-        restart_program(cell)
+    cell.dashboard.restartSafety()
+    assert cell.dashboard.safetystatus() == "Safetystatus: NORMAL"
+    assert cell.dashboard.robotmode() == "Robotmode: BOOTING"
+    wait_until(lambda: cell.dashboard.robotmode() == "Robotmode: POWER_OFF")
+    cell.dashboard.brakeRelease()
+    wait_until(lambda: cell.dashboard.robotmode() == "Robotmode: RUNNING")
+    restart_program(cell)
 
 
 def test_pause_stops_a_move_and_play_goes_on_with_it(cell: Cell) -> None:

@@ -147,10 +147,6 @@ def test_pose_without_solution_ends_the_program(cell: Cell) -> None:
 
 REFUSED = {
     "zeroFtSensor": ("zero_ftsensor", False, ()),
-    "freedriveMode": ("freedrive_mode", False, ()),
-    "endFreedriveMode": ("end_freedrive_mode", False, ()),
-    "teachMode": ("teach_mode", False, ()),
-    "endTeachMode": ("end_teach_mode", False, ()),
     "ftRtdeInputEnable": ("ft_rtde_input_enable", False, (True,)),
     "enableExternalFtSensor": ("enable_external_ft_sensor", False, (True,)),
     "setGravity": ("set_gravity", False, ([0.0, 0.0, 9.8],)),

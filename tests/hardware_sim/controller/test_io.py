@@ -12,14 +12,6 @@ from tests.hardware_sim.controller.plain_client import PlainClient
 BANKS = (("setStandardDigitalOut", 0, 8), ("setConfigurableDigitalOut", 8, 8), ("setToolDigitalOut", 16, 2))
 
 
-@pytest.fixture
-def cell(shared_cell: Cell) -> Cell:
-    """The shared cell; its arm does not matter here."""
-    with shared_cell.process.control() as control:
-        control.fault("clear")
-    return shared_cell
-
-
 def test_every_digital_output_is_read_back_and_disturbs_no_other(cell: Cell) -> None:
     """Check 12."""
     bits = 0

@@ -1,0 +1,117 @@
+"""Programs between their arrival and their start: compiled by a process of their own, loaded in the order of arrival.
+
+Compiling the library's control script takes tens of milliseconds, a path of thousands of points a second. A thread
+would not do: Python's own compiler holds the interpreter's lock all the while, and the tick waits. The process is
+forked before any port is open; it ends with its parent, whose death is the end of its socket.
+"""
+
+import logging
+import marshal
+import os
+import signal
+import socket
+import struct
+from collections import deque
+
+from hardware_sim.controller.compiler import CompiledProgram, compile_program
+from hardware_sim.controller.controller import Controller
+from hardware_sim.controller.functions import VOCABULARY
+from hardware_sim.controller.syntax import ScriptSyntaxError
+
+LOG = logging.getLogger("hardware_sim.controller")
+_SIZE = struct.Struct(">I")
+_MOST_WAITING = 32  # programs
+_NICENESS = 5  # above that of the ticks
+_AT_ONCE = 1 << 16  # bytes
+
+
+class Uploads:
+    """The programs that one controller has received and not yet started."""
+
+    def __init__(self, controller: Controller) -> None:
+        """Forks the process that compiles."""
+        self._controller = controller
+        self._waiting = 0
+        self._unsent: deque[bytes] = deque()
+        self._received = bytearray()
+        self._link, other = socket.socketpair()
+        self._process = os.fork()
+        if self._process == 0:
+            self._link.close()
+            _compile_until_the_end(other)
+        other.close()
+        self._link.setblocking(False)
+
+    def add(self, text: str) -> None:
+        """Has a program compiled."""
+        if self._waiting >= _MOST_WAITING:
+            self._controller.report(f"program refused: {_MOST_WAITING} others wait to be compiled")
+            return
+        self._waiting += 1
+        data = text.encode()
+        self._unsent.append(_SIZE.pack(len(data)) + data)
+        self._send()
+
+    def deliver(self) -> None:
+        """Starts what is compiled; called in every tick, never waits."""
+        if not self._waiting:
+            return
+        self._send()
+        try:
+            data = self._link.recv(_AT_ONCE)
+        except BlockingIOError:
+            return
+        if not data:
+            raise RuntimeError("the process that compiles programs has ended")
+        self._received += data
+        while len(self._received) >= _SIZE.size:
+            end = _SIZE.size + _SIZE.unpack_from(self._received)[0]
+            if len(self._received) < end:
+                return
+            answer = marshal.loads(self._received[_SIZE.size : end])  # noqa: S302 - from our own child
+            del self._received[:end]
+            self._waiting -= 1
+            if isinstance(answer, str):
+                self._controller.refuse(ScriptSyntaxError(answer))
+            else:
+                self._controller.start(CompiledProgram(*answer))
+
+    def _send(self) -> None:
+        while self._unsent:
+            data = self._unsent[0]
+            try:
+                sent = self._link.send(data[:_AT_ONCE])
+            except BlockingIOError:
+                return
+            if sent < len(data):
+                self._unsent[0] = data[sent:]
+            else:
+                self._unsent.popleft()
+
+    def close(self) -> None:
+        """Ends the process, whatever it compiles."""
+        self._link.close()
+        os.kill(self._process, signal.SIGKILL)
+        os.waitpid(self._process, 0)
+
+
+def _compile_until_the_end(link: socket.socket) -> None:
+    """The forked process: text in, code or the reason against it out; never returns."""
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        os.nice(_NICENESS)
+        stream = link.makefile("rwb")
+        while header := stream.read(_SIZE.size):
+            text = stream.read(*_SIZE.unpack(header)).decode()
+            try:
+                program = compile_program(text, VOCABULARY)
+                answer = marshal.dumps((program.name, program.secondary, program.code, program.lines))
+            except ScriptSyntaxError as error:
+                answer = marshal.dumps(str(error))
+            stream.write(_SIZE.pack(len(answer)) + answer)
+            stream.flush()
+    except (OSError, struct.error) as error:
+        LOG.info("compiling ends: %s", error)
+    finally:
+        os._exit(0)
