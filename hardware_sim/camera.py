@@ -89,10 +89,10 @@ class CameraServer:
             begun = time.time()
             try:
                 moments = shutter.expose(self._source, exposure_s)
+                taken_at = (begun + time.time()) / 2
+                frame = self._take_frame(moments, exposure_s, attempt)
             except RigError as error:
                 return {"error": error.detail}, None
-            taken_at = (begun + time.time()) / 2
-            frame = self._take_frame(moments, exposure_s, attempt)
         return {**size, "exposure_s": exposure_s, "attempt": attempt, "taken_at": taken_at}, frame
 
     def _exposure(self, request: dict[str, Any]) -> tuple[float, int]:

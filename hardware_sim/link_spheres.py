@@ -2,8 +2,8 @@
 
 Spheres, because the distance of two is one subtraction: some hundred thousand a second cost the controller almost
 nothing, and the same sets serve for table, camera, object and the arm itself. A link's spheres stand out of its convex
-mesh by at most `OUT_M` and leave no point of its surface more than `GAP_M` outside; so a contact is seen at the latest
-when a body is `GAP_M` deep, and never while it is further off than `OUT_M`.
+mesh by at most `OUT_M` and leave no point of its surface (looked at every 2.5 mm) more than `GAP_M` outside; so a
+contact is seen at the latest when a body is `GAP_M` deep, and never while it is further off than `OUT_M`.
 
     python -m hardware_sim.link_spheres FOLDER > hardware_sim/controller/link_spheres.json
 
@@ -63,7 +63,7 @@ def _candidates(mesh: trimesh.Trimesh) -> FloatArray:
     """Centres that may serve: a lattice, and points at some depths under the surface and under the vertices."""
     low, high = mesh.bounds
     axes = [np.arange(a + _LATTICE_M / 2, b, _LATTICE_M) for a, b in zip(low, high, strict=True)]
-    points, faces = mesh.sample(3000, return_index=True, seed=1)
+    points, faces = trimesh.sample.sample_surface(mesh, 3000, seed=1)[:2]
     under = [
         start - depth * normals
         for start, normals in ((points, mesh.face_normals[faces]), (mesh.vertices, mesh.vertex_normals))

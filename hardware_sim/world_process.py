@@ -1,5 +1,7 @@
 """The world as a process: builds the scene, writes the truth, serves the camera until its parent is gone.
 
+It also tells the controller what is solid: `surroundings.npz` in the folder.
+
 Run as `python -m hardware_sim.world_process FOLDER OBJECT SEED PROFILE`, with `cell.toml` and `calibration.json` in the
 folder. Prints one JSON line, `{"ready": true}` or `{"error": sentence}`. It ends when its standard input ends, which
 happens however its parent dies.
@@ -14,8 +16,10 @@ import cv2
 
 from acquisition import config, priority
 from acquisition.errors import RigError
+from hardware_sim import solids
 from hardware_sim.camera import CameraServer
 from hardware_sim.controller.control import ControlClient
+from hardware_sim.disturbed import Disturbances, DisturbedWorld
 from hardware_sim.shutter import CellState
 from hardware_sim.world import ProfileName, World
 
@@ -26,6 +30,12 @@ class ControllerState:
     def __init__(self, address: str, lamp_output: int) -> None:
         self._address, self._output = address, lamp_output
         self._client: ControlClient | None = ControlClient(address)
+        self.disturbances: Disturbances = self._client.state()["disturbances"]
+
+    def surround(self, path: Path) -> None:
+        """Tells the controller what the arm can touch. Raises RigError device.disconnected, request.invalid."""
+        with ControlClient(self._address) as client:
+            client.surround(path)
 
     def state(self) -> CellState:
         """The state now. Raises RigError device.disconnected; the next call connects anew."""
@@ -37,6 +47,7 @@ class ControllerState:
             self._client.close()
             self._client = None
             raise
+        self.disturbances = state["disturbances"]
         return CellState(
             joints=tuple(state["joints"]),
             lamp_on=bool(state["digital_outputs"] >> self._output & 1),
@@ -53,10 +64,17 @@ def main(folder: Path, object_name: str, seed: int, profile: ProfileName) -> Non
     try:
         cell = config.load(folder / "cell.toml")
         calibration = config.load_calibration(folder / cell.calibration)
-        world = World(cell, calibration, object_name, seed, profile)
-        world.truth().save(folder / "truth.npz")
+        disturbed = DisturbedWorld(cell, lambda cell: World(cell, calibration, object_name, seed, profile), seed)
+        disturbed.world.truth().save(folder / "truth.npz")
+        solids.surroundings(cell, disturbed.world.scene.mesh).save(folder / "surroundings.npz")
         source = ControllerState(cell.arm.address, cell.lamp.output)
-        server = CameraServer(cell.camera, calibration, world.frame, source)
+        source.surround(folder / "surroundings.npz")
+        server = CameraServer(
+            cell.camera,
+            calibration,
+            lambda moments, exposure_s, attempt: disturbed.frame(moments, exposure_s, attempt, source.disturbances),
+            source,
+        )
     except RigError as error:
         print(json.dumps({"error": error.detail}), flush=True)
         raise SystemExit(1) from error

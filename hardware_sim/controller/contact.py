@@ -2,7 +2,7 @@
 
 Nothing of the planner is in it, neither code nor shapes nor clearances, so that an error there shows here. Links are
 sphere sets (`link_spheres.json`, made by `hardware_sim.link_spheres`): contact is reported at the latest when a link is
-2 mm deep in something (two links: 4 mm deep in each other), and never while they are over 1 mm (2 mm) apart.
+2 mm deep in something (4 mm: two links, or the object), and never while they are over 1 mm (2 mm) apart.
 
 Each pair of bodies is looked at as often as it could have met: a look gives their distance, and nothing needs to be
 looked at again before a bound on the movement of all points of the one against the other has used it up (conservative
@@ -21,15 +21,15 @@ import numpy.typing as npt
 from hardware_sim.controller import poses
 from hardware_sim.controller.kinematics import ArmModel
 from hardware_sim.controller.poses import Frame
-from hardware_sim.controller.surroundings import FloatArray, Surroundings
+from hardware_sim.controller.surroundings import OBJECT_BALL_M, FloatArray, Surroundings
 
 BoolArray = npt.NDArray[np.bool_]
-LINKS = ("base", "shoulder", "upper arm", "forearm", "wrist 1", "wrist 2", "wrist 3", "tool")
+PARTS = ("base", "shoulder", "upper arm", "forearm", "wrist 1", "wrist 2", "wrist 3", "tool", "object")
 FINEST_M = 0.001
 """No point of the arm moves further than this between two looks that find something that near."""
 
-_TOOL = 7
-_FLANGE = 6
+_TOOL, _OBJECT = 7, 8
+_FRAMES = (0, 1, 2, 3, 4, 5, 6, 6, 0)  # the link's frame that each part is given in
 _UNIT_M = 1e-4
 _GROUP = 32
 _FAR_M = 0.03  # beyond this a lower bound is as good as the distance
@@ -64,7 +64,7 @@ class _Part:
 
 @dataclass(frozen=True)
 class _Pair:
-    """A part of the arm, and another (`other` ≥ 0) or a body of the surroundings (`body` ≥ 0)."""
+    """A part of the arm, and another part (`other` ≥ 0) or a body of the surroundings (`body` ≥ 0)."""
 
     part: int
     other: int
@@ -79,17 +79,16 @@ class ContactCheck:
         self._rows = (
             (0.0, model.d1), (model.a2, 0.0), (model.a3, 0.0), (0.0, model.d4), (0.0, model.d5), (0.0, model.d6),
         )  # fmt: skip
-        spheres = [*_links(model.name), _tool(surroundings.tool)]
+        around = surroundings.object_in_base
+        thing = np.hstack([around, np.full((len(around), 1), OBJECT_BALL_M)])
+        spheres = [*_links(model.name), _tool(surroundings.tool), thing]
         self._parts = [_part(s) for s in spheres]
-        present = [number for number, s in enumerate(spheres) if len(s)]
+        arm = [part for part in range(_OBJECT) if len(spheres[part])]
         # The base stands on the table and cannot move.
-        self._pairs = [
-            _Pair(part, -1, body) for body in range(len(surroundings.bodies)) for part in present if part > 0
-        ] + [
-            _Pair(part, other, -1)
-            for part in present
-            for other in present
-            if other - part >= 2 and (part, other) not in _NEVER
+        self._pairs = [_Pair(part, -1, body) for body in range(len(surroundings.names)) for part in arm if part > 0]
+        self._pairs += [_Pair(part, _OBJECT, -1) for part in arm if part > 0 and len(around)]
+        self._pairs += [
+            _Pair(part, other, -1) for part in arm for other in arm if other - part >= 2 and (part, other) not in _NEVER
         ]
         self._levers = np.array([self._lever(pair) for pair in self._pairs])
         self._left = np.full(len(self._pairs), -1.0)
@@ -138,13 +137,13 @@ class ContactCheck:
         return deepest[1]
 
     def _names(self, pair: _Pair) -> tuple[str, str]:
-        other = LINKS[pair.other] if pair.body < 0 else self._surroundings.bodies[pair.body]
-        return LINKS[pair.part], other
+        other = PARTS[pair.other] if pair.body < 0 else self._surroundings.names[pair.body]
+        return PARTS[pair.part], other
 
     def _distance(self, pair: _Pair, frames: list[Frame]) -> float:
         """The distance of a pair, or a bound from below where that is beyond `_FAR_M`; branch and bound."""
         one = self._parts[pair.part]
-        rotation, shift = _moved(frames[min(pair.part, _FLANGE)])
+        rotation, shift = _moved(frames[_FRAMES[pair.part]])
         if pair.body >= 0:
             around = (rotation @ one.center + shift)[None]
             bound = float(self._surroundings.distances(around, pair.body)[0]) - one.radius
@@ -153,7 +152,7 @@ class ContactCheck:
             points = one.spheres @ rotation.T + shift
             return float((self._surroundings.distances(points, pair.body) - one.radii).min())
         two = self._parts[pair.other]
-        other_rotation, other_shift = _moved(frames[min(pair.other, _FLANGE)])
+        other_rotation, other_shift = _moved(frames[_FRAMES[pair.other]])
         # All in the frame of the first.
         turn, way = rotation.T @ other_rotation, rotation.T @ (other_shift - shift)
         bounds = _gaps(one.centers, one.bounds, two.centers @ turn.T + way, two.bounds)
@@ -162,9 +161,9 @@ class ContactCheck:
             return float(bounds.flat[nearest])
         mine, its = one.members == nearest // len(two.centers), two.members == nearest % len(two.centers)
         best = _least_gap(one, mine, two, its, turn, way)
-        rivals = bounds < best
-        if np.count_nonzero(rivals) > 1:
-            mine, its = rivals.any(axis=1)[one.members], rivals.any(axis=0)[two.members]
+        rivals = np.argwhere(bounds < best)
+        if len(rivals) > 1:
+            mine, its = np.isin(one.members, rivals[:, 0]), np.isin(two.members, rivals[:, 1])
             best = _least_gap(one, mine, two, its, turn, way)
         return best
 
@@ -179,8 +178,9 @@ class ContactCheck:
 
     def _lever(self, pair: _Pair) -> list[float]:
         """How far (6,) from each joint's axis, m, any point can be that the joint moves in the frame of the other."""
-        far, near = (min(pair.other, _FLANGE), pair.part) if pair.body < 0 else (min(pair.part, _FLANGE), 0)
-        reach = self._parts[pair.other if pair.body < 0 else pair.part].reach
+        alone = pair.body >= 0 or pair.other == _OBJECT
+        moving, near = (pair.part, 0) if alone else (pair.other, _FRAMES[pair.part])
+        far, reach = _FRAMES[moving], self._parts[moving].reach
         levers = [0.0] * 6
         for joint in range(near, far):
             # The offset along a joint's own axis does not turn with it.

@@ -1,0 +1,184 @@
+"""What touches what: the controller's spheres against FCL on the maker's meshes and on the rendered object."""
+
+from pathlib import Path
+
+import fcl
+import numpy as np
+import pytest
+import trimesh
+
+from acquisition import config
+from acquisition.types import FloatArray
+from hardware_sim import link_spheres, nominal, objects, solids
+from hardware_sim.controller.contact import PARTS, ContactCheck
+from hardware_sim.controller.kinematics import MODELS
+from hardware_sim.controller.surroundings import Surroundings, load
+from tests import audit
+
+CELL = config.load(nominal.default_cell_file())
+HOME = np.array(CELL.arm.home)
+EARLY_M = link_spheres.OUT_M + 0.0002
+LATE_M = link_spheres.GAP_M + 0.0005
+"""By how much one body may be seen too early or too late; two moving ones by twice as much."""
+OBJECT_M = 0.002
+"""The same of the object's balls."""
+
+meshes = pytest.mark.skipif(not audit.MESHES.is_dir(), reason=audit.NO_MESHES)
+
+
+@pytest.fixture(scope="module")
+def surroundings() -> Surroundings:
+    return solids.surroundings(CELL, objects.build("part", 1).mesh)
+
+
+@pytest.fixture(scope="module")
+def check(surroundings: Surroundings) -> ContactCheck:
+    return ContactCheck(MODELS["ur5e"], surroundings)
+
+
+def poses(count: int, seed: int) -> FloatArray:
+    """Joints (N, 6) all over the workspace, many of them near table, object or the arm itself."""
+    random = np.random.default_rng(seed)
+    joints = random.uniform(-np.pi, np.pi, (count, 6))
+    joints[:, 1] = random.uniform(-2.4, -0.3, count)
+    joints[:, 2] = random.uniform(-2.7, 2.7, count)
+    return joints
+
+
+def body(mesh: trimesh.Trimesh) -> fcl.BVHModel:
+    model = fcl.BVHModel()
+    model.beginModel(len(mesh.vertices), len(mesh.faces))
+    model.addSubModel(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    model.endModel()
+    return model
+
+
+def apart(first: fcl.CollisionObject, second: fcl.CollisionObject) -> float:
+    """The distance of two surfaces by FCL, 0 where they cross."""
+    if fcl.collide(first, second, fcl.CollisionRequest(), fcl.CollisionResult()):
+        return 0.0
+    return max(0.0, fcl.distance(first, second, fcl.DistanceRequest(), fcl.DistanceResult()))
+
+
+@meshes
+@pytest.mark.parametrize("model", sorted(MODELS))
+def test_links_meet_where_their_meshes_do(model: str) -> None:
+    check = ContactCheck(MODELS[model], Surroundings())
+    links = [body(trimesh.load_mesh(path)) for path in sorted((audit.MESHES / model).glob("*.stl"))]
+    joints = poses(30, 1)
+    frames = audit.link_frames(model, joints)
+    met = 0
+    for number, row in enumerate(joints):
+        placed = [fcl.CollisionObject(link, pose(frames[number, n])) for n, link in enumerate(links)]
+        for (first, second), ours in check.distances(row).items():
+            theirs = apart(placed[PARTS.index(first)], placed[PARTS.index(second)])
+            met += theirs == 0.0
+            assert ours <= theirs + 2 * LATE_M, (row, first, second)
+            if theirs > 0.0 and ours < 0.03:
+                assert ours >= theirs - 2 * EARLY_M, (row, first, second)
+    assert met > 0
+
+
+def pose(frame: FloatArray) -> fcl.Transform:
+    return fcl.Transform(np.ascontiguousarray(frame[:3, :3]), np.ascontiguousarray(frame[:3, 3]))
+
+
+@meshes
+def test_arm_and_tool_meet_table_camera_and_object_where_their_meshes_do(check: ContactCheck) -> None:
+    mesh = objects.build("part", 1).mesh
+    thing = trimesh.Trimesh(mesh.triangles.reshape(-1, 3), np.arange(3 * len(mesh.triangles)).reshape(-1, 3))
+    thing.apply_transform(CELL.object.keep_out.base_from_object.matrix)
+    around = {
+        "table": body(audit._mesh(CELL.table)),  # pyright: ignore[reportPrivateUsage]
+        "camera": body(audit._mesh(CELL.camera_body[0])),  # pyright: ignore[reportPrivateUsage]
+        "object": body(thing),
+    }
+    tool = trimesh.util.concatenate(
+        [audit._capsule(item) for item in CELL.arm.tool_capsules]  # pyright: ignore[reportPrivateUsage]
+    )
+    links = [trimesh.load_mesh(path) for path in sorted((audit.MESHES / "ur5e").glob("*.stl"))]
+    parts = dict(zip(PARTS, map(body, [*links, tool]), strict=False))
+    # Round the object, where it is narrow.
+    random = np.random.default_rng(2)
+    joints = np.vstack([poses(20, 3), np.array([np.pi, -0.9, 1.6, -0.8, -1.57, 0.0]) + random.normal(0, 0.25, (40, 6))])
+    frames = audit.link_frames("ur5e", joints)
+    met = dict.fromkeys(around, 0)
+    for number, row in enumerate(joints):
+        for (part, other), ours in check.distances(row).items():
+            if other not in around:
+                continue
+            frame = frames[number, min(PARTS.index(part), 6)]
+            theirs = apart(fcl.CollisionObject(parts[part], pose(frame)), fcl.CollisionObject(around[other]))
+            met[other] += theirs == 0.0
+            slack = OBJECT_M if other == "object" else 0.001  # FCL's capsules have facets
+            # A body is its surface to FCL: what is wholly inside is no contact there.
+            if theirs > 0.0 and 0.0 < ours < 0.03:
+                assert ours >= theirs - EARLY_M - slack, (row, part, other)
+            assert ours <= theirs + LATE_M + slack, (row, part, other)
+    assert met["table"] > 10
+    assert met["object"] > 1
+
+
+def test_spheres_cover_a_body_and_do_not_stand_out_of_it() -> None:
+    mesh = trimesh.creation.box((0.1, 0.06, 0.05))
+    spheres = link_spheres.packed(mesh)
+    points = mesh.sample(2000, seed=5)
+    gaps = np.linalg.norm(points[:, None] - spheres[None, :, :3], axis=2) - spheres[:, 3]
+    assert gaps.min(axis=1).max() <= link_spheres.GAP_M + 0.0015  # the gap is kept at points 2.5 mm apart
+    reach = np.abs(spheres[:, :3]) + spheres[:, 3:]
+    assert np.all(reach <= np.array([0.05, 0.03, 0.025]) + link_spheres.OUT_M + 1e-9)
+
+
+def first_contact(check: ContactCheck, goal: FloatArray, steps: int) -> FloatArray | None:
+    """The joints at the first contact on the straight way from home, looked for in so many calls."""
+    check.forget()
+    for share in np.linspace(0, 1, steps + 1):
+        contact = check.advance(HOME + share * (goal - HOME))
+        if contact is not None:
+            return np.array(contact.joints)
+    return None
+
+
+def test_every_contact_on_a_way_is_found_however_large_the_steps(check: ContactCheck) -> None:
+    """The way that is looked at where something could have happened has the contacts of one looked at everywhere."""
+    random = np.random.default_rng(7)
+    found = 0
+    for _ in range(3):
+        goal = HOME + random.uniform(-1.5, 1.5, 6)
+        one, many = (first_contact(check, goal, steps) for steps in (1, 30))
+        shares = np.linspace(0, 1, 60)
+        touching = [min(check.distances(HOME + share * (goal - HOME)).values()) <= 0 for share in shares]
+        if one is None or many is None:
+            assert one is many
+            assert not any(touching)
+            continue
+        found += 1
+        assert one == pytest.approx(many, abs=0.003)
+        at = np.argmax(np.abs(goal - HOME))
+        share = (one - HOME)[at] / (goal - HOME)[at]
+        assert not any(touching[: int(share * 59)])
+        if any(touching):  # a graze may fall between two of these looks
+            assert share <= shares[touching.index(True)] + 1e-9
+    assert found > 1
+
+
+def test_file_of_surroundings_reads_back(surroundings: Surroundings, tmp_path: Path) -> None:
+    path = tmp_path / "surroundings.npz"
+    surroundings.save(path)
+    again = load(path)
+    assert again.names == surroundings.names == ("table", "camera")
+    points = np.random.default_rng(0).uniform((0.3, -0.3, 0.0), (0.8, 0.3, 1.2), (500, 3))
+    for number in range(len(again.names)):
+        assert np.array_equal(again.distances(points, number), surroundings.distances(points, number))
+    assert np.array_equal(again.object_in_base, surroundings.object_in_base)
+    assert np.array_equal(again.tool, surroundings.tool)
+    np.savez(tmp_path / "other.npz", a=1)
+    with pytest.raises(ValueError, match="surroundings"):
+        load(tmp_path / "other.npz")
+
+
+def test_nudged_object_is_touched_where_it_is_now(surroundings: Surroundings) -> None:
+    moved = surroundings.nudged((0.2, 0.0, 0.01), np.pi)
+    axis = CELL.object.keep_out.base_from_object.position_m
+    before, after = surroundings.object_in_base - axis, moved.object_in_base - axis
+    assert after == pytest.approx(before * (-1, -1, 1) + (0.2, 0.0, 0.01), abs=1e-12)
