@@ -1,4 +1,10 @@
 """Normals from distant lights: from least squares for a few images to reflectance fits for many of a glossy object.
 
-`solve(images, solver)` takes an ImageSet with DistantLights and gives a NormalMap.
+Before: a reader of capture folders, which gives an ImageSet. After: exports and report. `solve` takes blocks of rows
+through one of the `methods`; `choice` picks it where nobody has.
 """
+
+from acquisition.normals.distant.methods import Solver
+from acquisition.normals.distant.solve import solve
+
+__all__ = ["Solver", "solve"]

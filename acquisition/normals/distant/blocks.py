@@ -1,0 +1,114 @@
+"""Blocks of rows of an image set as planar stacks (F, N) of one brightness per pixel, whatever is stored.
+
+Grey images pass in the type they are stored in, without a copy beyond the reader's. Colours are divided by the light's
+intensity channel by channel and mixed to one grey: by fixed weights where figures are to be compared (the luma of ITU-R
+BT.601, as the field's plain least squares uses), else by the pixel's own colour, which is the best unbiased mix for a
+matt surface and lets coloured paint outweigh its white gloss.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.normals.image_set import DistantLights, ImageSet
+from acquisition.types import BoolArray, Float32Array, FloatArray
+
+LUMA = np.array([0.2989, 0.5870, 0.1140], np.float32)
+BLOCK_BYTES = 48_000_000
+CLIPPED = np.float32(1e9)
+"""What a clipped pixel of a colour image is given, in units of white."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows [start, stop) as `stack` (F, N) stored values; times `scale` (F,) they are brightness per unit of light.
+
+    `clipped_from` is the stored value from which a measurement is clipped; `colour` (N, 3) the ratio of each channel's
+    brightness to the mix, none for grey images.
+    """
+
+    start: int
+    stop: int
+    stack: np.ndarray
+    scale: Float32Array
+    clipped_from: float
+    colour: Float32Array | None
+
+    def pixels(self, chosen: np.ndarray) -> tuple[Float32Array, BoolArray]:
+        """Brightness and whether clipped, of some pixels (K) by their number, both (K, F)."""
+        picked = self.stack[:, chosen]
+        values = picked.T.astype(np.float32) * self.scale
+        clipped = picked >= self.clipped_from
+        return np.ascontiguousarray(values), np.ascontiguousarray(clipped.T)
+
+
+def directions(images: ImageSet) -> FloatArray:
+    """Unit light directions (F, 3)."""
+    lights = images.lights
+    assert isinstance(lights, DistantLights)  # noqa: S101 - `solve` has refused anything else
+    return lights.directions / np.linalg.norm(lights.directions, axis=1, keepdims=True)
+
+
+def rows_at_once(images: ImageSet) -> int:
+    """Rows of a block that stays small."""
+    size = 2 if images.channels == 1 else 4 * 3
+    return max(1, min(images.height, BLOCK_BYTES // (images.count * images.width * size)))
+
+
+def read(images: ImageSet, start: int, stop: int, *, luma: bool) -> Block:
+    """One block of rows; `luma` mixes colours by fixed weights."""
+    lights = images.lights
+    assert isinstance(lights, DistantLights)  # noqa: S101
+    count, size = images.count, (stop - start) * images.width
+    if images.channels == 1:
+        first = images.rows(0, start, stop)
+        # The kernels take sixteen bits; eight are widened.
+        stack = np.empty((count, size), np.uint16 if first.dtype == np.uint8 else first.dtype)
+        stack[0] = first.reshape(-1)
+        for image in range(1, count):
+            stack[image] = images.rows(image, start, stop).reshape(-1)
+        scale = (1.0 / (images.full_scale * lights.intensities[:, 0])).astype(np.float32)
+        return Block(start, stop, stack, scale, images.saturated_from * images.full_scale, None)
+    values = np.empty((count, size, 3), np.float32)
+    clipped = np.empty((count, size), np.bool_)
+    for image in range(count):
+        share = images.values(image, start, stop).reshape(size, 3)
+        clipped[image] = np.max(share, axis=1) >= images.saturated_from
+        values[image] = share * (1.0 / lights.intensities[image]).astype(np.float32)
+    means = np.mean(values, axis=0) + np.float32(1e-9)
+    if luma:
+        weights = np.broadcast_to(LUMA, means.shape)
+    else:
+        weights = means / np.sum(means * means, axis=1, keepdims=True) * (means @ LUMA)[:, None]
+    stack = np.ascontiguousarray(np.einsum("fnc,nc->fn", values, weights), dtype=np.float32)
+    if not luma:  # plain least squares leaves nothing out
+        stack[clipped] = CLIPPED
+    colour = means / (means @ LUMA)[:, None]
+    return Block(start, stop, stack, np.ones(count, np.float32), float(CLIPPED) / 2, colour)
+
+
+def every(images: ImageSet, *, luma: bool) -> Iterator[Block]:
+    """All blocks that hold pixels of the mask."""
+    step = rows_at_once(images)
+    for start in range(0, images.height, step):
+        stop = min(start + step, images.height)
+        if np.any(images.mask[start:stop]):
+            yield read(images, start, stop, luma=luma)
+
+
+def sample(images: ImageSet, count: int, *, luma: bool = False) -> tuple[Float32Array, BoolArray]:
+    """About `count` pixels of the mask from rows all over it: brightness and whether clipped, both (K, F)."""
+    rng = np.random.default_rng(0)
+    there = np.flatnonzero(np.any(images.mask, axis=1))
+    rows = np.unique(there[np.linspace(0, len(there) - 1, min(len(there), 48)).astype(int)])
+    values: list[Float32Array] = []
+    clipped: list[BoolArray] = []
+    share = -(-count // len(rows))
+    for row in rows:
+        columns = np.flatnonzero(images.mask[row])
+        chosen = np.sort(rng.permutation(columns)[:share])
+        picked, full = read(images, int(row), int(row) + 1, luma=luma).pixels(chosen)
+        values.append(picked)
+        clipped.append(full)
+    return np.concatenate(values), np.concatenate(clipped)

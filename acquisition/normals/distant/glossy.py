@@ -1,0 +1,141 @@
+"""Glossy objects under many distant lights: gloss from each pixel, the matt part's form from the whole object.
+
+How matt light falls off with the angle of incidence and how the normal is tilted look alike in one pixel, but every
+pixel of an object tells of the same fall-off at another normal. So the form (κ, ω, γ of `reflectance.basis`) is the one
+at which a sample of pixels, each with its own best normal and strengths, is explained best. Lambert's law wins unless
+another explains distinctly more: a wrong law costs several degrees, a form that is a little off a few tenths.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.normals.distant import reflectance, robust
+from acquisition.types import BoolArray, Float32Array, FloatArray
+
+SHADOW = 0.15
+"""Of a pixel's bright values (80th percentile): what is darker is left out, being lit by other surfaces if at all."""
+
+SOFTENING = 0.2
+"""Weights are 1/(y + this), y in units of the pixel's median: between constant noise and noise in proportion."""
+
+LAMBERT = np.array([0.0, 0.0, 1.0])
+COARSE = tuple((kappa, omega, 1.0) for kappa in (0.0, 0.5, 1.0) for omega in (0.0, 0.25, 0.5))
+LOWEST = np.array([-0.6, -0.2, 0.6])
+HIGHEST = np.array([1.2, 0.9, 1.6])
+FIRST_STEP = np.array([0.25, 0.12, 0.12])
+LAST_STEP = 0.03
+CAUCHY_SCALE = 2.5
+LEAST_SPREAD = 0.003
+RING = 0.12
+"""Radius, rad, of the ring of starts round the first normal."""
+
+
+@dataclass(frozen=True)
+class Fits:
+    """What was found for N pixels."""
+
+    normals: Float32Array  # (N, 3)
+    strengths: Float32Array  # (N, K) in units of brightness
+    variance: Float32Array  # (N,) rad², both tangential directions
+    spread: Float32Array  # (N,) of weighted residuals, in units of the pixel's median
+    loss: Float32Array  # (N,)
+
+
+def light_table(directions: FloatArray) -> FloatArray:
+    """Unit light directions and half vectors to a camera along z, (6, F)."""
+    half = directions + np.array([0.0, 0.0, 1.0])
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    return np.ascontiguousarray(np.concatenate([directions, half], axis=1).T)
+
+
+def start(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> Float32Array:
+    """First normals (N, 3): least squares over the middle ranks."""
+    found, figures = np.empty((len(values), 3), np.float32), np.empty((len(values), 2), np.float32)
+    robust.solve(
+        values, (~clipped).astype(np.uint8), directions, np.empty((0, 3), np.int64), np.empty((0, 3, 3)),
+        np.array([*robust.MIDDLE, 0.0, 0.0]), found, figures,
+    )  # fmt: skip
+    found[:, 2] = np.maximum(found[:, 2], 0.03 * np.linalg.norm(found, axis=1) + 1e-9)
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
+
+
+def fit(
+    values: Float32Array,
+    clipped: BoolArray,
+    table: FloatArray,
+    form: FloatArray,
+    first: Float32Array,
+    *,
+    ring: float = RING,
+    iterations: int = 12,
+) -> Fits:
+    """Fits pixels, brightness (N, F), from normals (N, 3) with a given form of the matt part."""
+    typical = np.maximum(np.median(values, axis=1, keepdims=True), 1e-9)
+    y = np.ascontiguousarray(values / typical, dtype=np.float32)
+    trust = np.where(trusted(y, clipped), 1.0 / (np.maximum(y, 0) + SOFTENING), 0.0).astype(np.float32)
+    y[clipped] = 0.0
+    count = len(values)
+    normals = np.empty((count, 3), np.float32)
+    strengths = np.empty((count, reflectance.STRENGTHS), np.float32)
+    figures = np.empty((count, 3), np.float32)
+    reflectance.fit(
+        y, trust, table, form, reflectance.WIDTHS, np.array([CAUCHY_SCALE, LEAST_SPREAD, iterations, ring]),
+        np.ascontiguousarray(first, dtype=np.float32), normals, strengths, figures,
+    )  # fmt: skip
+    return Fits(normals, strengths * typical.astype(np.float32), figures[:, 2], figures[:, 1], figures[:, 0])
+
+
+def matt_form(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> FloatArray:
+    """The form (3,) of the matt part that explains a sample of pixels (N, F) best."""
+    table, first = light_table(directions), start(values, clipped, directions)
+    known: dict[tuple[float, ...], tuple[float, Float32Array]] = {}
+
+    def loss(form: FloatArray, begin: Float32Array, ring: float) -> tuple[float, Float32Array]:
+        key = tuple(np.round(form, 4).tolist())
+        if key not in known:
+            fits = fit(values, clipped, table, form, begin, ring=ring, iterations=6)
+            known[key] = float(np.mean(np.log(fits.loss + 1e-4))), fits.normals
+        return known[key]
+
+    least, form, begin = np.inf, LAMBERT, first
+    for candidate in COARSE:
+        here, normals = loss(np.array(candidate), first, 1.25 * RING)
+        if here < least:
+            least, form, begin = here, np.array(candidate), normals
+    step = FIRST_STEP
+    while step[0] > LAST_STEP:
+        moved = False
+        for axis in range(len(form)):
+            for sign in (1.0, -1.0):
+                trial = form.copy()
+                trial[axis] += sign * step[axis]
+                trial = np.clip(trial, LOWEST, HIGHEST)
+                here, normals = loss(trial, begin, 0.0)
+                if here < least - 1e-3:
+                    least, form, begin, moved = here, trial, normals, True
+                    break
+        if not moved:
+            step = step / 2
+    return form
+
+
+def trusted(values: Float32Array, clipped: BoolArray) -> BoolArray:
+    """Which measurements (N, F) are used: neither clipped nor far darker than the pixel's bright ones."""
+    return (values >= np.quantile(values, 0.8, axis=1, keepdims=True) * SHADOW) & ~clipped
+
+
+def matt(normals: Float32Array, table: FloatArray, form: FloatArray) -> Float32Array:
+    """Brightness (N, F) of a matt surface of strength 1 with these normals (N, 3)."""
+    return _every_basis(normals, table, form)[:, 0]
+
+
+def brightness(fits: Fits, table: FloatArray, form: FloatArray) -> FloatArray:
+    """Brightness (N, F) that the fits predict under lights (6, F)."""
+    return np.einsum("nk,nkf->nf", fits.strengths, _every_basis(fits.normals, table, form))
+
+
+def _every_basis(normals: Float32Array, table: FloatArray, form: FloatArray) -> Float32Array:
+    out = np.empty((len(normals), reflectance.STRENGTHS, table.shape[1]), np.float32)
+    reflectance.many(np.ascontiguousarray(normals, dtype=np.float64), table, form, reflectance.WIDTHS, out)
+    return out

@@ -1,0 +1,369 @@
+"""One pixel's reflectance and normal together: a matt term and lobes of several widths, non-negative, at any normal.
+
+A camera near the lights' axis sees half-way angles to the light below 30°, where Fresnel's factor is constant and the
+reflectance of isotropic matter is a function of n·l, n·h and n·v only. Its gloss is then a non-negative sum of lobes in
+n·h of fixed widths, which holds whatever long or short tail a real lobe has. So for a given normal the model is linear
+in non-negative strengths, and only two unknowns, the tangential directions, are left to search (variable projection
+with Levenberg–Marquardt, Golub & Pereyra 1973, Kaufman 1975).
+
+What cannot be left to each pixel is how its matt part falls off with n·l, since bending it and tilting the normal look
+alike. Its form (three numbers) is therefore shared by the whole object, see `glossy`.
+"""
+
+import numba
+import numpy as np
+
+from acquisition.types import Float32Array, FloatArray
+
+WIDTHS = np.array([0.08, 0.16, 0.32, 0.6])
+"""GGX roughness α of the lobes."""
+
+STRENGTHS = 1 + len(WIDTHS)
+FORM = 3
+"""Numbers that say how the matt part falls off: see `basis`."""
+
+STEP = 1e-4
+"""Change of the normal for difference quotients."""
+
+
+@numba.njit(
+    "void(float64[::1], float64[:,::1], float64[::1], float64[::1], float64[:,::1])",
+    cache=True, fastmath=True, error_model="numpy",
+)  # fmt: skip
+def basis(
+    normal: FloatArray,  # (3,)
+    light: FloatArray,  # (6, F) direction, then half vector
+    form: FloatArray,  # (FORM,)
+    widths: FloatArray,  # (K − 1,)
+    out: FloatArray,  # (K, F)
+) -> None:
+    """Brightness under each light of a matt surface and of each lobe, all of about unit height.
+
+    The matt part is x^γ (1 − κ (1 − x/2)⁵) + ω x s/max(x, n·v), x = n·l, form = (κ, ω, γ): κ = 1 is the diffuse light
+    that leaves a smooth dielectric (Ashikhmin & Shirley 2000), ω the flattening by rough relief (Oren & Nayar 1994, in
+    Fujii's form). Lobes are GGX with Smith's shadowing (Walter et al. 2007).
+    """
+    one = 1.0
+    kappa, omega, gamma = form[0], form[1], form[2]
+    nv = max(normal[2], 0.02)
+    for f in range(light.shape[1]):
+        x = normal[0] * light[0, f] + normal[1] * light[1, f] + normal[2] * light[2, f]
+        h = normal[0] * light[3, f] + normal[1] * light[4, f] + normal[2] * light[5, f]
+        inside = one if x > 0 else 0.0
+        x = max(x, 1e-6)
+        fall = one - 0.5 * x
+        fall2 = fall * fall
+        s = light[2, f] - x * normal[2]
+        matt = x if gamma == one else x**gamma
+        matt *= one - kappa * fall2 * fall2 * fall
+        matt += omega * x * max(s, 0.0) / max(x, nv)
+        out[0, f] = inside * matt
+        h2 = h * h
+        for k in range(len(widths)):
+            a2 = widths[k] * widths[k]
+            d = a2 / (h2 * (a2 - one) + one)
+            out[k + 1, f] = inside * d * d * 2 * x / (x + np.sqrt(a2 + (one - a2) * x * x))
+
+
+@numba.njit(
+    "float64(float64[::1], float64[::1], float64[:,::1], float64[:,::1], float64[::1], float64[::1])",
+    cache=True, fastmath=True, error_model="numpy",
+)  # fmt: skip
+def strengths(
+    values: FloatArray,  # (F,)
+    weights: FloatArray,  # (F,)
+    basis_values: FloatArray,  # (K, F)
+    normal_matrix: FloatArray,  # (K, K) out
+    right: FloatArray,  # (K,) out
+    found: FloatArray,  # (K,) start in, result out
+) -> float:
+    """Non-negative least squares by coordinate descent on the normal equations; returns the weighted squared error."""
+    count, size = basis_values.shape
+    for i in range(count):
+        for j in range(i + 1):
+            total = 0.0
+            for f in range(size):
+                total += weights[f] * basis_values[i, f] * basis_values[j, f]
+            normal_matrix[i, j] = total
+            normal_matrix[j, i] = total
+        total = 0.0
+        for f in range(size):
+            total += weights[f] * basis_values[i, f] * values[f]
+        right[i] = total
+    for _ in range(60):
+        change = 0.0
+        for i in range(count):
+            rest = right[i]
+            for j in range(count):
+                rest -= normal_matrix[i, j] * found[j]
+            new = max(found[i] + rest / (normal_matrix[i, i] + 1e-12), 0.0)
+            change = max(change, abs(new - found[i]))
+            found[i] = new
+        if change < 1e-5:
+            break
+    error = 0.0
+    for f in range(size):
+        rest = values[f]
+        for i in range(count):
+            rest -= found[i] * basis_values[i, f]
+        error += weights[f] * rest * rest
+    return error
+
+
+@numba.njit("void(float64[::1], float64[:,::1])", cache=True, error_model="numpy")
+def _tangents(normal: FloatArray, out: FloatArray) -> None:
+    """Two unit vectors across a unit normal, rows of (2, 3)."""
+    if abs(normal[0]) < 0.8:
+        out[0, 0], out[0, 1], out[0, 2] = 0.0, normal[2], -normal[1]
+    else:
+        out[0, 0], out[0, 1], out[0, 2] = -normal[2], 0.0, normal[0]
+    length = np.sqrt(out[0, 0] ** 2 + out[0, 1] ** 2 + out[0, 2] ** 2)
+    for i in range(3):
+        out[0, i] /= length
+    out[1, 0] = normal[1] * out[0, 2] - normal[2] * out[0, 1]
+    out[1, 1] = normal[2] * out[0, 0] - normal[0] * out[0, 2]
+    out[1, 2] = normal[0] * out[0, 1] - normal[1] * out[0, 0]
+
+
+@numba.njit("void(float64[::1], float64[:,::1], float64, float64, float64[::1])", cache=True, error_model="numpy")
+def _moved(normal: FloatArray, tangent: FloatArray, first: float, second: float, out: FloatArray) -> None:
+    """The normal moved by two tangential amounts, facing the camera."""
+    for i in range(3):
+        out[i] = normal[i] + first * tangent[0, i] + second * tangent[1, i]
+    out[2] = max(out[2], 0.02)
+    length = np.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2)
+    for i in range(3):
+        out[i] /= length
+
+
+@numba.njit(
+    "void(float32[:,::1], float32[:,::1], float64[:,::1], float64[::1], float64[::1], float64[::1],"
+    " float32[:,::1], float32[:,::1], float32[:,::1], float32[:,::1], int64)",
+    cache=True, fastmath=True, error_model="numpy",
+)  # fmt: skip
+def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
+    values: Float32Array,  # (N, F), of about unit height
+    trust: Float32Array,  # (N, F) weights of the measurements; 0: not used
+    light: FloatArray,  # (6, F)
+    form: FloatArray,  # (FORM,)
+    widths: FloatArray,  # (K − 1,)
+    scalars: FloatArray,  # Cauchy scale in units of the residuals' spread, least spread, iterations, ring in rad
+    start: Float32Array,  # (N, 3) normals
+    normals: Float32Array,  # (N, 3) out
+    found: Float32Array,  # (N, K) out: strengths
+    figures: Float32Array,  # (N, 3) out: loss, spread of residuals, variance in rad² over both tangential directions
+    p: int,
+) -> None:
+    """One pixel of `fit`."""
+    size = values.shape[1]
+    count = len(widths) + 1
+    cauchy, least, iterations, ring = scalars[0], scalars[1], int(scalars[2]), scalars[3]
+    y = np.empty(size)
+    base = np.empty(size)
+    w = np.empty(size)
+    rest = np.empty(size)
+    model = np.empty((count, size))
+    beside = np.empty((count, size))
+    slope = np.empty((2, size))
+    matrix = np.empty((count, count))
+    right = np.empty(count)
+    cross = np.empty((2, count))
+    solved = np.empty((2, count))
+    c = np.zeros(count)
+    trial_c = np.zeros(count)
+    n = np.empty(3)
+    trial = np.empty(3)
+    best = np.empty(3)
+    tangent = np.empty((2, 3))
+    used = 0
+    for f in range(size):
+        y[f] = values[p, f]
+        base[f] = trust[p, f]
+        w[f] = base[f]
+        used += 1 if base[f] > 0 else 0
+    for i in range(3):
+        n[i] = start[p, i]
+        best[i] = n[i]
+    basis(n, light, form, widths, model)
+    loss = strengths(y, w, model, matrix, right, c)
+    if ring > 0:
+        _tangents(n, tangent)
+        for turn in range(16):
+            radius = ring * (1 + turn // 8)
+            angle = 2 * np.pi * (turn + 0.5 * (turn // 8)) / 8
+            _moved(n, tangent, radius * np.cos(angle), radius * np.sin(angle), trial)
+            basis(trial, light, form, widths, model)
+            trial_c[:] = c
+            here = strengths(y, w, model, matrix, right, trial_c)
+            if here < loss:
+                loss = here
+                best[:] = trial
+    n[:] = best
+    spread = least
+    variance = 1.0
+    for stage in range(2):
+        squared = 1e30  # scale² of the Cauchy weights
+        if stage == 1:
+            basis(n, light, form, widths, model)
+            for f in range(size):
+                r = y[f]
+                for k in range(count):
+                    r -= c[k] * model[k, f]
+                rest[f] = abs(r) * np.sqrt(base[f])
+            ordered = np.sort(rest)
+            spread = max(1.4826 * ordered[size - used + used // 2], least)
+            squared = (cauchy * spread) ** 2
+        damping = 1e-3
+        loss = 1e30
+        for _ in range(iterations):
+            basis(n, light, form, widths, model)
+            if stage == 1:
+                for f in range(size):
+                    r = y[f]
+                    for k in range(count):
+                        r -= c[k] * model[k, f]
+                    w[f] = base[f] / (1 + r * r * base[f] / squared)
+            strengths(y, w, model, matrix, right, c)
+            loss = 0.0
+            for f in range(size):
+                r = y[f]
+                for k in range(count):
+                    r -= c[k] * model[k, f]
+                rest[f] = r
+                if stage == 1:
+                    loss += squared * np.log(1 + r * r * base[f] / squared)
+                else:
+                    loss += base[f] * r * r
+            _tangents(n, tangent)
+            for t in range(2):
+                _moved(n, tangent, STEP * (1 - t), STEP * t, trial)
+                basis(trial, light, form, widths, beside)
+                for f in range(size):
+                    total = 0.0
+                    for k in range(count):
+                        total += c[k] * (beside[k, f] - model[k, f])
+                    slope[t, f] = total / STEP
+            # Strengths that are zero stay so; the others follow the normal, so their columns are projected out.
+            for k in range(count):
+                for t in range(2):
+                    total = 0.0
+                    for f in range(size):
+                        total += w[f] * model[k, f] * slope[t, f]
+                    cross[t, k] = total if c[k] > 0 else 0.0
+                    solved[t, k] = 0.0
+                for j in range(count):
+                    if c[k] <= 0 or c[j] <= 0:
+                        matrix[k, j] = 1.0 if k == j else 0.0
+                matrix[k, k] *= 1 + 1e-9
+            for k in range(count):  # Cholesky, in place
+                for j in range(k):
+                    matrix[k, k] -= matrix[k, j] * matrix[k, j]
+                matrix[k, k] = np.sqrt(max(matrix[k, k], 1e-12))
+                for i in range(k + 1, count):
+                    for j in range(k):
+                        matrix[i, k] -= matrix[i, j] * matrix[k, j]
+                    matrix[i, k] /= matrix[k, k]
+            for t in range(2):
+                for k in range(count):
+                    total = cross[t, k]
+                    for j in range(k):
+                        total -= matrix[k, j] * solved[t, j]
+                    solved[t, k] = total / matrix[k, k]
+            a = 0.0
+            b = 0.0
+            d = 0.0
+            g0 = 0.0
+            g1 = 0.0
+            for f in range(size):
+                a += w[f] * slope[0, f] * slope[0, f]
+                b += w[f] * slope[0, f] * slope[1, f]
+                d += w[f] * slope[1, f] * slope[1, f]
+                g0 += w[f] * slope[0, f] * rest[f]
+                g1 += w[f] * slope[1, f] * rest[f]
+            for k in range(count):
+                a -= solved[0, k] * solved[0, k]
+                b -= solved[0, k] * solved[1, k]
+                d -= solved[1, k] * solved[1, k]
+            a = max(a, 1e-9)
+            d = max(d, 1e-9)
+            variance = (a + d) / max(a * d - b * b, 1e-6 * a * d)
+            accepted = False
+            length = 0.0
+            for _ in range(6):
+                aa = a * (1 + damping)
+                dd = d * (1 + damping)
+                determinant = max(aa * dd - b * b, 1e-12 * aa * dd)
+                first = (dd * g0 - b * g1) / determinant
+                second = (aa * g1 - b * g0) / determinant
+                length = np.sqrt(first * first + second * second)
+                if length > 0.3:
+                    first *= 0.3 / length
+                    second *= 0.3 / length
+                _moved(n, tangent, first, second, trial)
+                basis(trial, light, form, widths, beside)
+                trial_c[:] = c
+                strengths(y, w, beside, matrix, right, trial_c)
+                here = 0.0
+                for f in range(size):
+                    r = y[f]
+                    for k in range(count):
+                        r -= trial_c[k] * beside[k, f]
+                    if stage == 1:
+                        here += squared * np.log(1 + r * r * base[f] / squared)
+                    else:
+                        here += base[f] * r * r
+                if here < loss:
+                    accepted = True
+                    loss = here
+                    n[:] = trial
+                    c[:] = trial_c
+                    damping = max(damping * 0.2, 1e-4)
+                    break
+                damping = max(damping * 8, 0.05)
+            if not accepted or length < 2e-4:
+                break
+    for i in range(3):
+        normals[p, i] = n[i]
+    for k in range(count):
+        found[p, k] = c[k]
+    figures[p, 0] = loss
+    figures[p, 1] = spread
+    figures[p, 2] = variance * spread * spread * used / max(used - count - 2, 1)
+
+
+@numba.njit(
+    "void(float32[:,::1], float32[:,::1], float64[:,::1], float64[::1], float64[::1], float64[::1],"
+    " float32[:,::1], float32[:,::1], float32[:,::1], float32[:,::1])",
+    cache=True, parallel=True, error_model="numpy",
+)  # fmt: skip
+def fit(
+    values: Float32Array,  # (N, F), of about unit height
+    trust: Float32Array,  # (N, F) weights of the measurements; 0: not used
+    light: FloatArray,  # (6, F)
+    form: FloatArray,  # (FORM,)
+    widths: FloatArray,  # (K − 1,)
+    scalars: FloatArray,  # Cauchy scale in units of the residuals' spread, least spread, iterations, ring in rad
+    start: Float32Array,  # (N, 3) normals
+    normals: Float32Array,  # (N, 3) out
+    found: Float32Array,  # (N, K) out: strengths
+    figures: Float32Array,  # (N, 3) out: loss, spread of residuals, variance in rad² over both tangential directions
+) -> None:
+    """Fits all pixels: least squares from the best of a ring of starts, then Cauchy weights."""
+    for p in numba.prange(values.shape[0]):
+        _fit_pixel(values, trust, light, form, widths, scalars, start, normals, found, figures, p)
+
+
+@numba.njit(
+    "void(float64[:,::1], float64[:,::1], float64[::1], float64[::1], float32[:,:,::1])",
+    cache=True,
+    error_model="numpy",
+)
+def many(normals: FloatArray, light: FloatArray, form: FloatArray, widths: FloatArray, out: Float32Array) -> None:
+    """`basis` at normals (N, 3), into (N, K, F)."""
+    one = np.empty((out.shape[1], out.shape[2]))
+    for p in range(len(normals)):
+        basis(normals[p], light, form, widths, one)
+        out[p] = one
+
+
+KERNELS = (basis, strengths, _tangents, _moved, _fit_pixel, fit, many)

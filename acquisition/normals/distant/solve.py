@@ -1,0 +1,138 @@
+"""Images under distant lights to a normal map: one block of rows after another, with the solver that was asked for.
+
+`auto` lets the residuals choose: each solver explains lights that it was not shown, on a sample of pixels, and the one
+that does so best solves them all. Nothing holds the whole stack; what is known of every pixel is the result.
+"""
+
+import tempfile
+from typing import Any
+
+import numpy as np
+
+from acquisition import photometry
+from acquisition.errors import ErrorCode, RigError
+from acquisition.normals import integrate
+from acquisition.normals.distant import blocks, choice, methods
+from acquisition.normals.distant.methods import Solver
+from acquisition.normals.image_set import DistantLights, ImageSet, check
+from acquisition.types import HIGHLIGHT, LIT, BoolArray, Float32Array, Information, NormalMap
+
+SAMPLE = 900
+USELESS = 0.95
+"""Share of clipped pixels from which an image tells nothing."""
+
+LARGE_BYTES = 1 << 29
+"""Arrays of flags above this size live in a file without a name, so that memory holds only what is touched."""
+
+
+def solve(images: ImageSet, solver: Solver = "auto", *, with_depth: bool = True) -> NormalMap:
+    """Solves images with DistantLights; `notes` say which solver did it and why.
+
+    Depth is in m where a camera and a rough depth are known, else relative (`notes["depth_unit"]`). Raises RigError
+    normals.infeasible as `image_set.check` does, and naming the file where an image is black, clipped or not finite.
+    """
+    check(images)
+    if not isinstance(images.lights, DistantLights):
+        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "these lights are near: solve them as near lights")
+    directions = blocks.directions(images)
+    values, clipped = blocks.sample(images, SAMPLE)
+    refuse_unusable(images, values, clipped)
+    chosen, why = (solver, "as asked")
+    if solver == "auto":
+        chosen, why = choice.best(values, clipped, directions)
+    method, notes = methods.prepare(chosen, values, clipped, directions)
+    notes = {"solver": chosen, "why": why} | notes
+    return _whole(images, method, luma=chosen == "ls", notes=notes, with_depth=with_depth)
+
+
+def refuse_unusable(images: ImageSet, values: Float32Array, clipped: BoolArray) -> None:
+    """Raises RigError normals.infeasible naming an image that is not finite, black or clipped at a sample (K, F)."""
+    for index, name in enumerate(images.names):
+        column, full = values[:, index], clipped[:, index]
+        if not np.all(np.isfinite(column)):
+            what = "has values that are not finite: write it again"
+        elif np.mean(full) > USELESS:
+            what = "is clipped all over the object: expose it for a shorter time"
+        elif not np.any(column > 0):
+            what = "is black all over the object: was the lamp on? Leave it out or take it again"
+        else:
+            continue
+        raise RigError(ErrorCode.NORMALS_INFEASIBLE, f"{name} {what}", file=name)
+
+
+def _whole(
+    images: ImageSet, method: methods.Method, *, luma: bool, notes: dict[str, Any], with_depth: bool
+) -> NormalMap:
+    """All blocks, one after another, into a normal map."""
+    size = (images.height, images.width)
+    normals = np.zeros((*size, 3), np.float32)
+    albedo, residual = np.zeros(size, np.float32), np.zeros(size, np.float32)
+    colour = np.zeros((*size, 3), np.float32) if images.channels == 3 else None
+    sigma = np.full(size, np.nan, np.float32)
+    solved, doubtful = np.zeros(size, np.bool_), np.zeros(size, np.bool_)
+    flags = _large((images.count, *size))
+    for block in blocks.every(images, luma=luma):
+        rows = slice(block.start, block.stop)
+        chosen = np.flatnonzero(images.mask[rows])
+        found = method(block, chosen)
+        good = (found.albedo > 0) & np.all(np.isfinite(found.normals), axis=0)
+
+        def place(target: np.ndarray, values: np.ndarray, rows: slice = rows, chosen: np.ndarray = chosen) -> None:
+            part = target[rows].reshape(-1, *target.shape[2:])
+            part[chosen] = values
+
+        place(solved, good)
+        place(normals, np.where(good[:, None], found.normals.T, 0))
+        place(albedo, np.where(good, found.albedo, 0))
+        place(residual, np.where(good, found.residual, 0))
+        place(sigma, np.where(good, np.degrees(np.sqrt(found.variance)), np.nan))
+        place(doubtful, np.count_nonzero(found.flags & (LIT | HIGHLIGHT), axis=0) < 3)
+        if colour is not None and block.colour is not None:
+            place(colour, np.where(good[:, None], found.albedo[:, None] * block.colour[chosen], 0))
+        part = flags[:, rows].reshape(images.count, -1)
+        part[:, chosen] = found.flags
+        flags[:, rows] = part.reshape(images.count, rows.stop - rows.start, images.width)
+    depth, unit = _depth(images, normals, solved, sigma) if with_depth else (np.zeros(size, np.float32), "none")
+    return NormalMap(
+        normals=normals,
+        albedo=albedo,
+        depth=depth,
+        sigma_deg=sigma,
+        residual=residual,
+        mask=solved,
+        silhouette=images.mask,
+        flags=flags,
+        intensity_factors=np.ones(images.count),
+        information=_no_information(),
+        doubtful=doubtful & solved,
+        albedo_rgb=colour,
+        notes=notes | {"depth_unit": unit},
+    )
+
+
+def _depth(images: ImageSet, normals: Float32Array, solved: BoolArray, sigma: Float32Array) -> tuple[Float32Array, str]:
+    """Depth and its unit: m, share of the rough depth that is unknown (`relative`), or pixels where orthographic."""
+    planar = np.ascontiguousarray(normals.transpose(2, 0, 1))
+    certainty = np.where(solved, 1 / (1 + (np.nan_to_num(sigma, nan=90.0) / 3) ** 2) + 1e-3, 0).astype(np.float32)
+    if images.camera is None:
+        return integrate.relief(planar, solved, certainty), "pixel"
+    rows, columns = slice(0, images.height), slice(0, images.width)
+    ray = photometry.camera_rays(images.camera.matrix, images.camera.distortion, rows, columns)
+    rough = images.rough_depth_m
+    start = np.broadcast_to(np.asarray(1.0 if rough is None else rough, np.float32), solved.shape)
+    found = integrate.depth(planar, solved, ray, certainty, np.ascontiguousarray(start))
+    return np.where(solved, found, 0).astype(np.float32), "relative" if rough is None else "m"
+
+
+def _large(shape: tuple[int, ...]) -> np.ndarray:
+    """Zeros (uint8): in memory, or in a file without a name where they would fill it."""
+    if int(np.prod(shape)) < LARGE_BYTES:
+        return np.zeros(shape, np.uint8)
+    with tempfile.TemporaryFile() as file:
+        return np.memmap(file, np.uint8, "w+", shape=shape)
+
+
+def _no_information() -> Information:
+    """No planner reads a result of distant light."""
+    none = np.empty(0, np.int64)
+    return Information(none, none, np.empty((0, 4, 4)))
