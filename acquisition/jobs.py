@@ -18,7 +18,7 @@ from acquisition.config import CellConfig
 from acquisition.normals import export, report, solve
 from acquisition.normals.export import lights as light_files
 from acquisition.normals.folders import session as session_images
-from acquisition.plan import baselines
+from acquisition.plan import baselines, explain
 from acquisition.types import (
     LIT,
     BoolArray,
@@ -54,20 +54,13 @@ def _reach(cell: CellConfig, calibration: Calibration, cache: Path) -> reaching.
     return found
 
 
-def choose_lights(
-    recipe: Recipe, cell: CellConfig, calibration: Calibration, cache: Path, result: Path | None,
-    observations: Observations | None, drawn: Path | None,
-) -> LightPlan:  # fmt: skip
-    """The next pass's lights: planned from the last result where there is one, else the first pass's.
+FORECAST_COUNTS = (1, 2, 4, 8, 16)
+"""Numbers of further lights for which a plan tells what is to be expected."""
 
-    `drawn` is the mask of the region of interest, none: the whole object.
-    """
+
+def first_lights(recipe: Recipe, cell: CellConfig, calibration: Calibration, cache: Path) -> LightPlan:
+    """The lights of the first pass: the pilot's, or all those of a pattern."""
     reach = _reach(cell, calibration, cache)
-    if result is not None and observations is not None:
-        normal_map = export.read(result)
-        want = plan.choose if recipe.target_sigma_deg is None else plan.approach
-        chosen = want(normal_map, observations, recipe, reach, calibration, region=_drawn(drawn, calibration))
-        return chosen.model_copy(update={"levels_per_s": expected_levels(normal_map, chosen.lights, calibration)})
     if recipe.method != "optimal":
         return baselines.baseline(recipe.method, recipe.lights_total, recipe, reach)
     lights = pilot.pattern(recipe, reach)
@@ -76,8 +69,35 @@ def choose_lights(
         lights=lights,
         method="pilot",
         reasons=[f"pilot light at slant {slant:.0f}°" for slant in slants],
-        notes=[f"The top light stands at slant {min(slants):.1f}°, the smallest that the arm reaches in free view."],
+        notes=[f"The light nearest to the view axis stands at slant {min(slants):.1f}°."],
     )
+
+
+def further_lights(
+    recipe: Recipe, cell: CellConfig, calibration: Calibration, cache: Path, result: Path, observations: Observations,
+    drawn: Path | None,
+) -> tuple[LightPlan, list[bytes]]:  # fmt: skip
+    """The next pass's lights, planned from the last result, and for each a picture (PNG) of what it gains.
+
+    `drawn` is the mask of the region of interest, none: the whole object.
+    """
+    reach, normal_map = _reach(cell, calibration, cache), export.read(result)
+    want = plan.choose if recipe.target_sigma_deg is None else plan.approach
+    wanted_part = _drawn(drawn, calibration)
+    chosen = want(normal_map, observations, recipe, reach, calibration, region=wanted_part)
+    if not chosen.lights:
+        return chosen, []
+    curve = chosen.forecast or plan.forecast(
+        normal_map, observations, recipe, reach, calibration, FORECAST_COUNTS, region=wanted_part
+    )
+    found = explain.gains(normal_map, observations, recipe, chosen.lights, calibration)
+    pictures = [explain.picture(found, light, normal_map.silhouette) for light in range(len(chosen.lights))]
+    told = {
+        "levels_per_s": expected_levels(normal_map, chosen.lights, calibration),
+        "forecast": curve,
+        "brightest_gain_deg": found.brightest_deg,
+    }
+    return chosen.model_copy(update=told), pictures
 
 
 def _drawn(mask: Path | None, calibration: Calibration) -> BoolArray | None:

@@ -22,7 +22,7 @@ WORST_MISS_DEG = 60.0
 
 
 def pattern(recipe: Recipe, reach: Reach) -> list[Light]:
-    """The pilot's lights: one at the smallest reachable slant, the others at about 50°; three at about 30°; all distinct.
+    """The pilot's lights, all distinct: one at the smallest reachable slant, the others at 50°; of three all at 30°.
 
     Raises RigError plan.infeasible when there are too few reachable positions or all lie on one side of the object.
     """

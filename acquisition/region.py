@@ -67,10 +67,7 @@ def decoded(content: bytes, calibration: Calibration) -> BoolArray:
 
 def encoded(mask: BoolArray) -> bytes:
     """A mask (H, W) as a PNG, black and white."""
-    written, content = cv2.imencode(".png", mask.astype(np.uint8) * 255)
-    if not written:
-        raise RigError(ErrorCode.SERVICE_FAULT, "the mask could not be encoded")
-    return content.tobytes()
+    return cv2.imencode(".png", mask.astype(np.uint8) * 255)[1].tobytes()
 
 
 def middle_depth_m(cell: CellConfig, calibration: Calibration) -> float:

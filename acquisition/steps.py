@@ -95,18 +95,17 @@ class Steps:
 
     def _choose_lights(self, record: Record, step: ChooseLights, stop: StopToken) -> None:
         number, folder = step.pass_number, self._store.folder(record.session_id)
-        previous = folder / "results" / str(number - 1) if number > 0 else None
-        plan: LightPlan = self._compute.run(
-            stop,
-            "choose_lights",
-            record.recipe,
-            self._rig.cell,
-            self._calibration,
-            self.reach_cache,
-            previous,
-            None if previous is None else results.observations(record, folder),
-            self._drawn(record.session_id),
-        )
+        known = (record.recipe, self._rig.cell, self._calibration, self.reach_cache)
+        pictures: list[bytes] = []
+        if number == 0:
+            plan: LightPlan = self._compute.run(stop, "first_lights", *known)
+        else:
+            previous = folder / "results" / str(number - 1)
+            taken, drawn = results.observations(record, folder), self._drawn(record.session_id)
+            plan, pictures = self._compute.run(stop, "further_lights", *known, previous, taken, drawn)
+        digests = [
+            write_bytes(folder / f"passes/{number}/gain_{light}.png", picture) for light, picture in enumerate(pictures)
+        ]
         name = f"passes/{number}/plan.json"
         digest = write_value(folder / name, plan)
         body = {
@@ -116,6 +115,7 @@ class Steps:
             "predicted_median_deg": plan.predicted_median_deg,
             "notes": plan.notes,
             "conclusion": plan.conclusion,
+            "pictures": digests,
         }
         self._store.journal.add_artifact(record.session_id, "plan", number, name, digest, body, "plan.ready")
 

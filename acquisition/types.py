@@ -187,6 +187,9 @@ class LightPlan(Value):
         default_factory=list[float],
         description="For each light, the share by which the mean σ would rise without it; empty: nothing is predicted",
     )
+    brightest_gain_deg: float | None = Field(
+        default=None, description="Gain in σ at a pixel that the lights' pictures show brightest; none: no pictures"
+    )
     levels_per_s: list[float] | None = Field(
         default=None,
         description="For each light, the expected 99.5th percentile of the object's signal as a fraction of full scale "

@@ -42,7 +42,7 @@ def _motions(console: Console, cell: CellConfig, calibration: Calibration) -> No
         cache = Path(folder) / "reach.json"
         jobs.make_reach(cell, calibration, cache)
         reach = ReachMap.model_validate_json(cache.read_bytes())
-        pilot = jobs.choose_lights(Recipe(), cell, calibration, cache, None, None)
+        pilot = jobs.first_lights(Recipe(), cell, calibration, cache)
     refused = [refusal.reason for refusal in reach.refusals if refusal is not None]
     console.print(f"ok    reach: {len(reach.candidates)} of {len(reach.points)} positions on the dome")
     for reason in sorted(set(refused)):

@@ -8,7 +8,6 @@ from fastapi import Path as InPath
 from fastapi.responses import FileResponse
 
 from acquisition.errors import ErrorCode, RigError
-from acquisition.store import Artifact
 from api import problems
 from api.context import Actor, ServiceOf
 from api.schemas import RegionResource
@@ -61,11 +60,30 @@ def region(service: ServiceOf, session_id: SessionId) -> FileResponse:
     found = service.store.journal.artifacts(session_id, "region")
     if not found:
         raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Session {session_id} has no region of interest: all pixels count")
-    return _picture(service, session_id, found[-1], {"Cache-Control": "no-cache"})
+    return _picture(service, session_id, found[-1].path, found[-1].sha256)
 
 
-def _picture(service: Service, session_id: str, entry: Artifact, headers: dict[str, str]) -> FileResponse:
-    path = service.store.folder(session_id) / entry.path
+@router.get(
+    "/v1/sessions/{session_id}/passes/{number}/lights/{light}/gain.png",
+    response_class=FileResponse,
+    responses={**_PICTURE, **_NOT_FOUND, **problems.declared(ErrorCode.STORE_CORRUPT)},
+)
+def gain(service: ServiceOf, session_id: SessionId, number: Number, light: Number) -> FileResponse:
+    """Where on the object a planned light makes the normals more certain: dark nothing, brightest
+    `brightest_gain_deg` of the plan."""
+    service.store.journal.session(session_id)
+    plans = [item for item in service.store.journal.artifacts(session_id, "plan") if item.number == number]
+    digests: list[str] = plans[-1].body.get("pictures", []) if plans else []
+    if light >= len(digests):
+        raise RigError(
+            ErrorCode.REQUEST_NOT_FOUND, f"Pass {number} has no picture of light {light}: only planned lights have one"
+        )
+    return _picture(service, session_id, f"passes/{number}/gain_{light}.png", digests[light])
+
+
+def _picture(service: Service, session_id: str, name: str, digest: str) -> FileResponse:
+    path = service.store.folder(session_id) / name
     if not path.is_file():
-        raise RigError(ErrorCode.STORE_CORRUPT, f"{entry.path} is gone", file=entry.path)
-    return FileResponse(path, media_type="image/png", headers={"ETag": f'"{entry.sha256}"', **headers})
+        raise RigError(ErrorCode.STORE_CORRUPT, f"{name} is gone", file=name)
+    # The region of interest may be drawn anew under the same address, so a browser has to ask.
+    return FileResponse(path, media_type="image/png", headers={"ETag": f'"{digest}"', "Cache-Control": "no-cache"})

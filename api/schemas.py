@@ -300,6 +300,7 @@ class PassResource(Resource):
     plan: LightPlan
     route: Route | None
     shots: list[ShotResource]
+    gain_pictures: list[str] = Field(description="For each planned light, the address of the picture of what it gains")
     links: Links
 
 

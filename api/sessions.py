@@ -193,6 +193,7 @@ def one_pass(service: ServiceOf, session_id: SessionId, number: Number) -> PassR
             for shot in service.store.journal.shots(session_id)
             if shot.key.pass_number == number
         ],
+        gain_pictures=[f"{here}/lights/{light}/gain.png" for light in range(len(plan.body.get("pictures", [])))],
         links={"self": here, "session": f"/v1/sessions/{session_id}"},
     )
 

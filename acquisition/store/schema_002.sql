@@ -1,8 +1,8 @@
--- A session folder may hold a region of interest that a person drew, and pictures that explain a plan.
+-- A session folder may hold a region of interest that a person drew.
 CREATE TABLE wider (
     id INTEGER PRIMARY KEY,
     session_id TEXT NOT NULL REFERENCES session (id) ON DELETE CASCADE,
-    kind TEXT NOT NULL CHECK (kind IN ('plan', 'route', 'result', 'region', 'explanation')),
+    kind TEXT NOT NULL CHECK (kind IN ('plan', 'route', 'result', 'region')),
     number INTEGER NOT NULL,
     path TEXT NOT NULL,
     sha256 TEXT NOT NULL,

@@ -1,0 +1,68 @@
+"""Why each light is there: the pixels whose normals it makes more certain, as numbers and as small pictures.
+
+The gain of a light at a pixel is how much larger σ would be with all the other lights of the plan but without this one.
+So the gains of two lights that do the same are both small, and where a picture is bright its light has no substitute.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import KDTree
+
+from acquisition.plan import criterion, visibility
+from acquisition.types import BoolArray, Calibration, FloatArray, Light, NormalMap, Observations, Recipe
+
+PICTURE_PX = 160
+"""Longer side of a picture of the object."""
+BRIGHTEST_PERCENTILE = 98.0
+OUTSIDE = (32, 32, 32)
+
+
+@dataclass(frozen=True)
+class Gains:
+    """At sample pixels `rows`, `columns` (P,): expected σ (P,) with all lights, each light's gain (L, P); degrees."""
+
+    rows: npt.NDArray[np.int64]
+    columns: npt.NDArray[np.int64]
+    sigma_deg: FloatArray
+    gain_deg: FloatArray
+
+    @property
+    def brightest_deg(self) -> float:
+        """The gain that pictures show brightest, the same for all lights of a plan."""
+        return max(float(np.percentile(self.gain_deg, BRIGHTEST_PERCENTILE)), 1e-6) if self.gain_deg.size else 1e-6
+
+
+def gains(
+    normal_map: NormalMap, observations: Observations, recipe: Recipe, lights: list[Light], calibration: Calibration
+) -> Gains:
+    """What each of the planned `lights` gains, by the normal map that they were planned from."""
+    usable = criterion.usable(normal_map, calibration)
+    sample = criterion.samples(normal_map, calibration, usable)
+    sample = criterion.reweighed(sample, normal_map, observations, calibration)
+    surface = visibility.surface(normal_map, calibration)
+    there = criterion.candidates(sample, lights, surface, calibration, recipe)
+    with_all = criterion.expect(sample, there).sigma_deg
+    every = np.arange(len(lights))
+    gain = [criterion.expect(sample, there.only(np.delete(every, light))).sigma_deg - with_all for light in every]
+    return Gains(sample.row, sample.column, with_all, np.array(gain).reshape(len(lights), len(with_all)))
+
+
+def picture(found: Gains, light: int, silhouette: BoolArray) -> bytes:
+    """One light's gains over the object as a PNG, cut to the object; dark is no gain.
+
+    `silhouette` (H, W) is the object; each of its pixels shows the nearest sample pixel.
+    """
+    rows, columns = np.flatnonzero(silhouette.any(axis=1)), np.flatnonzero(silhouette.any(axis=0))
+    cut = silhouette[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    step = max(1, -(-max(cut.shape) // PICTURE_PX))
+    inside = cut[::step, ::step]
+    place = np.argwhere(inside) * step + (rows[0], columns[0])
+    _, nearest = KDTree(np.column_stack([found.rows, found.columns])).query(place)
+    shown = np.zeros(inside.shape, np.uint8)
+    shown[inside] = np.clip(255 * found.gain_deg[light][nearest] / found.brightest_deg, 0, 255).astype(np.uint8)
+    coloured = cv2.applyColorMap(shown, cv2.COLORMAP_INFERNO)
+    coloured[~inside] = OUTSIDE
+    return cv2.imencode(".png", coloured)[1].tobytes()
