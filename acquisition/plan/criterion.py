@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scipy.special import ndtr
 
 from acquisition import photometry
-from acquisition.plan import kernels, visibility
+from acquisition.plan import kernels, noise, visibility
 from acquisition.plan.visibility import Surface
 from acquisition.types import (
     ATTACHED,
@@ -54,12 +54,18 @@ class Samples:
     sigma: Float32Array  # (P,) rad
     information: FloatArray  # (P, 4, 4) of (g, ζ), weak prior included
     lit: Float32Array  # (P,) images so far that see the pixel
+    unresolved: Float32Array  # (P,) rad², variance that no light removes
 
     @cached_property
     def packed(self) -> FloatArray:
         """The upper entries (10, P) of the information."""
         upper = np.triu_indices(4)
         return np.ascontiguousarray(self.information[:, upper[0], upper[1]].T)
+
+    @property
+    def weak(self) -> FloatArray:
+        """The weak prior's part (P, 4, 4) of the information."""
+        return _weak(self.albedo)
 
     @cached_property
     def inverse_albedo2(self) -> Float32Array:
@@ -69,7 +75,7 @@ class Samples:
     def thinned(self, step: int) -> "Samples":
         """Every `step`-th pixel."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
-        over_first = ("row", "column", "albedo", "sigma", "information", "lit")
+        over_first = ("row", "column", "albedo", "sigma", "information", "lit", "unresolved")
         return Samples(
             **{
                 name: np.ascontiguousarray(value[::step] if name in over_first else value[:, ::step])
@@ -108,9 +114,6 @@ def samples(normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray)
     albedo = np.maximum(normal_map.albedo[rows, columns], 1e-3)
     scale = np.array([1.0, 1.0, 1.0, OFFSET_SIGMA_M])
     information = normal_map.information.matrices[chosen] * np.outer(scale, scale)
-    weak = np.zeros((len(chosen), 4, 4))
-    weak[:, (0, 1, 2), (0, 1, 2)] = (1.0 / (PRIOR_SCALE * albedo) ** 2)[:, None]
-    weak[:, 3, 3] = 1.0
     return Samples(
         row=rows,
         column=columns,
@@ -119,9 +122,17 @@ def samples(normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray)
         normal=np.ascontiguousarray(normal_map.normals[rows, columns].T),
         albedo=albedo,
         sigma=np.radians(np.nan_to_num(normal_map.sigma_deg[rows, columns], nan=40.0)).astype(np.float32),
-        information=information + weak,
+        information=information + _weak(albedo),
         lit=np.count_nonzero(normal_map.flags[:, rows, columns] & LIT, axis=0).astype(np.float32),
+        unresolved=noise.unresolved(normal_map, rows, columns),
     )
+
+
+def _weak(albedo: Float32Array) -> FloatArray:
+    weak = np.zeros((len(albedo), 4, 4))
+    weak[:, (0, 1, 2), (0, 1, 2)] = (1.0 / (PRIOR_SCALE * albedo) ** 2)[:, None]
+    weak[:, 3, 3] = 1.0
+    return weak
 
 
 def usable(normal_map: NormalMap, calibration: Calibration) -> np.ndarray:
@@ -143,38 +154,73 @@ def usable(normal_map: NormalMap, calibration: Calibration) -> np.ndarray:
     return np.flatnonzero(finite & (cosine > np.cos(np.radians(STEEPEST_DEG))))
 
 
+@dataclass(frozen=True)
+class _Shading:
+    """How lights fall on sample pixels, and what the pixels then give."""
+
+    light: Float32Array  # (K, 3, P)
+    strength: Float32Array  # (K, P)
+    distance: Float32Array  # (K, P) m
+    cosine: Float32Array  # (K, P)
+    value: Float32Array  # (K, P)
+
+
+def _shading(sample: Samples, lamp: Float32Array, calibration: Calibration) -> _Shading:
+    light = photometry.light_vectors(sample.point, lamp, calibration)
+    strength = np.sqrt(np.einsum("fcp,fcp->fp", light, light))
+    distance = np.sqrt(np.sum((lamp[:, :3, None] - sample.point[None]) ** 2, axis=1))
+    cosine = np.einsum("fcp,cp->fp", light, sample.normal) / np.maximum(strength, 1e-9)
+    return _Shading(light, strength, distance, cosine, np.maximum(cosine, LEAST_COSINE) * strength * sample.albedo)
+
+
 def candidates(
     sample: Samples, lights: list[Light], surface: Surface, calibration: Calibration, recipe: Recipe
 ) -> Candidates:
     """Rows and visibilities of lights at the sample pixels, with the exposure that each light would get."""
     lamp = photometry.lamps(lights)
-    light = photometry.light_vectors(sample.point, lamp, calibration)
-    strength = np.sqrt(np.einsum("fcp,fcp->fp", light, light))
-    distance = np.sqrt(np.sum((lamp[:, :3, None] - sample.point[None]) ** 2, axis=1))
-    cosine = np.einsum("fcp,cp->fp", light, sample.normal) / np.maximum(strength, 1e-9)
-    value = np.maximum(cosine, LEAST_COSINE) * strength * sample.albedo
-
+    there = _shading(sample, lamp, calibration)
     spread = sample.sigma / np.sqrt(2.0)
     margin = surface.clearance(sample.point, lamp)
-    seen = ndtr((cosine - LEAST_COSINE) / np.hypot(ATTACHED_SIGMA, spread)) * ndtr(
+    seen = ndtr((there.cosine - LEAST_COSINE) / np.hypot(ATTACHED_SIGMA, spread)) * ndtr(
         margin / np.hypot(CAST_SIGMA, spread)
     )
-    lit = np.where(seen > 0.5, value, 0.0)
+    lit = np.where(seen > 0.5, there.value, 0.0)
     brightest = np.maximum(np.quantile(lit, 0.995, axis=1), 1e-4)
     level = recipe.exposure.target / brightest
     if recipe.exposure.seconds is not None:
         level = np.full_like(brightest, recipe.exposure.seconds * calibration.lamp_intensity)
     sensor = calibration.sensor
     clipping = (photometry.clipping_dn(sensor) - sensor.black_level_dn) / sensor.full_scale_dn
-    seen = np.where(value * level[:, None] > clipping, 0.0, seen)
+    seen = np.where(there.value * level[:, None] > clipping, 0.0, seen)
 
-    noise = photometry.noise(calibration, list(level / calibration.lamp_intensity), float(np.mean(distance)))
-    deviation = np.sqrt(noise.variance(value, sample.albedo * strength))
-    turning = np.einsum("fcp,cp->fp", light, sample.along) / np.maximum(strength, 1e-9)
+    strength = sample.albedo * there.strength
+    deviation = np.sqrt(noise.variance(there.value, there.cosine, strength, there.distance, level, calibration))
+    turning = np.einsum("fcp,cp->fp", there.light, sample.along) / np.maximum(there.strength, 1e-9)
     facing = np.einsum("cp,cp->p", sample.normal, sample.along)
-    slope = -sample.albedo * strength / distance * (facing - 3 * cosine * turning) * OFFSET_SIGMA_M
-    row = np.concatenate([light, slope[:, None]], axis=1) / deviation[:, None]
+    slope = -strength / there.distance * (facing - 3 * there.cosine * turning) * OFFSET_SIGMA_M
+    row = np.concatenate([there.light, slope[:, None]], axis=1) / deviation[:, None]
     return Candidates(np.ascontiguousarray(row, np.float32), np.ascontiguousarray(seen, np.float32))
+
+
+def reweighed(sample: Samples, normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Samples:
+    """The samples with the information of the images so far scaled, pixel by pixel, from the noise that the solver
+    assumed to the noise that is expected of the final solve."""
+    shots = [shot for shot in observations.shots if shot.kind == "light" and shot.light is not None]
+    if not shots or len(shots) != len(normal_map.flags):
+        return sample
+    lamp = photometry.lamps([shot.light for shot in shots if shot.light is not None])
+    there = _shading(sample, lamp, calibration)
+    level = np.array([shot.exposure_s for shot in shots]) * calibration.lamp_intensity
+    strength = sample.albedo * there.strength
+    assumed = noise.solved_variance(
+        there.value, strength, float(np.mean(there.distance)), level, calibration, normal_map
+    )
+    expected = noise.variance(there.value, there.cosine, strength, there.distance, level, calibration)
+    lit = normal_map.flags[:, sample.row, sample.column] & LIT > 0
+    before = np.sum(np.where(lit, there.strength**2 / assumed, 0.0), axis=0)
+    after = np.sum(np.where(lit, there.strength**2 / expected, 0.0), axis=0)
+    scale = np.divide(after, before, out=np.ones_like(before), where=before > 0)
+    return replace(sample, information=(sample.information - sample.weak) * scale[:, None, None] + sample.weak)
 
 
 def unexplained_shadows(
@@ -231,4 +277,4 @@ def expect(sample: Samples, lights: Candidates, weight: FloatArray | None = None
         out.variance,
         out.lit,
     )
-    return replace(out, lit=out.lit + sample.lit)
+    return replace(out, lit=out.lit + sample.lit, variance=out.variance + sample.unresolved)

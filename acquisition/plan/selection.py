@@ -4,7 +4,7 @@ What is reported is predicted on pixels that the search has not seen, because th
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from acquisition.errors import ErrorCode, RigError
 from acquisition.plan import baselines, criterion, objective, patterns, relaxation, search, visibility
 from acquisition.plan.criterion import Candidates, Samples
 from acquisition.plan.deadline import Deadline
-from acquisition.plan.objective import VARIANCE, Loss
+from acquisition.plan.objective import Loss
+from acquisition.plan.trust import Doubts
 from acquisition.plan.visibility import Surface
 from acquisition.types import (
     BoolArray,
@@ -32,9 +33,6 @@ SAMPLE_PIXELS = 900
 CERTIFICATE_PIXELS = 300
 LEAST_PIXELS = 20
 MOST_CANDIDATES = 300
-STEPS_FROM = 0.05
-"""Share of unexplained shadows above which the depth map is not to be trusted: 0–3 % on objects without steps, 9 % on a
-machined part, where the errors found are twice those expected."""
 
 
 @dataclass(frozen=True)
@@ -42,25 +40,37 @@ class Problem:
     """What a plan is made from: sample pixels to search by and fresh ones to predict by, and candidate lights."""
 
     normal_map: NormalMap
+    observations: Observations
     surface: Surface
     calibration: Calibration
     recipe: Recipe
     reach: Reach
     known: Samples
     fresh: Samples
-    taken: FloatArray  # (T, 3) unit directions of the lights taken already
     positions: FloatArray  # (K, 3) m, view frame
     units: FloatArray  # (K, 3)
 
+    def lights(self, positions: FloatArray) -> list[Light]:
+        """Lamps at positions (M, 3) that look at the dome's centre."""
+        return [dome.light(position, self.reach.center) for position in positions]
+
     def candidates(self, sample: Samples, positions: FloatArray) -> Candidates:
         """What lights at positions (M, 3) would tell sample pixels."""
-        lights = [dome.light(position, self.reach.center) for position in positions]
-        return criterion.candidates(sample, lights, self.surface, self.calibration, self.recipe)
+        return criterion.candidates(sample, self.lights(positions), self.surface, self.calibration, self.recipe)
 
-    def pattern(self, options: Candidates, loss: Loss, count: int) -> tuple[list[int], list[list[int]]]:
-        """The best two-ring completion, and all of them."""
-        sets = patterns.completions(self.taken, self.units, count)
-        return min(sets, key=lambda chosen: search.value(self.known, options, loss, chosen)), sets
+    def expected(self, positions: FloatArray) -> FloatArray:
+        """The σ (P,) of the fresh pixels in degrees after lights at positions (M, 3)."""
+        if not len(positions):
+            return criterion.expect(self.fresh, criterion.none(self.fresh)).sigma_deg
+        return criterion.expect(self.fresh, self.candidates(self.fresh, positions)).sigma_deg
+
+    @property
+    def taken(self) -> FloatArray:
+        """Unit directions (T, 3) of the lights taken already."""
+        shots = self.observations.shots
+        lights = [shot.light.position for shot in shots if shot.kind == "light" and shot.light is not None]
+        offsets = np.array(lights).reshape(-1, 3) - self.reach.center
+        return offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
 
 
 def choose(
@@ -79,18 +89,18 @@ def choose(
 
     `count` lights, or as many as the recipe still lacks; an empty plan says that it is fulfilled. `region` (H, W) is
     the part of the image that matters, none: the whole object. After `deadline_s` seconds the best so far is returned.
-    Raises RigError plan.infeasible when the arm reaches too few positions or the normal map has too few pixels to plan
-    by.
+    Where a plan is not to be trusted, two rings are completed instead, and `fallback` says why. Raises RigError
+    plan.infeasible when the arm reaches too few positions or the normal map has too few pixels to plan by.
     """
     until = Deadline.within(deadline_s)
     taken = sum(shot.kind == "light" for shot in observations.shots)
     wanted = max(recipe.lights_total - taken, 0) if count is None else count
     problem = _problem(normal_map, observations, recipe, reach, calibration, region, wanted)
+    before_deg = problem.expected(np.empty((0, 3)))
     if wanted == 0:
-        sigma_deg = criterion.expect(problem.fresh, criterion.none(problem.fresh)).sigma_deg
-        return _described([], [], sigma_deg, ["all lights of the recipe have been taken"])
+        return _described([], [], [], before_deg, ["all lights of the recipe have been taken"])
     options = problem.candidates(problem.known, problem.positions)
-    loss, pattern, sets = _judged(problem, options, wanted)
+    loss, sets = _judged(problem, options, wanted)
     chosen = search.search(problem.known, options, loss, sets, wanted, recipe.seed, until)
     positions = search.refine(
         problem.known,
@@ -101,30 +111,33 @@ def choose(
         lambda place: reach.allows(place) is None,
         until,
     )
-    there = problem.candidates(problem.fresh, positions)
-    sigma_deg = criterion.expect(problem.fresh, there).sigma_deg
-    before_deg = criterion.expect(problem.fresh, criterion.none(problem.fresh)).sigma_deg
-    directions = (positions - reach.center) / np.linalg.norm(positions - reach.center, axis=1, keepdims=True)
-    reasons = [
-        f"{baselines.place(direction)}: {_worth(problem.fresh, there, number)}"
-        for number, direction in enumerate(directions)
-    ]
-    notes = [f"mean σ {np.mean(before_deg):.2f}° so far, {np.mean(sigma_deg):.2f}° expected with these lights"]
-    dark = float(np.mean(np.sum(there.visibility > 0.5, axis=0) == 0))
-    if dark > 0.02:
-        notes.append(f"{dark:.0%} of the pixels are expected to see none of the new lights")
+    rings_deg = float(np.mean(problem.expected(problem.positions[sets[0]])))
+    gain = 1 - float(np.mean(problem.expected(positions))) / rings_deg
     unexplained = criterion.unexplained_shadows(
         problem.known, normal_map, problem.surface, observations, calibration, recipe
     )
-    if unexplained > STEPS_FROM:
-        notes.append(
-            f"{unexplained:.0%} of what the shape found so far would light is dark in the images: the object has steps "
-            "that its depth map does not show, and errors may be twice those expected"
-        )
-    lights = [dome.light(position, reach.center) for position in positions]
-    plan = _described(lights, reasons, sigma_deg, notes)
+    fallback = Doubts(unexplained, gain).fallback
+    if fallback is not None:
+        positions = problem.positions[sets[0]]
+
+    there = problem.candidates(problem.fresh, positions)
+    sigma_deg = criterion.expect(problem.fresh, there).sigma_deg
+    notes = [
+        f"mean σ {np.mean(before_deg):.2f}° so far, {np.mean(sigma_deg):.2f}° expected with these lights, "
+        f"{rings_deg:.2f}° with two rings"
+    ]
+    if fallback is not None:
+        notes.append(f"two rings instead of planned lights: {fallback}")
+    if until.passed:
+        notes.append(f"the search was cut short after {deadline_s:g} s: the best so far is taken")
+    dark = float(np.mean(np.sum(there.visibility > 0.5, axis=0) == 0))
+    if dark > 0.02:
+        notes.append(f"{dark:.0%} of the pixels are expected to see none of the new lights")
+    reasons, gains = _worth(problem.fresh, there, (positions - reach.center))
+    plan = _described(problem.lights(positions), reasons, gains, sigma_deg, notes)
+    plan = plan.model_copy(update={"fallback": fallback})
     if certify:
-        plan = plan.model_copy(update=_certificate(problem, options, positions, pattern, until))
+        plan = plan.model_copy(update=_certificate(problem, options, positions, sets[0], until))
     return plan
 
 
@@ -138,7 +151,7 @@ def forecast(
     *,
     region: BoolArray | None = None,
 ) -> list[Expected]:
-    """The error to be expected after each of `counts` further lights, chosen as `choose` would; in that order.
+    """The error to be expected after each of `counts` further lights, chosen almost as `choose` would; in that order.
 
     Raises RigError plan.infeasible as `choose` does.
     """
@@ -150,12 +163,11 @@ def forecast(
     for count in counts:
         chosen: list[int] = []
         if count:
-            loss, pattern, _ = _judged(problem, options, count)
-            starts = [search.greedy(problem.known, options, loss, count, never), pattern]
+            loss, sets = _judged(problem, options, count)
+            starts = [search.greedy(problem.known, options, loss, count, never), sets[0]]
             found = [search.exchange(problem.known, options, loss, start, never, passes=2) for start in starts]
             chosen = min(found, key=lambda some: search.value(problem.known, options, loss, some))
-        there = problem.candidates(problem.fresh, problem.positions[chosen])
-        sigma_deg = float(np.mean(criterion.expect(problem.fresh, there).sigma_deg))
+        sigma_deg = float(np.mean(problem.expected(problem.positions[chosen])))
         points.append(Expected(added=count, lights=taken + count, sigma_deg=sigma_deg))
     return points
 
@@ -177,48 +189,47 @@ def _problem(
             "check the pilot's images and the region",
             pixels=len(usable),
         )
+
+    def sampled(numbers: np.ndarray) -> Samples:
+        sample = criterion.samples(normal_map, calibration, np.sort(numbers[:SAMPLE_PIXELS]))
+        return criterion.reweighed(sample, normal_map, observations, calibration)
+
     order = np.random.default_rng(recipe.seed).permutation(usable)
     half = max(len(order) // 2, LEAST_PIXELS // 2)
     units = dome.directions(reach.candidates, reach.center, count)
     thin = np.linspace(0, len(units) - 1, min(len(units), MOST_CANDIDATES)).round().astype(int)
-    lights = [shot.light.position for shot in observations.shots if shot.kind == "light" and shot.light is not None]
-    offsets = np.array(lights).reshape(-1, 3) - reach.center
+    surface = visibility.surface(normal_map, calibration)
     return Problem(
-        normal_map,
-        visibility.surface(normal_map, calibration),
-        calibration,
-        recipe,
-        reach,
-        criterion.samples(normal_map, calibration, np.sort(order[:half][:SAMPLE_PIXELS])),
-        criterion.samples(normal_map, calibration, np.sort(order[half:][:SAMPLE_PIXELS])),
-        offsets / np.linalg.norm(offsets, axis=1, keepdims=True),
-        reach.candidates[thin],
-        units[thin],
-    )
+        normal_map, observations, surface, calibration, recipe, reach, sampled(order[:half]), sampled(order[half:]),
+        reach.candidates[thin], units[thin],
+    )  # fmt: skip
 
 
-def _judged(problem: Problem, options: Candidates, count: int) -> tuple[Loss, list[int], list[list[int]]]:
-    """The recipe's loss, the best two-ring completion by it, and all of them."""
-    pattern, _ = problem.pattern(options, VARIANCE, count)
-    loss = objective.loss(problem.recipe.objective, criterion.expect(problem.known, options.only(pattern)))
-    return loss, *problem.pattern(options, loss, count)
+def _judged(problem: Problem, options: Candidates, count: int) -> tuple[Loss, list[list[int]]]:
+    """The recipe's loss, and two-ring completions of the lights taken, the best balanced first."""
+    sets = patterns.completions(problem.taken, problem.units, count)
+    rings = criterion.expect(problem.known, options.only(sets[0]))
+    return objective.loss(problem.recipe.objective, rings), sets
 
 
 def _certificate(
     problem: Problem, options: Candidates, positions: FloatArray, pattern: list[int], until: Deadline
 ) -> dict[str, float | str]:
-    """The lower bound, and what plan and pattern come to against it; the plan's own lights are candidates too."""
+    """The lower bound, and what plan and pattern come to against it; the plan's own lights are candidates too.
+
+    The variance that no light removes is left out: it would make all look alike.
+    """
     step = max(1, len(problem.known.albedo) // CERTIFICATE_PIXELS)
     sample = problem.known.thinned(step)
-    ours = problem.candidates(problem.known, positions).thinned(step)
+    sample = replace(sample, unresolved=np.zeros_like(sample.unresolved))
+    ours = problem.candidates(sample, positions)
     few = options.thinned(step)
     found = relaxation.bound(sample, few.joined(ours), len(positions), until)
     variance, rings = (float(np.mean(criterion.expect(sample, set_).variance)) for set_ in (ours, few.only(pattern)))
-    efficiency, of_rings = float(np.sqrt(found.variance / variance)), float(np.sqrt(found.variance / rings))
     return {
         "lower_bound_sigma_deg": found.sigma_deg,
-        "efficiency": efficiency,
-        "two_rings_efficiency": of_rings,
+        "efficiency": float(np.sqrt(found.variance / variance)),
+        "two_rings_efficiency": float(np.sqrt(found.variance / rings)),
         "relaxation_gap": found.gap,
         "certificate_note": (
             f"no choice of {len(positions)} among the {len(few.row) + len(positions)} positions looked at brings the "
@@ -228,24 +239,33 @@ def _certificate(
     }
 
 
-def _described(lights: list[Light], reasons: list[str], sigma_deg: FloatArray, notes: list[str]) -> LightPlan:
+def _described(
+    lights: list[Light], reasons: list[str], gains: list[float], sigma_deg: FloatArray, notes: list[str]
+) -> LightPlan:
     return LightPlan(
         lights=lights,
         method="optimal",
         reasons=reasons,
         predicted_sigma_deg=float(np.mean(sigma_deg)),
         predicted_median_deg=float(0.833 * np.median(sigma_deg)),
+        gains=gains,
         notes=notes,
     )
 
 
-def _worth(sample: Samples, lights: Candidates, number: int) -> str:
-    """What one light brings beside all the others."""
-    others = [index for index in range(len(lights.row)) if index != number]
-    without = criterion.expect(sample, lights.only(others)).sigma_deg
-    with_it = criterion.expect(sample, lights).sigma_deg
-    better = with_it < 0.95 * without
-    if not np.any(better):
-        return "makes all pixels a little more certain"
-    fell = f"from {np.median(without[better]):.1f}° to {np.median(with_it[better]):.1f}°"
-    return f"makes {np.mean(better):.0%} of the pixels more certain, their median σ falls {fell}"
+def _worth(sample: Samples, lights: Candidates, offsets: FloatArray) -> tuple[list[str], list[float]]:
+    """What each light brings beside the others: in words, and as the share by which mean σ would rise without it."""
+    directions = offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
+    with_all = criterion.expect(sample, lights).sigma_deg
+    reasons: list[str] = []
+    gains: list[float] = []
+    for number, direction in enumerate(directions):
+        without = criterion.expect(sample, lights.only(np.delete(np.arange(len(lights.row)), number))).sigma_deg
+        better = with_all < 0.95 * without
+        brings = "makes all pixels a little more certain"
+        if np.any(better):
+            fell = f"from {np.median(without[better]):.1f}° to {np.median(with_all[better]):.1f}°"
+            brings = f"makes {np.mean(better):.0%} of the pixels more certain, their median σ falls {fell}"
+        reasons.append(f"{baselines.place(direction)}: {brings}")
+        gains.append(float(np.mean(without) / np.mean(with_all) - 1))
+    return reasons, gains

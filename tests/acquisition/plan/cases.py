@@ -3,7 +3,7 @@
 import numpy as np
 
 from acquisition import photometry
-from acquisition.plan import criterion, visibility
+from acquisition.plan import criterion, noise, visibility
 from acquisition.plan.criterion import Candidates, Samples
 from acquisition.types import Calibration, FloatArray, Information, Light, NormalMap, Observations, Recipe
 from tests.acquisition.scenes import Frames, Scene
@@ -33,6 +33,7 @@ def random_case(seed: int, pixels: int = 20, lights: int = 6) -> tuple[Samples, 
         sigma=np.zeros(pixels, np.float32),
         information=half @ half.transpose(0, 2, 1) + 5 * np.eye(4),
         lit=np.zeros(pixels, np.float32),
+        unresolved=np.zeros(pixels, np.float32),
     )
     row = rng.normal(size=(lights, 4, pixels)) * 60
     return samples, Candidates(row.astype(np.float32), rng.random((lights, pixels)).astype(np.float32))
@@ -51,6 +52,7 @@ def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -
         sigma=np.zeros(pixels, np.float32),
         information=np.tile(np.diag([1.0, 1.0, 1.0, 1.0]), (pixels, 1, 1)),
         lit=np.zeros(pixels, np.float32),
+        unresolved=np.zeros(pixels, np.float32),
     )
     row = np.zeros((len(units), 4, pixels), np.float32)
     row[:, :3] = scale * units[:, :, None]
@@ -121,12 +123,15 @@ def vectors_by_hand(true: Scene, light: Light, rows: np.ndarray, columns: np.nda
     return known.reference_m**2 * lobe * offset / r**3
 
 
-def noise_by_hand(true: Scene, level: float, value: FloatArray, strength: FloatArray, distance: float) -> FloatArray:
-    """Variance of values at an exposure that takes y = 1 to `level` of full scale, from the photometry's constants."""
+def noise_by_hand(
+    true: Scene, level: float, value: FloatArray, cosine: FloatArray, strength: FloatArray, distance: FloatArray
+) -> FloatArray:
+    """Variance of values at an exposure that takes y = 1 to `level` of full scale, from the planner's constants."""
     known, sensor = true.calibration, true.calibration.sensor
     electrons = sensor.gain_e_per_dn * sensor.full_scale_dn * level
-    share = known.intensity_sigma**2 + (2 * known.lamp_position_sigma_m / distance) ** 2
+    aside = known.lamp_position_sigma_m / distance
+    share = noise.AFTER_SELF_CALIBRATION**2 * (known.intensity_sigma**2 + (2 * aside) ** 2)
     share += photometry.FLAT_FIELD_SIGMA**2
-    turn = (known.lamp_position_sigma_m**2 + photometry.DEPTH_SIGMA_M**2) / distance**2
+    turn = aside**2 * (1 - cosine**2) + (noise.DEPTH_SIGMA_M / distance) ** 2
     floor = 2 * (sensor.read_noise_e**2 + sensor.gain_e_per_dn**2 / 12) / electrons**2
     return value / electrons + floor + share * value**2 + turn * strength**2

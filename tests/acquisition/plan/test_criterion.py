@@ -97,10 +97,12 @@ def test_rows_are_light_vectors_and_depth_slopes_over_the_noise(cushion: scenes.
     s = cases.vectors_by_hand(cushion, light, rows, columns)
     strength = np.linalg.norm(s, axis=0)
     lit = np.sum(n * s, axis=0) > 0.1 * strength
-    distance = float(np.mean(np.linalg.norm(np.array(light.position) - cushion.points[:, rows, columns].T, axis=1)))
+    distance = np.linalg.norm(np.array(light.position) - cushion.points[:, rows, columns].T, axis=1)
     level = 0.03 * cushion.calibration.lamp_intensity
     value = albedo * np.sum(n * s, axis=0)
-    deviation = np.sqrt(cases.noise_by_hand(cushion, level, value, albedo * strength, distance))
+    deviation = np.sqrt(
+        cases.noise_by_hand(cushion, level, value, value / (albedo * strength), albedo * strength, distance)
+    )
     np.testing.assert_allclose(row[:3, lit], (s / deviation)[:, lit], rtol=2e-3, atol=1e-3)
 
     # Depth moves a point along its ray; the lobe, which hardly changes over millimetres, is left out of the model.

@@ -1,0 +1,68 @@
+"""The noise that images will have when they are solved, as far as it can be known beforehand.
+
+It is not the noise that calibration alone would give. The final solve finds each image's intensity from all pixels
+together, so that a part of that error remains; and depth is an unknown of its own, in the plan as in the solve, so that
+the error of the light's direction is that of the lamp's position, and turns y only as far as the light falls aslant.
+What the images so far have told is weighed anew by the same noise.
+
+Some errors no light removes: where the surface bends within a pixel, the pixel's normal is a mixture. How far it bends
+shows in the normals of the neighbours, and such pixels keep a variance of their own.
+"""
+
+import numpy as np
+
+from acquisition import photometry
+from acquisition.types import BoolArray, Calibration, Float32Array, FloatArray, NormalMap
+
+AFTER_SELF_CALIBRATION = 0.4
+"""Share of an image's intensity error that is left: from 0.010 to 0.0055 at eight images, most of it common to all and so harmless."""
+
+DEPTH_SIGMA_M = 0.0005
+"""1 σ of what is left of a pixel's depth error beside the depth unknown."""
+
+MIXED = 0.085
+"""Error of a pixel's normal as a share of the second difference of the normals round it, for relief and steps alike."""
+
+NOISE_OF_BEND = float(np.radians(5.0))
+"""Second differences of this size are the pilot's own noise."""
+
+
+def variance(
+    value: FloatArray | Float32Array, cosine: FloatArray | Float32Array, strength: FloatArray | Float32Array,
+    distance: FloatArray | Float32Array, level: FloatArray, calibration: Calibration,
+) -> FloatArray:  # fmt: skip
+    """Expected variance of y (K, P) of lights at `distance` (K, P) in m that fall on a surface of strength ρ|s| (K, P)
+    at `cosine` (K, P), exposed so that y = 1 gives `level` (K,) of full scale."""
+    shot, floor = photometry.sensor_noise(calibration, list(level / calibration.lamp_intensity))
+    aside = calibration.lamp_position_sigma_m / distance
+    left = AFTER_SELF_CALIBRATION**2 * (calibration.intensity_sigma**2 + (2 * aside) ** 2)
+    turn = aside**2 * np.clip(1 - cosine**2, 0, 1) + (DEPTH_SIGMA_M / distance) ** 2
+    in_proportion = (left + photometry.FLAT_FIELD_SIGMA**2) * value**2
+    return np.asarray(shot[:, None] * value + floor[:, None] + in_proportion + turn * strength**2)
+
+
+def solved_variance(
+    value: Float32Array, strength: Float32Array, distance_m: float, level: FloatArray, calibration: Calibration,
+    normal_map: NormalMap,
+) -> FloatArray:  # fmt: skip
+    """The variance (K, P) by which the solver of `normal_map` weighted values of such images."""
+    assumed = photometry.noise(calibration, list(level / calibration.lamp_intensity), distance_m)
+    intensity = normal_map.noise.get("intensity", assumed.intensity)
+    direction = normal_map.noise.get("direction", assumed.direction)
+    return (
+        assumed.shot[:, None] * value + assumed.floor[:, None] + (intensity * value) ** 2 + (direction * strength) ** 2
+    )
+
+
+def unresolved(normal_map: NormalMap, rows: np.ndarray, columns: np.ndarray) -> Float32Array:
+    """Variance (P,) in rad² that the normals of pixels keep, because the surface bends within them."""
+    height, width = normal_map.mask.shape
+    here = normal_map.normals[rows, columns].astype(np.float64)
+    square = np.zeros(len(rows))
+    for down, right in ((0, 1), (1, 0)):
+        before = np.maximum(rows - down, 0), np.maximum(columns - right, 0)
+        after = np.minimum(rows + down, height - 1), np.minimum(columns + right, width - 1)
+        inside: BoolArray = normal_map.mask[before] & normal_map.mask[after]
+        bend = np.nan_to_num(normal_map.normals[before] + normal_map.normals[after] - 2 * here)
+        square += np.where(inside, np.sum(bend**2, axis=1), 0.0)
+    return (MIXED**2 * np.maximum(square / 2 - NOISE_OF_BEND**2, 0.0)).astype(np.float32)

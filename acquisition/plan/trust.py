@@ -1,0 +1,37 @@
+"""When not to plan: where the two-ring pattern is taken instead, and why.
+
+A plan is as good as the shape it was made from. Where the images show shadows that the shape cannot throw, there are
+steps that its depth map does not have: pixels on them mix top and wall, grazing lights make that worse, and sets of
+lights that lean to one side turn it into wrong normals. Where a plan is expected to bring next to nothing, a pattern
+that leans on no model at all is the better choice.
+"""
+
+from dataclasses import dataclass
+
+STEPS_FROM = 0.045
+"""Share of unexplained shadows above which the depth map is not to be trusted: 0–4 % on objects without steps, 5–7 % on
+a machined part, where plans are 10–20 % worse than two rings."""
+
+LEAST_GAIN = 0.02
+"""Share by which a plan must be expected to lower the mean σ of the pattern."""
+
+
+@dataclass(frozen=True)
+class Doubts:
+    """What speaks against a plan: the share of shadows that the shape does not explain, and the share by which the plan
+    is expected to lower the pattern's mean σ."""
+
+    unexplained: float
+    gain: float
+
+    @property
+    def fallback(self) -> str | None:
+        """Why the pattern is to be taken; none: the plan is."""
+        if self.unexplained > STEPS_FROM:
+            return (
+                f"{self.unexplained:.0%} of what the shape found so far would light is dark in the images: the object "
+                "has steps that its depth map does not show, and evenly placed lights suffer least from them"
+            )
+        if self.gain < LEAST_GAIN:
+            return f"planned lights are expected to lower σ by {max(self.gain, 0):.1%} only, less than a model is worth"
+        return None
