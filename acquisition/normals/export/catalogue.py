@@ -7,12 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 
+from acquisition import photometry
 from acquisition.normals.export import diligent, exr, lights, mesh
 from acquisition.normals.export import images as pictures
-from acquisition.normals.image_set import Camera, ImageSet
+from acquisition.normals.image_set import ImageSet
 from acquisition.types import Float32Array, FloatArray, NormalMap
 
 
@@ -25,14 +25,13 @@ class Source:
 
     @property
     def points(self) -> Float32Array:
-        """The surface (3, H, W), view frame: m where the camera is calibrated, else pixels of an orthographic view."""
-        depth = self.normal_map.depth
-        height, width = depth.shape
-        row, column = np.mgrid[:height, :width].astype(np.float32)
-        if self.images.camera is None:
+        """The surface (3, H, W), view frame, in the depth's unit: that of an orthographic view is the pixel."""
+        depth, camera = self.normal_map.depth, self.images.camera
+        rows, columns = slice(0, depth.shape[0]), slice(0, depth.shape[1])
+        if camera is None:
+            row, column = np.mgrid[rows, columns].astype(np.float32)
             return np.stack([column, -row, -depth])
-        x, y = _rays(self.images.camera, height, width)
-        return np.stack([x * depth, -y * depth, -depth])
+        return photometry.points(photometry.camera_rays(camera.matrix, camera.distortion, rows, columns), depth)
 
     @property
     def centre(self) -> FloatArray:
@@ -42,9 +41,13 @@ class Source:
 
     @property
     def width_m(self) -> float | None:
-        """How much the image's width shows at the object; none where the camera is not calibrated."""
+        """How much the image's width shows at the object; none where that is not known."""
         camera = self.images.camera
-        return None if camera is None else float(-self.centre[2] * self.images.width / camera.matrix[0, 0])
+        return (
+            None
+            if camera is None or pictures.depth_unit(self.normal_map) != "m"
+            else float(-self.centre[2] * self.images.width / camera.matrix[0, 0])
+        )
 
 
 def _directx(source: Source, path: Path) -> None:
@@ -56,8 +59,8 @@ def _exr(source: Source, path: Path) -> None:
 
 
 def _mesh(source: Source, path: Path) -> None:
-    unit = "pixel" if source.images.camera is None else "m"
-    mesh.write(path, source.points, source.normal_map.normals, source.normal_map.mask, unit)
+    found = source.normal_map
+    mesh.write(path, source.points, found.normals, found.mask, pictures.depth_unit(found))
 
 
 def _lp(source: Source, path: Path) -> None:
@@ -99,11 +102,3 @@ FOLDERS: dict[str, Callable[[Source, Path], None]] = {"diligent": _diligent, "in
 def make(name: str, source: Source, folder: Path) -> None:
     """Makes one export of `FILES` or `FOLDERS` under its name in an existing folder."""
     (FILES | FOLDERS)[name](source, folder / name)
-
-
-def _rays(camera: Camera, height: int, width: int) -> Float32Array:
-    """X/Z and Y/Z (2, H, W) of each pixel, OpenCV's frame, lens distortion removed."""
-    row, column = np.mgrid[:height, :width].astype(np.float64)
-    pixels = np.stack([column.ravel(), row.ravel()], axis=-1)[:, None, :]
-    flat = cv2.undistortPoints(pixels, camera.matrix, camera.distortion)
-    return np.asarray(flat.reshape(height, width, 2).transpose(2, 0, 1), np.float32)

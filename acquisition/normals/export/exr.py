@@ -10,14 +10,14 @@ import numpy as np
 from acquisition.normals.export import images
 from acquisition.types import NormalMap
 
-CHANNELS = {
+TEXTS = {
     "convention": f"N.X N.Y N.Z: unit normal, {images.FRAME}",
-    "units": "Z: depth along the camera's axis, m; sigma_deg: degrees; albedo: share of the light; zero where unsolved",
+    "units": "sigma_deg: degrees; albedo: share of the light, R G B of each channel; zero where unsolved",
 }
 
 
 def write(path: Path, normal_map: NormalMap) -> None:
-    """Writes channels N.X, N.Y, N.Z, albedo (half), Z (depth), sigma_deg and, where predicted, indirect (float)."""
+    """Writes channels N.X, N.Y, N.Z, albedo (half), Z (depth), sigma_deg (float); where known, R, G, B, indirect."""
     import OpenEXR  # noqa: PLC0415 - few results are exported
 
     channels = {
@@ -25,11 +25,13 @@ def write(path: Path, normal_map: NormalMap) -> None:
         for index, axis in enumerate("XYZ")
     }
     channels["albedo"] = normal_map.albedo.astype(np.float16)
+    if normal_map.albedo_rgb is not None:
+        channels |= {
+            name: np.ascontiguousarray(normal_map.albedo_rgb[..., index], np.float16)
+            for index, name in enumerate("RGB")
+        }
     floats = {"Z": normal_map.depth, "sigma_deg": normal_map.sigma_deg, "indirect": normal_map.indirect}
     channels |= {name: np.nan_to_num(values, nan=0.0) for name, values in floats.items() if values is not None}
-    header = {
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "type": OpenEXR.scanlineimage,
-        "comments": "; ".join(CHANNELS.values()),
-    }
-    OpenEXR.File(header | CHANNELS, channels).write(str(path))
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | TEXTS
+    header["units"] = f"Z: depth along the camera's axis, {images.depth_unit(normal_map)}; {header['units']}"
+    OpenEXR.File(header, channels).write(str(path))

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import tifffile
 
-from acquisition.types import BoolArray, Float32Array
+from acquisition.types import BoolArray, Float32Array, NormalMap
 
 Green = Literal["opengl", "directx"]
 FRAME = "view frame: x right, y up, z to the camera; row 0 at the top"
@@ -19,6 +19,11 @@ COLOURS = {
     "opengl": f"colour = (n + 1) / 2, OpenGL green (+Y up); {FRAME}",
     "directx": f"colour = (n + 1) / 2 with y turned round, DirectX green (+Y down); {FRAME}",
 }
+
+
+def depth_unit(normal_map: NormalMap) -> str:
+    """The unit of a result's depth, as its solver noted it: m, pixel, or relative where no scale is known."""
+    return str(normal_map.notes.get("depth_unit", "m"))
 
 
 def normals_png(path: Path, normals: Float32Array, mask: BoolArray, green: Green = "opengl") -> None:

@@ -18,12 +18,13 @@ from acquisition.normals.export.whole import whole_folder
 from acquisition.types import BoolArray, Information, NormalMap
 
 ARCHIVE = "normal_map.npz"
-OPTIONAL = "indirect"
+OPTIONAL = ("albedo_rgb", "indirect")
 UNITS = {
     "normals": "unit normals x, y, z",
-    "depth": "depth along the camera's axis, m",
+    "depth": "depth along the camera's axis",
     "sigma_deg": "1 sigma of the normal, degrees, both tangential directions together",
     "albedo": "albedo",
+    "albedo_rgb": "albedo of each channel, R G B",
     "residual": "rms of residuals over their expected spread",
     "indirect": "share of the light that other surfaces threw",
 }
@@ -33,7 +34,7 @@ def write(normal_map: NormalMap, folder: Path) -> list[str]:
     """Writes the files of a result into a new folder and returns their names; an existing one is replaced as a whole.
 
     normals.png (16-bit RGB, OpenGL green), mask.png, lights_used.png (count), normals/depth/sigma_deg/albedo/residual
-    and, where it was predicted, indirect .tiff (float32; m, degrees), doubtful.png, normal_map.npz.
+    and, where they are known, albedo_rgb and indirect .tiff (float32; m, degrees), doubtful.png, normal_map.npz.
     """
     with whole_folder(folder) as partial:
         write_into(normal_map, partial)
@@ -59,7 +60,8 @@ def write_maps(normal_map: NormalMap, folder: Path) -> None:
     for name, unit in UNITS.items():
         values = getattr(normal_map, name)
         if values is not None:
-            images.float_tiff(folder / f"{name}.tiff", values, f"{unit}; {images.FRAME}")
+            more = f", {images.depth_unit(normal_map)}" if name == "depth" else ""
+            images.float_tiff(folder / f"{name}.tiff", values, f"{unit}{more}; {images.FRAME}")
 
 
 def lights_used(normal_map: NormalMap) -> np.ndarray:
@@ -78,7 +80,7 @@ def read(folder: Path) -> NormalMap:
             maps = {
                 name: tifffile.imread(folder / f"{name}.tiff")
                 for name in UNITS
-                if name != OPTIONAL or (folder / f"{name}.tiff").exists()
+                if name not in OPTIONAL or (folder / f"{name}.tiff").exists()
             }
             shape = maps["depth"].shape
             return NormalMap(
@@ -96,7 +98,8 @@ def read(folder: Path) -> NormalMap:
                     columns=stored["information_columns"],
                     matrices=stored["information_matrices"],
                 ),
-                indirect=maps.get(OPTIONAL),
+                indirect=maps.get("indirect"),
+                albedo_rgb=maps.get("albedo_rgb"),
                 doubtful=_unpacked(stored["doubtful"], shape) if "doubtful" in stored else None,
                 noise=json.loads(str(stored["noise"])),
                 notes=json.loads(str(stored["notes"])),

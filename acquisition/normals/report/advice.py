@@ -30,14 +30,20 @@ def sentences(found: NormalMap, facts: Facts) -> list[str]:
     """Warnings with advice, the gravest first; none when there is nothing to say."""
     said: list[str] = []
     object_pixels = max(1, np.count_nonzero(found.silhouette))
-    few = found.silhouette & (lights_used(found) < ENOUGH_LIGHTS)
+    used = lights_used(found)
+    few = found.silhouette & (used < ENOUGH_LIGHTS)
+    if np.all(found.silhouette):
+        few &= used > 0  # no mask was given: what no light reaches is background
     if np.count_nonzero(few) > SPEAKS_FROM * object_pixels:
         share = np.count_nonzero(few) / object_pixels
         side = missing_side(found, few, facts.directions)
         advice = "no single light would help most of them" if side is None else f"add a light {side}"
         said.append(f"{_percent(share)} of the pixels were lit by fewer than three lights: {advice}.")
     said += _of_images(found, facts)
-    highlights = float(np.mean(np.any(found.flags & HIGHLIGHT, axis=0)[found.silhouette])) if object_pixels > 1 else 0
+    shining = np.zeros_like(found.silhouette)
+    for flags in found.flags:  # image by image: all flags at once may not fit into memory twice
+        shining |= (flags & HIGHLIGHT) > 0
+    highlights = np.count_nonzero(shining & found.silhouette) / object_pixels
     if highlights > 5 * SPEAKS_FROM:
         said.append(
             f"{_percent(highlights)} of the pixels show a highlight in some image: the surface is glossy there; "

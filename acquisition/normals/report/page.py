@@ -62,7 +62,7 @@ def _maps(small: Small) -> list[_Map]:
     most = float(max(1.0, np.ceil(np.max(small.lights, initial=1.0))))
     found = [
         _Map("Normals", "(n + 1)/2: red right, green up, blue to the camera", pictures.normals(small)),
-        _Map("Albedo", f"white is {white:.2f}", pictures.grey(small.albedo, small.solved, white)),
+        _Map("Albedo", f"white is {white:.2f}", pictures.seen(small.albedo, small.solved, white)),
         _Map(
             "Uncertainty σ",
             "degrees; the mean error is 0.89 σ; hatched: σ means nothing",
@@ -158,8 +158,9 @@ def _lights(found: NormalMap, facts: Facts) -> str:
 
 def _albedo(small: Small) -> np.ndarray:
     """Albedo for relighting, 8 bits linear with its brightest as white, and the mask as blue."""
-    top = float(np.quantile(small.albedo[small.solved], 0.995)) if np.any(small.solved) else 1.0
-    level = np.round(np.clip(small.albedo / max(top, 1e-9), 0, 1) * 255)
+    grey = small.albedo if small.albedo.ndim == 2 else small.albedo.mean(axis=-1)
+    top = float(np.quantile(grey[small.solved], 0.995)) if np.any(small.solved) else 1.0
+    level = np.round(np.clip(grey / max(top, 1e-9), 0, 1) * 255)
     return np.stack([level, level, small.solved * 255.0], axis=-1).astype(np.uint8)
 
 

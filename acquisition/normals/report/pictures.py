@@ -24,7 +24,7 @@ class Small:
     """A result reduced to the size of a report; maps (h, w), normals (h, w, 3)."""
 
     normals: Float32Array
-    albedo: Float32Array
+    albedo: Float32Array  # (h, w) or (h, w, 3)
     sigma_deg: Float32Array
     residual: Float32Array
     lights: Float32Array
@@ -57,7 +57,7 @@ def reduced(found: NormalMap) -> Small:
     everywhere = np.ones_like(inside)
     return Small(
         normals=np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-6), np.float32),
-        albedo=small(found.albedo[rows, columns], solved),
+        albedo=small((found.albedo if found.albedo_rgb is None else found.albedo_rgb)[rows, columns], solved),
         sigma_deg=small(found.sigma_deg[rows, columns], solved),
         residual=small(found.residual[rows, columns], solved),
         lights=small(lights_used(found)[rows, columns], inside),
@@ -73,10 +73,10 @@ def normals(small: Small) -> np.ndarray:
     return _on_ground(np.round((small.normals + 1) * 127.5), small.solved)
 
 
-def grey(values: Float32Array, mask: BoolArray, top: float) -> np.ndarray:
-    """Linear values as a screen shows them, `top` as white; (h, w, 3)."""
-    shown = np.clip(values / max(top, 1e-9), 0, 1) ** (1 / 2.2) * 255
-    return _on_ground(np.repeat(np.round(shown)[..., None], 3, axis=-1), mask)
+def seen(values: Float32Array, mask: BoolArray, top: float) -> np.ndarray:
+    """Linear values, grey (h, w) or colour (h, w, 3), as a screen shows them, `top` as white; (h, w, 3)."""
+    shown = np.round(np.clip(values / max(top, 1e-9), 0, 1) ** (1 / 2.2) * 255)
+    return _on_ground(shown if shown.ndim == 3 else np.repeat(shown[..., None], 3, axis=-1), mask)
 
 
 def coloured(values: Float32Array, mask: BoolArray, top: float) -> np.ndarray:

@@ -37,6 +37,7 @@ def truth_as_result(images: ImageSet, depth: np.ndarray) -> NormalMap:
         information=Information(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 4, 4))),
         indirect=np.full(shape, 0.25, np.float32),
         doubtful=mask & (np.arange(shape[1]) < 3),
+        albedo_rgb=np.where(mask[..., None], [0.5, 0.6, 0.7], 0).astype(np.float32),
     )
 
 
@@ -73,11 +74,11 @@ def png_text(path: Path) -> str:
 def test_optional_maps_read_back_exactly(near: export.Source, tmp_path: Path) -> None:
     names = export.write(near.normal_map, tmp_path / "result")
     again = export.read(tmp_path / "result")
-    assert {"indirect.tiff", "doubtful.png"} <= set(names)
-    for name in ("indirect", "doubtful"):
+    assert {"indirect.tiff", "doubtful.png", "albedo_rgb.tiff"} <= set(names)
+    for name in ("indirect", "doubtful", "albedo_rgb"):
         np.testing.assert_array_equal(getattr(again, name), getattr(near.normal_map, name))
-    bare = replace(near.normal_map, indirect=None, doubtful=None)
-    assert not {"indirect.tiff", "doubtful.png"} & set(export.write(bare, tmp_path / "result"))
+    bare = replace(near.normal_map, indirect=None, doubtful=None, albedo_rgb=None)
+    assert not {"indirect.tiff", "doubtful.png", "albedo_rgb.tiff"} & set(export.write(bare, tmp_path / "result"))
     again = export.read(tmp_path / "result")
     assert again.indirect is None
     assert again.doubtful is None
@@ -112,7 +113,8 @@ def test_the_channels_of_exr(near: export.Source, tmp_path: Path) -> None:
     np.testing.assert_allclose(channels["albedo"], found.albedo, atol=5e-4)
     np.testing.assert_array_equal(channels["indirect"], found.indirect)
     assert "y up" in file.header()["convention"]
-    assert "m;" in file.header()["units"]
+    assert "axis, m;" in file.header()["units"]
+    np.testing.assert_allclose(channels["G"], found.albedo_rgb[..., 1], atol=5e-4)  # type: ignore[index]
 
 
 def test_the_mesh_is_the_ball_and_faces_the_camera(near: export.Source, tmp_path: Path) -> None:
