@@ -39,8 +39,7 @@ _INPUTS_AND_OUTPUTS = """get_analog_in get_analog_out get_digital_in get_standar
     set_input_actions_to_default set_standard_digital_input_action set_configurable_digital_input_action
     set_tool_digital_input_action set_euromap_output set_euromap_runstate_dependent_choice set_flag get_flag
     set_tool_communication set_tool_output_mode set_tool_voltage set_tool_digital_output_mode
-    write_output_boolean_register read_output_boolean_register read_port_bit read_port_register write_port_bit
-    write_port_register"""
+    read_port_bit read_port_register write_port_bit write_port_register"""
 _LINKS = """socket_open socket_close socket_get_var socket_read_ascii_float socket_read_binary_integer
     socket_read_byte_list socket_read_line socket_read_string socket_send_byte socket_send_int socket_send_line
     socket_send_string socket_set_var modbus_add_signal modbus_delete_signal modbus_get_signal_status

@@ -5,7 +5,7 @@ from collections.abc import Generator
 from typing import Any
 
 from hardware_sim.controller.meaning import ScriptError, shown, truth
-from hardware_sim.controller.registers import DOUBLE_IN, DOUBLE_OUT, INT_IN, INT_OUT, REGISTERS
+from hardware_sim.controller.registers import BIT_REGISTERS, DOUBLE_IN, DOUBLE_OUT, INT_IN, INT_OUT, REGISTERS
 from hardware_sim.controller.script_values import STEP_TIME, Bound, not_negative, number, positive, whole
 
 LOG = logging.getLogger("hardware_sim.controller")
@@ -37,13 +37,14 @@ class RegisterFunctions(Bound):
         return int(self._values[self._slot(INT_IN, address)])
 
     def read_input_boolean_register(self, address: int) -> bool:
-        registers = self._controller.registers
-        if 0 <= address < 64:
-            word = registers.get(f"input_bit_registers{'0_to_31' if address < 32 else '32_to_63'}")[0]
-            return bool(int(word) >> (address % 32) & 1)
-        if address >= 128:
-            raise ScriptError(f"there is no register {address}")
-        return bool(registers.get(f"input_bit_register_{address}")[0])
+        return self._controller.registers.bit("input", whole(address, "a register's number", BIT_REGISTERS))
+
+    def read_output_boolean_register(self, address: int) -> bool:
+        return self._controller.registers.bit("output", whole(address, "a register's number", BIT_REGISTERS))
+
+    def write_output_boolean_register(self, address: int, value: bool) -> None:
+        slot = whole(address, "a register's number", BIT_REGISTERS)
+        self._controller.registers.set_bit(slot, truth(value))
 
     def read_output_float_register(self, address: int) -> float:
         return self._values[self._slot(DOUBLE_OUT, address)]

@@ -123,3 +123,19 @@ class Registers:
         """The values of an output by name."""
         at = OFFSETS[name]
         return self.values[at : at + TYPES[OUTPUT_TYPES[name]][1]]
+
+    def bit(self, bank: str, number: int) -> bool:
+        """A boolean register of the bank "input" or "output": the first 64 share two words, the others stand alone."""
+        slot, shift = _bit(bank, number)
+        return bool(int(self.values[slot]) >> shift & 1)
+
+    def set_bit(self, number: int, level: bool) -> None:
+        """Sets a boolean output register."""
+        slot, shift = _bit("output", number)
+        self.values[slot] = (int(self.values[slot]) & ~(1 << shift)) | level << shift
+
+
+def _bit(bank: str, number: int) -> tuple[int, int]:
+    if number >= 64:
+        return OFFSETS[f"{bank}_bit_register_{number}"], 0
+    return OFFSETS[f"{bank}_bit_registers{'0_to_31' if number < 32 else '32_to_63'}"], number % 32
