@@ -19,6 +19,9 @@ SPEAKS_FROM = 0.01
 SIDES = ("right", "upper right", "top", "upper left", "left", "lower left", "bottom", "lower right")
 SLANTS_DEG = (20.0, 45.0, 65.0)
 LEAST_COSINE = 0.15
+LEAST_SHARE = 1 / 3
+"""Of the pixels that lack light, which one more light has to reach to be worth naming."""
+
 SAME_SIDE_COSINE = float(np.cos(np.radians(25)))
 MOST_SAMPLES = 4000
 LARGE_FACTOR = 0.03
@@ -69,18 +72,19 @@ def missing_side(found: NormalMap, few: BoolArray, directions: FloatArray) -> st
     normals, flags = _starved(found, few)
     if not len(normals):
         return None
-    best, best_share = None, 1 / 3
+    best, most = None, 0.0
     for slant in SLANTS_DEG:
         for number, side in enumerate(SIDES):
             azimuth = np.radians(45.0 * number)
             unit = np.array([np.cos(azimuth), np.sin(azimuth), 0]) * np.sin(np.radians(slant))
             unit[2] = np.cos(np.radians(slant))
-            faces = normals @ unit > LEAST_COSINE
+            cosine = normals @ unit
             alike = directions @ unit > SAME_SIDE_COSINE
             again = np.any(flags[alike] & CAST, axis=0) if np.any(alike) else np.zeros(len(normals), bool)
-            share = float(np.mean(faces & ~again))
-            if share > best_share + 0.02:
-                best, best_share = f"from the {side}, about {slant:.0f}° off the viewing axis", share
+            lit = (cosine > LEAST_COSINE) & ~again
+            light = float(np.mean(np.where(lit, cosine, 0)))
+            if light > most and np.mean(lit) > LEAST_SHARE:
+                best, most = f"from the {side}, about {slant:.0f}° off the viewing axis", light
     return best
 
 
