@@ -95,6 +95,7 @@ def sim(
     programs: Annotated[
         Path | None, typer.Option(help="Folder of programs (NAME.urp) that the dashboard loads")
     ] = None,
+    json_status: Annotated[bool, typer.Option("--json-status", help="A JSON line at each change of the arm")] = False,
 ) -> None:
     """Runs a simulated cell until interrupted; prints a line `ready …` when it can be connected to."""
     from hardware_sim import cell as simulation
@@ -112,6 +113,7 @@ def sim(
             calibration_seed=calibration_seed,
             record=record,
             programs=programs,
+            json_status=json_status,
             say=lambda line: print(line, flush=True),
         )
     )

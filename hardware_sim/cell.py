@@ -10,18 +10,22 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
-from typing import get_args
+from typing import Any, get_args
 
 from acquisition.errors import ErrorCode, RigError
 from hardware_sim import nominal, objects
+from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.process import ControllerProcess
 from hardware_sim.nominal import FULL_PIXELS
+from hardware_sim.status import StatusLines
 from hardware_sim.world import ProfileName
 
 READY_WITHIN_S = 120.0
+STATUS_EVERY_S = 0.05
 
 
 class Cell:
@@ -58,6 +62,7 @@ class Cell:
         self._speed, self._record, self._programs = speed, record, programs
         self._controller: ControllerProcess | None = None
         self._world: subprocess.Popen[bytes] | None = None
+        self._control: ControlClient | None = None
 
     def __enter__(self) -> "Cell":
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
@@ -86,12 +91,21 @@ class Cell:
         return self
 
     def __exit__(self, *_: object) -> None:
+        if self._control is not None:
+            self._control.close()
+            self._control = None
         if self._world is not None:
             _end(self._world)
             self._world = None
         if self._controller is not None:
             self._controller.close()
             self._controller = None
+
+    def state(self) -> dict[str, Any]:
+        """What the controller's control port tells now. Raises RigError device.disconnected."""
+        if self._control is None:
+            self._control = ControlClient(self.address)
+        return self._control.state()
 
     @property
     def alive(self) -> bool:
@@ -125,9 +139,10 @@ def run(
     calibration_seed: int | None = None,
     record: Path | None = None,
     programs: Path | None = None,
+    json_status: bool = False,
     say: Callable[[str], None] = print,
 ) -> None:
-    """Runs a cell until SIGTERM or SIGINT; says `ready …` when it can be connected to.
+    """Runs a cell until SIGTERM or SIGINT; says `ready …` when it can be connected to, then how it fares, if wanted.
 
     Must be called in the main thread. Without `folder` the files go to a temporary one that ends with the cell. Raises
     RigError as `Cell` does, service.fault when one of its processes ends by itself.
@@ -155,9 +170,14 @@ def run(
                 programs=programs,
             ) as cell:
                 say(f"ready cell={cell.cell_file} address={address} object={object_name} seed={seed} profile={profile}")
-                while not ending.wait(0.5):
+                lines = StatusLines() if json_status else None
+                while not ending.wait(0.5 if lines is None else STATUS_EVERY_S):
                     if not cell.alive:
                         raise RigError(ErrorCode.SERVICE_FAULT, "a process of the simulated cell ended by itself")
+                    if lines is not None:
+                        line = lines.line(cell.state(), time.monotonic())
+                        if line is not None:
+                            say(line)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -15,6 +15,7 @@ from typing import cast
 import cv2
 
 from acquisition import config, priority
+from acquisition.config import CellConfig
 from acquisition.errors import RigError
 from hardware_sim import solids
 from hardware_sim.camera import CameraServer
@@ -30,7 +31,9 @@ class ControllerState:
     def __init__(self, address: str, lamp_output: int) -> None:
         self._address, self._output = address, lamp_output
         self._client: ControlClient | None = ControlClient(address)
-        self.disturbances: Disturbances = self._client.state()["disturbances"]
+        state = self._client.state()
+        self.disturbances: Disturbances = state["disturbances"]
+        self.calibration_seed: int | None = state["calibration_seed"]
 
     def surround(self, path: Path) -> None:
         """Tells the controller what the arm can touch. Raises RigError device.disconnected, request.invalid."""
@@ -64,10 +67,14 @@ def main(folder: Path, object_name: str, seed: int, profile: ProfileName) -> Non
     try:
         cell = config.load(folder / "cell.toml")
         calibration = config.load_calibration(folder / cell.calibration)
-        disturbed = DisturbedWorld(cell, lambda cell: World(cell, calibration, object_name, seed, profile), seed)
+        source = ControllerState(cell.arm.address, cell.lamp.output)
+
+        def make(cell: CellConfig) -> World:
+            return World(cell, calibration, object_name, seed, profile, arm_calibration_seed=source.calibration_seed)
+
+        disturbed = DisturbedWorld(cell, make, seed)
         disturbed.world.truth().save(folder / "truth.npz")
         solids.surroundings(cell, disturbed.world.scene.mesh).save(folder / "surroundings.npz")
-        source = ControllerState(cell.arm.address, cell.lamp.output)
         source.surround(folder / "surroundings.npz")
         server = CameraServer(
             cell.camera,

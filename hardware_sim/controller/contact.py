@@ -36,7 +36,6 @@ _FAR_M = 0.03  # beyond this a lower bound is as good as the distance
 _TOOL_DIP_M = 0.0005
 # The flange turns in wrist 2 and carries the tool; wrist 1 and wrist 3 cannot meet, whatever the joints.
 _NEVER = {(4, 6), (5, _TOOL)}
-_TWISTS = ((0.0, 1.0), (1.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (1.0, 0.0))  # cosine and sine
 
 
 @dataclass(frozen=True)
@@ -76,9 +75,7 @@ class ContactCheck:
 
     def __init__(self, model: ArmModel, surroundings: Surroundings) -> None:
         self._surroundings = surroundings
-        self._rows = (
-            (0.0, model.d1), (model.a2, 0.0), (model.a3, 0.0), (0.0, model.d4), (0.0, model.d5), (0.0, model.d6),
-        )  # fmt: skip
+        self._links = model.links
         around = surroundings.object_in_base
         thing = np.hstack([around, np.full((len(around), 1), OBJECT_BALL_M)])
         spheres = [*_links(model.name), _tool(surroundings.tool), thing]
@@ -170,9 +167,10 @@ class ContactCheck:
     def frames(self, joints: Sequence[float]) -> list[Frame]:
         """The seven links' frames in base: 0 the base, 6 the flange; (Denavit–Hartenberg)."""
         frames = [poses.IDENTITY]
-        for q, (a, d), (ct, st) in zip(joints, self._rows, _TWISTS, strict=True):
+        for angle, link in zip(joints, self._links, strict=True):
+            q, a, ct, st = angle + link.offset, link.length, link.cos_twist, link.sin_twist
             c, s = math.cos(q), math.sin(q)
-            step = (c, -s * ct, s * st, a * c, s, c * ct, -c * st, a * s, 0.0, st, ct, d)
+            step = (c, -s * ct, s * st, a * c, s, c * ct, -c * st, a * s, 0.0, st, ct, link.distance)
             frames.append(poses.compose(frames[-1], step))
         return frames
 
@@ -184,7 +182,8 @@ class ContactCheck:
         levers = [0.0] * 6
         for joint in range(near, far):
             # The offset along a joint's own axis does not turn with it.
-            levers[joint] = abs(self._rows[joint][0]) + sum(math.hypot(*r) for r in self._rows[joint + 1 : far]) + reach
+            beyond = sum(math.hypot(link.length, link.distance) for link in self._links[joint + 1 : far])
+            levers[joint] = abs(self._links[joint].length) + beyond + reach
         return levers
 
 

@@ -112,7 +112,7 @@ def test_record_holds_the_whole_motion(tmp_path: Path) -> None:
     assert np.all(np.diff(trace.outputs) >= 0)
     assert set(trace.safety_mode) == {1}
     assert set(trace.robot_mode) == {7}
-    assert list(dict.fromkeys(trace.runtime_state)) == [1, 2, 1]
+    assert list(dict.fromkeys(trace.runtime_state[::-1])) == [1, 2]
     assert not trace.touching.any()
     # The pose is that of the joints: the flange's, as no tool is set.
     from ur_analytic_ik import ur5e

@@ -1,0 +1,48 @@
+"""What a simulated cell tells whoever runs it: a JSON line at each change, and one now and then.
+
+Fields: `at` (the controller's time stamp, s), `arm` (`stands` or `moves`), `robot_mode`, `safety_mode`, `program` (its
+state and name), `outputs` (bits), `lamp` (`ok`, `dead` or the share of its light), `collisions` (how many so far),
+`last_collision` (both parts, when, joints) and, only in lines for the interval, `joints` (rad).
+"""
+
+import json
+from typing import Any
+
+from hardware_sim.controller.modes import RobotMode, RuntimeState, SafetyMode
+
+INTERVAL_S = 5.0
+
+
+class StatusLines:
+    """Turns states of the control port into lines."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, Any] | None = None
+        self._said_at = 0.0
+
+    def line(self, state: dict[str, Any], now: float) -> str | None:
+        """The line to print for a state at `now` (s, any clock), or None where there is nothing to say."""
+        status = summary(state)
+        changed = status != self._last
+        if not changed and now - self._said_at < INTERVAL_S:
+            return None
+        self._last, self._said_at = status, now
+        told = {"at": round(state["timestamp"], 3), **status}
+        if not changed:
+            told["joints"] = [round(q, 6) for q in state["joints"]]
+        return json.dumps(told)
+
+
+def summary(state: dict[str, Any]) -> dict[str, Any]:
+    """What counts as a change."""
+    fraction = state["disturbances"]["lamp_fraction"]
+    return {
+        "arm": "moves" if any(state["joint_speeds"]) else "stands",
+        "robot_mode": RobotMode(state["robot_mode"]).name,
+        "safety_mode": SafetyMode(state["safety_mode"]).name,
+        "program": f"{RuntimeState(state['runtime_state']).name} {state['program']}".strip(),
+        "outputs": state["digital_outputs"],
+        "lamp": "ok" if fraction == 1.0 else "dead" if fraction == 0.0 else fraction,
+        "collisions": state["collisions"],
+        "last_collision": state["last_collision"],
+    }
