@@ -38,7 +38,10 @@ NOTHING = 2.0
 
 LEAST_EVIDENCE = 30
 LEAST_PREDICTION = 0.002
-LARGEST_SCALE = 1.1
+LEAST_THERE = 0.35
+PHYSICAL = (1.0, 1.1)
+"""Scales of the prediction: what surfaces send that the camera does not see adds to it."""
+
 TURNED_AWAY = -0.1
 FACING = 0.35
 IN_SHADOW = 0.4
@@ -97,10 +100,16 @@ def received(
 
 
 def scale(pixels: Pixels, values: Float32Array, predicted: Float32Array, found: Estimate) -> float:
-    """How much of the predicted indirect light (F, N) is found in shadows; 1 where too few pixels tell.
+    """How much of the predicted indirect light (F, N) to take out: none where shadows are darker than it.
 
-    `values` (F, N) are measured; the median weighs each by its prediction.
+    Shadows tell whether it is there at all, weighing each by its prediction; how much follows from the prediction,
+    because while the shape is still wrong they understate it. `values` (F, N) are measured.
     """
+    there = _found_in_shadows(pixels, values, predicted, found)
+    return 0.0 if there < LEAST_THERE else float(np.clip(there, *PHYSICAL))
+
+
+def _found_in_shadows(pixels: Pixels, values: Float32Array, predicted: Float32Array, found: Estimate) -> float:
     direct = np.einsum("fcn,cn->fn", found.light, found.g)
     strength = np.sqrt(np.einsum("fcn,fcn->fn", found.light, found.light)) * found.albedo
     cast = (direct > FACING * strength) & (values < IN_SHADOW * direct)
@@ -113,7 +122,7 @@ def scale(pixels: Pixels, values: Float32Array, predicted: Float32Array, found: 
     ratio, weight = values[telling] / predicted[telling], predicted[telling]
     order = np.argsort(ratio)
     summed = np.cumsum(weight[order])
-    return float(np.clip(ratio[order][np.searchsorted(summed, summed[-1] / 2)], 0.0, LARGEST_SCALE))
+    return float(ratio[order][np.searchsorted(summed, summed[-1] / 2)])
 
 
 def _linear_rays(pixels: Pixels) -> tuple[np.ndarray, np.ndarray]:

@@ -18,7 +18,7 @@ from acquisition.types import BoolArray, Calibration, Float32Array, FloatArray
 HALF_SHADOW = 0.1
 """Extra standard deviation beside shadowed pixels, as a share of the pixel's largest value."""
 
-CAUCHY_SCALE = 2.5
+CAUCHY_SCALE: float | None = 2.5
 PRIOR_SCALE = 0.5
 """1 σ of the weak prior on g, as a share of the pixel's albedo."""
 
@@ -115,13 +115,13 @@ def solve(
     *,
     threshold: float,
     offset_sigma_m: float = NO_OFFSET_M,
-    robust: bool = True,
+    cauchy_scale: float | None = CAUCHY_SCALE,
     extra: Float32Array | None = None,
 ) -> Estimate:
     """Solves all pixels at a given depth (N,).
 
     `values` (F, N) replaces the measured ones where something was divided out or subtracted; `extra` (F, N) is variance
-    beside the noise model's.
+    beside the noise model's; residuals beyond `cauchy_scale` σ count less, none: all count alike.
     """
     point = photometry.points(pixels.ray, depth_m)
     along = photometry.ray_directions(pixels.ray)
@@ -155,7 +155,7 @@ def solve(
         lamp,
         noise.shot.astype(np.float32),
         noise.floor.astype(np.float32),
-        np.array([noise.intensity, noise.direction, CAUCHY_SCALE if robust else 0.0, offset_sigma_m], dtype=np.float32),
+        np.array([noise.intensity, noise.direction, cauchy_scale or 0.0, offset_sigma_m], dtype=np.float32),
         np.ascontiguousarray(axis * albedo, dtype=np.float32),
         (1.0 / (PRIOR_SCALE * albedo) ** 2).astype(np.float32),
         ROUNDS,

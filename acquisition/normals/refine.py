@@ -1,18 +1,23 @@
-"""What one solve needs and another gives: depth, lamp intensities and the light that the object throws on itself.
+"""What one solve needs and another gives: depth, gloss, light from other surfaces, lamp intensities, noise.
 
 They are found in turn on a coarse grid, which costs little and loses nothing, because none of them needs every pixel.
 The first round drops much as shadow, since grazing, dark measurements are where bounced light rules; once that light is
-taken out, they count. Intensities wait for the same moment: before it they would take bounced light for their own.
+taken out, they count. Intensities wait for the same moment, and for the highlights to be gone: before it they would
+take them for their own. Noise comes last, from what is left.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acquisition import photometry
 from acquisition.normals import grid, integrate, interreflection, lambert, self_calibration, steps
+from acquisition.normals import lobe as gloss
+from acquisition.normals import noise as residuals
 from acquisition.normals.interreflection import Table
 from acquisition.normals.lambert import Estimate, Pixels
+from acquisition.normals.lobe import Lobe
+from acquisition.photometry import Noise
 from acquisition.types import Calibration, Float32Array, FloatArray, SolveSettings
 
 OFFSET_SIGMA_M = 0.003
@@ -24,11 +29,14 @@ SHIFT_SIGMA_M = 0.03
 LARGEST_STEP_M = 0.02
 LARGEST_SHIFT_M = 0.08
 FIRST_THRESHOLD = 0.15
-LEAST_IMAGES_TO_CALIBRATE = 4
+LEAST_IMAGES_TO_PLACE, LEAST_IMAGES_TO_CALIBRATE = 4, 5
 COARSE_PIXELS = 12_000
-CALIBRATION_SAMPLES = 2500
-BOUNCE_ROUNDS = 2
-"""Rounds more where bounced light matters."""
+LARGER = 1.5
+"""Times the stated σ of the intensities at which what is found replaces it."""
+
+SAMPLES = 2500
+MORE_ROUNDS = 2
+"""Rounds more where bounced light or gloss matters."""
 
 FIRST_CUTS = 4
 """Times that the surface is cut at its steps at first; later rounds start from what they find cut."""
@@ -39,21 +47,71 @@ BOUNCE_MATTERS = 0.01
 
 @dataclass(frozen=True)
 class Refined:
-    """What the last solve takes over, at the full pixels: depth (N,) in m, how whole the surface is, 0–1 (N,), log
-    intensity (F,), the shift of the whole object in m, the light received from other surfaces (F, N) or none, the scale
-    found for it, and its share of all light."""
+    """What the last solve takes over, at N pixels.
+
+    Depth (N,) in m; how whole the surface is, 0–1 (N,); log intensity (F,), the variance (N,) in rad² that its
+    uncertainty gives the normals; the shift of the whole object in m; the light received from other surfaces (F, N) or
+    none, and the scale of its prediction; the lobe; the noise of coarse pixels.
+    """
 
     depth_m: Float32Array
     whole: Float32Array
     log_intensity: FloatArray
+    intensity_variance: Float32Array
     shift_m: float
     received: Float32Array | None
     bounce_scale: float
-    bounce_share: float
+    lobe: Lobe
+    noise: Noise
+
+    def subset(self, chosen: np.ndarray) -> "Refined":
+        """Some of the pixels, by their number."""
+        return replace(
+            self,
+            depth_m=self.depth_m[chosen],
+            whole=self.whole[chosen],
+            intensity_variance=self.intensity_variance[chosen],
+            received=None if self.received is None else self.received[:, chosen],
+        )
+
+
+@dataclass(frozen=True)
+class _Known:
+    """What stays the same over the rounds, for the sample pixels that find what all pixels share."""
+
+    pixels: Pixels
+    along: Float32Array
+    lamp: Float32Array
+    calibration: Calibration
+    settings: SolveSettings
+
+    @property
+    def cauchy_scale(self) -> float | None:
+        return lambert.CAUCHY_SCALE if self.settings.robust else None
+
+
+@dataclass(frozen=True)
+class _Shared:
+    """What all pixels share: log intensities (F,) and their covariance, the shift in m, the noise."""
+
+    log_intensity: FloatArray
+    covariance: FloatArray
+    shift_m: float
+    noise: Noise
+
+
+@dataclass(frozen=True)
+class _Bounced:
+    """Light from other surfaces: received and sent on to the camera (F, N), scaled; zero where it does not matter."""
+
+    received: Float32Array
+    indirect: Float32Array
+    scale: float
+    matters: bool
 
 
 def refine(
-    pixels: Pixels, depth_m: Float32Array, lamp: Float32Array, calibration: Calibration, noise: photometry.Noise,
+    pixels: Pixels, depth_m: Float32Array, lamp: Float32Array, calibration: Calibration, noise: Noise,
     settings: SolveSettings, table: Table | None = None,
 ) -> Refined:  # fmt: skip
     """Starts from depth (N,) in m and refines it with all that depends on it; `table` surrounds the object."""
@@ -64,18 +122,25 @@ def refine(
     ray = coarse.image(coarse.ray)
     along = photometry.ray_directions(coarse.ray)
     depth = np.full(len(coarse.index), np.mean(depth_m), np.float32) if factor > 1 else depth_m
-    chosen = np.sort(np.random.default_rng(0).permutation(len(coarse.index))[:CALIBRATION_SAMPLES])
-    log_intensity, shift = np.zeros(len(lamp)), 0.0
-    received: Float32Array | None = None
-    indirect = np.zeros_like(coarse.values)
-    scale, threshold = 1.0, FIRST_THRESHOLD
+    chosen = np.sort(np.random.default_rng(0).permutation(len(coarse.index))[:SAMPLES])
+    known = _Known(coarse.subset(chosen), along[:, chosen], lamp, calibration, settings)
+    count = len(lamp)
+    finest = replace(noise, shot=noise.shot / factor**2, floor=noise.floor / factor**2)
+    shared = _Shared(np.zeros(count), np.zeros((count, count)), 0.0, finest)
+    lobe = gloss.NONE
+    bounced: _Bounced | None = None
+    found: Estimate | None = None
+    indirect, highlight = np.zeros_like(coarse.values), np.zeros_like(coarse.values)
+    threshold = FIRST_THRESHOLD
     whole, stepped = np.ones_like(depth), True
-    for turn in range(settings.depth_rounds + BOUNCE_ROUNDS):
-        measured = _divided(coarse.values, log_intensity)
-        values = measured - indirect
+    calibrated = 0
+    for turn in range(settings.depth_rounds + MORE_ROUNDS):
+        measured = divided(coarse.values, shared.log_intensity)
+        values = measured - indirect - highlight
         found = lambert.solve(
-            coarse, values, depth, lamp, calibration, noise, threshold=threshold, robust=settings.robust
-        )
+            coarse, values, depth, lamp, calibration, shared.noise, threshold=threshold,
+            cauchy_scale=known.cauchy_scale, extra=(np.float32(gloss.SIGMA) * highlight) ** 2,
+        )  # fmt: skip
         normals = lambert.facing(found.normals, along)
         sure = certainty(found)
         start = coarse.image(depth, float(np.mean(depth)))
@@ -87,65 +152,99 @@ def refine(
         # Shadows tell of steps best before indirect light has been taken out of them, however well.
         stepped = levelled is not None
         depth, whole = (smooth, np.ones_like(smooth)) if levelled is None else levelled
-        step = _calibrate(
-            coarse.subset(chosen), values[:, chosen], depth[chosen], lamp, calibration, noise, settings,
-            log_intensity, shift,
+
+        lobe = gloss.fit(
+            known.pixels, (measured - indirect)[:, chosen], depth[chosen], known.along, lamp, calibration, shared.noise,
+            FIRST_THRESHOLD, lobe,
         )  # fmt: skip
-        log_intensity = log_intensity + step.log_intensity
-        shift += step.shift_m
-        depth = depth + np.float32(step.shift_m)
+        highlight = lobe.highlight(found, along)
+        bounced = _bounced(coarse, measured - highlight, found, depth, normals, around, lamp, calibration)
+        indirect = bounced.indirect
+        plain = not bounced.matters and lobe.strength == 0
+
+        values = (measured - indirect - highlight)[:, chosen]
+        extra = (np.float32(gloss.SIGMA) * highlight[:, chosen]) ** 2
+        before = shared.shift_m
+        hold = turn == 0 and not plain
+        shared = _calibrated(known, values, extra, depth[chosen], shared, hold=hold)
+        calibrated += not hold
+        depth = depth + np.float32(shared.shift_m - before)
         threshold = settings.shadow_threshold
-        received = interreflection.received(coarse, measured, found, depth, normals, around, lamp, calibration)
-        bounced = received * np.minimum(found.albedo, 1)
-        scale = interreflection.scale(coarse, measured, bounced, found)
-        indirect = (np.float32(scale) * bounced).astype(np.float32)
-        share = np.sum(indirect, axis=0) / np.maximum(np.sum(measured, axis=0), 1e-6)
-        matters = float(np.quantile(share, 0.98)) > BOUNCE_MATTERS
-        if not matters:
-            indirect = np.zeros_like(indirect)
-            if turn + 1 >= settings.depth_rounds:
-                received = None
-                break
+        if plain and calibrated >= settings.depth_rounds:
+            break
+    spread = np.zeros_like(depth) if found is None else self_calibration.spread(found, shared.covariance)
     return Refined(
         depth_m=grid.finer(depth, coarse, factor, pixels),
         whole=grid.finer(whole, coarse, factor, pixels),
-        log_intensity=log_intensity,
-        shift_m=shift,
-        received=None if received is None else np.float32(scale) * grid.finer(received, coarse, factor, pixels),
-        bounce_scale=scale,
-        bounce_share=0.0 if received is None else float(np.sum(indirect) / np.sum(coarse.values)),
+        log_intensity=shared.log_intensity,
+        intensity_variance=grid.finer(spread, coarse, factor, pixels),
+        shift_m=shared.shift_m,
+        received=grid.finer(bounced.received, coarse, factor, pixels) if bounced and bounced.matters else None,
+        bounce_scale=bounced.scale if bounced else 0.0,
+        lobe=lobe,
+        noise=shared.noise,
     )
 
 
-def _divided(values: Float32Array, log_intensity: FloatArray) -> Float32Array:
+def _bounced(
+    coarse: Pixels, matt: Float32Array, found: Estimate, depth_m: Float32Array, normals: Float32Array,
+    table: Table | None, lamp: Float32Array, calibration: Calibration,
+) -> _Bounced:  # fmt: skip
+    """The light that surfaces send one another, from images (F, N) without highlights."""
+    received = interreflection.received(coarse, matt, found, depth_m, normals, table, lamp, calibration)
+    indirect = received * np.minimum(found.albedo, 1)
+    scale = interreflection.scale(coarse, matt, indirect, found)
+    indirect = (np.float32(scale) * indirect).astype(np.float32)
+    share = np.sum(indirect, axis=0) / np.maximum(np.sum(matt, axis=0), 1e-6)
+    matters = float(np.quantile(share, 0.98)) > BOUNCE_MATTERS
+    received = np.float32(scale) * received
+    return _Bounced(received, indirect if matters else np.zeros_like(indirect), scale, matters)
+
+
+def divided(values: Float32Array, log_intensity: FloatArray) -> Float32Array:
+    """Values (F, N) as lamps of the nominal intensity would have given them."""
     return (values / np.exp(log_intensity)[:, None]).astype(np.float32)
 
 
-def _calibrate(
-    pixels: Pixels, values: Float32Array, depth: Float32Array, lamp: Float32Array, calibration: Calibration,
-    noise: photometry.Noise, settings: SolveSettings, log_intensity: FloatArray, shift: float,
-) -> self_calibration.Shared:  # fmt: skip
-    """The shared unknowns' total change over three Gauss–Newton steps, on a sample of pixels."""
-    enough = len(lamp) >= LEAST_IMAGES_TO_CALIBRATE
-    total = self_calibration.Shared(np.zeros(len(lamp)), 0.0)
-    along = photometry.ray_directions(pixels.ray)
-    if not enough:
-        return total
-    for _ in range(3):
-        now = _divided(values, total.log_intensity)
+def _calibrated(
+    known: _Known, values: Float32Array, extra: Float32Array, depth_m: Float32Array, shared: _Shared, *, hold: bool
+) -> _Shared:
+    """The shared unknowns after three Gauss–Newton steps on a sample of pixels, and the noise that is left.
+
+    `values` (F, K) are already divided by the present intensities; `hold` leaves these as they are.
+    """
+    if len(known.lamp) < LEAST_IMAGES_TO_PLACE:
+        return shared
+    calibrate = not hold and len(known.lamp) >= LEAST_IMAGES_TO_CALIBRATE
+    log_intensity, covariance, shift = shared.log_intensity, shared.covariance, shared.shift_m
+    sigma, noise = 0.0, shared.noise
+    for turn in range(4):
+        now = divided(values, log_intensity - shared.log_intensity)
         found = lambert.solve(
-            pixels, now, depth + np.float32(total.shift_m), lamp, calibration, noise,
-            threshold=settings.shadow_threshold, offset_sigma_m=OFFSET_SIGMA_M, robust=settings.robust,
+            known.pixels, now, depth_m + np.float32(shift - shared.shift_m), known.lamp, known.calibration, noise,
+            threshold=known.settings.shadow_threshold, offset_sigma_m=OFFSET_SIGMA_M, cauchy_scale=known.cauchy_scale,
+            extra=extra,
         )  # fmt: skip
-        change = lambert.derivative(found.light, found.point, along, lamp)
+        if turn in (0, 3):
+            noise = residuals.estimate(found, now, noise, known.along, known.lamp, OFFSET_SIGMA_M, extra)
+        if turn == 3:
+            break
+        if calibrate:
+            # What lamps are said to be is believed until the images say that they are worse.
+            sigma = known.calibration.intensity_sigma
+            shown = float(np.std(log_intensity))
+            sigma = shown if shown > LARGER * sigma else sigma
+        change = lambert.derivative(found.light, found.point, known.along, known.lamp)
         step = self_calibration.step(
-            found.light, change, now, found.g, found.offset_m, found.weights, log_intensity + total.log_intensity,
-            shift + total.shift_m, calibration.intensity_sigma, SHIFT_SIGMA_M, OFFSET_SIGMA_M,
+            found.light, change, now, found.g, found.offset_m, found.weights, log_intensity, shift,
+            sigma, SHIFT_SIGMA_M, OFFSET_SIGMA_M,
         )  # fmt: skip
         move = float(np.clip(step.shift_m, -LARGEST_STEP_M, LARGEST_STEP_M))
-        move = float(np.clip(shift + total.shift_m + move, -LARGEST_SHIFT_M, LARGEST_SHIFT_M)) - shift - total.shift_m
-        total = self_calibration.Shared(total.log_intensity + step.log_intensity, total.shift_m + move)
-    return total
+        shift = float(np.clip(shift + move, -LARGEST_SHIFT_M, LARGEST_SHIFT_M))
+        log_intensity = log_intensity + step.log_intensity
+        if calibrate:
+            covariance = step.covariance
+    return _Shared(log_intensity, covariance, shift, noise)
 
 
 def certainty(found: Estimate) -> Float32Array:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acquisition.normals.lambert import Estimate
 from acquisition.types import Float32Array, FloatArray
 
 CORRELATED = 10.0
@@ -19,10 +20,12 @@ LEAST_PIXELS = 50
 
 @dataclass(frozen=True)
 class Shared:
-    """A step of the shared unknowns: log intensity per image (F,) and the object's shift along the rays, m."""
+    """A step of the shared unknowns: log intensity per image (F,) and the object's shift along the rays, m; and the
+    covariance (F, F) of the log intensities after it."""
 
     log_intensity: FloatArray
     shift_m: float
+    covariance: FloatArray
 
 
 def step(
@@ -47,7 +50,7 @@ def step(
     count = len(values)
     enough = np.count_nonzero(weights > 0, axis=0) >= LEAST_LIGHTS
     if np.count_nonzero(enough) < LEAST_PIXELS:
-        return Shared(np.zeros(count), 0.0)
+        return Shared(np.zeros(count), 0.0, intensity_sigma**2 * np.eye(count))
     s = light[:, :, enough].astype(np.float64)
     d = derivative[:, :, enough].astype(np.float64)
     normal = g[:, enough].astype(np.float64)
@@ -72,5 +75,22 @@ def step(
     held = np.array([intensity_sigma] * count + [shift_sigma_m])
     prior = np.where(held > 0, 1.0 / np.maximum(held, 1e-12) ** 2, 1e18)
     present = np.append(log_intensity, shift_m)
-    change = np.linalg.solve(matrix + np.diag(prior), right - prior * np.where(held > 0, present, 0.0))
-    return Shared(change[:count], float(change[count]))
+    covariance = np.linalg.inv(matrix + np.diag(prior))
+    change = covariance @ (right - prior * np.where(held > 0, present, 0.0))
+    return Shared(change[:count], float(change[count]), covariance[:count, :count])
+
+
+def spread(found: Estimate, covariance: FloatArray) -> Float32Array:
+    """Variance (N,) in rad² of the normals, both tangential directions, from errors of the log intensities that all
+    pixels share, with `covariance` (F, F)."""
+    s, w = found.light.astype(np.float64), found.weights.astype(np.float64)
+    g = found.g.astype(np.float64)
+    predicted = np.einsum("fcn,cn->fn", s, g)
+    albedo2 = np.sum(g * g, axis=0)
+    matrix = np.einsum("fn,fan,fbn->nab", w, s, s, optimize=True)
+    matrix += (1e-6 * np.trace(matrix, axis1=1, axis2=2) + 1e-12)[:, None, None] * np.eye(3)
+    normal = g / np.sqrt(np.maximum(albedo2, 1e-12))
+    moved = np.linalg.solve(matrix, np.einsum("fn,fan->naf", w * predicted, s))  # ∂g/∂log intensity
+    tangential = moved - normal.T[:, :, None] * np.einsum("an,naf->nf", normal, moved)[:, None, :]
+    variance = np.einsum("naf,fg,nag->n", tangential, covariance, tangential, optimize=True)
+    return (variance / np.maximum(albedo2, 1e-12)).astype(np.float32)

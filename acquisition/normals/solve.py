@@ -5,13 +5,14 @@ fourth unknown. A pixel with fewer than two usable lights gets no normal; one wi
 and a σ that says so.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acquisition import photometry
 from acquisition.errors import ErrorCode, RigError
-from acquisition.normals import integrate, lambert, observe, refine, silhouette
+from acquisition.normals import integrate, lambert, lobe, observe, refine, silhouette
+from acquisition.normals import noise as residuals
 from acquisition.normals.interreflection import Table
 from acquisition.normals.lambert import Estimate, Pixels
 from acquisition.normals.observe import Stack
@@ -33,6 +34,9 @@ from acquisition.types import (
 
 BOUNCE_SIGMA = 0.3
 """1 σ of the predicted bounced light, as a share of it."""
+
+LARGEST_SHARE = 0.3
+"""Share of indirect light in a pixel's images above which its σ is said to mean nothing."""
 
 SAMPLES = 4000
 LEAST_SPREAD = 0.05
@@ -100,7 +104,9 @@ def solve_stack(
 
     along = photometry.ray_directions(pixels.ray)
     factors = np.exp(refined.log_intensity)
-    final = _last(pixels, refined, lamp, calibration, noise, settings)
+    noise = _noise(pixels, refined, lamp, calibration, noise, settings)
+    last = _last(pixels, refined, lamp, calibration, noise, settings)
+    final = last.estimate
     normals = lambert.facing(final.normals, along)
     solved = np.count_nonzero(final.usable, axis=0) >= 2
     sure = refine.certainty(final) * refined.whole
@@ -108,7 +114,11 @@ def solve_stack(
     depth_map = integrate.depth(pixels.image(normals), found, ray, pixels.image(sure), start)
     result = _Placed(pixels, solved, rows, columns, (height, width))
     chosen = _samples(pixels, solved)
-    sigma = np.where(solved, np.degrees(np.sqrt(final.variance)), np.nan).astype(np.float32)
+    variance = final.variance + refined.intensity_variance
+    sigma = np.where(solved, np.degrees(np.sqrt(variance)), np.nan).astype(np.float32)
+    light = np.maximum(np.sum(refine.divided(pixels.values, refined.log_intensity), axis=0), 1e-6)
+    share = np.zeros_like(light) if last.indirect is None else np.sum(last.indirect, axis=0) / light
+    doubtful = solved & ((np.count_nonzero(final.usable, axis=0) < 3) | (share > LARGEST_SHARE))
     window_rows, window_columns = np.unravel_index(pixels.index[chosen], pixels.shape)
     return NormalMap(
         normals=np.ascontiguousarray(result.place(normals).transpose(1, 2, 0)),
@@ -125,11 +135,14 @@ def solve_stack(
             columns=window_columns.astype(np.int64) + columns.start,
             matrices=lambert.information(final, chosen, lamp, along),
         ),
+        indirect=result.place(share.astype(np.float32)),
+        doubtful=result.place(doubtful, everywhere=True),
         noise={"intensity": noise.intensity, "direction": noise.direction, "shot": float(np.mean(noise.shot))},
         notes={
             "shift_m": refined.shift_m,
             "threshold": settings.shadow_threshold,
-            "interreflection": {"share": refined.bounce_share, "scale": refined.bounce_scale},
+            "interreflection": {"share": float(np.sum(share * light) / np.sum(light)), "scale": refined.bounce_scale},
+            "lobe": {"strength": refined.lobe.strength, "exponent": refined.lobe.exponent},
         },
     )
 
@@ -152,26 +165,63 @@ class _Placed:
         return out
 
 
+@dataclass(frozen=True)
+class _Final:
+    """The last solve: the estimate, what it was solved from (F, N), and what indirect light was taken out (F, N)."""
+
+    estimate: Estimate
+    values: Float32Array
+    extra: Float32Array
+    indirect: Float32Array | None
+
+
 def _last(
     pixels: Pixels, refined: Refined, lamp: Float32Array, calibration: Calibration, noise: photometry.Noise,
     settings: SolveSettings,
-) -> Estimate:  # fmt: skip
-    """The solve of all pixels at full size; bounced light needs the albedo, so it is taken out in two turns."""
-    measured = (pixels.values / np.exp(refined.log_intensity)[:, None]).astype(np.float32)
+) -> _Final:  # fmt: skip
+    """The solve at full size; bounced light needs the albedo and gloss the normals, so they are taken out in turns."""
+    measured = refine.divided(pixels.values, refined.log_intensity)
 
-    def once(values: Float32Array, extra: Float32Array | None) -> Estimate:
+    def once(values: Float32Array, extra: Float32Array) -> Estimate:
         return lambert.solve(
             pixels, values, refined.depth_m, lamp, calibration, noise, threshold=settings.shadow_threshold,
-            offset_sigma_m=refine.OFFSET_SIGMA_M, robust=settings.robust, extra=extra,
+            offset_sigma_m=refine.OFFSET_SIGMA_M, cauchy_scale=lambert.CAUCHY_SCALE if settings.robust else None,
+            extra=extra,
         )  # fmt: skip
 
-    found = once(measured, None)
-    if refined.received is None:
-        return found
+    values, extra, indirect = measured, np.zeros_like(measured), None
+    found = once(values, extra)
+    matt = refined.lobe.strength == 0
+    along = photometry.ray_directions(pixels.ray)
+    for _ in range(0 if refined.received is None and matt else 2):
+        values, extra = measured.copy(), np.zeros_like(measured)
+        if refined.received is not None:
+            indirect = refined.received * np.minimum(found.albedo, 1)
+            values -= indirect
+            extra += np.square(np.float32(BOUNCE_SIGMA) * indirect)
+        if not matt:
+            highlight = refined.lobe.highlight(found, along)
+            values -= highlight
+            extra += np.square(np.float32(lobe.SIGMA) * highlight)
+        found = once(values, extra)
+    return _Final(found, values, extra, indirect)
+
+
+def _noise(
+    pixels: Pixels, refined: Refined, lamp: Float32Array, calibration: Calibration, noise: photometry.Noise,
+    settings: SolveSettings,
+) -> photometry.Noise:  # fmt: skip
+    """The noise of single pixels, as a sample of them shows it once everything else is known."""
+    chosen = np.sort(np.random.default_rng(1).permutation(len(pixels.index))[:SAMPLES])
+    few, part = pixels.subset(chosen), refined.subset(chosen)
+    along = photometry.ray_directions(few.ray)
+    noise = replace(noise, intensity=refined.noise.intensity, direction=refined.noise.direction)
     for _ in range(2):
-        indirect = refined.received * np.minimum(found.albedo, 1)
-        found = once(measured - indirect, (np.float32(BOUNCE_SIGMA) * indirect) ** 2)
-    return found
+        final = _last(few, part, lamp, calibration, noise, settings)
+        noise = residuals.estimate(
+            final.estimate, final.values, noise, along, lamp, refine.OFFSET_SIGMA_M, final.extra
+        )  # fmt: skip
+    return noise
 
 
 def _flags(found: Estimate, pixels: Pixels, noise: photometry.Noise) -> np.ndarray:

@@ -1,0 +1,111 @@
+"""Gloss: one lobe for the whole object, found by all pixels together and taken out of the images.
+
+A pixel has too few images to know its own highlight, but all pixels of a material share its shape. In
+y = g·s + k|s|(n·h)^α, h half way between lamp and camera, each pixel's g is projected out; what is left is linear in k,
+so that k is a quotient of two sums for each α of a grid, and the α of least residual is taken (Blinn's lobe; it also
+serves for microfacet gloss, since only its width and height matter). Highlights are not outliers here: the weights come
+from a solve that hardly rejects.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.normals import lambert
+from acquisition.normals.lambert import Estimate, Pixels
+from acquisition.photometry import Noise
+from acquisition.types import Calibration, Float32Array
+
+EXPONENTS = (12.0, 18.0, 25.0, 35.0, 50.0, 80.0, 120.0)
+SIGMA = 0.2
+"""1 σ of the predicted highlight, as a share of it."""
+
+WIDE_CAUCHY = 10.0
+ROUNDS = 4
+LEAST_LIGHTS = 5
+LEAST_PIXELS = 100
+GLOSSY_FROM = 0.02
+LEAST_EXPLAINED = 0.15
+"""A surface is taken as matt unless the lobe is stronger than GLOSSY_FROM and explains so large a share of the squared
+residuals: a gloss that matters explains a third and more, matt surfaces show a few per cent."""
+
+
+@dataclass(frozen=True)
+class Lobe:
+    """strength · |s| (n·h)^exponent is added to y; `strength` is in units of albedo."""
+
+    strength: float
+    exponent: float
+
+    def highlight(self, found: Estimate, along: Float32Array) -> Float32Array:
+        """What the lobe adds to y (F, N) where a measurement is lit, for ∂x/∂Z (3, N)."""
+        if self.strength == 0:
+            return np.zeros(found.usable.shape, np.float32)
+        shape = _shape(found.light, lambert.facing(found.normals, along), along, self.exponent)
+        return (np.float32(self.strength) * shape * found.usable).astype(np.float32)
+
+
+NONE = Lobe(0.0, EXPONENTS[-1])
+
+
+def fit(
+    pixels: Pixels, values: Float32Array, depth_m: Float32Array, along: Float32Array, lamp: Float32Array,
+    calibration: Calibration, noise: Noise, threshold: float, start: Lobe,
+) -> Lobe:  # fmt: skip
+    """The lobe that K sample pixels agree on, from their values (F, K), indirect light taken out; `NONE` for matt.
+
+    It needs five usable lights at a hundred pixels, else `NONE`.
+    """
+    lobe = start
+    for _ in range(ROUNDS):
+        added = np.zeros_like(values)
+        if lobe.strength > 0:
+            guess = lambert.solve(pixels, values, depth_m, lamp, calibration, noise, threshold=threshold)
+            added = lobe.highlight(guess, along)
+        found = lambert.solve(
+            pixels, values - added, depth_m, lamp, calibration, noise, threshold=threshold,
+            cauchy_scale=WIDE_CAUCHY, extra=(np.float32(SIGMA) * added) ** 2,
+        )  # fmt: skip
+        lobe, explained = _strength(values, found, along)
+        if lobe.strength <= GLOSSY_FROM or explained < LEAST_EXPLAINED:
+            return NONE
+    return lobe
+
+
+def _strength(values: Float32Array, found: Estimate, along: Float32Array) -> tuple[Lobe, float]:
+    """The lobe of least residual, g of each pixel projected out, and the share of squared residuals it explains."""
+    enough = np.count_nonzero(found.weights > 0, axis=0) >= LEAST_LIGHTS
+    if np.count_nonzero(enough) < LEAST_PIXELS:
+        return NONE, 0.0
+    root = np.sqrt(found.weights[:, enough].astype(np.float64)).T  # (K, F)
+    light = found.light[:, :, enough]
+    own = light.transpose(2, 0, 1) * root[:, :, None]  # (K, F, 3)
+    matrix = own.transpose(0, 2, 1) @ own
+    matrix += 1e-6 * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+    inner = np.linalg.inv(matrix)
+
+    def rest(rows: np.ndarray) -> np.ndarray:
+        return rows - np.einsum("kfa,ka->kf", own, np.einsum("kab,kb->ka", inner, np.einsum("kfa,kf->ka", own, rows)))
+
+    measured = rest(root * values[:, enough].T)
+    normals, along = found.normals[:, enough], along[:, enough]
+    whole = float(np.sum(measured * measured))
+    best, least = NONE, whole
+    for exponent in EXPONENTS:
+        column = rest(root * _shape(light, normals, along, exponent).T)
+        length = float(np.sum(column * column))
+        strength = float(np.sum(column * measured)) / max(length, 1e-12)
+        left = whole - strength**2 * length
+        if strength > 0 and left < least:
+            best, least = Lobe(strength, exponent), left
+    return best, 1 - least / max(whole, 1e-12)
+
+
+def _shape(light: Float32Array, normals: Float32Array, along: Float32Array, exponent: float) -> Float32Array:
+    """|s| (n·h)^α (F, N)."""
+    strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
+    view = -along / np.sqrt(np.sum(along * along, axis=0))
+    half = light / np.maximum(strength, np.float32(1e-9))[:, None] + view
+    length = np.sqrt(np.einsum("fcn,fcn->fn", half, half))
+    cosine = np.einsum("fcn,cn->fn", half, normals) / np.maximum(length, np.float32(1e-6))
+    return strength * np.clip(cosine, 0, 1) ** np.float32(exponent)

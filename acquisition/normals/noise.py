@@ -1,0 +1,86 @@
+"""How wrong lamps and model are, read off the residuals instead of being assumed.
+
+Two shares of the noise cannot be known beforehand: an error c in proportion to y (lamp intensities, what is left of the
+model) and one in proportion to ρ|s| (directions of the light). A residual's spread is √(v (1 − h)), h the leverage of
+its measurement in the pixel's own solve with the depth column; c is set so that the median of the whitened bright
+residuals is that of a Gaussian, and σ_d likewise by grazing ones. Medians, because a few per cent are half in shadow.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from acquisition.normals import lambert
+from acquisition.normals.lambert import Estimate
+from acquisition.photometry import Noise
+from acquisition.types import Float32Array, FloatArray
+
+GAUSSIAN_MEDIAN = 0.6745
+BRIGHT, GRAZING = 0.7, 0.4
+"""Cosines to the light above which c and below which σ_d shows."""
+
+LARGEST_LEVERAGE = 0.8
+LEAST_LIGHTS = 5
+LEAST_EVIDENCE = 300
+INTENSITY_RANGE = (0.001, 0.1)
+DIRECTION_RANGE = (0.001, 0.05)
+ROUNDS = 4
+STEPS = 24
+
+
+def estimate(
+    found: Estimate, values: Float32Array, noise: Noise, along: Float32Array, lamp: Float32Array, offset_sigma_m: float,
+    extra: Float32Array,
+) -> Noise:  # fmt: skip
+    """The noise with c and σ_d as K solved pixels show them; those of `noise` where too few measurements tell.
+
+    `values` (F, K) are what `found` was solved from, `extra` (F, K) the variance it was told of beside the model's.
+    """
+    enough = np.count_nonzero(found.weights > 0, axis=0) >= LEAST_LIGHTS
+    light = found.light[:, :, enough].astype(np.float64)
+    change = lambert.derivative(found.light[:, :, enough], found.point[:, enough], along[:, enough], lamp)
+    g, y = found.g[:, enough].astype(np.float64), values[:, enough].astype(np.float64)
+    slope = np.einsum("fck,ck->fk", change, g)
+    bent = light + change * found.offset_m[enough]
+    predicted = np.einsum("fck,ck->fk", bent, g)
+    rows = np.concatenate([bent, slope[:, None]], axis=1).transpose(2, 0, 1)  # (K, F, 4)
+    ridge = np.diag([1e-6, 1e-6, 1e-6, offset_sigma_m**-2])
+    strength = np.sqrt(np.einsum("fck,fck->fk", light, light)) * np.sqrt(np.sum(g * g, axis=0))
+    cosine = predicted / np.maximum(strength, 1e-9)
+    used = found.weights[:, enough] > 0
+    residual = y - predicted
+    added = extra[:, enough]
+    for _ in range(ROUNDS):
+        variance = noise.variance(np.maximum(y, 0), strength) + added
+        weight = np.where(used, 1 / variance, 0).T
+        inner = np.linalg.inv(np.einsum("kfa,kf,kfb->kab", rows, weight, rows, optimize=True) + ridge)
+        leverage = (np.einsum("kfa,kab,kfb->kf", rows, inner, rows, optimize=True) * weight).T
+        told = used & (leverage < LARGEST_LEVERAGE)
+        left = residual**2 / np.maximum(1 - leverage, 0.05)
+        bright, grazing = told & (cosine > BRIGHT), told & (cosine < GRAZING)
+        by_intensity, by_direction = y**2, strength**2
+        intensity = _fitted(left, variance - noise.intensity**2 * by_intensity, by_intensity, bright, INTENSITY_RANGE)
+        if intensity is not None:
+            variance = variance + (intensity**2 - noise.intensity**2) * by_intensity
+            noise = replace(noise, intensity=intensity)
+        direction = _fitted(left, variance - noise.direction**2 * by_direction, by_direction, grazing, DIRECTION_RANGE)
+        if direction is not None:
+            noise = replace(noise, direction=direction)
+    return noise
+
+
+def _fitted(
+    squares: FloatArray, rest: FloatArray, by: FloatArray, where: np.ndarray, within: tuple[float, float]
+) -> float | None:
+    """The share q with median of squares / (rest + q² by) that of a Gaussian; none where too few tell."""
+    if np.count_nonzero(where) < LEAST_EVIDENCE:
+        return None
+    squares, rest, by = squares[where], rest[where], by[where]
+    low, high = np.log(within[0]), np.log(within[1])
+    for _ in range(STEPS):
+        middle = (low + high) / 2
+        if float(np.median(squares / (rest + np.exp(2 * middle) * by))) > GAUSSIAN_MEDIAN**2:
+            low = middle
+        else:
+            high = middle
+    return float(np.exp((low + high) / 2))
