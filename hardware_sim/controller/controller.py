@@ -294,10 +294,6 @@ class Controller:
         """Does something between two ticks, as soon as `when` holds."""
         self._orders.append((when, action))
 
-    def jump_in_time(self, seconds: float) -> None:
-        """Makes the time stamps jump forward; nothing else notices."""
-        self.ticks += round(seconds / STEP_TIME)
-
     def report(self, message: str, level: int = logging.WARNING) -> None:
         """Writes to the log and keeps the message for the control port."""
         self.messages.append(f"{self.timestamp:.3f} {message}")
