@@ -21,6 +21,7 @@ _EDGE = 0.06  # of a cosine: how far past the nominal arm's reach a calibrated o
 _CONVERGED = 1e-10  # m and rad
 _NEWTON_STEPS = 12
 _LONGEST_NEWTON_STEP = 0.2  # rad, so that a branch near a singularity is not left
+_NEAR = 0.2  # sine of a bend, or share of the reach, below which a singularity is felt
 _SAME_BRANCH = 1e-6  # rad
 
 Axis = tuple[Vector, Vector]  # direction and a point on it, base frame
@@ -130,13 +131,13 @@ def velocity(axes: Sequence[Axis], speeds: Sequence[float], point: Sequence[floa
 def near_singularity(arm: ArmModel, joints: Sequence[float]) -> str | None:
     """Which singularity of the nominal arm `joints` are close to, as a sentence's part; None where none is near."""
     _, q2, q3, q4, q5, _ = joints
-    if abs(math.sin(q5)) < 0.05:
+    if abs(math.sin(q5)) < _NEAR:
         return "close to the wrist singularity (wrist 2 near 0° or 180°)"
-    if abs(math.sin(q3)) < 0.05:
+    if abs(math.sin(q3)) < _NEAR:
         return "close to the elbow singularity (arm stretched)"
     # The wrist's centre over the base's axis: the base joint cannot move it along.
     across = arm.a2 * math.cos(q2) + arm.a3 * math.cos(q2 + q3) + arm.d5 * math.sin(q2 + q3 + q4)
-    if abs(across) < 0.05 * arm.reach:
+    if abs(across) < _NEAR * arm.reach:
         return "close to the shoulder singularity (wrist above the base)"
     return None
 
