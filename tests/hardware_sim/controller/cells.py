@@ -3,10 +3,14 @@
 import itertools
 import os
 import socket
+import subprocess
+import sys
+import textwrap
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -94,6 +98,40 @@ def connect(stack: ExitStack, **options: Any) -> Cell:
     dashboard.connect()
     stack.callback(dashboard.disconnect)
     return Cell(process, control, receive, io, dashboard)
+
+
+class Client:
+    """A Python program in a process of its own; `sys.argv[1]` is the controller's address."""
+
+    def __init__(self, code: str, address: str) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", "import os, sys, time\n" + textwrap.dedent(code), address],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=Path.cwd(),
+        )
+
+    def wait_for(self, line: str) -> None:
+        """Waits for a line of output."""
+        assert self.process.stdout is not None
+        assert self.process.stdout.readline() == line + "\n"
+
+    def finish(self, seconds: float = 20.0) -> list[str]:
+        """Lets it go on, waits for its end; the rest of its output."""
+        output, errors = self.process.communicate("\n", timeout=seconds)
+        return output.splitlines() or errors.splitlines()
+
+    def hangs(self, seconds: float) -> bool:
+        """Whether it is still at it after so long; ends it then."""
+        try:
+            self.process.communicate("\n", timeout=seconds)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.communicate()
+            return True
+        return False
 
 
 def send_script(address: str, text: str) -> None:

@@ -1,0 +1,237 @@
+"""Every fault that can be ordered, as the unmodified ur-rtde sees it; `SEEN` says which test has which.
+
+Lamp, camera and object fail in the world: the library sees nothing of them.
+"""
+
+from collections.abc import Iterator
+
+import pytest
+
+from hardware_sim.controller.faults import FAULTS
+from hardware_sim.controller.process import ControllerProcess
+from tests.hardware_sim.controller.cells import HOME, Cell, Client, at_home, wait_until
+
+FAR = [q + 1.0 for q in HOME]
+SPEED, ACCELERATION = 1.05, 1.4
+START = """
+import rtde_control, rtde_io, rtde_receive
+from hardware_sim.controller.control import ControlClient
+address, far = sys.argv[1], [1.0, -1.9, 1.9, -1.57, -1.57, 0.0]
+receive = rtde_receive.RTDEReceiveInterface(address)
+control = rtde_control.RTDEControlInterface(address)
+io = rtde_io.RTDEIOInterface(address)
+faults = ControlClient(address)
+
+def tell(*answers):
+    print(*answers, flush=True)
+"""
+SEEN = {
+    "test_failures": "protective_stop emergency_stop program_stop output_stuck joint_offset",
+    "test_dashboard_client": "violation fault local_mode",
+    "test_failing_links": "stall remote_mode",
+    "test_conformance": "clear",
+    "test_ordered_faults": """safeguard_stop release_safeguard_stop system_emergency_stop release_emergency_stop
+        power_off program_pause speed_slider hand_move time_jump delay cut half_packet restart""",
+    "the world": "lamp dropped_frame saturated_frame nudged_object",
+}
+
+
+@pytest.fixture
+def cell(shared_cell: Cell) -> Iterator[Cell]:
+    """The shared cell at home; afterwards every fault and the program are taken away again."""
+    at_home(shared_cell)
+    yield shared_cell
+    with shared_cell.process.control() as control:
+        control.fault("clear")
+        control.fault("program_stop")
+    wait_until(lambda: shared_cell.receive.getActualQd() == [0.0] * 6)
+
+
+def run(code: str, address: str) -> list[str]:
+    client = Client(START + code + "\nos._exit(0)\n", address)
+    return [line for line in client.finish(40.0) if "econnect" not in line]
+
+
+def test_every_fault_is_seen_somewhere() -> None:
+    assert set(" ".join(SEEN.values()).split()) == set(FAULTS)
+
+
+def test_safeguard_stop_pauses_and_play_goes_on_after_it(cell: Cell) -> None:
+    """A synchronous move says False, but after the release `play` goes on with it."""
+    with cell.process.control() as faults:
+        faults.fault("safeguard_stop", at_s=0.3)
+        assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
+        wait_until(lambda: cell.receive.getSafetyStatusBits() == 1 << 4 | 1 << 10)
+        assert cell.receive.getSafetyMode() == 5
+        assert not cell.receive.isProtectiveStopped()
+        assert not cell.receive.isEmergencyStopped()
+        assert cell.dashboard.programState() == "PAUSED rtde_control"
+        wait_until(lambda: cell.receive.getActualQd() == [0.0] * 6)
+        stopped_at = cell.receive.getActualQ()[0]
+        faults.fault("release_safeguard_stop")
+    cell.dashboard.play()
+    wait_until(lambda: cell.receive.getActualQ() == pytest.approx(FAR, abs=1e-6))
+    assert HOME[0] < stopped_at < FAR[0]
+
+
+def test_system_emergency_stop_has_bits_of_its_own(cell: Cell) -> None:
+    with cell.process.control() as faults:
+        faults.fault("system_emergency_stop", at_s=0.2)
+        assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
+        wait_until(lambda: cell.receive.getSafetyStatusBits() == 1 << 5 | 1 << 7 | 1 << 10)
+        assert cell.receive.isEmergencyStopped()
+        assert (cell.receive.getSafetyMode(), cell.receive.getRobotMode()) == (6, 3)
+        faults.fault("release_emergency_stop")
+        wait_until(lambda: cell.receive.getSafetyStatusBits() == 1)
+
+
+def test_power_off_in_a_move(cell: Cell) -> None:
+    with cell.process.control() as faults:
+        faults.fault("power_off", at_s=0.2)
+        assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
+    wait_until(lambda: cell.receive.getRobotMode() == 3)
+    wait_until(lambda: cell.receive.getActualQd() == [0.0] * 6)
+    assert cell.receive.getSafetyStatusBits() == 1
+
+
+def test_program_paused_at_the_pendant(cell: Cell) -> None:
+    """A synchronous move says False at once; the arm stands until somebody plays on, then it goes on."""
+    with cell.process.control() as faults:
+        faults.fault("program_pause", at_s=0.3)
+        assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
+    wait_until(lambda: cell.receive.getRuntimeState() == 4)
+    assert not cell.control.isProgramRunning()
+    assert cell.receive.getActualQ()[0] < FAR[0] - 0.1
+    cell.dashboard.play()
+    wait_until(lambda: cell.receive.getActualQ() == pytest.approx(FAR, abs=1e-6))
+
+
+@pytest.mark.parametrize("fraction", [0.1, 0.0])
+def test_slider_pulled_down(cell: Cell, fraction: float) -> None:
+    """An asynchronous move crawls or stands, and goes on when the slider is up again."""
+    near = [HOME[0] + 0.2, *HOME[1:]]
+    with cell.process.control() as faults:
+        faults.fault("speed_slider", fraction=fraction)
+        wait_until(lambda: cell.receive.getTargetSpeedFraction() == fraction)
+        before = cell.receive.getTimestamp()
+        assert cell.control.moveJ(near, SPEED, ACCELERATION, True)
+        wait_until(lambda: cell.receive.getTimestamp() > before + 0.5)
+        assert cell.control.getAsyncOperationProgressEx().isAsyncOperationRunning()
+        assert cell.receive.getActualQ()[0] - HOME[0] < 0.01
+        assert (cell.receive.getActualQ()[0] > HOME[0]) == (fraction > 0.0)
+        faults.fault("speed_slider", fraction=1.0)
+    wait_until(lambda: cell.receive.getActualQ() == pytest.approx(near, abs=1e-6))
+
+
+def test_arm_moved_by_hand(cell: Cell) -> None:
+    """While a program plays, a push is a protective stop."""
+    with cell.process.control() as faults:
+        faults.fault("hand_move", joints=[HOME[0] + 0.1, *HOME[1:]], seconds=0.2)
+    wait_until(cell.receive.isProtectiveStopped)
+    assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
+    wait_until(lambda: cell.receive.getActualQ()[0] == pytest.approx(HOME[0] + 0.1))
+
+
+def test_jump_in_time_disturbs_no_move(cell: Cell) -> None:
+    before = cell.receive.getTimestamp()
+    with cell.process.control() as faults:
+        faults.fault("time_jump", seconds=100.0, at_s=0.1)
+        assert cell.control.moveJ([q + 0.1 for q in HOME], SPEED, ACCELERATION)
+    wait_until(lambda: cell.receive.getTimestamp() > before + 100.0)
+
+
+def test_slow_link_makes_calls_slow(cell: Cell) -> None:
+    with cell.process.control() as faults:
+        faults.fault("delay", port=30004, latency_ms=40, jitter_ms=10, seed=1)
+        before = faults.state()["timestamp"]
+        assert cell.control.getTCPOffset() == [0.0] * 6
+        assert faults.state()["timestamp"] - before > 0.08  # there and back, twice at least
+        assert cell.control.moveJ([q + 0.1 for q in HOME], 3.0, 20.0)
+        faults.fault("delay", port=30004)
+    assert cell.control.getTCPOffset() == [0.0] * 6
+
+
+@pytest.mark.parametrize("fault", ["cut", "half_packet"])
+def test_link_cut_in_a_synchronous_move(controller: ControllerProcess, fault: str) -> None:
+    """The control client reconnects; its move says either, by chance, and the arm goes on.
+
+    The receive client stays cut off. The IO client says that it is connected, and what it writes is lost.
+    """
+    lines = run(
+        f"""
+faults.fault("{fault}", at_s=0.3, **({{"port": 30004}} if "{fault}" == "cut" else {{}}))
+tell(control.moveJ(far, 1.05, 1.4) in (True, False))
+while faults.state()["joints"][0] < 1.0:
+    time.sleep(0.01)
+tell(control.isConnected(), receive.isConnected(), io.isConnected(), control.isProgramRunning())
+tell(io.setStandardDigitalOut(1, True), faults.state()["moves_started"])
+time.sleep(0.05)
+tell(faults.state()["digital_outputs"])
+""",
+        controller.address,
+    )
+    lost = "0" if fault == "cut" else lines[3]  # half a packet goes only to those who read packets
+    assert lines == ["True", "True False True True", "True 1", lost]
+
+
+@pytest.mark.long
+def test_control_client_serves_again_after_a_cut(controller: ControllerProcess) -> None:
+    """Its calls say False, or last seconds, until it has reconnected to the end and uploaded anew."""
+    lines = run(
+        """
+faults.fault("cut", port=30004)
+deadline = time.monotonic() + 30
+while not control.moveJ(far, 3.0, 20.0) and time.monotonic() < deadline:
+    time.sleep(0.1)
+tell(time.monotonic() < deadline, control.isConnected(), faults.state()["joints"][0])
+""",
+        controller.address,
+    )
+    assert lines[-1] == "True True 1.0"
+
+
+def test_script_port_cut(controller: ControllerProcess) -> None:
+    """Commands go on working; the next upload says True and is lost with the program that it was to replace."""
+    lines = run(
+        """
+faults.fault("cut", port=30003)
+tell(control.moveJ([0.1, *far[1:]], 3.0, 20.0), control.reuploadScript())
+time.sleep(0.3)
+tell(control.isProgramRunning(), control.moveJ(far, 3.0, 20.0))
+""",
+        controller.address,
+    )
+    assert lines == ["True True", "False False"]
+
+
+def test_dashboard_port_cut(cell: Cell) -> None:
+    """Every later call of that client is an error until it connects again."""
+    with cell.process.control() as faults:
+        faults.fault("cut", port=29999)
+    for words in ("End of file", "Broken pipe", "Broken pipe"):
+        with pytest.raises(RuntimeError, match=words):
+            cell.dashboard.robotmode()
+    cell.dashboard.disconnect()
+    cell.dashboard.connect()
+    assert cell.dashboard.robotmode() == "Robotmode: RUNNING"
+
+
+def test_controller_restarted(controller: ControllerProcess) -> None:
+    """All is cut and the arm without power; clients of before never come back by themselves."""
+    lines = run(
+        """
+faults.fault("restart", at_s=0.3)
+tell(control.moveJ(far, 1.05, 1.4))
+while True:
+    try:
+        again = rtde_receive.RTDEReceiveInterface(address)
+        break
+    except RuntimeError:
+        time.sleep(0.05)
+while again.getRobotMode() != 3:
+    time.sleep(0.01)
+tell(control.isConnected(), receive.isConnected(), control.moveJ(far, 1.05, 1.4), again.getSafetyMode())
+""",
+        controller.address,
+    )
+    assert lines == ["False", "False False False 1"]
