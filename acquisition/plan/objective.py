@@ -1,10 +1,10 @@
 """What a set of lights is judged by: one number made of the angular variances of all pixels in all scenarios.
 
 `capped`, the default, is the mean of v / (1 + v/cap²): plain mean variance is decided by a few pixels that no light can
-reach. `mean` is the mean σ. `quantile` looks at the worst pixels only, by how far their σ stands above what four fifths
-of the pixels keep below with the two-ring pattern; measured against a threshold that stays, it adds up over pixels, so
-that one scan judges all candidates, and what lowers it lowers the upper quantiles. `coverage` first counts the lights
-that pixels lack of three, which a solve needs, and lets `capped` decide between equals.
+reach. `mean` is the mean σ. `quantile` looks at the pixels near the σ that nine tenths keep below with the two-ring
+pattern: what lies well below counts nothing, and what lies well above counts alike, so that it nearly counts pixels,
+adds up over them, and lowers the upper quantiles. `coverage` first counts the lights that pixels lack of three, which a
+solve needs, and lets `capped` decide between equals.
 """
 
 from dataclasses import dataclass, replace
@@ -16,7 +16,8 @@ from acquisition.plan.criterion import LEVELS, Candidates, Expectation, Samples
 from acquisition.types import Float32Array, FloatArray, Objective
 
 CAP_DEG = 10.0
-QUANTILE = 0.8
+QUANTILE = 0.9
+WELL_BELOW, WELL_ABOVE = 0.6, 2.0
 LACKING = 10.0
 """Loss of one light lacked by all pixels: a thousand times what the capped variance can differ by."""
 
@@ -72,6 +73,9 @@ def loss(objective: Objective, reference: Expectation) -> Loss:
     if objective == "mean":
         return Loss(0.0, 1.0, 0.0, 0.0, 0.0)
     if objective == "quantile":
-        capped = reference.variance / (1 + reference.variance * CAPPED.inverse_cap)
-        return replace(CAPPED, of_variance=0.0, of_sigma=1.0, threshold=float(np.sqrt(np.quantile(capped, QUANTILE))))
+        level = float(np.sqrt(np.quantile(reference.variance, QUANTILE)))
+        inverse_cap = 1.0 / (WELL_ABOVE * level) ** 2
+        least = (WELL_BELOW * level) ** 2
+        threshold = float(np.sqrt(least / (1 + least * inverse_cap)))
+        return Loss(0.0, 1.0, threshold, inverse_cap, 0.0)
     return replace(CAPPED, lacking=LACKING) if objective == "coverage" else CAPPED

@@ -11,7 +11,7 @@ import numpy as np
 from acquisition import dome
 from acquisition.errors import ErrorCode, RigError
 from acquisition.plan import baselines, criterion, objective, patterns, relaxation, search, visibility
-from acquisition.plan.criterion import Candidates, Samples
+from acquisition.plan.criterion import Candidates, Expectation, Samples
 from acquisition.plan.deadline import Deadline
 from acquisition.plan.objective import Loss
 from acquisition.plan.trust import Doubts
@@ -32,6 +32,10 @@ from acquisition.types import (
 SAMPLE_PIXELS = 900
 CERTIFICATE_PIXELS = 300
 LEAST_PIXELS = 20
+LEAST_LIGHTS = 3
+BLIND_FROM = 0.25
+"""Share of pixels lit by fewer than three lights so far that a person should know of; a usual pilot leaves 2–10 %."""
+
 MOST_CANDIDATES = 300
 
 
@@ -58,11 +62,11 @@ class Problem:
         """What lights at positions (M, 3) would tell sample pixels."""
         return criterion.candidates(sample, self.lights(positions), self.surface, self.calibration, self.recipe)
 
-    def expected(self, positions: FloatArray) -> FloatArray:
-        """The σ (P,) of the fresh pixels in degrees after lights at positions (M, 3)."""
+    def expected(self, positions: FloatArray) -> Expectation:
+        """What is expected of the fresh pixels after lights at positions (M, 3)."""
         if not len(positions):
-            return criterion.expect(self.fresh, criterion.none(self.fresh)).sigma_deg
-        return criterion.expect(self.fresh, self.candidates(self.fresh, positions)).sigma_deg
+            return criterion.expect(self.fresh, criterion.none(self.fresh))
+        return criterion.expect(self.fresh, self.candidates(self.fresh, positions))
 
     @property
     def taken(self) -> FloatArray:
@@ -96,7 +100,7 @@ def choose(
     taken = sum(shot.kind == "light" for shot in observations.shots)
     wanted = max(recipe.lights_total - taken, 0) if count is None else count
     problem = _problem(normal_map, observations, recipe, reach, calibration, region, wanted)
-    before_deg = problem.expected(np.empty((0, 3)))
+    before_deg = problem.expected(np.empty((0, 3))).sigma_deg
     if wanted == 0:
         return _described([], [], [], before_deg, ["all lights of the recipe have been taken"])
     options = problem.candidates(problem.known, problem.positions)
@@ -111,8 +115,8 @@ def choose(
         lambda place: reach.allows(place) is None,
         until,
     )
-    rings_deg = float(np.mean(problem.expected(problem.positions[sets[0]])))
-    gain = 1 - float(np.mean(problem.expected(positions))) / rings_deg
+    rings = problem.expected(problem.positions[sets[0]])
+    gain = 1 - loss.of(problem.expected(positions)) / loss.of(rings)
     unexplained = criterion.unexplained_shadows(
         problem.known, normal_map, problem.surface, observations, calibration, recipe
     )
@@ -124,12 +128,18 @@ def choose(
     sigma_deg = criterion.expect(problem.fresh, there).sigma_deg
     notes = [
         f"mean σ {np.mean(before_deg):.2f}° so far, {np.mean(sigma_deg):.2f}° expected with these lights, "
-        f"{rings_deg:.2f}° with two rings"
+        f"{np.mean(rings.sigma_deg):.2f}° with two rings"
     ]
     if fallback is not None:
         notes.append(f"two rings instead of planned lights: {fallback}")
     if until.passed:
         notes.append(f"the search was cut short after {deadline_s:g} s: the best so far is taken")
+    blind = float(np.mean(problem.known.lit < LEAST_LIGHTS))
+    if observations.shots and blind > BLIND_FROM:
+        notes.append(
+            f"{blind:.0%} of the pixels were lit by fewer than {LEAST_LIGHTS} lights so far: the shape that this is "
+            "planned from is a guess there; check that all lamps were on and nothing stood in their way"
+        )
     dark = float(np.mean(np.sum(there.visibility > 0.5, axis=0) == 0))
     if dark > 0.02:
         notes.append(f"{dark:.0%} of the pixels are expected to see none of the new lights")
@@ -167,7 +177,7 @@ def forecast(
             starts = [search.greedy(problem.known, options, loss, count, never), sets[0]]
             found = [search.exchange(problem.known, options, loss, start, never, passes=2) for start in starts]
             chosen = min(found, key=lambda some: search.value(problem.known, options, loss, some))
-        sigma_deg = float(np.mean(problem.expected(problem.positions[chosen])))
+        sigma_deg = float(np.mean(problem.expected(problem.positions[chosen]).sigma_deg))
         points.append(Expected(added=count, lights=taken + count, sigma_deg=sigma_deg))
     return points
 
@@ -179,6 +189,12 @@ def _problem(
     usable = criterion.usable(normal_map, calibration)
     where = ""
     if region is not None:
+        if region.shape != normal_map.mask.shape:
+            raise RigError(
+                ErrorCode.PLAN_INFEASIBLE,
+                f"the region of interest has {region.shape[1]} × {region.shape[0]} pixels, the images "
+                f"{normal_map.mask.shape[1]} × {normal_map.mask.shape[0]}: draw it on an image of this camera",
+            )
         information = normal_map.information
         usable = usable[region[information.rows[usable], information.columns[usable]]]
         where = " in the region of interest"

@@ -12,14 +12,14 @@ STEPS_FROM = 0.045
 """Share of unexplained shadows above which the depth map is not to be trusted: 0–4 % on objects without steps, 5–7 % on
 a machined part, where plans are 10–20 % worse than two rings."""
 
-LEAST_GAIN = 0.02
-"""Share by which a plan must be expected to lower the mean σ of the pattern."""
+LEAST_GAIN = 0.04
+"""Share by which a plan must be expected to lower the pattern's loss; of `capped`, a variance, that is 2 % of σ."""
 
 
 @dataclass(frozen=True)
 class Doubts:
     """What speaks against a plan: the share of shadows that the shape does not explain, and the share by which the plan
-    is expected to lower the pattern's mean σ."""
+    is expected to lower the pattern's objective."""
 
     unexplained: float
     gain: float
@@ -33,5 +33,8 @@ class Doubts:
                 "has steps that its depth map does not show, and evenly placed lights suffer least from them"
             )
         if self.gain < LEAST_GAIN:
-            return f"planned lights are expected to lower σ by {max(self.gain, 0):.1%} only, less than a model is worth"
+            return (
+                f"planned lights are expected to lower the recipe's objective by {max(self.gain, 0):.1%} only, "
+                "less than a model is to be trusted"
+            )
         return None

@@ -5,7 +5,19 @@ import numpy as np
 from acquisition import photometry
 from acquisition.plan import criterion, noise, visibility
 from acquisition.plan.criterion import Candidates, Samples
-from acquisition.types import Calibration, FloatArray, Information, Light, NormalMap, Observations, Recipe
+from acquisition.types import (
+    Calibration,
+    FloatArray,
+    FrameQuality,
+    FrameRef,
+    Information,
+    Light,
+    NormalMap,
+    Observations,
+    Recipe,
+    Shot,
+    ShotKey,
+)
 from tests.acquisition.scenes import Frames, Scene
 
 NOTHING_TAKEN = Observations(shots=[], darks={}, frames=Frames())
@@ -69,6 +81,19 @@ def lit_case(seed: int, units: FloatArray, pixels: int = 200) -> tuple[Samples, 
     hidden = rng.random((pixels, 3)) - 0.5  # each pixel has a side from which something stands in the light's way
     blocked = units @ np.stack([hidden[:, 0], hidden[:, 1], 0 * hidden[:, 2]]) > 0.25
     return samples, Candidates(options.row, np.where(blocked, 0, seen).astype(np.float32))
+
+
+def shot_of(light: Light, number: int) -> Shot:
+    """The record of an image of one light; there is no file."""
+    return Shot(
+        key=ShotKey(pass_number=0, number=number),
+        kind="light",
+        frame=FrameRef(path=f"{number}.tiff", width=128, height=128, sha256=""),
+        exposure_s=0.05,
+        light=light,
+        taken_at=0.0,
+        quality=FrameQuality(saturated=0.0, bright_level=0.8, accepted=True),
+    )
 
 
 def told(

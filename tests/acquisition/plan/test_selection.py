@@ -7,9 +7,9 @@ import pytest
 
 from acquisition import pilot, plan
 from acquisition.errors import ErrorCode, RigError
-from acquisition.plan import criterion
+from acquisition.plan import criterion, patterns
 from acquisition.plan.objective import CAPPED
-from acquisition.types import CAST, LIT, Information, NormalMap, Recipe
+from acquisition.types import CAST, LIT, Information, NormalMap, Objective, Observations, Recipe
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -145,20 +145,128 @@ def test_some_pixels_that_are_no_numbers_are_left_out(
     assert chosen.predicted_sigma_deg == pytest.approx(whole.predicted_sigma_deg, rel=0.15)
 
 
-@pytest.mark.parametrize(("height_m", "warned"), [(0.0, False), (0.03, True)])
-def test_shadows_of_a_step_that_the_depth_map_lacks_are_noted(
-    height_m: float, warned: bool, reach: scenes.Dome
-) -> None:
-    """The images are those of a plate with a block on it, the depth map that of the bare plate."""
+@pytest.fixture(scope="module", params=[0.0, 0.03], ids=["plain", "stepped"])
+def plate(request: pytest.FixtureRequest, reach: scenes.Dome) -> tuple[bool, NormalMap, Observations, scenes.Scene]:
+    """The images are those of a plate with a block on it or without, the depth map that of the bare plate."""
 
-    def plate(x: np.ndarray, y: np.ndarray, top: float = 0.0) -> np.ndarray:
+    def height(x: np.ndarray, y: np.ndarray, top: float = 0.0) -> np.ndarray:
         return np.where(np.hypot(x, y) < 0.06, 0.01, 0.0) + np.where(np.maximum(abs(x), abs(y)) < 0.015, top, 0.0)
 
-    flat = scenes.scene(plate, scenes.calibration(112))
-    stepped = scenes.scene(lambda x, y: plate(x, y, height_m), scenes.calibration(112))
+    flat = scenes.scene(height, scenes.calibration(112))
+    stepped = scenes.scene(lambda x, y: height(x, y, request.param), scenes.calibration(112))
     lights = pilot.pattern(Recipe(), reach)
     dark = np.stack([scenes.lit(stepped, light) == 0 for light in lights])
     normal_map = replace(cases.known_map(flat, lights), flags=np.where(dark, CAST, LIT).astype(np.uint8))
-    taken = scenes.capture(stepped, lights)
-    chosen = plan.choose(normal_map, taken, Recipe(), reach, flat.calibration)
-    assert any("steps that its depth map does not show" in note for note in chosen.notes) == warned
+    return request.param > 0, normal_map, scenes.capture(stepped, lights), flat
+
+
+def test_steps_that_the_depth_map_lacks_are_answered_by_two_rings(
+    plate: tuple[bool, NormalMap, Observations, scenes.Scene], reach: scenes.Dome
+) -> None:
+    stepped, normal_map, taken, true = plate
+    chosen = plan.choose(normal_map, taken, Recipe(), reach, true.calibration)
+    assert (chosen.fallback is not None and "steps" in chosen.fallback) == stepped
+    if stepped:
+        assert any("two rings instead of planned lights" in note for note in chosen.notes)
+        pilots = np.array([shot.light.position for shot in taken.shots if shot.light is not None]) - reach.center
+        added = np.array([light.position for light in chosen.lights]) - reach.center
+        assert patterns.imbalance(np.concatenate([pilots, added]) / reach.radius_m) < 0.08
+
+
+def test_little_to_gain_is_answered_by_two_rings(cushion: scenes.Scene, reach: scenes.Dome) -> None:
+    """After forty even lights nothing that one more could do is worth a model."""
+    lights = [*scenes.ring(13, 25.0), *scenes.ring(27, 55.0, turn=0.1)]
+    normal_map = replace(cases.known_map(cushion, lights), flags=np.full((40, 128, 128), LIT, np.uint8))
+    taken = replace(cases.NOTHING_TAKEN, shots=[cases.shot_of(light, number) for number, light in enumerate(lights)])
+    chosen = plan.choose(normal_map, taken, Recipe(), reach, cushion.calibration, 1)
+    assert chosen.fallback is not None
+    assert "only" in chosen.fallback
+
+
+def test_the_certificate_bounds_plan_and_pattern(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
+    chosen = planned(piloted, cushion, reach, count=6)
+    assert chosen.efficiency is not None
+    assert chosen.two_rings_efficiency is not None
+    assert chosen.relaxation_gap is not None
+    assert 0.8 < chosen.efficiency <= 1.0
+    assert 0.5 < chosen.two_rings_efficiency < chosen.efficiency
+    assert 0 <= chosen.relaxation_gap <= 0.001
+    assert f"{chosen.lower_bound_sigma_deg:.2f}°" in (chosen.certificate_note or "")
+    assert len(chosen.gains) == 6
+    assert all(gain > 0 for gain in chosen.gains)
+
+
+def test_a_region_of_interest_decides(cushion: scenes.Scene, reach: scenes.Dome) -> None:
+    """Lights for the left flank come from the left, for the right flank from the right."""
+    normal_map = cases.known_map(cushion, scenes.ring(3, 15.0), step=1)
+    columns = np.arange(128)[None, :] * np.ones((128, 1))
+    lean: dict[str, float] = {}
+    for side, region in (("left", columns < 48), ("right", columns > 80)):
+        taken = cases.NOTHING_TAKEN
+        chosen = plan.choose(normal_map, taken, Recipe(), reach, cushion.calibration, 3, region=region, certify=False)
+        lean[side] = float(np.mean([light.position[0] for light in chosen.lights]))
+    assert lean["left"] < 0 < lean["right"]
+
+
+@pytest.mark.parametrize("empty", [True, False])
+def test_a_region_without_object_or_of_another_size_is_refused(
+    empty: bool, piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
+) -> None:
+    region = np.zeros((128, 128) if empty else (64, 64), np.bool_)
+    with pytest.raises(RigError, match="region") as caught:
+        plan.choose(piloted, cases.NOTHING_TAKEN, Recipe(), reach, cushion.calibration, 4, region=region)
+    assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
+
+
+def test_each_objective_is_best_at_what_it_asks_for(cushion: scenes.Scene, reach: scenes.Dome) -> None:
+    """After a single ring of high lights, on all pixels: no other objective does better at its own figure."""
+    lights = scenes.ring(3, 20.0)
+    normal_map = cases.known_map(cushion, lights, step=1)
+    sample = criterion.samples(normal_map, cushion.calibration, criterion.usable(normal_map, cushion.calibration))
+    figures: dict[Objective, dict[str, float]] = {}
+    names: list[Objective] = ["capped", "mean", "quantile", "coverage"]
+    for name in names:
+        chosen = plan.choose(
+            normal_map, cases.NOTHING_TAKEN, Recipe(objective=name), reach, cushion.calibration, 3, certify=False
+        )
+        there = criterion.expect(sample, cases.told(sample, chosen.lights, normal_map, cushion.calibration))
+        figures[name] = {
+            "capped": CAPPED.of(there),
+            "mean": float(np.mean(there.sigma_deg)),
+            "quantile": float(np.quantile(there.sigma_deg, 0.9)),
+            "coverage": float(np.mean(np.maximum(3 - there.lit, 0))),
+        }
+    for name in names:
+        best = min(figures[other][name] for other in names)
+        assert figures[name][name] <= 1.05 * best + 1e-9, (name, figures)
+
+
+def test_a_deadline_gives_a_plan_that_says_so(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
+    chosen = plan.choose(
+        piloted, cases.NOTHING_TAKEN, Recipe(), reach, cushion.calibration, 4, deadline_s=0.0, certify=False
+    )
+    assert len(chosen.lights) == 4
+    assert any("cut short" in note for note in chosen.notes)
+
+
+def test_the_forecast_falls_with_the_lights_and_agrees_with_the_plan(
+    piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
+) -> None:
+    arguments = (piloted, cases.NOTHING_TAKEN, Recipe(), reach, cushion.calibration)
+    points = plan.forecast(*arguments, [0, 1, 2, 4, 8])
+    assert [(point.added, point.lights) for point in points] == [(n, n) for n in (0, 1, 2, 4, 8)]
+    sigma = [point.sigma_deg for point in points]
+    assert sigma == sorted(sigma, reverse=True)
+    chosen = plan.choose(*arguments, 4, certify=False)
+    assert points[3].sigma_deg == pytest.approx(chosen.predicted_sigma_deg, rel=0.05)
+
+
+def test_a_pilot_with_one_usable_light_is_planned_with_a_warning(cushion: scenes.Scene, reach: scenes.Dome) -> None:
+    lights = pilot.pattern(Recipe(), reach)
+    flags = np.zeros((4, 128, 128), np.uint8)
+    flags[0] = LIT
+    normal_map = replace(cases.known_map(cushion, lights[:1]), flags=flags)
+    chosen = plan.choose(normal_map, scenes.capture(cushion, lights), Recipe(), reach, cushion.calibration)
+    assert len(chosen.lights) == 4
+    assert any("lit by fewer than 3 lights" in note for note in chosen.notes)
+    assert len({round(float(np.arctan2(*light.position[:2])), 1) for light in chosen.lights}) >= 3
