@@ -1,34 +1,91 @@
 """A UR e-Series controller (PolyScope 5.11.1) in software: real sockets, the real library on the other side.
 
-    sockets → rtde · dashboard · scripts · control_port      what clients speak
-    syntax → compiler → program + functions                  the URScript that the library uploads
-    arm · motion · profile · kinematics · poses              what moves
-    controller                                               modes, safety, outputs, one tick of 2 ms
-    server                                                   the loop that joins them
+    sockets · delay → rtde (registers · publication) · dashboard · scripts · control_port      what clients speak
+    syntax · tree → compiler → program + …_functions (meaning · script_values) ← uploads       URScript
+    kinematics · calibration · poses → profile · curves → moves · blend · process_path · steering · limits → arm
+    surroundings · contact → collisions · safety · watchdogs · outputs · hand                  what stops it
+    controller                                                                                 one tick of 2 ms
+    faults · disturbances · trace · loaded                                                     on demand
+    server                                                                                     the loop that joins them
 
 `serve` runs one and blocks; `process.ControllerProcess` runs one in a child; `control.ControlClient` reads the truth
-and orders faults; `trace.read_trace` reads back every joint sample.
+and orders faults; `trace.read_trace` reads back every tick.
 
-What the unmodified ur-rtde 1.6.5 does when this controller fails (each row is a test in `test_failures`):
+What the unmodified ur-rtde 1.6.5 does when something fails here, and the test that shows it. `failures`, `links`, … are
+`tests/hardware_sim/controller/test_failures.py` and so on; (long) is run by `make test-long` alone.
 
-    nobody listens                     constructors raise RuntimeError "Could not connect to"
-    local control                      the control constructor raises RuntimeError "enable remote control"
-    registers owned by another client  constructors raise RuntimeError "already in use"
-    program stopped in a synchronous move       False at once; the arm brakes
-    program stopped in an asynchronous move     the progress word says "running" until the next upload
-    program stopped earlier            moves and setters False, getters RuntimeError, inverse kinematics []
-    protective stop in a move          False at once; an upload during the stop says True and does nothing
-    unlocking before 5 s               RuntimeError "Cannot unlock protective stop until 5s after occurrence"
-    triggerProtectiveStop              False, although it worked
-    emergency stop in a move           False; power and program are gone, power on and brake release bring back
-    pose without solution              [], and the program is dead
-    refused function (force, freedrive …)       False, and the program is dead; the log names the function
-    watchdog and a synchronous move    False after the watchdog's period
-    foreign program                    isProgramRunning stays True, the next move blocks until that program ends
-    link cut                           isConnected False on the receive side; reconnect() works
-    controller killed                  isConnected False, isProgramRunning True for ever; moves block
-    client killed in a move            the move goes on, its inputs are free at once
-    controller frozen for over 2.5 s   the library drops its link and uploads anew; the move returns False
+Constructing
+    nobody listens                      RuntimeError "Could not connect to"                         failing_links
+    the port is open and silent         waits for ever, the interpreter's lock held                 failing_links
+    controller in the client's process  deadlock                                                    failing_links (long)
+    local control                       RuntimeError "enable remote control"                        failing_links
+      the same, check switched off      RuntimeError "Failed to start control script" after 5 s     links (long)
+    registers owned by another client   RuntimeError "already in use"; free once that hangs up      links
+    unknown output variable             RuntimeError naming it                                      links
+    an old control program still runs   stopped and replaced                                        links
+      it listens in the lower range,
+      the client in the upper           4 s, then as above                                          failing_links (long)
+      the other way round               hangs                                                       failing_links (long)
+
+The program
+    stopped in a synchronous move       False at once; the arm brakes                               failures
+    stopped in an asynchronous move     the progress word says "running" until the next upload      failures
+    stopped earlier                     moves and setters False, getters RuntimeError, stops None,
+                                        inverse kinematics []                                       failures
+    paused at the pendant               False at once; after `play` the arm goes on with the move   ordered_faults
+    uploaded anew                       True before it runs: a move right after it is False         failures
+    replaced by a foreign one           isProgramRunning stays True; a move blocks until that ends,
+                                        then False; the arm brakes                                  failures
+    a foreign one that is refused       nothing: what runs goes on; a text to RTDE clients          failures
+    pose without solution               [] or False, and the program is dead                        failures
+    function that is not simulated      False, and the program is dead; log and text name function
+                                        and line. What the library does not wait for (force mode,
+                                        servoC) says True, and must be asked for no more before an
+                                        upload helps: any call that says False takes it back        failures
+    custom script, good                 True, the control script runs again                         conformance
+    custom script, bad                  blocks (300 s): it waits for a word of the script           failing_links
+    watchdog and a synchronous move     False after the watchdog's period                           failures
+    watchdog kicked                     the move lives; dies one period after the last kick         conformance
+    values out of range                 ValueError, nothing is sent; outputs and slider are not
+                                        checked, and stay what they were                            failures, io
+    forward kinematics of given joints  wrong: the tool offset is not sent (give 1e-12)             conformance
+    stopL, stopJ                        the first asynchronous stop makes all later ones stopl      failures
+
+Safety
+    protective stop in a move           False at once, or progress "running" for ever               failures
+      upload during it                  True, and nothing starts                                    failures
+      unlocking before 5 s              RuntimeError "until 5s after occurrence"                    failures
+      after unlocking                   False until the next upload                                 failures
+    triggerProtectiveStop               False, although it worked                                   failures
+    unreachable straight move           protective stop                                             failures
+    safeguard stop in a move            False; after release and `play` the arm goes on with it     ordered_faults
+    emergency stop in a move            False; power and program are gone                           failures
+    system emergency stop               the same with bits of its own                               ordered_faults
+    violation, fault                    False until safety is restarted, power on, brakes released  dashboard_client
+    power off                           False until power on, brakes released, uploaded             ordered_faults
+    pushed by hand                      protective stop                                             ordered_faults
+    speed slider at 10 % or 0           moves take ten times as long, or stand until it is up       ordered_faults
+    arm not where it says               nothing: only `control.ControlClient.state` tells           failures
+    output stuck                        True, and the read-back stays as it was                     failures
+
+Links
+    RTDE cut, or half a packet          control reconnects within seconds; its move says either, by
+                                        chance, and the arm goes on. receive stays disconnected
+                                        until reconnect(). io says connected and loses one write,
+                                        then RuntimeError "Broken pipe"            ordered_faults, failing_links
+    frozen for over 2.5 s               control and receive do as after a cut                       failing_links (long)
+    slow link                           calls are slow                                              ordered_faults
+    script port cut                     moves go on; the next upload says True and is lost          ordered_faults
+    dashboard cut                       RuntimeError "End of file", then "Broken pipe"              ordered_faults
+    time stamps jump                    nothing                                                     ordered_faults
+    controller restarted                False; no client comes back by itself                       ordered_faults
+    controller killed                   isConnected False, isProgramRunning True and progress
+                                        frozen for ever                                             failing_links
+      moves, then and later             block (300 s), also when it is back                         failing_links (long)
+      reconnect() of receive            RuntimeError                                                failing_links
+      io                                says True once, then RuntimeError "Broken pipe"; destroying
+                                        it aborts the process                                       failing_links
+    client killed, or disconnected      program and move go on, inputs are free at once             links
 """
 
 from hardware_sim.controller.server import serve

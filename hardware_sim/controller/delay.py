@@ -22,6 +22,7 @@ class Pipe:
 
     def __init__(self) -> None:
         self.delay: Delay | None = None
+        self.held = 0  # bytes
         self._pieces: deque[tuple[float, bytes]] = deque()
 
     def holds_back(self, data: bytes) -> bool:
@@ -30,6 +31,7 @@ class Pipe:
             return False
         due = time.monotonic() + (0.0 if self.delay is None else self.delay.draw())
         # TCP keeps the order: nothing overtakes what was sent before.
+        self.held += len(data)
         self._pieces.append((max(due, self._pieces[-1][0]) if self._pieces else due, data))
         return True
 
@@ -38,9 +40,11 @@ class Pipe:
         pieces: list[bytes] = []
         while self._pieces and self._pieces[0][0] <= now:
             pieces.append(self._pieces.popleft()[1])
+            self.held -= len(pieces[-1])
         return pieces
 
     def put_back(self, data: bytes) -> None:
         """Keeps the rest of what has arrived, where the other end does not take it yet."""
         if data:
+            self.held += len(data)
             self._pieces.appendleft((0.0, data))

@@ -48,13 +48,13 @@ class Connection(ABC):
         """Keeps a reply until all bytes at hand are read; then the port flushes."""
         if not self.closed:
             self.unsent += data
-            if len(self.unsent) > _MOST_PENDING:
+            if len(self.unsent) + self.outgoing.held > _MOST_PENDING:
                 LOG.warning("a client does not read its replies: connection closed")
                 self.closed = True
 
     def offer(self, data: bytes) -> None:
         """Sends a packet that may be lost: dropped when the client has not read the ones before."""
-        if not self.unsent and not self.closed:
+        if not self.unsent and not self.closed and self.outgoing.held <= _MOST_PENDING - len(data):
             self._send_now(data)
 
     def flush(self) -> None:
@@ -194,6 +194,9 @@ class Port:
             connection.closed = True
         elif not connection.incoming.holds_back(data):
             connection.received(data)
+        elif connection.incoming.held > _MOST_PENDING:
+            LOG.warning("a client sends more than a slow link holds: connection closed")
+            connection.closed = True
 
     def delay(self, delay: Delay | None) -> None:
         """Slows all connections of the port down, those to come too; None ends it."""

@@ -303,3 +303,13 @@ def test_every_check_has_a_test() -> None:
     named = re.findall(r'\n    """Checks? ([\d, ]+)', text)
     assert {int(number) for found in named for number in re.findall(r"\d+", found)} == set(range(1, 36)) - {23}
     assert text.count('"""Failure:') + text.count(" Failure:") >= 20  # check 23: a test for each
+
+
+def test_table_of_failures_names_tests_that_exist() -> None:
+    import hardware_sim.controller
+
+    rows = re.findall(r"  ([a-z_]+(?:, [a-z_]+)*)(?: \(long\))?\n", hardware_sim.controller.__doc__ or "")
+    named = {name for row in rows for name in row.split(", ")}
+    assert {"failures", "failing_links", "ordered_faults", "links", "io", "dashboard_client", "conformance"} <= named
+    for name in named:
+        assert (Path(__file__).parent / f"test_{name}.py").exists(), name
