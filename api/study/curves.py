@@ -1,7 +1,7 @@
 """Errors against the number of images, for every method, matt and glossy: the same solver and as many images for all.
 
-A piece of the work is one draw of one object: its pictures are shared by all methods, numbers and finishes, and pieces
-run in two processes. Rivals that matter (ours and two rings) are drawn more often where they are compared.
+A piece of the work is one draw of one object: its pictures are shared by all methods and numbers, and pieces run in two
+processes. Rivals that matter (ours and two rings) are drawn more often where they are compared.
 """
 
 from collections.abc import Sequence
@@ -33,15 +33,28 @@ class Draws:
 
 
 @dataclass(frozen=True)
+class Scale:
+    """How much is drawn: pixels, objects and draws of the error curves; objects and draws of the table of three."""
+
+    pixels: int
+    objects: tuple[str, ...]
+    glossy_objects: tuple[str, ...]
+    matt: Draws
+    glossy: Draws
+    table_objects: tuple[str, ...]
+    table_draws: int
+
+
+@dataclass(frozen=True)
 class Piece:
-    """One draw of one object."""
+    """One draw of one object, matt or glossy."""
 
     shape: str
     draw: int
     seed: int
     pixels: int
-    matt: Draws
-    glossy: Draws
+    glossy: bool
+    draws: Draws
 
 
 @dataclass(frozen=True)
@@ -73,21 +86,23 @@ class Curve:
     by_object: dict[int, dict[str, float]] = field(default_factory=dict[int, dict[str, float]])
 
 
-def pieces(seed: int, pixels: int, matt: Draws, glossy: Draws) -> list[Piece]:
+def pieces(seed: int, scale: Scale) -> list[Piece]:
     """All pieces, those with most to do first."""
-    most = max([*matt.rivals.values(), *matt.others.values(), *glossy.rivals.values(), *glossy.others.values()])
-    return [Piece(shape, draw, 1000 * seed + draw, pixels, matt, glossy) for draw in range(most) for shape in OBJECTS]
+    return [
+        Piece(shape, draw, 1000 * seed + draw, scale.pixels, glossy, draws)
+        for glossy, shapes, draws in ((True, scale.glossy_objects, scale.glossy), (False, scale.objects, scale.matt))
+        for draw in range(max(*draws.rivals.values(), *draws.others.values()))
+        for shape in shapes
+    ]
 
 
 def work(piece: Piece) -> list[Sample]:
     """All sessions of one piece."""
-    matt = Scene(Geometry(piece.shape, piece.seed, piece.pixels))
-    glossy = Scene(matt.geometry, glossy=True)
+    scene = Scene(Geometry(piece.shape, piece.seed, piece.pixels), glossy=piece.glossy)
     return [
         _sample(piece, scene, method, lights)
-        for scene, draws in ((matt, piece.matt), (glossy, piece.glossy))
         for method in METHODS
-        for lights, times in sorted(draws.of(method).items())
+        for lights, times in sorted(piece.draws.of(method).items())
         if piece.draw < times
     ]
 
@@ -99,7 +114,7 @@ def _sample(piece: Piece, scene: Scene, method: str, lights: int) -> Sample:
     return Sample(
         shape=piece.shape,
         draw=piece.draw,
-        glossy=scene.is_glossy,
+        glossy=piece.glossy,
         method=method,
         lights=lights,
         mean_deg=float(np.mean(error)),
@@ -123,17 +138,13 @@ def _curve(method: str, samples: Sequence[Sample]) -> Curve:
     curve = Curve(method, {}, {}, {}, {})
     for lights, group in groupby(sorted(samples, key=lambda item: item.lights), key=lambda item: item.lights):
         found = list(group)
-        errors = [np.array([item.mean_deg for item in found if item.shape == shape]) for shape in OBJECTS]
-        errors = [values for values in errors if len(values)]
+        shapes = [shape for shape in OBJECTS if any(item.shape == shape for item in found)]
+        errors = [np.array([item.mean_deg for item in found if item.shape == shape]) for shape in shapes]
         curve.error_deg[lights] = float(np.mean([np.mean(values) for values in errors]))
         curve.half_width_deg[lights] = half_width(errors)
         curve.over_10[lights] = float(np.mean([item.over_10 for item in found]))
         curve.draws[lights] = max(len(values) for values in errors)
-        curve.by_object[lights] = {
-            shape: float(np.mean([item.mean_deg for item in found if item.shape == shape]))
-            for shape in OBJECTS
-            if any(item.shape == shape for item in found)
-        }
+        curve.by_object[lights] = {shape: float(np.mean(values)) for shape, values in zip(shapes, errors, strict=True)}
     return curve
 
 

@@ -1,21 +1,10 @@
-"""What a study draws and what it found, as values."""
+"""What a study found, as a value."""
 
 from dataclasses import dataclass
 
-from api.study.curves import Curve, Draws, Sample
+from api.study.curves import Curve, Sample, Scale
 from api.study.paper import Errata, Placement
 from api.study.three import Row
-
-
-@dataclass(frozen=True)
-class Scale:
-    """How much is drawn: pixels of the error curves, draws by number of images, random triples, draws of the table."""
-
-    pixels: int
-    matt: Draws
-    glossy: Draws
-    triples: int
-    table_draws: int
 
 
 @dataclass(frozen=True)

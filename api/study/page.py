@@ -6,7 +6,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from api.study import chart, paper, scenes, three
+from api.study import chart, paper, three
 from api.study.chart import Axis, Line
 from api.study.curves import Curve
 from api.study.found import Study
@@ -27,7 +27,8 @@ def write(path: Path, found: Study, told: Mapping[str, Any]) -> None:
     parts = [
         f"<!doctype html><html lang=en><meta charset=utf-8><title>lightpose study, seed {found.seed}</title>",
         f"<style>{STYLE}</style><h1>What planning the lights brings</h1>",
-        f"<p>Seed {found.seed}, six simulated objects, {found.scale.pixels} × {found.scale.pixels} pixels, profile "
+        f"<p>Seed {found.seed}, simulated objects ({', '.join(found.scale.objects)}), "
+        f"{found.scale.pixels} × {found.scale.pixels} pixels, profile "
         "<code>direct</code>: every image has an unknown intensity error of 1 % and an unknown lamp-position error of "
         "1 mm per axis, besides the sensor's noise. All methods have as many images (ours with its pilot) and the same "
         "solver. Errors are angles in degrees over all pixels whose true normal is within 78° of the viewing ray, "
@@ -75,13 +76,18 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return f"<table><tr>{cells}{lines}</table>"
 
 
+def _with_interval(value: float, half_width: float, digits: int = 2) -> str:
+    """A value and its interval; none where nothing was drawn twice."""
+    return f"{value:.{digits}f} ± {half_width:.{digits}f}" if half_width > 0 else f"{value:.{digits}f}"
+
+
 def _ratios(told: Sequence[Mapping[str, Any]]) -> str:
     rows = [
         [
             f"{item['rival']}{' (slant 35°)' if item['rival'] == 'ring' else ''}",
             "glossy" if item["glossy"] else "matt",
             str(item["lights"]),
-            f"{item['ratio']:.3f} ± {item['half_width']:.3f}",
+            _with_interval(item["ratio"], item["half_width"], 3),
         ]
         for item in told
     ]
@@ -104,29 +110,30 @@ def _errors(surface: str, curves: Sequence[Curve]) -> list[str]:
     rows = [
         [curve.method]
         + [
-            f"{curve.error_deg[lights]:.2f} ± {curve.half_width_deg[lights]:.2f}" if lights in curve.error_deg else "–"
+            _with_interval(curve.error_deg[lights], curve.half_width_deg[lights]) if lights in curve.error_deg else "–"
             for lights in numbers
         ]
         for curve in curves
     ]
     drawn = chart.svg(lines, Axis("images", marks=numbers), Axis("mean error, degrees"))
     return [
-        f"<figure>{drawn}<figcaption>Mean angular error over the six objects, {surface}.</figcaption></figure>",
+        f"<figure>{drawn}<figcaption>Mean angular error over the objects, {surface}.</figcaption></figure>",
         _table(["method", *(f"n = {lights}" for lights in numbers)], rows),
     ]
 
 
 def _by_object(curves: Sequence[Curve], lights: int) -> str:
+    shapes = list(curves[0].by_object[lights])
     rows = [
-        [curve.method, *(f"{curve.by_object[lights][shape]:.2f}" for shape in scenes.OBJECTS)]
+        [curve.method, *(f"{error:.2f}" for error in curve.by_object[lights].values())]
         for curve in curves
         if lights in curve.by_object
     ]
-    return _table(["method", *scenes.OBJECTS], rows)
+    return _table(["method", *shapes], rows)
 
 
 def _placements(found: Study) -> list[str]:
-    figure = next(item for item in found.placements if item.object == "figure")
+    figure = found.placements[-1]
     flat = [point for point in figure.heuristic_curve if 20 <= point[0] <= 85]
     ends = (flat[0][0], flat[-1][0])
     levels = {"bound": figure.bound, "ours": figure.ours, "best of the random triples": figure.best_random}
@@ -148,9 +155,9 @@ def _placements(found: Study) -> list[str]:
     ]
     spread = [[f"{share:g} %", f"{value:.4g}"] for share, value in zip(paper.PERCENTS, figure.percentiles, strict=True)]
     return [
-        f"<figure>{drawn}<figcaption>tr(M (SᵀS)⁻¹) for the object <code>figure</code>.</figcaption></figure>",
+        f"<figure>{drawn}<figcaption>tr(M (SᵀS)⁻¹) for the object <code>{figure.object}</code>.</figcaption></figure>",
         _table(head, rows),
-        f"<p>{figure.triples:,} random triples for the object <code>figure</code>, by percentile:</p>",
+        f"<p>{figure.triples:,} random triples for the object <code>{figure.object}</code>, by percentile:</p>",
         _table(["percentile", "criterion"], spread),
         f"<p>The paper reports {paper.REPORTED_PHI['ours']} for its own lights and {paper.REPORTED_PHI['heuristic']} "
         "for the heuristic. No unit lights come below the bound over an object's normals: the first needs light "

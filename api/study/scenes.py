@@ -186,7 +186,6 @@ class Scene:
 
     def __init__(self, shared: Geometry, *, glossy: bool = False) -> None:
         self.geometry = shared
-        self.is_glossy = glossy
         self.surface = shared.glossy if glossy else replace(shared.glossy, name=shared.shape, gloss=0.0)
         self._pictures: dict[tuple[object, ...], Float32Array] = {}
         self._found: dict[tuple[Light, ...], Found] = {}

@@ -18,13 +18,12 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from acquisition.errors import ErrorCode, RigError
 from api.study import curves, page, paper, scenes, three
-from api.study.curves import Draws
-from api.study.found import Scale, Study
+from api.study.curves import Draws, Scale
+from api.study.found import Study
 from api.study.paper import Errata, Placement
 from api.study.three import Row
 
 PROCESSES = 2
-TABLE_OBJECTS = ("figure", "vase", "bumps")
 SMALL_PIXELS = 128
 
 T = TypeVar("T")
@@ -32,19 +31,22 @@ T = TypeVar("T")
 
 FULL = Scale(
     pixels=scenes.PIXELS,
+    objects=scenes.OBJECTS,
+    glossy_objects=scenes.OBJECTS,
     matt=Draws(
-        rivals={3: 2, 4: 2, 6: 2, 8: 6, 12: 6, 20: 6, 24: 2},
-        others={3: 2, 4: 2, 6: 2, 8: 6, 12: 2, 20: 2, 24: 2},
+        rivals={3: 1, 4: 1, 6: 2, 8: 6, 12: 6, 20: 6, 24: 1}, others={3: 1, 4: 1, 6: 1, 8: 6, 12: 1, 20: 1, 24: 1}
     ),
-    glossy=Draws(rivals={4: 2, 8: 6, 12: 6, 20: 2}, others={4: 2, 8: 2, 12: 2, 20: 2}),
-    triples=paper.RANDOM_TRIPLES,
+    glossy=Draws(rivals={4: 1, 8: 6, 12: 6, 20: 1}, others={4: 1, 8: 1, 12: 1, 20: 1}),
+    table_objects=("figure", "vase", "bumps"),
     table_draws=12,
 )
 QUICK = Scale(
     pixels=SMALL_PIXELS,
+    objects=("vase", "relief", "figure"),
+    glossy_objects=("vase", "figure"),
     matt=Draws(rivals={3: 1, 8: 1, 12: 1}, others={3: 1, 8: 1}),
     glossy=Draws(rivals={8: 1}, others={8: 1}),
-    triples=paper.RANDOM_TRIPLES,
+    table_objects=("figure", "vase"),
     table_draws=2,
 )
 
@@ -67,11 +69,11 @@ def measure(seed: int, scale: Scale, *, quick: bool) -> Study:
     begun = time.monotonic()
     for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[name] = "1"  # read by the processes that are spawned: each has one core
-    work = curves.pieces(seed, scale.pixels, scale.matt, scale.glossy)
+    work = curves.pieces(seed, scale)
     with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
-        of_paper = [pool.submit(_placement, shape, seed, scale.triples) for shape in scenes.OBJECTS]
-        of_table = [pool.submit(_table, shape, seed, scale.table_draws) for shape in TABLE_OBJECTS]
-        wrong = pool.submit(_errata, seed, scale.triples)
+        of_paper = [pool.submit(_placement, shape, seed) for shape in scale.objects]
+        of_table = [pool.submit(_table, shape, seed, scale.table_draws) for shape in scale.table_objects]
+        wrong = pool.submit(_errata, seed)
         of_curves = [pool.submit(curves.work, piece) for piece in work]
         _show([*of_paper, *of_table, wrong, *of_curves])
         samples = [sample for part in _results(of_curves) for sample in part]
@@ -95,12 +97,12 @@ def summary(found: Study) -> dict[str, Any]:
     """The figures for programs: errors by method and number of images, the criterion's values, the forecast's truth."""
     told = curves.predicted_over_found(found.samples)
     every = [value for values in told.values() for value in values]
-    figure = next(item for item in found.placements if item.object == "figure")
+    figure = found.placements[-1]
     return {
         "seed": found.seed,
         "quick": found.quick,
         "pixels": found.scale.pixels,
-        "objects": list(scenes.OBJECTS),
+        "objects": list(found.scale.objects),
         "ring_slant_deg": scenes.RING_SLANT_DEG,
         "errors_deg": {curve.method: curve.error_deg for curve in found.matt},
         "half_widths_deg": {curve.method: curve.half_width_deg for curve in found.matt},
@@ -140,17 +142,17 @@ def ratios(found: Study) -> list[dict[str, Any]]:
     return told
 
 
-def _placement(shape: str, seed: int, triples: int) -> Placement:
-    return paper.placement(scenes.Scene(scenes.Geometry(shape, 1000 * seed, SMALL_PIXELS)), seed, triples)
+def _placement(shape: str, seed: int) -> Placement:
+    return paper.placement(scenes.Scene(scenes.Geometry(shape, 1000 * seed, SMALL_PIXELS)), seed)
 
 
 def _table(shape: str, seed: int, draws: int) -> list[Row]:
     return three.table(scenes.Scene(scenes.Geometry(shape, 1000 * seed, SMALL_PIXELS)), draws)
 
 
-def _errata(seed: int, triples: int) -> Errata:
+def _errata(seed: int) -> Errata:
     scene = scenes.Scene(scenes.Geometry("figure", 1000 * seed, SMALL_PIXELS))
-    return paper.errata(paper.mean_projector(scene), seed, triples)
+    return paper.errata(paper.mean_projector(scene), seed)
 
 
 def _results(futures: Sequence["Future[T]"]) -> list[T]:
