@@ -226,7 +226,7 @@ class ProcessPath(ToolCourse):
         out = _admitted(self._pieces[1:], 0.0)
         half = 0.5 * a * seconds
         room = half**2 + out**2 + 2.0 * a * (piece.length - self._at) - a * self._speed * seconds
-        speed = min(piece.speed, self._speed + a * seconds, math.sqrt(max(0.0, room)) - half)
+        speed = min(piece.speed, self._speed + a * seconds, max(out, math.sqrt(max(0.0, room)) - half))
         speed = max(speed, 0.0, self._speed - 2.0 * a * seconds)
         self._at += 0.5 * (self._speed + speed) * seconds
         self._speed = speed

@@ -189,6 +189,34 @@ def test_process_moves_keep_their_tool_speed_round_the_corner(
             assert tool_speeds[near].min() >= 0.98 * admitted
 
 
+def test_a_process_of_many_corners_never_slows_down() -> None:
+    corners = [at(0.0, 0.1 * (n // 2 % 2), 0.05 * (n - n // 2)) for n in range(9)]
+    lines = "".join(
+        f" movep({pose(c)}, v=0.1, a=2, r={r})\n" for c, r in zip(corners[1:], [*[0.015] * 7, 0], strict=True)
+    )
+    record = run(f" movel({pose(PLACE)})\n{lines}")
+    assert_rounded(record, corners, [0.015] * 7)
+    speeds = np.linalg.norm(np.diff(record.tools, axis=0), axis=1) / TICK
+    speeds = speeds[int(np.argmin(np.linalg.norm(record.tools - PLACE, axis=1))) :]
+    full = np.flatnonzero(speeds > 0.0999)
+    assert speeds[full[0] : full[-1]].min() > 0.0995
+    assert len(full) * TICK > 3.5
+
+
+def test_process_moves_blend_with_moves_of_other_kinds() -> None:
+    corners = [at(0.0, 0.0, 0.0), at(0.0, 0.1, 0.0), at(0.0, 0.1, 0.1), at(0.1, 0.1, 0.1)]
+    lines = "".join(
+        f" {move}({pose(c)}, v=0.2, a=1.5, r={r})\n"
+        for move, c, r in zip(("movel", "movep", "movel", "movep"), corners, (0, 0.03, 0.03, 0), strict=True)
+    )
+    record = run(lines)
+    assert np.allclose(record.tools[-1], corners[-1], atol=1e-8)
+    assert_rounded(record, corners, [0.03, 0.03])
+    for corner in corners[1:-1]:
+        assert 1e-3 < np.linalg.norm(record.tools - corner, axis=1).min() < 0.03
+    assert np.abs(record.accelerations).max() < 15
+
+
 def test_rotation_goes_on_evenly_through_an_arc() -> None:
     places = [PLACE, at(0.0, 0.12, 0.0), at(0.0, 0.12, 0.12)]
     ends = ["2.2214, 2.2214, 0", "2.0, 2.3, 0.3", "2.3, 2.0, -0.3"]

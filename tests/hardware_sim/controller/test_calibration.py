@@ -6,10 +6,13 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
+from acquisition import config
 from acquisition.waypoints import kinematics as nominal
+from hardware_sim import nominal as simulated
 from hardware_sim.controller import kinematics, poses
 from hardware_sim.controller.calibration import TYPICAL_ERROR, calibrated
 from hardware_sim.controller.kinematics import MODELS, ArmModel
+from hardware_sim.world import World
 from tests.hardware_sim.controller.cells import HOME, connect
 from tests.hardware_sim.controller.programs import run
 
@@ -94,6 +97,16 @@ def test_straight_moves_of_a_calibrated_arm_are_straight() -> None:
     share = np.clip((places - places[0]) @ way / (way @ way), 0, 1)
     assert np.linalg.norm(places - places[0] - share[:, None] * way, axis=1).max() < 1e-6
     assert np.linalg.norm(way) == pytest.approx(math.hypot(0.1, 0.05, 0.08), abs=1e-8)
+
+
+def test_the_world_has_the_lamp_where_the_built_arm_holds_it() -> None:
+    cell, joints = config.load(simulated.default_cell_file()), [-2.6641, -0.9534, 1.6785, 2.607, 1.8307, 2.423]
+    drawn, built = (
+        World(cell, simulated.calibration(32), "sphere", 1, "ideal", seed).base_from_lamp(joints) for seed in (None, 5)
+    )
+    flange = np.array(poses.matrix(kinematics.forward(calibrated(MODELS["ur5e"], 5), joints)))
+    assert np.allclose(built, flange @ cell.arm.flange_from_tool.matrix, atol=1e-12)
+    assert 2e-4 < np.linalg.norm(built[:3, 3] - drawn[:3, 3]) < 4 * TYPICAL_ERROR
 
 
 def test_real_library_sees_the_arm_as_built() -> None:

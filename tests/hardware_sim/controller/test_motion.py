@@ -4,13 +4,16 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from hardware_sim.controller import kinematics, poses
 from hardware_sim.controller.controller import PROGRAM_STOP_DECELERATION, Controller
 from hardware_sim.controller.kinematics import MODELS
+from hardware_sim.controller.limits import JOINT_ACCELERATION
 from hardware_sim.controller.moves import JointMove
 from hardware_sim.controller.profile import Trapezoid
-from hardware_sim.controller.steering import JointBrake
+from hardware_sim.controller.steering import JointBrake, JointServo
 
 HOME = [0.0, -1.9, 1.9, -1.57, -1.57, 0.0]
 TICK = 0.002
@@ -48,6 +51,105 @@ def test_trapezoid_is_its_own_integral_and_keeps_its_limits(length: float, speed
 
 def test_move_of_given_time_takes_it() -> None:
     assert Trapezoid.lasting(2.0, 5.0).duration == pytest.approx(5.0)
+
+
+positive = st.floats(1e-3, 50.0)
+
+
+@given(positive, positive, positive, st.one_of(st.just(0.0), positive), positive, positive)
+def test_planned_profile_covers_its_length_within_all_limits(
+    length: float, speed: float, acceleration: float, seconds: float, fastest: float, hardest: float
+) -> None:
+    profile = Trapezoid.planned(length, speed, acceleration, seconds, fastest, hardest)
+    assert profile.position(profile.duration) == length
+    assert profile.speed <= fastest * (1 + 1e-9)
+    assert profile.acceleration <= hardest * (1 + 1e-9)
+    assert 2 * profile.ramp <= profile.duration * (1 + 1e-9)
+    middle = profile.position(profile.duration / 2)
+    assert middle == pytest.approx(length / 2)
+    if seconds > 0:
+        assert profile.duration >= seconds * (1 - 1e-9)
+    else:
+        assert profile.speed <= speed * (1 + 1e-9)
+        assert profile.acceleration <= acceleration * (1 + 1e-9)
+
+
+@given(st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6), st.floats(0.1, 100.0), st.integers(1, 300))
+def test_brake_covers_the_square_of_its_speed(speeds: list[float], deceleration: float, ticks: int) -> None:
+    brake = JointBrake([0.0] * 6, speeds, deceleration)
+    joints, now = [0.0] * 6, speeds
+    for _ in range(ticks):
+        if not brake.finished:
+            joints, after = brake.step(TICK, 0.0)
+            assert all(abs(b) <= abs(a) and a * b >= 0 for a, b in zip(now, after, strict=True))
+            now = after
+    fastest, used = max(map(abs, speeds)), min(deceleration, JOINT_ACCELERATION)
+    if ticks * TICK > fastest / used:
+        assert now == [0.0] * 6
+        assert joints == pytest.approx([0.5 * v * fastest / used for v in speeds], abs=1e-9)
+
+
+@given(st.lists(st.floats(-2.0, 2.0), min_size=6, max_size=6), st.floats(0.03, 0.2), st.floats(100.0, 2000.0))
+@settings(max_examples=30, deadline=None)
+def test_servo_reaches_its_target_within_the_limits(target: list[float], lookahead: float, gain: float) -> None:
+    servo = JointServo(MODELS["ur3e"], [0.0] * 6, [0.0] * 6)
+    servo.target, servo.lookahead, servo.gain = target, lookahead, gain
+    record = np.array([servo.step(TICK, 1.0)[0] for _ in range(1500)])
+    assert record[-1] == pytest.approx(target, abs=1e-3)
+    speeds = np.diff(record, axis=0) / TICK
+    assert (np.abs(speeds).max(axis=0) <= np.array(MODELS["ur3e"].joint_speeds) * (1 + 1e-9)).all()
+    assert np.abs(np.diff(speeds, axis=0)).max() / TICK <= 2 * JOINT_ACCELERATION
+    beyond = np.abs(record).max(axis=0) - np.abs(target)
+    assert beyond.max() < 0.02
+
+
+CORNERS = """ movej([0.3, -1.9, 1.9, -1.57, -1.57, 0], a=3, v=0.8, r=0.05)
+ movel(pose_trans(p[0, 0, 0.1, 0, 0, 0], get_forward_kin([0.3, -1.9, 1.9, -1.57, -1.57, 0])), a=1, v=0.2, r=0.03)
+ movep(pose_trans(p[0, 0.1, 0.1, 0, 0, 0], get_forward_kin([0.3, -1.9, 1.9, -1.57, -1.57, 0])), a=1, v=0.2, r=0.03)
+ movep(pose_trans(p[0, 0.1, 0, 0, 0, 0], get_forward_kin([0.3, -1.9, 1.9, -1.57, -1.57, 0])), a=1, v=0.2)
+"""
+
+
+def test_motion_is_the_same_in_every_run() -> None:
+    first, second = (run(f"def f():\n{CORNERS}end\n", 4.0)[0] for _ in range(2))
+    assert (first == second).all()
+    assert np.abs(first[-1] - HOME).max() > 0.05
+
+
+def test_every_kind_of_corner_is_the_same_at_any_speed_factor() -> None:
+    slow, _ = run(f"def f():\n{CORNERS}end\n", 4.0)
+    fast, _ = run(f"def f():\n{CORNERS}end\n", 0.5, speed_factor=8.0)
+    assert fast[-1] == pytest.approx(slow[-1], abs=1e-9)
+    # Programs still take their turns at 500 Hz, so that corners begin up to a tick later.
+    assert max(np.abs(slow - q).max(axis=1).min() for q in fast) < 5e-3
+
+
+@pytest.mark.parametrize("fraction", [0.1, 0.5])
+def test_slider_stretches_time_and_keeps_the_course(fraction: float) -> None:
+    full = run(f"def f():\n{CORNERS}end\n", 4.0)[0]
+    controller = Controller(MODELS["ur5e"], HOME, now=0.0)
+    controller.slider = fraction
+    controller.tick(0.0)
+    controller.load(f"def f():\n{CORNERS}end\n")
+    slow = []
+    for tick in range(round(4.0 / fraction / TICK)):
+        controller.tick(tick * TICK)
+        slow.append(controller.arm.joints)
+    assert np.abs(slow[-1] - full[-1]).max() < 1e-9
+    lasted = [np.count_nonzero(np.abs(np.diff(q, axis=0)).max(axis=1)) for q in (full, np.array(slow))]
+    assert lasted[1] * fraction == pytest.approx(lasted[0], rel=0.03)
+    assert max(np.abs(full - q).max(axis=1).min() for q in slow[::20]) < 3e-3
+
+
+def test_slider_at_zero_holds_the_arm() -> None:
+    controller = Controller(MODELS["ur5e"], HOME, now=0.0)
+    controller.slider = 0.0
+    controller.tick(0.0)
+    controller.load(f"def f():\n{CORNERS}end\n")
+    for tick in range(200):
+        controller.tick(tick * TICK)
+    assert controller.arm.joints == HOME
+    assert controller.playing
 
 
 def test_all_joints_stay_on_the_straight_segment_and_under_the_limits() -> None:
