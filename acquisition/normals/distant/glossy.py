@@ -88,6 +88,7 @@ def fit(
 
 def matt_form(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> FloatArray:
     """The form (3,) of the matt part that explains a sample of pixels (N, F) best."""
+    values, clipped = np.ascontiguousarray(values), np.ascontiguousarray(clipped)
     table, first = light_table(directions), start(values, clipped, directions)
     known: dict[tuple[float, ...], tuple[float, Float32Array]] = {}
 

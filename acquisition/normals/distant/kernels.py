@@ -158,18 +158,25 @@ def _weighted(  # noqa: PLR0915 - one fused kernel is the point
     b = np.zeros((3, size), np.float32)
     g = np.empty((3, size), np.float32)
     n = np.zeros(size, np.float32)
+    total = np.zeros(size, np.float32)
     loose = leverage[start:end]
-    for f in range(count):
-        y = stack[f, start:end]
-        k = scale[f]
+    for f in range(0, count, 2):
+        # Two lights a turn: what is carried from light to light is read and written half as often.
+        other = min(f + 1, count - 1)
+        y, z = stack[f, start:end], stack[other, start:end]
+        k, l = scale[f], scale[other]
         for p in range(size):
             v = np.float32(y[p])
-            largest[p] = max(largest[p], v * k if v < clipped_from else zero)
+            u = np.float32(z[p])
+            one_value = v * k * (one if v < clipped_from else zero)
+            other_value = u * l * (one if u < clipped_from else zero)
+            most = largest[p]
+            most = one_value if one_value > most else most
+            largest[p] = other_value if other_value > most else most
     for p in range(size):
         largest[p] = max(largest[p] * dark, np.float32(1e-20))
         m[0, p] = m[3, p] = m[5, p] = np.float32(1e-5)
     for f in range(0, count, 2):
-        # Two lights a turn: the sums, not the products, are what takes time.
         other = min(f + 1, count - 1)
         present = one if f + 1 < count else zero
         y = stack[f, start:end]
@@ -194,52 +201,62 @@ def _weighted(  # noqa: PLR0915 - one fused kernel is the point
             b[1, p] += v * sy + u * ty
             b[2, p] += v * sz + u * tz
             n[p] += w + x
+            total[p] += v * v + u * u
     _solve3(m, b, g, loose, size)
-    for f in range(count):
+    limit = np.empty(size, np.float32)
+    for p in range(size):
+        limit[p] = excess * np.sqrt(g[0, p] * g[0, p] + g[1, p] * g[1, p] + g[2, p] * g[2, p])
+        limit[p] += np.float32(1e9) if n[p] <= np.float32(4.0) else zero
+    highlights = zero
+    for f in range(0, count, 2):
+        other = min(f + 1, count - 1)
+        y, z = stack[f, start:end], stack[other, start:end]
+        k, l = scale[f], scale[other]
+        sx, sy, sz = light[f, 0], light[f, 1], light[f, 2]
+        tx, ty, tz = light[other, 0], light[other, 1], light[other, 2]
+        flag, flag_other = flags[f, start:end], flags[other, start:end]
+        for p in range(size):
+            v = np.float32(y[p])
+            u = np.float32(z[p])
+            whole = one if v < clipped_from else zero
+            lit = whole * (one if v * k >= largest[p] else zero)
+            facing = g[0, p] * sx + g[1, p] * sy + g[2, p] * sz
+            away = np.float32(2.0) if facing < zero else zero
+            over = v * k - facing
+            bright = lit * (one if over > limit[p] else zero)
+            # 1 lit, 16 highlight, 8 clipped, 4 in shadow, 2 in shadow and turned from the light
+            dark = (one - lit) * (np.float32(8.0) - (np.float32(4.0) + away) * whole)
+            flag[p] = np.uint8(np.int32(lit + np.float32(15.0) * bright + dark))
+            highlights += bright
+            whole = one if u < clipped_from else zero
+            lit = whole * (one if u * l >= largest[p] else zero)
+            facing = g[0, p] * tx + g[1, p] * ty + g[2, p] * tz
+            away = np.float32(2.0) if facing < zero else zero
+            over = u * l - facing
+            bright = lit * (one if over > limit[p] else zero)
+            dark = (one - lit) * (np.float32(8.0) - (np.float32(4.0) + away) * whole)
+            flag_other[p] = np.uint8(np.int32(lit + np.float32(15.0) * bright + dark))
+            highlights += bright
+    for f in range(count if highlights > zero else 0):
         y = stack[f, start:end]
-        k = scale[f]
         sx, sy, sz = light[f, 0], light[f, 1], light[f, 2]
         flag = flags[f, start:end]
         for p in range(size):
-            v = np.float32(y[p])
-            value = v * k
-            # The albedo's square root is spared: the limit is compared in squares.
-            squared = (g[0, p] * g[0, p] + g[1, p] * g[1, p] + g[2, p] * g[2, p]) * excess * excess
-            over = max(value - (g[0, p] * sx + g[1, p] * sy + g[2, p] * sz), zero)
-            whole = one if v < clipped_from else zero
-            lit = whole * (one if value >= largest[p] else zero)
-            bright = (one if over * over > squared else zero) * (one if n[p] > np.float32(4.0) else zero)
-            w = lit * bright
+            w = one if np.int32(flag[p]) == 16 and n[p] > np.float32(4.0) else zero
             m[0, p] -= w * (sx * sx)
             m[1, p] -= w * (sx * sy)
             m[2, p] -= w * (sx * sz)
             m[3, p] -= w * (sy * sy)
             m[4, p] -= w * (sy * sz)
             m[5, p] -= w * (sz * sz)
-            value *= w
+            value = w * scale[f] * np.float32(y[p])
             b[0, p] -= value * sx
             b[1, p] -= value * sy
             b[2, p] -= value * sz
             n[p] -= w
-            # 16 highlight, 1 lit, 8 clipped, 4 in shadow
-            flag[p] = np.uint8(
-                np.int32(
-                    lit * (one + np.float32(15.0) * bright) + (one - lit) * (np.float32(8.0) - np.float32(4.0) * whole)
-                )
-            )
-    _solve3(m, b, g, loose, size)
-    total = np.zeros(size, np.float32)
-    for f in range(count):
-        y = stack[f, start:end]
-        k = scale[f]
-        sx, sy, sz = light[f, 0], light[f, 1], light[f, 2]
-        flag = flags[f, start:end]
-        for p in range(size):
-            facing = g[0, p] * sx + g[1, p] * sy + g[2, p] * sz
-            rest = np.float32(y[p]) * k - facing
-            state = np.int32(flag[p])
-            total[p] += (one if state == 1 else zero) * rest * rest
-            flag[p] = np.uint8(state - (2 if facing < zero else 0) * (1 if state == 4 else 0))
+            total[p] -= value * value
+    if highlights > zero:
+        _solve3(m, b, g, loose, size)
     for p in range(size):
         length = np.sqrt(g[0, p] * g[0, p] + g[1, p] * g[1, p] + g[2, p] * g[2, p])
         inverse = one / max(length, np.float32(1e-20))
@@ -247,7 +264,9 @@ def _weighted(  # noqa: PLR0915 - one fused kernel is the point
         normals[1, start + p] = g[1, p] * inverse
         normals[2, start + p] = g[2, p] * inverse
         albedo[start + p] = length
-        spread[start + p] = total[p] / max(n[p] - np.float32(3.0), one)
+        # At the solution the residuals' squares sum to Σy² − g·b.
+        left = total[p] - (g[0, p] * b[0, p] + g[1, p] * b[1, p] + g[2, p] * b[2, p])
+        spread[start + p] = max(left, zero) / max(n[p] - np.float32(3.0), one)
 
 
 @numba.njit(

@@ -68,7 +68,9 @@ def prepare(
             return _weighted(directions), {"shadow_share": SHADOW}
         case "glossy":
             step = max(1, len(values) // FORM_SAMPLE)
-            form = glossy.matt_form(values[::step], clipped[::step], directions)
+            form = glossy.matt_form(
+                np.ascontiguousarray(values[::step]), np.ascontiguousarray(clipped[::step]), directions
+            )
             return _glossy(directions, form), {"matt_form": dict(zip(("kappa", "omega", "gamma"), form, strict=True))}
         case _:
             return _robust(directions, rounds=0 if solver == "thresholded" else robust.ROUNDS), {}

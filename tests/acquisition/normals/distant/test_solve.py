@@ -1,0 +1,288 @@
+"""Distant light on small scenes of known truth: matt, shadowed, coloured, glossy; and sets that nobody can solve."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition.errors import ErrorCode, RigError
+from acquisition.normals import distant
+from acquisition.normals.distant import blocks, kernels, methods
+from acquisition.normals.image_set import DistantLights, ImageSet
+from acquisition.types import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
+from tests.acquisition.normals.distant.gloss_scenes import Rows, lights
+
+SIZE = 48
+FULL = 65535
+
+
+def ball(size: int = SIZE) -> tuple[np.ndarray, np.ndarray]:
+    """Normals (H, W, 3) of a ball that fills the image, as far as 75° from the view, and where it is."""
+    v, u = np.mgrid[:size, :size]
+    x, y = (u - size / 2 + 0.5) / (size / 2), -(v - size / 2 + 0.5) / (size / 2)
+    squared = x**2 + y**2
+    mask = squared < np.sin(np.radians(75)) ** 2
+    return np.stack([x, y, np.sqrt(np.maximum(1 - squared, 0))], axis=-1) * mask[..., None], mask
+
+
+def few_lights(count: int = 8) -> np.ndarray:
+    angle = 2 * np.pi * np.arange(count) / count
+    slant = np.radians(np.where(np.arange(count) % 2, 25, 45))
+    return np.stack([np.sin(slant) * np.cos(angle), np.sin(slant) * np.sin(angle), np.cos(slant)], axis=-1)
+
+
+def image_set(
+    brightness: np.ndarray, directions: np.ndarray, mask: np.ndarray, intensities: np.ndarray | None = None
+) -> ImageSet:
+    """Brightness (F, H, W[, 3]) per unit of light as stored images of a 16-bit camera."""
+    channels = 3 if brightness.ndim == 4 else 1
+    strength = np.ones((len(directions), channels)) if intensities is None else intensities
+    shape = strength[:, None, None] if channels == 3 else strength[:, :1, None]
+    stored = np.clip(np.round(brightness * shape * FULL), 0, FULL).astype(np.uint16)
+    return ImageSet(
+        names=tuple(f"{n:03d}.png" for n in range(1, len(directions) + 1)), height=mask.shape[0], width=mask.shape[1],
+        channels=channels, rows=Rows(stored), full_scale=FULL, saturated_from=0.99,
+        lights=DistantLights(directions, strength), mask=mask,
+    )  # fmt: skip
+
+
+def lambert(normals: np.ndarray, directions: np.ndarray, albedo: float = 0.6) -> np.ndarray:
+    return albedo * np.maximum(np.einsum("hwc,fc->fhw", normals, directions), 0)
+
+
+def errors(found: np.ndarray, normals: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    return np.degrees(np.arccos(np.clip(np.sum(found * normals, axis=-1)[mask], -1, 1)))
+
+
+@pytest.mark.parametrize("solver", ["ls", "weighted", "robust", "auto"])
+def test_a_matt_surface_without_shadow_is_exact(solver: distant.Solver) -> None:
+    normals, mask = ball()
+    mask = mask & (normals[..., 2] > np.cos(np.radians(40)))
+    images = image_set(lambert(normals, few_lights()), few_lights(), mask)
+    found = distant.solve(images, solver)
+    assert np.array_equal(found.mask, mask)
+    assert errors(found.normals, normals, mask).max() < 0.05
+    np.testing.assert_allclose(found.albedo[mask], 0.6, atol=1e-3)
+    assert np.all(found.flags[:, mask] == LIT)
+
+
+def test_plain_least_squares_leaves_nothing_out_and_mixes_colours_by_luma() -> None:
+    rng = np.random.default_rng(1)
+    brightness, directions = rng.uniform(0, 1, (8, 6, 7, 3)), few_lights()
+    intensities = rng.uniform(0.5, 1.0, (8, 3))
+    images = image_set(brightness, directions, np.ones((6, 7), np.bool_), intensities)
+    grey = brightness @ np.array([0.2989, 0.5870, 0.1140])
+    expected = np.linalg.lstsq(directions, grey.reshape(8, -1), rcond=None)[0].T.reshape(6, 7, 3)
+    expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
+    found = distant.solve(images, "ls", with_depth=False)
+    np.testing.assert_allclose(found.normals, expected, atol=1e-3)
+
+
+def test_weights_leave_out_shadows_clipping_and_highlights_and_flag_them() -> None:
+    normals, mask = ball()
+    directions = few_lights(10)
+    true = lambert(normals, directions)
+    attached = np.einsum("hwc,fc->fhw", normals, directions) < 0
+    cast = np.zeros_like(attached)
+    cast[2, :, :20] = cast[5, 30:] = True
+    shown = np.where(cast, 0.004 * true, true)
+    shown[7, 20:24, 20:24] = 2.0
+    shown[1, 28:30, 20:24] += 0.3
+    images = image_set(shown, directions, mask)
+    plain, found = distant.solve(images, "ls"), distant.solve(images, "weighted")
+    assert errors(found.normals, normals, mask).mean() < 0.1
+    assert errors(plain.normals, normals, mask).mean() > 3
+    assert np.all(found.flags[7, 20:24, 20:24] == SATURATED)
+    assert np.mean(found.flags[1, 28:30, 20:24] == HIGHLIGHT) > 0.9
+    clear = true > 0.1
+    assert np.all(found.flags[2][cast[2] & clear[2] & mask] == CAST)
+    deep = np.einsum("hwc,fc->fhw", normals, directions) < -0.05
+    assert np.all(found.flags[deep & mask] == ATTACHED)
+
+
+def test_the_robust_solver_survives_what_no_threshold_sees() -> None:
+    rng = np.random.default_rng(2)
+    normals, mask = ball()
+    directions = few_lights(10)
+    true = lambert(normals, directions)
+    shown = true.copy()
+    for image in rng.permutation(10)[:2]:
+        shown[image] *= np.where(rng.random(mask.shape) < 0.5, 0.6, 1.0)  # half shadow
+    images = image_set(shown, directions, mask)
+    found = {solver: errors(distant.solve(images, solver).normals, normals, mask) for solver in ("ls", "robust")}
+    assert np.median(found["robust"]) < 0.2
+    assert found["robust"].mean() < 0.4 * found["ls"].mean()
+
+
+@pytest.mark.parametrize("solver", ["ls", "weighted", "robust"])
+def test_colours_share_a_normal_and_keep_their_own_albedo(solver: distant.Solver) -> None:
+    normals, mask = ball()
+    mask = mask & (normals[..., 2] > np.cos(np.radians(40)))
+    tint = np.array([0.7, 0.3, 0.1])
+    intensities = np.random.default_rng(3).uniform(0.4, 1.0, (8, 3))
+    images = image_set(lambert(normals, few_lights(), 1.0)[..., None] * tint, few_lights(), mask, intensities)
+    found = distant.solve(images, solver)
+    assert errors(found.normals, normals, mask).max() < 0.2
+    assert found.albedo_rgb is not None
+    np.testing.assert_allclose(found.albedo_rgb[mask], np.broadcast_to(tint, (np.count_nonzero(mask), 3)), rtol=0.02)
+
+
+@pytest.mark.parametrize("solver", ["ls", "weighted", "robust"])
+def test_sigma_is_what_is_found_on_average(solver: distant.Solver) -> None:
+    rng = np.random.default_rng(4)
+    normals, mask = ball(96)
+    mask = mask & (normals[..., 2] > np.cos(np.radians(40)))
+    directions = few_lights(12)
+    true = lambert(normals, directions)
+    images = image_set(true + rng.normal(0, 0.008, true.shape), directions, mask)
+    found = distant.solve(images, solver)
+    ratio = errors(found.normals, normals, mask) / found.sigma_deg[mask]
+    assert 0.5 < np.mean(ratio < 1) < 0.8
+    assert np.mean(ratio < 2) > 0.92
+
+
+def test_gloss_no_least_squares_can_follow() -> None:
+    normals, mask = ball(32)
+    directions = lights()
+    half = directions + np.array([0, 0, 1.0])
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    facing = np.maximum(np.einsum("hwc,fc->fhw", normals, directions), 0)
+    gloss = np.exp(-((np.arccos(np.clip(np.einsum("hwc,fc->fhw", normals, half), -1, 1)) / 0.25) ** 2))
+    images = image_set(0.3 * facing + 0.5 * gloss * np.sqrt(facing), directions, mask)
+    plain = errors(distant.solve(images, "ls").normals, normals, mask)
+    found = distant.solve(images, "auto")
+    assert found.notes["solver"] == "glossy"
+    assert "not shown" in found.notes["why"]
+    chosen = errors(found.normals, normals, mask)
+    assert chosen.mean() < 0.12 * plain.mean()
+    assert np.median(chosen) < 0.4
+
+
+def test_blocks_of_any_height_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    normals, mask = ball()
+    images = image_set(lambert(normals, few_lights()), few_lights(), mask)
+    whole = distant.solve(images, "weighted")
+    monkeypatch.setattr(blocks, "BLOCK_BYTES", 8 * SIZE * 2 * 7)
+    parts = distant.solve(images, "weighted")
+    np.testing.assert_array_equal(whole.normals, parts.normals)
+    np.testing.assert_array_equal(whole.flags, parts.flags)
+
+
+def test_eight_bits_and_floats_are_read_as_well() -> None:
+    normals, mask = ball()
+    brightness = lambert(normals, few_lights())
+    reference = distant.solve(image_set(brightness, few_lights(), mask), "weighted").normals
+    known = image_set(brightness, few_lights(), mask)
+    as_float = replace(known, rows=Rows(brightness.astype(np.float32)), full_scale=1.0)
+    as_bytes = replace(known, rows=Rows(np.round(brightness * 255).astype(np.uint8)), full_scale=255.0)
+    assert errors(distant.solve(as_float, "weighted").normals, reference, mask).max() < 0.05
+    assert np.median(errors(distant.solve(as_bytes, "weighted").normals, reference, mask)) < 0.4
+
+
+def test_fewer_than_three_lit_measurements_are_doubtful() -> None:
+    normals, mask = ball()
+    directions = few_lights(4)
+    shown = lambert(normals, directions)
+    shown[:2, :12] = 0.0
+    found = distant.solve(image_set(shown, directions, mask), "weighted")
+    assert found.doubtful is not None
+    here = np.zeros_like(mask)
+    here[:12] = mask[:12]
+    assert np.all(found.doubtful[here & found.mask])
+    assert np.nanmin(found.sigma_deg[here]) > 30
+
+
+def test_the_near_kernel_follows_the_inverse_square() -> None:
+    rng = np.random.default_rng(5)
+    count = 500
+    depth = rng.uniform(0.8, 1.0, count).astype(np.float32)
+    ray = rng.uniform(-0.1, 0.1, (2, count)).astype(np.float32)
+    point = np.stack([ray[0] * depth, -ray[1] * depth, -depth])
+    true = rng.normal(0, 0.3, (3, count)) + np.array([0, 0, 1.0])[:, None]
+    true /= np.linalg.norm(true, axis=0)
+    lamp = (few_lights() * 0.45 + np.array([0, 0, -0.9])).astype(np.float32)
+    way = lamp[:, :, None] - point[None]
+    distance = np.linalg.norm(way, axis=1)
+    signal = 0.5 * np.maximum(np.einsum("fcn,cn->fn", way, true) / distance, 0) * (0.45 / distance) ** 2 * 0.8
+    stored = np.round(signal * FULL).astype(np.uint16)
+    normals, albedo = np.empty((3, count), np.float32), np.empty(count, np.float32)
+    scale = np.full(8, 1 / (FULL * 0.8 * 0.45**2), np.float32)
+    limits = np.array([FULL, 0.05], np.float32)
+    kernels.near_least_squares(stored, scale, lamp, ray, depth, limits, normals, albedo)
+    assert np.degrees(np.arccos(np.clip(np.sum(normals * true, axis=0), -1, 1))).max() < 0.1
+    np.testing.assert_allclose(albedo, 0.5, rtol=2e-3)
+
+
+# ------------------------------------------------------------------------------------------------------------ bad input
+
+
+def refused(images: ImageSet, solver: distant.Solver = "weighted") -> RigError:
+    with pytest.raises(RigError) as caught:
+        distant.solve(images, solver)
+    assert caught.value.code == ErrorCode.NORMALS_INFEASIBLE
+    return caught.value
+
+
+def good(count: int = 8) -> ImageSet:
+    normals, mask = ball()
+    return image_set(lambert(normals, few_lights(count)), few_lights(count), mask)
+
+
+def with_lights(images: ImageSet, directions: np.ndarray) -> ImageSet:
+    return replace(images, lights=DistantLights(directions, np.ones((len(directions), 1))))
+
+
+def test_two_images_are_refused() -> None:
+    assert "002.png" in refused(good(2)).detail
+
+
+def test_parallel_lights_are_refused() -> None:
+    assert "parallel" in refused(with_lights(good(), np.tile([0.1, 0.2, 1.0], (8, 1)))).detail
+
+
+def test_lights_in_one_plane_are_refused() -> None:
+    flat = few_lights().copy()
+    flat[:, 1] = 0
+    assert "one plane" in refused(with_lights(good(), flat)).detail
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 0.0])
+def test_a_light_that_is_no_direction_is_refused_by_name(bad: float) -> None:
+    directions = few_lights().copy()
+    directions[4] = bad
+    assert refused(with_lights(good(), directions)).context["file"] == "005.png"
+
+
+def test_an_intensity_of_nothing_is_refused_by_name() -> None:
+    strength = np.ones((8, 1))
+    strength[2] = 0
+    assert refused(replace(good(), lights=DistantLights(few_lights(), strength))).context["file"] == "003.png"
+
+
+def test_lights_of_another_number_are_refused() -> None:
+    assert "one row for each" in refused(with_lights(good(), few_lights(6))).detail
+
+
+def test_an_empty_mask_is_refused() -> None:
+    assert "mask" in refused(replace(good(), mask=np.zeros((SIZE, SIZE), np.bool_))).detail
+
+
+@pytest.mark.parametrize(("value", "word"), [(0.0, "black"), (1.0, "clipped")])
+def test_a_useless_image_is_refused_by_name(value: float, word: str) -> None:
+    normals, mask = ball()
+    shown = lambert(normals, few_lights())
+    shown[3] = value
+    error = refused(image_set(shown, few_lights(), mask))
+    assert error.context["file"] == "004.png"
+    assert word in error.detail
+
+
+def test_values_that_are_not_finite_are_refused_by_name() -> None:
+    images = good()
+    stored = lambert(ball()[0], few_lights()).astype(np.float32)
+    stored[5] = np.nan
+    assert refused(replace(images, rows=Rows(stored), full_scale=1.0)).context["file"] == "006.png"
+
+
+def test_gloss_of_a_few_lights_is_refused() -> None:
+    assert str(methods.GLOSSY_LIGHTS) in refused(good(), "glossy").detail
