@@ -117,11 +117,13 @@ def solve(
     offset_sigma_m: float = NO_OFFSET_M,
     cauchy_scale: float | None = CAUCHY_SCALE,
     extra: Float32Array | None = None,
+    rounds: int = ROUNDS,
 ) -> Estimate:
     """Solves all pixels at a given depth (N,).
 
     `values` (F, N) replaces the measured ones where something was divided out or subtracted; `extra` (F, N) is variance
-    beside the noise model's; residuals beyond `cauchy_scale` σ count less, none: all count alike.
+    beside the noise model's; residuals beyond `cauchy_scale` σ count less, none: all count alike. `rounds`
+    are those of the kernel.
     """
     point = photometry.points(pixels.ray, depth_m)
     along = photometry.ray_directions(pixels.ray)
@@ -158,7 +160,7 @@ def solve(
         np.array([noise.intensity, noise.direction, cauchy_scale or 0.0, offset_sigma_m], dtype=np.float32),
         np.ascontiguousarray(axis * albedo, dtype=np.float32),
         (1.0 / (PRIOR_SCALE * albedo) ** 2).astype(np.float32),
-        ROUNDS,
+        rounds,
         out.g,
         out.offset_m,
         out.variance,

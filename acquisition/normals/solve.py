@@ -38,6 +38,9 @@ BOUNCE_SIGMA = 0.3
 LARGEST_SHARE = 0.3
 """Share of indirect light in a pixel's images above which its σ is said to mean nothing."""
 
+FEW_ROUNDS = 3
+"""Rounds of the kernel where albedo and normals are wanted, and not their last digits."""
+
 SAMPLES = 4000
 LEAST_SPREAD = 0.05
 """Smallest singular value of the unit light directions (scaled by √F): below, they lie in one plane."""
@@ -182,18 +185,19 @@ def _last(
     """The solve at full size; bounced light needs the albedo and gloss the normals, so they are taken out in turns."""
     measured = refine.divided(pixels.values, refined.log_intensity)
 
-    def once(values: Float32Array, extra: Float32Array) -> Estimate:
+    def once(values: Float32Array, extra: Float32Array, rounds: int) -> Estimate:
         return lambert.solve(
             pixels, values, refined.depth_m, lamp, calibration, noise, threshold=settings.shadow_threshold,
             offset_sigma_m=refine.OFFSET_SIGMA_M, cauchy_scale=lambert.CAUCHY_SCALE if settings.robust else None,
-            extra=extra,
+            extra=extra, rounds=rounds,
         )  # fmt: skip
 
     values, extra, indirect = measured, np.zeros_like(measured), None
-    found = once(values, extra)
     matt = refined.lobe.strength == 0
+    plain = refined.received is None and matt
+    found = once(values, extra, lambert.ROUNDS if plain else FEW_ROUNDS)
     along = photometry.ray_directions(pixels.ray)
-    for _ in range(0 if refined.received is None and matt else 2):
+    for rounds in () if plain else (FEW_ROUNDS, lambert.ROUNDS):
         values, extra = measured.copy(), np.zeros_like(measured)
         if refined.received is not None:
             indirect = refined.received * np.minimum(found.albedo, 1)
@@ -203,7 +207,7 @@ def _last(
             highlight = refined.lobe.highlight(found, along)
             values -= highlight
             extra += np.square(np.float32(lobe.SIGMA) * highlight)
-        found = once(values, extra)
+        found = once(values, extra, rounds)
     return _Final(found, values, extra, indirect)
 
 
@@ -226,17 +230,26 @@ def _noise(
 
 def _flags(found: Estimate, pixels: Pixels, noise: photometry.Noise) -> np.ndarray:
     """Bit fields (F, N): what each measurement was."""
-    predicted = np.einsum("fcn,cn->fn", found.light, found.g)
-    strength = np.sqrt(np.einsum("fcn,fcn->fn", found.light, found.light)) * found.albedo
-    dark = ~found.usable & ~pixels.clipped
-    attached = dark & (predicted < 0.1 * strength)
-    excess = pixels.values - predicted
-    spread = np.sqrt(noise.variance(predicted, strength))
-    highlight = found.usable & (excess > 4 * spread) & (excess > 0.03 * strength)
-    return (
-        LIT * found.usable + ATTACHED * attached + CAST * (dark & ~attached) + SATURATED * pixels.clipped
-        + HIGHLIGHT * highlight
-    ).astype(np.uint8)  # fmt: skip
+    flags = np.empty(found.usable.shape, np.uint8)
+    scale = np.sqrt(noise.shot), np.sqrt(noise.floor)
+    for number, (light, usable, clipped) in enumerate(zip(found.light, found.usable, pixels.clipped, strict=True)):
+        predicted = np.einsum("cn,cn->n", light, found.g)
+        strength = np.sqrt(np.einsum("cn,cn->n", light, light)) * found.albedo
+        dark = ~usable & ~clipped
+        attached = dark & (predicted < np.float32(0.1) * strength)
+        spread = (
+            np.float32(scale[0][number]) * np.sqrt(np.maximum(predicted, 0))
+            + np.float32(scale[1][number])
+            + np.float32(noise.intensity) * np.abs(predicted)
+            + np.float32(noise.direction) * strength
+        )
+        excess = pixels.values[number] - predicted
+        highlight = usable & (excess > np.maximum(4 * spread, np.float32(0.03) * strength))
+        flags[number] = (
+            LIT * usable + ATTACHED * attached + CAST * (dark & ~attached) + SATURATED * clipped
+            + HIGHLIGHT * highlight
+        )  # fmt: skip
+    return flags
 
 
 def _refuse_few(stack: Stack) -> None:
