@@ -49,6 +49,9 @@ def demo(
     pilot: Annotated[int, typer.Option(help="Pilot lights")] = 4,
     planned: Annotated[int, typer.Option(help="Planned lights")] = 4,
     method: Annotated[str, typer.Option(help="How lights are chosen: see `method` of the recipe")] = "optimal",
+    lights: Annotated[
+        Path | None, typer.Option(help="Positions for method `user`: x y z in m on each line, or JSON; view frame")
+    ] = None,
     profile: Profile = Profile.REALISTIC,
     random: Annotated[bool, typer.Option(help="Compare with as many random lights")] = True,
     speed: Speed = 8.0,
@@ -70,6 +73,7 @@ def demo(
         speed=speed,
         pixels=pixels,
         data=data,
+        lights=lights,
     )
     outcome = _told(lambda: demonstration.run(wishes))
     if as_json:

@@ -22,6 +22,7 @@ from rich.table import Table
 from acquisition import config
 from acquisition.errors import ErrorCode, RigError
 from acquisition.types import Recipe
+from api import lights_file
 from api.client import Client
 from hardware_sim import grade, truth
 
@@ -45,6 +46,7 @@ class Wishes:
     speed: float
     pixels: int
     data: Path
+    lights: Path | None = None
 
 
 def run(wishes: Wishes) -> dict[str, Any]:
@@ -96,13 +98,15 @@ def run(wishes: Wishes) -> dict[str, Any]:
 
 
 def _recipe(wishes: Wishes, method: str) -> Recipe:
-    given = {
+    given: dict[str, Any] = {
         "method": method,
         "pilot_lights": wishes.pilot_lights,
         "planned_lights": wishes.planned_lights,
         "seed": wishes.seed,
         "label": f"{wishes.object_name}, {method}",
     }
+    if method == "user" and wishes.lights is not None:
+        given["user_lights"] = lights_file.read(wishes.lights)
     try:
         return Recipe.model_validate(given)
     except ValueError as error:

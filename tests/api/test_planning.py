@@ -1,0 +1,99 @@
+"""Sessions in the simulated cell that plan: an ordered accuracy for a region of interest, and every method's lights."""
+
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any, get_args
+
+import cv2
+import numpy as np
+import pytest
+
+from acquisition.session import State
+from acquisition.types import Method, Recipe
+from api import settings
+from hardware_sim.cell import Cell
+from tests.api.test_region import png, square
+
+CELL = "127.0.48.10"
+PIXELS = 128
+ORDERED = Recipe(target_sigma_deg=1.6, max_lights=10)
+USER_LIGHTS = [(0.0, 0.15, -0.45), (0.2, -0.1, -0.5), (-0.2, -0.1, -0.5)]
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Generator[Cell]:
+    folder = tmp_path_factory.mktemp("cell")
+    with Cell(CELL, "bumps", 1, "direct", 20, folder=folder, pixels=PIXELS) as made:
+        yield made
+
+
+def test_an_ordered_accuracy_is_met_in_the_region_although_the_service_was_ended_midway(
+    cell: Cell, tmp_path: Path, serving: Any
+) -> None:
+    chosen = settings.read(cell=cell.cell_file, data=tmp_path / "data", host="127.0.48.2", port=0)
+    mask = tmp_path / "mask.png"
+    mask.write_bytes(png(square(PIXELS, half=14)))
+    with serving(chosen) as service:
+        service.client.wait_ready()
+        session = service.client.create(ORDERED)
+        service.client.draw_region(session.id, mask)
+        service.client.start(session.id)
+        for event in service.client.events(session.id, after=0):
+            assert event.body.get("state") not in (State.INTERRUPTED, State.FAILED), event
+            if event.type == "shot.captured" and event.body["pass"] == 1:
+                break
+    with serving(chosen) as service:
+        service.client.wait_ready()
+        assert service.client.session(session.id).state is State.INTERRUPTED
+        service.client.resume(session.id)
+        ended = service.client.wait(session.id)
+
+        assert ended.state is State.COMPLETED
+        assert ended.conclusion is not None
+        assert ended.conclusion.startswith("target met with")
+        assert ended.answer is not None
+        summary = ended.answer.summary
+        assert summary.region_sigma_deg is not None
+        assert summary.region_sigma_deg <= 1.6
+        assert f"with {summary.images} images" in ended.conclusion
+        before = service.client.results(session.id)[-2].summary
+        assert before.region_sigma_deg is not None
+        assert before.region_sigma_deg > 1.6  # the last lights were needed
+        keys = [shot.key for shot in service.service.store.journal.shots(session.id)]
+        assert len(keys) == len(set(keys))
+
+        planned = service.client.one_pass(session.id, 1)
+        assert planned.plan.forecast
+        assert all(one.sigma_deg >= other.sigma_deg * 0.98 for one, other in zip(
+            planned.plan.forecast, planned.plan.forecast[1:], strict=False
+        ))  # fmt: skip
+        assert len(planned.gain_pictures) == len(planned.plan.lights) == len(planned.plan.gains)
+        picture = service.http.get(planned.gain_pictures[0])
+        image = cv2.imdecode(np.frombuffer(picture.content, np.uint8), cv2.IMREAD_COLOR)
+        assert picture.headers["content-type"] == "image/png"
+        assert image is not None
+        assert np.ptp(image) > 100
+        last = service.client.passes(session.id)[-1]
+        assert last.lights == 0
+        assert service.client.one_pass(session.id, 0).gain_pictures == []
+        refused = service.http.get(planned.gain_pictures[0].replace("/lights/0/", "/lights/64/"))
+        assert refused.status_code == 404
+
+
+@pytest.mark.long
+@pytest.mark.timeout(600)
+def test_every_method_takes_its_lights_through_the_same_session(cell: Cell, tmp_path: Path, serving: Any) -> None:
+    with serving(settings.read(cell=cell.cell_file, data=tmp_path / "data", host="127.0.48.2", port=0)) as service:
+        service.client.wait_ready()
+        for method in get_args(Method):
+            lights = USER_LIGHTS if method == "user" else []
+            recipe = Recipe(method=method, pilot_lights=4, planned_lights=1, user_lights=lights, slant_deg=35)
+            session = service.client.capture(recipe, progress=False)
+            assert session.state is State.COMPLETED
+            assert session.answer is not None
+            assert session.answer.summary.images == recipe.lights_total, method
+            plans = [service.client.one_pass(session.id, item.number).plan for item in
+                     service.client.passes(session.id)]  # fmt: skip
+            assert [plan.method for plan in plans] == (["pilot", "optimal"] if method == "optimal" else [method])
+            assert sum(len(plan.lights) for plan in plans) == recipe.lights_total
+            assert session.conclusion is None
