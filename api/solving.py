@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, cast, get_args
 
 import numpy as np
 from rich.console import Console
@@ -41,7 +41,7 @@ class Wishes:
     """What a person asked for; `exports` are names of `export.FILES` and `export.FOLDERS`."""
 
     folder: Path
-    solver: str = "auto"
+    solver: distant.Solver = "auto"
     near: bool = False
     out: Path | None = None
     sphere: Sphere | None = None
@@ -71,8 +71,10 @@ def wishes(
         raise RigError(
             ErrorCode.REQUEST_INVALID, f"--export {', '.join(sorted(unknown))}: choose of {', '.join(known)}, all"
         )
+    if solver not in get_args(distant.Solver):
+        raise RigError(ErrorCode.REQUEST_INVALID, f"--solver {solver}: choose of {', '.join(get_args(distant.Solver))}")
     chosen = known if "all" in exports else tuple(name for name in known if name in exports)
-    return Wishes(folder, solver, near, out, None if sphere is None else _sphere(sphere), chosen)
+    return Wishes(folder, cast(distant.Solver, solver), near, out, None if sphere is None else _sphere(sphere), chosen)
 
 
 def _sphere(text: str) -> Sphere:
@@ -190,11 +192,23 @@ def _solve_session(capture: SessionCapture, count: int | None, settings: SolveSe
 
 
 def _settings(solver: str) -> SolveSettings:
-    return SolveSettings()
+    """Near light has one solver; what can be left out of it is the robust weighting, and telling shadows apart."""
+    match solver:
+        case "ls":
+            return SolveSettings(robust=False, shadow_threshold=0.0)
+        case "weighted":
+            return SolveSettings(robust=False)
+        case _:
+            return SolveSettings()
 
 
 def _chosen(found: NormalMap, wished: str) -> tuple[str, str]:
-    return str(found.notes.get("solver", wished)), str(found.notes.get("why", ""))
+    """Which solver it was, and why: the solver's own words, or what the near-light one found in the images."""
+    if "solver" in found.notes:
+        return str(found.notes["solver"]), str(found.notes.get("why", ""))
+    bounced, lobe = found.notes.get("interreflection", {}), found.notes.get("lobe", {})
+    why = f"near light; share of bounced light {bounced.get('share', 0):.1%}, gloss {lobe.get('strength', 0):.2f}"
+    return ("near" if wished == "auto" else wished), why
 
 
 # ------------------------------------------------------------------------------------------------------------- writing

@@ -1,0 +1,60 @@
+"""A session's folder as a session leaves it, of a small scene of known truth; no service has been there."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from acquisition import config, jobs
+from acquisition.config import CellConfig
+from acquisition.frames import FolderFrames
+from acquisition.store.folder import write_frame, write_manifest, write_value
+from acquisition.types import LightPlan, Observations, Recipe, Shot, SolveSettings
+from tests.acquisition import scenes
+
+DEPLOY = Path(__file__).parents[2] / "deploy"
+SIZE = 64
+LIGHTS = [*scenes.ring(3, 20.0), *scenes.ring(3, 50.0, 0.5)]
+
+
+def cell() -> CellConfig:
+    return config.load(DEPLOY / "cell.sim.toml")
+
+
+def calibration():
+    """A camera of few pixels above the place where that cell's object stands."""
+    x, y, z = cell().object.keep_out.base_from_object.position_m
+    above = ((1.0, 0.0, 0.0, x), (0.0, -1.0, 0.0, y), (0.0, 0.0, -1.0, z + scenes.TABLE_DEPTH), (0.0, 0.0, 0.0, 1.0))
+    return scenes.calibration(SIZE, valid_days=36500.0, base_from_camera=above)
+
+
+def scene() -> scenes.Scene:
+    return scenes.scene(scenes.bumps, calibration())
+
+
+def make(folder: Path) -> Path:
+    """Two passes of three lights each; each has a result, solved from all images so far."""
+    known, true = calibration(), scene()
+    taken = scenes.capture(true, LIGHTS, exposure_s=0.05)
+    (dark,) = taken.darks.values()
+    write_value(folder / "recipe.json", Recipe(pilot_lights=3, planned_lights=3))
+    write_value(folder / "cell.json", cell())
+    write_value(folder / "calibration.json", known)
+    shots: list[Shot] = []
+    for number, part in enumerate((taken.shots[:3], taken.shots[3:])):
+        plan = LightPlan(lights=[shot.light for shot in part if shot.light], method="user", reasons=[""] * len(part))
+        write_value(folder / f"passes/{number}/plan.json", plan)
+        for index, shot in enumerate([*part, dark]):
+            frame = write_frame(folder, f"passes/{number}/shots/{index}.tiff", taken.frames.stored[shot.frame.path])  # type: ignore[attr-defined]
+            key = shot.key.model_copy(update={"pass_number": number, "number": index})
+            shots.append(shot.model_copy(update={"key": key, "frame": frame}))
+        lit = [shot for shot in shots if shot.kind == "light"]
+        observations = Observations(lit, {dark.exposure_s: shots[-1]}, FolderFrames(folder))
+        jobs.solve_normals(observations, cell(), known, SolveSettings(), plan, None, folder / "results" / str(number))
+    write_manifest(folder, {"session_id": "small", "shots": [json.loads(shot.model_dump_json()) for shot in shots]})
+    return folder
+
+
+def error_deg(normals: np.ndarray) -> float:
+    """Mean error at the scene's graded pixels."""
+    return float(np.mean(scene().error_deg(normals)))

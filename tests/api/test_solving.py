@@ -1,0 +1,184 @@
+"""`lightpose solve` and `lightpose replay`: folders to results, whole or not at all."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tifffile
+
+from acquisition.errors import ErrorCode, RigError
+from acquisition.normals import export
+from api import solving
+from tests.acquisition import session_folder
+from tests.acquisition.normals.folders import small
+
+ROOT = Path(__file__).parents[2]
+
+
+def wishes(folder: Path, **more: object) -> solving.Wishes:
+    given = {"solver": "auto", "near": False, "out": None, "sphere": None, "exports": ()} | more
+    return solving.wishes(folder, **given)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return session_folder.make(tmp_path_factory.mktemp("sessions") / "small")
+
+
+def test_the_command_ends_with_one_json_object(tmp_path: Path) -> None:
+    folder = small.diligent(tmp_path / "in")
+    sphere = f"{small.SIZE / 2},{small.SIZE / 2},{small.RADIUS}"
+    done = subprocess.run(
+        [sys.executable, "-m", "api.cli", "solve", str(folder), "--solver", "weighted", "--out", str(tmp_path / "out"),
+         "--sphere", sphere, "--json"],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    outcome = json.loads(done.stdout.splitlines()[-1])
+    assert outcome["mean_deg"] < 0.1
+    assert outcome["median_deg"] <= outcome["p95_deg"] < 0.5
+    assert outcome["pixels"] == np.count_nonzero(small.sphere()[1])
+    assert outcome["solver"] == "weighted"
+    assert outcome["seconds"] > 0
+    assert outcome["sigma_ratio"] > 0
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"normals.png", "normals.tiff", "sigma_deg.tiff", "mask.png", "report.html", "report.png"} <= written
+    kept = json.loads((tmp_path / "out" / solving.SUMMARY).read_text())
+    assert kept["mean_deg"] == outcome["mean_deg"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "out"]
+
+
+def test_a_folder_without_truth_has_no_errors(tmp_path: Path) -> None:
+    outcome = solving.run(wishes(small.lp(tmp_path / "in")))
+    assert outcome["mean_deg"] is None
+    assert outcome["sigma_ratio"] is None
+    assert outcome["normals"] > 500
+    assert any("equally bright" in sentence for sentence in outcome["warnings"])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in"]
+
+
+def test_near_light_is_solved_as_such_and_albedo_is_absolute(tmp_path: Path) -> None:
+    folder, out = small.near(tmp_path / "in"), tmp_path / "out"
+    outcome = solving.run(wishes(folder, near=True, out=out, exports=["all"]))
+    assert outcome["solver"] == "near"
+    assert outcome["median_deg"] < 0.5
+    assert outcome["coverage"] > 0.9
+    albedo = tifffile.imread(out / "albedo.tiff")
+    assert np.median(albedo[albedo > 0]) == pytest.approx(small.ALBEDO, rel=0.03)
+    depth = tifffile.imread(out / "depth.tiff")
+    assert np.median(depth[depth > 0]) == pytest.approx(0.467, abs=0.02)
+    assert {*export.FILES, *export.FOLDERS} <= {path.name for path in out.iterdir()}
+
+
+def test_what_was_exported_solves_to_the_same_normals(tmp_path: Path) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    solving.run(wishes(small.diligent(tmp_path / "in"), solver="weighted", out=first, exports=["diligent"]))
+    solving.run(wishes(first / "diligent", solver="weighted", out=second))
+    one, two = (tifffile.imread(folder / "normals.tiff") for folder in (first, second))
+    np.testing.assert_allclose(one, two, atol=1e-5)
+
+
+def test_our_own_result_may_be_replaced_and_nothing_else(tmp_path: Path) -> None:
+    folder, out = small.diligent(tmp_path / "in"), tmp_path / "out"
+    solving.run(wishes(folder, solver="ls", out=out))
+    assert solving.run(wishes(folder, solver="weighted", out=out))["out"] == str(out)
+    assert json.loads((out / solving.SUMMARY).read_text())["solver"] == "weighted"
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "letters.txt").write_text("kept")
+    for target in (tmp_path / "mine", folder):
+        before = sorted(target.iterdir())
+        with pytest.raises(RigError) as refused:
+            solving.run(wishes(folder, out=target))
+        assert refused.value.code is ErrorCode.FOLDER_INVALID
+        assert sorted(target.iterdir()) == before
+
+
+@pytest.mark.parametrize("broken", ["image", "directions", "mask", "truth"])
+def test_a_bad_folder_leaves_nothing_behind(broken: str, tmp_path: Path) -> None:
+    folder, out = small.diligent(tmp_path / "in"), tmp_path / "out"
+    match broken:
+        case "image":
+            (folder / "003.png").write_bytes((folder / "003.png").read_bytes()[:300])
+        case "directions":
+            (folder / "light_directions.txt").write_text("nan 0 1\n" * 6)
+        case "mask":
+            (folder / "mask.png").unlink()
+        case _:
+            np.save(folder / "normals_gt.npy", np.zeros((2, 2, 3)))
+    with pytest.raises(RigError) as refused:
+        solving.run(wishes(folder, out=out))
+    assert refused.value.code is ErrorCode.FOLDER_INVALID
+    assert refused.value.context["file"].startswith(str(folder))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in"]
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"sphere": "1,2"}, "cx,cy,r"),
+        ({"sphere": "a,b,c"}, "cx,cy,r"),
+        ({"sphere": "1,2,-3"}, "positive"),
+        ({"exports": ["mesh.stl"], "out": Path("x")}, "mesh.ply"),
+        ({"exports": ["mesh.ply"]}, "--out"),
+        ({"near": True}, "lights.json"),
+        ({"solver": "magic"}, "weighted"),
+        ({"solver": "glossy"}, "12 lights"),
+    ],
+)
+def test_what_cannot_be_done_is_refused(more: dict[str, object], said: str, tmp_path: Path) -> None:
+    folder = small.diligent(tmp_path / "in")
+    with pytest.raises(RigError, match=said):
+        solving.run(wishes(folder, **more))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in"]
+
+
+def test_a_session_is_a_folder_like_any_other(session: Path, tmp_path: Path) -> None:
+    outcome = solving.run(wishes(session, out=tmp_path / "out", exports=["all"]))
+    assert outcome["format"] == "session"
+    assert outcome["images"] == len(session_folder.LIGHTS)
+    assert session_folder.error_deg(tifffile.imread(tmp_path / "out" / "normals.tiff")) < 2
+    assert len((tmp_path / "out" / "lights.lp").read_text().splitlines()) == 1 + outcome["images"]
+    assert np.loadtxt(tmp_path / "out" / "diligent" / "light_intensities.txt").shape == (outcome["images"], 3)
+
+
+@pytest.mark.parametrize(("number", "images"), [(None, 6), (1, 6), (0, 3)])
+def test_a_replay_finds_what_was_stored(number: int | None, images: int, session: Path) -> None:
+    before = sorted(session.rglob("*"))
+    outcome = solving.replay(session, number)
+    assert outcome["same"]
+    assert outcome["images"] == images
+    assert outcome["max_deg"] < solving.SAME_DEG
+    assert outcome["sigma_deg"] == pytest.approx(outcome["sigma_before_deg"], rel=1e-3)
+    assert sorted(session.rglob("*")) == before
+
+
+def test_a_replay_sees_a_difference(session: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    shutil.copytree(session, other)
+    stored = tifffile.imread(other / "results" / "1" / "normals.tiff")
+    turned = stored[..., [1, 0, 2]]
+    tifffile.imwrite(other / "results" / "1" / "normals.tiff", turned, photometric="rgb")
+    outcome = solving.replay(other)
+    assert not outcome["same"]
+    assert outcome["mean_deg"] > 5
+
+
+def test_replays_that_cannot_be(session: Path, tmp_path: Path) -> None:
+    with pytest.raises(RigError, match="no result 7, only 0, 1"):
+        solving.replay(session, 7)
+    other = tmp_path / "other"
+    shutil.copytree(session, other)
+    (other / "passes" / "1" / "shots" / "2.tiff").write_bytes(b"")
+    with pytest.raises(RigError) as cut:
+        solving.replay(other)
+    assert cut.value.code is ErrorCode.STORE_CORRUPT
+    for name in ("calibration.json", "recipe.json", "manifest.json"):
+        (other / name).write_text("[]")
+        with pytest.raises(RigError) as refused:
+            solving.replay(other)
+        assert refused.value.context["file"] == str(other / name)
+        shutil.copy(session / name, other / name)
