@@ -1,0 +1,43 @@
+"""The lobe that all pixels find together."""
+
+import numpy as np
+import pytest
+
+from acquisition.normals import lobe
+from acquisition.normals.lobe import Lobe
+from tests.acquisition.normals.shared_scene import Measured, measured
+
+
+def blinn(scene: Measured, strength: float, exponent: float) -> np.ndarray:
+    """k|s|(n·h)^α written out again."""
+    size = np.linalg.norm(scene.light, axis=1)
+    view = -scene.along / np.linalg.norm(scene.along, axis=0)
+    half = scene.light / size[:, None] + view
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    return strength * size * np.clip(np.einsum("fcn,cn->fn", half, scene.normals), 0, 1) ** exponent
+
+
+def fitted(scene: Measured, values: np.ndarray) -> Lobe:
+    noisy = values + np.random.default_rng(0).normal(0, 0.003, values.shape)
+    return lobe.fit(
+        scene.pixels, noisy.astype(np.float32), scene.depth_m, scene.along, scene.lamp, scene.calibration, scene.noise,
+        0.15, lobe.NONE,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("strength", "exponent"), [(0.2, 35.0), (0.1, 25.0), (0.3, 50.0)])
+def test_a_lobe_is_found(strength: float, exponent: float) -> None:
+    scene = measured()
+    found = fitted(scene, scene.values + blinn(scene, strength, exponent))
+    assert found.strength == pytest.approx(strength, rel=0.1)
+    assert exponent / 1.5 < found.exponent < exponent * 1.5
+
+
+def test_a_matt_surface_gets_none() -> None:
+    scene = measured()
+    assert fitted(scene, scene.values) == lobe.NONE
+
+
+def test_four_lights_cannot_tell() -> None:
+    scene = measured(count=4)
+    assert fitted(scene, scene.values + blinn(scene, 0.2, 35.0)) == lobe.NONE

@@ -1,0 +1,60 @@
+"""The path tracer's images and the solver on two small ones: every day's share of the accuracy tests."""
+
+import numpy as np
+import pytest
+
+from acquisition import normals
+from acquisition.types import NormalMap, SolveSettings
+from tests.path_traced import bench
+
+PIXELS = 64
+
+
+def solved(name: str, y: np.ndarray, seed: int = 0) -> tuple[NormalMap, bench.Grade]:
+    true = bench.truth(name, PIXELS)
+    taken = bench.capture(y, bench.two_rings(len(y)), seed)
+    found = normals.solve_stack(
+        taken.stack, taken.calibration, SolveSettings(), initial_depth_m=0.9, object_mask=true.mask
+    )
+    return found, bench.grade(found, true, taken.log_intensity)
+
+
+def test_direct_light_is_that_of_the_image_formation_model() -> None:
+    """Albedo × cosine / r², at pixels that are lit and far from edges."""
+    light = bench.two_rings(8)[:1]
+    y = bench.render("bowl", light, pixels=PIXELS, bounces=False, samples=16)[0]
+    true = bench.truth("bowl", PIXELS)
+    toward = light[0] - bench.rays(PIXELS)[0] * true.depth_m[..., None]
+    distance = np.linalg.norm(toward, axis=-1)
+    law = 0.7 * np.sum(toward * true.normals, axis=-1) / distance * (bench.REFERENCE_M / distance) ** 2
+    lit = true.graded & (y > 0.1)
+    assert np.count_nonzero(lit) > 800
+    assert np.median(np.abs(y[lit] / law[lit] - 1)) < 0.01
+
+
+def test_bounced_light_is_taken_out_of_grooves() -> None:
+    y = bench.render("vee", bench.two_rings(8), pixels=PIXELS, bounces=True, samples=36)
+    found, grade = solved("vee", y)
+    assert found.indirect is not None
+    assert 0.1 < np.median(found.indirect[bench.truth("vee", PIXELS).graded]) < 0.35
+    assert grade.mean_deg < 3.0  # uncorrected: 10°
+    assert grade.within_two > 0.85
+
+
+def test_direct_light_alone_is_left_alone() -> None:
+    y = bench.render("vee", bench.two_rings(8), pixels=PIXELS, bounces=False, samples=16)
+    found, grade = solved("vee", y)
+    assert found.indirect is not None
+    assert np.all(found.indirect == 0)
+    assert found.notes["lobe"]["strength"] == 0
+    assert grade.mean_deg < 0.9
+    assert grade.intensity_error < 0.01
+
+
+def test_gloss_is_found_and_taken_out() -> None:
+    lights = bench.two_rings(8)
+    y = bench.render("animal", lights, pixels=PIXELS, bounces=False, samples=16)
+    found, grade = solved("animal", y + bench.gloss("animal", lights, pixels=PIXELS))
+    assert found.notes["lobe"]["strength"] == pytest.approx(0.2, abs=0.03)
+    assert 12 < found.notes["lobe"]["exponent"] < 60
+    assert grade.mean_deg < 1.3
