@@ -71,7 +71,9 @@ def prepare(
             form = glossy.matt_form(
                 np.ascontiguousarray(values[::step]), np.ascontiguousarray(clipped[::step]), directions
             )
-            return _glossy(directions, form), {"matt_form": dict(zip(("kappa", "omega", "gamma"), form, strict=True))}
+            return _glossy(directions, form), {
+                "matt_form": dict(zip(("kappa", "omega", "gamma"), form.tolist(), strict=True))
+            }
         case _:
             return _robust(directions, rounds=0 if solver == "thresholded" else robust.ROUNDS), {}
 

@@ -93,3 +93,50 @@ def test_uncertain_pixels_yield_to_certain_ones() -> None:
     outside[68:92, 68:92] = False
     assert rms_mm(doubted, depth, outside) < 0.15
     assert rms_mm(doubted, depth, outside) < 0.3 * rms_mm(believed, depth, outside)
+
+
+def slab(size: int = 128) -> tuple[np.ndarray, Float32Array, np.ndarray]:
+    """Orthographic depth in pixels, normals (3, H, W) and mask of a ramp that ends in a cliff facing away."""
+    v, u = np.mgrid[:size, :size]
+    x, y = (u - size / 2) / size, -(v - size / 2) / size
+
+    def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        rise = np.clip((x + 0.35) / 0.4, 0, 1)
+        bump = 0.12 * np.exp(-((y / 0.15) ** 2)) * rise**2 * (3 - 2 * rise)
+        return size * (np.where(x < 0.1, bump, 0) + 0.02 * np.sin(9 * x) * np.cos(8 * y))
+
+    e = 1e-5
+    gx, gy = ((height(x + a, y + b) - height(x - a, y - b)) / (2 * e * size) for a, b in ((e, 0), (0, e)))
+    normal = np.stack([-gx, -gy, np.ones_like(gx)])
+    return -height(x, y), (normal / np.linalg.norm(normal, axis=0)).astype(np.float32), np.hypot(x, y) < 0.47
+
+
+def test_an_orthographic_surface_comes_back_in_pixels() -> None:
+    depth, normal, mask = slab()
+    smooth = mask & (np.mgrid[:128, :128][1] < 70)
+    found = integrate.relief(normal, smooth, np.ones(mask.shape, np.float32))
+    error = (found - depth)[smooth]
+    assert np.std(error) < 0.01
+    assert abs(float(np.mean(found[smooth]))) < 1e-3
+    assert np.all(found[~smooth] == 0)
+
+
+def test_steps_are_kept_where_asked() -> None:
+    depth, normal, mask = slab()
+    certainty = np.ones(mask.shape, np.float32)
+
+    def error(keep_steps: bool) -> np.ndarray:
+        off = (integrate.relief(normal, mask, certainty, keep_steps=keep_steps) - depth)[mask]
+        return np.abs(off - np.median(off))
+
+    smeared, kept = error(False), error(True)
+    assert np.median(kept) < 0.3 * np.median(smeared)
+    assert kept.mean() < 0.4 * smeared.mean()
+
+
+def test_keeping_steps_costs_a_smooth_surface_little() -> None:
+    depth, normal, ray = surface(0.2)
+    mask = np.ones(depth.shape, np.bool_)
+    start = np.full(mask.shape, np.exp(np.mean(np.log(depth))), np.float32)
+    found = integrate.depth(normal, mask, ray, np.ones(mask.shape, np.float32), start, keep_steps=True)
+    assert rms_mm(found, depth, mask) < 0.1

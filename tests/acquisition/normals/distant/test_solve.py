@@ -142,7 +142,7 @@ def test_sigma_is_what_is_found_on_average(solver: distant.Solver) -> None:
 
 
 def test_gloss_no_least_squares_can_follow() -> None:
-    normals, mask = ball(32)
+    normals, mask = ball(24)
     directions = lights()
     half = directions + np.array([0, 0, 1.0])
     half /= np.linalg.norm(half, axis=1, keepdims=True)
