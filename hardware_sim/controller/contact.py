@@ -31,7 +31,7 @@ FINEST_M = 0.001
 _TOOL, _OBJECT = 7, 8
 _FRAMES = (0, 1, 2, 3, 4, 5, 6, 6, 0)  # the link's frame that each part is given in
 _UNIT_M = 1e-4
-_GROUP = 32
+_GROUP = 20
 _FAR_M = 0.03  # beyond this a lower bound is as good as the distance
 _TOOL_DIP_M = 0.0005
 # The flange turns in wrist 2 and carries the tool; wrist 1 and wrist 3 cannot meet, whatever the joints.
@@ -58,7 +58,6 @@ class _Part:
     bounds: FloatArray  # (K,) radii round the groups
     center: FloatArray  # (3,)
     radius: float  # round all of them
-    reach: float  # of the farthest point from the frame's origin
 
 
 @dataclass(frozen=True)
@@ -178,12 +177,19 @@ class ContactCheck:
         """How far (6,) from each joint's axis, m, any point can be that the joint moves in the frame of the other."""
         alone = pair.body >= 0 or pair.other == _OBJECT
         moving, near = (pair.part, 0) if alone else (pair.other, _FRAMES[pair.part])
-        far, reach = _FRAMES[moving], self._parts[moving].reach
+        part, far = self._parts[moving], _FRAMES[moving]
         levers = [0.0] * 6
-        for joint in range(near, far):
+        # In the frame before the last joint the part turns about z; before that only its reach is known.
+        link = self._links[far - 1]
+        x = part.spheres[:, 0] + link.length
+        y = link.cos_twist * part.spheres[:, 1] - link.sin_twist * part.spheres[:, 2]
+        z = link.sin_twist * part.spheres[:, 1] + link.cos_twist * part.spheres[:, 2] + link.distance
+        levers[far - 1] = float((np.hypot(x, y) + part.radii).max())
+        reach = float((np.sqrt(x**2 + y**2 + z**2) + part.radii).max())
+        for joint in range(far - 2, near - 1, -1):
             # The offset along a joint's own axis does not turn with it.
-            beyond = sum(math.hypot(link.length, link.distance) for link in self._links[joint + 1 : far])
-            levers[joint] = abs(self._links[joint].length) + beyond + reach
+            levers[joint] = abs(self._links[joint].length) + reach
+            reach += math.hypot(self._links[joint].length, self._links[joint].distance)
         return levers
 
 
@@ -211,10 +217,9 @@ def _part(spheres: FloatArray) -> _Part:
     around = np.array([_around(group) for group in groups]).reshape(-1, 4)
     whole = _around(spheres) if len(spheres) else np.zeros(4)
     members = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
-    reach = float((np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]).max(initial=0.0))
     return _Part(
         ordered[:, :3].copy(), ordered[:, 3].copy(), members, around[:, :3].copy(), around[:, 3].copy(), whole[:3],
-        float(whole[3]), reach,
+        float(whole[3]),
     )  # fmt: skip
 
 

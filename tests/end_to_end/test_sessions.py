@@ -53,6 +53,7 @@ def test_a_whole_session_finds_the_normals_and_keeps_everything(rig: Rig, tmp_pa
         events = client.past_events(done.id)
         normals = client.download(done.id, 1, "normals.png", tmp_path / "normals.png")
     pilot, final = grades(rig.cell, rig.service.data, done.id)
+    assert rig.cell.state()["collisions"] == 0
     assert final.mean_deg < 1.2
     assert final.mean_deg < 0.67 * pilot.mean_deg
     assert final.coverage > 0.98

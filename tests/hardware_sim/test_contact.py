@@ -182,3 +182,21 @@ def test_nudged_object_is_touched_where_it_is_now(surroundings: Surroundings) ->
     axis = CELL.object.keep_out.base_from_object.position_m
     before, after = surroundings.object_in_base - axis, moved.object_in_base - axis
     assert after == pytest.approx(before * (-1, -1, 1) + (0.2, 0.0, 0.01), abs=1e-12)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(12))
+def test_nothing_is_touched_on_certified_routes(seed: int) -> None:
+    """The planner keeps its clearances by its own shapes; by these, nothing is even near on any of its routes."""
+    from acquisition.waypoints.route import route
+    from tests.acquisition.waypoints.cells import random_cell, simulated_cell
+    from tests.acquisition.waypoints.test_route import corners, some_lights
+
+    cell, calibration = simulated_cell() if seed == 0 else random_cell(seed)
+    planned = route(some_lights(cell, calibration, 8, seed), cell.arm.home, cell, calibration)
+    name = sorted(objects.SHAPES)[seed % len(objects.SHAPES)]
+    check = ContactCheck(MODELS[cell.arm.model], solids.surroundings(cell, objects.build(name, seed).mesh))
+    for joints in audit.samples_along(corners(planned), 0.005):
+        assert check.advance(joints) is None
+    for joints in audit.samples_along(corners(planned), 0.1):
+        assert min(d for pair, d in check.distances(joints).items() if "base" not in pair) > 0.005
