@@ -17,6 +17,7 @@ from scipy.special import ndtr
 
 from acquisition import photometry
 from acquisition.plan import kernels, noise, visibility
+from acquisition.plan.noise import Gloss
 from acquisition.plan.visibility import Surface
 from acquisition.types import (
     ATTACHED,
@@ -174,8 +175,9 @@ def _shading(sample: Samples, lamp: Float32Array, calibration: Calibration) -> _
 
 
 def candidates(
-    sample: Samples, lights: list[Light], surface: Surface, calibration: Calibration, recipe: Recipe
-) -> Candidates:
+    sample: Samples, lights: list[Light], surface: Surface, calibration: Calibration, recipe: Recipe,
+    gloss: Gloss = noise.MATT,
+) -> Candidates:  # fmt: skip
     """Rows and visibilities of lights at the sample pixels, with the exposure that each light would get."""
     lamp = photometry.lamps(lights)
     there = _shading(sample, lamp, calibration)
@@ -194,12 +196,23 @@ def candidates(
     seen = np.where(there.value * level[:, None] > clipping, 0.0, seen)
 
     strength = sample.albedo * there.strength
-    deviation = np.sqrt(noise.variance(there.value, there.cosine, strength, there.distance, level, calibration))
+    expected = noise.variance(there.value, there.cosine, strength, there.distance, level, calibration)
+    if gloss.sigma > 0:
+        expected = expected + (gloss.sigma * there.strength * _half_way(sample, there) ** gloss.exponent) ** 2
+    deviation = np.sqrt(expected)
     turning = np.einsum("fcp,cp->fp", there.light, sample.along) / np.maximum(there.strength, 1e-9)
     facing = np.einsum("cp,cp->p", sample.normal, sample.along)
     slope = -strength / there.distance * (facing - 3 * there.cosine * turning) * OFFSET_SIGMA_M
     row = np.concatenate([there.light, slope[:, None]], axis=1) / deviation[:, None]
     return Candidates(np.ascontiguousarray(row, np.float32), np.ascontiguousarray(seen, np.float32))
+
+
+def _half_way(sample: Samples, there: _Shading) -> Float32Array:
+    """Cosines (K, P) between the normal and the direction half way between lamp and camera."""
+    to_camera = -sample.along / np.sqrt(np.sum(sample.along**2, axis=0))
+    half = there.light / np.maximum(there.strength, 1e-9)[:, None] + to_camera
+    aligned = np.einsum("fcp,cp->fp", half, sample.normal)
+    return np.clip(aligned / np.sqrt(np.einsum("fcp,fcp->fp", half, half)), 0, 1)
 
 
 def reweighed(sample: Samples, normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Samples:

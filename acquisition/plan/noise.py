@@ -5,28 +5,64 @@ together, so that a part of that error remains; and depth is an unknown of its o
 the error of the light's direction is that of the lamp's position, and turns y only as far as the light falls aslant.
 What the images so far have told is weighed anew by the same noise.
 
+Highlights on a glossy surface are another error of the images: where the pilot shows some, lights that would throw
+them at many pixels are worth less.
+
 Some errors no light removes: where the surface bends within a pixel, the pixel's normal is a mixture. How far it bends
 shows in the normals of the neighbours, and such pixels keep a variance of their own.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from acquisition import photometry
-from acquisition.types import BoolArray, Calibration, Float32Array, FloatArray, NormalMap
+from acquisition.types import HIGHLIGHT, BoolArray, Calibration, Float32Array, FloatArray, NormalMap
 
-AFTER_SELF_CALIBRATION = 0.4
-"""Share of an image's intensity error that is left and matters: of 0.010 at eight images 0.0055, part of it common to
+AFTER_SELF_CALIBRATION = 0.3
+"""Share of an image's intensity error that is left and matters: of 0.010 at eight images 0.0055, most of it common to
 all images, which only the albedo feels. Planning with the covariance of the intensities found (a Schur complement over
 images) in place of this number changes the errors by less than can be measured."""
-
-DEPTH_SIGMA_M = 0.0005
-"""1 σ of what is left of a pixel's depth error beside the depth unknown."""
 
 MIXED = 0.085
 """Error of a pixel's normal as a share of the second difference of the normals round it, for relief and steps alike."""
 
-NOISE_OF_BEND = float(np.radians(5.0))
-"""Second differences of this size are the pilot's own noise."""
+NOISE_OF_BEND = float(np.radians(8.0))
+NOISE_OF_SIGMA = 2.0
+"""Second differences of the first size, or of the second in units of the pixel's own σ, are the pilot's own noise."""
+
+
+GLOSSY_FROM = 0.03
+"""Share of pixels with a highlight in some image above which a surface is glossy: 0.5–2 % on matt ones, 4–13 % on
+slightly glossy ones."""
+
+HIGHLIGHT_SIGMA = 0.1
+"""1 σ of the highlight where nothing but its presence is known, in units of albedo."""
+
+LOBE_SIGMA = 0.2
+"""1 σ of what is left of a highlight whose lobe has been found, as a share of it."""
+
+USUAL_EXPONENT = 30.0
+
+
+@dataclass(frozen=True)
+class Gloss:
+    """Variance of y from highlights: (sigma |s| (n·h)^exponent)², h half way between lamp and camera."""
+
+    sigma: float = 0.0
+    exponent: float = USUAL_EXPONENT
+
+
+MATT = Gloss()
+
+
+def gloss(normal_map: NormalMap) -> Gloss:
+    """What is to be expected of highlights: by the lobe that the solver found, or by those that the images show."""
+    lobe = normal_map.notes.get("lobe")
+    if lobe is not None and lobe["strength"] > 0:
+        return Gloss(LOBE_SIGMA * float(lobe["strength"]), float(lobe["exponent"]))
+    shown = np.any(normal_map.flags[:, normal_map.mask] & HIGHLIGHT, axis=0)
+    return Gloss(HIGHLIGHT_SIGMA) if shown.size and np.mean(shown) > GLOSSY_FROM else MATT
 
 
 def variance(
@@ -38,7 +74,7 @@ def variance(
     shot, floor = photometry.sensor_noise(calibration, list(level / calibration.lamp_intensity))
     aside = calibration.lamp_position_sigma_m / distance
     left = AFTER_SELF_CALIBRATION**2 * (calibration.intensity_sigma**2 + (2 * aside) ** 2)
-    turn = aside**2 * np.clip(1 - cosine**2, 0, 1) + (DEPTH_SIGMA_M / distance) ** 2
+    turn = aside**2 * np.clip(1 - cosine**2, 0, 1)
     in_proportion = (left + photometry.FLAT_FIELD_SIGMA**2) * value**2
     return np.asarray(shot[:, None] * value + floor[:, None] + in_proportion + turn * strength**2)
 
@@ -67,4 +103,7 @@ def unresolved(normal_map: NormalMap, rows: np.ndarray, columns: np.ndarray) -> 
         inside: BoolArray = normal_map.mask[before] & normal_map.mask[after]
         bend = np.nan_to_num(normal_map.normals[before] + normal_map.normals[after] - 2 * here)
         square += np.where(inside, np.sum(bend**2, axis=1), 0.0)
-    return (MIXED**2 * np.maximum(square / 2 - NOISE_OF_BEND**2, 0.0)).astype(np.float32)
+    sigma = np.radians(np.nan_to_num(normal_map.sigma_deg[rows, columns], nan=40.0))
+    return (MIXED**2 * np.maximum(square / 2 - NOISE_OF_BEND**2 - (NOISE_OF_SIGMA * sigma) ** 2, 0.0)).astype(
+        np.float32
+    )

@@ -10,9 +10,10 @@ import numpy as np
 
 from acquisition import dome
 from acquisition.errors import ErrorCode, RigError
-from acquisition.plan import baselines, criterion, objective, patterns, relaxation, search, visibility
+from acquisition.plan import baselines, criterion, noise, objective, patterns, relaxation, search, visibility
 from acquisition.plan.criterion import Candidates, Expectation, Samples
 from acquisition.plan.deadline import Deadline
+from acquisition.plan.noise import Gloss
 from acquisition.plan.objective import Loss
 from acquisition.plan.trust import Doubts
 from acquisition.plan.visibility import Surface
@@ -46,6 +47,7 @@ class Problem:
     normal_map: NormalMap
     observations: Observations
     surface: Surface
+    gloss: Gloss
     calibration: Calibration
     recipe: Recipe
     reach: Reach
@@ -60,7 +62,9 @@ class Problem:
 
     def candidates(self, sample: Samples, positions: FloatArray) -> Candidates:
         """What lights at positions (M, 3) would tell sample pixels."""
-        return criterion.candidates(sample, self.lights(positions), self.surface, self.calibration, self.recipe)
+        return criterion.candidates(
+            sample, self.lights(positions), self.surface, self.calibration, self.recipe, self.gloss
+        )
 
     def expected(self, positions: FloatArray) -> Expectation:
         """What is expected of the fresh pixels after lights at positions (M, 3)."""
@@ -214,11 +218,19 @@ def _problem(
     half = max(len(order) // 2, LEAST_PIXELS // 2)
     units = dome.directions(reach.candidates, reach.center, count)
     thin = np.linspace(0, len(units) - 1, min(len(units), MOST_CANDIDATES)).round().astype(int)
-    surface = visibility.surface(normal_map, calibration)
     return Problem(
-        normal_map, observations, surface, calibration, recipe, reach, sampled(order[:half]), sampled(order[half:]),
-        reach.candidates[thin], units[thin],
-    )  # fmt: skip
+        normal_map=normal_map,
+        observations=observations,
+        surface=visibility.surface(normal_map, calibration),
+        gloss=noise.gloss(normal_map),
+        calibration=calibration,
+        recipe=recipe,
+        reach=reach,
+        known=sampled(order[:half]),
+        fresh=sampled(order[half:]),
+        positions=reach.candidates[thin],
+        units=units[thin],
+    )
 
 
 def _judged(problem: Problem, options: Candidates, count: int) -> tuple[Loss, list[list[int]]]:

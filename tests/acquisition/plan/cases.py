@@ -157,6 +157,6 @@ def noise_by_hand(
     aside = known.lamp_position_sigma_m / distance
     share = noise.AFTER_SELF_CALIBRATION**2 * (known.intensity_sigma**2 + (2 * aside) ** 2)
     share += photometry.FLAT_FIELD_SIGMA**2
-    turn = aside**2 * (1 - cosine**2) + (noise.DEPTH_SIGMA_M / distance) ** 2
+    turn = aside**2 * (1 - cosine**2)
     floor = 2 * (sensor.read_noise_e**2 + sensor.gain_e_per_dn**2 / 12) / electrons**2
     return value / electrons + floor + share * value**2 + turn * strength**2

@@ -1,0 +1,90 @@
+"""What planned images are expected to be wrong by: gloss, surface that bends within a pixel, noise weighed anew."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition import pilot
+from acquisition.plan import criterion, noise, visibility
+from acquisition.types import HIGHLIGHT, LIT, NormalMap, Recipe
+from tests.acquisition import scenes
+from tests.acquisition.plan import cases
+
+
+@pytest.fixture(scope="module")
+def ball() -> scenes.Scene:
+    return scenes.scene(scenes.sphere, scenes.calibration(128))
+
+
+def piloted(true: scenes.Scene) -> NormalMap:
+    lights = pilot.pattern(Recipe(), scenes.Dome(refused=0))
+    found = cases.known_map(true, lights)
+    return replace(found, flags=np.where(true.mask, LIT, 0)[None].repeat(4, axis=0).astype(np.uint8))
+
+
+def test_highlights_in_some_images_make_a_surface_glossy_and_a_few_do_not(ball: scenes.Scene) -> None:
+    normal_map = piloted(ball)
+    rows, columns = np.nonzero(ball.mask)
+    for share, glossy in ((0.01, False), (0.06, True)):
+        flags = normal_map.flags.copy()
+        some = slice(0, int(share * len(rows)))
+        flags[1, rows[some], columns[some]] |= HIGHLIGHT
+        assert (noise.gloss(replace(normal_map, flags=flags)).sigma > 0) == glossy
+    lobe = {"lobe": {"strength": 0.15, "exponent": 35.0}}
+    assert noise.gloss(replace(normal_map, notes=lobe)) == noise.Gloss(0.2 * 0.15, 35.0)
+    assert noise.gloss(replace(normal_map, notes={"lobe": {"strength": 0.0, "exponent": 120.0}})) == noise.MATT
+
+
+def test_gloss_takes_the_worth_of_a_light_where_its_highlight_falls(ball: scenes.Scene) -> None:
+    normal_map = piloted(ball)
+    sample = criterion.samples(normal_map, ball.calibration, np.arange(len(normal_map.information.rows)))
+    surface = visibility.surface(normal_map, ball.calibration)
+    light = scenes.ring(1, 40.0)
+    matt, glossy = (
+        np.sum(criterion.candidates(sample, light, surface, ball.calibration, Recipe(), gloss).row[0, :3] ** 2, axis=0)
+        for gloss in (noise.MATT, noise.Gloss(0.1, 30.0))
+    )
+    half = np.array([np.sin(np.radians(20)), 0.0, np.cos(np.radians(20))])  # camera on +z, light at 40° towards +x
+    near = half @ sample.normal > np.cos(np.radians(6))
+    far = half @ sample.normal < np.cos(np.radians(45))
+    assert np.sum(near) > 5
+    assert np.all(glossy[near] < 0.1 * matt[near])
+    np.testing.assert_allclose(glossy[far], matt[far], rtol=1e-3)
+
+
+def test_only_surface_that_bends_keeps_a_variance_and_by_how_far_it_bends(ball: scenes.Scene) -> None:
+    normal_map = piloted(ball)
+    rows, columns = np.nonzero(ball.graded)
+    assert np.quantile(noise.unresolved(normal_map, rows, columns), 0.95) < np.radians(0.1) ** 2
+    bent = normal_map.normals.copy()
+    turn = np.radians(20.0)
+    bent[60:68, 64] = [np.sin(turn), 0, np.cos(turn)]  # a column of pixels on the ball's top that leans by 20°
+    kept = noise.unresolved(replace(normal_map, normals=bent), np.array([64]), np.array([64]))
+    # The second difference across is twice the step of 2 sin 10°, along it is nothing.
+    square = (2 * 2 * np.sin(turn / 2)) ** 2 / 2 - noise.NOISE_OF_BEND**2
+    square -= (noise.NOISE_OF_SIGMA * np.radians(1.0)) ** 2  # σ is 1° in this map
+    np.testing.assert_allclose(kept, noise.MIXED**2 * square, rtol=0.15)
+
+
+def test_pixels_at_the_edge_of_image_and_object_or_not_numbers_are_no_trouble(ball: scenes.Scene) -> None:
+    normal_map = piloted(ball)
+    normal_map.normals[63, 64] = np.nan
+    everywhere = replace(normal_map, mask=np.ones_like(normal_map.mask))
+    rows, columns = np.array([0, 0, 127, 127, 64]), np.array([0, 127, 0, 127, 64])
+    assert np.all(np.isfinite(noise.unresolved(everywhere, rows, columns)))
+
+
+def test_information_is_scaled_to_the_expected_noise(ball: scenes.Scene) -> None:
+    """What a solver has weighted by ten times the noise in all terms counts for a hundred times more than it said."""
+    lights = pilot.pattern(Recipe(), scenes.Dome(refused=0))
+    taken = scenes.capture(ball, lights)
+    normal_map = piloted(ball)
+    told = {}
+    for times in (1.0, 10.0):
+        assumed = replace(normal_map, noise={"intensity": times * 0.05, "direction": times * 0.05})
+        sample = criterion.samples(assumed, ball.calibration, np.arange(100))
+        anew = criterion.reweighed(sample, assumed, taken, ball.calibration)
+        told[times] = np.trace(anew.information - anew.weak, axis1=1, axis2=2)
+        np.testing.assert_array_equal(sample.weak, anew.weak)
+    np.testing.assert_allclose(told[10.0] / told[1.0], 100.0, rtol=0.05)
