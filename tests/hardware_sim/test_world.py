@@ -8,6 +8,9 @@ from acquisition import config, geometry
 from acquisition.config import CellConfig
 from acquisition.errors import ErrorCode, RigError
 from hardware_sim import nominal, render, truth, world
+from hardware_sim.controller import kinematics, poses
+from hardware_sim.controller.calibration import calibrated
+from hardware_sim.controller.kinematics import MODELS
 from hardware_sim.render import Lamp
 from hardware_sim.world import Moment, World
 
@@ -235,3 +238,12 @@ def test_the_lamp_is_fixed_to_the_flange(cell: CellConfig, direct: World) -> Non
     way = centre - found[:3, 3]
     assert np.linalg.norm(way) == pytest.approx(0.45, abs=1e-3)
     assert found[:3, 2] == pytest.approx(way / np.linalg.norm(way), abs=1e-3)
+
+
+def test_lamp_is_where_the_arm_as_built_holds_it(cell: CellConfig) -> None:
+    scene = World(cell, nominal.calibration(32), "sphere", 1, "ideal", arm_calibration_seed=5)
+    built = calibrated(MODELS[cell.arm.model], 5)
+    flange = np.array(poses.matrix(kinematics.forward(built, JOINTS)))
+    drawn = np.array(poses.matrix(kinematics.forward(MODELS[cell.arm.model], JOINTS)))
+    assert np.allclose(scene.base_from_lamp(JOINTS), flange @ cell.arm.flange_from_tool.matrix, atol=1e-12)
+    assert 2e-4 < np.linalg.norm((flange - drawn)[:3, 3]) < 8e-3

@@ -51,9 +51,7 @@ def assert_rounded(record: Record, corners: list[np.ndarray], radii: list[float]
     assert off[~inside].max(initial=0.0) < STRAIGHT
 
 
-@settings(max_examples=6, deadline=None)
-@given(offsets, offsets, st.floats(0.005, 0.08), st.floats(0.05, 0.5), st.floats(0.5, 3.0))
-def test_straight_moves_leave_the_corner_inside_the_radius(
+def check_that_straight_moves_leave_the_corner_inside_the_radius(
     first: np.ndarray, second: np.ndarray, radius: float, speed: float, acceleration: float
 ) -> None:
     corners = [PLACE, PLACE + first, PLACE + second]
@@ -69,9 +67,21 @@ def test_straight_moves_leave_the_corner_inside_the_radius(
     assert np.abs(blended.accelerations).max() <= 2.2 * np.abs(stopping.accelerations).max() + 0.1
 
 
-@settings(max_examples=8, deadline=None)
-@given(turns, turns, st.floats(0.01, 0.15), st.floats(0.2, 2.0), st.floats(1.0, 6.0))
-def test_joint_moves_leave_the_corner_inside_the_radius(
+test_straight_moves_leave_the_corner_inside_the_radius = settings(max_examples=3, deadline=None)(
+    given(offsets, offsets, st.floats(0.005, 0.08), st.floats(0.05, 0.5), st.floats(0.5, 3.0))(
+        check_that_straight_moves_leave_the_corner_inside_the_radius
+    )
+)
+test_straight_moves_leave_the_corner_inside_the_radius_many = pytest.mark.long(
+    settings(max_examples=150, deadline=None)(
+        given(offsets, offsets, st.floats(0.005, 0.08), st.floats(0.05, 0.5), st.floats(0.5, 3.0))(
+            check_that_straight_moves_leave_the_corner_inside_the_radius
+        )
+    )
+)
+
+
+def check_that_joint_moves_leave_the_corner_inside_the_radius(
     first: np.ndarray, second: np.ndarray, radius: float, speed: float, acceleration: float
 ) -> None:
     corner, end = np.array(HOME) + first, np.array(HOME) + second
@@ -87,6 +97,20 @@ def test_joint_moves_leave_the_corner_inside_the_radius(
     assert blended.seconds <= stopping.seconds + 2 * TICK
     assert np.abs(blended.speeds).max(initial=0.0) <= speed * (1 + 1e-6)
     assert np.abs(blended.accelerations).max(initial=0.0) <= 2 * acceleration * (1 + 1e-6)
+
+
+test_joint_moves_leave_the_corner_inside_the_radius = settings(max_examples=3, deadline=None)(
+    given(turns, turns, st.floats(0.01, 0.15), st.floats(0.2, 2.0), st.floats(1.0, 6.0))(
+        check_that_joint_moves_leave_the_corner_inside_the_radius
+    )
+)
+test_joint_moves_leave_the_corner_inside_the_radius_many = pytest.mark.long(
+    settings(max_examples=150, deadline=None)(
+        given(turns, turns, st.floats(0.01, 0.15), st.floats(0.2, 2.0), st.floats(1.0, 6.0))(
+            check_that_joint_moves_leave_the_corner_inside_the_radius
+        )
+    )
+)
 
 
 def test_a_blended_corner_is_quicker_and_does_not_stop() -> None:
@@ -163,9 +187,7 @@ def test_a_blend_can_be_stopped(stop: str) -> None:
     assert np.abs(record.accelerations).max() < 13
 
 
-@settings(max_examples=6, deadline=None)
-@given(offsets, offsets, st.floats(0.01, 0.06), st.floats(0.05, 0.4))
-def test_process_moves_keep_their_tool_speed_round_the_corner(
+def check_that_process_moves_keep_their_tool_speed_round_the_corner(
     first: np.ndarray, second: np.ndarray, radius: float, speed: float
 ) -> None:
     acceleration = 1.5
@@ -187,6 +209,20 @@ def test_process_moves_keep_their_tool_speed_round_the_corner(
         if min(ways) > radius + ramp + 0.01:
             near = np.linalg.norm(record.tools[begin + 1 :] - corners[1], axis=1) < radius
             assert tool_speeds[near].min() >= 0.98 * admitted
+
+
+test_process_moves_keep_their_tool_speed_round_the_corner = settings(max_examples=3, deadline=None)(
+    given(offsets, offsets, st.floats(0.01, 0.06), st.floats(0.05, 0.4))(
+        check_that_process_moves_keep_their_tool_speed_round_the_corner
+    )
+)
+test_process_moves_keep_their_tool_speed_round_the_corner_many = pytest.mark.long(
+    settings(max_examples=150, deadline=None)(
+        given(offsets, offsets, st.floats(0.01, 0.06), st.floats(0.05, 0.4))(
+            check_that_process_moves_keep_their_tool_speed_round_the_corner
+        )
+    )
+)
 
 
 def test_a_process_of_many_corners_never_slows_down() -> None:

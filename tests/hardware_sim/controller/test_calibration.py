@@ -6,13 +6,10 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
-from acquisition import config
 from acquisition.waypoints import kinematics as nominal
-from hardware_sim import nominal as simulated
 from hardware_sim.controller import kinematics, poses
 from hardware_sim.controller.calibration import TYPICAL_ERROR, calibrated
 from hardware_sim.controller.kinematics import MODELS, ArmModel
-from hardware_sim.world import World
 from tests.hardware_sim.controller.cells import HOME, connect
 from tests.hardware_sim.controller.programs import run
 
@@ -45,7 +42,7 @@ def test_without_a_seed_the_arm_is_as_drawn() -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_drawings_are_wrong_by_millimetres(name: str, seed: int) -> None:
     arm = calibrated(MODELS[name], seed)
-    joints = random_joints(200, 7)
+    joints = random_joints(100, 7)
     drawn = nominal.forward(nominal.arm_model(name), np.array(joints))[:, 6, :3, 3]
     built = np.array([poses.position(kinematics.forward(arm, q)) for q in joints])
     errors = np.linalg.norm(drawn - built, axis=1)
@@ -70,7 +67,7 @@ def test_forward_is_the_product_of_its_links(name: str) -> None:
 @pytest.mark.parametrize("name", sorted(MODELS))
 def test_inverse_reaches_its_pose_and_finds_the_joints_it_came_from(name: str) -> None:
     arm = calibrated(MODELS[name], 2)
-    for joints in random_joints(60, 9):
+    for joints in random_joints(15, 9):
         flange = kinematics.forward(arm, joints)
         assert kinematics.inverse(arm, flange, joints) == pytest.approx(joints, abs=1e-6)
         for solution in kinematics.solutions(arm, flange):
@@ -82,7 +79,7 @@ def test_inverse_reaches_its_pose_and_finds_the_joints_it_came_from(name: str) -
 def test_nearly_all_branches_are_found() -> None:
     arm, drawn = calibrated(MODELS["ur10e"], 3), MODELS["ur10e"]
     found = expected = 0
-    for joints in random_joints(100, 10):
+    for joints in random_joints(40, 10):
         found += len(kinematics.solutions(arm, kinematics.forward(arm, joints)))
         expected += len(kinematics.solutions(drawn, kinematics.forward(drawn, joints)))
     assert found >= 0.97 * expected
@@ -97,16 +94,6 @@ def test_straight_moves_of_a_calibrated_arm_are_straight() -> None:
     share = np.clip((places - places[0]) @ way / (way @ way), 0, 1)
     assert np.linalg.norm(places - places[0] - share[:, None] * way, axis=1).max() < 1e-6
     assert np.linalg.norm(way) == pytest.approx(math.hypot(0.1, 0.05, 0.08), abs=1e-8)
-
-
-def test_the_world_has_the_lamp_where_the_built_arm_holds_it() -> None:
-    cell, joints = config.load(simulated.default_cell_file()), [-2.6641, -0.9534, 1.6785, 2.607, 1.8307, 2.423]
-    drawn, built = (
-        World(cell, simulated.calibration(32), "sphere", 1, "ideal", seed).base_from_lamp(joints) for seed in (None, 5)
-    )
-    flange = np.array(poses.matrix(kinematics.forward(calibrated(MODELS["ur5e"], 5), joints)))
-    assert np.allclose(built, flange @ cell.arm.flange_from_tool.matrix, atol=1e-12)
-    assert 2e-4 < np.linalg.norm(built[:3, 3] - drawn[:3, 3]) < 4 * TYPICAL_ERROR
 
 
 def test_real_library_sees_the_arm_as_built() -> None:

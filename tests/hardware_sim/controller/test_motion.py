@@ -103,22 +103,22 @@ def test_servo_reaches_its_target_within_the_limits(target: list[float], lookahe
     assert beyond.max() < 0.02
 
 
-CORNERS = """ movej([0.3, -1.9, 1.9, -1.57, -1.57, 0], a=3, v=0.8, r=0.05)
- movel(pose_trans(p[0, 0, 0.1, 0, 0, 0], get_forward_kin([0.3, -1.9, 1.9, -1.57, -1.57, 0])), a=1, v=0.2, r=0.03)
- movep(pose_trans(p[0, 0.1, 0.1, 0, 0, 0], get_forward_kin([0.3, -1.9, 1.9, -1.57, -1.57, 0])), a=1, v=0.2, r=0.03)
- movep(pose_trans(p[0, 0.1, 0, 0, 0, 0], get_forward_kin([0.3, -1.9, 1.9, -1.57, -1.57, 0])), a=1, v=0.2)
+CORNERS = """ movej([0.3, -1.9, 1.9, -1.57, -1.57, 0], a=6, v=1.5, r=0.05)
+ movel(pose_trans(p[0, 0, 0.1, 0, 0, 0], get_forward_kin([0.3, -1.9, 1.9, -1.57, -1.57, 0])), a=4, v=0.5, r=0.03)
+ movep(pose_trans(p[0, 0.1, 0.1, 0, 0, 0], get_forward_kin([0.3, -1.9, 1.9, -1.57, -1.57, 0])), a=4, v=0.5, r=0.03)
+ movep(pose_trans(p[0, 0.1, 0, 0, 0, 0], get_forward_kin([0.3, -1.9, 1.9, -1.57, -1.57, 0])), a=4, v=0.5)
 """
 
 
 def test_motion_is_the_same_in_every_run() -> None:
-    first, second = (run(f"def f():\n{CORNERS}end\n", 4.0)[0] for _ in range(2))
+    first, second = (run(f"def f():\n{CORNERS}end\n", 2.0)[0] for _ in range(2))
     assert (first == second).all()
     assert np.abs(first[-1] - HOME).max() > 0.05
 
 
 def test_every_kind_of_corner_is_the_same_at_any_speed_factor() -> None:
-    slow, _ = run(f"def f():\n{CORNERS}end\n", 4.0)
-    fast, _ = run(f"def f():\n{CORNERS}end\n", 0.5, speed_factor=8.0)
+    slow, _ = run(f"def f():\n{CORNERS}end\n", 2.0)
+    fast, _ = run(f"def f():\n{CORNERS}end\n", 0.25, speed_factor=8.0)
     assert fast[-1] == pytest.approx(slow[-1], abs=1e-9)
     # Programs still take their turns at 500 Hz, so that corners begin up to a tick later.
     assert max(np.abs(slow - q).max(axis=1).min() for q in fast) < 5e-3
@@ -126,13 +126,13 @@ def test_every_kind_of_corner_is_the_same_at_any_speed_factor() -> None:
 
 @pytest.mark.parametrize("fraction", [0.1, 0.5])
 def test_slider_stretches_time_and_keeps_the_course(fraction: float) -> None:
-    full = run(f"def f():\n{CORNERS}end\n", 4.0)[0]
+    full = run(f"def f():\n{CORNERS}end\n", 2.0)[0]
     controller = Controller(MODELS["ur5e"], HOME, now=0.0)
     controller.slider = fraction
     controller.tick(0.0)
     controller.load(f"def f():\n{CORNERS}end\n")
     slow = []
-    for tick in range(round(4.0 / fraction / TICK)):
+    for tick in range(round(1.6 / fraction / TICK)):
         controller.tick(tick * TICK)
         slow.append(controller.arm.joints)
     assert np.abs(slow[-1] - full[-1]).max() < 1e-9

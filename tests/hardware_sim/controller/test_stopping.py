@@ -2,14 +2,16 @@
 
 import math
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hardware_sim.controller.trace import Trace, read_trace
-from tests.hardware_sim.controller.cells import HOME, Cell, connect, wait_until
+from tests.hardware_sim.controller.cells import HOME, Cell, at_home, connect, wait_until
 
 TICK = 0.002
 SPEED, ACCELERATION = 1.05, 1.4
@@ -23,29 +25,48 @@ def every_tick(trace: Trace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return joints, np.diff(joints, axis=0) / TICK, trace.tcp[rows, :3]
 
 
+@dataclass
+class Recorded:
+    """A cell at home, and the record of its ticks from here on."""
+
+    cell: Cell
+    path: Path
+    begin: float
+
+    def ticks(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What `every_tick` finds since the test has begun."""
+        trace = read_trace(self.path)
+        rows = trace.times >= self.begin
+        return every_tick(replace(trace, times=trace.times[rows], joints=trace.joints[rows], tcp=trace.tcp[rows]))
+
+
+@pytest.fixture(scope="module")
+def module_cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Cell, Path]]:
+    path = tmp_path_factory.mktemp("record") / "ticks.record"
+    with ExitStack() as stack:
+        yield connect(stack, record=path), path
+
+
 @pytest.fixture
-def recorded(tmp_path: Path) -> tuple[Cell, Path, ExitStack]:
-    path = tmp_path / "ticks.record"
-    stack = ExitStack()
-    return connect(stack, record=path), path, stack
-
-
-def finished(recorded: tuple[Cell, Path, ExitStack]) -> Trace:
-    _, path, stack = recorded
-    stack.close()
-    return read_trace(path)
+def recorded(module_cell: tuple[Cell, Path]) -> Iterator[Recorded]:
+    cell, path = module_cell
+    at_home(cell)
+    yield Recorded(cell, path, cell.receive.getTimestamp() - TICK)
+    assert cell.io.setSpeedSlider(1.0)
+    wait_until(lambda: cell.receive.getTargetSpeedFraction() == 1.0)
 
 
 @pytest.mark.parametrize("deceleration", [1.5, 6.0])
-def test_stop_in_mid_move_obeys_its_deceleration(recorded: tuple[Cell, Path, ExitStack], deceleration: float) -> None:
-    cell = recorded[0]
+def test_stop_in_mid_move_obeys_its_deceleration(recorded: Recorded, deceleration: float) -> None:
+    cell = recorded.cell
     target = [2.0, *HOME[1:]]
     assert cell.control.moveJ(target, SPEED, ACCELERATION, True)
     wait_until(lambda: cell.receive.getActualQd()[0] > 0.999 * SPEED)
     time.sleep(0.1)
     cell.control.stopJ(deceleration)
     assert cell.control.getAsyncOperationProgress() < 0
-    joints, speeds, _ = every_tick(finished(recorded))
+    wait_until(lambda: cell.receive.getActualQd() == [0.0] * 6)
+    joints, speeds, _ = recorded.ticks()
     lead = speeds[:, 0]
     assert lead.max() == pytest.approx(SPEED, rel=1e-6)
     begin = int(np.flatnonzero(lead > 0.999999 * SPEED)[-1])
@@ -58,8 +79,8 @@ def test_stop_in_mid_move_obeys_its_deceleration(recorded: tuple[Cell, Path, Exi
     assert np.abs(speeds[:, 1:]).max() == 0.0
 
 
-def test_stop_of_the_tool_in_mid_move_stays_on_its_line(recorded: tuple[Cell, Path, ExitStack]) -> None:
-    cell = recorded[0]
+def test_stop_of_the_tool_in_mid_move_stays_on_its_line(recorded: Recorded) -> None:
+    cell = recorded.cell
     pose = cell.receive.getActualTCPPose()
     assert cell.control.moveL([pose[0], pose[1] + 0.25, *pose[2:]], 0.25, 1.0, True)
     wait_until(lambda: math.hypot(*cell.receive.getActualTCPSpeed()[:3]) > 0.2499)
@@ -67,7 +88,7 @@ def test_stop_of_the_tool_in_mid_move_stays_on_its_line(recorded: tuple[Cell, Pa
     # The script's first stop is stopj, whatever it is called; after an asynchronous one it is stopl.
     cell.control.stopL(2.0, True)
     wait_until(lambda: cell.receive.getActualQd() == [0.0] * 6)
-    _, _, places = every_tick(finished(recorded))
+    _, _, places = recorded.ticks()
     assert np.abs(places - [pose[0], 0.0, pose[2]])[:, [0, 2]].max() < 1e-4
     lead = np.diff(places[:, 1]) / TICK
     full = np.flatnonzero(lead > 0.2499)
@@ -76,23 +97,23 @@ def test_stop_of_the_tool_in_mid_move_stays_on_its_line(recorded: tuple[Cell, Pa
 
 
 @pytest.mark.parametrize("fraction", [0.25, 0.5])
-def test_slider_scales_speed_and_not_the_way(recorded: tuple[Cell, Path, ExitStack], fraction: float) -> None:
-    cell = recorded[0]
+def test_slider_scales_speed_and_not_the_way(recorded: Recorded, fraction: float) -> None:
+    cell = recorded.cell
     assert cell.io.setSpeedSlider(fraction)
     wait_until(lambda: cell.receive.getTargetSpeedFraction() == fraction)
     assert cell.control.moveJ([0.1, *HOME[1:]], 1.0, 4.0)
-    joints, speeds, _ = every_tick(finished(recorded))
+    joints, speeds, _ = recorded.ticks()
     moving = np.flatnonzero(speeds[:, 0])
     expected = 2 * math.sqrt(0.1 / 4.0) / fraction
-    assert (moving[-1] - moving[0] + 1) * TICK == pytest.approx(expected, abs=2 * TICK)
+    assert (moving[-1] - moving[0] + 1) * TICK == pytest.approx(expected, abs=5 * TICK)
     assert speeds[:, 0].max() == pytest.approx(math.sqrt(0.1 * 4.0) * fraction, rel=0.02)
     # In a slower time base accelerations are smaller by the square.
     assert np.abs(np.diff(speeds[:, 0]) / TICK).max() <= 4.0 * fraction**2 * 1.05
     assert joints[-1, 0] == pytest.approx(0.1, abs=1e-12)
 
 
-def test_slider_at_zero_holds_the_move_until_it_is_raised(recorded: tuple[Cell, Path, ExitStack]) -> None:
-    cell = recorded[0]
+def test_slider_at_zero_holds_the_move_until_it_is_raised(recorded: Recorded) -> None:
+    cell = recorded.cell
     assert cell.control.moveJ([0.5, *HOME[1:]], 1.0, 4.0, True)
     wait_until(lambda: cell.receive.getActualQd()[0] > 0.5)
     assert cell.io.setSpeedSlider(0.0)
@@ -102,17 +123,17 @@ def test_slider_at_zero_holds_the_move_until_it_is_raised(recorded: tuple[Cell, 
     assert cell.control.getAsyncOperationProgressEx().isAsyncOperationRunning()
     assert cell.io.setSpeedSlider(1.0)
     wait_until(lambda: not cell.control.getAsyncOperationProgressEx().isAsyncOperationRunning())
-    joints, speeds, _ = every_tick(finished(recorded))
+    joints, speeds, _ = recorded.ticks()
     assert joints[-1, 0] == pytest.approx(0.5, abs=1e-12)
     # The time base fades within 0.2 s: from full speed 5 rad/s², beside the move's own 4.
     assert np.abs(np.diff(speeds[:, 0]) / TICK).max() < 9.5
 
 
-def test_path_of_the_library_is_rounded_and_even(recorded: tuple[Cell, Path, ExitStack]) -> None:
-    cell = recorded[0]
+def test_path_of_the_library_is_rounded_and_even(recorded: Recorded) -> None:
+    cell = recorded.cell
     corners = [[0.3, *HOME[1:]], [0.3, -1.6, *HOME[2:]], [0.0, -1.6, *HOME[2:]]]
     assert cell.control.moveJ([[*q, 1.0, 3.0, 0.04 if n < 2 else 0.0] for n, q in enumerate(corners)])
-    joints, speeds, _ = every_tick(finished(recorded))
+    joints, speeds, _ = recorded.ticks()
     assert joints[-1] == pytest.approx(corners[-1], abs=1e-5)
     moving = np.linalg.norm(speeds, axis=1)
     inner = np.flatnonzero(moving > 0.5)
