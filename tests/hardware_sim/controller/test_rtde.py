@@ -125,7 +125,9 @@ def test_every_variable_of_a_recorder_arrives_500_times_a_second_without_a_gap(c
     assert kind == "U"
     assert len(payload) == 1 + sum(SIZES[t] for t in types)
     assert payload[0] == 1
+    client.request_between_packets("P")
     client.outputs("timestamp,actual_q,actual_TCP_pose,target_q,robot_mode,safety_mode,joint_mode,robot_status_bits")
+    client.request("S")
     samples = [client.sample() for _ in range(250)]
     assert {round(b[0] - a[0], 9) for a, b in itertools.pairwise(samples)} == {0.002}
     joints, pose, target, modes = samples[0][1:7], samples[0][7:13], samples[0][13:19], samples[0][19:]
