@@ -3,12 +3,13 @@
 import os
 import signal
 import threading
+import time
 from pathlib import Path
 
 import pytest
 
 from acquisition import config
-from acquisition.compute import Compute
+from acquisition.compute import Compute, GaveWay
 from acquisition.errors import ErrorCode, Halted, RigError
 from acquisition.types import Route
 
@@ -38,6 +39,28 @@ def test_a_job_returns_a_value_and_errors_keep_code_and_context(compute: Compute
     with pytest.raises(RigError) as error:
         compute.run(threading.Event(), "plan_retreat", (0.0, 1.2, 0.0, 0.0, 0.0, 0.0), CELL, CALIBRATION)
     assert error.value.code is ErrorCode.WAYPOINTS_COLLISION
+
+
+def test_a_job_that_yields_is_ended_by_one_that_does_not_and_never_ends_another(compute: Compute, tmp_path: Path) -> None:
+    compute.warm()
+    ends: list[BaseException | None] = []
+
+    def wait_for_ever(yields: bool) -> None:
+        jobs = (tmp_path / f"{yields}-{number}.json" for number in range(50))  # longer than anybody waits
+        try:
+            for cache in jobs:
+                compute.run(threading.Event(), "make_reach", CELL, CALIBRATION, cache, yields=yields)
+        except GaveWay as error:
+            ends.append(error)
+
+    patient = threading.Thread(target=wait_for_ever, args=(True,))
+    patient.start()
+    while compute._connection is None or not compute._busy.locked():
+        time.sleep(0.01)
+    route = compute.run(threading.Event(), "plan_route", [], CELL.arm.home, CELL, CALIBRATION)
+    patient.join(20)
+    assert isinstance(route, Route)
+    assert [type(end) for end in ends] == [GaveWay]
 
 
 def test_its_death_is_the_jobs_failure_and_the_next_job_has_a_new_process(compute: Compute, tmp_path: Path) -> None:
