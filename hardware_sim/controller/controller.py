@@ -89,8 +89,6 @@ class Controller:
         self.tool_changed()
         publication.modes(self, self._pace)
 
-    # --- the program -----------------------------------------------------------------------------------------
-
     @property
     def timestamp(self) -> float:
         """Seconds since power-on, as RTDE clients see them."""
@@ -213,8 +211,6 @@ class Controller:
         """Feeds the watchdogs with the names of a packet."""
         self._watchdogs.fed(names, now)
 
-    # --- modes -----------------------------------------------------------------------------------------------
-
     def protective_stop(self, why: str) -> None:
         """Brakes at once and pauses the program until somebody unlocks."""
         self._safety_stop(SafetyMode.PROTECTIVE_STOP, why)
@@ -277,6 +273,8 @@ class Controller:
         elif self.playing:
             self.protective_stop("somebody pushes the arm")
         self.report("the arm is moved by hand")
+        if seconds == 0.0:
+            self.collisions.look_again()  # there is no way there on which it could touch anything
         self._unclaimed = HandMove(self.arm.joints, joints, seconds)
         self.arm.steer(self._unclaimed)
 
@@ -287,8 +285,6 @@ class Controller:
 
     def _brake(self, deceleration: float) -> None:
         self._unclaimed = self.arm.brake(deceleration)
-
-    # --- time ------------------------------------------------------------------------------------------------
 
     def order(self, when: Callable[[], bool], action: Callable[[], None]) -> None:
         """Does something between two ticks, as soon as `when` holds."""

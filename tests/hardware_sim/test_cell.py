@@ -20,10 +20,11 @@ from acquisition.errors import ErrorCode, RigError
 from hardware_sim import nominal, truth
 from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
+from hardware_sim.controller.trace import read_trace
 
 PIXELS = 64
-LIT = (-2.6641, -0.9534, 1.6785, 2.607, 1.8307, 2.423)
-"""The lamp on the dome at 45° from the view axis."""
+LIT = (2.8246, -0.8646, 1.0528, -2.6806, -0.7081, 1.4343)
+"""The lamp on the dome, some 30° from the view axis."""
 
 
 def request(address: str, **fields: Any) -> tuple[dict[str, Any], np.ndarray]:
@@ -175,3 +176,62 @@ def test_both_processes_end_with_their_parent(tmp_path: Path, number: signal.Sig
         while listening(address, 30100) or listening(address, 30004):
             assert time.monotonic() < deadline
             time.sleep(0.05)
+
+
+def test_faults_of_lamp_and_camera_are_ordered_at_the_controllers_port(cell: Cell) -> None:
+    mask = truth.load(cell.truth_file).mask
+    with ControlClient(cell.address) as control:
+        control.fault("output_stuck", output=0, level=True)
+        time.sleep(0.05)
+        _, lit = request(cell.address, exposure_s=0.05)
+        assert lit[mask].mean() > 100
+        control.fault("lamp", fraction=0.0)
+        _, dead = request(cell.address, exposure_s=0.05)
+        assert abs(dead[mask].mean() - 64) < 1
+        assert control.state()["digital_outputs"] & 1
+        control.fault("clear")
+        control.fault("saturated_frame")
+        _, full = request(cell.address, exposure_s=0.05)
+        assert np.all(full == 4095)
+        control.fault("dropped_frame")
+        with socket.create_connection((cell.address, 30100), 10) as link, link.makefile("rb") as file:
+            link.sendall(b'{"exposure_s": 0.01}\n')
+            assert "lost" in json.loads(file.readline())["error"]
+        request(cell.address, exposure_s=0.01)
+
+
+def test_the_arm_stands_among_solid_things(cell: Cell) -> None:
+    with ControlClient(cell.address) as control:
+        assert control.state()["touching"] is None
+        control.fault("hand_move", joints=[LIT[0], 0.5, *LIT[2:]], seconds=0.0)
+        deadline = time.monotonic() + 5
+        while not control.collisions():
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        assert control.collisions()[0]["second"] == "table"
+        assert control.state()["safety_mode"] == 3
+        control.fault("hand_move", joints=list(LIT), seconds=0.0)
+        control.fault("clear")
+        count = control.state()["collisions"]
+        time.sleep(0.1)
+        assert control.state()["collisions"] == count
+        assert control.state()["safety_mode"] == 1
+
+
+def test_status_lines_follow_the_cell(tmp_path: Path) -> None:
+    record = tmp_path / "ticks.record"
+    arguments = ["sim", "--address", "127.0.2.34", "--object", "part", "--profile", "ideal", "--pixels", str(PIXELS)]
+    arguments += ["--calibration-seed", "3", "--json-status", "--record", str(record)]
+    with subprocess.Popen([sys.executable, "-m", "api.cli", *arguments], stdout=subprocess.PIPE) as sim:
+        assert sim.stdout is not None
+        assert sim.stdout.readline().startswith(b"ready ")
+        assert json.loads(sim.stdout.readline())["robot_mode"] == "RUNNING"
+        with ControlClient("127.0.2.34") as control:
+            assert control.state()["calibration_seed"] == 3
+            control.fault("emergency_stop")
+            told = json.loads(sim.stdout.readline())
+            assert (told["robot_mode"], told["safety_mode"]) == ("POWER_OFF", "ROBOT_EMERGENCY_STOP")
+        sim.send_signal(signal.SIGTERM)
+        assert sim.wait(20) == 0
+    trace = read_trace(record)
+    assert (trace.safety_mode[0], trace.safety_mode[-1]) == (1, 7)
