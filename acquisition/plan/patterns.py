@@ -1,9 +1,10 @@
 """Two rings for a session that has images already: what planning starts from, is compared with and falls back on.
 
 The images taken are part of the pattern: each fills the place of a ring that it is nearest to, and what remains is to
-be added. Among the ways to do so the best balanced is taken, because balance is what the pattern is good for: depth
-that is wrong and steep surface that pixels do not resolve pull normals towards or away from every light, and only
-lights that stand evenly round the object let these pulls cancel.
+be added. Among the ways to do so the most even is taken, because evenness is what the pattern is good for: depth that
+is wrong and steep surface that pixels do not resolve pull normals towards or away from every light, and only lights
+that stand evenly round the object let these pulls cancel. Even means that the lights balance, and that those taken
+stand near the places that they fill.
 """
 
 from itertools import product
@@ -19,11 +20,14 @@ TURNS = 12
 TOP_SLANT_DEG, BETWEEN_SLANT_DEG = 15.0, 40.0
 """Lights taken below the first stand on top of the object, up to the second on the inner ring, beyond on the outer."""
 
+MISFIT = 0.5
+"""Weight of the distance of lights from their places, rad, against imbalance."""
+
 
 def completions(taken: FloatArray, units: FloatArray, count: int) -> list[list[int]]:
     """Sets of `count` distinct numbers of `units` (K, 3) that complete unit lights `taken` (T, 3) to two rings.
 
-    One set for each likely number of lights inside, the best balanced one first.
+    One set for each likely number of lights inside, the most even one first.
     """
     slant = np.degrees(geometry.slant_azimuth(taken)[0])
     inside = taken[(slant > TOP_SLANT_DEG) & (slant <= BETWEEN_SLANT_DEG)]
@@ -40,10 +44,14 @@ def completions(taken: FloatArray, units: FloatArray, count: int) -> list[list[i
                 (outside, count - inner, OUTER_SLANT_DEG),
             )
         ]
-        sets = [np.concatenate(pair) for pair in product(*rings)]
-        balance = [imbalance(np.concatenate([taken, added])) for added in sets]
-        best = int(np.argmin(np.round(balance, 6)))
-        found.append((balance[best], dome.nearest_distinct(sets[best], units, free)[0]))
+        pairs = list(product(*rings))
+        sets = [np.concatenate([one, other]) for (one, _), (other, _) in pairs]
+        uneven = [
+            imbalance(np.concatenate([taken, added])) + MISFIT * (first + second)
+            for added, ((_, first), (_, second)) in zip(sets, pairs, strict=True)
+        ]
+        best = int(np.argmin(np.round(uneven, 6)))
+        found.append((uneven[best], dome.nearest_distinct(sets[best], units, free)[0]))
     return [chosen for _, chosen in sorted(found)]
 
 
@@ -56,12 +64,15 @@ def imbalance(units: FloatArray) -> float:
     return float(np.hypot(np.hypot(x.mean(), y.mean()), np.hypot((x * x - y * y).mean(), (2 * x * y).mean())))
 
 
-def _places(ring: FloatArray, count: int, slant_deg: float, turn: float) -> FloatArray:
-    """The `count` places (count, 3) of an even ring that lights `ring` (R, 3) leave; `turn` in steps of the ring."""
+def _places(ring: FloatArray, count: int, slant_deg: float, turn: float) -> tuple[FloatArray, float]:
+    """The `count` places (count, 3) of an even ring that lights `ring` (R, 3) leave, and by how much these miss the
+    places that they fill, rms in rad of azimuth; `turn` in steps of the ring."""
     whole = len(ring) + count
-    ideal = geometry.direction(np.radians(slant_deg), (turn + np.arange(whole)) * 2 * np.pi / max(whole, 1))
+    azimuth = (turn + np.arange(whole)) * 2 * np.pi / max(whole, 1)
+    ideal = geometry.direction(np.radians(slant_deg), azimuth)
     if not len(ring):
-        return ideal
-    angle = np.arccos(np.clip(ring @ ideal.T, -1.0, 1.0))
-    _, filled = linear_sum_assignment(angle**2)
-    return np.delete(ideal, filled, axis=0)
+        return ideal, 0.0
+    away = geometry.slant_azimuth(ring)[1][:, None] - azimuth
+    away = np.abs((away + np.pi) % (2 * np.pi) - np.pi)
+    rows, filled = linear_sum_assignment(away**2)
+    return np.delete(ideal, filled, axis=0), float(np.sqrt(np.mean(away[rows, filled] ** 2)))
