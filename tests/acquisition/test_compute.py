@@ -41,7 +41,7 @@ def test_a_job_returns_a_value_and_errors_keep_code_and_context(compute: Compute
     assert error.value.code is ErrorCode.WAYPOINTS_COLLISION
 
 
-def test_a_job_that_yields_is_ended_by_one_that_does_not_and_never_ends_another(compute: Compute, tmp_path: Path) -> None:
+def test_a_job_that_yields_gives_way_to_one_that_does_not(compute: Compute, tmp_path: Path) -> None:
     compute.warm()
     ends: list[BaseException | None] = []
 

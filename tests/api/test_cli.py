@@ -37,6 +37,7 @@ def test_help_loads_no_numerical_kernel() -> None:
         (("sim", "--profile", "dreamy"), "dreamy"),
         (("sim", "--address", "10.1.2.3"), "10.1.2.3"),
         (("serve", "--cell", "no-such-cell.toml"), "no-such-cell.toml"),
+        (("solve", "no-such-folder"), "no-such-folder"),
         (("serve", "--cell", "deploy/cell.sim.toml", "--host", "0.0.0.0"), "authentication"),  # noqa: S104
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
