@@ -17,7 +17,7 @@ from api.study.scenes import Scene
 
 RANDOM_TRIPLES = 1_000_000
 BATCH = 100_000
-STARTS = 40
+STARTS = 12
 LITERAL_STEPS = 400
 LITERAL_RATE = 0.5
 REPORTED_PHI = {"ours": 0.0211, "heuristic": 1.8657}
@@ -99,7 +99,7 @@ def mean_projector(scene: Scene) -> FloatArray:
     return np.eye(3) - true.T @ true / len(true)
 
 
-def best_unit_lights(weight: FloatArray, count: int, seed: int) -> FloatArray:
+def best_unit_lights(weight: FloatArray, count: int, seed: int, starts: int = STARTS) -> FloatArray:
     """Unit lights (count, 3) of least criterion: quasi-Newton on the sphere from random starts; z ≥ 0."""
     rng = np.random.default_rng(seed)
 
@@ -113,7 +113,7 @@ def best_unit_lights(weight: FloatArray, count: int, seed: int) -> FloatArray:
 
     found = [
         minimize(descend, rng.normal(size=3 * count), jac=True, method="L-BFGS-B", options={"maxiter": 300})
-        for _ in range(STARTS)
+        for _ in range(starts)
     ]
     best = min(found, key=lambda result: float(result.fun)).x.reshape(count, 3)
     best /= np.linalg.norm(best, axis=1, keepdims=True)

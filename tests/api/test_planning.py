@@ -16,6 +16,8 @@ from tests.api.test_region import png, square
 
 CELL = "127.0.48.10"
 PIXELS = 128
+
+pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
 ORDERED = Recipe(target_sigma_deg=1.6, max_lights=10)
 USER_LIGHTS = [(0.0, 0.15, -0.45), (0.2, -0.1, -0.5), (-0.2, -0.1, -0.5)]
 
@@ -80,8 +82,6 @@ def test_an_ordered_accuracy_is_met_in_the_region_although_the_service_was_ended
         assert refused.status_code == 404
 
 
-@pytest.mark.long
-@pytest.mark.timeout(600)
 def test_every_method_takes_its_lights_through_the_same_session(cell: Cell, tmp_path: Path, serving: Any) -> None:
     with serving(settings.read(cell=cell.cell_file, data=tmp_path / "data", host="127.0.48.2", port=0)) as service:
         service.client.wait_ready()

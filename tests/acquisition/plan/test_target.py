@@ -11,7 +11,7 @@ from acquisition.plan import target
 from acquisition.types import Expected, LightPlan, NormalMap, Observations, Recipe, SolveSettings
 from tests.acquisition import scenes
 
-TRUE = scenes.scene(scenes.bumps, scenes.calibration(96))
+TRUE = scenes.scene(scenes.bumps, scenes.calibration(72))
 REACH = scenes.Dome(refused=0, count=60)
 
 

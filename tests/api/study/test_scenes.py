@@ -1,0 +1,56 @@
+"""The study's scenes are the simulated cell's: the same pictures and truth; errors depend on draw and place alone."""
+
+import numpy as np
+import pytest
+
+from acquisition import config, geometry
+from acquisition.types import Recipe
+from api.study import scenes
+from api.study.scenes import Geometry, Scene
+from hardware_sim import nominal
+from hardware_sim.render import Lamp
+from hardware_sim.world import World
+
+PIXELS = 64
+
+
+@pytest.fixture(scope="module")
+def shared() -> Geometry:
+    return Geometry("part", 3, PIXELS)
+
+
+def test_pictures_and_truth_are_those_of_the_simulated_cell(shared: Geometry) -> None:
+    scene = Scene(shared)
+    cell, known = config.load(nominal.default_cell_file()), nominal.calibration(PIXELS)
+    world = World(cell, known, "part", 3, "direct")
+    true = world.truth()
+    np.testing.assert_array_equal(shared.truth.mask, true.mask)
+    np.testing.assert_allclose(shared.truth.normals, true.normals, atol=1e-6)
+    np.testing.assert_allclose(shared.truth.depth, true.depth, atol=1e-6)
+    light = scene.run(Recipe(method="two-rings", pilot_lights=3, planned_lights=0)).plan.lights[1]
+    taken = scene.capture([light])
+    shot = taken.shots[0]
+    frame = taken.frames.rows(shot.frame, 0, PIXELS).astype(float) - known.sensor.black_level_dn
+    lamp = Lamp(
+        geometry.transform(shared.object_from_view, np.array(light.position)),
+        geometry.rotate(shared.object_from_view, np.array(light.axis)),
+        known.lamp_intensity * shot.exposure_s * known.sensor.full_scale_dn,
+        known.reference_m,
+        known.lobe_exponent,
+    )
+    ideal = world.picture(lamp)
+    bright = true.mask & (ideal > 0.3 * ideal.max())
+    ratio = frame[bright] / ideal[bright]
+    assert np.median(ratio) == pytest.approx(1.0, abs=0.04)  # the image's own error of intensity and place
+    assert np.mean(np.abs(ratio / np.median(ratio) - 1) < 0.1) > 0.9
+
+
+def test_an_image_depends_on_draw_and_place_only(shared: Geometry) -> None:
+    lights = Scene(shared).run(scenes.recipe("ring", 3)).plan.lights
+    one, other = Scene(shared).capture(lights), Scene(shared).capture([*reversed(lights)])
+    for shot in one.shots:
+        (same,) = [item for item in other.shots if item.light == shot.light]
+        np.testing.assert_array_equal(one.frames.rows(shot.frame, 0, PIXELS), other.frames.rows(same.frame, 0, PIXELS))
+    twice = Scene(shared).capture([lights[0], lights[0]])
+    first, second = (twice.frames.rows(shot.frame, 0, PIXELS).astype(float) for shot in twice.shots)
+    assert np.std((first - second)[shared.truth.mask]) > 1  # a second image has errors of its own
