@@ -1,4 +1,4 @@
-"""The command line: `lightpose demo | sim | serve | check | warm`.
+"""The command line: `lightpose demo | sim | serve | check | solve | replay | …`.
 
 Each command imports what it needs when it runs, so that `lightpose --help` answers at once and loads no numerical
 kernel.
