@@ -24,8 +24,8 @@ LEAST_LIGHTS = 5
 LEAST_EVIDENCE = 300
 INTENSITY_RANGE = (0.001, 0.1)
 DIRECTION_RANGE = (0.001, 0.05)
-ROUNDS = 4
-STEPS = 24
+ROUNDS = 2
+STEPS = 14
 
 
 def estimate(
@@ -77,6 +77,8 @@ def _fitted(
         return None
     squares, rest, by = squares[where], rest[where], by[where]
     low, high = np.log(within[0]), np.log(within[1])
+    if float(np.median(squares / (rest + within[0] ** 2 * by))) <= GAUSSIAN_MEDIAN**2:
+        return within[0]
     for _ in range(STEPS):
         middle = (low + high) / 2
         if float(np.median(squares / (rest + np.exp(2 * middle) * by))) > GAUSSIAN_MEDIAN**2:
