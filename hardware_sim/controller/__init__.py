@@ -64,9 +64,12 @@ Safety
     violation, fault                    False until safety is restarted, power on, brakes released  dashboard_client
     power off                           False until power on, brakes released, uploaded             ordered_faults
     pushed by hand                      protective stop                                             ordered_faults
+    collision in a move                 False at once; `ControlClient.collisions` says what touched  collisions
+      unlocking while it still touches  stops again at once; moved away by hand, it stays unlocked  collisions
     speed slider at 10 % or 0           moves take ten times as long, or stand until it is up       ordered_faults
     arm not where it says               nothing: only `control.ControlClient.state` tells           failures
     output stuck                        True, and the read-back stays as it was                     failures
+    lamp dead, frame or object amiss    nothing: outputs read back as ordered, only images tell     test_cell
 
 Links
     RTDE cut, or half a packet          control reconnects within seconds; its move says either, by
@@ -77,6 +80,8 @@ Links
     slow link                           calls are slow                                              ordered_faults
     script port cut                     moves go on; the next upload says True and is lost          ordered_faults
     dashboard cut                       RuntimeError "End of file", then "Broken pipe"              ordered_faults
+    dashboard opened in local control   RuntimeError "reconnect to port 29999", also when remote    safety
+    dashboard shutdown                  as killed, until somebody switches it on (fault `restart`)  safety
     time stamps jump                    nothing                                                     ordered_faults
     controller restarted                False; no client comes back by itself                       ordered_faults
     controller killed                   isConnected False, isProgramRunning True and progress
