@@ -217,13 +217,13 @@ def test_recorder(controller: ControllerProcess, tmp_path: Path) -> None:
         table = csv.writer(file, delimiter=" ")
         table.writerow(itertools.chain(*names))
         assert client.request("S") == b"\x01"
-        for _ in range(250):
+        for _ in range(100):
             table.writerow(client.sample())
         assert client.request_between_packets("P") == b"\x01"
     rows = list(csv.DictReader(path.read_text().splitlines(), delimiter=" "))
-    assert len(rows) == 250
+    assert len(rows) == 100
     steps = [float(b["timestamp"]) - float(a["timestamp"]) for a, b in itertools.pairwise(rows)]
-    assert steps == pytest.approx([0.008] * 249)
+    assert steps == pytest.approx([0.008] * 99)
 
 
 def test_control_loop(controller: ControllerProcess) -> None:

@@ -1,13 +1,22 @@
 """Every output and register that the real library can write or read, and what it refuses itself."""
 
 import itertools
+from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
 
 from hardware_sim.controller.process import ControllerProcess
-from tests.hardware_sim.controller.cells import Cell, send_script, wait_until
+from tests.hardware_sim.controller.cells import Cell, send_script, start, wait_until
 from tests.hardware_sim.controller.plain_client import PlainClient
+
+
+@pytest.fixture(scope="module")
+def controller() -> Iterator[ControllerProcess]:
+    """One controller for clients that come and go."""
+    with start() as process:
+        yield process
+
 
 BANKS = (("setStandardDigitalOut", 0, 8), ("setConfigurableDigitalOut", 8, 8), ("setToolDigitalOut", 16, 2))
 

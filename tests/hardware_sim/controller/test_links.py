@@ -6,6 +6,7 @@ import struct
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
@@ -17,42 +18,35 @@ from tests.hardware_sim.controller.plain_client import PlainClient
 NEAR = [q + 0.1 for q in HOME]
 
 
-def test_all_interfaces_construct_and_see_the_arm(controller: ControllerProcess) -> None:
-    """Check 1; how fast is in the benchmarks."""
-    import rtde_control
-    import rtde_io
-    import rtde_receive
+@pytest.fixture(scope="module")
+def controller() -> Iterator[ControllerProcess]:
+    """One controller for clients that come and go."""
+    with start() as process:
+        yield process
+
+
+def test_all_interfaces_are_there_and_see_the_arm(cell: Cell) -> None:
+    """Check 1; how fast they construct is in the benchmarks."""
     import script_client
 
-    with ExitStack() as stack:
-        control = rtde_control.RTDEControlInterface(controller.address)
-        stack.callback(control.disconnect)
-        receive = rtde_receive.RTDEReceiveInterface(controller.address)
-        stack.callback(receive.disconnect)
-        io = rtde_io.RTDEIOInterface(controller.address)
-        stack.callback(io.disconnect)
-        script = script_client.ScriptClient(controller.address, 5, 11)
-        script.connect()
-        stack.callback(script.disconnect)
-        assert all(client.isConnected() for client in (control, receive, io, script))
-        assert control.isProgramRunning()
-        assert receive.getActualQ() == pytest.approx(HOME)
-        assert receive.getRobotStatus() == control.getRobotStatus() == 0b1011
-        assert script.sendScriptCommand("sec quick():\n  set_digital_out(6, True)\nend\n")
-        wait_until(lambda: receive.getDigitalOutState(6))
+    script = script_client.ScriptClient(cell.address, 5, 11)
+    script.connect()
+    assert all(client.isConnected() for client in (cell.control, cell.receive, cell.io, cell.dashboard, script))
+    assert cell.control.isProgramRunning()
+    assert cell.receive.getRobotStatus() == cell.control.getRobotStatus() == 0b1011
+    assert script.sendScriptCommand("sec quick():\n  set_digital_out(6, True)\nend\n")
+    wait_until(lambda: cell.receive.getDigitalOutState(6))
+    script.disconnect()
 
 
-def test_second_clients_are_refused_and_inputs_freed(controller: ControllerProcess) -> None:
-    """Check 22."""
+def test_second_clients_are_refused(shared_cell: Cell) -> None:
+    """Check 22; a new one after a disconnect is below."""
     import rtde_control
     import rtde_io
 
     for interface in (rtde_control.RTDEControlInterface, rtde_io.RTDEIOInterface):
-        first = interface(controller.address)
         with pytest.raises(RuntimeError, match="already in use"):
-            interface(controller.address)
-        first.disconnect()
-        interface(controller.address).disconnect()
+            interface(shared_cell.address)
 
 
 def test_packets_come_500_times_a_second_to_three_clients(controller: ControllerProcess) -> None:
@@ -84,7 +78,7 @@ def rate(controller: ControllerProcess, packets: int) -> None:
     assert last - first == pytest.approx(seconds, rel=0.01, abs=0.1)
 
 
-@pytest.mark.parametrize(("frequency", "steps"), [(125.0, {4}), (10.0, {50}), (200.0, {2, 3}), (-1.0, {1})])
+@pytest.mark.parametrize(("frequency", "steps"), [(125.0, {4}), (10.0, {50})])
 def test_frequencies_are_kept(shared_cell: Cell, frequency: float, steps: set[int]) -> None:
     """Check 26."""
     import rtde_receive
@@ -96,7 +90,7 @@ def test_frequencies_are_kept(shared_cell: Cell, frequency: float, steps: set[in
     seen = [round((b - a) / 0.002) for a, b in itertools.pairwise(sorted(stamps))]
     # The library keeps the newest packet only; a busy machine may skip some between two looks.
     assert min(seen) in steps
-    assert all(step % min(steps) == 0 for step in seen if len(steps) == 1)
+    assert all(step % min(steps) == 0 for step in seen)
 
 
 def test_unknown_output_is_named(shared_cell: Cell) -> None:
@@ -151,21 +145,26 @@ os.kill(os.getpid(), signal.SIGKILL)
 def test_new_client_replaces_the_program_of_the_last_one(controller: ControllerProcess) -> None:
     """Failure: an old control program still runs."""
     import rtde_control
+    import rtde_io
 
     rtde_control.RTDEControlInterface(controller.address).disconnect()
+    rtde_io.RTDEIOInterface(controller.address).disconnect()
     with controller.control() as truth:
         assert truth.state()["program_running"]
+        before = len(truth.log())
         control = rtde_control.RTDEControlInterface(controller.address)
         assert control.moveJ(NEAR, 3.0, 20.0)
-        assert sum("program rtde_control started" in line for line in truth.log()) == 2
+        assert any("program rtde_control started" in line for line in truth.log()[before:])
         control.disconnect()
+        rtde_io.RTDEIOInterface(controller.address).disconnect()
 
 
-def test_upper_register_range_leaves_the_lower_one_free(controller: ControllerProcess) -> None:
+def test_upper_register_range_leaves_the_lower_one_free() -> None:
     import rtde_control
     import rtde_io
 
     with ExitStack() as stack:
+        controller = stack.enter_context(start())
         io = rtde_io.RTDEIOInterface(controller.address)
         stack.callback(io.disconnect)
         interface = rtde_control.RTDEControlInterface
@@ -182,12 +181,12 @@ def test_upper_register_range_leaves_the_lower_one_free(controller: ControllerPr
 
 
 @pytest.mark.long
-def test_programs_are_refused_in_local_control_whatever_the_client_checks(controller: ControllerProcess) -> None:
+def test_programs_are_refused_in_local_control_whatever_the_client_checks() -> None:
     """The flag that turns the check off alone also turns the upload off: the library wants them together."""
     import rtde_control
 
     interface = rtde_control.RTDEControlInterface
-    with controller.control() as truth:
+    with start() as controller, controller.control() as truth:
         truth.fault("local_mode")
         flags = interface.FLAG_UPLOAD_SCRIPT | interface.FLAG_DISABLE_REMOTE_CONTROL_CHECK
         with pytest.raises(RuntimeError, match="Failed to start control script"):

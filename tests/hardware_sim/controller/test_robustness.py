@@ -249,7 +249,7 @@ def test_upload_cut_in_the_middle_starts_nothing(process: ControllerProcess, tra
 
 def test_long_program_is_compiled_beside_the_ticks(process: ControllerProcess) -> None:
     bystander = Bystander(process.address)
-    lines = "".join(f"  movej([{n % 3 * 0.01}, -1.9, 1.9, -1.57, -1.57, 0], a=20, v=3)\n" for n in range(3000))
+    lines = "".join(f"  movej([{n % 3 * 0.01}, -1.9, 1.9, -1.57, -1.57, 0], a=20, v=3)\n" for n in range(1500))
     with process.control() as control, socket.create_connection((process.address, 30002), 3.0) as script:
         script.sendall(f"def long_way():\n{lines}end\n".encode())
         wait_until(lambda: control.state()["program_running"], 20.0)
