@@ -1,0 +1,28 @@
+"""How long the whole near-light recipe takes on path-traced images with bounced light, made larger by interpolation."""
+
+import cv2
+import numpy as np
+import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from acquisition import normals
+from acquisition.types import SolveSettings
+from tests.path_traced import bench
+
+
+@pytest.mark.parametrize("pixels", [500, 1000])
+def test_eight_images_with_bounced_light(benchmark: BenchmarkFixture, pixels: int) -> None:
+    lights = bench.two_rings(8)
+    small = bench.render("vee", lights, pixels=64, bounces=True, samples=36)
+    y = np.stack([cv2.resize(one, (pixels, pixels), interpolation=cv2.INTER_LINEAR) for one in small])
+    true, taken = bench.truth("vee", pixels), bench.capture(y, lights, 0)
+    benchmark.extra_info["object pixels"] = int(np.count_nonzero(true.mask))
+
+    found = benchmark.pedantic(
+        lambda: normals.solve_stack(
+            taken.stack, taken.calibration, SolveSettings(), initial_depth_m=0.9, object_mask=true.mask
+        ),
+        rounds=1,
+        warmup_rounds=1,
+    )
+    assert np.count_nonzero(found.mask) > 0.95 * np.count_nonzero(true.mask)
