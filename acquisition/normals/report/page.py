@@ -5,6 +5,7 @@ A person has a minute: figures first, then what is wrong and what to do, then th
 
 import base64
 import html
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
@@ -48,11 +49,14 @@ def _page(found: NormalMap, facts: Facts, small: Small, maps: list["_Map"]) -> s
     return page
 
 
+@dataclass(frozen=True)
 class _Map:
-    """One map as a picture with its name, what it means, and the ends of its scale."""
+    """One map as a picture (h, w, 3) with its name, what it means, and the ends of its scale."""
 
-    def __init__(self, name: str, meaning: str, picture: np.ndarray, scale: tuple[str, str] | None = None) -> None:
-        self.name, self.meaning, self.picture, self.scale = name, meaning, picture, scale
+    name: str
+    meaning: str
+    picture: np.ndarray
+    scale: tuple[str, str] | None = None
 
 
 def _maps(small: Small) -> list[_Map]:
