@@ -16,8 +16,8 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from hardware_sim.controller import control_port, dashboard, rtde, scripts
-from hardware_sim.controller.control_port import ControlConnection
 from hardware_sim.controller.calibration import calibrated
+from hardware_sim.controller.control_port import ControlConnection
 from hardware_sim.controller.controller import Controller
 from hardware_sim.controller.dashboard import DashboardConnection
 from hardware_sim.controller.delay import Delay
