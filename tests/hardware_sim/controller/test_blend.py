@@ -73,7 +73,7 @@ test_straight_moves_leave_the_corner_inside_the_radius = settings(max_examples=3
     )
 )
 test_straight_moves_leave_the_corner_inside_the_radius_many = pytest.mark.long(
-    settings(max_examples=150, deadline=None)(
+    settings(max_examples=40, deadline=None)(
         given(offsets, offsets, st.floats(0.005, 0.08), st.floats(0.05, 0.5), st.floats(0.5, 3.0))(
             check_that_straight_moves_leave_the_corner_inside_the_radius
         )
@@ -105,7 +105,7 @@ test_joint_moves_leave_the_corner_inside_the_radius = settings(max_examples=3, d
     )
 )
 test_joint_moves_leave_the_corner_inside_the_radius_many = pytest.mark.long(
-    settings(max_examples=150, deadline=None)(
+    settings(max_examples=40, deadline=None)(
         given(turns, turns, st.floats(0.01, 0.15), st.floats(0.2, 2.0), st.floats(1.0, 6.0))(
             check_that_joint_moves_leave_the_corner_inside_the_radius
         )
@@ -217,7 +217,7 @@ test_process_moves_keep_their_tool_speed_round_the_corner = settings(max_example
     )
 )
 test_process_moves_keep_their_tool_speed_round_the_corner_many = pytest.mark.long(
-    settings(max_examples=150, deadline=None)(
+    settings(max_examples=40, deadline=None)(
         given(offsets, offsets, st.floats(0.01, 0.06), st.floats(0.05, 0.4))(
             check_that_process_moves_keep_their_tool_speed_round_the_corner
         )
