@@ -270,6 +270,7 @@ def test_a_failure_is_told_and_stays(service: Any) -> None:
     assert service.client.resolve(identity) == number + 1
 
 
+@pytest.mark.long
 def test_what_was_asked_for_before_a_restart_is_done_after_it(serving: Any, here: Any, tmp_path: Path) -> None:
     chosen = here.model_copy(update={"data": tmp_path / "data"})
     with serving(chosen) as before:
@@ -283,6 +284,7 @@ def test_what_was_asked_for_before_a_restart_is_done_after_it(serving: Any, here
         assert after.client.result(identity, 2).origin == "resolve"
 
 
+@pytest.mark.long
 def test_a_session_deleted_meanwhile_is_forgotten(service: Any) -> None:
     identity = capture(service)
     service.client.stop(identity)
