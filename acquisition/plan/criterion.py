@@ -176,9 +176,10 @@ def _shading(sample: Samples, lamp: Float32Array, calibration: Calibration) -> _
 
 def candidates(
     sample: Samples, lights: list[Light], surface: Surface, calibration: Calibration, recipe: Recipe,
-    gloss: Gloss = noise.MATT,
+    gloss: Gloss = noise.MATT, *, cautious: bool = False,
 ) -> Candidates:  # fmt: skip
-    """Rows and visibilities of lights at the sample pixels, with the exposure that each light would get."""
+    """Rows and visibilities of lights at the sample pixels, with the exposure that each light would get; with the noise
+    that is expected, or `cautious`, to choose by."""
     lamp = photometry.lamps(lights)
     there = _shading(sample, lamp, calibration)
     spread = sample.sigma / np.sqrt(2.0)
@@ -196,7 +197,9 @@ def candidates(
     seen = np.where(there.value * level[:, None] > clipping, 0.0, seen)
 
     strength = sample.albedo * there.strength
-    expected = noise.variance(there.value, there.cosine, strength, there.distance, level, calibration)
+    expected = noise.variance(
+        there.value, there.cosine, strength, there.distance, level, calibration, cautious=cautious
+    )
     if gloss.sigma > 0:
         expected = expected + (gloss.sigma * there.strength * _half_way(sample, there) ** gloss.exponent) ** 2
     deviation = np.sqrt(expected)

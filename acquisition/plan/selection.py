@@ -60,17 +60,24 @@ class Problem:
         """Lamps at positions (M, 3) that look at the dome's centre."""
         return [dome.light(position, self.reach.center) for position in positions]
 
-    def candidates(self, sample: Samples, positions: FloatArray) -> Candidates:
-        """What lights at positions (M, 3) would tell sample pixels."""
-        return criterion.candidates(
-            sample, self.lights(positions), self.surface, self.calibration, self.recipe, self.gloss
-        )
+    def candidates(self, positions: FloatArray) -> Candidates:
+        """What lights at positions (M, 3) would tell the known pixels, to choose by."""
+        return self._told(self.known, positions, cautious=True)
+
+    def forecast(self, positions: FloatArray) -> Candidates:
+        """What lights at positions (M, 3) are expected to tell the fresh pixels."""
+        return self._told(self.fresh, positions, cautious=False)
 
     def expected(self, positions: FloatArray) -> Expectation:
         """What is expected of the fresh pixels after lights at positions (M, 3)."""
         if not len(positions):
             return criterion.expect(self.fresh, criterion.none(self.fresh))
-        return criterion.expect(self.fresh, self.candidates(self.fresh, positions))
+        return criterion.expect(self.fresh, self.forecast(positions))
+
+    def _told(self, sample: Samples, positions: FloatArray, *, cautious: bool) -> Candidates:
+        return criterion.candidates(
+            sample, self.lights(positions), self.surface, self.calibration, self.recipe, self.gloss, cautious=cautious
+        )
 
     @property
     def taken(self) -> FloatArray:
@@ -107,7 +114,7 @@ def choose(
     before_deg = problem.expected(np.empty((0, 3))).sigma_deg
     if wanted == 0:
         return _described([], [], [], before_deg, ["all lights of the recipe have been taken"])
-    options = problem.candidates(problem.known, problem.positions)
+    options = problem.candidates(problem.positions)
     loss, sets = _judged(problem, options, wanted)
     chosen = search.search(problem.known, options, loss, sets, wanted, recipe.seed, until)
     positions = search.refine(
@@ -115,7 +122,7 @@ def choose(
         problem.positions[chosen],
         reach.center,
         loss,
-        lambda places: problem.candidates(problem.known, places),
+        problem.candidates,
         lambda place: reach.allows(place) is None,
         until,
     )
@@ -128,7 +135,7 @@ def choose(
     if fallback is not None:
         positions = problem.positions[sets[0]]
 
-    there = problem.candidates(problem.fresh, positions)
+    there = problem.forecast(positions)
     sigma_deg = criterion.expect(problem.fresh, there).sigma_deg
     notes = [
         f"mean σ {np.mean(before_deg):.2f}° so far, {np.mean(sigma_deg):.2f}° expected with these lights, "
@@ -171,7 +178,7 @@ def forecast(
     """
     taken = sum(shot.kind == "light" for shot in observations.shots)
     problem = _problem(normal_map, observations, recipe, reach, calibration, region, max(counts, default=0))
-    options = problem.candidates(problem.known, problem.positions)
+    options = problem.candidates(problem.positions)
     never = Deadline()
     points: list[Expected] = []
     for count in counts:
@@ -210,12 +217,12 @@ def _problem(
             pixels=len(usable),
         )
 
-    def sampled(numbers: np.ndarray) -> Samples:
-        sample = criterion.samples(normal_map, calibration, np.sort(numbers[:SAMPLE_PIXELS]))
-        return criterion.reweighed(sample, normal_map, observations, calibration)
-
     order = np.random.default_rng(recipe.seed).permutation(usable)
     half = max(len(order) // 2, LEAST_PIXELS // 2)
+    known, fresh = (
+        criterion.samples(normal_map, calibration, np.sort(numbers[:SAMPLE_PIXELS]))
+        for numbers in (order[:half], order[half:])
+    )
     units = dome.directions(reach.candidates, reach.center, count)
     thin = np.linspace(0, len(units) - 1, min(len(units), MOST_CANDIDATES)).round().astype(int)
     return Problem(
@@ -226,8 +233,8 @@ def _problem(
         calibration=calibration,
         recipe=recipe,
         reach=reach,
-        known=sampled(order[:half]),
-        fresh=sampled(order[half:]),
+        known=known,
+        fresh=criterion.reweighed(fresh, normal_map, observations, calibration),
         positions=reach.candidates[thin],
         units=units[thin],
     )
@@ -250,7 +257,7 @@ def _certificate(
     step = max(1, len(problem.known.albedo) // CERTIFICATE_PIXELS)
     sample = problem.known.thinned(step)
     sample = replace(sample, unresolved=np.zeros_like(sample.unresolved))
-    ours = problem.candidates(sample, positions)
+    ours = problem.candidates(positions).thinned(step)
     few = options.thinned(step)
     found = relaxation.bound(sample, few.joined(ours), len(positions), until)
     variance, rings = (float(np.mean(criterion.expect(sample, set_).variance)) for set_ in (ours, few.only(pattern)))
