@@ -61,7 +61,9 @@ def apart(first: fcl.CollisionObject, second: fcl.CollisionObject) -> float:
 
 
 @meshes
-@pytest.mark.parametrize("model", sorted(MODELS))
+@pytest.mark.parametrize(
+    "model", ["ur5e", *(pytest.param(m, marks=pytest.mark.long) for m in sorted(MODELS) if m != "ur5e")]
+)
 def test_links_meet_where_their_meshes_do(model: str) -> None:
     check = ContactCheck(MODELS[model], Surroundings())
     links = [body(trimesh.load_mesh(path)) for path in sorted((audit.MESHES / model).glob("*.stl"))]

@@ -25,10 +25,15 @@ def surroundings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture
-def cell(surroundings: Path, tmp_path: Path) -> Iterator[Cell]:
+@pytest.fixture(scope="module")
+def record(surroundings: Path) -> Path:
+    return surroundings.with_name("ticks.record")
+
+
+@pytest.fixture(scope="module")
+def cell(surroundings: Path, record: Path) -> Iterator[Cell]:
     with ExitStack() as stack:
-        yield connect(stack, home=HOME, surroundings=surroundings, speed=4.0, record=tmp_path / "ticks.record")
+        yield connect(stack, home=HOME, surroundings=surroundings, speed=4.0, record=record)
 
 
 def hand(cell: Cell, joints: list[float]) -> None:
@@ -61,7 +66,7 @@ def collides(cell: Cell, joints: list[float], parts: set[str]) -> None:
         control.fault("clear")
 
 
-def test_arm_stops_at_table_object_camera_and_itself(cell: Cell, tmp_path: Path) -> None:
+def test_arm_stops_at_object_table_and_itself(cell: Cell, record: Path) -> None:
     hand(cell, OVER_OBJECT)
     pose = cell.receive.getActualTCPPose()
     assert not cell.control.moveL([*pose[:2], pose[2] - 0.25, *pose[3:]], 0.25, 1.0)
@@ -79,7 +84,7 @@ def test_arm_stops_at_table_object_camera_and_itself(cell: Cell, tmp_path: Path)
     ):
         hand(cell, [float(q) for q in begin])
         collides(cell, [float(q) for q in goal], parts)
-    trace = read_trace(tmp_path / "ticks.record")
+    trace = read_trace(record)
     assert trace.touching.any()
     assert {1, 3} <= set(trace.safety_mode.tolist())
 
