@@ -287,7 +287,7 @@ def warm() -> None:
     """Compiles the numerical kernels into their cache, so that no session waits for it."""
     import importlib
 
-    for module in ("acquisition.jobs", "hardware_sim.world"):
+    for module in ("acquisition.jobs", "acquisition.normals.distant", "hardware_sim.world"):
         importlib.import_module(module)
     print("kernels are compiled")
 
