@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import KDTree
 
-from acquisition.plan import criterion, visibility
+from acquisition.plan import criterion, noise, visibility
 from acquisition.types import BoolArray, Calibration, FloatArray, Light, NormalMap, Observations, Recipe
 
 PICTURE_PX = 160
@@ -43,7 +43,7 @@ def gains(
     sample = criterion.samples(normal_map, calibration, usable)
     sample = criterion.reweighed(sample, normal_map, observations, calibration)
     surface = visibility.surface(normal_map, calibration)
-    there = criterion.candidates(sample, lights, surface, calibration, recipe)
+    there = criterion.candidates(sample, lights, surface, calibration, recipe, noise.gloss(normal_map))
     with_all = criterion.expect(sample, there).sigma_deg
     every = np.arange(len(lights))
     gain = [criterion.expect(sample, there.only(np.delete(every, light))).sigma_deg - with_all for light in every]

@@ -1,0 +1,59 @@
+"""What each light gains: never less than nothing, nothing where it does not shine, and pictures that show it."""
+
+import cv2
+import numpy as np
+import pytest
+
+from acquisition import pilot
+from acquisition.plan import explain
+from acquisition.plan.explain import Gains
+from acquisition.types import Recipe
+from tests.acquisition import scenes
+from tests.acquisition.plan import cases
+
+TRUE = scenes.scene(scenes.sphere, scenes.calibration(96))
+TAKEN = pilot.pattern(Recipe(), scenes.Dome(refused=0))
+LIGHTS = [*scenes.ring(3, 62.0, turn=0.4), scenes.ring(1, 20.0)[0]]
+
+
+@pytest.fixture(scope="module")
+def found() -> Gains:
+    normal_map = cases.known_map(TRUE, TAKEN)
+    return explain.gains(normal_map, cases.NOTHING_TAKEN, Recipe(), LIGHTS, TRUE.calibration)
+
+
+def test_no_light_makes_a_pixel_less_certain(found: Gains) -> None:
+    assert found.gain_deg.shape == (len(LIGHTS), len(found.rows))
+    assert np.min(found.gain_deg) > -1e-6
+    assert np.all(np.max(found.gain_deg, axis=1) > 0.02)
+
+
+@pytest.mark.parametrize("light", range(3))
+def test_a_grazing_light_gains_on_its_own_side_only(found: Gains, light: int) -> None:
+    place = np.array(LIGHTS[light].position)
+    towards = place - TRUE.points[:, found.rows, found.columns].T
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    cosine = np.einsum("kc,kc->k", TRUE.normals[found.rows, found.columns], towards)
+    gain = found.gain_deg[light]
+    assert np.max(gain[cosine < -0.15]) < 1e-6
+    assert np.mean(gain[cosine > 0.3]) > 0.01
+
+
+def test_a_light_twice_gains_little_each_time(found: Gains) -> None:
+    normal_map = cases.known_map(TRUE, TAKEN)
+    twice = explain.gains(normal_map, cases.NOTHING_TAKEN, Recipe(), [*LIGHTS, LIGHTS[0]], TRUE.calibration)
+    assert np.mean(twice.gain_deg[0]) < 0.8 * np.mean(found.gain_deg[0])
+
+
+def test_pictures_show_the_object_and_one_scale_for_all_lights(found: Gains) -> None:
+    pictures = [
+        cv2.imdecode(np.frombuffer(explain.picture(found, light, TRUE.mask), np.uint8), cv2.IMREAD_COLOR)
+        for light in range(len(LIGHTS))
+    ]
+    rows, columns = np.flatnonzero(TRUE.mask.any(axis=1)), np.flatnonzero(TRUE.mask.any(axis=0))
+    for picture in pictures:
+        assert picture is not None
+        assert picture.shape == (np.ptp(rows) + 1, np.ptp(columns) + 1, 3)
+        assert tuple(picture[0, 0]) == explain.OUTSIDE
+    brightness = [float(np.mean(picture)) for picture in pictures if picture is not None]
+    assert np.argmax(brightness) == np.argmax(np.mean(found.gain_deg, axis=1))
