@@ -88,7 +88,7 @@ def test_life_from_power_off_to_running_and_back(cell: Cell) -> None:
     board = cell.dashboard
     board.powerOff()
     wait_until(lambda: not cell.control.isProgramRunning())
-    assert (cell.receive.getRobotMode(), cell.receive.getSafetyMode()) == (3, 1)
+    wait_until(lambda: (cell.receive.getRobotMode(), cell.receive.getSafetyMode()) == (3, 1))
     assert cell.receive.getJointMode() == [239] * 6
     assert not cell.control.moveJ(HOME, 1.0, 1.0)
     board.brakeRelease()  # powers on where needed
@@ -104,7 +104,7 @@ def test_life_from_power_off_to_running_and_back(cell: Cell) -> None:
     board.brakeRelease()
     wait_until(lambda: board.robotmode() == "Robotmode: RUNNING")
     restart_program(cell)
-    assert cell.receive.getJointMode() == [253] * 6
+    wait_until(lambda: cell.receive.getJointMode() == [253] * 6)
     assert cell.control.moveJ([q + 0.05 for q in HOME], 3.0, 20.0)
     board.powerOff()
     wait_until(lambda: cell.receive.getRobotMode() == 3)
