@@ -54,7 +54,7 @@ def depth(
     of the mask keeps the mean log depth that `start_m` (h, w) gives it.
     """
     log_start = np.log(start_m)
-    edges = tuple(_perspective(normals, ray, mask, certainty, axis, keep_steps) for axis in (0, 1))
+    edges = [_perspective(normals, ray, mask, certainty, axis, keep_steps) for axis in (0, 1)]
     pitch = float(np.median(np.abs(np.diff(ray[0], axis=1)))) if mask.shape[1] > 1 else 1.0
     solution = _integrated(edges, log_start, mask, pitch if keep_steps else None)
     return np.where(mask, np.exp(solution), start_m).astype(np.float32)
@@ -68,7 +68,7 @@ def relief(
     `normals` (3, h, w) in the view frame, `certainty` (h, w) in 0–1 weighs pixels.
     """
     start = np.zeros(mask.shape, np.float32)
-    edges = tuple(_orthographic(normals, mask, certainty, axis, keep_steps) for axis in (0, 1))
+    edges = [_orthographic(normals, mask, certainty, axis, keep_steps) for axis in (0, 1)]
     return np.where(mask, _integrated(edges, start, mask, 1.0 if keep_steps else None), 0).astype(np.float32)
 
 
@@ -129,13 +129,12 @@ def _edges(
     weight = np.where(both, np.minimum(certainty[here], certainty[there]) * cosine * cosine, 0).astype(np.float32)
     ends = None
     if both_ends:
-        ends = tuple(step(x[at], y[at], z[at])[0].astype(np.float32) for at in (here, there))
+        first, second = (step(x[at], y[at], z[at])[0].astype(np.float32) for at in (here, there))
+        ends = (first, second)
     return _Edges(mean.astype(np.float32), ends, weight)
 
 
-def _integrated(
-    edges: tuple[_Edges, _Edges], start: Float32Array, mask: BoolArray, pitch: float | None
-) -> Float32Array:
+def _integrated(edges: list[_Edges], start: Float32Array, mask: BoolArray, pitch: float | None) -> Float32Array:
     """The solution (h, w); each connected part of the mask keeps the mean of `start`. `pitch`: steps are kept."""
     rows, columns = edges
     solver = _Poisson(mask)
@@ -151,7 +150,7 @@ def _integrated(
         if float(np.mean(np.abs(solution - before)[mask])) < 1e-3 * pitch:
             break
     parts, found = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
-    labels = np.asarray(found)
+    labels = np.asarray(found, dtype=np.intp)
     counts = np.maximum(np.bincount(labels.ravel(), minlength=parts), 1)
     shift = np.bincount(labels.ravel(), (start - solution).ravel(), minlength=parts) / counts
     shift[0] = 0.0
@@ -207,18 +206,18 @@ class _Poisson:
         first = float(np.vdot(residual, residual))
         if first == 0.0:
             return start
-        scale = np.float32(1 / np.mean(across[across > 0])) if np.any(across > 0) else np.float32(1)
+        scale = float(1 / np.mean(across[across > 0])) if np.any(across > 0) else 1.0
         direction = np.zeros(size, np.float32)
         previous = 1.0
         for turn in range(ITERATIONS):
             spectrum = dctn(residual, type=2, norm="ortho", workers=-1, overwrite_x=False)
             spectrum *= self._inverse
             conditioned = idctn(spectrum, type=2, norm="ortho", workers=-1, overwrite_x=True)
-            product = float(scale) * _product(residual, conditioned, self._inside)
-            _advance(direction, conditioned, self._inside, scale, np.float32(product / previous if turn else 0.0))
+            product = scale * _product(residual, conditioned, self._inside)
+            _advance(direction, conditioned, self._inside, scale, product / previous if turn else 0.0)
             previous = product
             length = product / max(_apply(direction, down, across, image), 1e-30)
-            left = _descend(solution, residual, direction, image, np.float32(length))
+            left = _descend(solution, residual, direction, image, length)
             if left < TOLERANCE**2 * first:
                 break
         out = start.copy()
@@ -298,7 +297,7 @@ def _apply(x: Float32Array, down: Float32Array, across: Float32Array, out: Float
                 line += value * here
             part += line
         total += part
-    return total
+    return float(total)
 
 
 @numba.njit(
@@ -313,7 +312,7 @@ def _product(a: Float32Array, b: Float32Array, inside: Float32Array) -> float:
         for j in range(a.shape[1]):
             line += a[i, j] * b[i, j] * inside[i, j]
         total += line
-    return total
+    return float(total)
 
 
 @numba.njit(
@@ -345,7 +344,7 @@ def _descend(
             residual[i, j] -= length * image[i, j]
             line += residual[i, j] * residual[i, j]
         total += line
-    return total
+    return float(total)
 
 
 KERNELS = (_misfit, _apply, _product, _advance, _descend)

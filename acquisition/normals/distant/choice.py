@@ -16,6 +16,8 @@ SAMPLE = 300
 MOST = 0.8
 """Share of a pixel's lights whose error counts."""
 
+FEW: tuple[Solver, ...] = ("weighted", "robust")
+MANY: tuple[Solver, ...] = ("thresholded", "glossy")
 ADVANTAGE = 0.97
 """A solver further down the list must beat the ones above it by this factor: simple ones are steadier and faster."""
 
@@ -24,9 +26,8 @@ def best(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> tu
     """The solver and a sentence that says why, from a sample of pixels (K, F)."""
     step = max(1, len(values) // SAMPLE)
     values, clipped = np.ascontiguousarray(values[::step]), np.ascontiguousarray(clipped[::step])
-    solvers: list[Solver] = ["weighted", "robust"]
-    if len(directions) >= methods.GLOSSY_LIGHTS * FOLDS // (FOLDS - 1):
-        solvers += ["thresholded", "glossy"]
+    many = len(directions) >= methods.GLOSSY_LIGHTS * FOLDS // (FOLDS - 1)
+    solvers = FEW + MANY if many else FEW
     if len(directions) <= FOLDS + 1:
         return "weighted", f"{len(directions)} lights leave none to test other solvers by"
     errors = {solver: held_out_error(solver, values, clipped, directions) for solver in solvers}
@@ -41,6 +42,8 @@ def best(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> tu
 def held_out_error(solver: Solver, values: Float32Array, clipped: BoolArray, directions: FloatArray) -> float:
     """Geometric mean over pixels of the relative error that MOST held-out lights stay below, over all folds."""
     count = len(directions)
+    # The form's three numbers stand for all pixels: that they have seen every light tells no pixel anything.
+    form = glossy.matt_form(values[::2], clipped[::2], directions) if solver == "glossy" else glossy.LAMBERT
     errors = np.full(values.shape, np.nan)
     order = np.random.default_rng(0).permutation(count)
     for fold in range(FOLDS):
@@ -48,7 +51,7 @@ def held_out_error(solver: Solver, values: Float32Array, clipped: BoolArray, dir
         shown = np.setdiff1d(np.arange(count), left)
         predicted = _predict(
             solver, np.ascontiguousarray(values[:, shown]), np.ascontiguousarray(clipped[:, shown]),
-            directions[shown], directions[left],
+            directions[shown], directions[left], form,
         )  # fmt: skip
         typical = np.maximum(np.median(values, axis=1, keepdims=True), 1e-9)
         errors[:, left] = np.abs(predicted - values[:, left]) / (values[:, left] + glossy.SOFTENING * typical)
@@ -60,11 +63,15 @@ def held_out_error(solver: Solver, values: Float32Array, clipped: BoolArray, dir
 
 
 def _predict(
-    solver: Solver, values: Float32Array, clipped: BoolArray, shown: FloatArray, left: FloatArray
+    solver: Solver,
+    values: Float32Array,
+    clipped: BoolArray,
+    shown: FloatArray,
+    left: FloatArray,
+    form: FloatArray,
 ) -> FloatArray:
     """Brightness (N, L) under lights that were left out (L, 3)."""
     if solver == "glossy":
-        form = glossy.matt_form(values[::2], clipped[::2], shown)
         fits = glossy.fit(values, clipped, glossy.light_table(shown), form, glossy.start(values, clipped, shown))
         return glossy.brightness(fits, glossy.light_table(left), form)
     ranks = (0.0, 1.0) if solver == "weighted" else robust.MIDDLE

@@ -31,6 +31,12 @@ PRIOR_COUNT = 2.0
 """What the residuals are expected to be, as a share of the albedo, and how many residuals that expectation counts."""
 
 FORM_SAMPLE = 400
+FORM_RAD2 = np.float32(np.radians(0.5) ** 2)
+"""Variance of a glossy fit's normals, over both directions, that a form of the matt part a little off leaves."""
+
+UNDERSTATED = np.float32(1.5**2)
+"""What the linear variance of a glossy fit misses: lobes and matt part trade with each other out of its sight."""
+
 UNKNOWN_RAD2 = np.float32(np.radians(60.0) ** 2)
 
 
@@ -68,12 +74,9 @@ def prepare(
             return _weighted(directions), {"shadow_share": SHADOW}
         case "glossy":
             step = max(1, len(values) // FORM_SAMPLE)
-            form = glossy.matt_form(
-                np.ascontiguousarray(values[::step]), np.ascontiguousarray(clipped[::step]), directions
-            )
-            return _glossy(directions, form), {
-                "matt_form": dict(zip(("kappa", "omega", "gamma"), form.tolist(), strict=True))
-            }
+            form = glossy.matt_form(values[::step], clipped[::step], directions)
+            names = ("kappa", "omega", "gamma")
+            return _glossy(directions, form), {"matt_form": dict(zip(names, form.tolist(), strict=True))}
         case _:
             return _robust(directions, rounds=0 if solver == "thresholded" else robust.ROUNDS), {}
 
@@ -179,7 +182,8 @@ def _glossy(directions: FloatArray, form: FloatArray) -> Method:
         flags = _flags(lit & ~highlight, highlight, clipped, fits.normals @ directions.T.astype(np.float32))
         albedo = np.maximum(fits.strengths[:, 0], 0)
         residual = fits.spread * np.median(values, axis=1)
-        return Found(fits.normals.T, albedo, fits.variance, residual.astype(np.float32), flags)
+        variance = np.minimum(UNDERSTATED * fits.variance + FORM_RAD2, UNKNOWN_RAD2).astype(np.float32)
+        return Found(fits.normals.T, albedo, variance, residual.astype(np.float32), flags)
 
     return solve
 

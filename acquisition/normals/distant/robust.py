@@ -30,7 +30,8 @@ def triples(light: FloatArray) -> tuple[np.ndarray, FloatArray]:
     volume = np.abs(np.linalg.det(light[every]))
     kept = every[volume > 0.3 * volume.max()]
     chosen = kept[np.linspace(0, len(kept) - 1, min(TRIPLES, len(kept))).astype(int)]
-    return chosen.astype(np.int64), np.ascontiguousarray(np.linalg.inv(light[chosen]))
+    inverses = np.linalg.inv(light[chosen])
+    return chosen.astype(np.int64), np.ascontiguousarray(inverses, dtype=np.float64)
 
 
 @numba.njit("boolean(float64[::1], float64[::1], float64[::1])", cache=True, error_model="numpy")
