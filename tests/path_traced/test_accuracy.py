@@ -1,7 +1,7 @@
 """The whole recipe on path-traced images, against bars: five objects, three draws of 1 % intensity and 1 mm position.
 
-Grades are means over objects of means over draws; two rings of lights. Renders are cached under build/path-traced, so
-that the first run costs an hour of processor time and later ones minutes.
+Grades are means over objects of means over draws; two rings of lights. Renders are cached under build/path-traced. The
+thresholds of lobe and bounced light were chosen on these objects, and pixels that straddle an edge are not graded.
 """
 
 import functools

@@ -37,7 +37,7 @@ def test_bounced_light_is_taken_out_of_grooves() -> None:
     found, grade = solved("vee", y)
     assert found.indirect is not None
     assert 0.1 < np.median(found.indirect[bench.truth("vee", PIXELS).graded]) < 0.35
-    assert grade.mean_deg < 3.0  # uncorrected: 10°
+    assert grade.mean_deg < 3.0
     assert grade.within_two > 0.85
 
 
