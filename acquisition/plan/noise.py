@@ -4,8 +4,8 @@ What is expected is not what calibration alone says. The final solve finds each 
 together, so that a part of that error remains; and depth is an unknown of its own, in the plan as in the solve, so that
 the error of the light's direction is that of the lamp's position, and turns y only as far as the light falls aslant.
 Forecasts are made with that, and what the images so far have told is weighed anew by it. Lights are chosen more
-cautiously, with the noise that the solver starts from, which allows for errors of intensity and depth in full: chosen
-with the expected noise they were found no better, if anything 2 % worse (27 runs, 1 s.e. 2 %).
+cautiously, with the noise that the solver starts from, which allows for errors of intensity and depth in full: so the
+choice does not hang on how much the final solve will put right. The errors found are the same within 2 %.
 
 Highlights on a glossy surface are another error of the images: where the pilot shows some, lights that would throw
 them at many pixels are worth less.

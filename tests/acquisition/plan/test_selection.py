@@ -174,9 +174,9 @@ def test_steps_that_the_depth_map_lacks_are_answered_by_two_rings(
 
 
 def test_little_to_gain_is_answered_by_two_rings(cushion: scenes.Scene, reach: scenes.Dome) -> None:
-    """After forty even lights nothing that one more could do is worth a model."""
-    lights = [*scenes.ring(13, 25.0), *scenes.ring(27, 55.0, turn=0.1)]
-    normal_map = replace(cases.known_map(cushion, lights), flags=np.full((40, 128, 128), LIT, np.uint8))
+    """After eighty even lights nothing that one more could do is worth a model."""
+    lights = [*scenes.ring(27, 25.0), *scenes.ring(53, 55.0, turn=0.1)]
+    normal_map = replace(cases.known_map(cushion, lights), flags=np.full((80, 128, 128), LIT, np.uint8))
     taken = replace(cases.NOTHING_TAKEN, shots=[cases.shot_of(light, number) for number, light in enumerate(lights)])
     chosen = plan.choose(normal_map, taken, Recipe(), reach, cushion.calibration, 1)
     assert chosen.fallback is not None
