@@ -8,7 +8,7 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from acquisition.normals import distant, integrate
-from acquisition.normals.distant import kernels
+from acquisition.normals.distant import kernels, point_lights
 from acquisition.normals.image_set import DistantLights, ImageSet
 from tests.acquisition.normals.distant.gloss_scenes import Rows
 
@@ -82,7 +82,7 @@ def test_near_light_of_twelve_megapixels(benchmark: BenchmarkFixture, stack: np.
     lamp = (directions() * 0.45 + np.array([0, 0, -0.9])).astype(np.float32)
     scale, limits = np.full(COUNT, 1e-4, np.float32), np.array([65_000, 0.05], np.float32)
     arguments = (stack, scale, lamp, np.ascontiguousarray(ray), depth, limits, *outputs(stack.shape[1]))
-    benchmark.pedantic(kernels.near_least_squares, args=arguments, rounds=7, warmup_rounds=1)
+    benchmark.pedantic(point_lights.near_least_squares, args=arguments, rounds=7, warmup_rounds=1)
     told(benchmark, stack)
 
 

@@ -77,7 +77,7 @@ def _oren_nayar(c: dict[str, FloatArray], albedo: FloatArray, sigma: float) -> F
 def _lafortune(c: dict[str, FloatArray], albedo: FloatArray) -> FloatArray:
     """Diffuse, a forward lobe off the mirror direction and a faint one back to the light."""
     across = c["lv"] - c["nl"] * c["nv"]  # tangential parts of l and v
-    forward = np.maximum(-1.02 * -across * -1 + 0.95 * c["nl"] * c["nv"], 0)
+    forward = np.maximum(0.95 * c["nl"] * c["nv"] - 1.02 * across, 0)
     back = np.maximum(0.7 * across + 0.7 * c["nl"] * c["nv"], 0)
     return (albedo / np.pi + 0.22 * forward**14 + 0.05 * back**5) * c["nl"]
 

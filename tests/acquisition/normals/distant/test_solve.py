@@ -7,7 +7,7 @@ import pytest
 
 from acquisition.errors import ErrorCode, RigError
 from acquisition.normals import distant
-from acquisition.normals.distant import blocks, kernels, methods
+from acquisition.normals.distant import blocks, methods, point_lights
 from acquisition.normals.image_set import DistantLights, ImageSet
 from acquisition.types import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
 from tests.acquisition.normals.distant.gloss_scenes import Rows, lights
@@ -208,7 +208,7 @@ def test_the_near_kernel_follows_the_inverse_square() -> None:
     normals, albedo = np.empty((3, count), np.float32), np.empty(count, np.float32)
     scale = np.full(8, 1 / (FULL * 0.8 * 0.45**2), np.float32)
     limits = np.array([FULL, 0.05], np.float32)
-    kernels.near_least_squares(stored, scale, lamp, ray, depth, limits, normals, albedo)
+    point_lights.near_least_squares(stored, scale, lamp, ray, depth, limits, normals, albedo)
     assert np.degrees(np.arccos(np.clip(np.sum(normals * true, axis=0), -1, 1))).max() < 0.1
     np.testing.assert_allclose(albedo, 0.5, rtol=2e-3)
 
