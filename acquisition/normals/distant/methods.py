@@ -180,7 +180,8 @@ def _glossy(directions: FloatArray, form: FloatArray) -> Method:
         lit = glossy.trusted(values, clipped)
         highlight = lit & (values > (1 + EXCESS) * matt + EXCESS * fits.strengths[:, :1])
         flags = _flags(lit & ~highlight, highlight, clipped, fits.normals @ directions.T.astype(np.float32))
-        albedo = np.maximum(fits.strengths[:, 0], 0)
+        # A pixel that is all gloss has a normal too, though no matt albedo to speak of.
+        albedo = np.maximum(fits.strengths[:, 0], np.float32(1e-6) * np.sum(fits.strengths, axis=1))
         residual = fits.spread * np.median(values, axis=1)
         variance = np.minimum(UNDERSTATED * fits.variance + FORM_RAD2, UNKNOWN_RAD2).astype(np.float32)
         return Found(fits.normals.T, albedo, variance, residual.astype(np.float32), flags)
