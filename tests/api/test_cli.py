@@ -38,7 +38,7 @@ def test_help_loads_no_numerical_kernel() -> None:
         (("sim", "--address", "10.1.2.3"), "10.1.2.3"),
         (("serve", "--cell", "no-such-cell.toml"), "no-such-cell.toml"),
         (("solve", "no-such-folder"), "no-such-folder"),
-        (("serve", "--cell", "deploy/cell.sim.toml", "--host", "0.0.0.0"), "authentication"),  # noqa: S104
+        (("serve", "--cell", "deploy/cell.sim.toml", "--host", "0.0.0.0"), "lightpose keys add"),  # noqa: S104
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
@@ -63,13 +63,13 @@ def test_check_says_what_the_cell_can_do_and_names_what_is_missing() -> None:
 
 def test_the_demonstration_ends_with_one_json_object(tmp_path: Path) -> None:
     done = lightpose(
-        "demo", "--object", "sphere", "--profile", "ideal", "--pixels", "96", "--speed", "10", "--pilot", "3",
+        "demo", "--object", "sphere", "--profile", "ideal", "--pixels", "96", "--speed", "10", "--pilot", "4",
         "--planned", "2", "--no-random", "--data", str(tmp_path), "--json",
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     outcome = json.loads(done.stdout.splitlines()[-1])
     assert outcome["object"] == "sphere"
-    assert outcome["lights_total"] == 5
+    assert outcome["lights_total"] == 6
     assert outcome["random_mean_deg"] is None
     assert outcome["mean_deg"] < 2.0
     assert outcome["mean_deg"] < outcome["pilot_mean_deg"]
