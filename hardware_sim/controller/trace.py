@@ -3,8 +3,9 @@
 Format: the magic `LPTICKS1`, then rows of 88 bytes, little-endian: float64 time stamp (the controller's, s); 6 float64
 true joints (rad); 6 float32 true TCP pose (x, y, z in m, rotation vector in rad; base frame); uint32 digital outputs
 (bits 0–7 standard, 8–15 configurable, 16–17 tool); uint8 safety mode, robot mode, runtime state (the numbers of
-`modes`); uint8 1 while the arm touches something. A tick in which nothing changed has no row: it equals the row before.
-Where motion is faster than life a tick may have several rows, none more than 8 ms of motion after the last.
+`modes`); uint8 1 while the arm touches something. Every tick has a row, at rest too, 44 kB a second: how long the arm
+stood is part of the record. Where motion is faster than life a tick may have several rows, none more than 8 ms of
+motion after the last.
 """
 
 import struct
@@ -40,10 +41,9 @@ class Recorder:
         self._joints: list[float] = []
         self._tool: list[float] = []
         self._pose: list[float] = []
-        self._last = b""
 
     def __call__(self, controller: "Controller", timestamp: float) -> None:
-        """Takes the controller's state; writes a row where anything but the time differs from the last one."""
+        """Writes a row of the controller's state."""
         arm = controller.arm
         joints = arm.true_joints
         if joints != self._joints or arm.tcp != self._tool:
@@ -59,9 +59,7 @@ class Recorder:
             controller.runtime_state,
             controller.collisions.touching is not None,
         )
-        if row != self._last:
-            self._last = row
-            self._file.write(_TIME.pack(timestamp) + row)
+        self._file.write(_TIME.pack(timestamp) + row)
 
     def close(self) -> None:
         """Closes the file."""
