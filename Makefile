@@ -16,7 +16,7 @@ demo: setup
 	$(BIN)/lightpose demo
 
 test: setup
-	$(BIN)/pytest --numprocesses 2 --dist loadfile
+	$(BIN)/pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
 test-long: setup
 	$(BIN)/pytest -m long --timeout 3600

@@ -380,7 +380,7 @@ class Controller:
                 except MotionError as fault:
                     self.protective_stop(str(fault))
                 self._feel()
-                if self._record is not None:
+                if self._record is not None and number < steps:  # the last one is the tick's own row
                     self._record(self, self.timestamp + (number / steps - 1.0) * STEP_TIME)
             publication.pose(arm, self.registers)
         arm.end_tick()
