@@ -78,6 +78,7 @@ def test_a_whole_session_finds_the_normals_and_keeps_everything(rig: Rig, tmp_pa
             assert max(abs(a - b) for a, b in zip(planned, shot["light"]["position"], strict=True)) < 2e-3
 
 
+@pytest.mark.long
 def test_a_fixed_pattern_runs_through_the_same_session(rig: Rig) -> None:
     with client_of(rig.service) as client:
         done = client.capture(Recipe(method="random", pilot_lights=3, planned_lights=3, seed=2), progress=False)

@@ -74,4 +74,4 @@ def test_hand_that_pushes_a_running_arm_stops_it_and_moves_one_at_rest(cell: Cel
         wait_until(lambda: any(cell.receive.getActualQd()))
         wait_until(lambda: cell.receive.getActualQ() == pytest.approx(HOME))
         assert control.state()["safety_mode"] == SafetyMode.NORMAL
-        assert cell.receive.getActualQd() == [0.0] * 6
+        wait_until(lambda: cell.receive.getActualQd() == [0.0] * 6)

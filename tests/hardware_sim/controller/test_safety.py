@@ -236,6 +236,8 @@ def test_real_client_loads_and_plays_and_takes_the_arm_back(cell: Cell) -> None:
     wait_until(board.running)
     assert board.programState() == "PLAYING slow.urp"
     board.stop()
+    # The control connection hears of the end later, and would take the old program for the new one.
+    wait_until(lambda: not cell.control.isProgramRunning())
     restart_program(cell)
     assert cell.control.moveJ([q + 0.05 for q in HOME], 3.0, 20.0)
     assert board.programState() == "PLAYING rtde_control"
