@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from hardware_sim.controller import kinematics
@@ -15,6 +15,7 @@ from tests.hardware_sim.controller.programs import HOME, TICK, Record, run
 ARM = MODELS["ur5e"]
 START = kinematics.forward(ARM, HOME)
 PLACE = np.array([START[3], START[7], START[11]])
+AXIS = np.zeros((1, 2))  # of the base, seen from above
 STRAIGHT = 1e-4  # m: what straight means
 offsets = st.tuples(*[st.floats(-0.12, 0.12)] * 3).map(np.array)
 turns = st.tuples(*[st.floats(-0.5, 0.5)] * 6).map(np.array)
@@ -192,6 +193,8 @@ def check_that_process_moves_keep_their_tool_speed_round_the_corner(
 ) -> None:
     acceleration = 1.5
     corners = [PLACE, PLACE + first, PLACE + first + second]
+    # Nearer to the base's axis than the wrist's offset no pose has a solution, and just outside it the base must race.
+    assume(min(distance_to_segment(AXIS, a[:2], b[:2])[0] for a, b in itertools.pairwise(corners)) > 0.25)
     moves = [f" movep({pose(c)}, a={acceleration}, v={speed}" for c in corners[1:]]
     record = run(f" movel({pose(PLACE)})\n{moves[0]}, r={radius})\n{moves[1]})\n")
     assert np.allclose(record.tools[-1], corners[-1], atol=1e-8)
