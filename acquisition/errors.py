@@ -21,6 +21,7 @@ class ErrorCode(StrEnum):
     REQUEST_TOO_MANY_FAILURES = "request.too_many_failures"
     REQUEST_TOO_LARGE = "request.too_large"
     REQUEST_MEDIA_TYPE = "request.media_type"
+    REQUEST_TIMEOUT = "request.timeout"
     CONFIG_INVALID = "config.invalid"
     SESSION_NOT_FOUND = "session.not_found"
     SESSION_ACTION_NOT_ALLOWED = "session.action_not_allowed"
@@ -36,8 +37,11 @@ class ErrorCode(StrEnum):
     ARM_EMERGENCY_STOP = "arm.emergency_stop"
     ARM_NOT_READY = "arm.not_ready"
     ARM_MOVE_FAILED = "arm.move_failed"
+    ARM_ELSEWHERE = "arm.elsewhere"
     SAFETY_NOT_ACKNOWLEDGED = "safety.not_acknowledged"
     SAFETY_STILL_FAULTED = "safety.still_faulted"
+    SAFETY_RECOVERY_FORBIDDEN = "safety.recovery_forbidden"
+    SAFETY_RECOVERY_REFUSED = "safety.recovery_refused"
     DEVICE_DISCONNECTED = "device.disconnected"
     DRIVER_LOST = "driver.lost"
     LAMP_NOT_CONFIRMED = "lamp.not_confirmed"
@@ -45,6 +49,7 @@ class ErrorCode(StrEnum):
     CAMERA_TIMEOUT = "camera.timeout"
     CAPTURE_FRAME_REJECTED = "capture.frame_rejected"
     PLAN_INFEASIBLE = "plan.infeasible"
+    PLAN_TO_REVIEW = "plan.to_review"
     WAYPOINTS_UNREACHABLE = "waypoints.unreachable"
     WAYPOINTS_COLLISION = "waypoints.collision"
     NORMALS_INFEASIBLE = "normals.infeasible"
@@ -96,6 +101,9 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.REQUEST_MEDIA_TYPE: Problem(
         415, "The request body is not JSON", "Send the body with Content-Type: application/json."
     ),
+    ErrorCode.REQUEST_TIMEOUT: Problem(
+        408, "The request did not arrive in time", "Send the whole request at once, over a better link."
+    ),
     ErrorCode.CONFIG_INVALID: Problem(
         500, "A configuration file is not valid", "Correct the file named in the detail; `lightpose check` tests it."
     ),
@@ -143,6 +151,11 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.ARM_MOVE_FAILED: Problem(
         503, "A move did not end where it should", "Look at the cell; resume plans again from where the arm is."
     ),
+    ErrorCode.ARM_ELSEWHERE: Problem(
+        409,
+        "The arm is not where this session left it",
+        "Look at the cell; if the arm may move from where it stands, resume with `from_here`: true.",
+    ),
     ErrorCode.SAFETY_NOT_ACKNOWLEDGED: Problem(
         423,
         "A safety stop has not been acknowledged",
@@ -150,6 +163,14 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.SAFETY_STILL_FAULTED: Problem(
         409, "The controller still reports a safety stop", "Clear it at the pendant first, then acknowledge."
+    ),
+    ErrorCode.SAFETY_RECOVERY_FORBIDDEN: Problem(
+        403,
+        "This cell is recovered at the pendant only",
+        "Recover the arm at the pendant; `arm.remote_recovery` in the cell file would allow it from here.",
+    ),
+    ErrorCode.SAFETY_RECOVERY_REFUSED: Problem(
+        409, "The controller did not do this", "See the detail: what the controller answered; or do it at the pendant."
     ),
     ErrorCode.DEVICE_DISCONNECTED: Problem(
         503, "The link to a device is lost", "Check the cable and the device; then resume."
@@ -171,6 +192,11 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.PLAN_INFEASIBLE: Problem(
         422, "No such set of lights exists in this cell", "Ask for fewer lights, or widen the reach (see the detail)."
+    ),
+    ErrorCode.PLAN_TO_REVIEW: Problem(
+        409,
+        "The planned lights wait for a person",
+        "Look at the pass; resume takes its lights, PUT /v1/sessions/{id}/passes/{n}/plan puts others in their place.",
     ),
     ErrorCode.WAYPOINTS_UNREACHABLE: Problem(
         422, "A light cannot be reached", "Move or leave out the lights named in `lights`; GET /v1/rig/reach shows why."

@@ -6,6 +6,7 @@ the Host header, any other page by its Origin, and a form by its media type. The
 lock and start no thread, so that a stop passes them at once.
 """
 
+import asyncio
 import json
 from typing import Any, NoReturn
 
@@ -19,6 +20,9 @@ from api.settings import Settings, is_loopback
 
 MAX_BODY_BYTES = 262_144
 """A recipe of 80 lights is below 10 kB."""
+
+BODY_WITHIN_S = 10.0
+"""So long a body may take to arrive."""
 
 
 class Gate:
@@ -39,7 +43,12 @@ class Gate:
         try:
             self._refuse_foreign(scope, headers)
             scope.setdefault("state", {})["caller"] = self._authentication.caller(scope, headers)
-            body = await _read(headers, receive)
+            try:
+                async with asyncio.timeout(BODY_WITHIN_S):
+                    body = await _read(headers, receive)
+            except TimeoutError as error:
+                detail = f"The body was not whole within {BODY_WITHIN_S:g} s"
+                raise RigError(ErrorCode.REQUEST_TIMEOUT, detail) from error
             if body:
                 _refuse_malformed(scope, headers, body)
         except RigError as error:

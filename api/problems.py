@@ -20,6 +20,9 @@ from api.schemas import FieldError, Problem, ProblemPage
 
 MEDIA_TYPE = "application/problem+json"
 
+LONGEST_INSTANCE = 300
+"""Of an address that was asked for, no more is said back."""
+
 _log = logging.getLogger(__name__)
 _OF_STATUS = {
     404: ErrorCode.REQUEST_NOT_FOUND,
@@ -37,7 +40,7 @@ def response(
     headers: Mapping[str, str] | None = None,
 ) -> JSONResponse:
     """The problem as an HTTP response."""
-    problem = Problem.of(code, detail, context, instance)
+    problem = Problem.of(code, detail, context, instance and instance[:LONGEST_INSTANCE])
     return JSONResponse(
         problem.model_dump(mode="json"), status_code=problem.status, media_type=MEDIA_TYPE, headers=headers
     )

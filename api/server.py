@@ -18,6 +18,7 @@ from acquisition.errors import ErrorCode, RigError
 from api import keys, wiring
 from api import settings as settings_
 from api.app import create_app
+from api.connection import Connection
 from api.events import EventFeed
 from api.settings import Settings
 from api.wiring import Service
@@ -72,6 +73,8 @@ def make(settings: Settings, say: Callable[[str], None] | None = None) -> Server
     app: FastAPI = create_app(service, settings, ring)
     config = uvicorn.Config(
         app,
+        http=Connection,
+        ws="none",
         host=settings.host,
         port=settings.port,
         workers=1,
