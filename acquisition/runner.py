@@ -21,6 +21,7 @@ from acquisition import session
 from acquisition.compute import Compute
 from acquisition.devices import ArmIdentity, ArmReading, Rig, StopToken
 from acquisition.errors import ErrorCode, Halted, RigError, problem
+from acquisition.looking import Looking
 from acquisition.readiness import Readiness
 from acquisition.safety import Latch, SafetyMonitor
 from acquisition.session import Stage, State, Trigger
@@ -98,6 +99,7 @@ class Runner:
         self._monitor = monitor
         self._steps = Steps(store, rig, calibration, compute)
         self._readiness = Readiness(rig)
+        self.looking = Looking(rig, self._refuse_held, self._in_thread)
         self._token = StopToken()
         self._requests: queue.Queue[Callable[[], None]] = queue.Queue()
         self._stages: dict[str, Stage] = {}
@@ -237,6 +239,7 @@ class Runner:
         if datetime.now().astimezone() > self._valid_until():
             raise RigError(ErrorCode.RIG_NOT_READY, f"The calibration is out of date since {self._valid_until()}")
         self._monitor.clear()
+        self.looking.give_way()
         self._in_thread(self._readiness.make_ready)
         self._monitor.clear()
         before, then = journal.trigger(session_id, action, actor)
@@ -378,6 +381,11 @@ class Runner:
         future.cancel()
         why = "The service is ending" if self._closing.is_set() else f"Not ready within {READY_WITHIN_S:g} s"
         raise RigError(ErrorCode.RIG_NOT_READY, why)
+
+    def _refuse_held(self) -> None:
+        holder = self._store.journal.holder()
+        if holder is not None:
+            raise RigError(ErrorCode.RIG_BUSY, f"Session {holder.id} holds the rig", holder=holder.id)
 
     def _obstacles(self) -> list[dict[str, Any]]:
         found: list[dict[str, Any]] = []
