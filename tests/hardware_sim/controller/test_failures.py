@@ -6,7 +6,7 @@
 import math
 import struct
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -20,15 +20,8 @@ PROTECTIVE_BITS, EMERGENCY_BITS = 1028, 1216
 
 
 @pytest.fixture
-def cell(shared_cell: Cell) -> Iterator[Cell]:
-    """The shared cell at home; afterwards every fault and the program are taken away again."""
-    at_home(shared_cell)
-    yield shared_cell
-    with shared_cell.process.control() as control:
-        control.fault("clear")
-        control.fault("program_stop")
-    wait_until(lambda: not shared_cell.control.isProgramRunning())
-    wait_until(lambda: shared_cell.receive.getActualQd() == [0.0] * 6)
+def cell(cell_cleared_afterwards: Cell) -> Cell:
+    return cell_cleared_afterwards
 
 
 def test_program_stopped_during_a_synchronous_move(cell: Cell) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from hardware_sim.controller.faults import FAULTS
 from hardware_sim.controller.process import ControllerProcess
-from tests.hardware_sim.controller.cells import HOME, Cell, Client, at_home, start, wait_until
+from tests.hardware_sim.controller.cells import HOME, Cell, Client, start, wait_until
 
 FAR = [q + 1.0 for q in HOME]
 SPEED, ACCELERATION = 1.05, 1.4
@@ -37,14 +37,8 @@ SEEN = {
 
 
 @pytest.fixture
-def cell(shared_cell: Cell) -> Iterator[Cell]:
-    """The shared cell at home; afterwards every fault and the program are taken away again."""
-    at_home(shared_cell)
-    yield shared_cell
-    with shared_cell.process.control() as control:
-        control.fault("clear")
-        control.fault("program_stop")
-    wait_until(lambda: shared_cell.receive.getActualQd() == [0.0] * 6)
+def cell(cell_cleared_afterwards: Cell) -> Cell:
+    return cell_cleared_afterwards
 
 
 @pytest.fixture(scope="module")
