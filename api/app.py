@@ -15,8 +15,9 @@ from fastapi.middleware.cors import CORSMiddleware
 from fastapi.openapi.utils import get_openapi
 from fastapi.responses import HTMLResponse
 
-from api import archive, events, metrics, planning, problems, results, rig, sessions, tickets
+from api import archive, camera_view, events, metrics, planning, problems, results, rig, sessions, tickets
 from api.authentication import Authentication
+from api.camera_view import View
 from api.events import EventFeed
 from api.gate import Gate
 from api.keys import KeyRing
@@ -52,6 +53,7 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
     app = _routed(life)
     app.state.service = service
     app.state.feed = EventFeed(service.store.journal)
+    app.state.view = View(service)
     app.state.keys = keys
     app.add_middleware(Gate, settings=settings, authentication=Authentication(keys))
     # Outside the gate, so that a page that may call can read a refusal, and its preflight needs no key.
@@ -80,7 +82,7 @@ def _routed(life: Any) -> FastAPI:
         generate_unique_id_function=lambda route: route.name,
     )
     problems.install(app)
-    for part in (rig, sessions, results, planning, archive, events, tickets, metrics, problems):
+    for part in (rig, camera_view, sessions, results, planning, archive, events, tickets, metrics, problems):
         app.include_router(part.router)
     app.add_api_route("/docs", _docs, include_in_schema=False, response_class=HTMLResponse)
     app.openapi = lambda: _openapi(app)

@@ -9,6 +9,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoM
 from prometheus_client.registry import Collector
 
 from acquisition.session import State
+from api.camera_view import View
 from api.context import ServiceOf
 from api.events import EventFeed
 from api.wiring import Service
@@ -22,14 +23,15 @@ router = APIRouter(tags=["health"])
 def metrics(service: ServiceOf, request: Request) -> Response:
     """The service's figures in Prometheus' text format."""
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(_Figures(service, request.app.state.feed))
+    registry.register(_Figures(service, request.app.state.feed, request.app.state.view))
     return Response(generate_latest(registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
 
 
 class _Figures(Collector):
-    def __init__(self, service: Service, feed: EventFeed) -> None:
+    def __init__(self, service: Service, feed: EventFeed, view: View) -> None:
         self._service = service
         self._feed = feed
+        self._view = view
 
     def collect(self) -> Iterator[Metric]:
         """All figures of this moment."""
@@ -42,6 +44,7 @@ class _Figures(Collector):
         yield CounterMetricFamily("lightpose_events", "Events ever entered", value=counts.events)
         yield GaugeMetricFamily("lightpose_shots", "Images in the data folder's journal", value=counts.shots)
         yield GaugeMetricFamily("lightpose_event_listeners", "Clients that follow events", value=self._feed.listeners)
+        yield GaugeMetricFamily("lightpose_preview_viewers", "Clients that watch the camera", value=self._view.viewers)
         yield GaugeMetricFamily("lightpose_arm_connected", "The arm answers", value=status.reading.connected)
         yield GaugeMetricFamily("lightpose_camera_ready", "The camera answers", value=status.camera_ready)
         yield GaugeMetricFamily("lightpose_may_start", "A session may start", value=status.may_start)

@@ -39,6 +39,7 @@ RIG_LINKS = {
     "stop": "/v1/rig/stop",
     "safety": "/v1/rig/safety",
     "reach": "/v1/rig/reach",
+    "preview": "/v1/rig/preview.jpg",
     "sessions": "/v1/sessions",
     "events": "/v1/events",
 }

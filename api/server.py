@@ -18,6 +18,7 @@ from acquisition.errors import ErrorCode, RigError
 from api import keys, wiring
 from api import settings as settings_
 from api.app import create_app
+from api.camera_view import View
 from api.connection import Connection
 from api.events import EventFeed
 from api.settings import Settings
@@ -33,12 +34,18 @@ class Server(uvicorn.Server):
     """A uvicorn server that halts the arm from the signal handler and tells where it listens."""
 
     def __init__(
-        self, config: uvicorn.Config, service: Service, feed: EventFeed, say: Callable[[str], None] | None
+        self,
+        config: uvicorn.Config,
+        service: Service,
+        feed: EventFeed,
+        view: View,
+        say: Callable[[str], None] | None,
     ) -> None:
         """`say` is called with the service's address once it listens."""
         super().__init__(config)
         self.service = service
         self._feed = feed
+        self._view = view
         self._say = say
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
@@ -56,8 +63,9 @@ class Server(uvicorn.Server):
             self._say(f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}")
 
     async def shutdown(self, sockets: list[socket] | None = None) -> None:
-        """Ends the event streams, then as ever."""
+        """Ends the streams, then as ever."""
         self._feed.end()
+        self._view.end()
         await super().shutdown(sockets)
 
 
@@ -84,7 +92,7 @@ def make(settings: Settings, say: Callable[[str], None] | None = None) -> Server
         proxy_headers=False,
         timeout_graceful_shutdown=GRACE_S,
     )
-    return Server(config, service, app.state.feed, say)
+    return Server(config, service, app.state.feed, app.state.view, say)
 
 
 def announce(address: str) -> None:

@@ -35,6 +35,7 @@ class Limits:
     stop: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(8))
     reach: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
     pictures: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
+    view: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
     exports: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
 
 

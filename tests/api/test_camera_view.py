@@ -1,0 +1,243 @@
+"""The camera's picture: looked at while nobody holds the rig, the session's own frames meanwhile; nobody waits for
+another's viewer.
+"""
+
+import json
+import socket
+import threading
+import time
+from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+import cv2
+import httpx
+import numpy as np
+import pytest
+
+from acquisition.errors import ErrorCode, RigError
+from acquisition.session import Trigger
+from acquisition.store.folder import write_frame
+from acquisition.types import FrameQuality, Recipe, Shot, ShotKey
+from api import keys
+from api.keys import Role
+from api.preview import jpeg
+
+CAMERA = "127.0.15.1"
+SIDE = 64
+
+
+class PlainCamera:
+    """The camera port's protocol with a picture that is bright to the right, linear in exposure time."""
+
+    def __init__(self) -> None:
+        self.exposures: list[float] = []
+        self.dead = False
+        self._socket = socket.create_server((CAMERA, 30100))
+        self._thread = threading.Thread(target=self._serve)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._socket.shutdown(socket.SHUT_RDWR)  # ends the wait for a connection
+        self._socket.close()
+        self._thread.join()
+
+    def _serve(self) -> None:
+        while True:
+            try:
+                connection, _ = self._socket.accept()
+            except OSError:
+                return
+            with connection:
+                request = json.loads(connection.makefile().readline())
+                if self.dead:
+                    connection.sendall(b'{"error": "the shutter sticks"}\n')
+                    continue
+                if "exposure_s" not in request:
+                    connection.sendall(b'{"name": "plain"}\n')
+                    continue
+                self.exposures.append(request["exposure_s"])
+                row = 64 + 20_000 * request["exposure_s"] * np.arange(SIDE) / SIDE
+                pixels = np.tile(np.clip(row, 0, 4095), (SIDE, 1)).astype("<u2")
+                header = {"width": SIDE, "height": SIDE, "dtype": "<u2", "taken_at": time.time(), **request}
+                connection.sendall(json.dumps(header).encode() + b"\n" + pixels.tobytes())
+
+
+@pytest.fixture
+def camera() -> Generator[PlainCamera]:
+    made = PlainCamera()
+    yield made
+    made.close()
+
+
+def decoded(content: bytes) -> Any:
+    return cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+
+
+def held(service: Any) -> str:
+    """A session that holds the rig, by its journal; nobody runs it."""
+    made = service.client.create(Recipe())
+    service.service.store.journal.trigger(made.id, Trigger.START, "test")
+    return made.id
+
+
+def take(service: Any, session_id: str, number: int, level: int) -> None:
+    """Enters a frame of one grey."""
+    frame = write_frame(
+        service.service.store.folder(session_id),
+        f"passes/0/shots/{number}.tiff",
+        np.full((SIDE, 2 * SIDE), level, np.uint16),
+    )
+    shot = Shot(
+        key=ShotKey(pass_number=0, number=number),
+        kind="light",
+        frame=frame,
+        exposure_s=0.1,
+        light_number=number,
+        taken_at=time.time(),
+        quality=FrameQuality(saturated=0.0, bright_level=0.5, accepted=True),
+    )
+    service.service.store.journal.add_shot(session_id, shot)
+
+
+class Viewer:
+    """Reads the parts of an MJPEG stream."""
+
+    def __init__(self, answer: httpx.Response) -> None:
+        self._parts = answer.iter_bytes()
+        self._kept = b""
+
+    def picture(self) -> Any:
+        """The next picture."""
+        while True:
+            head, found, rest = self._kept.partition(b"\r\n\r\n")
+            size = int(head.rpartition(b"Content-Length: ")[2]) if found else 0
+            if found and len(rest) >= size:
+                self._kept = rest[size:]
+                return decoded(rest[:size])
+            self._kept += next(self._parts)
+
+
+def test_one_picture_and_its_exposure_follows_the_scene(
+    camera: PlainCamera, start: Callable[..., AbstractContextManager[Any]]
+) -> None:
+    with start(address=CAMERA) as service:
+        answer = service.http.get("/v1/rig/preview.jpg")
+        assert answer.headers["content-type"] == "image/jpeg"
+        assert answer.headers["cache-control"] == "no-store"
+        picture = decoded(answer.content)
+        assert picture.shape == (SIDE, SIDE)
+        assert picture[:, -1].mean() > 230
+        assert picture[:, 0].mean() < 30
+        for _ in range(3):
+            time.sleep(0.25)
+            service.http.get("/v1/rig/preview.jpg")
+
+    levels = [20_000 * exposure_s / 4031 for exposure_s in camera.exposures]
+    assert levels[-1] == pytest.approx(0.5, rel=0.05)
+
+
+def test_where_no_camera_answers_it_says_so(shared: Any) -> None:
+    for path in ("/v1/rig/preview.jpg", "/v1/rig/preview.mjpeg"):
+        answer = shared.http.get(path)
+        assert answer.status_code == 503
+        assert answer.json()["code"] == ErrorCode.CAMERA_UNREACHABLE
+
+
+def test_all_who_watch_are_shown_one_exposure(
+    camera: PlainCamera, start: Callable[..., AbstractContextManager[Any]]
+) -> None:
+    with start(address=CAMERA) as service:
+        begun = time.monotonic()
+        with (
+            service.http.stream("GET", "/v1/rig/preview.mjpeg") as one,
+            service.http.stream("GET", "/v1/rig/preview.mjpeg") as other,
+        ):
+            assert one.headers["content-type"] == "multipart/x-mixed-replace; boundary=picture"
+            viewers = Viewer(one), Viewer(other)
+            for _ in range(4):
+                assert all(viewer.picture().shape == (SIDE, SIDE) for viewer in viewers)
+            assert "lightpose_preview_viewers 2.0" in service.http.get("/metrics").text
+        assert len(camera.exposures) <= (time.monotonic() - begun) / 0.2 + 2
+
+
+def test_a_viewer_that_stalls_drops_pictures_and_holds_up_nobody(
+    camera: PlainCamera, start: Callable[..., AbstractContextManager[Any]]
+) -> None:
+    with start(address=CAMERA) as service:
+        host, port = service.url.removeprefix("http://").split(":")
+        with socket.create_connection((host, int(port))) as stalled:
+            stalled.sendall(f"GET /v1/rig/preview.mjpeg HTTP/1.1\r\nHost: {host}\r\n\r\n".encode())  # and never reads
+            with service.http.stream("GET", "/v1/rig/preview.mjpeg") as answer:
+                viewer = Viewer(answer)
+                assert [viewer.picture().shape for _ in range(5)] == [(SIDE, SIDE)] * 5
+
+
+def test_while_a_session_holds_the_rig_its_frames_are_the_view(
+    camera: PlainCamera, start: Callable[..., AbstractContextManager[Any]]
+) -> None:
+    with start(address=CAMERA) as service:
+        session_id = held(service)
+        before = len(camera.exposures)
+        early = service.http.get("/v1/rig/preview.jpg")
+        assert (early.status_code, early.json()["holder"]) == (409, session_id)
+        take(service, session_id, 0, 1000)
+        time.sleep(0.25)  # a picture, or its refusal, is good for as long
+        with service.http.stream("GET", "/v1/rig/preview.mjpeg") as answer:
+            viewer = Viewer(answer)
+            assert viewer.picture().shape == (SIDE, 2 * SIDE)
+            take(service, session_id, 1, 2000)
+            assert viewer.picture().shape == (SIDE, 2 * SIDE)
+            service.service.store.journal.trigger(session_id, Trigger.FINISH, "runner")
+            assert viewer.picture().shape == (SIDE, SIDE)  # the camera is free again
+        assert before < len(camera.exposures) <= before + 2
+
+
+def test_the_stream_outlives_a_camera_that_fails_and_ends_with_the_service(
+    camera: PlainCamera, start: Callable[..., AbstractContextManager[Any]]
+) -> None:
+    with start(address=CAMERA) as service, service.http.stream("GET", "/v1/rig/preview.mjpeg") as answer:
+        viewer = Viewer(answer)
+        viewer.picture()
+        camera.dead = True
+        time.sleep(0.3)
+        refused = service.http.get("/v1/rig/preview.jpg")
+        assert refused.json()["code"] == ErrorCode.CAMERA_TIMEOUT
+        camera.dead = False
+        viewer.picture()
+        service.server.should_exit = True
+        with pytest.raises((StopIteration, RuntimeError)):
+            while True:
+                viewer.picture()
+
+
+def test_a_look_gives_way_to_a_session(own: Any) -> None:
+    looking = own.service.runner.looking
+    held(own)
+    with pytest.raises(RigError) as refused:
+        looking.look(0.1)
+    assert refused.value.code is ErrorCode.RIG_BUSY
+
+
+def test_a_page_looks_with_a_ticket(
+    tmp_path: Path, camera: PlainCamera, start: Callable[..., AbstractContextManager[Any]]
+) -> None:
+    secret = keys.add(keys.path_in(tmp_path / "data"), "lab", Role.VIEWER)
+    with start(address=CAMERA) as service:
+        assert service.http.get("/v1/rig/preview.jpg").status_code == 401
+        ticket = service.http.post("/v1/tickets", headers={"Authorization": f"Bearer {secret}"}).json()["ticket"]
+        with service.http.stream("GET", "/v1/rig/preview.mjpeg", params={"ticket": ticket}) as answer:
+            assert Viewer(answer).picture().shape == (SIDE, SIDE)
+
+
+def test_large_frames_are_shown_small_and_dark_ones_bright(shared: Any) -> None:
+    sensor = shared.service.calibration.sensor
+    large = decoded(jpeg(np.full((1500, 3000), 2000, np.uint16), sensor))
+    dim = np.full((20, 20), round(sensor.black_level_dn), np.uint16)
+    dim[:, 10:] += 30
+
+    assert large.shape == (640, 1280)
+    dark = decoded(jpeg(dim, sensor))
+    assert dark[:, -1].mean() > 80
+    assert dark[:, 0].mean() < 10
