@@ -6,7 +6,7 @@ Solving again needs no hardware: it is accepted at once, done when no session ru
 from typing import Annotated
 
 import anyio.to_thread
-from fastapi import APIRouter, Body, Response
+from fastapi import APIRouter, Body, Request, Response
 from fastapi import Path as InPath
 from fastapi.responses import FileResponse
 
@@ -17,6 +17,7 @@ from acquisition.store import Artifact
 from acquisition.types import ResultSummary
 from api import problems, stored
 from api.context import Actor, Number, ServiceOf, SessionId
+from api.paging import Limit, Seen, page
 from api.schemas import ArtefactResource, Page, ResolveAccepted, ResolveRequest, ResultResource, moment
 from api.wiring import Service
 
@@ -26,11 +27,13 @@ _NOT_FOUND = problems.declared(ErrorCode.SESSION_NOT_FOUND, ErrorCode.REQUEST_NO
 
 
 @router.get("/v1/sessions/{session_id}/results", responses=_NOT_FOUND)
-def results(service: ServiceOf, session_id: SessionId) -> Page[ResultResource]:
+def results(
+    service: ServiceOf, request: Request, session_id: SessionId, limit: Limit = 100, after: Seen = 0
+) -> Page[ResultResource]:
     """The results so far, oldest first; the last one of origin `session` is the session's answer."""
     service.store.journal.session(session_id)
     found = service.store.journal.artifacts(session_id, "result")
-    return Page[ResultResource](items=[resource(service, session_id, item) for item in found])
+    return page(request, [resource(service, session_id, item) for item in found], limit, after)
 
 
 @router.post(

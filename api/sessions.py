@@ -7,8 +7,7 @@ on, and a stop has threads that nothing else may take.
 
 import json
 import shutil
-from collections.abc import Sequence
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 import anyio.to_thread
 from fastapi import APIRouter, Body, Header, Query, Request, Response
@@ -20,6 +19,7 @@ from acquisition.store import Action, SessionRow
 from acquisition.types import LightPlan, Recipe, Route, Shot
 from api import preview, problems, results, stored
 from api.context import Actor, Number, ServiceOf, SessionId
+from api.paging import Limit, Seen, page
 from api.schemas import (
     ActionAccepted,
     ActionRequest,
@@ -35,9 +35,6 @@ from api.schemas import (
 from api.wiring import Service
 
 router = APIRouter(tags=["sessions"])
-
-Limit = Annotated[int, Query(ge=1, le=200)]
-ItemT = TypeVar("ItemT")
 
 _NOT_FOUND = problems.declared(ErrorCode.SESSION_NOT_FOUND, ErrorCode.REQUEST_NOT_FOUND)
 
@@ -145,19 +142,21 @@ def actions(
     request: Request,
     session_id: SessionId,
     limit: Limit = 100,
-    after: Annotated[int, Query(ge=0, le=2**62)] = 0,
+    after: Seen = 0,
 ) -> Page[ActionResource]:
     """Who asked for what, oldest first; what the service did of itself is there too."""
     service.store.journal.session(session_id)
     items = [_action(item) for item in service.store.journal.actions(session_id)]
-    return _page(request, items, limit, after)
+    return page(request, items, limit, after)
 
 
 # -------------------------------------------------------------------------------------------------------------- passes
 
 
 @router.get("/v1/sessions/{session_id}/passes", responses=_NOT_FOUND)
-def passes(service: ServiceOf, session_id: SessionId) -> Page[PassSummary]:
+def passes(
+    service: ServiceOf, request: Request, session_id: SessionId, limit: Limit = 100, after: Seen = 0
+) -> Page[PassSummary]:
     """The passes that have a plan."""
     service.store.journal.session(session_id)
     shots = service.store.journal.shots(session_id)
@@ -172,7 +171,7 @@ def passes(service: ServiceOf, session_id: SessionId) -> Page[PassSummary]:
         )
         for plan in service.store.journal.artifacts(session_id, "plan")
     ]
-    return Page[PassSummary](items=items)
+    return page(request, items, limit, after)
 
 
 @router.get("/v1/sessions/{session_id}/passes/{number}", responses=_NOT_FOUND)
@@ -272,10 +271,3 @@ def _shot(service: Service, session_id: str, pass_number: int, number: int) -> S
         if (shot.key.pass_number, shot.key.number) == (pass_number, number):
             return shot
     raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Pass {pass_number} has no shot {number} (yet)")
-
-
-def _page(request: Request, items: Sequence[ItemT], limit: int, after: int) -> Page[ItemT]:
-    """The items past the first `after`, at most `limit`."""
-    end = after + limit
-    more = f"{request.url.path}?limit={limit}&after={end}" if end < len(items) else None
-    return Page[Any](items=list(items[after:end]), next=more)
