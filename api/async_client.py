@@ -72,6 +72,10 @@ class AsyncClient:
         """Halts whatever moves, at once, and stops the session that holds the rig."""
         await self._send("POST", "/v1/rig/stop")
 
+    async def preview(self) -> bytes:
+        """What the camera sees now, as a JPEG; while a session holds the rig, the last frame that it took."""
+        return (await self._send("GET", "/v1/rig/preview.jpg")).content
+
     async def safety(self) -> SafetyResource:
         """The faults that nobody has acknowledged."""
         return await self._get("/v1/rig/safety", SafetyResource)
@@ -149,7 +153,7 @@ class AsyncClient:
 
     async def passes(self, session_id: str) -> list[PassSummary]:
         """The passes that have a plan."""
-        return (await self._get(f"/v1/sessions/{session_id}/passes", Page[PassSummary])).items
+        return await self._all(f"/v1/sessions/{session_id}/passes", PassSummary)
 
     async def one_pass(self, session_id: str, number: int) -> PassResource:
         """One pass: plan, route, shots."""
@@ -157,7 +161,12 @@ class AsyncClient:
 
     async def results(self, session_id: str) -> list[ResultResource]:
         """The results so far, oldest first."""
-        return (await self._get(f"/v1/sessions/{session_id}/results", Page[ResultResource])).items
+        return await self._all(f"/v1/sessions/{session_id}/results", ResultResource)
+
+    async def choose_answer(self, session_id: str, number: int) -> ResultResource:
+        """Says which result is the session's answer."""
+        answer = await self._send("PATCH", f"/v1/sessions/{session_id}", json={"answer": number})
+        return parsed(answer, ResultResource)
 
     async def result(self, session_id: str, number: int) -> ResultResource:
         """One result."""
@@ -266,6 +275,16 @@ class AsyncClient:
 
     async def _get(self, address: str, model: type[ModelT]) -> ModelT:
         return parsed(await self._send("GET", address), model)
+
+    async def _all(self, address: str, model: type[ModelT]) -> list[ModelT]:
+        """All items of a list that comes in pages."""
+        items: list[ModelT] = []
+        part: str | None = address
+        while part is not None:
+            answer = await self._get(part, Page[model])
+            items += answer.items
+            part = answer.next
+        return items
 
     async def _send(self, method: str, address: str, **arguments: Any) -> httpx.Response:
         answer = await self._http.request(method, address, **arguments)

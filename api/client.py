@@ -82,6 +82,10 @@ class Client:
         """Halts whatever moves, at once, and stops the session that holds the rig."""
         self._send("POST", "/v1/rig/stop")
 
+    def preview(self) -> bytes:
+        """What the camera sees now, as a JPEG; while a session holds the rig, the last frame that it took."""
+        return self._send("GET", "/v1/rig/preview.jpg").content
+
     def safety(self) -> SafetyResource:
         """The faults that nobody has acknowledged."""
         return self._get("/v1/rig/safety", SafetyResource)
@@ -158,7 +162,7 @@ class Client:
 
     def passes(self, session_id: str) -> list[PassSummary]:
         """The passes that have a plan."""
-        return self._get(f"/v1/sessions/{session_id}/passes", Page[PassSummary]).items
+        return self._all(f"/v1/sessions/{session_id}/passes", PassSummary)
 
     def one_pass(self, session_id: str, number: int) -> PassResource:
         """One pass: plan, route, shots."""
@@ -166,7 +170,12 @@ class Client:
 
     def results(self, session_id: str) -> list[ResultResource]:
         """The results so far, oldest first."""
-        return self._get(f"/v1/sessions/{session_id}/results", Page[ResultResource]).items
+        return self._all(f"/v1/sessions/{session_id}/results", ResultResource)
+
+    def choose_answer(self, session_id: str, number: int) -> ResultResource:
+        """Says which result is the session's answer."""
+        answer = self._send("PATCH", f"/v1/sessions/{session_id}", json={"answer": number})
+        return parsed(answer, ResultResource)
 
     def result(self, session_id: str, number: int) -> ResultResource:
         """One result."""
@@ -269,6 +278,16 @@ class Client:
 
     def _get(self, address: str, model: type[ModelT]) -> ModelT:
         return parsed(self._send("GET", address), model)
+
+    def _all(self, address: str, model: type[ModelT]) -> list[ModelT]:
+        """All items of a list that comes in pages."""
+        items: list[ModelT] = []
+        part: str | None = address
+        while part is not None:
+            answer = self._get(part, Page[model])
+            items += answer.items
+            part = answer.next
+        return items
 
     def _send(self, method: str, address: str, **arguments: Any) -> httpx.Response:
         answer = self._http.request(method, address, **arguments)

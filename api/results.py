@@ -18,11 +18,12 @@ from acquisition.types import ResultSummary
 from api import problems, stored
 from api.context import Actor, Number, ServiceOf, SessionId
 from api.paging import Limit, Seen, page
-from api.schemas import ArtefactResource, Page, ResolveAccepted, ResolveRequest, ResultResource, moment
+from api.schemas import AnswerChoice, ArtefactResource, Page, ResolveAccepted, ResolveRequest, ResultResource, moment
 from api.wiring import Service
 
 router = APIRouter(tags=["sessions"])
 
+_CHOOSE = "choose-answer"
 _NOT_FOUND = problems.declared(ErrorCode.SESSION_NOT_FOUND, ErrorCode.REQUEST_NOT_FOUND)
 
 
@@ -102,6 +103,36 @@ async def artefact(
     """One file of a result by its name: maps, `report.html`, or an export, which is made when it is first asked for."""
     limiter = service.limits.exports if artefact in EXPORTS else None
     return await anyio.to_thread.run_sync(_artefact, service, session_id, number, artefact, limiter=limiter)
+
+
+@router.patch(
+    "/v1/sessions/{session_id}",
+    responses={
+        **_NOT_FOUND,
+        **problems.declared(
+            ErrorCode.RESULT_NOT_READY,
+            ErrorCode.NORMALS_INFEASIBLE,
+            ErrorCode.REQUEST_INVALID,
+            ErrorCode.REQUEST_TOO_LARGE,
+            ErrorCode.REQUEST_MEDIA_TYPE,
+        ),
+    },
+)
+def choose_answer(service: ServiceOf, session_id: SessionId, actor: Actor, choice: AnswerChoice) -> ResultResource:
+    """Says which result is the session's answer: without a choice it is the last one of origin `session`."""
+    entry = _ready(service, session_id, choice.answer)
+    service.store.journal.record_action(session_id, _CHOOSE, actor, f"result {choice.answer}")
+    service.store.journal.announce(session_id, "answer.chosen", {"number": choice.answer, "by": actor})
+    return resource(service, session_id, entry)
+
+
+def answer(service: Service, session_id: str) -> ResultResource | None:
+    """The session's answer: the result that a person chose last, else the newest that the session itself made."""
+    found = service.store.journal.artifacts(session_id, "result")
+    chosen = [item.outcome for item in service.store.journal.actions(session_id) if item.action == _CHOOSE]
+    of_choice = [item for item in found if chosen and f"result {item.number}" == chosen[-1]]
+    own = of_choice or [item for item in found if item.body["origin"] == "session"]
+    return resource(service, session_id, own[-1]) if own else None
 
 
 def resource(service: Service, session_id: str, entry: Artifact) -> ResultResource:

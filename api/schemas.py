@@ -251,6 +251,14 @@ class ResolveAccepted(Resource):
     links: Links
 
 
+class AnswerChoice(BaseModel):
+    """Which result is the session's answer."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    answer: int = Field(ge=0, le=10_000, description="The result's number")
+
+
 class SessionResource(Resource):
     """A session: what was asked, how far it is, what may be done."""
 
@@ -271,7 +279,9 @@ class SessionResource(Resource):
     created: datetime
     started: datetime | None
     ended: datetime | None
-    answer: ResultResource | None = Field(description="The newest result")
+    answer: ResultResource | None = Field(
+        description="The result that a person chose; else the newest that the session itself made"
+    )
     links: Links
 
 

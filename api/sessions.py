@@ -225,8 +225,6 @@ async def image(
 
 def _resource(service: Service, row: SessionRow) -> SessionResource:
     progress = service.runner.progress(row.id)
-    found = service.store.journal.artifacts(row.id, "result")
-    answers = [item for item in found if item.body["origin"] == "session"]
     plans = service.store.journal.artifacts(row.id, "plan")
     here = f"/v1/sessions/{row.id}"
     return SessionResource(
@@ -245,7 +243,7 @@ def _resource(service: Service, row: SessionRow) -> SessionResource:
         created=moment(row.created_at),
         started=None if row.started_at is None else moment(row.started_at),
         ended=None if row.ended_at is None else moment(row.ended_at),
-        answer=results.resource(service, row.id, answers[-1]) if answers else None,
+        answer=results.answer(service, row.id),
         links={
             "self": here,
             "actions": f"{here}/actions",

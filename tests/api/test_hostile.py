@@ -1,4 +1,4 @@
-"""Whoever means ill: half requests, bytes that are no HTTP, names that lead out, headers that hide others, huge numbers."""
+"""Who means ill: half requests, bytes that are no HTTP, names that lead out, headers that hide others, huge numbers."""
 
 import json
 import socket
