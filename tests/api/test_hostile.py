@@ -149,7 +149,8 @@ def test_no_name_leads_out_of_its_place(shared: Any, place: str, name: str) -> N
 
 @pytest.mark.parametrize("header", ["Idempotency-Key", "X-Request-Id", "Authorization"])
 def test_no_header_breaks_out_of_an_answer(shared: Any, header: str) -> None:
-    request = f"POST /v1/sessions HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n{header}: a%0d%0aX-Evil: 1\u0085\r\n\r\n"
+    head = "POST /v1/sessions HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n"
+    request = f"{head}{header}: a%0d%0aX-Evil: 1\u0085\r\n\r\n"
 
     answer = raw(shared, request.encode("latin-1"))
 
