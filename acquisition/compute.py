@@ -5,6 +5,7 @@ web process so imports no numerical kernel, a long solve never holds its interpr
 longer wanted) takes only this process with it. The child ends when its parent does.
 """
 
+import errno
 import importlib
 import logging
 import multiprocessing
@@ -123,6 +124,10 @@ def _serve(connection: Connection) -> None:
             outcome: tuple[bool, Any] = (True, getattr(jobs, job)(*arguments))
         except RigError as error:
             outcome = (False, error)
+        except OSError as error:
+            full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+            code = ErrorCode.STORE_DISK_FULL if full else ErrorCode.SESSION_STEP_FAILED
+            outcome = (False, RigError(code, f"{job}: {error}", job=job))
         except Exception as error:  # noqa: BLE001 - a job's fault is the step's failure, told with its trace
             _log.exception("job %s failed", job)
             outcome = (

@@ -8,12 +8,12 @@ import json
 import math
 import tomllib
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError
 
-from acquisition import geometry
+from acquisition import geometry, stl
 from acquisition.errors import ErrorCode, RigError
 from acquisition.types import Calibration, Joints, Value, Vector3
 
@@ -38,6 +38,15 @@ class CapsuleShape(Value):
     radius_m: float = Field(gt=0)
 
 
+class JointGeometry(Value):
+    """One joint of the arm as it was built: the four Denavit–Hartenberg numbers from the factory's calibration."""
+
+    theta_rad: float
+    a_m: float
+    d_m: float
+    alpha_rad: float
+
+
 class ArmConfig(Value):
     """The arm, its tool and its limits."""
 
@@ -49,6 +58,7 @@ class ArmConfig(Value):
     payload_kg: float = Field(gt=0)
     payload_center_m: Vector3
     tool_capsules: list[CapsuleShape] = Field(description="Bracket and lamp, in the flange frame")
+    cable_allowance_m: float = Field(default=0.0, ge=0, description="Kept for cables all round the last wrist and tool")
     home: Joints
     max_joint_speed_rad_s: float = Field(default=1.05, gt=0, le=math.pi)
     max_joint_acceleration_rad_s2: float = Field(default=1.4, gt=0, le=40)
@@ -61,7 +71,16 @@ class ArmConfig(Value):
         description="Must stop the arm from its highest speed within 0.2 s, the watchdog's patience",
     )
     settle_s: float = Field(default=0.25, ge=0)
+    remote_recovery: bool = Field(
+        default=False, description="Whether an operator may unlock, power on and release brakes over HTTP"
+    )
     nominal_kinematics_tolerance_m: float = Field(default=0.003, gt=0)
+    kinematics: list[JointGeometry] | None = Field(
+        default=None,
+        min_length=6,
+        max_length=6,
+        description="The arm as built, for poses that are right to a tenth of a millimetre; `lightpose check` tells it",
+    )
 
 
 class LampConfig(Value):
@@ -107,35 +126,61 @@ class DomeConfig(Value):
     candidates: int = Field(default=300, ge=12, le=2000)
 
 
-class HalfSpace(Value):
+class ObstacleBase(Value):
+    """What all obstacles have."""
+
+    name: str
+    clearance_m: float | None = Field(default=None, gt=0, description="Least distance; not given: that of `clearances`")
+
+
+class HalfSpace(ObstacleBase):
     """Everything on the far side of a plane: points x with normal · (x − point) < 0, base frame."""
 
     kind: Literal["half-space"] = "half-space"
-    name: str
     point_m: Vector3
     normal: Vector3
 
 
-class Box(Value):
+class Box(ObstacleBase):
     """A box with half extents, base frame."""
 
     kind: Literal["box"] = "box"
-    name: str
     base_from_box: Pose
     half_extents_m: Vector3
 
 
-class Capsule(Value):
+class Capsule(ObstacleBase):
     """A capsule, base frame."""
 
     kind: Literal["capsule"] = "capsule"
-    name: str
     start_m: Vector3
     end_m: Vector3
     radius_m: float = Field(gt=0)
 
 
-Obstacle = Annotated[HalfSpace | Box | Capsule, Field(discriminator="kind")]
+class Cone(ObstacleBase):
+    """A cone or its stump: round, from a foot of one radius along +z of its frame to a top of another; base frame."""
+
+    kind: Literal["cone"] = "cone"
+    base_from_cone: Pose
+    foot_radius_m: float = Field(ge=0)
+    top_radius_m: float = Field(default=0.0, ge=0)
+    height_m: float = Field(gt=0)
+
+
+class ConvexMesh(ObstacleBase):
+    """The convex hull of vertices in a frame of its own.
+
+    A cell file may name an STL file (`file`, relative to it, in m) instead of the vertices: they are read when the cell
+    is, so that a cell says all that it is by itself.
+    """
+
+    kind: Literal["convex-mesh"] = "convex-mesh"
+    base_from_mesh: Pose
+    vertices_m: list[Vector3] = Field(min_length=4, max_length=20_000)
+
+
+Obstacle = Annotated[HalfSpace | Box | Capsule | Cone | ConvexMesh, Field(discriminator="kind")]
 
 
 class Clearances(Value):
@@ -159,7 +204,7 @@ class CellConfig(Value):
     dome: DomeConfig = DomeConfig()
     table: HalfSpace
     camera_body: list[Capsule] = Field(description="The camera and its lens, base frame")
-    obstacles: list[Obstacle] = Field(default_factory=list[HalfSpace | Box | Capsule])
+    obstacles: list[Obstacle] = Field(default_factory=list[HalfSpace | Box | Capsule | Cone | ConvexMesh])
     clearances: Clearances = Clearances()
 
     @property
@@ -171,13 +216,27 @@ class CellConfig(Value):
 def load(path: Path) -> CellConfig:
     """Reads a cell file. Raises RigError config.invalid naming the file and each bad field."""
     try:
-        return CellConfig.model_validate_json(json.dumps(tomllib.loads(path.read_text(encoding="utf-8"))))
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        _read_meshes(content, path)
+        return CellConfig.model_validate_json(json.dumps(content))
     except OSError as error:
         raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: cannot be read: {error.strerror}", file=str(path)) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: is not TOML: {error}", file=str(path)) from error
     except ValidationError as error:
         raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: {_fields(error)}", file=str(path)) from error
+
+
+def _read_meshes(content: dict[str, Any], cell_file: Path) -> None:
+    """Puts the vertices of the mesh files that obstacles name in the place of the names."""
+    obstacles = content.get("obstacles")
+    for item in obstacles if isinstance(obstacles, list) else []:
+        if isinstance(item, dict) and "file" in item:
+            mesh = cell_file.parent / str(item.pop("file"))
+            try:
+                item["vertices_m"] = stl.vertices(mesh).tolist()
+            except (OSError, ValueError) as error:
+                raise RigError(ErrorCode.CONFIG_INVALID, f"{mesh}: {error}", file=str(mesh)) from error
 
 
 def load_calibration(path: Path) -> Calibration:

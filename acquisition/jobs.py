@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition import geometry, photometry, pilot, plan, region
+from acquisition import dome, geometry, photometry, pilot, plan, region
 from acquisition.capture import check
 from acquisition.config import CellConfig
 from acquisition.normals import export, report, solve
@@ -32,8 +32,10 @@ from acquisition.types import (
     ResultSummary,
     Route,
     SolveSettings,
+    Vector3,
 )
 from acquisition.waypoints import reach as reaching
+from acquisition.waypoints import rejoin
 from acquisition.waypoints import route as routing
 
 
@@ -120,6 +122,39 @@ def expected_levels(normal_map: NormalMap, lights: list[Light], calibration: Cal
 def plan_route(lights: list[Light], start: tuple[float, ...], cell: CellConfig, calibration: Calibration) -> Route:
     """Certified joint paths from `start` (rad) through the lights and home."""
     return routing.route(lights, start, cell, calibration)
+
+
+def rejoin_route(
+    route: Route, left: tuple[int, ...], start: tuple[float, ...], cell: CellConfig, calibration: Calibration
+) -> Route:
+    """What is left of a route, from where the arm stands now (rad)."""
+    return rejoin.rejoin(route, left, start, cell, calibration)
+
+
+def plan_return(
+    start: tuple[float, ...], end: tuple[float, ...], cell: CellConfig, calibration: Calibration
+) -> JointPath:
+    """A certified joint path from `start` to where the arm was before (rad)."""
+    return routing.way(start, end, cell, calibration)
+
+
+def own_lights(
+    positions: list[Vector3], cell: CellConfig, calibration: Calibration, cache: Path, previous: Path | None,
+    start: tuple[float, ...],
+) -> tuple[LightPlan, Route]:  # fmt: skip
+    """A person's own lights (m, view frame) as a plan, and the route through them; `previous` is the last result.
+
+    Raises RigError waypoints.unreachable, waypoints.collision, naming the lights.
+    """
+    center = _reach(cell, calibration, cache).center
+    lights = [dome.light(np.array(position), center) for position in positions]
+    route = routing.route(lights, start, cell, calibration)
+    levels = None if previous is None else expected_levels(export.read(previous), lights, calibration)
+    plan = LightPlan(
+        lights=lights, method="user", reasons=["given by a person in place of the planned lights"] * len(lights),
+        levels_per_s=levels,
+    )  # fmt: skip
+    return plan, route
 
 
 def plan_retreat(start: tuple[float, ...], cell: CellConfig, calibration: Calibration) -> JointPath:

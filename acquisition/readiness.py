@@ -21,7 +21,7 @@ class Readiness:
             ErrorCode.RIG_NOT_READY, "The devices have not been connected yet"
         )
 
-    def make_ready(self) -> None:
+    def make_ready(self) -> ArmIdentity:
         """Connects what is not connected, takes control of the arm, and compares it with the cell file.
 
         Raises RigError arm.unreachable, arm.in_use, arm.preflight (with `findings`), camera.unreachable and others.
@@ -42,6 +42,7 @@ class Readiness:
             self._lacking(error)
             raise
         self._ready(identity)
+        return identity
 
     def look(self) -> bool:
         """Connects what is missing; True when that has made the rig complete."""

@@ -13,20 +13,22 @@ import time
 from collections.abc import Callable
 from concurrent import futures
 from concurrent.futures import Future
-from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any, TypeVar
 
-from acquisition import session
+from acquisition import guards, session
 from acquisition.compute import Compute
-from acquisition.devices import ArmIdentity, ArmReading, Rig, StopToken
-from acquisition.errors import ErrorCode, Halted, RigError, problem
+from acquisition.devices import RecoveryStep, Rig, StopToken
+from acquisition.errors import ErrorCode, RigError, problem
 from acquisition.looking import Looking
+from acquisition.proposals import Proposals
 from acquisition.readiness import Readiness
+from acquisition.rig_status import RigStatus, SessionProgress
 from acquisition.safety import Latch, SafetyMonitor
-from acquisition.session import Stage, State, Trigger
+from acquisition.session import Actor, Stage, State, Trigger
 from acquisition.steps import Steps
 from acquisition.store import SessionRow, Store
+from acquisition.turns import Turns
 from acquisition.types import Calibration, Recipe
 
 _log = logging.getLogger(__name__)
@@ -37,53 +39,10 @@ CONNECT_EVERY_S = 5.0
 CLOSING_SEEN_S = 0.1
 """Whoever waits for devices notices within this that the service ends."""
 
-INTERRUPTS = frozenset(
-    {
-        ErrorCode.ARM_PROTECTIVE_STOP,
-        ErrorCode.ARM_EMERGENCY_STOP,
-        ErrorCode.ARM_NOT_READY,
-        ErrorCode.ARM_MOVE_FAILED,
-        ErrorCode.ARM_UNREACHABLE,
-        ErrorCode.ARM_IN_USE,
-        ErrorCode.DEVICE_DISCONNECTED,
-        ErrorCode.DRIVER_LOST,
-        ErrorCode.LAMP_NOT_CONFIRMED,
-        ErrorCode.CAMERA_UNREACHABLE,
-        ErrorCode.CAMERA_TIMEOUT,
-        ErrorCode.STORE_DISK_FULL,
-    }
-)
-"""Problems that a person can mend and then resume; every other one ends the session."""
+RECOVERY_WITHIN_S = 60.0
+"""So long after an operator has said that the cell is clear the same operator may recover the arm from here."""
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class RigStatus:
-    """What can be said of the rig at once, without asking any device."""
-
-    cell: str
-    fingerprint: str
-    arm_address: str
-    arm_model: str
-    identity: ArmIdentity | None
-    reading: ArmReading
-    camera_ready: bool
-    holder: str | None
-    may_start: bool
-    reasons: list[dict[str, Any]]
-    calibration_made_at: str
-    calibration_valid_until: str
-    latched: Latch | None
-
-
-@dataclass(frozen=True)
-class SessionProgress:
-    """How far a session is."""
-
-    stage: Stage
-    progress: float
-    seconds_left: float | None
 
 
 class Runner:
@@ -99,11 +58,12 @@ class Runner:
         self._monitor = monitor
         self._steps = Steps(store, rig, calibration, compute)
         self._readiness = Readiness(rig)
+        self._closing = threading.Event()
+        self._turns = Turns(store, rig, self._steps, monitor, self._closing)
+        self.proposals = Proposals(store, rig, calibration, compute, self._steps, self._closing)
         self.looking = Looking(rig, self._refuse_held, self._in_thread)
         self._token = StopToken()
         self._requests: queue.Queue[Callable[[], None]] = queue.Queue()
-        self._stages: dict[str, Stage] = {}
-        self._closing = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="runner", daemon=True)
 
     # --------------------------------------------------------------------------------------------------------- lifetime
@@ -113,7 +73,7 @@ class Runner:
         holder = self._store.journal.holder()
         if holder is not None and holder.state is not State.INTERRUPTED:
             reason = problem(ErrorCode.SERVICE_RESTARTED, f"The service ended while the session was {holder.state}")
-            self._store.journal.trigger(holder.id, Trigger.INTERRUPT, "service", reason)
+            self._store.journal.trigger(holder.id, Trigger.INTERRUPT, Actor.SERVICE, reason)
         self._monitor.start()
         self._thread.start()
 
@@ -150,17 +110,19 @@ class Runner:
         """
         return self._steps.draw(session_id, mask, actor)
 
-    def act(self, session_id: str, action: Trigger, actor: str) -> State:
-        """A person's action; returns the state after it.
+    def act(self, session_id: str, action: Trigger, actor: str, *, from_here: bool = False) -> State:
+        """A person's action; returns the state after it. With `from_here` a person says that the arm may resume from
+        where it stands, although it is not where the session left it.
 
         Raises RigError session.not_found, session.action_not_allowed, rig.busy, and for start and resume whatever
-        stands in the way: arm.unreachable, arm.preflight, camera.unreachable, safety.not_acknowledged, rig.changed.
+        stands in the way: arm.unreachable, arm.preflight, arm.elsewhere, camera.unreachable, safety.not_acknowledged,
+        rig.changed, store.disk_full.
         """
         match action:
             case Trigger.STOP:
                 return self._stop(session_id, actor)
             case Trigger.START | Trigger.RESUME:
-                return self._start(session_id, action, actor)
+                return self._start(session_id, action, actor, from_here)
             case _:
                 return self._store.journal.trigger(session_id, action, actor)[1]
 
@@ -175,6 +137,35 @@ class Runner:
         """A person has looked and finds the cell clear. Raises RigError safety.still_faulted."""
         self._monitor.acknowledge(actor)
         self._store.journal.acknowledge(actor)
+
+    def recover(self, step: RecoveryStep, actor: str) -> None:
+        """One step out of a stop, because a person who has just looked asks for it; never done by itself.
+
+        Raises RigError safety.recovery_forbidden unless the cell file allows it, safety.not_acknowledged unless the
+        same actor has said within RECOVERY_WITHIN_S that the cell is clear, safety.recovery_refused, arm.unreachable.
+        """
+        if not self._rig.cell.arm.remote_recovery:
+            raise RigError(ErrorCode.SAFETY_RECOVERY_FORBIDDEN, "The cell file does not allow recovery over HTTP")
+        if not self._monitor.was_told_clear(actor, RECOVERY_WITHIN_S):
+            raise RigError(
+                ErrorCode.SAFETY_NOT_ACKNOWLEDGED,
+                f"{actor} has not said within the last {RECOVERY_WITHIN_S:.0f} s that the cell is clear",
+            )
+        holder = self._store.journal.holder()
+        if holder is not None and holder.state not in (State.PAUSED, State.INTERRUPTED):
+            raise RigError(ErrorCode.SAFETY_RECOVERY_REFUSED, f"Session {holder.id} is {holder.state}: stop it first")
+        self._store.journal.record_action(None, f"recover: {step}", actor, "asked")
+        self._in_thread(lambda: self._rig.arm.recover(step))
+
+    def latched(self, latch: Latch) -> None:
+        """A fault has appeared: halts, and interrupts the session that holds the rig; the monitor calls it."""
+        self._token.set()
+        self._rig.halt()
+        self._store.journal.latch(latch.code, latch.detail)
+        holder = self._store.journal.holder()
+        if holder is not None and holder.state is not State.INTERRUPTED:
+            reason = problem(latch.code, latch.detail)
+            self._turns.trigger(holder.id, Trigger.INTERRUPT, Actor.SERVICE, reason)
 
     def status(self) -> RigStatus:
         """The rig at a glance; asks no device."""
@@ -203,7 +194,7 @@ class Runner:
         """How far a session is, and how long it will still take at the pace so far."""
         row = self._store.journal.session(session_id)
         record = self._store.record(session_id)
-        stage = self._stages.get(session_id)
+        stage = self._turns.stages.get(session_id)
         if stage is None:
             home = self._rig.cell.arm.home
             stage = session.stage(record, session.next_step(record, home, home))
@@ -225,29 +216,35 @@ class Runner:
 
     # ------------------------------------------------------------------------------------------------ start, stop, halt
 
-    def _start(self, session_id: str, action: Trigger, actor: str) -> State:
+    def _start(self, session_id: str, action: Trigger, actor: str, from_here: bool) -> State:
         journal = self._store.journal
         row = journal.session(session_id)
-        then = session.after(row.state, action)
+        then = session.after(row.state, action, Actor.OPERATOR)
         if then is None or then is row.state or row.state is State.PAUSING:
             return journal.trigger(session_id, action, actor)[1]
         holder = journal.holder()
         if holder is not None and holder.id != session_id:
             raise RigError(ErrorCode.RIG_BUSY, f"Session {holder.id} holds the rig", holder=holder.id)
-        if row.fingerprint != self._rig.cell.fingerprint:
-            raise RigError(ErrorCode.RIG_CHANGED, "The cell file is not the one that the session was created with")
+        folder = self._store.folder(session_id)
+        guards.same_rig(row, self._rig.cell, self._calibration, folder)
         if datetime.now().astimezone() > self._valid_until():
             raise RigError(ErrorCode.RIG_NOT_READY, f"The calibration is out of date since {self._valid_until()}")
+        guards.enough_space(self._store, row.recipe if action is Trigger.START else None, self._calibration)
         self._monitor.clear()
         self.looking.give_way()
-        self._in_thread(self._readiness.make_ready)
+        identity = self._in_thread(self._readiness.make_ready)
         self._monitor.clear()
+        guards.same_arm(folder, identity)
+        if row.state is State.INTERRUPTED and not from_here:
+            guards.near_last_way(journal.last_way(session_id), self._rig.arm.reading.joints)
+        if row.state is State.PAUSED and row.reason is not None and row.reason["code"] == ErrorCode.PLAN_TO_REVIEW:
+            self.proposals.approve(session_id, actor)
         before, then = journal.trigger(session_id, action, actor)
         if before is then:  # the same start came twice: the other one runs it
             return then
         token = StopToken()
         self._token = token
-        self._requests.put(lambda: self._run(session_id, token))
+        self._requests.put(lambda: self._turns.run(session_id, token))
         return then
 
     def _stop(self, session_id: str, actor: str) -> State:
@@ -262,8 +259,11 @@ class Runner:
             # ended before the entry, or none was running, so that nobody else would settle.
             self._token.set()
             self._rig.halt()
-            self._requests.put(lambda: self._trigger(session_id, Trigger.SETTLE))
+            self._requests.put(lambda: self._settled(session_id))
         return then
+
+    def _settled(self, session_id: str) -> None:
+        self._turns.trigger(session_id, Trigger.SETTLE)
 
     def _journal_halt(self, actor: str) -> None:
         holder = self._store.journal.holder()
@@ -271,8 +271,8 @@ class Runner:
             self._store.journal.record_action(None, "halt", actor, "halted")
             return
         self._store.journal.record_action(holder.id, "halt", actor, "halted")
-        self._trigger(holder.id, Trigger.STOP, actor)
-        self._trigger(holder.id, Trigger.SETTLE)
+        self._turns.trigger(holder.id, Trigger.STOP, actor)
+        self._turns.trigger(holder.id, Trigger.SETTLE)
 
     # ---------------------------------------------------------------------------------------------- the runner's thread
 
@@ -288,76 +288,6 @@ class Runner:
             except queue.Empty:
                 continue
             request()
-
-    def _run(self, session_id: str, token: StopToken) -> None:
-        """One session's turns, until it ends, pauses or is cut off."""
-        try:
-            while self._turn(session_id, token):
-                pass
-        except Halted:
-            self._settle(session_id)
-        except RigError as error:
-            if token.is_set():  # what a halt breaks off is no fault; a safety stop has its own latch
-                self._settle(session_id)
-            else:
-                self._give_up(session_id, error)
-        except Exception as error:  # noqa: BLE001 - the thread must live on; the session tells what failed
-            _log.exception("session %s", session_id)
-            self._give_up(session_id, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
-
-    def _turn(self, session_id: str, token: StopToken) -> bool:
-        """Does one step; False when there is no more to do."""
-        if token.is_set() or self._closing.is_set():
-            raise Halted
-        record = self._store.record(session_id)
-        if record.state is State.PAUSING:
-            self._trigger(session_id, Trigger.SETTLE)
-            return False
-        if record.state is not State.RUNNING:
-            raise Halted
-        step = session.next_step(record, self._rig.arm.reading.joints, self._rig.cell.arm.home)
-        self._announce_stage(session_id, session.stage(record, step))
-        if step is None:
-            self._steps.end(session_id)
-            self._trigger(session_id, Trigger.FINISH)
-            return False
-        self._steps.do(record, step, token)
-        return True
-
-    def _settle(self, session_id: str) -> None:
-        """After a halt: the arm has come to rest; what the state becomes depends on who asked."""
-        state = self._store.journal.session(session_id).state
-        if state is State.STOPPING:
-            self._trigger(session_id, Trigger.SETTLE)
-        elif self._closing.is_set() and state in session.HOLDS_THE_RIG:
-            reason = problem(ErrorCode.SERVICE_RESTARTED, "The service was ended")
-            self._trigger(session_id, Trigger.INTERRUPT, reason=reason)
-        # Else a halt that is not journalled yet: its entry follows as a request.
-
-    def _give_up(self, session_id: str, error: RigError) -> None:
-        self._rig.halt()
-        latch = self._monitor.latch
-        if latch is not None:  # the monitor was quicker and its halt ended the step: the latch is the cause
-            error = RigError(latch.code, latch.detail)
-        _log.error("session %s: %s", session_id, error)
-        reason = problem(error.code, error.detail, **error.context)
-        self._trigger(session_id, Trigger.INTERRUPT if error.code in INTERRUPTS else Trigger.FAIL, reason=reason)
-
-    def _trigger(
-        self, session_id: str, trigger: Trigger, actor: str = "runner", reason: dict[str, Any] | None = None
-    ) -> None:
-        """The runner's own triggers; one that comes too late because a person was quicker is no failure."""
-        try:
-            self._store.journal.trigger(session_id, trigger, actor, reason)
-        except RigError as error:
-            if error.code is not ErrorCode.SESSION_ACTION_NOT_ALLOWED:
-                raise
-            _log.info("session %s: %s came too late", session_id, trigger)
-
-    def _announce_stage(self, session_id: str, stage: Stage) -> None:
-        if self._stages.get(session_id) is not stage:
-            self._stages[session_id] = stage
-            self._store.journal.announce(session_id, "session.stage", {"stage": stage})
 
     # ---------------------------------------------------------------------------------------------------------- devices
 

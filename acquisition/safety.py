@@ -6,6 +6,7 @@ it may be acknowledged while it lasts, because the explicit reconnection that fo
 """
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -51,6 +52,7 @@ class SafetyMonitor:
         self._arm = arm
         self._on_change = on_change
         self._latch = latched
+        self._told_clear: dict[str, float] = {}  # who said so, and when (time.monotonic)
         self._was_connected = False  # a link is lost only after it was there
         self._changing = threading.Lock()
         self._ending = threading.Event()
@@ -91,8 +93,10 @@ class SafetyMonitor:
     def acknowledge(self, actor: str) -> Latch | None:
         """`actor` has looked and finds the cell clear; returns the latch that this opened, None when there was none.
 
-        Raises RigError safety.still_faulted while the controller reports a stop.
+        That somebody looked is remembered even where the latch stays. Raises RigError safety.still_faulted while the
+        controller reports a stop.
         """
+        self._told_clear[actor] = time.monotonic()
         fault = self._present_fault()
         if fault is not None and fault.code != ErrorCode.DEVICE_DISCONNECTED:
             raise RigError(ErrorCode.SAFETY_STILL_FAULTED, fault.detail, fault=str(fault.code))
@@ -104,6 +108,10 @@ class SafetyMonitor:
             _log.warning("%s acknowledged: %s", actor, opened.detail)
             self._on_change(None)
         return opened
+
+    def was_told_clear(self, actor: str, within_s: float) -> bool:
+        """Whether `actor` has said within this time that the cell is clear."""
+        return time.monotonic() - self._told_clear.get(actor, -math.inf) <= within_s
 
     def look(self) -> None:
         """Takes one look at the arm; the thread does so every PERIOD_S."""
@@ -128,4 +136,7 @@ class SafetyMonitor:
 
     def _run(self) -> None:
         while not self._ending.wait(PERIOD_S):
-            self.look()
+            try:
+                self.look()
+            except RigError:
+                _log.exception("the latch is set, but its entry failed")

@@ -16,6 +16,9 @@ from acquisition.types import LightPlan, Recipe, Route, Shot, ShotKey, Waypoint
 SAME_PLACE_RAD = 2e-3
 """Joints closer than this are the same place; a move ends within half of it."""
 
+REFERENCES_FROM = 1000
+"""Numbers of repeated images within a pass; no pass has so many lights."""
+
 
 class State(StrEnum):
     """What the arm may be doing."""
@@ -60,8 +63,32 @@ class Trigger(StrEnum):
     INTERRUPT = "interrupt"
 
 
+class Actor(StrEnum):
+    """Who pulls a trigger."""
+
+    VIEWER = "viewer"
+    OPERATOR = "operator"
+    RUNNER = "runner"
+    SERVICE = "service"
+
+    @classmethod
+    def of(cls, name: str) -> "Actor":
+        """The actor behind a name in the journal: the service's own two parts, else a person who operates."""
+        return cls(name) if name in (cls.RUNNER, cls.SERVICE) else cls.OPERATOR
+
+
 ACTIONS = (Trigger.START, Trigger.PAUSE, Trigger.RESUME, Trigger.STOP)
-"""The triggers that a person has; the others are the runner's and the safety monitor's."""
+"""The triggers that a person has."""
+
+MAY: dict[Actor, frozenset[Trigger]] = {
+    Actor.VIEWER: frozenset(),
+    Actor.OPERATOR: frozenset(ACTIONS),
+    # The runner pauses for a plan that a person wants to see, and for what a person has to mend; it never resumes.
+    Actor.RUNNER: frozenset({Trigger.PAUSE, Trigger.SETTLE, Trigger.FINISH, Trigger.FAIL, Trigger.INTERRUPT}),
+    # At start-up, for sessions found active, and when the safety monitor latches a fault.
+    Actor.SERVICE: frozenset({Trigger.INTERRUPT}),
+}
+"""Who may pull which trigger at all; whether it does anything, the state says."""
 
 TRANSITIONS: dict[tuple[State, Trigger], State] = {
     (State.CREATED, Trigger.START): State.RUNNING,
@@ -95,16 +122,18 @@ _ALREADY_TRUE: dict[Trigger, frozenset[State]] = {
 }
 
 
-def after(state: State, trigger: Trigger) -> State | None:
+def after(state: State, trigger: Trigger, actor: Actor) -> State | None:
     """The state after a trigger; the same state when what is asked for is already so; None when it is not allowed."""
+    if trigger not in MAY[actor]:
+        return None
     if trigger in _ALREADY_TRUE and state in _ALREADY_TRUE[trigger]:
         return state
     return TRANSITIONS.get((state, trigger))
 
 
-def allowed(state: State) -> list[Trigger]:
+def allowed(state: State, actor: Actor = Actor.OPERATOR) -> list[Trigger]:
     """The actions that a person may take in this state and that would change it."""
-    return [action for action in ACTIONS if (state, action) in TRANSITIONS]
+    return [action for action in ACTIONS if action in MAY[actor] and (state, action) in TRANSITIONS]
 
 
 class Stage(StrEnum):
@@ -126,6 +155,21 @@ class ChooseLights:
     """Choose the lights of a pass: the pilot's pattern, a fixed pattern, or the planned ones."""
 
     pass_number: int
+
+
+@dataclass(frozen=True)
+class AwaitReview:
+    """Wait until a person has looked at the lights of a pass, and perhaps put others in their place."""
+
+    pass_number: int
+
+
+@dataclass(frozen=True)
+class RepeatReference:
+    """Take an image again that was taken before an interruption, to see that nothing has moved since."""
+
+    shot: Shot
+    key: ShotKey
 
 
 @dataclass(frozen=True)
@@ -167,7 +211,7 @@ class SolveNormals:
     number: int
 
 
-Step = ChooseLights | PlanRoute | TakeShot | GoHome | TakeDark | SolveNormals
+Step = ChooseLights | AwaitReview | RepeatReference | PlanRoute | TakeShot | GoHome | TakeDark | SolveNormals
 
 
 @dataclass(frozen=True)
@@ -179,6 +223,7 @@ class PassRecord:
     shots: dict[int, Shot] = field(default_factory=dict[int, Shot])  # by light number
     darks: dict[float, Shot] = field(default_factory=dict[float, Shot])  # by exposure time
     solved: bool = False
+    reviewed: bool = False  # a person has seen the plan and let it pass
 
 
 @dataclass(frozen=True)
@@ -189,6 +234,8 @@ class Record:
     recipe: Recipe
     state: State
     passes: tuple[PassRecord, ...] = ()
+    references: int = 0  # how often an image was repeated
+    unverified: bool = False  # it was interrupted, and no image has been repeated since
 
 
 def next_step(record: Record, joints: tuple[float, ...], home: tuple[float, ...]) -> Step | None:
@@ -201,7 +248,14 @@ def next_step(record: Record, joints: tuple[float, ...], home: tuple[float, ...]
             return ChooseLights(number)
         if not work.plan.lights:
             break
+        if record.recipe.review_plan and not work.reviewed and not _is_pilot(record.recipe, number):
+            return AwaitReview(number)
         left = tuple(light for light in range(len(work.plan.lights)) if light not in work.shots)
+        darks = sorted({shot.exposure_s for shot in work.shots.values()})
+        reference = _newest_image(record)
+        if record.unverified and reference is not None and (left or any(dark not in work.darks for dark in darks)):
+            key = ShotKey(pass_number=number, number=REFERENCES_FROM + record.references)
+            return RepeatReference(reference, key)
         if left:
             leg = None if work.route is None else _next_leg(work.route, left, joints)
             if leg is None:
@@ -210,7 +264,7 @@ def next_step(record: Record, joints: tuple[float, ...], home: tuple[float, ...]
             return TakeShot(ShotKey(pass_number=number, number=light_number), waypoint)
         if not same_place(joints, home):
             return GoHome(number, work.route)
-        for dark_number, exposure_s in enumerate(sorted({shot.exposure_s for shot in work.shots.values()})):
+        for dark_number, exposure_s in enumerate(darks):
             if exposure_s not in work.darks:
                 key = ShotKey(pass_number=number, number=len(work.plan.lights) + dark_number)
                 return TakeDark(key, exposure_s)
@@ -235,10 +289,12 @@ def stage(record: Record, step: Step | None) -> Stage:
         case None:
             return Stage.FINISHED
         case ChooseLights():
-            return Stage.PILOT if step.pass_number == 0 and record.recipe.method == "optimal" else Stage.PLAN
+            return Stage.PILOT if _is_pilot(record.recipe, step.pass_number) else Stage.PLAN
+        case AwaitReview():
+            return Stage.PLAN
         case PlanRoute():
             return Stage.WAYPOINTS
-        case TakeShot() | TakeDark() | GoHome():
+        case RepeatReference() | TakeShot() | TakeDark() | GoHome():
             return Stage.CAPTURE
         case SolveNormals():
             return Stage.NORMALS
@@ -269,6 +325,17 @@ def same_place(joints: tuple[float, ...], other: tuple[float, ...]) -> bool:
     return len(joints) == len(other) and all(
         abs(one - two) < SAME_PLACE_RAD for one, two in zip(joints, other, strict=True)
     )
+
+
+def _is_pilot(recipe: Recipe, pass_number: int) -> bool:
+    """Whether the lights of a pass come from the pilot's pattern, which nobody has planned."""
+    return pass_number == 0 and recipe.method == "optimal"
+
+
+def _newest_image(record: Record) -> Shot | None:
+    """The lit image that was taken last: the arm stands near its place, or on the way from there."""
+    taken = [shot for work in record.passes for shot in work.shots.values()]
+    return max(taken, key=lambda shot: shot.taken_at) if taken else None
 
 
 def _next_leg(route: Route, left: tuple[int, ...], joints: tuple[float, ...]) -> tuple[int, Waypoint] | None:

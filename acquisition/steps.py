@@ -9,7 +9,7 @@ import time
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import assert_never
+from typing import Any, Literal, assert_never
 
 import numpy as np
 
@@ -19,8 +19,20 @@ from acquisition.capture.take import Exposed
 from acquisition.compute import Compute
 from acquisition.devices import Rig, StopToken
 from acquisition.errors import ErrorCode, RigError
+from acquisition.frames import FolderFrames
 from acquisition.results import Wish
-from acquisition.session import ChooseLights, GoHome, PlanRoute, Record, SolveNormals, Step, TakeDark, TakeShot
+from acquisition.session import (
+    AwaitReview,
+    ChooseLights,
+    GoHome,
+    PlanRoute,
+    Record,
+    RepeatReference,
+    SolveNormals,
+    Step,
+    TakeDark,
+    TakeShot,
+)
 from acquisition.store import Store
 from acquisition.store.folder import write_bytes, write_frame, write_manifest, write_value
 from acquisition.types import (
@@ -35,6 +47,7 @@ from acquisition.types import (
     Shot,
     ShotKey,
     SolveSettings,
+    Waypoint,
     as_joints,
     as_matrix4,
 )
@@ -69,12 +82,16 @@ class Steps:
         match step:
             case ChooseLights():
                 self._choose_lights(record, step, stop)
+            case AwaitReview():
+                raise RigError(ErrorCode.PLAN_TO_REVIEW, f"The lights of pass {step.pass_number} are planned")
+            case RepeatReference():
+                self._repeat_reference(record, step, stop)
             case PlanRoute():
                 self._plan_route(record, step, stop)
             case TakeShot():
                 self._take_shot(record, step, stop)
             case GoHome():
-                self._go_home(step, stop)
+                self._go_home(record, step, stop)
             case TakeDark():
                 self._take_dark(record, step, stop)
             case SolveNormals():
@@ -108,16 +125,21 @@ class Steps:
         ]
         name = f"passes/{number}/plan.json"
         digest = write_value(folder / name, plan)
-        body = {
+        body = self.told(plan, digests)
+        self._store.journal.add_artifact(record.session_id, "plan", number, name, digest, body, "plan.ready")
+
+    @staticmethod
+    def told(plan: LightPlan, pictures: list[str]) -> dict[str, Any]:
+        """What the journal tells of a plan beside its file; `pictures` are the SHA-256 of what each light gains."""
+        return {
             "lights": len(plan.lights),
             "method": plan.method,
             "predicted_sigma_deg": plan.predicted_sigma_deg,
             "predicted_median_deg": plan.predicted_median_deg,
             "notes": plan.notes,
             "conclusion": plan.conclusion,
-            "pictures": digests,
+            "pictures": pictures,
         }
-        self._store.journal.add_artifact(record.session_id, "plan", number, name, digest, body, "plan.ready")
 
     def _drawn(self, session_id: str) -> Path | None:
         """The mask of the region of interest, where one was drawn."""
@@ -148,24 +170,39 @@ class Steps:
         if plan is None:
             raise RigError(ErrorCode.SERVICE_FAULT, f"Pass {number} has no plan to route")
         start = self._rig.arm.reading.joints
-        lights = [plan.lights[light] for light in step.light_numbers]
-        try:
-            route: Route = self._compute.run(stop, "plan_route", lights, start, self._rig.cell, self._calibration)
-        except RigError as error:
-            raise _renumbered(error, step.light_numbers) from error
-        numbers = [step.light_numbers[index] for index in route.light_numbers]
-        route = route.model_copy(update={"light_numbers": numbers})
+        route = self._rejoined(record.passes[number].route, step, stop)
+        if route is None:
+            lights = [plan.lights[light] for light in step.light_numbers]
+            try:
+                route = self._compute.run(stop, "plan_route", lights, start, self._rig.cell, self._calibration)
+            except RigError as error:
+                raise _renumbered(error, step.light_numbers) from error
+            order = [step.light_numbers[index] for index in route.light_numbers]
+            route = route.model_copy(update={"light_numbers": order})
         made = [item for item in self._store.journal.artifacts(record.session_id, "route") if item.number == number]
         name = f"passes/{number}/route.json" if not made else f"passes/{number}/route_{len(made) + 1}.json"
         digest = write_value(folder / name, route)
-        body = {"seconds": route.seconds, "lower_bound_s": route.lower_bound_s, "order": numbers}
+        body = {"seconds": route.seconds, "lower_bound_s": route.lower_bound_s, "order": route.light_numbers}
         self._store.journal.add_artifact(record.session_id, "route", number, name, digest, body, "waypoints.ready")
+
+    def _rejoined(self, route: Route | None, step: PlanRoute, stop: StopToken) -> Route | None:
+        """The way back to the route that the arm has left; None when there is none, and a new route is needed."""
+        if route is None or not set(step.light_numbers) <= set(route.light_numbers):
+            return None
+        start = self._rig.arm.reading.joints
+        known = (self._rig.cell, self._calibration)
+        try:
+            return self._compute.run(stop, "rejoin_route", route, step.light_numbers, start, *known)
+        except RigError as error:
+            if error.code is not ErrorCode.WAYPOINTS_COLLISION:
+                raise
+            return None
 
     # ---------------------------------------------------------------------------------------------------------- capture
 
     def _take_shot(self, record: Record, step: TakeShot, stop: StopToken) -> None:
         if not session.same_place(self._rig.arm.reading.joints, step.waypoint.joints):
-            take.arrive(self._rig, step.waypoint.path, step.waypoint.speeds, stop)
+            self._go(record, step.waypoint, stop)
         exposure_s, attempt = self._first_exposure(record, step), 0
         while True:
             exposed = take.expose(self._rig, exposure_s, attempt, lit=True, stop=stop)
@@ -207,22 +244,23 @@ class Steps:
         quality = check.dark_frame(exposed.frame.pixels, self._region, self._calibration.sensor)
         if not quality.accepted:
             raise RigError(ErrorCode.CAPTURE_FRAME_REJECTED, quality.reason)
-        self._keep(record, step.key, exposed, step.exposure_s, 0, quality, dark=True)
+        self._keep(record, step.key, exposed, step.exposure_s, 0, quality, kind="dark")
 
     def _keep(
         self, record: Record, key: ShotKey, exposed: Exposed, exposure_s: float, attempt: int, quality: FrameQuality,
-        *, dark: bool = False,
+        *, kind: Literal["light", "dark", "reference"] = "light",
     ) -> None:  # fmt: skip
         """Writes the frame, then enters it: the entry is the announcement."""
-        file = f"dark_{round(exposure_s * 1e6)}.tiff" if dark else f"shots/{key.number}.tiff"
+        names = {"dark": f"dark_{round(exposure_s * 1e6)}.tiff", "reference": f"references/{key.number}.tiff"}
+        file, dark = names.get(kind, f"shots/{key.number}.tiff"), kind == "dark"
         folder, reading = self._store.folder(record.session_id), exposed.reading
         frame = write_frame(folder, f"passes/{key.pass_number}/{file}", exposed.frame.pixels)
         shot = Shot(
             key=key,
-            kind="dark" if dark else "light",
+            kind=kind,
             frame=frame,
             exposure_s=exposure_s,
-            light_number=None if dark else key.number,
+            light_number=key.number if kind == "light" else None,
             light=None if dark else lamp_pose.light_from_tool(reading.base_from_tool, self._calibration),
             joints=as_joints(reading.joints),
             base_from_tool=as_matrix4(reading.base_from_tool),
@@ -234,15 +272,41 @@ class Steps:
         )
         self._store.journal.add_shot(record.session_id, shot)
 
-    def _go_home(self, step: GoHome, stop: StopToken) -> None:
+    def _repeat_reference(self, record: Record, step: RepeatReference, stop: StopToken) -> None:
+        """Sees that object, camera, lamp and arm are as they were; only then is the image entered."""
+        first, here = step.shot, self._rig.arm.reading.joints
+        if first.joints is None:
+            raise RigError(ErrorCode.SERVICE_FAULT, f"The image {first.key} does not say where the arm was")
+        if not session.same_place(here, first.joints):
+            known = (self._rig.cell, self._calibration)
+            self._go(record, self._compute.run(stop, "plan_return", here, first.joints, *known), stop)
+        exposed = take.expose(self._rig, first.exposure_s, first.attempt, lit=True, stop=stop)
+        frames = FolderFrames(self._store.folder(record.session_id))
+        before = frames.rows(first.frame, 0, first.frame.height)
+        same = check.same_scene(before, exposed.frame.pixels, self._region, self._calibration.sensor)
+        if not same.accepted:
+            raise RigError(
+                ErrorCode.SCENE_MOVED,
+                f"Image {first.key.number} of pass {first.key.pass_number}, taken again, {same.detail}",
+                shift_px=same.shift_px,
+                brightness=same.brightness,
+                changed=same.changed,
+            )
+        self._keep(record, step.key, exposed, first.exposure_s, first.attempt, first.quality, kind="reference")
+
+    def _go(self, record: Record, way: JointPath | Waypoint, stop: StopToken) -> None:
+        """Follows a certified way, once the journal knows where the arm is sent."""
         here = self._rig.arm.reading.joints
-        if step.route is not None and step.route.waypoints:
-            last = step.route.waypoints[-1].joints
-            if session.same_place(here, last):
-                take.arrive(self._rig, step.route.home_path, step.route.home_speeds, stop)
-                return
-        way: JointPath = self._compute.run(stop, "plan_retreat", here, self._rig.cell, self._calibration)
+        self._store.journal.sent(record.session_id, [here, *way.path])
         take.arrive(self._rig, way.path, way.speeds, stop)
+
+    def _go_home(self, record: Record, step: GoHome, stop: StopToken) -> None:
+        here, route = self._rig.arm.reading.joints, step.route
+        if route is not None and route.waypoints and session.same_place(here, route.waypoints[-1].joints):
+            self._go(record, JointPath(path=route.home_path, speeds=route.home_speeds, seconds=0.0), stop)
+            return
+        way: JointPath = self._compute.run(stop, "plan_retreat", here, self._rig.cell, self._calibration)
+        self._go(record, way, stop)
 
     # ---------------------------------------------------------------------------------------------------------- normals
 

@@ -95,6 +95,9 @@ class Recipe(Value):
     seed: int = Field(default=0, ge=0, le=2**31 - 1)
     exposure: Exposure = Exposure()
     retakes: int = Field(default=2, ge=0, le=10)
+    review_plan: bool = Field(
+        default=False, description="Pause when lights are planned, so that a person can look and change them"
+    )
     label: str = Field(default="", max_length=200)
     notes: str = Field(default="", max_length=10_000)
 
@@ -334,6 +337,12 @@ class FrameQuality(Value):
 
     saturated: float
     bright_level: float = Field(description="99.5th percentile above black, fraction of full scale")
+    sharpness: float | None = Field(
+        default=None, description="Share of the finest detail in all detail; blur takes it away; none: not measured"
+    )
+    shift_px: float | None = Field(
+        default=None, description="How far the object seems to have moved since it was first seen; none: not measured"
+    )
     accepted: bool
     reason: str = ""
 

@@ -14,7 +14,7 @@ from fastapi import APIRouter
 from fastapi.responses import Response
 
 from acquisition.errors import PROBLEMS, ErrorCode, RigError
-from acquisition.runner import RigStatus
+from acquisition.rig_status import RigStatus
 from acquisition.safety import Latch
 from acquisition.types import as_matrix4
 from api import problems
@@ -27,6 +27,7 @@ from api.schemas import (
     Health,
     ReadingResource,
     Reason,
+    RecoveryRequest,
     RigResource,
     SafetyResource,
     moment,
@@ -90,6 +91,31 @@ def acknowledge(service: ServiceOf, actor: Actor) -> SafetyResource:
     return _safety(service.runner.status().latched)
 
 
+@router.post(
+    "/v1/rig/safety/recovery",
+    tags=["rig"],
+    status_code=202,
+    responses=problems.declared(
+        ErrorCode.SAFETY_RECOVERY_FORBIDDEN,
+        ErrorCode.SAFETY_NOT_ACKNOWLEDGED,
+        ErrorCode.SAFETY_RECOVERY_REFUSED,
+        ErrorCode.REQUEST_INVALID,
+        ErrorCode.REQUEST_TOO_LARGE,
+        ErrorCode.REQUEST_MEDIA_TYPE,
+        ErrorCode.RIG_NOT_READY,
+        ErrorCode.ARM_UNREACHABLE,
+    ),
+)
+async def recover(service: ServiceOf, actor: Actor, request: RecoveryRequest) -> Accepted:
+    """Unlocks a protective stop, powers the arm on or releases its brakes; the arm itself stays where it is.
+
+    Off unless the cell file allows it, and only for the operator who has just acknowledged (which may have been refused
+    because the stop still stands). The latch stays until the cell is acknowledged again.
+    """
+    await anyio.to_thread.run_sync(service.runner.recover, request.step, actor, limiter=service.limits.start)
+    return Accepted(links={"safety": RIG_LINKS["safety"], "rig": RIG_LINKS["self"]})
+
+
 @router.get(
     "/v1/rig/reach",
     tags=["rig"],
@@ -147,7 +173,11 @@ def _reasons(found: Iterable[Mapping[str, Any]]) -> list[Reason]:
 
 
 def _safety(latch: Latch | None) -> SafetyResource:
-    links = {"self": RIG_LINKS["safety"], "acknowledgement": "/v1/rig/safety/acknowledgement"}
+    links = {
+        "self": RIG_LINKS["safety"],
+        "acknowledgement": "/v1/rig/safety/acknowledgement",
+        "recovery": "/v1/rig/safety/recovery",
+    }
     return SafetyResource(clear=latch is None, faults=_faults(latch), links=links)
 
 

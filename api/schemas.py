@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from acquisition.errors import PROBLEMS, ErrorCode
 from acquisition.session import Stage, State
-from acquisition.types import LightPlan, Matrix4, Recipe, ResultSummary, Route, Shot, SolveSettings
+from acquisition.types import LightPlan, Matrix4, Recipe, ResultSummary, Route, Shot, SolveSettings, Vector3
 
 ItemT = TypeVar("ItemT")
 Links = dict[str, str]
@@ -187,6 +187,39 @@ class ActionRequest(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     action: Literal["start", "pause", "resume", "stop"]
+    from_here: bool = Field(
+        default=False,
+        description="With `resume`: a person has looked and lets the arm go on from where it stands, although it is "
+        "not where the session left it",
+    )
+
+
+class OwnLights(BaseModel):
+    """A person's own lights in the place of a plan."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    lights: list[Vector3] = Field(
+        min_length=1,
+        max_length=80,
+        description="Positions: m, view frame (origin camera, x right, y up, z to the camera)",
+    )
+
+
+class DryRunResource(Resource):
+    """What the first pass of a recipe would do; nothing has moved."""
+
+    plan: LightPlan
+    route: Route
+    seconds: float = Field(description="From the first move to the arm's return, images included")
+
+
+class RecoveryRequest(BaseModel):
+    """One step out of a stop."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    step: Literal["unlock", "power", "brakes"]
 
 
 class ActionResource(Resource):

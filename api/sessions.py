@@ -7,6 +7,7 @@ on, and a stop has threads that nothing else may take.
 
 import json
 import shutil
+from functools import partial
 from typing import Annotated, Any, Literal
 
 import anyio.to_thread
@@ -18,7 +19,8 @@ from acquisition.session import Trigger
 from acquisition.store import Action, SessionRow
 from acquisition.types import LightPlan, Recipe, Route, Shot
 from api import preview, problems, results, stored
-from api.context import Actor, Number, ServiceOf, SessionId
+from api.context import Actor, CallerOf, Number, ServiceOf, SessionId
+from api.keys import Caller, Role
 from api.paging import Limit, Seen, page
 from api.schemas import (
     ActionAccepted,
@@ -35,6 +37,12 @@ from api.schemas import (
 from api.wiring import Service
 
 router = APIRouter(tags=["sessions"])
+
+_ACTORS = {
+    Role.VIEWER: session.Actor.VIEWER,
+    Role.OPERATOR: session.Actor.OPERATOR,
+    Role.ADMIN: session.Actor.OPERATOR,
+}
 
 _NOT_FOUND = problems.declared(ErrorCode.SESSION_NOT_FOUND, ErrorCode.REQUEST_NOT_FOUND)
 
@@ -58,6 +66,7 @@ _NOT_FOUND = problems.declared(ErrorCode.SESSION_NOT_FOUND, ErrorCode.REQUEST_NO
 def create(
     service: ServiceOf,
     response: Response,
+    caller: CallerOf,
     recipe: Annotated[Recipe, Body(description="`{}` is a good session")] = Recipe(),  # noqa: B008 - frozen
     idempotency_key: Annotated[str | None, Header(min_length=1, max_length=200)] = None,
 ) -> SessionResource:
@@ -65,25 +74,26 @@ def create(
     row, new = service.runner.create(recipe, idempotency_key)
     response.status_code = 201 if new else 200
     response.headers["Location"] = f"/v1/sessions/{row.id}"
-    return _resource(service, row)
+    return _resource(service, row, caller)
 
 
 @router.get("/v1/sessions", responses=problems.declared(ErrorCode.REQUEST_INVALID))
 def sessions(
     service: ServiceOf,
+    caller: CallerOf,
     limit: Limit = 20,
     after: Annotated[int | None, Query(ge=1, le=2**62, description="The number of the last session seen")] = None,
 ) -> Page[SessionResource]:
     """Sessions, newest first."""
     rows = service.store.journal.sessions(limit + 1, after)
     more = f"/v1/sessions?limit={limit}&after={rows[limit - 1].number}" if len(rows) > limit else None
-    return Page[SessionResource](items=[_resource(service, row) for row in rows[:limit]], next=more)
+    return Page[SessionResource](items=[_resource(service, row, caller) for row in rows[:limit]], next=more)
 
 
 @router.get("/v1/sessions/{session_id}", responses=_NOT_FOUND)
-def read(service: ServiceOf, session_id: SessionId) -> SessionResource:
+def read(service: ServiceOf, session_id: SessionId, caller: CallerOf) -> SessionResource:
     """One session: state, progress, what may be done, the answer."""
-    return _resource(service, service.store.journal.session(session_id))
+    return _resource(service, service.store.journal.session(session_id), caller)
 
 
 @router.delete(
@@ -118,6 +128,8 @@ def delete(service: ServiceOf, session_id: SessionId) -> None:
             ErrorCode.RIG_NOT_READY,
             ErrorCode.ARM_UNREACHABLE,
             ErrorCode.ARM_PREFLIGHT,
+            ErrorCode.ARM_ELSEWHERE,
+            ErrorCode.STORE_DISK_FULL,
             ErrorCode.CAMERA_UNREACHABLE,
         ),
     },
@@ -127,10 +139,7 @@ async def act(service: ServiceOf, session_id: SessionId, request: ActionRequest,
     trigger = Trigger(request.action)
     waits = trigger in (Trigger.START, Trigger.RESUME)
     state = await anyio.to_thread.run_sync(
-        service.runner.act,
-        session_id,
-        trigger,
-        actor,
+        partial(service.runner.act, session_id, trigger, actor, from_here=request.from_here),
         limiter=service.limits.start if waits else service.limits.stop,
     )
     return ActionAccepted(state=state, links={"session": f"/v1/sessions/{session_id}"})
@@ -223,7 +232,7 @@ async def image(
 # ----------------------------------------------------------------------------------------------------------- resources
 
 
-def _resource(service: Service, row: SessionRow) -> SessionResource:
+def _resource(service: Service, row: SessionRow, caller: Caller) -> SessionResource:
     progress = service.runner.progress(row.id)
     plans = service.store.journal.artifacts(row.id, "plan")
     here = f"/v1/sessions/{row.id}"
@@ -237,7 +246,7 @@ def _resource(service: Service, row: SessionRow) -> SessionResource:
         seconds_left=progress.seconds_left,
         reason=None if row.reason is None else _reason(row.reason, here),
         conclusion=plans[-1].body.get("conclusion") if plans else None,
-        allowed_actions=[str(action) for action in session.allowed(row.state)],
+        allowed_actions=[str(action) for action in session.allowed(row.state, _ACTORS[caller.role])],
         recipe=row.recipe,
         cell=json.loads(row.cell)["name"],
         created=moment(row.created_at),

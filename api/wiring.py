@@ -73,8 +73,7 @@ def build(settings: Settings) -> Service:
 
     def safety_changed(latch: Latch | None) -> None:
         if latch is not None:
-            rig.halt()
-            store.journal.latch(latch.code, latch.detail)
+            runner.latched(latch)
 
     monitor = SafetyMonitor(rig.arm, safety_changed, _latched(store))
     compute = Compute()

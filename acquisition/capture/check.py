@@ -6,6 +6,7 @@ told from the dark frame of a failed lamp by its level against the noise, not ag
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -62,6 +63,57 @@ def lit_frame(
             reason = f"dark: the brightest pixels are at {level:.1%} of full scale"
             return Verdict(quality.model_copy(update={"accepted": False, "reason": reason}), longer)
     return Verdict(quality, None)
+
+
+MOVED_PX = 0.5
+"""An image that is taken again and has shifted by more shows that the object or the camera has moved."""
+MOST_CHANGED = 0.02
+"""Share of the region's pixels that may look otherwise in an image that is taken again."""
+MOST_BRIGHTNESS = 0.1
+"""The lamp may be this much brighter or darker in an image that is taken again, as a fraction."""
+CHANGED_BY = 0.05
+"""Of the brightest pixels: a pixel that differs by more than this, noise and brightness allowed for, has changed."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """An image and the same image taken again."""
+
+    shift_px: float
+    brightness: float  # of the second to the first
+    changed: float  # share of the pixels
+    accepted: bool
+    detail: str
+
+
+def same_scene(
+    first: npt.NDArray[np.uint16], again: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorModel
+) -> Comparison:
+    """Whether an image (H, W) that is taken again shows what the first one did, by the pixels of `region` (H, W)."""
+    before, after = (np.where(region, image - sensor.black_level_dn, 0.0) for image in (first, again))
+    here = before[region]
+    brightness = float(here @ after[region]) / max(float(here @ here), 1e-9)
+    bright = float(np.percentile(here, BRIGHT_PERCENTILE))
+    noise = np.sqrt(np.maximum(here, 0) / sensor.gain_e_per_dn + (sensor.read_noise_e / sensor.gain_e_per_dn) ** 2)
+    differs = np.abs(after[region] - brightness * here) > CHANGED_BY * bright + 6 * np.sqrt(2) * noise
+    shift_px = shift(before, after, region)
+    changed = float(np.mean(differs))
+    found = [
+        f"has shifted by {shift_px:.2f} pixels" if shift_px > MOVED_PX else "",
+        f"differs in {changed:.1%} of its pixels" if changed > MOST_CHANGED else "",
+        f"has {brightness:.0%} of its brightness" if abs(brightness - 1) > MOST_BRIGHTNESS else "",
+    ]
+    detail = " and ".join(item for item in found if item)
+    return Comparison(round(shift_px, 3), round(brightness, 4), round(changed, 4), not detail, detail)
+
+
+def shift(first: npt.NDArray[np.float64], second: npt.NDArray[np.float64], region: BoolArray) -> float:
+    """By how many pixels the second image (H, W) is shifted against the first, from the phase of their spectra."""
+    rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
+    box = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    window = cv2.createHanningWindow((columns[-1] - columns[0] + 1, rows[-1] - rows[0] + 1), cv2.CV_64F)
+    (right, down), _ = cv2.phaseCorrelate(np.ascontiguousarray(first[box]), np.ascontiguousarray(second[box]), window)
+    return float(np.hypot(right, down))
 
 
 def dark_frame(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorModel) -> FrameQuality:

@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,9 @@ import numpy.typing as npt
 from acquisition.config import CellConfig
 from acquisition.errors import Halted
 from acquisition.types import FloatArray
+
+RecoveryStep = Literal["unlock", "power", "brakes"]
+"""Unlock a protective stop, switch the power on, release the brakes."""
 
 StopToken = threading.Event
 """Set when the runner's present step shall end early; every device call that waits looks at it."""
@@ -95,6 +98,13 @@ class Arm(Protocol):
 
     def preflight(self) -> Sequence[Finding]:
         """Compares the arm with the cell file; moves nothing."""
+        ...
+
+    def recover(self, step: RecoveryStep) -> None:
+        """One step out of a stop, which a person has asked for; moves nothing by itself.
+
+        Raises RigError safety.recovery_refused with the controller's answer, arm.unreachable.
+        """
         ...
 
     def move(self, path: Sequence[Sequence[float]], limits: Sequence[MotionLimits], stop: StopToken) -> None:

@@ -9,6 +9,7 @@ import hashlib
 import io
 import json
 import os
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -19,12 +20,28 @@ import tifffile
 from acquisition.errors import ErrorCode, RigError
 from acquisition.types import FrameRef, Value
 
+KEPT_FREE_BYTES = 32 << 20
+"""Never used for images and results: what the journal needs to tell that the disk is full, and to go on for a while."""
+
+
+def require_space(folder: Path, size: int) -> None:
+    """Raises RigError store.disk_full unless so many bytes fit where `folder` lies, and KEPT_FREE_BYTES stay free."""
+    free = shutil.disk_usage(folder).free
+    if free < size + KEPT_FREE_BYTES:
+        raise RigError(
+            ErrorCode.STORE_DISK_FULL,
+            f"{(size + KEPT_FREE_BYTES) / 1e6:.0f} MB are needed in {folder.name}, {free / 1e6:.0f} MB are free",
+            needed_bytes=size + KEPT_FREE_BYTES,
+            free_bytes=free,
+        )
+
 
 def write_bytes(path: Path, content: bytes) -> str:
     """Writes a file whole, durably, and returns its SHA-256. Raises RigError store.disk_full; other OSErrors pass."""
     beside = path.with_name(f".{path.name}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        require_space(path.parent, len(content))
         with beside.open("wb") as file:
             file.write(content)
             file.flush()

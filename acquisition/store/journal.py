@@ -1,46 +1,28 @@
 """The journal: what happened, in one SQLite file; every change and its event are one transaction.
 
-One connection behind one lock: the writers are the runner, the safety monitor and a few requests, each transaction
-takes a millisecond, and a state is only ever read and changed inside the same transaction. The event table is the bus:
-its row number is the event's id, so whoever was away reads on from the last number seen.
+What the next step is read from stands here alone; plans, routes and results are files that a row names with their
+checksum. A plan may be replaced: the newest row of its number holds, and a route older than its plan does not count.
 """
 
 import json
 import secrets
 import sqlite3
-import threading
 import time
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from acquisition.errors import ErrorCode, RigError
-from acquisition.session import ENDED, HOLDS_THE_RIG, PassRecord, Record, State, Trigger, after, allowed
-from acquisition.store.rows import Action, Artifact, Counts, Event, SessionRow, session_of
+from acquisition.session import ENDED, HOLDS_THE_RIG, Actor, PassRecord, Record, State, Trigger, after, allowed
+from acquisition.store.database import Database, marks
+from acquisition.store.rows import Action, Artifact, SessionRow, session_of
 from acquisition.types import LightPlan, Recipe, Route, Shot
 
-MIGRATIONS = ("schema_001.sql", "schema_002.sql")
+REVIEWED, SENT = "plan.reviewed", "arm.sent"
+"""Events that are read again: a resumed session asks them what a person has let pass, and where the arm went."""
 
 
-class Journal:
-    """The database of one data folder; any thread may call any method."""
-
-    def __init__(self, path: Path) -> None:
-        self._lock = threading.RLock()
-        self._grown = threading.Condition()
-        self._connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=10)
-        self._connection.row_factory = sqlite3.Row
-        self._connection.execute("PRAGMA journal_mode = WAL")
-        self._connection.execute("PRAGMA synchronous = FULL")
-        self._connection.execute("PRAGMA foreign_keys = ON")
-        self._migrate()
-
-    def close(self) -> None:
-        """Closes the file."""
-        with self._lock:
-            self._connection.close()
+class Journal(Database):
+    """Sessions and their work in the database of one data folder; any thread may call any method."""
 
     # ------------------------------------------------------------------------------------------------------- sessions
 
@@ -91,7 +73,7 @@ class Journal:
 
     def holder(self) -> SessionRow | None:
         """The session that holds the rig, if any."""
-        row = self._one(f"SELECT * FROM session WHERE state IN ({_marks(HOLDS_THE_RIG)})", *HOLDS_THE_RIG)  # noqa: S608
+        row = self._one(f"SELECT * FROM session WHERE state IN ({marks(HOLDS_THE_RIG)})", *HOLDS_THE_RIG)  # noqa: S608
         return None if row is None else session_of(row)
 
     def trigger(
@@ -99,11 +81,12 @@ class Journal:
     ) -> tuple[State, State]:
         """Changes a session's state by the table and returns (before, after), all in one transaction.
 
-        Raises RigError session.action_not_allowed, rig.busy (naming the holder), session.not_found.
+        `actor` is a person's name, or that of `session.Actor.RUNNER` or `SERVICE`. Raises RigError
+        session.action_not_allowed, rig.busy (naming the holder), session.not_found.
         """
         with self._transaction() as connection:
             row = self.session(session_id)
-            then = after(row.state, trigger)
+            then = after(row.state, trigger, Actor.of(actor))
             if then is None:
                 self._record_action(connection, session_id, trigger, actor, "refused")
                 connection.execute("COMMIT")  # the refusal is kept although the call fails
@@ -210,11 +193,55 @@ class Journal:
             number = len(self.artifacts(session_id, "region"))
             self._add_artifact(connection, session_id, "region", number, path, sha256, body, "region.drawn")
 
+    def approve(self, session_id: str, pass_number: int, actor: str) -> None:
+        """Enters that a person has seen the plan of a pass and lets it pass."""
+        with self._transaction() as connection:
+            self._event(connection, session_id, REVIEWED, {"number": pass_number, "by": actor})
+
+    def replace_plan(
+        self, session_id: str, number: int, files: dict[str, tuple[str, str]], body: dict[str, Any], actor: str
+    ) -> None:
+        """Enters a plan that a person put in the place of another, and its route, whose files are on the disk.
+
+        `files` gives path and SHA-256 of `plan` and `route`. Raises RigError session.action_not_allowed unless the
+        session is paused and nobody has let the old plan pass.
+        """
+        with self._transaction() as connection:
+            row = self.session(session_id)
+            if row.state is not State.PAUSED or number in self._reviewed(session_id):
+                raise RigError(
+                    ErrorCode.SESSION_ACTION_NOT_ALLOWED,
+                    f"The plan of pass {number} is not waiting for a person any more",
+                    state=row.state,
+                    allowed=[str(action) for action in allowed(row.state)],
+                )
+            self._record_action(connection, session_id, "replace-plan", actor, f"pass {number}")
+            for kind, event in (("plan", "plan.ready"), ("route", "waypoints.ready")):
+                path, digest = files[kind]
+                self._add_artifact(connection, session_id, kind, number, path, digest, body, event)
+
+    def sent(self, session_id: str, way: list[tuple[float, ...]]) -> None:
+        """Enters where the arm is about to be sent: joints (rad) from where it stands to where it shall go."""
+        self.announce(session_id, SENT, {"way": way})
+
+    def last_way(self, session_id: str) -> list[tuple[float, ...]]:
+        """Where the arm was sent last; empty when it never was."""
+        row = self._newest_event(session_id, SENT)
+        return [] if row is None else [tuple(joints) for joints in row["way"]]
+
     def artifacts(self, session_id: str, kind: str) -> list[Artifact]:
         """The artefacts of one kind, oldest first."""
         rows = self._all("SELECT * FROM artifact WHERE session_id = ? AND kind = ? ORDER BY id", session_id, kind)
         return [
-            Artifact(row["kind"], row["number"], row["path"], row["sha256"], json.loads(row["body"]), row["created_at"])
+            Artifact(
+                row["id"],
+                row["kind"],
+                row["number"],
+                row["path"],
+                row["sha256"],
+                json.loads(row["body"]),
+                row["created_at"],
+            )
             for row in rows
         ]
 
@@ -227,14 +254,20 @@ class Journal:
         """What `session.next_step` reads; plans and routes come from the files that the journal names."""
         with self._lock:
             row = self.session(session_id)
-            plans = {item.number: item.path for item in self.artifacts(session_id, "plan")}
-            routes = {item.number: item.path for item in self.artifacts(session_id, "route")}
+            plans = {item.number: item for item in self.artifacts(session_id, "plan")}
+            routes = {
+                item.number: item.path
+                for item in self.artifacts(session_id, "route")
+                if item.number in plans and item.id > plans[item.number].id  # an older one leads to other lights
+            }
             results = self.artifacts(session_id, "result")
             solved = {item.number for item in results if item.body.get("origin", "session") == "session"}
             shots = self.shots(session_id)
+            reviewed = self._reviewed(session_id)
+            unverified = self._unverified(session_id)
         passes = tuple(
             PassRecord(
-                plan=LightPlan.model_validate_json((folder / plans[number]).read_bytes()),
+                plan=LightPlan.model_validate_json((folder / plans[number].path).read_bytes()),
                 route=Route.model_validate_json((folder / routes[number]).read_bytes()) if number in routes else None,
                 shots={
                     shot.light_number: shot
@@ -245,10 +278,12 @@ class Journal:
                     shot.exposure_s: shot for shot in shots if shot.key.pass_number == number and shot.kind == "dark"
                 },
                 solved=number in solved,
+                reviewed=number in reviewed,
             )
             for number in sorted(plans)
         )
-        return Record(session_id, row.recipe, row.state, passes)
+        references = sum(shot.kind == "reference" for shot in shots)
+        return Record(session_id, row.recipe, row.state, passes, references, unverified)
 
     # --------------------------------------------------------------------------------------------- actions and safety
 
@@ -284,82 +319,7 @@ class Journal:
         """The faults that nobody has acknowledged yet."""
         return [dict(row) for row in self._all("SELECT code, detail, since FROM safety WHERE acknowledged_at IS NULL")]
 
-    # --------------------------------------------------------------------------------------------------------- events
-
-    def announce(self, session_id: str | None, type_: str, body: dict[str, Any]) -> None:
-        """Appends an event that belongs to no other change."""
-        with self._transaction() as connection:
-            self._event(connection, session_id, type_, body)
-
-    def events(
-        self, after_id: int, limit: int = 500, session_id: str | None = None, types: Sequence[str] = ()
-    ) -> list[Event]:
-        """Events with ids above `after_id`, oldest first."""
-        where, values = ["id > ?"], [after_id]
-        conditions: list[Any] = list(values)
-        if session_id is not None:
-            where.append("session_id = ?")
-            conditions.append(session_id)
-        if types:
-            where.append(f"type IN ({_marks(types)})")
-            conditions.extend(types)
-        rows = self._all(
-            f"SELECT * FROM event WHERE {' AND '.join(where)} ORDER BY id LIMIT ?",  # noqa: S608 - only marks
-            *conditions,
-            limit,
-        )
-        return [Event(row["id"], row["session_id"], row["type"], json.loads(row["body"]), row["at"]) for row in rows]
-
-    def counts(self) -> Counts:
-        """How much the journal holds."""
-        states = self._all("SELECT state, count(*) AS count FROM session GROUP BY state")
-        (shots,) = self._all("SELECT count(*) AS count FROM shot")
-        by_state = {State(row["state"]): int(row["count"]) for row in states}
-        return Counts(by_state, int(shots["count"]), self.last_event_id())
-
-    def last_event_id(self) -> int:
-        """The newest event's id, 0 when there is none."""
-        row = self._one("SELECT coalesce(max(id), 0) AS id FROM event")
-        return 0 if row is None else int(row["id"])
-
-    def wait_for_event(self, after_id: int, timeout_s: float) -> bool:
-        """Blocks until there is an event above `after_id` (True), or the time is over (False)."""
-        deadline = time.monotonic() + timeout_s
-        with self._grown:
-            while self.last_event_id() <= after_id:
-                left = deadline - time.monotonic()
-                if left <= 0:
-                    return False
-                self._grown.wait(left)
-        return True
-
     # ------------------------------------------------------------------------------------------------------ internals
-
-    def _migrate(self) -> None:
-        (version,) = self._connection.execute("PRAGMA user_version").fetchone()
-        if version > len(MIGRATIONS):
-            raise RigError(
-                ErrorCode.STORE_CORRUPT,
-                f"The database is of a newer release (schema {version}); use that release",
-                schema=version,
-            )
-        for number, name in enumerate(MIGRATIONS[version:], start=version + 1):
-            script = resources.files("acquisition.store").joinpath(name).read_text(encoding="utf-8")
-            self._connection.executescript(f"BEGIN; {script}; PRAGMA user_version = {number}; COMMIT;")
-
-    @contextmanager
-    def _transaction(self) -> Generator[sqlite3.Connection]:
-        with self._lock:
-            self._connection.execute("BEGIN IMMEDIATE")
-            try:
-                yield self._connection
-            except BaseException:
-                self._connection.execute("ROLLBACK")
-                raise
-            self._connection.execute("COMMIT")
-        # After the lock is free: whoever waits here reads the table under that lock.
-        with self._grown:
-            self._grown.notify_all()
 
     def _add_artifact(
         self, connection: sqlite3.Connection, session_id: str, kind: str, number: int, path: str, sha256: str,
@@ -372,11 +332,28 @@ class Journal:
         )
         self._event(connection, session_id, event, {"number": number, "path": path})
 
-    def _event(self, connection: sqlite3.Connection, session_id: str | None, type_: str, body: dict[str, Any]) -> None:
-        connection.execute(
-            "INSERT INTO event (session_id, type, body, at) VALUES (?, ?, ?, ?)",
-            (session_id, type_, json.dumps(body), time.time()),
+    def _reviewed(self, session_id: str) -> set[int]:
+        return {event.body["number"] for event in self.events(0, 10_000, session_id, (REVIEWED,))}
+
+    def _unverified(self, session_id: str) -> bool:
+        """Whether the session was resumed after an interruption and has repeated no image since."""
+        (resumed,) = self._all(
+            "SELECT max(id) AS id FROM event WHERE session_id = ? AND type = 'session.state'"
+            " AND json_extract(body, '$.from') = 'interrupted' AND json_extract(body, '$.state') = 'running'",
+            session_id,
         )
+        (repeated,) = self._all(
+            "SELECT max(id) AS id FROM event WHERE session_id = ? AND type = 'shot.captured'"
+            " AND json_extract(body, '$.kind') = 'reference'",
+            session_id,
+        )
+        return resumed["id"] is not None and (repeated["id"] or 0) < resumed["id"]
+
+    def _newest_event(self, session_id: str, type_: str) -> dict[str, Any] | None:
+        row = self._one(
+            "SELECT body FROM event WHERE session_id = ? AND type = ? ORDER BY id DESC LIMIT 1", session_id, type_
+        )
+        return None if row is None else json.loads(row["body"])
 
     def _record_action(
         self, connection: sqlite3.Connection, session_id: str | None, action: str, actor: str, outcome: str
@@ -385,15 +362,3 @@ class Journal:
             "INSERT INTO action (session_id, action, actor, outcome, at) VALUES (?, ?, ?, ?, ?)",
             (session_id, action, actor, outcome, time.time()),
         )
-
-    def _one(self, query: str, *values: Any) -> sqlite3.Row | None:
-        with self._lock:
-            return self._connection.execute(query, values).fetchone()
-
-    def _all(self, query: str, *values: Any) -> list[sqlite3.Row]:
-        with self._lock:
-            return self._connection.execute(query, values).fetchall()
-
-
-def _marks(values: Any) -> str:
-    return ", ".join("?" for _ in values)

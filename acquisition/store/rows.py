@@ -58,8 +58,9 @@ class Counts:
 
 @dataclass(frozen=True)
 class Artifact:
-    """One file or folder that a step made."""
+    """One file or folder that a step made; ids rise with time."""
 
+    id: int
     kind: str
     number: int
     path: str

@@ -10,11 +10,14 @@ from hypothesis import strategies as st
 
 from acquisition import session
 from acquisition.session import (
+    Actor,
+    AwaitReview,
     ChooseLights,
     GoHome,
     PassRecord,
     PlanRoute,
     Record,
+    RepeatReference,
     SolveNormals,
     Stage,
     State,
@@ -27,40 +30,79 @@ from acquisition.types import FrameQuality, FrameRef, Light, LightPlan, Recipe, 
 HOME = (0.0,) * 6
 LIGHT = Light(position=(0.0, 0.0, -0.4), axis=(0.0, 0.0, -1.0))
 
-EXPECTED = """
+# For each state, what a person and the service may bring about; all else is refused.
+OPERATOR = """
 created      start→running  stop→stopped
-running      start→running resume→running pause→pausing stop→stopping finish→completed fail→failed interrupt→interrupted
-pausing      start→pausing pause→pausing settle→paused resume→running stop→stopping \
-             finish→completed fail→failed interrupt→interrupted
-paused       start→paused pause→paused resume→running stop→stopping interrupt→interrupted
-stopping     start→stopping stop→stopping settle→stopped fail→failed interrupt→interrupted
+running      start→running resume→running pause→pausing stop→stopping
+pausing      start→pausing pause→pausing resume→running stop→stopping
+paused       start→paused pause→paused resume→running stop→stopping
+stopping     start→stopping stop→stopping
 interrupted  start→interrupted resume→running stop→stopped
 completed
 stopped      stop→stopped
 failed
 """
+RUNNER = """
+created
+running      pause→pausing finish→completed fail→failed interrupt→interrupted
+pausing      pause→pausing settle→paused finish→completed fail→failed interrupt→interrupted
+paused       pause→paused interrupt→interrupted
+stopping     settle→stopped fail→failed interrupt→interrupted
+interrupted
+completed
+stopped
+failed
+"""
+SERVICE = """
+created
+running      interrupt→interrupted
+pausing      interrupt→interrupted
+paused       interrupt→interrupted
+stopping     interrupt→interrupted
+interrupted
+completed
+stopped
+failed
+"""
+BY_ACTOR = {Actor.OPERATOR: OPERATOR, Actor.RUNNER: RUNNER, Actor.SERVICE: SERVICE, Actor.VIEWER: ""}
 
 
-@pytest.mark.parametrize("line", EXPECTED.strip().splitlines(), ids=lambda line: line.split()[0])
-def test_every_trigger_in_every_state_does_what_the_table_says(line: str) -> None:
-    name, *cases = line.split()
-    wanted = dict(case.split("→") for case in cases)
-    for trigger in Trigger:
-        after = session.after(State(name), trigger)
-        assert (None if after is None else str(after)) == wanted.get(str(trigger)), trigger
+def expected(actor: Actor, state: State) -> dict[str, str]:
+    lines = {line.split()[0]: line.split()[1:] for line in BY_ACTOR[actor].strip().splitlines()}
+    return dict(case.split("→") for case in lines.get(state, []))
+
+
+@pytest.mark.parametrize("trigger", Trigger, ids=str)
+@pytest.mark.parametrize("state", State, ids=str)
+@pytest.mark.parametrize("actor", Actor, ids=str)
+def test_every_trigger_of_every_actor_in_every_state_does_what_the_table_says(
+    actor: Actor, state: State, trigger: Trigger
+) -> None:
+    after = session.after(state, trigger, actor)
+    assert (None if after is None else str(after)) == expected(actor, state).get(str(trigger))
+
+
+def test_a_name_in_the_journal_is_a_person_unless_it_is_the_services_own() -> None:
+    assert Actor.of("runner") is Actor.RUNNER
+    assert Actor.of("service") is Actor.SERVICE
+    assert Actor.of("runner@127.0.0.1") is Actor.OPERATOR
+    assert Actor.of("viewer") is Actor.OPERATOR  # a viewer's key reaches no trigger
 
 
 def test_what_is_allowed_changes_the_state_and_ended_sessions_allow_nothing() -> None:
     for state in State:
-        assert all(session.after(state, action) not in (None, state) for action in session.allowed(state))
-        assert (session.allowed(state) == []) == (state in session.ENDED or state is State.STOPPING)
+        allowed = session.allowed(state)
+        changing = [a for a in session.ACTIONS if session.after(state, a, Actor.OPERATOR) not in (None, state)]
+        assert allowed == changing
+        assert (allowed == []) == (state in session.ENDED or state is State.STOPPING)
+        assert session.allowed(state, Actor.VIEWER) == []
 
 
-@given(st.lists(st.sampled_from(list(Trigger)), max_size=12))
-def test_no_sequence_of_triggers_leaves_the_table_or_an_ended_state(triggers: list[Trigger]) -> None:
+@given(st.lists(st.tuples(st.sampled_from(list(Trigger)), st.sampled_from(list(Actor))), max_size=12))
+def test_no_sequence_of_triggers_leaves_the_table_or_an_ended_state(triggers: list[tuple[Trigger, Actor]]) -> None:
     state = State.CREATED
-    for trigger in triggers:
-        then = session.after(state, trigger)
+    for trigger, actor in triggers:
+        then = session.after(state, trigger, actor)
         if state in session.ENDED:
             assert then in (None, state)
         state = then or state
@@ -111,6 +153,10 @@ def walk(recipe: Recipe, lights: Sequence[int] = (3,)) -> list[session.Step]:
                 is_pilot = step.pass_number == 0 and recipe.method == "optimal"
                 count = recipe.pilot_lights if is_pilot else lights[max(step.pass_number - 1, 0)]
                 work[step.pass_number] = PassRecord(plan=plan(count))
+            case AwaitReview():
+                work[step.pass_number] = replace(work[step.pass_number], reviewed=True)
+            case RepeatReference():
+                raise AssertionError("nothing was interrupted")
             case PlanRoute():
                 order = sorted(step.light_numbers, reverse=True)
                 work[step.pass_number] = replace(work[step.pass_number], route=route(order, here))
@@ -195,3 +241,31 @@ def test_stage_and_progress_are_read_off_the_record() -> None:
     assert session.progress(empty) == 0.0
     one = record(Recipe(), PassRecord(plan=plan(4), shots={0: shot(0)}))
     assert 0 < session.progress(one) < session.progress(replace(one, state=State.COMPLETED)) == 1.0
+
+
+def test_planned_lights_wait_for_a_person_where_the_recipe_says_so_and_the_pilots_do_not() -> None:
+    names = [type(step).__name__ for step in walk(Recipe(review_plan=True))]
+    assert names.count("AwaitReview") == 1
+    assert names[names.index("AwaitReview") - 1 :][:3] == ["ChooseLights", "AwaitReview", "PlanRoute"]
+    fixed = [type(step).__name__ for step in walk(Recipe(review_plan=True, method="two-rings", planned_lights=0))]
+    assert fixed[:3] == ["ChooseLights", "AwaitReview", "PlanRoute"]
+
+
+def test_after_an_interruption_an_image_is_repeated_before_the_next_one_is_taken() -> None:
+    half = PassRecord(plan=plan(3), route=route([0, 1, 2]), shots={0: shot(0)})
+    cut_off = replace(record(Recipe(), half), unverified=True)
+    step = session.next_step(cut_off, joints(0), HOME)
+    assert step == RepeatReference(shot(0), ShotKey(pass_number=0, number=1000))
+    assert session.stage(cut_off, step) is Stage.CAPTURE
+    again = replace(cut_off, unverified=False, references=1)
+    assert isinstance(session.next_step(again, joints(0), HOME), TakeShot)
+
+
+def test_an_interruption_without_images_or_with_all_of_them_needs_no_repeated_image() -> None:
+    none = replace(record(Recipe(), PassRecord(plan=plan(3), route=route([0, 1, 2]))), unverified=True)
+    assert isinstance(session.next_step(none, HOME, HOME), TakeShot)
+    shots = {number: shot(number) for number in range(3)}
+    full = PassRecord(plan=plan(3), shots=shots, darks={0.05: shot(3, kind="dark")})
+    assert session.next_step(replace(record(Recipe(), full), unverified=True), HOME, HOME) == SolveNormals(0)
+    dark = replace(record(Recipe(), replace(full, darks={})), unverified=True)
+    assert isinstance(session.next_step(dark, HOME, HOME), RepeatReference)

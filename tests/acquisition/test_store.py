@@ -144,7 +144,7 @@ def test_a_running_session_cannot_be_deleted(store: Store) -> None:
     store.journal.trigger(session_id, Trigger.START, "a")
     with pytest.raises(RigError, match="stop it first"):
         store.journal.delete_session(session_id)
-    store.journal.trigger(session_id, Trigger.FAIL, "a")
+    store.journal.trigger(session_id, Trigger.FAIL, "runner")
     store.journal.delete_session(session_id)
     with pytest.raises(RigError) as gone:
         store.journal.session(session_id)

@@ -19,9 +19,9 @@ from typing import cast
 
 from acquisition import geometry
 from acquisition.config import ArmConfig
-from acquisition.devices import ArmIdentity, ArmReading, Finding, MotionLimits, StopToken
+from acquisition.devices import ArmIdentity, ArmReading, Finding, MotionLimits, RecoveryStep, StopToken
 from acquisition.devices.ur import preflight, protocol, states
-from acquisition.devices.ur.dashboard import ask, probe
+from acquisition.devices.ur.dashboard import ask, probe, recover
 from acquisition.devices.ur.protocol import Board, Done, Failed, Inspection, Interrupted, Sample, Word
 from acquisition.devices.ur.second_path import SecondPath
 from acquisition.errors import ErrorCode, Halted, RigError
@@ -171,6 +171,10 @@ class UrArm:
         expected = None if self.expected_pose is None else self.expected_pose(reading.joints)
         answers = preflight.Answers(identity, remote_control, reading, inspection, expected)
         return preflight.findings(self._config, answers)
+
+    def recover(self, step: RecoveryStep) -> None:
+        """One step out of a stop by the dashboard; see the Protocol `Arm`."""
+        recover(self._config.address, step)
 
     def move(self, path: Sequence[Sequence[float]], limits: Sequence[MotionLimits], stop: StopToken) -> None:
         """Moves through joint configurations (rad), one straight joint segment each; see the Protocol `Arm`.

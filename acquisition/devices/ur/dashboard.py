@@ -12,6 +12,7 @@ import struct
 import time
 from types import TracebackType
 
+from acquisition.devices import RecoveryStep
 from acquisition.errors import ErrorCode, RigError
 
 DASHBOARD_PORT = 29999
@@ -23,6 +24,13 @@ PROBE_S = 0.7
 
 _RTDE_PROTOCOL = struct.pack(">HBH", 5, ord("V"), 2)
 _LONGEST_LINE = 4096
+
+_RECOVERY: dict[RecoveryStep, tuple[str, str]] = {
+    "unlock": ("unlock protective stop", "Protective stop releasing"),
+    "power": ("power on", "Powering on"),
+    "brakes": ("brake release", "Brake releasing"),
+}
+"""What is asked for each step, and how the answer begins when the controller agrees."""
 
 
 def refuse_foreign(address: str) -> None:
@@ -102,6 +110,14 @@ def ask(address: str, *questions: str) -> list[str]:
     except OSError as error:
         detail = f"The dashboard of {address} does not answer: {error or 'time-out'}."
         raise RigError(ErrorCode.ARM_UNREACHABLE, detail, address=address) from error
+
+
+def recover(address: str, step: RecoveryStep) -> None:
+    """Unlocks a protective stop, powers on, or releases the brakes. Raises RigError safety.recovery_refused."""
+    order, agreement = _RECOVERY[step]
+    (reply,) = ask(address, order)
+    if not reply.startswith(agreement):
+        raise RigError(ErrorCode.SAFETY_RECOVERY_REFUSED, f"The controller answers: {reply}", step=step, reply=reply)
 
 
 def probe(address: str) -> None:

@@ -1,0 +1,144 @@
+"""The database of one data folder: its connection, its migrations, and the event table, which is the bus.
+
+One connection behind one lock: the writers are the runner, the safety monitor and a few requests, each transaction
+takes a millisecond, and a state is only ever read and changed inside the same transaction. The event table's row number
+is the event's id, so whoever was away reads on from the last number seen.
+"""
+
+import json
+import sqlite3
+import threading
+import time
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from acquisition.errors import ErrorCode, RigError
+from acquisition.session import State
+from acquisition.store.rows import Counts, Event
+
+MIGRATIONS = ("schema_001.sql", "schema_002.sql", "schema_003.sql")
+
+
+class Database:
+    """Connection, transactions and events; any thread may call any method."""
+
+    def __init__(self, path: Path) -> None:
+        self._lock = threading.RLock()
+        self._grown = threading.Condition()
+        self._connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=10)
+        self._connection.row_factory = sqlite3.Row
+        self._connection.execute("PRAGMA journal_mode = WAL")
+        self._connection.execute("PRAGMA synchronous = FULL")
+        self._connection.execute("PRAGMA foreign_keys = ON")
+        self._migrate()
+
+    def close(self) -> None:
+        """Closes the file."""
+        with self._lock:
+            self._connection.close()
+
+    # --------------------------------------------------------------------------------------------------------- events
+
+    def announce(self, session_id: str | None, type_: str, body: dict[str, Any]) -> None:
+        """Appends an event that belongs to no other change."""
+        with self._transaction() as connection:
+            self._event(connection, session_id, type_, body)
+
+    def events(
+        self, after_id: int, limit: int = 500, session_id: str | None = None, types: Sequence[str] = ()
+    ) -> list[Event]:
+        """Events with ids above `after_id`, oldest first."""
+        where, values = ["id > ?"], [after_id]
+        conditions: list[Any] = list(values)
+        if session_id is not None:
+            where.append("session_id = ?")
+            conditions.append(session_id)
+        if types:
+            where.append(f"type IN ({marks(types)})")
+            conditions.extend(types)
+        rows = self._all(
+            f"SELECT * FROM event WHERE {' AND '.join(where)} ORDER BY id LIMIT ?",  # noqa: S608 - only marks
+            *conditions,
+            limit,
+        )
+        return [Event(row["id"], row["session_id"], row["type"], json.loads(row["body"]), row["at"]) for row in rows]
+
+    def counts(self) -> Counts:
+        """How much the journal holds."""
+        states = self._all("SELECT state, count(*) AS count FROM session GROUP BY state")
+        (shots,) = self._all("SELECT count(*) AS count FROM shot")
+        by_state = {State(row["state"]): int(row["count"]) for row in states}
+        return Counts(by_state, int(shots["count"]), self.last_event_id())
+
+    def last_event_id(self) -> int:
+        """The newest event's id, 0 when there is none."""
+        row = self._one("SELECT coalesce(max(id), 0) AS id FROM event")
+        return 0 if row is None else int(row["id"])
+
+    def wait_for_event(self, after_id: int, timeout_s: float) -> bool:
+        """Blocks until there is an event above `after_id` (True), or the time is over (False)."""
+        deadline = time.monotonic() + timeout_s
+        with self._grown:
+            while self.last_event_id() <= after_id:
+                left = deadline - time.monotonic()
+                if left <= 0:
+                    return False
+                self._grown.wait(left)
+        return True
+
+    # ------------------------------------------------------------------------------------------------------ internals
+
+    def _migrate(self) -> None:
+        (version,) = self._connection.execute("PRAGMA user_version").fetchone()
+        if version > len(MIGRATIONS):
+            raise RigError(
+                ErrorCode.STORE_CORRUPT,
+                f"The database is of a newer release (schema {version}); use that release",
+                schema=version,
+            )
+        for number, name in enumerate(MIGRATIONS[version:], start=version + 1):
+            script = resources.files("acquisition.store").joinpath(name).read_text(encoding="utf-8")
+            self._connection.executescript(f"BEGIN; {script}; PRAGMA user_version = {number}; COMMIT;")
+
+    @contextmanager
+    def _transaction(self) -> Generator[sqlite3.Connection]:
+        """A transaction under the lock. Raises RigError store.disk_full when the disk does not take it."""
+        try:
+            with self._lock:
+                self._connection.execute("BEGIN IMMEDIATE")
+                try:
+                    yield self._connection
+                    self._connection.execute("COMMIT")
+                except BaseException:
+                    if self._connection.in_transaction:  # SQLite itself rolls back when the disk is full
+                        self._connection.execute("ROLLBACK")
+                    raise
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode != sqlite3.SQLITE_FULL:
+                raise
+            raise RigError(ErrorCode.STORE_DISK_FULL, "No space left for the journal", file="rig.db") from error
+        # After the lock is free: whoever waits here reads the table under that lock.
+        with self._grown:
+            self._grown.notify_all()
+
+    def _event(self, connection: sqlite3.Connection, session_id: str | None, type_: str, body: dict[str, Any]) -> None:
+        connection.execute(
+            "INSERT INTO event (session_id, type, body, at) VALUES (?, ?, ?, ?)",
+            (session_id, type_, json.dumps(body), time.time()),
+        )
+
+    def _one(self, query: str, *values: Any) -> sqlite3.Row | None:
+        with self._lock:
+            return self._connection.execute(query, values).fetchone()
+
+    def _all(self, query: str, *values: Any) -> list[sqlite3.Row]:
+        with self._lock:
+            return self._connection.execute(query, values).fetchall()
+
+
+def marks(values: Any) -> str:
+    """So many question marks for a list in SQL."""
+    return ", ".join("?" for _ in values)
