@@ -15,12 +15,26 @@ from fastapi.middleware.cors import CORSMiddleware
 from fastapi.openapi.utils import get_openapi
 from fastapi.responses import HTMLResponse
 
-from api import archive, camera_view, events, metrics, planning, problems, results, rig, sessions, tickets
+from api import (
+    archive,
+    camera_view,
+    events,
+    examples,
+    metrics,
+    planning,
+    problems,
+    proposals,
+    results,
+    rig,
+    sessions,
+    tickets,
+)
 from api.authentication import Authentication
 from api.camera_view import View
 from api.events import EventFeed
 from api.gate import Gate
 from api.keys import KeyRing
+from api.logs import RequestLog
 from api.schemas import EventResource, Problem
 from api.settings import Settings
 from api.wiring import Service
@@ -56,6 +70,7 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
     app.state.view = View(service)
     app.state.keys = keys
     app.add_middleware(Gate, settings=settings, authentication=Authentication(keys))
+    app.add_middleware(RequestLog)
     # Outside the gate, so that a page that may call can read a refusal, and its preflight needs no key.
     if settings.allowed_origins:
         app.add_middleware(
@@ -82,7 +97,7 @@ def _routed(life: Any) -> FastAPI:
         generate_unique_id_function=lambda route: route.name,
     )
     problems.install(app)
-    for part in (rig, camera_view, sessions, results, planning, archive, events, tickets, metrics, problems):
+    for part in (rig, camera_view, sessions, results, planning, proposals, archive, events, tickets, metrics, problems):
         app.include_router(part.router)
     app.add_api_route("/docs", _docs, include_in_schema=False, response_class=HTMLResponse)
     app.openapi = lambda: _openapi(app)
@@ -97,6 +112,7 @@ def _openapi(app: FastAPI) -> dict[str, Any]:
             own = model.model_json_schema(ref_template="#/components/schemas/{model}", mode="serialization")
             components.update(own.pop("$defs", {}))
             components[name] = own
+        examples.into(components)
         schema["components"]["securitySchemes"] = {
             "key": {"type": "http", "scheme": "bearer", "description": "Made by `lightpose keys add`"},
             "ticket": {

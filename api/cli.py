@@ -30,6 +30,13 @@ class Profile(StrEnum):
     REALISTIC = "realistic"
 
 
+class LogForm(StrEnum):
+    """What an entry of the log looks like."""
+
+    TEXT = "text"
+    JSON = "json"
+
+
 ObjectName = Annotated[
     str,
     typer.Option(
@@ -129,11 +136,15 @@ def serve(
     data: Annotated[Path, typer.Option(help="Folder of journal and sessions")] = Path("data"),
     host: Annotated[str, typer.Option()] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="0: any free port")] = 8000,
+    log: Annotated[
+        LogForm | None, typer.Option(help="Lines for people or JSON objects; default: LIGHTPOSE_LOG, else text")
+    ] = None,
 ) -> None:
     """Runs the service for one cell."""
     from api import server, settings
 
-    _told(lambda: server.serve(settings.read(cell=cell, data=data, host=host, port=port)))
+    more = {} if log is None else {"log": log.value}
+    _told(lambda: server.serve(settings.read(cell=cell, data=data, host=host, port=port, **more)))
 
 
 @app.command()

@@ -15,7 +15,7 @@ from fastapi import FastAPI
 
 from acquisition import priority
 from acquisition.errors import ErrorCode, RigError
-from api import keys, wiring
+from api import keys, logs, wiring
 from api import settings as settings_
 from api.app import create_app
 from api.camera_view import View
@@ -105,7 +105,7 @@ def serve(settings: Settings, say: Callable[[str], None] = announce) -> None:
 
     Raises RigError as `make` does, and config.invalid when the port cannot be had.
     """
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    logs.configure(settings.log)
     priority.take(priority.SERVICE)
     server = make(settings, say)
     try:

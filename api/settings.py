@@ -12,6 +12,7 @@ from pydantic import Field, ValidationError, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from acquisition.errors import ErrorCode, RigError
+from api.logs import LogForm
 
 Names = Annotated[tuple[str, ...], NoDecode]
 
@@ -25,6 +26,7 @@ class Settings(BaseSettings):
     data: Path = Field(Path("data"), description="The folder of journal and sessions")
     host: str = Field("127.0.0.1", min_length=1)
     port: int = Field(8000, ge=0, le=65535, description="0: any free port")
+    log: LogForm = Field("text", description="`json`: one object a line")
     allowed_hosts: Names = Field((), description="More names in the Host header, comma-separated")
     allowed_origins: Names = Field((), description="Web pages that may call, as scheme://host:port, comma-separated")
 

@@ -1,8 +1,10 @@
 """The committed description is the service's own, and says of every route what may go wrong."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
+import jsonschema_rs
 import pytest
 
 from acquisition.errors import PROBLEMS, ErrorCode
@@ -33,6 +35,38 @@ def test_every_reference_leads_somewhere() -> None:
 
     assert wanted <= names
     assert "HTTPValidationError" not in names  # no error has that shape
+
+
+def bodies() -> Iterator[tuple[str, str]]:
+    """Every JSON body of a request or a good answer: where it stands, and its schema's name."""
+    for path, methods in description()["paths"].items():
+        for method, route in methods.items():
+            contents = [answer.get("content", {}) for status, answer in route["responses"].items() if status < "300"]
+            for content in [*contents, route.get("requestBody", {}).get("content", {})]:
+                reference = content.get("application/json", {}).get("schema", {}).get("$ref")
+                if reference is not None:
+                    yield f"{method} {path}", reference.rpartition("/")[2]
+
+
+def test_every_body_has_an_example() -> None:
+    schemas = description()["components"]["schemas"]
+
+    without = {(where, name) for where, name in bodies() if not schemas[name].get("examples")}
+
+    assert without == set()
+    assert schemas["Problem"]["examples"]
+    assert schemas["EventResource"]["examples"]
+
+
+def test_every_example_is_valid() -> None:
+    """Against the schemas as they stand in the description, by a validator that is not the models' own."""
+    whole = description()
+    for name, schema in whole["components"]["schemas"].items():
+        check = jsonschema_rs.validator_for(
+            {"$ref": f"#/components/schemas/{name}", "components": whole["components"]}, validate_formats=True
+        )
+        for example in schema.get("examples", []):
+            assert not [error.message for error in check.iter_errors(example)], name
 
 
 def test_it_is_served_with_a_page_that_needs_no_network(shared: object) -> None:

@@ -1,0 +1,86 @@
+"""The log: each entry names its session, as a line or as JSON, and no request writes lines of its own."""
+
+import json
+import logging
+import threading
+from collections.abc import Generator
+from typing import Any
+
+import pytest
+from structlog.contextvars import bound_contextvars
+
+from api import logs, settings
+
+JSON_KEYS = {"event", "level", "logger", "timestamp"}
+
+
+@pytest.fixture(autouse=True)
+def root_as_before() -> Generator[None]:
+    """`configure` replaces the handlers of the root logger."""
+    root = logging.getLogger()
+    handlers, level = root.handlers[:], root.level
+    yield
+    root.handlers[:], root.level = handlers, level
+
+
+def entries(captured: str) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in captured.splitlines()]
+
+
+def test_an_entry_made_for_a_session_names_it_in_whatever_module(capsys: pytest.CaptureFixture[str]) -> None:
+    logs.configure("json")
+    other = threading.Thread(target=lambda: logging.getLogger("elsewhere").info("meanwhile"))
+    with bound_contextvars(session_id="20261121-101500-3f9c2a"):
+        logging.getLogger("some.module").warning("the %s is dark", "frame")
+        other.start()
+        other.join()
+    logging.getLogger("some.module").info("afterwards")
+    try:
+        raise ValueError("deep")
+    except ValueError:
+        logging.getLogger("some.module").exception("failed")
+
+    first, meanwhile, afterwards, failed = entries(capsys.readouterr().err)
+    assert first.keys() == JSON_KEYS | {"session_id"}
+    assert (first["event"], first["level"], first["logger"]) == ("the frame is dark", "warning", "some.module")
+    assert first["session_id"] == "20261121-101500-3f9c2a"
+    assert "session_id" not in meanwhile
+    assert "session_id" not in afterwards
+    assert "ValueError: deep" in failed["exception"]
+
+
+def test_as_text_it_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    logs.configure("text")
+    with bound_contextvars(session_id="20261121-101500-3f9c2a"):
+        logging.getLogger("some.module").warning("dark")
+
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "dark" in line
+    assert "session_id=20261121-101500-3f9c2a" in line
+    assert "\x1b" not in line
+
+
+def test_requests_are_logged_with_who_asked_and_what_came(shared: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    logs.configure("json")
+    made = shared.http.post("/v1/sessions", json={}).json()
+    shared.http.post(f"/v1/sessions/{made['id']}/actions", json={"action": "resume"})
+    shared.http.get(f"/v1/sessions/{made['id']}")
+    shared.http.get("/v1/sessions/nope%0a%7B%22event%22:%22forged%22%7D")
+    shared.http.post("/v1/rig/stop", headers={"Origin": "http://evil.example"})
+
+    heard = [entry for entry in entries(capsys.readouterr().err) if entry["event"] == "request"]
+    assert [(entry["method"], entry["status"]) for entry in heard] == [
+        ("POST", 201), ("POST", 409), ("GET", 404), ("POST", 403),
+    ]  # fmt: skip
+    created, refused, missing, foreign = heard
+    assert created["by"] == "operator"
+    assert created["ms"] > 0
+    assert refused["session_id"] == made["id"]
+    assert missing["path"].endswith("%0a%7B%22event%22:%22forged%22%7D")
+    assert foreign["by"] == "nobody"
+
+
+def test_the_environment_chooses_the_form(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
+    monkeypatch.setenv("LIGHTPOSE_LOG", "json")
+    assert settings.read(cell=tmp_path).log == "json"
+    assert settings.read(cell=tmp_path, log="text").log == "text"
