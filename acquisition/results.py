@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
+from structlog.contextvars import bound_contextvars
+
 from acquisition import config, session
 from acquisition.compute import Compute, GaveWay
 from acquisition.config import CellConfig
@@ -189,7 +191,8 @@ class Resolving:
             except queue.Empty:
                 continue
             try:
-                self._solve(wish)
+                with bound_contextvars(session_id=wish.session_id):
+                    self._solve(wish)
             except Halted:
                 return
             except RigError as error:

@@ -10,6 +10,8 @@ import threading
 import time
 from typing import Any
 
+from structlog.contextvars import bound_contextvars
+
 from acquisition import session
 from acquisition.devices import Rig, StopToken
 from acquisition.errors import ErrorCode, Halted, RigError, problem
@@ -63,8 +65,9 @@ class Turns:
 
     def run(self, session_id: str, token: StopToken) -> None:
         """One session's turns, until it ends, pauses or is cut off."""
-        while self._goes_on(session_id, token):
-            pass
+        with bound_contextvars(session_id=session_id):  # every entry of the log made meanwhile names it
+            while self._goes_on(session_id, token):
+                pass
 
     def trigger(
         self, session_id: str, trigger: Trigger, actor: str = Actor.RUNNER, reason: dict[str, Any] | None = None
