@@ -7,14 +7,22 @@ keep-out: only what is really touched counts.
 import numpy as np
 
 from acquisition.config import Box, Capsule, CapsuleShape, CellConfig, HalfSpace
+from acquisition.errors import ErrorCode, RigError
 from acquisition.types import FloatArray
 from hardware_sim.controller.surroundings import OBJECT_SPACING_M, Surroundings
 from hardware_sim.sheets import Mesh
 
 
 def surroundings(cell: CellConfig, mesh: Mesh) -> Surroundings:
-    """Everything that the arm can touch in a cell with an object, whose mesh is in the object's frame."""
+    """Everything that the arm can touch in a cell with an object, whose mesh is in the object's frame.
+
+    Raises RigError config.invalid for shapes that the controller's own check does not know.
+    """
     bodies = [cell.table, *cell.camera_body, *cell.obstacles]
+    strange = [body.name for body in bodies if not isinstance(body, HalfSpace | Capsule | Box)]
+    if strange:
+        detail = f"The simulated controller knows half-spaces, capsules and boxes; not so: {', '.join(strange)}"
+        raise RigError(ErrorCode.CONFIG_INVALID, detail)
     half_spaces = [body for body in bodies if isinstance(body, HalfSpace)]
     capsules = [body for body in bodies if isinstance(body, Capsule)]
     boxes = [body for body in bodies if isinstance(body, Box)]

@@ -17,7 +17,7 @@ import numpy.typing as npt
 import trimesh
 import ur_analytic_ik
 
-from acquisition.config import Box, Capsule, CapsuleShape, CellConfig, HalfSpace
+from acquisition.config import Box, Capsule, CapsuleShape, CellConfig, Cone, ConvexMesh, Obstacle
 from acquisition.types import Calibration
 
 MESHES = Path(__file__).resolve().parents[2] / "shared" / "meshes"
@@ -182,7 +182,15 @@ def _surroundings(cell: CellConfig, object_mesh: tuple[FloatArray, npt.NDArray[n
     return bodies
 
 
-def _mesh(item: HalfSpace | Box | Capsule) -> trimesh.Trimesh:
+def _mesh(item: Obstacle) -> trimesh.Trimesh:
+    if isinstance(item, ConvexMesh):
+        hull = trimesh.convex.convex_hull(np.array(item.vertices_m))
+        return hull.apply_transform(item.base_from_mesh.matrix)
+    if isinstance(item, Cone):
+        angles = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+        round_ = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+        rims = [item.foot_radius_m * round_, item.top_radius_m * round_ + (0, 0, item.height_m)]
+        return trimesh.convex.convex_hull(np.concatenate(rims)).apply_transform(item.base_from_cone.matrix)
     if isinstance(item, Capsule):
         return _capsule(item)
     if isinstance(item, Box):

@@ -1,7 +1,8 @@
 """What the arm may touch: a cell as capsules and obstacles, and the three questions asked of it.
 
 Is a configuration free, is a straight joint edge free over its whole length, and do the view cone (lens to object) and
-the light cone (lamp to object) stay clear while exposing? Configurations where the arm shall stop keep a little more
+the light cone (lamp to object) stay clear while exposing? The arm is the nominal one: what an arm as built differs by
+is millimetres, and least distances are centimetres. Configurations where the arm shall stop keep a little more
 than the least distances (`NODE_SLACK_M`), so that the edges that leave them can be certified for the distances
 themselves. The table does not count for the base link, which stands on it and cannot move.
 """
@@ -14,10 +15,14 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import ConvexHull, QhullError
 
-from acquisition.config import Box, Capsule, CellConfig, HalfSpace
+from acquisition import geometry
+from acquisition.config import Box, Capsule, CellConfig, Cone, HalfSpace, Obstacle
+from acquisition.errors import ErrorCode, RigError
 from acquisition.types import BoolArray, Calibration, FloatArray
 from acquisition.waypoints import collision_kernels as kernels
+from acquisition.waypoints.hull_kernels import hull_distance
 from acquisition.waypoints.kinematics import ArmModel, arm_model
 
 NODE_SLACK_M = 0.002
@@ -25,6 +30,8 @@ CONE_MARGIN_M = 0.01
 """Kept round both cones: half the entrance pupil of the lens, and the lamp's emitter is no point either."""
 
 _GRID = 48
+_CORNERS = 24
+_OBJECT = 1  # the object's number among the obstacles; the table is 0
 _BUILT_IN_M = 0.005
 """Capsules are fatter than what they hold; so much do two links' capsules overlap that cannot meet."""
 
@@ -42,6 +49,7 @@ class Scene:
     tool_from: int  # number of the tool's first capsule
     levers: FloatArray  # (C, 6) largest distance of each capsule's centre line from each joint axis
     obstacles: FloatArray  # (O, ROW)
+    vertices: FloatArray  # (V, 3) of all obstacles that are hulls
     blames: tuple[Blame, ...]
     names: tuple[str, ...]
     pairs: Indices  # (P, 2) capsules of the arm that must not meet
@@ -52,8 +60,8 @@ class Scene:
     def violations(self, joints: FloatArray) -> Indices:
         """For each of (N, 6) the obstacle in the way: its number, len(blames) for the arm itself, −1 for none."""
         return kernels.first_violations(
-            np.ascontiguousarray(joints), self.model.dh, self.links, self.capsules, self.obstacles, self.pairs,
-            self.self_margin, NODE_SLACK_M,
+            np.ascontiguousarray(joints), self.model.dh, self.links, self.capsules, self.obstacles, self.vertices,
+            self.pairs, self.self_margin, NODE_SLACK_M,
         )  # fmt: skip
 
     def free(self, joints: FloatArray) -> BoolArray:
@@ -63,14 +71,15 @@ class Scene:
     def clearance(self, joints: FloatArray) -> FloatArray:
         """Least distances (N, O + 1) in m from the arm's surface to each obstacle and, last, to itself."""
         return kernels.distances(
-            np.ascontiguousarray(joints), self.model.dh, self.links, self.capsules, self.obstacles, self.pairs
-        )
+            np.ascontiguousarray(joints), self.model.dh, self.links, self.capsules, self.obstacles, self.vertices,
+            self.pairs,
+        )  # fmt: skip
 
     def edges_free(self, starts: FloatArray, ends: FloatArray) -> BoolArray:
         """Whether each of N straight joint edges, (N, 6) to (N, 6), is certified to keep all least distances."""
         return kernels.edges_free(
             np.ascontiguousarray(starts), np.ascontiguousarray(ends), self.model.dh, self.links, self.capsules,
-            self.levers, self.obstacles, self.pairs, self.self_margin,
+            self.levers, self.obstacles, self.vertices, self.pairs, self.self_margin,
         )  # fmt: skip
 
     def blocked_cones(self, joints: FloatArray, emitters: FloatArray) -> Indices:
@@ -79,6 +88,15 @@ class Scene:
             np.ascontiguousarray(joints), np.ascontiguousarray(emitters), self.model.dh, self.links, self.capsules,
             self.tool_from, self.lens, self.keep_out, CONE_MARGIN_M,
         )  # fmt: skip
+
+    def in_the_light(self, emitter: FloatArray) -> int:
+        """The obstacle that stands between an emitter (3,) and the object, −1 for none; half-spaces hide nothing."""
+        cone = np.vstack([emitter, _rims(self.keep_out, self.keep_out[8])])
+        for number, shape in enumerate(self.obstacles):
+            points, radius = _hull(shape, self.vertices)
+            if number > _OBJECT and len(points) and hull_distance(cone, points) < radius + CONE_MARGIN_M:
+                return number
+        return -1
 
     def blame(self, violation: int) -> tuple[Blame, str]:
         """The reason's word and the obstacle's name of a number from `violations`."""
@@ -103,17 +121,20 @@ def _scene(cell_json: str, calibration_json: str) -> Scene:
     tool = [[*capsule.start_m, *capsule.end_m, capsule.radius_m] for capsule in cell.arm.tool_capsules]
     capsules = np.vstack([model.capsules, np.array(tool, dtype=float).reshape(-1, 7)])
     links = np.array([*model.capsule_links, *[6] * len(tool)], dtype=np.int64)
+    capsules[links == 6, 6] += cell.arm.cable_allowance_m
     tool_from = len(model.capsules)
     keep = cell.object.keep_out
     frame = keep.base_from_object.matrix
     keep_out = _row(
         kernels.CYLINDER, cell.clearances.object_m, *frame[:3, 3], *frame[:3, 2], keep.radius_m, keep.height_m
     )
+    meshes: list[FloatArray] = []
+    usual = cell.clearances.obstacle_m
     rows: list[tuple[Blame, str, FloatArray]] = [
-        ("hits-table", cell.table.name, _obstacle(cell.table, cell.clearances.table_m)),
+        ("hits-table", cell.table.name, _obstacle(cell.table, cell.clearances.table_m, meshes)),
         ("hits-object", "the object's keep-out", keep_out),
-        *(("hits-camera", body.name, _obstacle(body, cell.clearances.obstacle_m)) for body in cell.camera_body),
-        *(("hits-obstacle", item.name, _obstacle(item, cell.clearances.obstacle_m)) for item in cell.obstacles),
+        *(("hits-camera", body.name, _obstacle(body, usual, meshes)) for body in cell.camera_body),
+        *(("hits-obstacle", item.name, _obstacle(item, usual, meshes)) for item in cell.obstacles),
     ]
     return Scene(
         model=model,
@@ -122,6 +143,7 @@ def _scene(cell_json: str, calibration_json: str) -> Scene:
         tool_from=tool_from,
         levers=_levers(model, links, capsules),
         obstacles=np.stack([row for _, _, row in rows]),
+        vertices=np.concatenate([np.zeros((0, 3)), *meshes]),
         blames=tuple(blame for blame, _, _ in rows),
         names=tuple(name for _, name, _ in rows),
         pairs=_pairs(model, links, capsules, tool_from, cell.clearances.self_m),
@@ -137,14 +159,58 @@ def _row(kind: int, margin: float, *shape: float) -> FloatArray:
     return row
 
 
-def _obstacle(item: HalfSpace | Box | Capsule, margin: float) -> FloatArray:
+def _obstacle(item: Obstacle, usual_m: float, meshes: list[FloatArray]) -> FloatArray:
+    """An obstacle's row; the vertices of one that is a hull are added to `meshes`."""
+    margin = usual_m if item.clearance_m is None else item.clearance_m
     if isinstance(item, HalfSpace):
         normal = np.array(item.normal) / np.linalg.norm(item.normal)
         return _row(kernels.HALF_SPACE, margin, *normal, float(normal @ np.array(item.point_m)))
     if isinstance(item, Capsule):
         return _row(kernels.CAPSULE, margin, *item.start_m, *item.end_m, item.radius_m)
-    pose = item.base_from_box.matrix
-    return _row(kernels.BOX, margin, *pose[:3, 3], *pose[:3, :3].ravel(), *item.half_extents_m)
+    if isinstance(item, Cone):
+        pose = item.base_from_cone.matrix
+        sizes = item.foot_radius_m, item.height_m, item.top_radius_m
+        return _row(kernels.CONE, margin, *pose[:3, 3], *pose[:3, 2], *sizes)
+    if isinstance(item, Box):
+        pose = item.base_from_box.matrix
+        return _row(kernels.BOX, margin, *pose[:3, 3], *pose[:3, :3].ravel(), *item.half_extents_m)
+    points = geometry.transform(item.base_from_mesh.matrix, np.array(item.vertices_m))
+    try:
+        points = points[ConvexHull(points).vertices]
+    except QhullError as error:
+        raise RigError(ErrorCode.CONFIG_INVALID, f"obstacle {item.name}: its vertices lie in a plane") from error
+    center = (points.min(axis=0) + points.max(axis=0)) / 2
+    radius = float(np.linalg.norm(points - center, axis=1).max())
+    first = sum(map(len, meshes))
+    meshes.append(points)
+    return _row(kernels.HULL, margin, *center, radius, first, len(points))
+
+
+def _hull(shape: FloatArray, vertices: FloatArray) -> tuple[FloatArray, float]:
+    """Points and a radius round them whose hull holds an obstacle; no points for what has no end."""
+    match int(shape[0]):
+        case kernels.CAPSULE:
+            return shape[2:8].reshape(2, 3), float(shape[8])
+        case kernels.BOX:
+            corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * shape[14:17]
+            return np.ascontiguousarray(corners @ shape[5:14].reshape(3, 3).T + shape[2:5]), 0.0
+        case kernels.CONE:
+            return _rims(shape, float(shape[10])), 0.0
+        case kernels.HULL:
+            return vertices[int(shape[6]) : int(shape[6] + shape[7])], 0.0
+        case _:
+            return np.zeros((0, 3)), 0.0
+
+
+def _rims(shape: FloatArray, top_radius: float) -> FloatArray:
+    """Corners (48, 3) of the polygons round the foot and the top of a cylinder or cone."""
+    angles = np.arange(_CORNERS) * 2 * np.pi / _CORNERS
+    axis = shape[5:8]
+    aside = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    aside /= np.linalg.norm(aside)
+    outwards = np.cos(angles)[:, None] * aside + np.sin(angles)[:, None] * np.cross(axis, aside)
+    outwards /= np.cos(np.pi / _CORNERS)
+    return np.vstack([shape[2:5] + shape[8] * outwards, shape[2:5] + shape[9] * axis + top_radius * outwards])
 
 
 def _levers(model: ArmModel, links: Indices, capsules: FloatArray) -> FloatArray:
@@ -181,7 +247,8 @@ def _pairs(model: ArmModel, links: Indices, capsules: FloatArray, tool_from: int
             joints[:, low], joints[:, high - 1] = first, second
             pair = np.array([[0, 1]], dtype=np.int64)
             both = np.ascontiguousarray(capsules[[a, b]])
-            distance = kernels.distances(joints, model.dh, links[[a, b]], both, np.zeros((0, kernels.ROW)), pair)[:, -1]
+            none = np.zeros((0, kernels.ROW)), np.zeros((0, 3))
+            distance = kernels.distances(joints, model.dh, links[[a, b]], both, *none, pair)[:, -1]
             if distance.max() < margin or distance.min() > -_BUILT_IN_M:
                 continue
         kept.append((a, b))

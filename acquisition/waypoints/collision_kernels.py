@@ -23,12 +23,15 @@ import math
 import numpy as np
 from numba import boolean, float64, int64, njit, void
 
-HALF_SPACE, CAPSULE, CYLINDER, BOX = 0, 1, 2, 3
+from acquisition.waypoints.hull_kernels import hull_distance
+
+HALF_SPACE, CAPSULE, CYLINDER, BOX, CONE, HULL = 0, 1, 2, 3, 4, 5
 ROW = 17
 """Numbers of an obstacle: kind, least distance, then by kind: normal, offset · start, end, radius · base point, axis,
-radius, height · centre, rotation by rows, half extents."""
+radius, height · centre, rotation by rows, half extents · base point, axis, radius, height, radius at the top · centre,
+radius of the sphere round it, and which rows of `vertices` (first, count) it is the hull of."""
 FREE, VIEW_BLOCKED, LIGHT_BLOCKED = -1, 1, 2
-_DEPTH = 12
+DEPTH = 12
 _GOLDEN = 0.6180339887498949
 _STEPS = 26  # 0.618^26 = 4e-6 of the line's length
 
@@ -104,8 +107,20 @@ def _between_lines(first, second):
 
 @njit(float64(_vector, float64, float64, float64), cache=True)
 def _point_to_shape(shape, x, y, z):
-    """Distance of a point to a cylinder or box; zero inside."""
+    """Distance of a point to a cylinder, cone or box; zero inside."""
     x, y, z = x - shape[2], y - shape[3], z - shape[4]
+    if int(shape[0]) == CONE:
+        along = x * shape[5] + y * shape[6] + z * shape[7]
+        across = math.sqrt(max(x * x + y * y + z * z - along * along, 0.0))
+        height, widening = shape[9], shape[10] - shape[8]
+        if 0.0 <= along <= height and across <= shape[8] + widening * along / height:
+            return 0.0
+        bottom = max(across - shape[8], 0.0) ** 2 + along**2
+        top = max(across - shape[10], 0.0) ** 2 + (along - height) ** 2
+        share = ((across - shape[8]) * widening + along * height) / (widening**2 + height**2)
+        share = min(max(share, 0.0), 1.0)
+        side = (across - shape[8] - share * widening) ** 2 + (along - share * height) ** 2
+        return math.sqrt(min(bottom, top, side))
     if int(shape[0]) == CYLINDER:
         along = x * shape[5] + y * shape[6] + z * shape[7]
         across = math.sqrt(max(x * x + y * y + z * z - along * along, 0.0))
@@ -120,8 +135,8 @@ def _point_to_shape(shape, x, y, z):
     return math.sqrt(total)
 
 
-@njit(float64(_vector, _vector, float64), cache=True)
-def _line_to_obstacle(shape, line, need):
+@njit(float64(_vector, _matrix, _vector, float64), cache=True)
+def _line_to_obstacle(shape, vertices, line, need):
     """Lower bound of the distance of a line piece to an obstacle; sharp (to 1e-5) where it is less than `need`."""
     kind = int(shape[0])
     if kind == HALF_SPACE:
@@ -130,6 +145,15 @@ def _line_to_obstacle(shape, line, need):
         return min(start, end) - shape[5]
     if kind == CAPSULE:
         return _between_lines(shape[2:8], line) - shape[8]
+    if kind == HULL:
+        ends = line.reshape(2, 3)
+        center = np.empty(6)
+        center[:3], center[3:] = shape[2:5], shape[2:5]
+        away = _between_lines(center, line) - shape[5]
+        if away >= need:
+            return away
+        first = int(shape[6])
+        return hull_distance(vertices[first : first + int(shape[7])], ends)
     dx, dy, dz = line[3] - line[0], line[4] - line[1], line[5] - line[2]
     length = math.sqrt(dx * dx + dy * dy + dz * dz)
     # First a bound that costs one evaluation: nothing on the line is nearer than its middle less half its length.
@@ -218,8 +242,8 @@ def _line_clears_cone(shape, apex, line, need):
     return False
 
 
-@njit(_indices(_matrix, _vector, _indices, _matrix, _matrix, _index_pairs, float64, float64), cache=True)
-def first_violations(joints, dh, links, capsules, obstacles, pairs, self_margin, slack):
+@njit(_indices(_matrix, _vector, _indices, _matrix, _matrix, _matrix, _index_pairs, float64, float64), cache=True)
+def first_violations(joints, dh, links, capsules, obstacles, vertices, pairs, self_margin, slack):
     """For each of N configurations the first obstacle nearer than its least distance + slack; the number of obstacles
     for the arm itself, −1 for none."""
     count = joints.shape[0]
@@ -230,7 +254,7 @@ def first_violations(joints, dh, links, capsules, obstacles, pairs, self_margin,
         for o in range(obstacles.shape[0]):
             for c in range(links.shape[0]):
                 need = capsules[c, 6] + obstacles[o, 1] + slack
-                if links[c] > 0 and _line_to_obstacle(obstacles[o], placed[c], need) < need:
+                if links[c] > 0 and _line_to_obstacle(obstacles[o], vertices, placed[c], need) < need:
                     result[n] = o
                     break
             if result[n] != FREE:
@@ -245,8 +269,8 @@ def first_violations(joints, dh, links, capsules, obstacles, pairs, self_margin,
     return result
 
 
-@njit(_matrix(_matrix, _vector, _indices, _matrix, _matrix, _index_pairs), cache=True)
-def distances(joints, dh, links, capsules, obstacles, pairs):
+@njit(_matrix(_matrix, _vector, _indices, _matrix, _matrix, _matrix, _index_pairs), cache=True)
+def distances(joints, dh, links, capsules, obstacles, vertices, pairs):
     """Least distances (N, O + 1) of the arm's surface to each obstacle and to itself."""
     count = joints.shape[0]
     result = np.full((count, obstacles.shape[0] + 1), np.inf)
@@ -256,7 +280,7 @@ def distances(joints, dh, links, capsules, obstacles, pairs):
         for o in range(obstacles.shape[0]):
             for c in range(links.shape[0]):
                 if links[c] > 0:
-                    distance = _line_to_obstacle(obstacles[o], placed[c], np.inf) - capsules[c, 6]
+                    distance = _line_to_obstacle(obstacles[o], vertices, placed[c], np.inf) - capsules[c, 6]
                     result[n, o] = min(result[n, o], distance)
         for p in range(pairs.shape[0]):
             a, b = pairs[p, 0], pairs[p, 1]
@@ -267,18 +291,19 @@ def distances(joints, dh, links, capsules, obstacles, pairs):
 
 @njit(
     boolean(
-        _vector, _vector, _vector, _indices, _matrix, _matrix, _matrix, _index_pairs, float64, _frames, _matrix,
-        _index_pairs, _vector,
+        _vector, _vector, _vector, _indices, _matrix, _matrix, _matrix, _matrix, _index_pairs, float64, _frames,
+        _matrix, _index_pairs, _vector,
     ),
     cache=True,
 )  # fmt: skip
-def _edge_free(
-    start, end, dh, links, capsules, levers, obstacles, pairs, self_margin, frames, placed, still_open, travel
+def edge_free(
+    start, end, dh, links, capsules, levers, obstacles, vertices, pairs, self_margin, frames, placed, still_open, travel
 ):
+    """Whether one straight joint edge is certified; the last four arguments are work space, see `edges_free`."""
     capsule_count, obstacle_count = links.shape[0], obstacles.shape[0]
     spans = capsule_count * obstacle_count
     # An item is a capsule with an obstacle, or a pair of capsules. travel: how far it can close up over all.
-    open_count = np.zeros(_DEPTH + 2, dtype=np.int64)
+    open_count = np.zeros(DEPTH + 2, dtype=np.int64)
     for c in range(capsule_count):
         whole = 0.0
         for j in range(6):
@@ -309,7 +334,7 @@ def _edge_free(
             if item < spans:
                 c, o = item // obstacle_count, item % obstacle_count
                 least = capsules[c, 6] + obstacles[o, 1]
-                distance = _line_to_obstacle(obstacles[o], placed[c], least + travel[item] * half)
+                distance = _line_to_obstacle(obstacles[o], vertices, placed[c], least + travel[item] * half)
             else:
                 a, b = pairs[item - spans, 0], pairs[item - spans, 1]
                 least = capsules[a, 6] + capsules[b, 6] + self_margin
@@ -320,7 +345,7 @@ def _edge_free(
                 still_open[depth + 1, left] = item
                 left += 1
         if left > 0:
-            if depth == _DEPTH:
+            if depth == DEPTH:
                 return False
             open_count[depth + 1] = left
             depth, index = depth + 1, 2 * index
@@ -332,17 +357,20 @@ def _edge_free(
         index += 1
 
 
-@njit(boolean[::1](_matrix, _matrix, _vector, _indices, _matrix, _matrix, _matrix, _index_pairs, float64), cache=True)
-def edges_free(starts, ends, dh, links, capsules, levers, obstacles, pairs, self_margin):
+@njit(
+    boolean[::1](_matrix, _matrix, _vector, _indices, _matrix, _matrix, _matrix, _matrix, _index_pairs, float64),
+    cache=True,
+)
+def edges_free(starts, ends, dh, links, capsules, levers, obstacles, vertices, pairs, self_margin):
     """Whether each of N straight joint edges keeps all least distances over its whole length; certified."""
     count = starts.shape[0]
     result = np.zeros(count, dtype=np.bool_)
     items = links.shape[0] * obstacles.shape[0] + pairs.shape[0]
     frames, placed = np.empty((7, 3, 4)), np.empty((links.shape[0], 6))
-    still_open, travel = np.empty((_DEPTH + 2, items), dtype=np.int64), np.empty(items)
+    still_open, travel = np.empty((DEPTH + 2, items), dtype=np.int64), np.empty(items)
     for n in range(count):
-        result[n] = _edge_free(
-            starts[n], ends[n], dh, links, capsules, levers, obstacles, pairs, self_margin, frames, placed,
+        result[n] = edge_free(
+            starts[n], ends[n], dh, links, capsules, levers, obstacles, vertices, pairs, self_margin, frames, placed,
             still_open, travel,
         )  # fmt: skip
     return result

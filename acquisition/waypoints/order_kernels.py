@@ -1,9 +1,10 @@
 # Types stand in numba's signatures, which also ask for many plain arguments.
 # pyright: basic
+# ruff: noqa: PLR0912
 """Compiled search for the order of lights and the configuration of each, chosen together.
 
-The problem is a travelling salesman's with a set of cities for each stop (generalised, from start to home). Up to nine
-stops it is solved exactly by dynamic programming over subsets (Held and Karp); beyond, by an iterated local search in
+The problem is a travelling salesman's with a set of cities for each stop (generalised, from start to home). A dozen
+stops are solved exactly by dynamic programming over subsets (Held and Karp); more, by an iterated local search in
 which a stop is taken out and put back at its best place, all configurations of the others being chosen anew for each
 trial (two sweeps of dynamic programming make that exact). Perturbations are counted, not timed, and drawn from a
 generator of our own: the same lights always give the same route.
@@ -13,48 +14,84 @@ import numpy as np
 from numba import float64, int64, njit
 from numba.types import Tuple  # pyright: ignore[reportAttributeAccessIssue]
 
+_NEVER = 1e9
 _vector = float64[::1]
 _matrix = float64[:, ::1]
 _indices = int64[::1]
 
 
-@njit(_indices(_matrix, _indices, int64, int64), cache=True)
+@njit(_indices(_matrix, _indices, int64, int64), cache=True, fastmath={"nnan", "ninf", "nsz"})
 def exact_tour(seconds, first, start, home):
     """The quickest tour's nodes: one of nodes first[i] … first[i + 1] − 1 of each stop, between start and home."""
     stops = first.shape[0] - 1
     nodes = first[stops]
-    owner = np.empty(nodes, dtype=np.int64)
-    for i in range(stops):
-        owner[first[i] : first[i + 1]] = i
     subsets = 1 << stops
-    best = np.full((subsets, nodes), np.inf)
-    before = np.full((subsets, nodes), -1, dtype=np.int64)
-    for node in range(nodes):
-        best[1 << owner[node], node] = seconds[start, node]
+    best = np.full((subsets, nodes), _NEVER)  # the least time through a subset of the stops, ending at a node of it
+    for stop in range(stops):
+        for node in range(first[stop], first[stop + 1]):
+            best[1 << stop, node] = seconds[start, node]
     for subset in range(1, subsets):
-        for node in range(nodes):
-            here = best[subset, node]
-            if here == np.inf:
+        for stop in range(stops):
+            rest = subset ^ (1 << stop)
+            if not subset & (1 << stop) or rest == 0:
                 continue
-            for stop in range(stops):
-                if subset & (1 << stop):
-                    continue
-                larger = subset | (1 << stop)
-                for other in range(first[stop], first[stop + 1]):
-                    value = here + seconds[node, other]
-                    if value < best[larger, other]:
-                        best[larger, other] = value
-                        before[larger, other] = node
+            for node in range(first[stop], first[stop + 1]):
+                least = _NEVER
+                for before in range(stops):
+                    if rest & (1 << before):
+                        for other in range(first[before], first[before + 1]):  # compiled to several at a time
+                            least = min(least, best[rest, other] + seconds[node, other])
+                best[subset, node] = least
     tour = np.empty(stops, dtype=np.int64)
-    subset = subsets - 1
-    node, least = 0, np.inf
-    for last in range(nodes):
-        if best[subset, last] + seconds[last, home] < least:
-            node, least = last, best[subset, last] + seconds[last, home]
+    subset, last = subsets - 1, home
     for place in range(stops - 1, -1, -1):
-        tour[place] = node
-        subset, node = subset ^ (1 << owner[node]), before[subset, node]
+        least, stop = _NEVER, 0
+        for node in range(nodes):
+            if best[subset, node] + seconds[last, node] < least:
+                least, tour[place] = best[subset, node] + seconds[last, node], node
+        last = tour[place]
+        while first[stop + 1] <= last:
+            stop += 1
+        subset ^= 1 << stop
     return tour
+
+
+@njit(float64(_matrix, int64), cache=True)
+def path_bound(times, steps):
+    """A lower bound of the shortest path through all stops that ends at the last two (Held and Karp 1970).
+
+    Such a path is a spanning tree with two legs at each stop and one at each end; a price on each stop that the least
+    tree visits too often, a bonus on each that it leaves out, make trees of the same worth for paths but dearer others.
+    """
+    count = times.shape[0]
+    price, best = np.zeros(count), 0.0
+    step = np.median(times) / 4
+    for _ in range(steps):
+        legs_at, away, by = np.zeros(count), np.full(count, np.inf), np.zeros(count, dtype=np.int64)
+        joined = np.zeros(count, dtype=np.bool_)
+        total, node = 0.0, 0
+        for _ in range(count - 1):  # the least tree, stop by stop (Prim 1957)
+            joined[node] = True
+            nearest = -1
+            for other in range(count):
+                if joined[other]:
+                    continue
+                value = times[node, other] + price[node] + price[other]
+                if value < away[other]:
+                    away[other], by[other] = value, node
+                if nearest < 0 or away[other] < away[nearest]:
+                    nearest = other
+            total += away[nearest]
+            legs_at[nearest] += 1
+            legs_at[by[nearest]] += 1
+            node = nearest
+        for k in range(count):
+            total -= price[k] * (2.0 if k < count - 2 else 1.0)
+        best = max(best, total)
+        for k in range(count):
+            price[k] += step * (legs_at[k] - (2.0 if k < count - 2 else 1.0))
+        step *= 0.96
+    return best
 
 
 @njit(float64(_matrix, _indices, int64, int64, _indices, int64, _matrix, _matrix), cache=True)

@@ -65,4 +65,4 @@ def reach(cell: CellConfig, calibration: Calibration) -> ReachMap:
 
 def refusals(lights: Sequence[Light], cell: CellConfig, calibration: Calibration) -> list[Refusal | None]:
     """For each light (view frame) None, or why the arm cannot take it."""
-    return [station.refusal for station in connected_stations(lights, cell, calibration, first=2)]
+    return [station.refusal for station in connected_stations(lights, cell, calibration, first=2).stations]

@@ -2,8 +2,10 @@
 
 Its nodes are home and a few well-spread configurations for each of some sixty lights all over the dome, its edges the
 certified straight joint segments between near ones; what is not connected to home is thrown away. A configuration is
-*connected* when a certified segment leads to one of these nodes; a way between any two connected ones then exists. The
-roadmap depends on cell and calibration only, so that what `reach` promises `route` can keep.
+*connected* when a certified segment leads to one of these nodes; a way between any two connected ones then exists. For
+a light that has none of these, two trees of segments are grown towards each other, and the way that they find becomes
+a branch of the roadmap. The roadmap depends on cell and calibration only, and a branch on its light besides, so that
+what `reach` promises `route` can keep.
 """
 
 from collections.abc import Sequence
@@ -16,12 +18,14 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from acquisition import dome, geometry, lamp_pose
-from acquisition.config import CellConfig
+from acquisition.config import ArmConfig, CellConfig
 from acquisition.errors import ErrorCode, RigError
 from acquisition.types import BoolArray, Calibration, FloatArray, Light, Refusal
 from acquisition.waypoints.collision import Scene, scene
+from acquisition.waypoints.kinematics import ELBOW_LIMIT, JOINT_LIMIT
 from acquisition.waypoints.motion import legs
 from acquisition.waypoints.stations import Station, stations
+from acquisition.waypoints.tree_kernels import way_to_any
 
 CONFIGURATIONS = 24
 """So many configurations of a light, far from one another, are tried for a way home, and are the route's choice."""
@@ -29,6 +33,10 @@ _DOME_LIGHTS = 64
 _PER_LIGHT = 4
 _NEIGHBOURS = 10
 _ATTACHMENTS = 8
+_TREES, _TRIALS = 3, 1000
+"""For a light without a way home, trees grow from so many of its configurations, in so many trials each."""
+_GIVE_UP = 12
+"""After so many lights for which trees found nothing, none are grown for others: a side of the cell is cut off."""
 GOLDEN_ANGLE = np.pi * (3.0 - 5.0**0.5)
 
 Indices = npt.NDArray[np.int64]
@@ -41,6 +49,7 @@ class Roadmap:
     nodes: FloatArray
     seconds: FloatArray
     before: Indices
+    edges: Indices  # (E, 2) the certified segments
 
     def connected(self, joints: FloatArray, scene: Scene) -> BoolArray:
         """Whether each of (N, 6) reaches home or one of the nearest nodes by a certified segment."""
@@ -65,6 +74,27 @@ class Roadmap:
         turn = np.abs(joints[:, None] - self.nodes[None, 1:]).max(axis=2)
         nearest = 1 + np.argsort(turn, axis=1, kind="stable")[:, :_ATTACHMENTS]
         return np.hstack([nearest, np.zeros((len(joints), 1), dtype=np.int64)])
+
+    def branch(self, joints: FloatArray, scene: Scene, home: FloatArray) -> FloatArray:
+        """Corners (K, 6) of certified segments from a configuration (6,) to a node; none when none are found soon."""
+        low, high = np.maximum(home - np.pi, -JOINT_LIMIT), np.minimum(home + np.pi, JOINT_LIMIT)
+        low[2], high[2] = -ELBOW_LIMIT, ELBOW_LIMIT
+        return way_to_any(
+            joints, self.nodes, low, high, _TRIALS, scene.model.dh, scene.links, scene.capsules, scene.levers,
+            scene.obstacles, scene.vertices, scene.pairs, scene.self_margin,
+        )  # fmt: skip
+
+    def grown(self, branches: Sequence[FloatArray], arm: ArmConfig) -> "Roadmap":
+        """The same with branches (K, 6), each ending at a node."""
+        nodes, edges = [self.nodes], [self.edges]
+        count = len(self.nodes)
+        for branch in branches:
+            root = int(np.argmin(np.abs(self.nodes - branch[-1]).max(axis=1)))
+            own = [*range(count, count + len(branch) - 1), root]
+            nodes.append(branch[:-1])
+            edges.append(np.stack([own[:-1], own[1:]], axis=1).astype(np.int64))
+            count += len(branch) - 1
+        return _connected_roadmap(np.concatenate(nodes), np.concatenate(edges), arm)
 
     def way(self, start: int, end: int) -> list[int]:
         """The nodes of the quickest way, both ends included."""
@@ -105,15 +135,29 @@ def spread(joints: FloatArray, count: int, home: FloatArray) -> FloatArray:
     return joints[chosen]
 
 
+@dataclass(frozen=True)
+class Connected:
+    """For each light a station whose configurations all have a way home; the roadmap with the branches they need."""
+
+    stations: list[Station]
+    roadmap: Roadmap
+
+
 def connected_stations(
     lights: Sequence[Light], cell: CellConfig, calibration: Calibration, first: int = CONFIGURATIONS
-) -> list[Station]:
+) -> Connected:
     """For each light (view frame) well-spread configurations with a way home, or the reason of its refusal.
 
     The `first` ones are looked at; more and more of the others only for lights that have no way home yet, so that
     whether a light is connected does not depend on `first`. Raises RigError waypoints.collision when home is not free.
     """
-    arm, ways, home = scene(cell, calibration), roadmap(cell, calibration), np.array(cell.arm.home)
+    return _connect(lights, cell, calibration, roadmap(cell, calibration), first)
+
+
+def _connect(
+    lights: Sequence[Light], cell: CellConfig, calibration: Calibration, ways: Roadmap, first: int
+) -> Connected:
+    arm, home = scene(cell, calibration), np.array(cell.arm.home)
     result = stations(lights, cell, calibration, arm)
     ordered = [spread(station.joints, len(station.joints), home) for station in result]
     for n, joints in enumerate(ordered):
@@ -128,7 +172,22 @@ def connected_stations(
             if own.any():
                 result[n] = Station(joints[own], None)
         low, high = high, 4 * high
-    return result
+    branches: list[FloatArray] = []
+    failures = 0
+    for n in [n for n, joints in enumerate(ordered) if len(joints) and not len(result[n].joints)]:
+        found = _branches(ordered[n][:_TREES], ways, arm, home)
+        if found:
+            branches += found
+            result[n] = Station(np.array([branch[0] for branch in found]), None)
+        failures += not found
+        if failures == _GIVE_UP:
+            break
+    return Connected(result, ways.grown(branches, cell.arm) if branches else ways)
+
+
+def _branches(joints: FloatArray, ways: Roadmap, arm: Scene, home: FloatArray) -> list[FloatArray]:
+    found = (ways.branch(configuration, arm, home) for configuration in joints)
+    return [branch for branch in found if len(branch)]
 
 
 def _unconnected(joints: FloatArray) -> Refusal:
@@ -170,9 +229,16 @@ def _roadmap(cell_json: str, calibration_json: str) -> Roadmap:
     pairs = np.unique(np.sort(np.stack([rows, near.ravel()], axis=1), axis=1), axis=0)
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
     pairs = pairs[arm.edges_free(nodes[pairs[:, 0]], nodes[pairs[:, 1]])]
-    seconds = legs(nodes[pairs[:, 0]], nodes[pairs[:, 1]], cell.arm).seconds
-    graph = coo_matrix((seconds, (pairs[:, 0], pairs[:, 1])), shape=(len(nodes), len(nodes))).tocsr()
+    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(nodes), len(nodes)))
     _, labels = connected_components(graph, directed=False)
-    kept = np.flatnonzero(labels == labels[0])
-    times, before = dijkstra(graph[kept][:, kept], directed=False, return_predecessors=True)
-    return Roadmap(nodes[kept], times, before.astype(np.int64))
+    place = np.cumsum(labels == labels[0]) - 1
+    pairs = place[pairs[labels[pairs[:, 0]] == labels[0]]]
+    ways = _connected_roadmap(nodes[labels == labels[0]], pairs, cell.arm)
+    return _connect(lights, cell, calibration, ways, first=2).roadmap
+
+
+def _connected_roadmap(nodes: FloatArray, edges: Indices, arm: ArmConfig) -> Roadmap:
+    seconds = legs(nodes[edges[:, 0]], nodes[edges[:, 1]], arm).seconds
+    graph = coo_matrix((seconds, (edges[:, 0], edges[:, 1])), shape=(len(nodes), len(nodes))).tocsr()
+    times, before = dijkstra(graph, directed=False, return_predecessors=True)
+    return Roadmap(nodes, times, before.astype(np.int64), edges)

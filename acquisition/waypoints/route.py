@@ -3,9 +3,10 @@
 Every leg is a straight joint segment that is certified free, because that is what the controller's `moveJ` drives;
 where the straight segment is not free the leg goes by way of the roadmap's nodes, each a stop. Certifying all pairs of
 configurations would cost a thousand times what the answer needs, so legs are certified lazily: the quickest tour is
-sought as if all were free, the legs it uses are checked, those that are not get the time of their detour, and so on
-until a tour stands whose legs are all known. The time of the first tour, with all legs straight, bounds all others
-from below.
+sought as if all were free, the legs it uses are checked, those that are not get the time of their detour (and their
+neighbours are checked, too, since what blocks one leg blocks others like it), and so on until a tour stands whose legs
+are all known, or for a fixed number of times; the quickest of these tours is taken. The time of the first one, with all
+legs straight, bounds all others from below.
 
 Before: `plan` or `pilot` (lights in the view frame), and the arm where it stands. After: `capture` follows the path.
 """
@@ -15,7 +16,6 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse.csgraph import minimum_spanning_tree
 
 from acquisition.config import ArmConfig, CellConfig
 from acquisition.errors import ErrorCode, RigError
@@ -26,11 +26,15 @@ from acquisition.waypoints.motion import legs
 from acquisition.waypoints.roadmap import Roadmap, connected_stations, roadmap
 from acquisition.waypoints.stations import Station
 
-_EXACT_STOPS = 9
+_EXACT_STOPS = 12
+_TOURS = 12
+"""So many tours are sought at most."""
+_BLOCKED = 1.2
+"""Of a blocked leg whose detour is not known yet it is assumed that it takes so many times as long as straight."""
 _NODES = 480
 """About so many configurations are considered in all: 24 a light for few lights, fewer for many."""
 _LEAST_PER_LIGHT = 6
-_ROUNDS, _WARM_ROUNDS = 60, 6
+_ROUNDS, _WARM_ROUNDS = 60, 2
 _BOUND_STEPS = 100
 _SAMPLES = 5
 """Places along a leg where speeds are looked at while choosing; the legs that are driven get 33."""
@@ -42,8 +46,9 @@ def route(lights: Sequence[Light], start_joints: Sequence[float], cell: CellConf
     Raises RigError waypoints.unreachable when lights cannot be taken, and waypoints.collision when no free way leads to
     them or from where the arm stands; `lights` in the context lists {number, reason, detail} of each. Nothing moves.
     """
-    arm, ways = scene(cell, calibration), roadmap(cell, calibration)
-    found = connected_stations(lights, cell, calibration)
+    arm = scene(cell, calibration)
+    connected = connected_stations(lights, cell, calibration)
+    found, ways = connected.stations, connected.roadmap
     _require_all(found)
     network = _Network(found, _start(start_joints, arm, ways), cell, arm, ways)
     tour, lower_bound_s = network.tour()
@@ -69,6 +74,19 @@ def retreat(start_joints: Sequence[float], cell: CellConfig, calibration: Calibr
     arm, ways = scene(cell, calibration), roadmap(cell, calibration)
     network = _Network([], _start(start_joints, arm, ways), cell, arm, ways)
     return network.way(network.start, network.home)
+
+
+def way(
+    start_joints: Sequence[float], end_joints: Sequence[float], cell: CellConfig, calibration: Calibration
+) -> JointPath:
+    """The certified way from `start_joints` to a place (6, rad) where the arm has stood before.
+
+    Raises RigError waypoints.collision when there is none.
+    """
+    arm, ways = scene(cell, calibration), roadmap(cell, calibration)
+    start, end = (_start(joints, arm, ways) for joints in (start_joints, end_joints))
+    network = _Network([Station(end[None], None)], start, cell, arm, ways)
+    return network.way(network.start, 0)
 
 
 def _require_all(found: Sequence[Station]) -> None:
@@ -115,6 +133,7 @@ class _Network:
         self.nodes: FloatArray = np.concatenate([*few, start[None], ways.nodes[:1]])
         self._arm, self._ways, self._limits = arm, ways, cell.arm
         self._known: dict[tuple[int, int], JointPath] = {}
+        self._looked_at: set[tuple[int, int]] = set()
 
     def tour(self) -> tuple[list[int], float]:
         """Nodes in the order of travel, all legs certified, and a lower bound of the time in s.
@@ -122,29 +141,32 @@ class _Network:
         The bound holds over the configurations considered and the speeds at the places looked at.
         """
         seconds = self._straight_seconds()
-        lower_bound_s = 0.0
-        order = np.empty(0, dtype=np.int64)
-        while True:
-            if len(self.first) - 1 <= _EXACT_STOPS:
-                tour = order_kernels.exact_tour(seconds, self.first, self.start, self.home)
-            else:
-                rounds = _WARM_ROUNDS if len(order) else _ROUNDS
-                tour = order_kernels.searched_tour(seconds, self.first, self.start, self.home, order, rounds)
-            order = self.owner[tour]
-            nodes = [self.start, *tour.tolist(), self.home]
-            if not self._known:
-                lower_bound_s = self._lower_bound(seconds, nodes)
-            unknown = [leg for leg in pairwise(nodes) if leg not in self._known]
+        stops = (seconds, self.first, self.start, self.home)
+        if len(self.first) - 1 <= _EXACT_STOPS:
+            tour = order_kernels.exact_tour(*stops)
+            lower_bound_s = float(sum(seconds[a, b] for a, b in pairwise([self.start, *tour, self.home])))
+        else:
+            tour = order_kernels.searched_tour(*stops, np.empty(0, dtype=np.int64), _ROUNDS)
+            lower_bound_s = self._lower_bound(seconds)
+        best, best_s = tour, np.inf
+        for _ in range(_TOURS):
+            on_the_way = list(pairwise([self.start, *tour.tolist(), self.home]))
+            unknown = [leg for leg in on_the_way if leg not in self._known]
+            self._learn(unknown, seconds)
+            total_s = sum(self._known[leg].seconds for leg in on_the_way)
+            if total_s < best_s:
+                best, best_s = tour, total_s
             if not unknown:
-                return tour.tolist(), lower_bound_s
-            self._learn(unknown)
-            for a, b in unknown:
-                seconds[a, b] = seconds[b, a] = self._known[a, b].seconds
+                break
+            tour = order_kernels.searched_tour(*stops, self.owner[tour], _WARM_ROUNDS)
+        # A detour can be quicker than the straight leg: its corners may take the lamp a shorter way.
+        return best.tolist(), min(lower_bound_s, best_s)
 
     def way(self, start: int, end: int) -> JointPath:
         """The certified way from one node to another."""
         if (start, end) not in self._known:
-            self._learn([(start, end)])
+            free = self._arm.edges_free(self.nodes[[start]], self.nodes[[end]])[0]
+            self._enter(start, end, straight=bool(free))
         return self._known[start, end]
 
     def _straight_seconds(self) -> FloatArray:
@@ -156,22 +178,48 @@ class _Network:
         seconds[rows, columns] = legs(self.nodes[rows], self.nodes[columns], self._limits, _SAMPLES).seconds
         return seconds + seconds.T
 
-    def _lower_bound(self, seconds: FloatArray, nodes: Sequence[int]) -> float:
-        """The relaxed optimum where it is exact, else a bound over the stops' least times."""
-        stops = len(self.first) - 1
-        if stops <= _EXACT_STOPS:
-            return float(sum(seconds[a, b] for a, b in pairwise(nodes)))
+    def _lower_bound(self, seconds: FloatArray) -> float:
+        """A bound over the stops' least times."""
         edges = np.concatenate([self.first, [self.start + 1]])
         least = np.minimum.reduceat(np.minimum.reduceat(seconds, edges, axis=0), edges, axis=1)
-        return _path_bound(least)
+        return order_kernels.path_bound(np.ascontiguousarray(least), _BOUND_STEPS)
 
-    def _learn(self, pairs: Sequence[tuple[int, int]]) -> None:
-        starts, ends = np.array(pairs).T
+    def _learn(self, unknown: Sequence[tuple[int, int]], seconds: FloatArray) -> None:
+        """Certifies legs, finds the detours of those that are blocked, and enters their times into `seconds`."""
+        if not unknown:
+            return
+        starts, ends = np.array(unknown).T
         free = self._arm.edges_free(self.nodes[starts], self.nodes[ends])
-        for (a, b), straight in zip(pairs, free.tolist(), strict=True):
-            corners = self.nodes[[a, b]] if straight else self._detour(a, b)
-            self._known[a, b] = _drive(corners, self._limits)
-            self._known[b, a] = _drive(corners[::-1], self._limits)
+        for (a, b), straight in zip(unknown, free.tolist(), strict=True):
+            self._enter(a, b, straight=straight)
+            if not straight:
+                self._warn(a, b, seconds)
+            seconds[a, b] = seconds[b, a] = self._known[a, b].seconds
+
+    def _warn(self, a: int, b: int, seconds: FloatArray) -> None:
+        """Looks at the legs between each end of a blocked leg and the other's alternatives."""
+        pairs = [(a, other) for other in self._alternatives(b)] + [(other, b) for other in self._alternatives(a)]
+        pairs = [pair for pair in pairs if pair not in self._looked_at and pair not in self._known]
+        if not pairs:
+            return
+        starts, ends = np.array(pairs).T
+        blocked = ~self._arm.edges_free(self.nodes[starts], self.nodes[ends])
+        self._looked_at.update(pairs)
+        self._looked_at.update((end, start) for start, end in pairs)
+        starts, ends = starts[blocked], ends[blocked]
+        seconds[starts, ends] *= _BLOCKED
+        seconds[ends, starts] *= _BLOCKED
+
+    def _alternatives(self, node: int) -> range:
+        """The configurations of the same light."""
+        if node >= self.start:
+            return range(0)
+        return range(int(self.first[self.owner[node]]), int(self.first[self.owner[node] + 1]))
+
+    def _enter(self, a: int, b: int, *, straight: bool) -> None:
+        corners = self.nodes[[a, b]] if straight else self._detour(a, b)
+        self._known[a, b] = _drive(corners, self._limits)
+        self._known[b, a] = _drive(corners[::-1], self._limits)
 
     def _detour(self, start: int, end: int) -> FloatArray:
         """The corners (K, 6) of the quickest way along the roadmap, cut short where corners see one another."""
@@ -184,30 +232,6 @@ class _Network:
         middle = hubs[self._ways.way(int(leave[i]), int(arrive[j]))]
         corners = np.concatenate([self.nodes[[start]], middle, self.nodes[[end]]])
         return _shortened(corners, self._arm, self._limits)
-
-
-def _path_bound(times: FloatArray) -> float:
-    """A lower bound of the shortest path through all stops that ends at the last two (Held and Karp 1970).
-
-    Such a path is a spanning tree with two legs at each stop and one at each end; a price on each stop that the least
-    tree visits too often, a bonus on each that it leaves out, make trees of the same worth for paths but dearer others.
-    """
-    count = len(times)
-    wanted = np.full(count, 2.0)
-    wanted[-2:] = 1.0
-    price, best = np.zeros(count), 0.0
-    step = float(np.median(times)) / 4
-    for _ in range(_BOUND_STEPS):
-        priced = times + price[:, None] + price[None]
-        offset = 1.0 - priced.min()  # scipy takes a zero for "no edge"
-        priced += offset
-        np.fill_diagonal(priced, 0.0)
-        tree = minimum_spanning_tree(priced).tocoo()
-        best = max(best, float(tree.data.sum() - (count - 1) * offset - price @ wanted))
-        legs_at = np.bincount(np.concatenate([tree.row, tree.col]), minlength=count)
-        price += step * (legs_at - wanted)
-        step *= 0.96
-    return best
 
 
 def _shortened(corners: FloatArray, arm: Scene, limits: ArmConfig) -> FloatArray:

@@ -16,6 +16,9 @@ from acquisition.waypoints import collision_kernels, kinematics
 from acquisition.waypoints.collision import Scene
 
 ROLLS = 36
+_FINE_ROLLS = 180
+"""So many rolls are looked at for the lights that none of the usual ones serves: few, so that it costs little."""
+
 _BATCH = 64
 
 
@@ -31,15 +34,24 @@ def stations(lights: Sequence[Light], cell: CellConfig, calibration: Calibration
     """For each light (view frame) the configurations that take it."""
     result: list[Station] = []
     for start in range(0, len(lights), _BATCH):  # 64 lights × 288 configurations at a time keep memory small
-        result += _batch(lights[start : start + _BATCH], cell, calibration, scene)
+        result += _batch(lights[start : start + _BATCH], cell, calibration, scene, ROLLS)
+    hard = [n for n, station in enumerate(result) if station.refusal and station.refusal.reason != "too-far"]
+    step = _BATCH * ROLLS // _FINE_ROLLS
+    for start in range(0, len(hard), step):
+        few = hard[start : start + step]
+        found = _batch([lights[n] for n in few], cell, calibration, scene, _FINE_ROLLS)
+        for n, station in zip(few, found, strict=True):
+            result[n] = station
     return result
 
 
-def _batch(lights: Sequence[Light], cell: CellConfig, calibration: Calibration, scene: Scene) -> list[Station]:
+def _batch(
+    lights: Sequence[Light], cell: CellConfig, calibration: Calibration, scene: Scene, rolls: int
+) -> list[Station]:
     base_from_view = lamp_pose.base_from_view(calibration)
     positions = geometry.transform(base_from_view, np.array([light.position for light in lights]))
     axes = geometry.rotate(base_from_view, np.array([light.axis for light in lights]))
-    base_from_tool = lamp_pose.tool_poses(positions, axes, ROLLS, calibration)
+    base_from_tool = lamp_pose.tool_poses(positions, axes, rolls, calibration)
     base_from_flange = base_from_tool @ geometry.inverse(cell.arm.flange_from_tool.matrix)
     solved = kinematics.inverse(scene.model, base_from_flange.reshape(-1, 4, 4)).reshape(len(lights), -1, 6)
     within = kinematics.unwrap(solved, np.array(cell.arm.home))
@@ -57,6 +69,11 @@ def _batch(lights: Sequence[Light], cell: CellConfig, calibration: Calibration, 
     result: list[Station] = []
     for number in range(len(lights)):
         own = owner == number
+        between = scene.in_the_light(positions[number])
+        if between >= 0:
+            detail = f"{scene.names[between]} stands between the lamp and the object"
+            result.append(Station(joints[:0], Refusal(reason="shadows-object", detail=detail)))
+            continue
         usable = joints[own & clear]
         refusal = None
         if not len(usable):

@@ -46,7 +46,7 @@ def _simple_seconds(lights: list[Light]) -> tuple[float, float]:
     """Time in the given order, each light in its configuration nearest to home; and always going on to the nearest
     configuration of any light left. Both as if every straight segment were free: no detours are counted."""
     cell, calibration = simulated_cell()
-    stations = [station.joints for station in connected_stations(lights, cell, calibration)]
+    stations = [station.joints for station in connected_stations(lights, cell, calibration).stations]
     home = np.array([cell.arm.home])
     stops = np.concatenate([home, *(joints[:1] for joints in stations), home])
     given = float(legs(stops[:-1], stops[1:], cell.arm).seconds.sum())

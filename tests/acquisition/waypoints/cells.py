@@ -6,7 +6,19 @@ from pathlib import Path
 import numpy as np
 
 from acquisition import config, geometry
-from acquisition.config import Box, Capsule, CapsuleShape, CellConfig, KeepOut, ObjectConfig, Pose
+from acquisition.config import (
+    Box,
+    Capsule,
+    CapsuleShape,
+    CellConfig,
+    Cone,
+    ConvexMesh,
+    HalfSpace,
+    KeepOut,
+    ObjectConfig,
+    Obstacle,
+    Pose,
+)
 from acquisition.types import Calibration, Joints
 from acquisition.waypoints.collision import scene
 
@@ -59,17 +71,7 @@ def _draw(random: np.random.Generator, cell: CellConfig, calibration: Calibratio
             start_m=_vector(emitter - (arm + 0.01) * axis), end_m=_vector(emitter - 0.03 * axis), radius_m=0.025
         ),
     ]
-    obstacles = [
-        Box(
-            name=f"box {number}",
-            base_from_box=Pose(
-                position_m=_vector(scale * random.uniform((-0.8, -0.8, 0.0), (0.8, 0.8, 0.8))),
-                rotation_vector_rad=_vector(random.normal(0, 1, 3)),
-            ),
-            half_extents_m=_vector(random.uniform(0.02, 0.1, 3)),
-        )
-        for number in range(int(random.integers(0, 3)))
-    ]
+    obstacles = [_obstacle(random, scale, number) for number in range(int(random.integers(0, 4)))]
     drawn = cell.model_copy(
         update={
             "arm": cell.arm.model_copy(
@@ -77,6 +79,7 @@ def _draw(random: np.random.Generator, cell: CellConfig, calibration: Calibratio
                     "model": model,
                     "flange_from_tool": Pose(position_m=_vector(emitter), rotation_vector_rad=(0.0, angle, 0.0)),
                     "tool_capsules": tool,
+                    "cable_allowance_m": random.choice([0.0, 0.01]),
                 }
             ),
             "object": ObjectConfig(keep_out=keep_out),
@@ -86,6 +89,42 @@ def _draw(random: np.random.Generator, cell: CellConfig, calibration: Calibratio
         }
     )
     return drawn, calibration.model_copy(update={"base_from_camera": tuple(map(tuple, down.tolist()))})
+
+
+def _obstacle(random: np.random.Generator, scale: float, number: int) -> Obstacle:
+    """One of the five kinds, somewhere in the arm's surroundings, with a least distance of its own or the usual one."""
+    place = scale * random.uniform((-0.8, -0.8, 0.0), (0.8, 0.8, 0.8))
+    pose = Pose(position_m=_vector(place), rotation_vector_rad=_vector(random.normal(0, 1, 3)))
+    name = f"obstacle {number}"
+    clearance_m = random.choice([None, 0.01, 0.05])
+    match int(random.integers(0, 5)):
+        case 0:
+            sizes = _vector(random.uniform(0.02, 0.1, 3))
+            return Box(name=name, clearance_m=clearance_m, base_from_box=pose, half_extents_m=sizes)
+        case 1:
+            end = _vector(place + random.normal(0, 0.2, 3))
+            radius_m = random.uniform(0.01, 0.05)
+            start = _vector(place)
+            return Capsule(name=name, clearance_m=clearance_m, start_m=start, end_m=end, radius_m=radius_m)
+        case 2:
+            foot, top, height = random.uniform((0.03, 0.0, 0.05), (0.12, 0.05, 0.3)).tolist()
+            return Cone(
+                name=name,
+                clearance_m=clearance_m,
+                base_from_cone=pose,
+                foot_radius_m=foot,
+                top_radius_m=top,
+                height_m=height,
+            )
+        case 3:
+            vertices = [_vector(vertex) for vertex in random.normal(0, 0.06, (int(random.integers(5, 30)), 3))]
+            return ConvexMesh(name=name, clearance_m=clearance_m, base_from_mesh=pose, vertices_m=vertices)
+        case _:
+            # A wall beyond the arm's usual room, so that its home is not behind it.
+            around = random.uniform(-math.pi, math.pi)
+            outwards = np.array([math.cos(around), math.sin(around), 0.0])
+            point = _vector(scale * random.uniform(0.75, 1.1) * outwards)
+            return HalfSpace(name=name, clearance_m=clearance_m, point_m=point, normal=_vector(-outwards))
 
 
 def _vector(values: geometry.FloatArray) -> tuple[float, float, float]:

@@ -86,10 +86,10 @@ def test_violations_say_what_is_in_the_way() -> None:
         assert (clearance[violations == violation, violation] < least[violation]).all()
 
 
-@pytest.mark.parametrize("shape", ["box", "cylinder", "half-space", "capsule"])
+@pytest.mark.parametrize("shape", ["box", "cylinder", "cone", "hull", "half-space", "capsule"])
 def test_distances_agree_with_another_library(shape: str) -> None:
     random = np.random.default_rng(5)
-    row = np.zeros(kernels.ROW)
+    row, vertices = np.zeros(kernels.ROW), np.zeros((0, 3))
     pose = trimesh.transformations.random_rotation_matrix(random.uniform(size=3))
     pose[:3, 3] = random.normal(size=3)
     axis, middle = pose[:3, 2], pose[:3, 3] + 0.25 * pose[:3, 2]
@@ -99,6 +99,15 @@ def test_distances_agree_with_another_library(shape: str) -> None:
     elif shape == "cylinder":
         row[:10] = [kernels.CYLINDER, 0, *pose[:3, 3], *axis, 0.2, 0.5]
         other = fcl.CollisionObject(fcl.Cylinder(0.2, 0.5), fcl.Transform(pose[:3, :3], middle))
+    elif shape == "cone":
+        row[:11] = [kernels.CONE, 0, *pose[:3, 3], *axis, 0.3, 0.5, 0.0]
+        other = fcl.CollisionObject(fcl.Cone(0.3, 0.5), fcl.Transform(pose[:3, :3], middle))
+    elif shape == "hull":
+        vertices = random.normal(0, 0.2, (30, 3)) + pose[:3, 3]
+        solid = trimesh.convex.convex_hull(vertices)
+        row[:8] = [kernels.HULL, 0, *pose[:3, 3], np.linalg.norm(vertices - pose[:3, 3], axis=1).max(), 0, 30]
+        faces = np.hstack([np.full((len(solid.faces), 1), 3), solid.faces]).ravel()
+        other = fcl.CollisionObject(fcl.Convex(solid.vertices, len(solid.faces), faces), fcl.Transform())
     elif shape == "capsule":
         row[:9] = [kernels.CAPSULE, 0, *pose[:3, 3], *(pose[:3, 3] + 0.5 * axis), 0.2]
         other = fcl.CollisionObject(fcl.Capsule(0.2, 0.5), fcl.Transform(pose[:3, :3], middle))
@@ -114,7 +123,7 @@ def test_distances_agree_with_another_library(shape: str) -> None:
         turn = trimesh.geometry.align_vectors((0, 0, 1), along / length)[:3, :3]
         thin = fcl.CollisionObject(fcl.Capsule(1e-6, length), fcl.Transform(turn, (line[:3] + line[3:]) / 2))
         truth = fcl.distance(thin, other, fcl.DistanceRequest(), fcl.DistanceResult())
-        found = kernels._line_to_obstacle(row, line, np.inf)
+        found = kernels._line_to_obstacle(row, vertices, line, np.inf)
         if truth > 1e-3:
             apart += 1
             assert found == pytest.approx(truth, abs=1e-4)

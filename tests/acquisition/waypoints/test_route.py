@@ -16,7 +16,7 @@ from acquisition.waypoints import order_kernels
 from acquisition.waypoints.motion import trapezoid_seconds
 from acquisition.waypoints.reach import reach
 from acquisition.waypoints.roadmap import dome_lights
-from acquisition.waypoints.route import _path_bound, retreat, route
+from acquisition.waypoints.route import retreat, route
 from tests import audit
 from tests.acquisition.waypoints.cells import random_cell, simulated_cell
 
@@ -255,7 +255,7 @@ def test_the_bound_of_many_lights_is_below_the_best_and_near_it() -> None:
         places = random.uniform(0, 1, (11, 3))
         seconds = np.linalg.norm(places[:, None] - places[None], axis=2)
         best = _length(order_kernels.exact_tour(seconds, np.arange(10), 9, 10), seconds, start=9, home=10)
-        shares.append(_path_bound(seconds) / best)
+        shares.append(order_kernels.path_bound(seconds, 100) / best)
     assert max(shares) <= 1 + 1e-9
     assert np.median(shares) > 0.95
 

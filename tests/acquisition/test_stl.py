@@ -1,0 +1,65 @@
+"""Mesh files in cell files: both forms of STL give the same vertices, and a cell says by itself what it read."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from acquisition import config, stl
+from acquisition.config import ConvexMesh
+from acquisition.errors import ErrorCode, RigError
+
+DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
+MESH = trimesh.creation.box((0.1, 0.2, 0.3))
+
+
+def cell_with(folder: Path, obstacle: str) -> Path:
+    """The simulated cell's file with one obstacle more."""
+    file = folder / "cell.toml"
+    file.write_text((DEPLOY / "cell.sim.toml").read_text(encoding="utf-8") + obstacle, encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize("form", ["stl", "stl_ascii"])
+def test_vertices_of_both_forms(tmp_path: Path, form: str) -> None:
+    file = tmp_path / "box.stl"
+    content = MESH.export(file_type=form)
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    assert np.allclose(stl.vertices(file), np.unique(MESH.vertices, axis=0), atol=1e-6)
+
+
+@pytest.mark.parametrize("content", [b"", b"solid nothing\nendsolid", b"vertex 1 2 nan\n" * 4])
+def test_what_is_no_mesh_is_refused(tmp_path: Path, content: bytes) -> None:
+    file = tmp_path / "box.stl"
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match="solid"):
+        stl.vertices(file)
+
+
+OBSTACLE = """
+[[obstacles]]
+kind = "convex-mesh"
+name = "lathe"
+clearance_m = 0.05
+file = "box.stl"
+base_from_mesh = { position_m = [0.0, 0.6, 0.15] }
+"""
+
+
+def test_a_cell_holds_the_vertices_of_the_files_it_names(tmp_path: Path) -> None:
+    MESH.export(tmp_path / "box.stl")
+    cell = config.load(cell_with(tmp_path, OBSTACLE))
+    (lathe,) = cell.obstacles
+    assert isinstance(lathe, ConvexMesh)
+    assert len(lathe.vertices_m) == 8
+    other = trimesh.creation.box((0.1, 0.2, 0.31))
+    other.export(tmp_path / "box.stl")
+    assert config.load(tmp_path / "cell.toml").fingerprint != cell.fingerprint
+
+
+def test_a_mesh_file_that_is_missing_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RigError) as caught:
+        config.load(cell_with(tmp_path, OBSTACLE))
+    assert caught.value.code == ErrorCode.CONFIG_INVALID
+    assert "box.stl" in caught.value.detail
