@@ -20,6 +20,7 @@ import numba
 import numpy as np
 
 from acquisition import photometry
+from acquisition.normals import lambert
 from acquisition.normals.lambert import Estimate, Pixels
 from acquisition.types import BoolArray, Calibration, Float32Array
 
@@ -39,6 +40,14 @@ NOTHING = 2.0
 LEAST_EVIDENCE = 30
 LEAST_PREDICTION = 0.002
 LEAST_THERE = 0.35
+THERE_AT = 0.75
+"""Bounced light is there when, of what is predicted in shadows, more than a quarter by its strength is measured at
+least LEAST_THERE times as bright. A quarter, because a shape that is still wrong also predicts light where none falls;
+where there is only direct light, shadows are black everywhere."""
+
+TOGETHER = 0.2
+"""1 σ of the factor by which a pixel's indirect light is wrong under all lights alike."""
+
 PHYSICAL = (1.0, 1.1)
 """Scales of the prediction: what surfaces send that the camera does not see adds to it."""
 
@@ -99,17 +108,40 @@ def received(
     return np.ascontiguousarray(out.T)
 
 
+def sent_on(received: Float32Array, values: Float32Array, direct: Float32Array, albedo: Float32Array) -> Float32Array:
+    """What pixels send of what they receive (F, N), from images (F, N), and the albedo (N,) that `direct` (F, N) gave.
+
+    While some bounced light is still in `direct`, or too much was taken out, that albedo is as wrong. The right one
+    gives both the direct light and the received light, which makes up the image: ρ Σ(direct / albedo + received) =
+    Σ values. Without this, turn after turn would over- and undershoot by the share of the bounced light.
+    """
+    whole = np.maximum(np.sum(values, axis=0), np.float32(1e-9))
+    matt = np.maximum(np.sum(direct, axis=0), 0) + albedo * np.sum(received, axis=0)
+    return received * np.minimum(albedo * whole / np.maximum(matt, np.float32(1e-9)), 1)
+
+
 def scale(pixels: Pixels, values: Float32Array, predicted: Float32Array, found: Estimate) -> float:
     """How much of the predicted indirect light (F, N) to take out: none where shadows are darker than it.
 
     Shadows tell whether it is there at all, weighing each by its prediction; how much follows from the prediction,
     because while the shape is still wrong they understate it. `values` (F, N) are measured.
     """
-    there = _found_in_shadows(pixels, values, predicted, found)
-    return 0.0 if there < LEAST_THERE else float(np.clip(there, *PHYSICAL))
+    upper, middle = _found_in_shadows(pixels, values, predicted, found)
+    return 0.0 if upper < LEAST_THERE else float(np.clip(middle, *PHYSICAL))
 
 
-def _found_in_shadows(pixels: Pixels, values: Float32Array, predicted: Float32Array, found: Estimate) -> float:
+def spread(found: Estimate, indirect: Float32Array) -> Float32Array:
+    """Variance (N,) in rad² of the normals, both tangential directions, if a pixel's indirect light (F, N) is off by
+    one factor under all lights: what prediction misses, a surface that nobody sees, it misses under each of them."""
+    right = np.einsum("fn,fn,fan->na", found.weights, indirect, found.light, optimize=True).astype(np.float64)
+    moved = lambert.turned(found, right[:, :, None])
+    return (TOGETHER**2 * np.sum(moved * moved, axis=(1, 2))).astype(np.float32)
+
+
+def _found_in_shadows(
+    pixels: Pixels, values: Float32Array, predicted: Float32Array, found: Estimate
+) -> tuple[float, float]:
+    """Quantile THERE_AT and median of measured / predicted in shadows, weighted by the prediction; 1 where few tell."""
     direct = np.einsum("fcn,cn->fn", found.light, found.g)
     strength = np.sqrt(np.einsum("fcn,fcn->fn", found.light, found.light)) * found.albedo
     cast = (direct > FACING * strength) & (values < IN_SHADOW * direct)
@@ -118,11 +150,12 @@ def _found_in_shadows(pixels: Pixels, values: Float32Array, predicted: Float32Ar
     deep = np.stack([pixels.take(cv2.erode(pixels.image(one.astype(np.uint8)), kernel)) > 0 for one in dark])
     telling = deep & (predicted > LEAST_PREDICTION)
     if np.count_nonzero(telling) < LEAST_EVIDENCE:
-        return 1.0
+        return 1.0, 1.0
     ratio, weight = values[telling] / predicted[telling], predicted[telling]
     order = np.argsort(ratio)
     summed = np.cumsum(weight[order])
-    return float(ratio[order][np.searchsorted(summed, summed[-1] / 2)])
+    upper, middle = ratio[order][np.searchsorted(summed, summed[-1] * np.array([THERE_AT, 0.5]))]
+    return float(upper), float(middle)
 
 
 def _linear_rays(pixels: Pixels) -> tuple[np.ndarray, np.ndarray]:

@@ -179,6 +179,17 @@ def facing(normals: Float32Array, along: Float32Array) -> Float32Array:
     return (turned / np.sqrt(np.sum(turned * turned, axis=0))).astype(np.float32)
 
 
+def turned(found: Estimate, right: FloatArray) -> FloatArray:
+    """How far normals turn (N, 3, K), rad, when errors δy of the measurements add `right` Σ w s δy (N, 3, K)."""
+    s, w, g = (part.astype(np.float64) for part in (found.light, found.weights, found.g))
+    matrix = np.einsum("fn,fan,fbn->nab", w, s, s, optimize=True)
+    matrix += (1e-6 * np.trace(matrix, axis1=1, axis2=2) + 1e-12)[:, None, None] * np.eye(3)
+    albedo = np.sqrt(np.maximum(np.sum(g * g, axis=0), 1e-12))
+    normal = g / albedo
+    moved = np.linalg.solve(matrix, right) / albedo[:, None, None]
+    return moved - normal.T[:, :, None] * np.einsum("an,nak->nk", normal, moved)[:, None, :]
+
+
 def information(estimate: Estimate, chosen: np.ndarray, lamp: Float32Array, along: Float32Array) -> FloatArray:
     """Fisher information (K, 4, 4) of (g, Z) at the chosen pixels, from the images alone, with the weights used."""
     light = estimate.light[:, :, chosen]

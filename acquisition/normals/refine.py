@@ -49,15 +49,16 @@ BOUNCE_MATTERS = 0.01
 class Refined:
     """What the last solve takes over, at N pixels.
 
-    Depth (N,) in m; how whole the surface is, 0–1 (N,); log intensity (F,), the variance (N,) in rad² that its
-    uncertainty gives the normals; the shift of the whole object in m; the light received from other surfaces (F, N) or
-    none, and the scale of its prediction; the lobe; the noise of coarse pixels.
+    Depth (N,) in m; how whole the surface is, 0–1 (N,); log intensity (F,); the variance (N,) in rad² that the normals
+    have of what pixels or images share: the intensities' uncertainty and that of the light from other surfaces; the
+    shift of the whole object in m; the light received from other surfaces (F, N) or none, and the scale of its
+    prediction; the lobe; the noise of coarse pixels.
     """
 
     depth_m: Float32Array
     whole: Float32Array
     log_intensity: FloatArray
-    intensity_variance: Float32Array
+    shared_variance: Float32Array
     shift_m: float
     received: Float32Array | None
     bounce_scale: float
@@ -70,7 +71,7 @@ class Refined:
             self,
             depth_m=self.depth_m[chosen],
             whole=self.whole[chosen],
-            intensity_variance=self.intensity_variance[chosen],
+            shared_variance=self.shared_variance[chosen],
             received=None if self.received is None else self.received[:, chosen],
         )
 
@@ -158,7 +159,7 @@ def refine(
             FIRST_THRESHOLD, lobe,
         )  # fmt: skip
         highlight = lobe.highlight(found, along)
-        bounced = _bounced(coarse, measured - highlight, found, depth, normals, around, lamp, calibration)
+        bounced = _bounced(coarse, measured - highlight, values, found, depth, normals, around, lamp, calibration)
         indirect = bounced.indirect
         plain = not bounced.matters and lobe.strength == 0
 
@@ -172,12 +173,12 @@ def refine(
         threshold = settings.shadow_threshold
         if plain and calibrated >= settings.depth_rounds:
             break
-    spread = np.zeros_like(depth) if found is None else self_calibration.spread(found, shared.covariance)
+    spread = np.zeros_like(depth) if found is None else _spread(found, shared, indirect)
     return Refined(
         depth_m=grid.finer(depth, coarse, factor, pixels),
         whole=grid.finer(whole, coarse, factor, pixels),
         log_intensity=shared.log_intensity,
-        intensity_variance=grid.finer(spread, coarse, factor, pixels),
+        shared_variance=grid.finer(spread, coarse, factor, pixels),
         shift_m=shared.shift_m,
         received=grid.finer(bounced.received, coarse, factor, pixels) if bounced and bounced.matters else None,
         bounce_scale=bounced.scale if bounced else 0.0,
@@ -187,18 +188,23 @@ def refine(
 
 
 def _bounced(
-    coarse: Pixels, matt: Float32Array, found: Estimate, depth_m: Float32Array, normals: Float32Array,
-    table: Table | None, lamp: Float32Array, calibration: Calibration,
+    coarse: Pixels, matt: Float32Array, direct: Float32Array, found: Estimate, depth_m: Float32Array,
+    normals: Float32Array, table: Table | None, lamp: Float32Array, calibration: Calibration,
 ) -> _Bounced:  # fmt: skip
-    """The light that surfaces send one another, from images (F, N) without highlights."""
+    """The light that surfaces send one another, from images (F, N) without highlights, and what `found` is from."""
     received = interreflection.received(coarse, matt, found, depth_m, normals, table, lamp, calibration)
-    indirect = received * np.minimum(found.albedo, 1)
+    indirect = interreflection.sent_on(received, matt, direct, found.albedo)
     scale = interreflection.scale(coarse, matt, indirect, found)
     indirect = (np.float32(scale) * indirect).astype(np.float32)
     share = np.sum(indirect, axis=0) / np.maximum(np.sum(matt, axis=0), 1e-6)
     matters = float(np.quantile(share, 0.98)) > BOUNCE_MATTERS
     received = np.float32(scale) * received
     return _Bounced(received, indirect if matters else np.zeros_like(indirect), scale, matters)
+
+
+def _spread(found: Estimate, shared: _Shared, indirect: Float32Array) -> Float32Array:
+    """Variance (N,) in rad² of the normals from errors that pixels or images share."""
+    return self_calibration.spread(found, shared.covariance) + interreflection.spread(found, indirect)
 
 
 def divided(values: Float32Array, log_intensity: FloatArray) -> Float32Array:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acquisition.normals import lambert
 from acquisition.normals.lambert import Estimate
 from acquisition.types import Float32Array, FloatArray
 
@@ -83,14 +84,6 @@ def step(
 def spread(found: Estimate, covariance: FloatArray) -> Float32Array:
     """Variance (N,) in rad² of the normals, both tangential directions, from errors of the log intensities that all
     pixels share, with `covariance` (F, F)."""
-    s, w = found.light.astype(np.float64), found.weights.astype(np.float64)
-    g = found.g.astype(np.float64)
-    predicted = np.einsum("fcn,cn->fn", s, g)
-    albedo2 = np.sum(g * g, axis=0)
-    matrix = np.einsum("fn,fan,fbn->nab", w, s, s, optimize=True)
-    matrix += (1e-6 * np.trace(matrix, axis1=1, axis2=2) + 1e-12)[:, None, None] * np.eye(3)
-    normal = g / np.sqrt(np.maximum(albedo2, 1e-12))
-    moved = np.linalg.solve(matrix, np.einsum("fn,fan->naf", w * predicted, s))  # ∂g/∂log intensity
-    tangential = moved - normal.T[:, :, None] * np.einsum("an,naf->nf", normal, moved)[:, None, :]
-    variance = np.einsum("naf,fg,nag->n", tangential, covariance, tangential, optimize=True)
-    return (variance / np.maximum(albedo2, 1e-12)).astype(np.float32)
+    shaded = found.weights * np.einsum("fcn,cn->fn", found.light, found.g)
+    moved = lambert.turned(found, np.einsum("fn,fan->naf", shaded, found.light).astype(np.float64))
+    return np.einsum("naf,fg,nag->n", moved, covariance, moved, optimize=True).astype(np.float32)

@@ -11,7 +11,7 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.errors import ErrorCode, RigError
-from acquisition.normals import integrate, lambert, lobe, observe, refine, silhouette
+from acquisition.normals import integrate, interreflection, lambert, lobe, observe, refine, silhouette
 from acquisition.normals import noise as residuals
 from acquisition.normals.interreflection import Table
 from acquisition.normals.lambert import Estimate, Pixels
@@ -32,8 +32,8 @@ from acquisition.types import (
     SolveSettings,
 )
 
-BOUNCE_SIGMA = 0.3
-"""1 σ of the predicted bounced light, as a share of it."""
+BOUNCE_SIGMA = 0.1
+"""1 σ of the predicted bounced light, as a share of it, that differs from light to light."""
 
 LARGEST_SHARE = 0.3
 """Share of indirect light in a pixel's images above which its σ is said to mean nothing."""
@@ -117,7 +117,7 @@ def solve_stack(
     depth_map = integrate.depth(pixels.image(normals), found, ray, pixels.image(sure), start)
     result = _Placed(pixels, solved, rows, columns, (height, width))
     chosen = _samples(pixels, solved)
-    variance = final.variance + refined.intensity_variance
+    variance = final.variance + refined.shared_variance
     sigma = np.where(solved, np.degrees(np.sqrt(variance)), np.nan).astype(np.float32)
     light = np.maximum(np.sum(refine.divided(pixels.values, refined.log_intensity), axis=0), 1e-6)
     share = np.zeros_like(light) if last.indirect is None else np.sum(last.indirect, axis=0) / light
@@ -198,15 +198,13 @@ def _last(
     found = once(values, extra, lambert.ROUNDS if plain else FEW_ROUNDS)
     along = photometry.ray_directions(pixels.ray)
     for rounds in () if plain else (FEW_ROUNDS, lambert.ROUNDS):
-        values, extra = measured.copy(), np.zeros_like(measured)
+        highlight = refined.lobe.highlight(found, along)
+        direct, values = values, measured - highlight
+        extra = np.square(np.float32(lobe.SIGMA) * highlight)
         if refined.received is not None:
-            indirect = refined.received * np.minimum(found.albedo, 1)
-            values -= indirect
-            extra += np.square(np.float32(BOUNCE_SIGMA) * indirect)
-        if not matt:
-            highlight = refined.lobe.highlight(found, along)
-            values -= highlight
-            extra += np.square(np.float32(lobe.SIGMA) * highlight)
+            indirect = interreflection.sent_on(refined.received, values, direct, found.albedo)
+            values = values - indirect
+            extra = extra + np.square(np.float32(BOUNCE_SIGMA) * indirect)
         found = once(values, extra, rounds)
     return _Final(found, values, extra, indirect)
 
