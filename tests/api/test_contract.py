@@ -1,0 +1,134 @@
+"""The description kept to its word: whatever is sent, allowed by it or not, the answer is one that it declares.
+
+Requests are made by schemathesis from the description, half of them for things that exist: a session with results and
+images whose recipe, files and entries are there. Of the answers 503 (a device is absent, as here) and 507 are the only
+ones above 499, and each only where the route declares it.
+"""
+
+import os
+import time
+from itertools import count
+from typing import Any
+
+import numpy as np
+import pytest
+import schemathesis
+from hypothesis import HealthCheck, given, settings
+from schemathesis.checks import CHECKS, load_all_checks
+from schemathesis.generation import GenerationMode
+
+from acquisition.store.folder import write_frame, write_manifest, write_value
+from acquisition.types import FrameQuality, Light, LightPlan, Recipe, ResultSummary, Shot, ShotKey
+from api.app import description
+
+CASES = int(os.environ.get("LIGHTPOSE_CASES", "200"))
+"""Requests for each operation and kind in the long run."""
+
+OPERATIONS = [
+    (method, path, mode)
+    for path, methods in description()["paths"].items()
+    for method, operation in methods.items()
+    for mode in GenerationMode
+    if mode is GenerationMode.POSITIVE or "requestBody" in operation or "parameters" in operation
+]
+"""Requests as described, and, where there is anything to send, requests that are not."""
+
+CHECKED = (
+    "status_code_conformance",
+    "content_type_conformance",
+    "response_headers_conformance",
+    "response_schema_conformance",
+    "negative_data_rejection",
+)
+ALLOWED_FAULTS = frozenset({503, 507})
+
+
+def furnished(service: Any) -> str:
+    """A session that has a plan, an image and a result, entered in the journal."""
+    session_id: str = service.client.create(Recipe()).id
+    store = service.service.store
+    folder = store.folder(session_id)
+    light = Light(position=(0.1, 0.1, -0.4), axis=(0.0, 0.0, -1.0))
+    plan = LightPlan(lights=[light], method="optimal", reasons=["first"])
+    digest = write_value(folder / "passes/0/plan.json", plan)
+    body = {"lights": 1, "method": "optimal", "predicted_sigma_deg": None}
+    store.journal.add_artifact(session_id, "plan", 0, "passes/0/plan.json", digest, body, "plan.ready")
+    frame = write_frame(folder, "passes/0/shots/0.tiff", np.full((16, 16), 900, np.uint16))
+    quality = FrameQuality(saturated=0.0, bright_level=0.5, accepted=True)
+    shot = Shot(
+        key=ShotKey(pass_number=0, number=0), kind="light", frame=frame, exposure_s=0.1, light_number=0, light=light,
+        taken_at=time.time(), quality=quality,
+    )  # fmt: skip
+    store.journal.add_shot(session_id, shot)
+    summary = ResultSummary(
+        images=1, object_pixels=10, solved_pixels=10, mean_sigma_deg=1.0, median_sigma_deg=1.0,
+        predicted_sigma_deg=None, predicted_median_deg=None, fewer_than_three_lights=0.0, intensity_factors=[1.0],
+        noise={},
+    )  # fmt: skip
+    (folder / "results/0").mkdir(parents=True)
+    digest = write_manifest(folder / "results/0", {"number": 0})
+    more = {**summary.model_dump(mode="json"), "origin": "session", "seconds": 1.0}
+    store.journal.add_artifact(session_id, "result", 0, "results/0/manifest.json", digest, more, "normals.ready")
+    return session_id
+
+
+@pytest.fixture(scope="module")
+def known(shared: Any) -> dict[str, Any]:
+    """Parts of addresses that lead somewhere."""
+    return {"session_id": furnished(shared), "number": 0, "shot_number": 0, "light": 0, "artefact": "manifest.json"}
+
+
+def contract(known: dict[str, Any], mode: GenerationMode) -> Any:
+    """The description; what is sent by it as described leads somewhere half of the time."""
+    schema = schemathesis.openapi.from_dict(description())
+    turn = count()
+
+    if mode is GenerationMode.POSITIVE:
+
+        @schema.hook
+        def map_path_parameters(context: Any, path_parameters: dict[str, Any] | None) -> dict[str, Any] | None:
+            if path_parameters is None or next(turn) % 2 or context.operation.method.upper() == "DELETE":
+                return path_parameters
+            return {name: known.get(name, value) for name, value in path_parameters.items()}
+
+    @schema.hook
+    def map_query(context: Any, query: dict[str, Any] | None) -> dict[str, Any] | None:
+        if context.operation.path == "/v1/events":  # else it would be listened to for ever
+            return {**(query or {}), "follow": "false"}
+        return query
+
+    return schema
+
+
+def keeps_its_word(
+    known: dict[str, Any], service: Any, method: str, path: str, mode: GenerationMode, cases: int
+) -> None:
+    """Sends requests of one kind to one route and looks at what comes."""
+    load_all_checks()
+    # Of the events' parameters null and lists are sent as words, which are valid again.
+    checks = [CHECKS.get_one(name) for name in CHECKED if (name, path) != ("negative_data_rejection", "/v1/events")]
+    operation = contract(known, mode)[path][method]
+
+    @settings(max_examples=cases, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+    @given(case=operation.as_strategy(generation_mode=mode))
+    def send(case: Any) -> None:
+        answer = case.call(base_url=service.url)
+        if answer.status_code >= 500:
+            assert answer.status_code in ALLOWED_FAULTS, answer.text
+            assert str(answer.status_code) in operation.definition.raw["responses"], (answer.status_code, answer.text)
+        case.validate_response(answer, checks=checks)
+
+    send()
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "mode"), [item for item in OPERATIONS if item[1] != "/v1/rig/reach"], ids=str
+)
+def test_a_few_requests(known: dict[str, Any], shared: Any, method: str, path: str, mode: GenerationMode) -> None:
+    keeps_its_word(known, shared, method, path, mode, 2)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("method", "path", "mode"), OPERATIONS, ids=str)
+def test_many_requests(known: dict[str, Any], shared: Any, method: str, path: str, mode: GenerationMode) -> None:
+    keeps_its_word(known, shared, method, path, mode, CASES)
