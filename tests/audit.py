@@ -6,7 +6,7 @@ triangles. A body is its surface here, so replay finely enough that nothing jump
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -17,7 +17,7 @@ import numpy.typing as npt
 import trimesh
 import ur_analytic_ik
 
-from acquisition.config import Box, Capsule, CapsuleShape, CellConfig, Cone, ConvexMesh, Obstacle
+from acquisition.config import Box, Capsule, CapsuleShape, CellConfig, Cone, ConvexMesh, HalfSpace, Obstacle
 from acquisition.types import Calibration
 
 MESHES = Path(__file__).resolve().parents[2] / "shared" / "meshes"
@@ -34,6 +34,9 @@ DH = {
     ),
     "ur16e": ((0, 0.1807, 90), (-0.4784, 0, 0), (-0.36, 0, 0), (0, 0.17415, 90), (0, 0.11985, -90), (0, 0.11655, 0)),
 }  # fmt: skip
+
+
+_LINKS = ("base", "shoulder", "upper arm", "forearm", "wrist 1", "wrist 2", "wrist 3")
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,7 @@ class _Body:
     shape: fcl.BVHModel
     center: FloatArray
     radius: float
+    plane: tuple[FloatArray, float] | None = None  # of a half-space: outward normal, offset
 
 
 def audit(
@@ -80,8 +84,7 @@ def audit(
     ]
     hits: list[Hit] = []
     for first, second in pairs:
-        distance = np.linalg.norm(_centers(first, frames) - _centers(second, frames), axis=1)
-        for sample in np.flatnonzero(distance < first.radius + second.radius):
+        for sample in np.flatnonzero(_apart(first, second, frames) < first.radius):
             one, two = (
                 fcl.CollisionObject(body.shape, _transform(frames[sample], body.link)) for body in (first, second)
             )
@@ -124,6 +127,13 @@ def occlusions(joints: FloatArray, cell: CellConfig, origin: FloatArray, with_to
     ]
 
 
+def hidden_by(cell: CellConfig, origin: FloatArray) -> list[str]:
+    """The camera's bodies and obstacles that stand between a point (3,) and the keep-out cylinder, by casting rays."""
+    targets = _cylinder_points(cell)
+    bodies = (*cell.camera_body, *cell.obstacles)
+    return [item.name for item in bodies if _between(_mesh(item), np.eye(4), origin, targets)]
+
+
 def _between(mesh: trimesh.Trimesh, link_from_base: FloatArray, origin: FloatArray, targets: FloatArray) -> bool:
     """Whether a mesh stands on one of the straight lines from a point (3,) to others (N, 3), given in base."""
     start, *ends = np.vstack([origin, targets]) @ link_from_base[:3, :3].T + link_from_base[:3, 3]
@@ -163,22 +173,32 @@ def _link_meshes(model: str) -> tuple[trimesh.Trimesh, ...]:
 
 
 def _arm_meshes(cell: CellConfig) -> list[tuple[str, int, trimesh.Trimesh]]:
-    names = ("base", "shoulder", "upper arm", "forearm", "wrist 1", "wrist 2", "wrist 3")
     links = _link_meshes(cell.arm.model)
-    assert len(links) == len(names)
-    parts = [(name, link, mesh) for link, (name, mesh) in enumerate(zip(names, links, strict=True))]
+    parts = [(name, link, mesh) for link, (name, mesh) in enumerate(zip(_LINKS, links, strict=True))]
     return parts + [(f"tool {n}", 6, _capsule(item)) for n, item in enumerate(cell.arm.tool_capsules)]
 
 
 def _arm(cell: CellConfig) -> list[_Body]:
-    return [_body(name, link, mesh) for name, link, mesh in _arm_meshes(cell)]
+    tool = [_body(name, link, mesh) for name, link, mesh in _arm_meshes(cell)[len(_LINKS) :]]
+    return [*_link_bodies(cell.arm.model), *tool]
+
+
+@cache
+def _link_bodies(model: str) -> tuple[_Body, ...]:
+    return tuple(
+        _body(name, link, mesh) for link, (name, mesh) in enumerate(zip(_LINKS, _link_meshes(model), strict=True))
+    )
 
 
 def _surroundings(cell: CellConfig, object_mesh: tuple[FloatArray, npt.NDArray[np.int64]] | None) -> list[_Body]:
     thing = _keep_out(cell) if object_mesh is None else trimesh.Trimesh(*object_mesh, process=False)
     bodies = [_body("object", None, thing)]
     for item in (cell.table, *cell.camera_body, *cell.obstacles):
-        bodies.append(_body(item.name, None, _mesh(item)))
+        body = _body(item.name, None, _mesh(item))
+        if isinstance(item, HalfSpace):
+            normal = np.array(item.normal) / np.linalg.norm(item.normal)
+            body = replace(body, plane=(normal, float(normal @ np.array(item.point_m))))
+        bodies.append(body)
     return bodies
 
 
@@ -239,6 +259,14 @@ def _body(name: str, link: int | None, mesh: trimesh.Trimesh) -> _Body:
     shape.endModel()
     center = mesh.bounds.mean(axis=0)
     return _Body(name, link, shape, center, float(np.linalg.norm(mesh.vertices - center, axis=1).max()))
+
+
+def _apart(first: _Body, second: _Body, frames: FloatArray) -> FloatArray:
+    """Lower bound (N,) of the distance of the first body's centre to the second body."""
+    centers = _centers(first, frames)
+    if second.plane is not None:
+        return centers @ second.plane[0] - second.plane[1]
+    return np.linalg.norm(centers - _centers(second, frames), axis=1) - second.radius
 
 
 def _centers(body: _Body, frames: FloatArray) -> FloatArray:

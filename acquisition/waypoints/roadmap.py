@@ -151,14 +151,13 @@ def connected_stations(
     The `first` ones are looked at; more and more of the others only for lights that have no way home yet, so that
     whether a light is connected does not depend on `first`. Raises RigError waypoints.collision when home is not free.
     """
-    return _connect(lights, cell, calibration, roadmap(cell, calibration), first)
+    arm = scene(cell, calibration)
+    found = stations(lights, cell, calibration, arm)
+    return _connected(found, cell.arm, arm, roadmap(cell, calibration), first)
 
 
-def _connect(
-    lights: Sequence[Light], cell: CellConfig, calibration: Calibration, ways: Roadmap, first: int
-) -> Connected:
-    arm, home = scene(cell, calibration), np.array(cell.arm.home)
-    result = stations(lights, cell, calibration, arm)
+def _connected(found: Sequence[Station], config: ArmConfig, arm: Scene, ways: Roadmap, first: int) -> Connected:
+    result, home = list(found), np.array(config.home)
     ordered = [spread(station.joints, len(station.joints), home) for station in result]
     for n, joints in enumerate(ordered):
         if len(joints):
@@ -175,14 +174,14 @@ def _connect(
     branches: list[FloatArray] = []
     failures = 0
     for n in [n for n, joints in enumerate(ordered) if len(joints) and not len(result[n].joints)]:
-        found = _branches(ordered[n][:_TREES], ways, arm, home)
-        if found:
-            branches += found
-            result[n] = Station(np.array([branch[0] for branch in found]), None)
-        failures += not found
+        grown = _branches(ordered[n][:_TREES], ways, arm, home)
+        if grown:
+            branches += grown
+            result[n] = Station(np.array([branch[0] for branch in grown]), None)
+        failures += not grown
         if failures == _GIVE_UP:
             break
-    return Connected(result, ways.grown(branches, cell.arm) if branches else ways)
+    return Connected(result, ways.grown(branches, config) if branches else ways)
 
 
 def _branches(joints: FloatArray, ways: Roadmap, arm: Scene, home: FloatArray) -> list[FloatArray]:
@@ -220,7 +219,7 @@ def _roadmap(cell_json: str, calibration_json: str) -> Roadmap:
             reason=word,
         )
     lights = dome_lights(cell, calibration, _DOME_LIGHTS)
-    found = stations(lights, cell, calibration, arm)
+    found = stations(lights, cell, calibration, arm, fine=False)
     nodes = np.vstack([home, *(spread(station.joints, _PER_LIGHT, home) for station in found)])
     turn = np.abs(nodes[:, None] - nodes[None]).max(axis=2)
     turn[:, 0] = turn[0, :] = 0.0
@@ -234,7 +233,7 @@ def _roadmap(cell_json: str, calibration_json: str) -> Roadmap:
     place = np.cumsum(labels == labels[0]) - 1
     pairs = place[pairs[labels[pairs[:, 0]] == labels[0]]]
     ways = _connected_roadmap(nodes[labels == labels[0]], pairs, cell.arm)
-    return _connect(lights, cell, calibration, ways, first=2).roadmap
+    return _connected(found, cell.arm, arm, ways, first=2).roadmap
 
 
 def _connected_roadmap(nodes: FloatArray, edges: Indices, arm: ArmConfig) -> Roadmap:

@@ -12,7 +12,7 @@ import numpy as np
 from acquisition import geometry, lamp_pose
 from acquisition.config import CellConfig
 from acquisition.types import Calibration, FloatArray, Light, Refusal
-from acquisition.waypoints import collision_kernels, kinematics
+from acquisition.waypoints import as_built, collision_kernels, kinematics
 from acquisition.waypoints.collision import Scene
 
 ROLLS = 36
@@ -30,11 +30,15 @@ class Station:
     refusal: Refusal | None
 
 
-def stations(lights: Sequence[Light], cell: CellConfig, calibration: Calibration, scene: Scene) -> list[Station]:
-    """For each light (view frame) the configurations that take it."""
+def stations(
+    lights: Sequence[Light], cell: CellConfig, calibration: Calibration, scene: Scene, *, fine: bool = True
+) -> list[Station]:
+    """For each light (view frame) the configurations that take it; `fine`: at more rolls for those that have none."""
     result: list[Station] = []
     for start in range(0, len(lights), _BATCH):  # 64 lights × 288 configurations at a time keep memory small
         result += _batch(lights[start : start + _BATCH], cell, calibration, scene, ROLLS)
+    if not fine:
+        return result
     hard = [n for n, station in enumerate(result) if station.refusal and station.refusal.reason != "too-far"]
     step = _BATCH * ROLLS // _FINE_ROLLS
     for start in range(0, len(hard), step):
@@ -53,7 +57,12 @@ def _batch(
     axes = geometry.rotate(base_from_view, np.array([light.axis for light in lights]))
     base_from_tool = lamp_pose.tool_poses(positions, axes, rolls, calibration)
     base_from_flange = base_from_tool @ geometry.inverse(cell.arm.flange_from_tool.matrix)
-    solved = kinematics.inverse(scene.model, base_from_flange.reshape(-1, 4, 4)).reshape(len(lights), -1, 6)
+    flange = base_from_flange.reshape(-1, 4, 4)
+    solved = kinematics.inverse(scene.model, flange)
+    if cell.arm.kinematics is not None:
+        pose, branch = np.nonzero(~np.isnan(solved[..., 0]))
+        solved[pose, branch] = as_built.refined(as_built.chain(cell.arm.kinematics), solved[pose, branch], flange[pose])
+    solved = solved.reshape(len(lights), -1, 6)
     within = kinematics.unwrap(solved, np.array(cell.arm.home))
 
     # Flat lists of what is left after each sieve, with the number of the light each belongs to.

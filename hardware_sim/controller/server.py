@@ -47,10 +47,12 @@ class Server:
         self._uploads = Uploads(controller)
         self._stall_ends: dict[int, float] = {}
         self._ports: dict[int, Port] = {}
+        greeting = scripts.kinematics_message(controller.arm.model)
         accepts: dict[int, Callable[[socket.socket], Connection]] = {
             rtde.PORT: lambda s: RtdeConnection(s, controller, self._owners),
             dashboard.PORT: lambda s: DashboardConnection(s, controller, self.shut_down),
             **dict.fromkeys(scripts.PORTS, lambda s: ScriptConnection(s, self._uploads)),
+            scripts.PRIMARY_PORT: lambda s: ScriptConnection(s, self._uploads, greeting),
             control_port.PORT: lambda s: ControlConnection(s, controller, self),
         }
         try:

@@ -18,9 +18,9 @@ from multiprocessing.connection import Connection
 from typing import cast
 
 from acquisition import geometry
-from acquisition.config import ArmConfig
+from acquisition.config import ArmConfig, JointGeometry
 from acquisition.devices import ArmIdentity, ArmReading, Finding, MotionLimits, RecoveryStep, StopToken
-from acquisition.devices.ur import preflight, protocol, states
+from acquisition.devices.ur import preflight, primary, protocol, states
 from acquisition.devices.ur.dashboard import ask, probe, recover
 from acquisition.devices.ur.protocol import Board, Done, Failed, Inspection, Interrupted, Sample, Word
 from acquisition.devices.ur.second_path import SecondPath
@@ -169,7 +169,7 @@ class UrArm:
         if reading.program_running:
             inspection = self._done(self._request(protocol.Inspect(), REQUEST_DEADLINE_S)).value
         expected = None if self.expected_pose is None else self.expected_pose(reading.joints)
-        answers = preflight.Answers(identity, remote_control, reading, inspection, expected)
+        answers = preflight.Answers(identity, remote_control, reading, inspection, expected, self._kinematics())
         return preflight.findings(self._config, answers)
 
     def recover(self, step: RecoveryStep) -> None:
@@ -356,6 +356,17 @@ class UrArm:
             self._config.address, "get robot model", "get serial number", "PolyscopeVersion", "is in remote control"
         )
         return ArmIdentity(model, serial, software), "true" in remote
+
+    def _kinematics(self) -> list[JointGeometry] | None:
+        """The arm as built, asked for only where the cell file has something to compare with it."""
+        if self._config.kinematics is None:
+            return None
+        try:
+            return primary.kinematics(self._config.address)
+        except OSError as error:
+            address, port = self._config.address, primary.PORT
+            detail = f"Port {port} of {address} fails: {error or 'time-out'}."
+            raise RigError(ErrorCode.ARM_UNREACHABLE, detail, address=address, port=port) from error
 
     def _why_not_ready(self) -> states.Fault | None:
         reading = self.reading

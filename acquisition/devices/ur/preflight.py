@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition import geometry
-from acquisition.config import ArmConfig
+from acquisition.config import ArmConfig, JointGeometry
 from acquisition.devices import ArmIdentity, ArmReading, Finding
 from acquisition.devices.ur import states
 from acquisition.devices.ur.protocol import Inspection
@@ -14,6 +14,8 @@ from acquisition.types import FloatArray
 POSE_TOLERANCE = 1e-6  # m and rad; the controller keeps what it was given
 PAYLOAD_TOLERANCE = 1e-3  # kg and m
 FORWARD_TOLERANCE_M = 1e-3  # the controller against itself: joint noise only
+AS_BUILT_TOLERANCE_M = 2e-4  # its pose against the calibrated chain: joint noise only
+AS_BUILT_TOLERANCE = 1e-6  # m and rad: numbers copied from the controller
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,8 @@ class Answers:
     remote_control: bool
     reading: ArmReading
     inspection: Inspection | None
-    expected_base_from_tool: FloatArray | None  # nominal kinematics at the present joints
+    expected_base_from_tool: FloatArray | None  # the cell file's kinematics at the present joints
+    kinematics: list[JointGeometry] | None = None  # the arm as built, where the controller tells it
 
 
 def findings(config: ArmConfig, answers: Answers) -> list[Finding]:
@@ -55,11 +58,25 @@ def findings(config: ArmConfig, answers: Answers) -> list[Finding]:
         )
     if reading.speed_fraction < 1e-3:
         found.append(Finding("The speed slider is at 0: no move would begin.", "Move the slider at the pendant."))
+    if config.kinematics is not None and answers.kinematics is not None:
+        found += _other_arm(config.kinematics, answers.kinematics)
     if answers.inspection is not None:
         found += _disagreements(config, answers.inspection, answers.expected_base_from_tool)
     elif not found:
         found.append(Finding("The control program does not run.", "Connect to the arm again."))
     return found
+
+
+def _other_arm(expected: list[JointGeometry], told: list[JointGeometry]) -> list[Finding]:
+    ours, theirs = (np.array([list(joint.model_dump().values()) for joint in chain]) for chain in (expected, told))
+    if np.allclose(ours, theirs, atol=AS_BUILT_TOLERANCE, rtol=0):
+        return []
+    return [
+        Finding(
+            "The controller's factory calibration differs from `arm.kinematics` in the cell file.",
+            "Connect the right arm, or copy the controller's numbers: `lightpose check` tells them.",
+        )
+    ]
 
 
 def _disagreements(config: ArmConfig, inspection: Inspection, expected: FloatArray | None) -> list[Finding]:
@@ -88,11 +105,13 @@ def _disagreements(config: ArmConfig, inspection: Inspection, expected: FloatArr
         )
     if expected is not None:
         distance = float(np.linalg.norm(expected[:3, 3] - measured))
-        if distance > config.nominal_kinematics_tolerance_m:
+        calibrated = config.kinematics is not None
+        if distance > (AS_BUILT_TOLERANCE_M if calibrated else config.nominal_kinematics_tolerance_m):
+            remedy = "`lightpose check` tells the arm's own calibration: put it into the cell file as `arm.kinematics`."
             found.append(
                 Finding(
                     f"The tool is {1e3 * distance:.1f} mm from where {config.model}'s kinematics put it.",
-                    "Check `arm.model` and `arm.flange_from_tool`; allow what the arm's own calibration explains.",
+                    "Check `arm.model` and `arm.flange_from_tool`. " + ("" if calibrated else remedy),
                 )
             )
     return found

@@ -289,6 +289,7 @@ def test_bad_program_is_refused_and_the_running_one_lives(cell: Cell) -> None:
         listener.outputs("timestamp")
         listener.request("S")
         primary.settimeout(3.0)
+        assert primary.recv(4096)[4] == 16, "the state of the robot comes first"
         script.sendall(b"def broken():\n  movej([0,0,\nend\n")
         script.sendall(b"def unknown():\n  textmsg(1)\n  no_such_function()\nend\n")
         script.sendall(b"def half():\n  sleep(10)\n")
