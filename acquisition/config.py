@@ -8,10 +8,10 @@ import json
 import math
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Discriminator, Field, Tag, ValidationError
 
 from acquisition import geometry, stl
 from acquisition.errors import ErrorCode, RigError
@@ -92,14 +92,38 @@ class LampConfig(Value):
 
 
 class CameraConfig(Value):
-    """The camera; `sim` is the simulated cell's, a port at `address`."""
+    """What every camera has."""
+
+    min_exposure_s: float = Field(default=1e-4, gt=0)
+    max_exposure_s: float = Field(default=1.0, gt=0)
+    timeout_s: float = Field(default=30.0, gt=0)
+
+
+class SimCameraConfig(CameraConfig):
+    """The simulated cell's camera, a port at `address`."""
 
     kind: Literal["sim"] = "sim"
     address: str
     port: int = Field(default=30100, gt=0, lt=65536)
-    min_exposure_s: float = Field(default=1e-4, gt=0)
-    max_exposure_s: float = Field(default=1.0, gt=0)
-    timeout_s: float = Field(default=30.0, gt=0)
+
+
+class PylonCameraConfig(CameraConfig):
+    """A Basler camera (GigE or USB3) by its serial number; needs the extra `basler`."""
+
+    kind: Literal["pylon"]
+    serial: str = Field(min_length=1)
+    pixel_format: Literal["Mono8", "Mono10", "Mono12", "Mono16"] = "Mono12"
+    gain: float | None = Field(default=None, ge=0, description="dB or the model's unit; its least if absent")
+
+
+def _camera_kind(camera: object) -> str:
+    kind = camera.get("kind", "sim") if isinstance(camera, dict) else getattr(camera, "kind", "sim")
+    return str(cast(object, kind))
+
+
+AnyCamera = Annotated[
+    Annotated[SimCameraConfig, Tag("sim")] | Annotated[PylonCameraConfig, Tag("pylon")], Discriminator(_camera_kind)
+]
 
 
 class KeepOut(Value):
@@ -199,7 +223,7 @@ class CellConfig(Value):
     calibration: str = Field(description="Path of calibration.json, relative to the cell file")
     arm: ArmConfig
     lamp: LampConfig
-    camera: CameraConfig
+    camera: AnyCamera
     object: ObjectConfig
     dome: DomeConfig = DomeConfig()
     table: HalfSpace

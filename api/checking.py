@@ -8,9 +8,11 @@ from rich.console import Console
 
 from acquisition import config, jobs
 from acquisition.config import CellConfig
+from acquisition.devices.ur import primary
 from acquisition.errors import PROBLEMS, ErrorCode, RigError
 from acquisition.types import Calibration, Recipe
 from acquisition.waypoints.reach import ReachMap
+from api import wiring
 
 PROBE_S = 2.0
 
@@ -58,7 +60,6 @@ def _devices(console: Console, cell: CellConfig) -> bool:
     for code, name, address, port in (
         (ErrorCode.ARM_UNREACHABLE, "arm, dashboard", cell.arm.address, 29999),
         (ErrorCode.ARM_UNREACHABLE, "arm, RTDE", cell.arm.address, 30004),
-        (ErrorCode.CAMERA_UNREACHABLE, "camera", cell.camera.address, cell.camera.port),
     ):
         try:
             socket.create_connection((address, port), PROBE_S).close()
@@ -67,7 +68,39 @@ def _devices(console: Console, cell: CellConfig) -> bool:
             good = False
         else:
             console.print(f"ok    {name} answers at {address}:{port}")
-    return good
+    try:
+        camera = wiring.build_camera(cell.camera)
+        camera.connect()
+        camera.close()
+    except RigError as error:
+        _tell(console, error)
+        good = False
+    else:
+        console.print(f"ok    camera of kind '{cell.camera.kind}' answers")
+    return _calibration(console, cell) and good
+
+
+def _calibration(console: Console, cell: CellConfig) -> bool:
+    """The arm as built: told as lines for the cell file where they are not in it."""
+    try:
+        told = primary.kinematics(cell.arm.address)
+    except OSError as error:
+        _tell(console, RigError(ErrorCode.ARM_UNREACHABLE, f"arm, calibration at {cell.arm.address}: {error}"))
+        return False
+    if told is None:
+        console.print("      the controller does not tell the arm's factory calibration")
+    elif told == cell.arm.kinematics:
+        console.print("ok    the arm's factory calibration is the cell file's")
+    else:
+        wrong = cell.arm.kinematics is not None
+        console.print(f"{'WRONG' if wrong else '     '} the arm's factory calibration; for [arm] in the cell file:")
+        console.print("kinematics = [")
+        for joint in told:
+            numbers = ", ".join(f"{name} = {value!r}" for name, value in joint.model_dump().items())
+            console.print(f"  {{ {numbers} }},", markup=False)
+        console.print("]", markup=False)
+        return not wrong
+    return True
 
 
 def _tell(console: Console, error: RigError) -> None:

@@ -12,8 +12,9 @@ from anyio import CapacityLimiter
 
 from acquisition import config
 from acquisition.compute import Compute
-from acquisition.config import CellConfig
-from acquisition.devices import Rig
+from acquisition.config import AnyCamera, CellConfig, SimCameraConfig
+from acquisition.devices import Camera, Rig
+from acquisition.devices.camera_pylon import PylonCamera
 from acquisition.devices.camera_sim import SimCamera
 from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
@@ -23,7 +24,7 @@ from acquisition.runner import Runner
 from acquisition.safety import Latch, SafetyMonitor
 from acquisition.store import Store
 from acquisition.types import Calibration, FloatArray
-from acquisition.waypoints import kinematics
+from acquisition.waypoints import as_built, kinematics
 from api.settings import Settings
 
 
@@ -68,30 +69,39 @@ def build(settings: Settings) -> Service:
     """The service of these settings. Raises RigError config.invalid, store.locked, store.corrupt."""
     cell = config.load(settings.cell)
     calibration = config.load_calibration(settings.cell.parent / cell.calibration)
-    rig = build_rig(cell)
-    store = Store(settings.data)
+    return assemble(Store(settings.data), build_rig(cell), calibration, Compute())
+
+
+def assemble(store: Store, rig: Rig, calibration: Calibration, compute: Compute) -> Service:
+    """The service over these parts."""
 
     def safety_changed(latch: Latch | None) -> None:
         if latch is not None:
             runner.latched(latch)
 
     monitor = SafetyMonitor(rig.arm, safety_changed, _latched(store))
-    compute = Compute()
     runner = Runner(store, rig, calibration, compute, monitor)
-    return Service(cell, calibration, rig, store, runner, Resolving(store, compute))
+    return Service(rig.cell, calibration, rig, store, runner, Resolving(store, compute))
 
 
 def build_rig(cell: CellConfig) -> Rig:
     """The devices that the cell file names, not connected. Raises RigError config.invalid."""
     model = kinematics.arm_model(cell.arm.model)
     flange_from_tool = cell.arm.flange_from_tool.matrix
+    chain = None if cell.arm.kinematics is None else as_built.chain(cell.arm.kinematics)
 
     def expected_pose(joints: Sequence[float]) -> FloatArray:
-        base_from_flange = kinematics.forward(model, np.array([joints], dtype=float))[0, -1]
-        return base_from_flange @ flange_from_tool
+        here = np.array([joints], dtype=float)
+        frames = kinematics.forward(model, here) if chain is None else as_built.forward(chain, here)
+        return frames[0, -1] @ flange_from_tool
 
     arm = UrArm(cell.arm, cell.lamp.output, expected_pose)
-    return Rig(arm, UrLamp(arm, cell.lamp), SimCamera(cell.camera), cell)
+    return Rig(arm, UrLamp(arm, cell.lamp), build_camera(cell.camera), cell)
+
+
+def build_camera(camera: AnyCamera) -> Camera:
+    """The camera of that kind, not connected. Raises RigError config.invalid when its library is not installed."""
+    return SimCamera(camera) if isinstance(camera, SimCameraConfig) else PylonCamera(camera)
 
 
 def _latched(store: Store) -> Latch | None:

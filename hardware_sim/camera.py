@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.config import CameraConfig
+from acquisition.config import SimCameraConfig
 from acquisition.errors import RigError
 from acquisition.types import Calibration
 from hardware_sim import shutter
@@ -34,7 +34,7 @@ class CameraServer:
     """Serves a camera whose pictures come from `take_frame` and whose arm and lamp are seen through `source`."""
 
     def __init__(
-        self, camera: CameraConfig, calibration: Calibration, take_frame: TakeFrame, source: StateSource
+        self, camera: SimCameraConfig, calibration: Calibration, take_frame: TakeFrame, source: StateSource
     ) -> None:
         self._camera, self._calibration = camera, calibration
         self._take_frame, self._source = take_frame, source

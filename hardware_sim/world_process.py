@@ -16,7 +16,7 @@ import cv2
 
 from acquisition import config, priority
 from acquisition.config import CellConfig
-from acquisition.errors import RigError
+from acquisition.errors import ErrorCode, RigError
 from hardware_sim import solids
 from hardware_sim.camera import CameraServer
 from hardware_sim.controller.control import ControlClient
@@ -66,6 +66,8 @@ def main(folder: Path, object_name: str, seed: int, profile: ProfileName) -> Non
     priority.take(priority.BACKGROUND)  # rendering waits for the controller's tick, never the other way round
     try:
         cell = config.load(folder / "cell.toml")
+        if not isinstance(cell.camera, config.SimCameraConfig):
+            raise RigError(ErrorCode.CONFIG_INVALID, "A simulated cell needs a camera of kind 'sim'.")
         calibration = config.load_calibration(folder / cell.calibration)
         source = ControllerState(cell.arm.address, cell.lamp.output)
 

@@ -13,7 +13,7 @@ from typing import Any, NoReturn, cast
 
 import numpy as np
 
-from acquisition.config import CameraConfig
+from acquisition.config import SimCameraConfig
 from acquisition.devices import Frame, StopToken
 from acquisition.errors import ErrorCode, Halted, RigError
 
@@ -35,7 +35,7 @@ class _Header:
 class SimCamera:
     """A client of the simulated camera; see the Protocol `Camera`."""
 
-    def __init__(self, config: CameraConfig) -> None:
+    def __init__(self, config: SimCameraConfig) -> None:
         self._config = config
 
     def connect(self) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.config import CameraConfig
+from acquisition.config import SimCameraConfig
 from acquisition.errors import ErrorCode, RigError
 from hardware_sim import nominal
 from hardware_sim.camera import CameraServer
@@ -64,7 +64,7 @@ class Client:
 def cell() -> Iterator[Cell]:
     cell = Cell()
     calibration = nominal.calibration(PIXELS)
-    with CameraServer(CameraConfig(address=ADDRESS), calibration, cell.frame, cell):
+    with CameraServer(SimCameraConfig(address=ADDRESS), calibration, cell.frame, cell):
         yield cell
 
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 import pytest
 
 from acquisition import config
-from acquisition.config import CameraConfig
+from acquisition.config import SimCameraConfig
 from acquisition.devices import StopToken
 from acquisition.devices.camera_sim import SimCamera
 from acquisition.errors import ErrorCode, Halted, RigError
@@ -24,8 +24,8 @@ from hardware_sim.shutter import CellState
 CALIBRATION = config.load_calibration(Path(__file__).parents[3] / "deploy" / "calibration.sim.json").model_copy(
     update={"width": 320, "height": 200}
 )
-HONEST = CameraConfig(address="127.0.3.10", timeout_s=5.0)
-CROOKED = CameraConfig(address="127.0.3.11", timeout_s=0.3)
+HONEST = SimCameraConfig(address="127.0.3.10", timeout_s=5.0)
+CROOKED = SimCameraConfig(address="127.0.3.11", timeout_s=0.3)
 FRAME = np.arange(320 * 200, dtype=np.uint16).reshape(200, 320)
 
 
@@ -115,7 +115,7 @@ def test_refusal_carries_the_cameras_own_words(camera: SimCamera) -> None:
 
 
 def test_nobody_listens() -> None:
-    absent = SimCamera(CameraConfig(address="127.0.3.12"))
+    absent = SimCamera(SimCameraConfig(address="127.0.3.12"))
     started = time.monotonic()
     with pytest.raises(RigError) as caught:
         absent.connect()

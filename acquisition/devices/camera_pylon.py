@@ -1,0 +1,139 @@
+"""A Basler camera through the maker's own library: software trigger, everything automatic switched off.
+
+Each exposure starts and stops the grabbing of exactly one frame. That costs about a millisecond, and a frame that was
+given up on can never be taken for the next one. Whatever the camera could do to the pixels by itself (automatic
+exposure and gain, gamma, white balance) is switched off where the model has it, because photometric stereo needs them
+linear. The library is loaded only where a cell file asks for it.
+"""
+
+import importlib
+import time
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from acquisition.config import PylonCameraConfig
+from acquisition.devices import Frame, StopToken
+from acquisition.errors import ErrorCode, Halted, RigError
+
+POLL_MS = 50  # a stop token is seen within this
+READY_S = 2.0  # a camera that is not ready for its trigger by then is stuck
+_AUTOMATIC = ("ExposureAuto", "GainAuto", "BalanceWhiteAuto")
+_FIXED = (("AcquisitionMode", "Continuous"), ("TriggerSelector", "FrameStart"), ("TriggerMode", "On"))
+
+
+class PylonCamera:
+    """One Basler camera; see the Protocol `Camera`. Raises RigError config.invalid without the extra `basler`."""
+
+    def __init__(self, config: PylonCameraConfig) -> None:
+        self._config = config
+        try:
+            self._pylon: Any = importlib.import_module("pypylon.pylon")
+        except ImportError as error:
+            detail = "The cell file names a Basler camera, and pypylon is missing: install the extra `basler`."
+            raise RigError(ErrorCode.CONFIG_INVALID, detail) from error
+        self._camera: Any = None
+
+    def connect(self) -> None:
+        """Opens the camera and sets all but the exposure time.
+
+        Raises RigError camera.unreachable when no camera has this serial number or another program holds it,
+        config.invalid when the camera does not know the pixel format or the gain.
+        """
+        self.close()
+        factory = self._pylon.TlFactory.GetInstance()
+        found = {device.GetSerialNumber(): device for device in factory.EnumerateDevices()}
+        if self._config.serial not in found:
+            there = ", ".join(sorted(found)) or "none"
+            detail = f"No Basler camera with serial number {self._config.serial} answers; there are: {there}."
+            raise RigError(ErrorCode.CAMERA_UNREACHABLE, detail)
+        try:
+            camera = self._pylon.InstantCamera(factory.CreateDevice(found[self._config.serial]))
+            camera.Open()
+        except self._pylon.GenericException as error:
+            detail = f"The camera {self._config.serial} cannot be opened: {error}"
+            raise RigError(ErrorCode.CAMERA_UNREACHABLE, detail) from error
+        try:
+            self._set_up(camera)
+        except self._pylon.GenericException as error:
+            camera.Close()
+            detail = f"The camera {self._config.serial} refuses what the cell file asks for: {error}"
+            raise RigError(ErrorCode.CONFIG_INVALID, detail) from error
+        self._camera = camera
+
+    def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
+        """Takes one frame; `attempt` says nothing to a real camera.
+
+        Raises RigError request.invalid for an exposure time beyond the cell file's limits, camera.timeout,
+        device.disconnected; Halted as soon as the token is set.
+        """
+        limits = self._config
+        if not limits.min_exposure_s <= exposure_s <= limits.max_exposure_s:
+            detail = f"Exposure {exposure_s} s is not within {limits.min_exposure_s} to {limits.max_exposure_s} s."
+            raise RigError(ErrorCode.REQUEST_INVALID, detail)
+        if self._camera is None:
+            raise RigError(ErrorCode.DEVICE_DISCONNECTED, "The camera is not open.")
+        if stop.is_set():
+            raise Halted
+        try:
+            return self._expose(self._camera, exposure_s, stop)
+        except self._pylon.GenericException as error:
+            if self._camera.IsCameraDeviceRemoved():
+                self.close()
+                raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"The camera is gone: {error}") from error
+            raise RigError(ErrorCode.CAMERA_TIMEOUT, f"The camera took no frame: {error}") from error
+
+    def close(self) -> None:
+        """Releases the camera, so that others can open it."""
+        if self._camera is not None:
+            self._camera.Close()
+            self._camera = None
+
+    def _set_up(self, camera: Any) -> None:
+        for name in _AUTOMATIC:
+            if _present(camera, name):
+                getattr(camera, name).Value = "Off"
+        if _present(camera, "GammaEnable"):
+            camera.GammaEnable.Value = False
+        elif _present(camera, "Gamma"):
+            camera.Gamma.Value = 1.0
+        camera.PixelFormat.Value = self._config.pixel_format
+        gain = camera.Gain if _present(camera, "Gain") else camera.GainRaw
+        gain.Value = gain.Min if self._config.gain is None else type(gain.Value)(self._config.gain)
+        for name, value in _FIXED:
+            getattr(camera, name).Value = value
+        camera.TriggerSource.Value = "Software"
+
+    def _expose(self, camera: Any, exposure_s: float, stop: StopToken) -> Frame:
+        time_us = camera.ExposureTime if _present(camera, "ExposureTime") else camera.ExposureTimeAbs
+        time_us.Value = exposure_s * 1e6
+        camera.StartGrabbingMax(1)
+        try:
+            if not camera.WaitForFrameTriggerReady(int(READY_S * 1000), self._pylon.TimeoutHandling_Return):
+                raise RigError(ErrorCode.CAMERA_TIMEOUT, "The camera does not get ready for its trigger.")
+            taken_at = time.time()
+            camera.ExecuteSoftwareTrigger()
+            pixels = self._retrieve(camera, time.monotonic() + self._config.timeout_s + exposure_s, stop)
+        finally:
+            camera.StopGrabbing()
+        return Frame(pixels=pixels, exposure_s=float(time_us.Value) * 1e-6, taken_at=taken_at)
+
+    def _retrieve(self, camera: Any, deadline: float, stop: StopToken) -> npt.NDArray[np.uint16]:
+        while not stop.is_set():
+            result = camera.RetrieveResult(POLL_MS, self._pylon.TimeoutHandling_Return)
+            if result.IsValid():
+                with result:
+                    if not result.GrabSucceeded():
+                        detail = f"The camera's frame is broken: {result.GetErrorDescription()}"
+                        raise RigError(ErrorCode.CAMERA_TIMEOUT, detail)
+                    return np.array(result.Array, dtype=np.uint16)
+            if time.monotonic() > deadline:
+                detail = f"The camera sent no whole frame within {self._config.timeout_s:.0f} s after the exposure."
+                raise RigError(ErrorCode.CAMERA_TIMEOUT, detail)
+        raise Halted
+
+
+def _present(camera: Any, name: str) -> bool:
+    """Models differ in their nodes; one that is missing reads as a placeholder that cannot be written."""
+    return bool(getattr(camera, name).IsWritable())

@@ -1,0 +1,101 @@
+"""The Basler camera through the maker's own library and its emulated camera."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from acquisition.config import PylonCameraConfig
+from acquisition.devices import StopToken
+from acquisition.devices.camera_pylon import PylonCamera
+from acquisition.errors import ErrorCode, Halted, RigError
+
+EMULATED = PylonCameraConfig(kind="pylon", serial="0815-0000", pixel_format="Mono16", timeout_s=2.0)
+
+
+@pytest.fixture(autouse=True)
+def emulation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The library looks for this when it is first loaded."""
+    monkeypatch.setenv("PYLON_CAMEMU", "1")
+
+
+@pytest.fixture
+def camera() -> Iterator[PylonCamera]:
+    opened = PylonCamera(EMULATED)
+    opened.connect()
+    yield opened
+    opened.close()
+
+
+def test_frame_is_bit_for_bit_what_the_sensor_saw(camera: PylonCamera, tmp_path: Path) -> None:
+    seen = np.random.default_rng(1).integers(0, 65536, (96, 128)).astype(np.uint16)
+    cv2.imwrite(str(tmp_path / "seen.tiff"), seen)
+    device = camera._camera
+    device.Width.Value, device.Height.Value = 128, 96
+    device.TestImageSelector.Value = "Off"
+    device.ImageFilename.Value = str(tmp_path)
+    device.ImageFileMode.Value = "On"
+
+    before = time.time()
+    frame = camera.expose(0.02, 1, StopToken())
+
+    np.testing.assert_array_equal(frame.pixels, seen)
+    assert frame.pixels.dtype == np.uint16
+    assert frame.exposure_s == pytest.approx(0.02)
+    assert before <= frame.taken_at <= time.time()
+
+
+def test_nothing_automatic_is_left_on(camera: PylonCamera) -> None:
+    device = camera._camera
+    assert device.ExposureAuto.Value == device.GainAuto.Value == "Off"
+    assert device.Gamma.Value == 1.0
+    assert device.Gain.Value == device.Gain.Min
+    assert (device.TriggerMode.Value, device.TriggerSource.Value) == ("On", "Software")
+
+
+def test_broken_frame_is_reported_and_the_next_one_taken(camera: PylonCamera) -> None:
+    camera._camera.ForceFailedBufferCount.Value = 1
+    camera._camera.ForceFailedBuffer.Execute()
+    with pytest.raises(RigError, match="broken") as raised:
+        camera.expose(0.01, 1, StopToken())
+    assert raised.value.code == ErrorCode.CAMERA_TIMEOUT
+    assert camera.expose(0.01, 2, StopToken()).pixels.max() > 0
+
+
+def test_a_set_token_ends_the_exposure(camera: PylonCamera) -> None:
+    stop = StopToken()
+    stop.set()
+    with pytest.raises(Halted):
+        camera.expose(0.01, 1, stop)
+
+
+def test_exposure_beyond_the_cell_files_limits(camera: PylonCamera) -> None:
+    with pytest.raises(RigError, match="is not within") as raised:
+        camera.expose(EMULATED.max_exposure_s * 2, 1, StopToken())
+    assert raised.value.code == ErrorCode.REQUEST_INVALID
+
+
+def test_camera_that_is_not_there_names_those_that_are() -> None:
+    with pytest.raises(RigError, match="0815-0000") as raised:
+        PylonCamera(EMULATED.model_copy(update={"serial": "40012345"})).connect()
+    assert raised.value.code == ErrorCode.CAMERA_UNREACHABLE
+
+
+def test_gain_that_the_camera_does_not_have() -> None:
+    camera = PylonCamera(EMULATED.model_copy(update={"gain": 4000.0}))
+    with pytest.raises(RigError, match="refuses") as raised:
+        camera.connect()
+    assert raised.value.code == ErrorCode.CONFIG_INVALID
+    with pytest.raises(RigError) as raised:
+        camera.expose(0.01, 1, StopToken())
+    assert raised.value.code == ErrorCode.DEVICE_DISCONNECTED
+
+
+def test_closed_camera_opens_again(camera: PylonCamera) -> None:
+    camera.close()
+    camera.close()
+    camera.connect()
+    assert camera.expose(0.01, 1, StopToken()).pixels.ndim == 2
