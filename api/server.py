@@ -21,6 +21,7 @@ from api.app import create_app
 from api.camera_view import View
 from api.connection import Connection
 from api.events import EventFeed
+from api.keys import KeyRing
 from api.settings import Settings
 from api.wiring import Service
 
@@ -75,9 +76,13 @@ def make(settings: Settings, say: Callable[[str], None] | None = None) -> Server
     Raises RigError config.invalid for a host that is not this machine alone while there are no keys, for a bad cell
     file, calibration or key file; store.locked, store.corrupt.
     """
-    ring = keys.KeyRing(keys.path_in(settings.data))
+    ring = KeyRing(keys.path_in(settings.data))
     settings_.refuse_open_bind(settings.host, ring.required)
-    service = wiring.build(settings)
+    return around(wiring.build(settings), settings, ring, say)
+
+
+def around(service: Service, settings: Settings, ring: KeyRing, say: Callable[[str], None] | None = None) -> Server:
+    """The server of a service, not yet running; `ring` holds the keys of those who may call."""
     app: FastAPI = create_app(service, settings, ring)
     config = uvicorn.Config(
         app,

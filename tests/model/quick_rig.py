@@ -1,0 +1,246 @@
+"""A service whose devices and compute jobs answer in milliseconds: the real runner, journal and HTTP over a small arm.
+
+The arm goes where it is sent in a few milliseconds, stops when it is halted and in a protective stop, and says truly
+how fast it moves; the camera sees grey when the lamp is on. The jobs give lights, ways and results of the right shape.
+"""
+
+import threading
+import time
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from acquisition import config
+from acquisition.compute import Compute
+from acquisition.config import CellConfig
+from acquisition.devices import ArmIdentity, ArmReading, Finding, Frame, MotionLimits, RecoveryStep, Rig, StopToken
+from acquisition.errors import ErrorCode, Halted, RigError
+from acquisition.store import Store
+from acquisition.types import (
+    Calibration,
+    JointPath,
+    Light,
+    LightPlan,
+    ResultSummary,
+    Route,
+    Waypoint,
+    as_joints,
+)
+from api import keys, server, settings, wiring
+from api.keys import KeyRing, Role
+from api.server import Server
+from hardware_sim import nominal
+
+PIXELS = 32
+LEG_S = 0.004
+JOB_S = 0.002
+NORMAL, PROTECTIVE_STOP = 0b1, 0b101
+REPOSITORY = Path(__file__).parents[2]
+
+
+class QuickArm:
+    """Six joints that move evenly; `reading` is true at every moment."""
+
+    def __init__(self, home: Sequence[float]) -> None:
+        self._changing = threading.Lock()
+        self._joints = tuple(home)
+        self._moving = False
+        self._stopping = threading.Event()
+        self._safety_bits = NORMAL
+        self.lamp = False
+        self.moves: list[float] = []  # when each began, time.monotonic()
+
+    @property
+    def reading(self) -> ArmReading:
+        moving = self._moving
+        return ArmReading(
+            connected=True,
+            joints=self._joints,
+            joint_speeds=(1.0 if moving else 0.0,) * 6,
+            base_from_tool=np.eye(4),
+            timestamp=time.monotonic(),
+            robot_mode=7,
+            safety_bits=self._safety_bits,
+            runtime_state=2,
+            program_running=True,
+            speed_fraction=1.0,
+            digital_outputs=int(self.lamp),
+            received_at=time.monotonic(),
+        )
+
+    def connect(self) -> ArmIdentity:
+        return ArmIdentity("UR5", "1", "5.12")
+
+    def prepare(self) -> None:
+        if self._safety_bits != NORMAL:
+            raise RigError(ErrorCode.ARM_PROTECTIVE_STOP, "The arm is in a protective stop")
+
+    def preflight(self) -> Sequence[Finding]:
+        return []
+
+    def recover(self, step: RecoveryStep) -> None:
+        raise RigError(ErrorCode.SAFETY_RECOVERY_REFUSED, f"This arm has no {step}")
+
+    def move(self, path: Sequence[Sequence[float]], limits: Sequence[MotionLimits], stop: StopToken) -> None:
+        self._stopping.clear()
+        self.moves.append(time.monotonic())
+        try:
+            for corner in path:
+                self._moving = True
+                for share in (0.5, 1.0):
+                    if stop.wait(LEG_S / 2):
+                        raise Halted
+                    if self._stopping.is_set() or self._safety_bits != NORMAL:
+                        raise RigError(ErrorCode.ARM_MOVE_FAILED, "The arm was stopped on its way")
+                    here = np.array(self._joints)
+                    self._joints = tuple((here + share * (np.array(corner) - here)).tolist())
+        finally:
+            self._moving = False
+
+    def halt(self) -> None:
+        self._stopping.set()
+        self.lamp = False
+
+    def close(self) -> None:
+        self.halt()
+
+    def stop_protectively(self) -> None:
+        """What a person does who leans on the arm."""
+        self._safety_bits = PROTECTIVE_STOP
+
+    def unlock(self) -> None:
+        """What a person does at the pendant."""
+        self._safety_bits = NORMAL
+
+
+class QuickLamp:
+    """The arm's output."""
+
+    def __init__(self, arm: QuickArm) -> None:
+        self._arm = arm
+
+    def connect(self) -> None:
+        self._arm.lamp = False
+
+    def set(self, on: bool) -> None:
+        self._arm.lamp = on
+
+    def close(self) -> None:
+        self._arm.lamp = False
+
+
+class QuickCamera:
+    """Grey while the lamp is on, black otherwise."""
+
+    def __init__(self, arm: QuickArm, calibration: Calibration) -> None:
+        self._arm = arm
+        self._sensor = calibration.sensor
+
+    def connect(self) -> None:
+        pass
+
+    def expose(self, exposure_s: float, attempt: int, stop: StopToken) -> Frame:
+        if stop.wait(0.001):
+            raise Halted
+        level = self._sensor.black_level_dn + (0.7 * self._sensor.full_scale_dn if self._arm.lamp else 0)
+        pixels = np.full((PIXELS, PIXELS), round(level), np.uint16)
+        return Frame(pixels=pixels, exposure_s=exposure_s, taken_at=time.time())
+
+    def close(self) -> None:
+        pass
+
+
+class QuickCompute(Compute):
+    """Jobs of the right shape, in this process."""
+
+    def run(self, stop: threading.Event, job: str, *arguments: Any, yields: bool = False) -> Any:
+        """Does the job named."""
+        if stop.wait(JOB_S):
+            raise Halted
+        return getattr(self, f"_{job}")(*arguments)
+
+    def close(self) -> None:
+        """Nothing runs."""
+
+    def _first_lights(self, recipe: Any, *_: Any) -> LightPlan:
+        return _plan(recipe.pilot_lights)
+
+    def _further_lights(self, recipe: Any, *_: Any) -> tuple[LightPlan, list[bytes]]:
+        return _plan(recipe.planned_lights), []
+
+    def _plan_route(self, lights: list[Light], start: Sequence[float], cell: CellConfig, _: Any) -> Route:
+        waypoints = [
+            Waypoint(light=light, path=[_place(cell, number + 1)], speeds=[1.0], seconds=LEG_S)
+            for number, light in enumerate(lights)
+        ]
+        return Route(
+            start=as_joints(start),
+            waypoints=waypoints,
+            light_numbers=list(range(len(lights))),
+            home_path=[cell.arm.home],
+            home_speeds=[1.0],
+            seconds=LEG_S * len(lights),
+            lower_bound_s=LEG_S * len(lights),
+        )
+
+    def _rejoin_route(self, *_: Any) -> Route:
+        raise RigError(ErrorCode.WAYPOINTS_COLLISION, "There is no way back to the route")
+
+    def _plan_retreat(self, _: Any, cell: CellConfig, *__: Any) -> JointPath:
+        return JointPath(path=[cell.arm.home], speeds=[1.0], seconds=LEG_S)
+
+    def _plan_return(self, _: Any, there: Sequence[float], *__: Any) -> JointPath:
+        return JointPath(path=[as_joints(there)], speeds=[1.0], seconds=LEG_S)
+
+    def _solve_normals(self, observations: Any, *arguments: Any) -> ResultSummary:
+        folder: Path = arguments[-1]
+        folder.mkdir(parents=True)
+        (folder / "normals.png").write_bytes(b"normals")
+        return ResultSummary(
+            images=len(observations.shots), object_pixels=9, solved_pixels=9, mean_sigma_deg=1.0, median_sigma_deg=1.0,
+            predicted_sigma_deg=None, predicted_median_deg=None, fewer_than_three_lights=0.0, intensity_factors=[],
+            noise={},
+        )  # fmt: skip
+
+
+def _plan(count: int) -> LightPlan:
+    lights = [Light(position=(0.01 * number, 0.0, -0.4), axis=(0.0, 0.0, -1.0)) for number in range(count)]
+    return LightPlan(lights=lights, method="optimal", reasons=["quick"] * count)
+
+
+def _place(cell: CellConfig, number: int) -> Any:
+    first, *others = cell.arm.home
+    return (first + 0.02 * number, *others)
+
+
+@contextmanager
+def quick_service(folder: Path, host: str) -> Generator[tuple[Server, QuickArm, str, dict[Role, str]]]:
+    """A running service over a quick rig; with it its arm, its address, and a key for each role."""
+    cell_file = REPOSITORY / "deploy" / "cell.test.toml"
+    cell = config.load(cell_file)
+    calibration = nominal.calibration(PIXELS)
+    chosen = settings.read(cell=cell_file, data=folder / "data", host=host, port=0)
+    secrets = {role: keys.add(keys.path_in(chosen.data), str(role), role) for role in Role}
+    arm = QuickArm(cell.arm.home)
+    rig = Rig(arm, QuickLamp(arm), QuickCamera(arm, calibration), cell)
+    service = wiring.assemble(Store(chosen.data), rig, calibration, QuickCompute())
+    listening: list[str] = []
+    ready = threading.Event()
+
+    def say(address: str) -> None:
+        listening.append(address)
+        ready.set()
+
+    made = server.around(service, chosen, KeyRing(keys.path_in(chosen.data)), say)
+    thread = threading.Thread(target=made.run)
+    thread.start()
+    try:
+        assert ready.wait(20)
+        yield made, arm, listening[0], secrets
+    finally:
+        made.should_exit = True
+        thread.join(20)
+        assert not thread.is_alive()
