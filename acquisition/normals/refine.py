@@ -31,8 +31,9 @@ LARGEST_SHIFT_M = 0.08
 FIRST_THRESHOLD = 0.15
 LEAST_IMAGES_TO_PLACE, LEAST_IMAGES_TO_CALIBRATE = 4, 5
 COARSE_PIXELS = 12_000
-LARGER = 1.5
-"""Times the stated σ of the intensities at which what is found replaces it."""
+LARGER = 2.5
+"""Times the stated σ of the intensities at which what is found replaces it. Below, sets of lights that tell the shift
+of the object badly from intensities widen their own prior and run away: shift and factors grow together."""
 
 SAMPLES = 2500
 MORE_ROUNDS = 2
