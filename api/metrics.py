@@ -1,5 +1,6 @@
 """What Prometheus asks: read off journal and rig status at each scrape, so that a restart forgets nothing."""
 
+import math
 from collections.abc import Iterator
 
 from fastapi import APIRouter, Request
@@ -8,6 +9,7 @@ from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_l
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily, Metric
 from prometheus_client.registry import Collector
 
+from acquisition.devices.ur.arm import UrArm
 from acquisition.session import State
 from api.camera_view import View
 from api.context import ServiceOf
@@ -51,4 +53,19 @@ class _Figures(Collector):
         yield GaugeMetricFamily(
             "lightpose_safety_latched", "A safety fault waits for a person", value=status.latched is not None
         )
+        yield from self._lateness()
         yield GaugeMetricFamily("lightpose_free_bytes", "Free space of the data folder", value=self._service.store.free)
+
+    def _lateness(self) -> Iterator[Metric]:
+        arm = self._service.rig.arm
+        late = sorted(arm.lateness_s) if isinstance(arm, UrArm) else []
+        if late:
+            figures = GaugeMetricFamily(
+                "lightpose_lease_lateness_seconds",
+                "How late the lease was renewed while the arm moved; a lease older than 0.2 s stops the arm",
+                labels=["quantile"],
+            )
+            for quantile in (0.5, 0.99, 1.0):
+                figures.add_metric([str(quantile)], late[math.ceil(quantile * len(late)) - 1])
+            yield figures
+            yield GaugeMetricFamily("lightpose_lease_renewals", "How many renewals these are of", value=len(late))

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from typing import cast
@@ -31,6 +32,7 @@ OPEN_DEADLINE_S = 15.0  # starting Python and importing on a busy machine
 CONTROL_DEADLINE_S = 12.0  # ur-rtde waits up to 5 s for its program
 REQUEST_DEADLINE_S = 5.0
 LEAVE_DEADLINE_S = 3.0
+LATENESS_KEPT = 10_000
 UNREAD = ArmReading(
     False, (0.0,) * 6, (0.0,) * 6, geometry.pose((0, 0, 0), (0, 0, 0)), 0.0, -1, 0, -1, False, 0.0, 0, 0.0
 )
@@ -72,6 +74,8 @@ class UrArm:
         self._took_control = False  # whether this driver ever did
         self._asking = threading.Lock()  # arm and lamp share the pipe; halt and reading do not take it
         self._second_path: SecondPath | None = None
+        self.lateness_s: deque[float] = deque(maxlen=LATENESS_KEPT)
+        """How late each renewal of the lease was, s; the newest of all moves, for monitoring."""
 
     # ------------------------------------------------------------------------------------------ any thread, never waits
 
@@ -188,11 +192,15 @@ class UrArm:
         if not move.path:
             return
         deadline_s = REQUEST_DEADLINE_S + 2.0 * self._expected_seconds(move) + protocol.ACKNOWLEDGE_S
-        halted = False
+        halted, renewed_at = False, None
 
         def keep() -> None:
-            nonlocal halted
+            nonlocal halted, renewed_at
             self._board.write(Word.LEASE, time.monotonic_ns())
+            now = time.monotonic()
+            if renewed_at is not None:
+                self.lateness_s.append(now - renewed_at - protocol.LEASE_RENEWAL_S)
+            renewed_at = now
             if stop.is_set() and not halted:
                 halted = True
                 self.halt()
