@@ -9,6 +9,7 @@ import hashlib
 import io
 import json
 import os
+import threading
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -38,7 +39,7 @@ def require_space(folder: Path, size: int) -> None:
 
 def write_bytes(path: Path, content: bytes) -> str:
     """Writes a file whole, durably, and returns its SHA-256. Raises RigError store.disk_full; other OSErrors pass."""
-    beside = path.with_name(f".{path.name}.part")
+    beside = path.with_name(f".{path.name}.{threading.get_ident()}.part")  # two may write the same at once
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         require_space(path.parent, len(content))
