@@ -9,8 +9,8 @@ import hashlib
 import io
 import json
 import os
-import threading
 import shutil
+import threading
 from collections.abc import Mapping
 from pathlib import Path
 
