@@ -11,9 +11,10 @@ import time
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from acquisition import dome, geometry, photometry, pilot, plan, region
-from acquisition.capture import check
+from acquisition.capture import check, expected
 from acquisition.config import CellConfig
 from acquisition.normals import export, report, solve
 from acquisition.normals.export import lights as light_files
@@ -23,6 +24,7 @@ from acquisition.types import (
     LIT,
     BoolArray,
     Calibration,
+    FloatArray,
     JointPath,
     Light,
     LightPlan,
@@ -55,6 +57,8 @@ def _reach(cell: CellConfig, calibration: Calibration, cache: Path) -> reaching.
     beside.rename(cache)
     return found
 
+
+Rows = npt.NDArray[np.int64]
 
 FORECAST_COUNTS = (1, 2, 4, 8, 16)
 """Numbers of further lights for which a plan tells what is to be expected."""
@@ -110,13 +114,32 @@ def expected_levels(normal_map: NormalMap, lights: list[Light], calibration: Cal
     """For each light the 99.5th percentile of the signal over the solved pixels, fraction of full scale per second."""
     rows, columns = np.nonzero(normal_map.mask)
     step = max(1, len(rows) // 20_000)
-    rows, columns = rows[::step], columns[::step]
+    signal = _signal(normal_map, lights, calibration, (rows[::step], columns[::step]))
+    return [float(value) for value in np.percentile(signal, check.BRIGHT_PERCENTILE, axis=1)]
+
+
+def foretell(lights: list[Light], calibration: Calibration, result: Path) -> list[bytes]:
+    """For each light a small picture (16-bit PNG, brightest 65535) of the object under it, by a stored result."""
+    normal_map = export.read(result)
+    rows, columns = np.nonzero(normal_map.mask)
+    pictures: list[bytes] = []
+    for light in lights:
+        picture = np.zeros(normal_map.mask.shape)
+        picture[rows, columns] = _signal(normal_map, [light], calibration, (rows, columns))[0]
+        pictures.append(expected.encoded(picture))
+    return pictures
+
+
+def _signal(
+    normal_map: NormalMap, lights: list[Light], calibration: Calibration, pixels: tuple[Rows, Rows]
+) -> FloatArray:
+    """The signal (F, K) of lights at some pixels, fraction of full scale per second, shadows left out."""
+    rows, columns = pixels
     ray = photometry.rays(calibration, slice(0, calibration.height), slice(0, calibration.width))
     point = photometry.points(ray, normal_map.depth)[:, rows, columns]
     vectors = photometry.light_vectors(point, photometry.lamps(lights), calibration)
     facing = np.einsum("fck,kc->fk", vectors, normal_map.normals[rows, columns])
-    signal = normal_map.albedo[rows, columns] * np.clip(facing, 0, None) * calibration.lamp_intensity
-    return [float(value) for value in np.percentile(signal, check.BRIGHT_PERCENTILE, axis=1)]
+    return normal_map.albedo[rows, columns] * np.clip(facing, 0, None) * calibration.lamp_intensity
 
 
 def plan_route(lights: list[Light], start: tuple[float, ...], cell: CellConfig, calibration: Calibration) -> Route:

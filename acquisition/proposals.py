@@ -84,6 +84,7 @@ class Proposals:
                 self._closing, "own_lights", list(positions), self._rig.cell, self._calibration,
                 self._steps.reach_cache, previous, self._rig.arm.reading.joints,
             )  # fmt: skip
+            self._steps.foretell(session_id, number, plan, self._closing)
         except Halted as error:
             raise RigError(ErrorCode.RIG_NOT_READY, "The service is ending") from error
         made = sum(item.number == number for item in self._store.journal.artifacts(session_id, "plan"))

@@ -5,6 +5,7 @@ off before the row leaves files that nobody was told of; doing it again replaces
 """
 
 import shutil
+import threading
 import time
 from functools import cached_property
 from importlib.metadata import version
@@ -14,7 +15,7 @@ from typing import Any, Literal, assert_never
 import numpy as np
 
 from acquisition import lamp_pose, region, results, session
-from acquisition.capture import check, exposure, take
+from acquisition.capture import check, compare, expected, exposure, take
 from acquisition.capture.take import Exposed
 from acquisition.compute import Compute
 from acquisition.devices import Rig, StopToken
@@ -123,6 +124,7 @@ class Steps:
         digests = [
             write_bytes(folder / f"passes/{number}/gain_{light}.png", picture) for light, picture in enumerate(pictures)
         ]
+        self.foretell(record.session_id, number, plan, stop)
         name = f"passes/{number}/plan.json"
         digest = write_value(folder / name, plan)
         body = self.told(plan, digests)
@@ -205,7 +207,15 @@ class Steps:
             self._go(record, step.waypoint, stop)
         exposure_s, attempt = self._first_exposure(record, step), 0
         while True:
-            exposed = take.expose(self._rig, exposure_s, attempt, lit=True, stop=stop)
+            try:
+                exposed = take.expose(self._rig, exposure_s, attempt, lit=True, stop=stop)
+            except RigError as error:
+                if error.code is not ErrorCode.CAMERA_TIMEOUT or attempt == record.recipe.retakes:
+                    raise
+                self._tell_retake(record, step.key, error.detail)
+                attempt += 1
+                continue
+            self._require_place(exposed, step)
             verdict = check.lit_frame(
                 exposed.frame.pixels,
                 self._region,
@@ -214,21 +224,63 @@ class Steps:
                 record.recipe.exposure,
                 self._rig.cell.camera,
             )
+            if verdict.retake_s is None and verdict.usable:
+                verdict = self._against_earlier(record, step, exposed, exposure_s, verdict.quality)
             if verdict.retake_s is None or attempt == record.recipe.retakes:
                 break
-            self._store.journal.announce(
-                record.session_id,
-                "shot.retaken",
-                {"pass": step.key.pass_number, "number": step.key.number, "reason": verdict.quality.reason},
-            )
+            self._tell_retake(record, step.key, verdict.quality.reason)
             exposure_s, attempt = verdict.retake_s, attempt + 1
         if not verdict.usable:
             raise RigError(
-                ErrorCode.CAPTURE_FRAME_REJECTED,
+                ErrorCode.SCENE_MOVED if verdict.moved else ErrorCode.CAPTURE_FRAME_REJECTED,
                 f"Light {step.key.number} of pass {step.key.pass_number}: {verdict.quality.reason}",
                 light=step.key.number,
             )
         self._keep(record, step.key, exposed, exposure_s, attempt, verdict.quality)
+
+    def _against_earlier(
+        self, record: Record, step: TakeShot, exposed: Exposed, exposure_s: float, quality: FrameQuality
+    ) -> check.Verdict:
+        number, light = step.key.pass_number, step.key.number
+        taken = [shot.quality.sharpness for work in record.passes for shot in work.shots.values()]
+        file = self._foretold(record.session_id, number, light)
+        return check.against_earlier(
+            quality,
+            exposed.frame.pixels,
+            self._region,
+            self._calibration.sensor,
+            exposure_s,
+            [sharpness for sharpness in taken if sharpness is not None],
+            expected.decoded(file.read_bytes()) if file.exists() else None,
+        )
+
+    def _foretold(self, session_id: str, number: int, light: int) -> Path:
+        """The picture that the present plan of a pass foretells for a light; the first pass has none."""
+        plans = [item for item in self._store.journal.artifacts(session_id, "plan") if item.number == number]
+        return self._store.folder(session_id) / f"passes/{number}/foretold_{len(plans)}_{light}.png"
+
+    def foretell(self, session_id: str, number: int, plan: LightPlan, stop: threading.Event) -> None:
+        """Keeps what the result before a pass foretells for each light of its plan, which is entered afterwards."""
+        if plan.levels_per_s is None:
+            return
+        folder = self._store.folder(session_id)
+        pictures = self._compute.run(
+            stop, "foretell", plan.lights, self._calibration, folder / "results" / str(number - 1)
+        )
+        made = sum(item.number == number for item in self._store.journal.artifacts(session_id, "plan"))
+        for light, picture in enumerate(pictures):
+            write_bytes(folder / f"passes/{number}/foretold_{made + 1}_{light}.png", picture)
+
+    def _tell_retake(self, record: Record, key: ShotKey, reason: str) -> None:
+        body = {"pass": key.pass_number, "number": key.number, "reason": reason}
+        self._store.journal.announce(record.session_id, "shot.retaken", body)
+
+    def _require_place(self, exposed: Exposed, step: TakeShot) -> None:
+        """An arm that stands elsewhere was moved by somebody: a person looks before it moves again."""
+        if not session.same_place(exposed.reading.joints, step.waypoint.joints):
+            raise RigError(
+                ErrorCode.ARM_MOVE_FAILED, f"The arm was not at light {step.key.number} while its frame was exposed"
+            )
 
     def _first_exposure(self, record: Record, step: TakeShot) -> float:
         wanted, camera = record.recipe.exposure, self._rig.cell.camera
@@ -283,7 +335,7 @@ class Steps:
         exposed = take.expose(self._rig, first.exposure_s, first.attempt, lit=True, stop=stop)
         frames = FolderFrames(self._store.folder(record.session_id))
         before = frames.rows(first.frame, 0, first.frame.height)
-        same = check.same_scene(before, exposed.frame.pixels, self._region, self._calibration.sensor)
+        same = compare.same_scene(before, exposed.frame.pixels, self._region, self._calibration.sensor)
         if not same.accepted:
             raise RigError(
                 ErrorCode.SCENE_MOVED,

@@ -4,6 +4,8 @@ import threading
 import time
 from collections.abc import Generator
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -16,6 +18,7 @@ from api import settings, wiring
 from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
 
+CELL_FILE = Path(__file__).parents[2] / "deploy" / "cell.test.toml"
 SMALL = Recipe(pilot_lights=3, planned_lights=0)
 
 
@@ -29,7 +32,7 @@ class Rig:
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[Rig, None, None]:
     folder = tmp_path_factory.mktemp("runner")
-    with Cell("127.0.6.10", "sphere", 1, "ideal", 10.0, folder=folder / "cell", pixels=96) as cell:
+    with Cell("127.0.6.10", "sphere", 1, "ideal", 20.0, folder=folder / "cell", pixels=96, cell_file=CELL_FILE) as cell:
         service = wiring.build(settings.read(cell=cell.cell_file, data=folder / "data"))
         service.open()
         with ControlClient(cell.address) as control:
@@ -175,3 +178,204 @@ def test_lights_that_cannot_be_reached_are_named_before_anything_moves(rig: Rig)
     assert reason["code"] == "waypoints.unreachable"
     assert "2" in reason["detail"]
     assert rig.control.state()["moves_started"] == before
+
+
+# ------------------------------------------------------------------------------------------------- what needs a person
+
+
+def reason_of(rig: Rig, session_id: str) -> dict[str, Any]:
+    reason = rig.store.journal.session(session_id).reason
+    assert reason is not None
+    return reason
+
+
+def refusal(rig: Rig, session_id: str, action: Trigger = Trigger.RESUME, **more: bool) -> RigError:
+    with pytest.raises(RigError) as refused:
+        rig.runner.act(session_id, action, "a", **more)
+    return refused.value
+
+
+def after_first_image(rig: Rig, recipe: Recipe = SMALL) -> str:
+    """A session that runs and has taken its first image."""
+    session_id = new(rig, recipe)
+    rig.runner.act(session_id, Trigger.START, "a")
+    deadline = time.monotonic() + 30
+    while not rig.store.journal.shots(session_id):
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+    return session_id
+
+
+def interrupted(rig: Rig) -> str:
+    """A session that a protective stop has interrupted after its first image; the stop is cleared and acknowledged."""
+    session_id = after_first_image(rig)
+    rig.control.fault("protective_stop")
+    wait_for(rig, session_id, State.INTERRUPTED)
+    rig.control.fault("clear")
+    acknowledge(rig)
+    return session_id
+
+
+def acknowledge(rig: Rig) -> None:
+    deadline = time.monotonic() + 5
+    while True:
+        try:
+            rig.runner.acknowledge("a")
+        except RigError:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+            continue
+        return
+
+
+def test_a_plan_that_waits_for_a_person_can_be_replaced_by_lights_that_the_arm_reaches(rig: Rig) -> None:
+    recipe = Recipe(method="random", pilot_lights=3, planned_lights=0, review_plan=True)
+    foreseen = rig.runner.proposals.dry_run(recipe)
+    moves = rig.control.state()["moves_started"]
+    session_id = new(rig, recipe)
+    rig.runner.act(session_id, Trigger.START, "a")
+    wait_for(rig, session_id, State.PAUSED)
+    assert reason_of(rig, session_id)["code"] == "plan.to_review"
+    planned = rig.store.record(session_id).passes[0].plan
+    assert planned == foreseen.plan
+    assert foreseen.route.light_numbers
+    assert foreseen.seconds > foreseen.route.seconds
+    assert rig.control.state()["moves_started"] == moves
+    with pytest.raises(RigError) as refused:
+        rig.runner.proposals.replace_plan(session_id, 0, [(0.0, 0.0, 3.0)], "a")
+    assert refused.value.code is ErrorCode.WAYPOINTS_UNREACHABLE
+    assert [light["number"] for light in refused.value.context["lights"]] == [0]
+    with pytest.raises(RigError) as refused:
+        rig.runner.proposals.replace_plan(session_id, 1, [planned.lights[0].position], "a")
+    assert refused.value.code is ErrorCode.SESSION_ACTION_NOT_ALLOWED
+    own = [light.position for light in reversed(planned.lights)]
+    rig.runner.proposals.replace_plan(session_id, 0, own, "a")
+    rig.runner.act(session_id, Trigger.RESUME, "a")
+    assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
+    work = rig.store.record(session_id).passes[0]
+    assert work.plan is not None
+    assert [light.position for light in work.plan.lights] == own
+    for number, shot in work.shots.items():
+        assert shot.light is not None
+        assert shot.light.position == pytest.approx(own[number], abs=2e-3)
+    with pytest.raises(RigError) as refused:
+        rig.runner.proposals.replace_plan(session_id, 0, own, "a")
+    assert refused.value.code is ErrorCode.SESSION_ACTION_NOT_ALLOWED
+
+
+def test_an_arm_that_somebody_has_moved_goes_on_only_from_where_a_person_lets_it(rig: Rig) -> None:
+    session_id = interrupted(rig)
+    way = rig.store.journal.last_way(session_id)
+    joints = list(rig.control.state()["joints"])
+    rig.control.fault("hand_move", joints=[joints[0] + 0.3, *joints[1:]], seconds=0)
+    time.sleep(0.2)
+    error = refusal(rig, session_id)
+    assert error.code is ErrorCode.ARM_ELSEWHERE
+    assert 0.1 < error.context["distance_rad"] <= 0.3 + 1e-3
+    assert rests(rig)
+    rig.runner.act(session_id, Trigger.RESUME, "a", from_here=True)
+    assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
+    assert rig.store.journal.last_way(session_id) != way
+    assert [shot.kind for shot in rig.store.journal.shots(session_id)].count("reference") == 1
+
+
+def test_an_object_that_moved_while_the_session_was_interrupted_is_found_by_the_repeated_image(rig: Rig) -> None:
+    session_id = interrupted(rig)
+    taken = len(rig.store.journal.shots(session_id))
+    rig.control.fault("nudged_object", shift_m=[0.004, 0.0, 0.0])
+    rig.runner.act(session_id, Trigger.RESUME, "a")
+    wait_for(rig, session_id, State.PAUSED)
+    reason = reason_of(rig, session_id)
+    assert reason["code"] == "scene.moved"
+    assert reason["shift_px"] > 1
+    assert len(rig.store.journal.shots(session_id)) == taken
+    rig.control.fault("nudged_object", shift_m=[-0.004, 0.0, 0.0])
+    rig.runner.act(session_id, Trigger.RESUME, "a")
+    assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
+
+
+def test_a_dark_lamp_pauses_with_the_reason_and_a_lost_frame_is_taken_again(rig: Rig) -> None:
+    rig.control.fault("lamp", fraction=0.0)
+    session_id = new(rig)
+    rig.runner.act(session_id, Trigger.START, "a")
+    wait_for(rig, session_id, State.PAUSED)
+    reason = reason_of(rig, session_id)
+    assert reason["code"] == "capture.frame_rejected"
+    assert "lamp" in reason["detail"]
+    rig.control.fault("lamp", fraction=1.0)
+    rig.control.fault("dropped_frame")
+    rig.runner.act(session_id, Trigger.RESUME, "a")
+    assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
+    told = [event.body["reason"] for event in rig.store.journal.events(0, 500, session_id, ("shot.retaken",))]
+    assert any("no light" in reason for reason in told)
+    assert any("lost on its way" in reason for reason in told)
+
+
+def test_a_fault_interrupts_a_paused_session_too(rig: Rig) -> None:
+    session_id = after_first_image(rig)
+    rig.runner.act(session_id, Trigger.PAUSE, "a")
+    wait_for(rig, session_id, State.PAUSED)
+    rig.control.fault("safeguard_stop")
+    wait_for(rig, session_id, State.INTERRUPTED)
+    assert reason_of(rig, session_id)["code"].startswith("arm.")
+    rig.control.fault("clear")
+    acknowledge(rig)
+    rig.runner.act(session_id, Trigger.STOP, "a")
+    assert rig.store.journal.session(session_id).state is State.STOPPED
+
+
+def test_a_protective_stop_is_unlocked_only_for_whoever_has_just_looked_and_stays_latched(rig: Rig) -> None:
+    with pytest.raises(RigError) as refused:
+        rig.runner.recover("unlock", "nobody has looked")
+    assert refused.value.code is ErrorCode.SAFETY_NOT_ACKNOWLEDGED
+    rig.control.fault("protective_stop")
+    stopped = time.monotonic()
+    while rig.runner.status().latched is None:
+        assert time.monotonic() < stopped + 5
+        time.sleep(0.02)
+    for step, when in (("unlock", 0.0), ("unlock", 5.1)):
+        time.sleep(max(0.0, stopped + when - time.monotonic()))
+        with pytest.raises(RigError) as refused:
+            rig.runner.acknowledge("b")
+        assert refused.value.code is ErrorCode.SAFETY_STILL_FAULTED
+        if when == 0.0:
+            with pytest.raises(RigError) as refused:
+                rig.runner.recover(step, "b")
+            assert refused.value.code is ErrorCode.SAFETY_RECOVERY_REFUSED
+            assert "5s" in refused.value.detail
+        else:
+            rig.runner.recover(step, "b")
+    assert rig.runner.status().latched is not None
+    acknowledge(rig)
+    assert rig.runner.status().may_start
+
+
+def test_a_rig_with_another_calibration_is_not_the_one_that_the_session_began_with(rig: Rig) -> None:
+    session_id = interrupted(rig)
+    file = rig.store.folder(session_id) / "calibration.json"
+    kept = file.read_text(encoding="utf-8")
+    file.write_text(kept.replace('"lamp_intensity": 20.0', '"lamp_intensity": 21.0'), encoding="utf-8")
+    assert refusal(rig, session_id).code is ErrorCode.RIG_CHANGED
+    file.write_text(kept, encoding="utf-8")
+    (file.parent / "arm.txt").write_text("another arm", encoding="utf-8")
+    assert refusal(rig, session_id).code is ErrorCode.RIG_CHANGED
+    rig.runner.act(session_id, Trigger.STOP, "a")
+
+
+def test_an_object_that_moves_after_the_pilot_is_seen_in_the_first_planned_frame(rig: Rig) -> None:
+    session_id = new(rig, Recipe(pilot_lights=3, planned_lights=1))
+    rig.runner.act(session_id, Trigger.START, "a")
+    deadline = time.monotonic() + 60
+    while not any(work.solved for work in rig.store.record(session_id).passes):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    rig.control.fault("nudged_object", shift_m=[0.0, 0.005, 0.0])
+    wait_for(rig, session_id, State.PAUSED)
+    assert reason_of(rig, session_id)["code"] == "scene.moved"
+    rig.control.fault("nudged_object", shift_m=[0.0, -0.005, 0.0])
+    rig.runner.act(session_id, Trigger.RESUME, "a")
+    assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
+    taken = rig.store.record(session_id).passes[1].shots[0].quality
+    assert taken.shift_px is not None
+    assert taken.shift_px < 1
+    assert taken.sharpness is not None

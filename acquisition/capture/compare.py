@@ -1,0 +1,86 @@
+"""Whether an image shows what another one showed: object, camera and lamp where they were.
+
+After an interruption an image is taken again and compared with its first taking; both have the same light, so any
+difference beyond noise is a change of the scene.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from acquisition.types import BoolArray, FloatArray, SensorModel
+
+BRIGHT_PERCENTILE = 99.5
+COARSE_CYCLES_PER_PIXEL = 0.12
+MOVED_PX = 0.5
+"""An image that is taken again and has shifted by more shows that the object or the camera has moved."""
+MOST_CHANGED = 0.02
+"""Share of the region's pixels that may look otherwise in an image that is taken again."""
+MOST_BRIGHTNESS = 0.1
+"""The lamp may be this much brighter or darker in an image that is taken again, as a fraction."""
+CHANGED_BY = 0.05
+"""Of the brightest pixels: a pixel that differs by more than this, noise and brightness allowed for, has changed."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """An image and the same image taken again."""
+
+    shift_px: float
+    brightness: float  # of the second to the first
+    changed: float  # share of the pixels
+    accepted: bool
+    detail: str
+
+
+def same_scene(
+    first: npt.NDArray[np.uint16], again: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorModel
+) -> Comparison:
+    """Whether an image (H, W) that is taken again shows what the first one did, by the pixels of `region` (H, W)."""
+    before, after = (image.astype(np.float64) - sensor.black_level_dn for image in (first, again))
+    here = before[region]
+    brightness = float(here @ after[region]) / max(float(here @ here), 1e-9)
+    bright = float(np.percentile(here, BRIGHT_PERCENTILE))
+    noise = np.sqrt(np.maximum(here, 0) / sensor.gain_e_per_dn + (sensor.read_noise_e / sensor.gain_e_per_dn) ** 2)
+    differs = np.abs(after[region] - brightness * here) > CHANGED_BY * bright + 6 * np.sqrt(2) * noise
+    shift_px = shift(before, after, region)
+    changed = float(np.mean(differs))
+    found = [
+        f"has shifted by {shift_px:.2f} pixels" if shift_px > MOVED_PX else "",
+        f"differs in {changed:.1%} of its pixels" if changed > MOST_CHANGED else "",
+        f"has {brightness:.0%} of its brightness" if abs(brightness - 1) > MOST_BRIGHTNESS else "",
+    ]
+    detail = " and ".join(item for item in found if item)
+    return Comparison(round(shift_px, 3), round(brightness, 4), round(changed, 4), not detail, detail)
+
+
+def shift(first: FloatArray, second: FloatArray, region: BoolArray) -> float:
+    """By how many pixels the second image (H, W) is shifted against the first, within a window round the region.
+
+    Phase correlation (Kuglin and Hines 1975) of the coarser detail, which noise spares; the peak is found between the
+    pixels by a parabola through its neighbours.
+    """
+    rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
+    box = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    height, width = first[box].shape
+    window = np.outer(np.hanning(height), np.hanning(width))
+    spectra = [
+        np.fft.rfft2((image[box] - np.average(image[box], weights=window)) * window) for image in (first, second)
+    ]
+    cross = np.conj(spectra[0]) * spectra[1]
+    down, across = np.fft.fftfreq(height)[:, None], np.fft.rfftfreq(width)
+    coarse = np.exp(-(down**2 + across**2) / (2 * COARSE_CYCLES_PER_PIXEL**2))
+    peak = np.fft.irfft2(cross / np.maximum(np.abs(cross), 1e-12) * coarse, s=(height, width))
+    row, column = np.unravel_index(int(np.argmax(peak)), peak.shape)
+    found = (_between(peak[:, column], int(row)), _between(peak[row], int(column)))
+    return float(np.hypot(*found))
+
+
+def _between(values: FloatArray, peak: int) -> float:
+    """The place of a peak between the samples of a periodic line, from −half to half of its length."""
+    count = len(values)
+    before, here, after = values[peak - 1], values[peak], values[(peak + 1) % count]
+    bend = before - 2 * here + after
+    place = peak + (0.0 if bend == 0 else 0.5 * (before - after) / bend)
+    return place - count if place > count / 2 else place

@@ -1,0 +1,192 @@
+"""A simulated cell that outlives its services, an undisturbed session, and what must equal it after a crash."""
+
+import json
+import os
+import time
+from collections.abc import Generator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+
+from acquisition.session import State
+from acquisition.store import Journal
+from acquisition.types import LightPlan, Recipe
+from api.client import Client
+from api.schemas import EventResource, SessionResource
+from hardware_sim.cell import Cell
+from hardware_sim.controller.control import ControlClient
+from tests.end_to_end.processes import Service, fastest_joint, rests_after, serving
+
+RECIPE = Recipe(pilot_lights=3, planned_lights=1)
+CELL_FILE = Path(__file__).parents[2] / "deploy" / "cell.test.toml"
+PIXELS, SPEED = 128, 20.0
+PLACE_M, NORMALS_DEG, SHARE = 1e-6, 0.01, 0.999
+
+
+def cases(name: str, count: int) -> list[int]:
+    """Numbers of cases: all `count`, or those that the variable `name` gives as `start:stop`."""
+    first, _, last = os.environ.get(name, f"0:{count}").partition(":")
+    return list(range(int(first), int(last)))
+
+
+@dataclass
+class Bench:
+    """The cell, its data folder, and the service that runs at present."""
+
+    cell: Cell
+    data: Path
+    control: ControlClient
+    undisturbed: "Course | None" = None
+    service: Service | None = None
+    _services: ExitStack = field(default_factory=ExitStack)
+
+    def serve(self) -> Client:
+        """A client of a running service, which is started unless one lives."""
+        if self.service is None or self.service.process.poll() is not None:
+            self.service = self._services.enter_context(serving(self.cell, self.data))
+        return Client(self.service.url)
+
+    def kill(self) -> None:
+        """SIGKILL; the next `serve` starts another service."""
+        assert self.service is not None
+        self.service.kill()
+        self.service = None
+
+    def close(self) -> None:
+        """Ends the service in good order."""
+        self._services.close()
+
+
+@dataclass(frozen=True)
+class Course:
+    """How a session went that nothing disturbed: when each stage began, in s since the start was asked for."""
+
+    session_id: str
+    stages: list[float]
+    seconds: float
+
+
+@contextmanager
+def bench(folder: Path, address: str, data: Path | None = None) -> Generator[Bench, None, None]:
+    """A cell and its undisturbed session."""
+    with (
+        Cell(address, "sphere", 1, "ideal", SPEED, folder=folder / "cell", pixels=PIXELS, cell_file=CELL_FILE) as cell,
+        ControlClient(address) as control,
+    ):
+        made = Bench(cell, data or folder / "data", control)
+        try:
+            with made.serve() as client:
+                client.wait_ready()
+                client.capture(RECIPE, progress=False)  # the first one starts processes and makes the reach
+                made.undisturbed = course(client)
+            yield made
+        finally:
+            made.close()
+
+
+def course(client: Client) -> Course:
+    """Runs a session that nothing disturbs."""
+    session_id = client.create(RECIPE).id
+    begun = time.time()
+    client.start(session_id)
+    events: list[EventResource] = []
+    done = client.wait(session_id, events.append)
+    assert done.state is State.COMPLETED, done
+    stages = [event.at.timestamp() - begun for event in events if event.type == "session.stage"]
+    return Course(session_id, stages, time.time() - begun)
+
+
+def wait_for_stage(client: Client, session_id: str, number: int) -> None:
+    """Returns when the stage of this number in the session's course has begun, or the session waits or has ended."""
+    begun = -1
+    for event in client.events(session_id, after=0):
+        begun += event.type == "session.stage"
+        if begun >= number or (event.type == "session.state" and event.body["state"] != "running"):
+            return
+
+
+def announced(data: Path, session_id: str) -> dict[tuple[int, int], str]:
+    """SHA-256 of the frames that the events of a session have told of, read from the database as it is."""
+    journal = Journal(data / "rig.db")
+    try:
+        told = {
+            (event.body["pass"], event.body["number"])
+            for event in journal.events(0, 10_000, session_id, ("shot.captured",))
+        }
+        return {
+            key: shot.frame.sha256
+            for shot in journal.shots(session_id)
+            if (key := (shot.key.pass_number, shot.key.number)) in told
+        }
+    finally:
+        journal.close()
+
+
+def assert_rests(made: Bench, session_id: str) -> None:
+    """Nothing moves and the lamp is dark while nobody resumes: by the simulator's own record."""
+    before = made.control.state()
+    time.sleep(0.3)
+    after = made.control.state()
+    assert fastest_joint(made.control) < 1e-3
+    assert after["moves_started"] == before["moves_started"]
+    assert after["joints"] == pytest.approx(before["joints"], abs=1e-6)
+    assert after["digital_outputs"] == 0
+
+
+def come_to_rest(made: Bench) -> tuple[int, list[float]]:
+    """Moves begun so far, and where the arm stands once it rests."""
+    rests_after(made.control, 5.0)
+    state = made.control.state()
+    return state["moves_started"], state["joints"]
+
+
+def assert_equal_to_the_undisturbed(made: Bench, found: SessionResource, kept: dict[tuple[int, int], str]) -> None:
+    """The session is complete, no frame was lost or taken twice, and the result is that of the undisturbed run."""
+    assert made.undisturbed is not None
+    assert found.state is State.COMPLETED, found.reason
+    mine, other = (made.data / "sessions" / name for name in (found.id, made.undisturbed.session_id))
+    shots, wanted = frames(mine), frames(other)
+    assert sorted(shots) == sorted(wanted)
+    assert {key: shots[key] for key in kept if key in shots} == {key: kept[key] for key in kept if key in shots}
+    assert all(key in shots or key[1] >= 1000 for key in kept)  # repeated images have numbers of their own
+    on_disk = [path for path in mine.rglob("*.tiff") if path.parent.name == "shots" or path.name.startswith("dark_")]
+    assert len(on_disk) == len(wanted)
+    for number in (0, 1):
+        plans = [newest_plan(folder, number) for folder in (mine, other)]
+        positions = [np.array([light.position for light in plan.lights]) for plan in plans]
+        assert np.abs(positions[0] - positions[1]).max() <= PLACE_M
+        assert share_within(mine / f"results/{number}", other / f"results/{number}") >= SHARE
+
+
+def frames(folder: Path) -> dict[tuple[int, int], str]:
+    """SHA-256 by pass and number of the images that a session's manifest tells of, repeated ones left out."""
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    keys = [
+        (shot["key"]["pass_number"], shot["key"]["number"]) for shot in manifest["shots"] if shot["kind"] != "reference"
+    ]
+    assert len(keys) == len(set(keys))
+    return {
+        (shot["key"]["pass_number"], shot["key"]["number"]): shot["frame"]["sha256"]
+        for shot in manifest["shots"]
+        if shot["kind"] != "reference"
+    }
+
+
+def newest_plan(folder: Path, number: int) -> LightPlan:
+    """The plan of a pass that nobody has replaced."""
+    return LightPlan.model_validate_json((folder / f"passes/{number}/plan.json").read_bytes())
+
+
+def share_within(result: Path, other: Path) -> float:
+    """The share of the pixels that either result has a normal for, whose normals differ by at most NORMALS_DEG."""
+    normals = [tifffile.imread(folder / "normals.tiff").astype(np.float64) for folder in (result, other)]
+    masks = [cv2.imread(str(folder / "mask.png"), cv2.IMREAD_UNCHANGED) > 0 for folder in (result, other)]
+    either, both = masks[0] | masks[1], masks[0] & masks[1]
+    cross = np.linalg.norm(np.cross(normals[0], normals[1]), axis=-1)
+    angle_deg = np.degrees(np.arctan2(cross, np.sum(normals[0] * normals[1], axis=-1)))
+    return float(np.count_nonzero(both & (angle_deg <= NORMALS_DEG)) / np.count_nonzero(either))

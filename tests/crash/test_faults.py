@@ -1,0 +1,115 @@
+"""Faults of controller, links, lamp, camera and scene at a random moment of a session, mended by a person who resumes.
+
+Shards by `LIGHTPOSE_FAULTS=start:stop`; the number of a case is its seed and chooses the fault.
+"""
+
+import random
+import time
+from collections.abc import Generator
+from typing import Any
+
+import pytest
+
+from acquisition.session import State
+from api.client import Client, ProblemError
+from api.schemas import SessionResource
+from tests.crash.crashing import (
+    RECIPE,
+    Bench,
+    announced,
+    assert_equal_to_the_undisturbed,
+    assert_rests,
+    bench,
+    cases,
+    wait_for_stage,
+)
+
+pytestmark = pytest.mark.long
+
+FAULTS: tuple[dict[str, Any], ...] = (
+    {"kind": "protective_stop"},
+    {"kind": "safeguard_stop"},
+    {"kind": "emergency_stop"},
+    {"kind": "violation"},
+    {"kind": "power_off"},
+    {"kind": "program_stop"},
+    {"kind": "program_pause"},
+    {"kind": "local_mode"},
+    {"kind": "cut", "port": 30004},
+    {"kind": "cut", "port": 29999},
+    {"kind": "stall", "port": 30004, "seconds": 3.0},
+    {"kind": "half_packet"},
+    {"kind": "delay", "port": 30004, "latency_ms": 40, "jitter_ms": 20},
+    {"kind": "output_stuck", "output": 0, "level": False},
+    {"kind": "output_stuck", "output": 0, "level": True},
+    {"kind": "lamp", "fraction": 0.0},
+    {"kind": "dropped_frame"},
+    {"kind": "dropped_frame", "count": 5},
+    {"kind": "saturated_frame"},
+    {"kind": "speed_slider", "fraction": 0.3},
+    {"kind": "nudged_object", "shift_m": [0.006, 0.0, 0.0]},
+    {"kind": "restart"},
+)
+MOST_RESUMES = 6
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Generator[Bench, None, None]:
+    with bench(tmp_path_factory.mktemp("faults"), "127.0.14.20") as found:
+        yield found
+
+
+@pytest.mark.parametrize("case", cases("LIGHTPOSE_FAULTS", 100))
+def test_a_session_survives_a_fault_that_a_person_mends(made: Bench, case: int) -> None:
+    assert made.undisturbed is not None
+    chance = random.Random(case)  # noqa: S311 - a test's seed
+    fault = FAULTS[case % len(FAULTS)]
+    begins = [*made.undisturbed.stages, made.undisturbed.seconds]
+    number = chance.choice([2, 2, 6, *range(len(begins) - 1)])  # while images are taken, most often
+    delay_s = chance.uniform(0.0, begins[number + 1] - begins[number])
+    with made.serve() as client:
+        client.wait_ready()
+        session_id = client.create(RECIPE).id
+        client.start(session_id)
+        wait_for_stage(client, session_id, number)
+        time.sleep(delay_s)
+        made.control.fault(**fault)
+        found = client.wait(session_id)
+        kept = announced(made.data, session_id)
+        for _ in range(MOST_RESUMES):
+            if found.state is State.COMPLETED:
+                break
+            assert found.state in (State.INTERRUPTED, State.PAUSED), found.reason
+            assert_rests(made, session_id)
+            found = mend_and_resume(made, client, found, fault)
+        mend(made, fault)
+    assert_equal_to_the_undisturbed(made, found, kept)
+
+
+def mend(made: Bench, fault: dict[str, Any]) -> None:
+    """A person puts everything right again."""
+    made.control.fault("clear")
+    if fault["kind"] == "nudged_object":
+        x, y, z = made.control.state()["disturbances"]["object_shift_m"]
+        if (x, y, z) != (0.0, 0.0, 0.0):
+            made.control.fault("nudged_object", shift_m=[-x, -y, -z])
+    if fault["kind"] == "local_mode":
+        made.control.fault("remote_mode")
+    if fault["kind"] == "delay":
+        made.control.fault("delay", port=fault["port"], latency_ms=0, jitter_ms=0)
+
+
+def mend_and_resume(made: Bench, client: Client, found: SessionResource, fault: dict[str, Any]) -> SessionResource:
+    """Mends, looks, acknowledges and resumes, as often as the rig needs to come back."""
+    mend(made, fault)
+    deadline = time.monotonic() + 60
+    while True:
+        try:
+            client.acknowledge()
+            client.resume(found.id)
+        except ProblemError as error:
+            if time.monotonic() > deadline:
+                raise AssertionError(f"nobody may resume: {error}") from error
+            time.sleep(0.3)
+            continue
+        return client.wait(found.id)

@@ -1,0 +1,131 @@
+"""A disk that is full before the start or fills up in the middle: refused, survived, resumed.
+
+Shards by `LIGHTPOSE_FULL_DISKS=start:stop`. The data folder is a small file system of its own, so that it is really
+full; where this process may not mount one, the cases are skipped.
+"""
+
+import os
+import random
+import shutil
+import subprocess
+import time
+from collections.abc import Generator
+from pathlib import Path
+
+import pytest
+
+from acquisition.errors import ErrorCode
+from acquisition.session import State
+from acquisition.store.folder import KEPT_FREE_BYTES
+from api.client import Client, ProblemError
+from api.schemas import SessionResource
+from tests.crash.crashing import (
+    RECIPE,
+    Bench,
+    announced,
+    assert_equal_to_the_undisturbed,
+    assert_rests,
+    bench,
+    cases,
+    wait_for_stage,
+)
+
+pytestmark = pytest.mark.long
+
+SIZE_MB = 256
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Generator[Bench, None, None]:
+    folder = tmp_path_factory.mktemp("full")
+    data = folder / "data"
+    data.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", f"size={SIZE_MB}m", "lightpose-test", str(data)],
+        capture_output=True,
+        check=False,
+    )
+    if mounted.returncode:
+        pytest.skip("this process may not mount a file system")
+    try:
+        with bench(folder, "127.0.14.30", data) as found:
+            yield found
+    finally:
+        subprocess.run(["umount", str(data)], check=True)
+
+
+def fill(data: Path, leave: int) -> Path:
+    """Leaves so many bytes free."""
+    filler = data / "filler"
+    with filler.open("wb") as file:
+        while (size := shutil.disk_usage(data).free - leave) > 0:
+            try:
+                file.write(b"\0" * min(size, 1 << 20))
+                file.flush()
+            except OSError:
+                break
+    return filler
+
+
+@pytest.mark.parametrize("case", cases("LIGHTPOSE_FULL_DISKS", 10))
+def test_a_session_survives_a_disk_that_fills_up(made: Bench, case: int) -> None:
+    assert made.undisturbed is not None
+    chance = random.Random(case)  # noqa: S311 - a test's seed
+    begins = [*made.undisturbed.stages, made.undisturbed.seconds]
+    number = case % (len(begins) - 2)
+    delay_s = chance.uniform(0.0, begins[number + 1] - begins[number])
+    with made.serve() as client:
+        client.wait_ready()
+        session_id = client.create(RECIPE).id
+        client.start(session_id)
+        wait_for_stage(client, session_id, number)
+        time.sleep(delay_s)
+        filler = fill(made.data, 0 if case % 2 else KEPT_FREE_BYTES // 2)
+        try:
+            found = until_it_waits(client, session_id)
+            assert_rests(made, session_id)
+        finally:
+            os.unlink(filler)
+        kept = announced(made.data, session_id)
+        if found.state is not State.COMPLETED:
+            found = client.wait(session_id)  # a disk without a byte left tells of its pause when there is room again
+            assert found.state is State.PAUSED, found
+            assert found.reason is not None
+            assert found.reason.code is ErrorCode.STORE_DISK_FULL
+            client.resume(session_id)
+            found = client.wait(session_id)
+    assert_equal_to_the_undisturbed(made, found, kept)
+
+
+def until_it_waits(client: Client, session_id: str) -> SessionResource:
+    """The session once it has ended or paused, or has gone no further for a while."""
+    deadline = time.monotonic() + 20
+    last, since = None, time.monotonic()
+    while time.monotonic() < deadline:
+        found = client.session(session_id)
+        if found.state is not State.RUNNING:
+            return found
+        if (found.stage, found.progress) != last:
+            last, since = (found.stage, found.progress), time.monotonic()
+        if time.monotonic() - since > 5:
+            return found
+        time.sleep(0.1)
+    return client.session(session_id)
+
+
+def test_a_session_that_does_not_fit_is_refused_before_anything_moves(made: Bench) -> None:
+    with made.serve() as client:
+        client.wait_ready()
+        session_id = client.create(RECIPE).id
+        moves = made.control.state()["moves_started"]
+        filler = fill(made.data, KEPT_FREE_BYTES + 1000)
+        try:
+            with pytest.raises(ProblemError) as refused:
+                client.start(session_id)
+        finally:
+            os.unlink(filler)
+        assert refused.value.code is ErrorCode.STORE_DISK_FULL
+        assert refused.value.context["free_bytes"] < refused.value.context["needed_bytes"]
+        assert client.session(session_id).state is State.CREATED
+        assert made.control.state()["moves_started"] == moves
+        client.stop(session_id)

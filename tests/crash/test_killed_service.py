@@ -1,0 +1,63 @@
+"""SIGKILL of the service at a random moment of a session, restart, resume: nothing is lost, nothing moves by itself.
+
+Shards by `LIGHTPOSE_CRASHES=start:stop`; the number of a case is its seed. The cases take the stages in turn, and a
+random moment of the stage.
+"""
+
+import random
+import time
+from collections.abc import Generator
+
+import pytest
+
+from acquisition.session import State
+from tests.crash.crashing import (
+    RECIPE,
+    Bench,
+    announced,
+    assert_equal_to_the_undisturbed,
+    assert_rests,
+    bench,
+    cases,
+    come_to_rest,
+    wait_for_stage,
+)
+
+pytestmark = pytest.mark.long
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Generator[Bench, None, None]:
+    with bench(tmp_path_factory.mktemp("killed"), "127.0.14.10") as found:
+        yield found
+
+
+@pytest.mark.parametrize("case", cases("LIGHTPOSE_CRASHES", 200))
+def test_a_killed_session_ends_as_if_nothing_had_happened(made: Bench, case: int) -> None:
+    assert made.undisturbed is not None
+    chance = random.Random(case)  # noqa: S311 - a test's seed
+    begins = [*made.undisturbed.stages, made.undisturbed.seconds]
+    number = case % (len(begins) - 1)
+    delay_s = chance.uniform(0.0, begins[number + 1] - begins[number])
+    with made.serve() as client:
+        client.wait_ready()
+        session_id = client.create(RECIPE).id
+        client.start(session_id)
+        wait_for_stage(client, session_id, number)
+        time.sleep(delay_s)
+        made.kill()
+    moves, joints = come_to_rest(made)
+    kept = announced(made.data, session_id)
+    with made.serve() as client:
+        found = client.session(session_id)
+        assert_rests(made, session_id)
+        state = made.control.state()
+        assert state["moves_started"] == moves
+        assert state["joints"] == pytest.approx(joints, abs=1e-6)
+        if found.state is not State.COMPLETED:  # the last moments of a session may be over when the signal comes
+            assert found.state is State.INTERRUPTED
+            assert found.reason is not None
+            assert found.reason.code == "service.restarted"
+            client.resume(session_id)
+            found = client.wait(session_id)
+    assert_equal_to_the_undisturbed(made, found, kept)
