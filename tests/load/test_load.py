@@ -1,0 +1,237 @@
+"""A session while a hundred listen, twenty of them stalled, and fifty poll: the arm's loop keeps its time, nobody
+misses an event, a stop is as quick as ever; and two hundred sessions leave the memory as it was.
+
+The figures are printed: `pytest -m long -s tests/load`. The arm moves at life speed; cell, service and crowd are
+processes of their own.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Generator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from acquisition import config
+from acquisition.session import ENDED, State
+from acquisition.types import Recipe
+from api.client import Client
+from api.keys import Role
+from hardware_sim.cell import Cell
+from hardware_sim.controller.control import ControlClient
+from hardware_sim.controller.trace import MAGIC
+from tests.end_to_end.processes import Service, serving
+from tests.model.quick_rig import quick_service
+
+CELL_FILE = Path(__file__).parents[2] / "deploy" / "cell.test.toml"
+LISTENERS, STALLED, POLLERS = 80, 20, 50
+SHARDS = 5
+TRIALS = int(os.environ.get("LIGHTPOSE_CASES", "40"))
+"""Stops of each shard."""
+SESSIONS = int(os.environ.get("LIGHTPOSE_SESSIONS", "200"))
+"""Sessions over which the memory is watched."""
+LATE_S = 0.05
+STOP_S = 0.3
+AT_REST_RAD_S = 0.01
+WARMING_UP = 0.2
+"""Share of the sessions in which caches fill."""
+GROWTH_BYTES = 8 << 20
+ROW = np.dtype([("time", "<f8"), ("joints", "<f8", 6), ("rest", "V32")])
+NEWEST_ROWS = 10_000  # 20 s
+
+LONG_WAY = Recipe(method="two-rings", pilot_lights=4, planned_lights=4)
+SHORT = Recipe(pilot_lights=3, planned_lights=0)
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """A cell with its service."""
+
+    service: Service
+    client: Client
+    record: Path
+    address: str
+    deceleration: float
+
+
+@contextmanager
+def bench(folder: Path, address: str, speed: float) -> Generator[Loaded]:
+    """A cell whose ticks are recorded, and its service."""
+    record = folder / "ticks.bin"
+    with ExitStack() as stack:
+        cell = stack.enter_context(
+            Cell(
+                address, "sphere", 1, "ideal", speed,
+                folder=folder / "cell", pixels=96, cell_file=CELL_FILE, record=record,
+            )
+        )  # fmt: skip
+        service = stack.enter_context(serving(cell, folder / "data"))
+        client = stack.enter_context(Client(service.url))
+        client.wait_ready(90)
+        yield Loaded(service, client, record, address, config.load(cell.cell_file).arm.stop_deceleration_rad_s2)
+
+
+class Crowd:
+    """A running `tests.load.crowd`."""
+
+    def __init__(self, url: str, listeners: int, stalled: int, pollers: int, key: str = "none") -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "tests.load.crowd", url, str(listeners), str(stalled), str(pollers)],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[2],
+            env={**os.environ, "LIGHTPOSE_KEY": key},
+        )  # fmt: skip
+        assert self._process.stdout is not None
+        assert self._process.stdout.readline() == "ready\n"
+
+    def __enter__(self) -> "Crowd":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.wait()
+
+    def told(self, last_event: int) -> dict[str, Any]:
+        """What all have seen up to this event."""
+        answer, _ = self._process.communicate(f"{last_event}\n", timeout=120)
+        return json.loads(answer)
+
+
+def last_event(service: Service) -> int:
+    return int(figure(service, "lightpose_events_total"))
+
+
+def figure(service: Service, name: str) -> float:
+    """One of the service's figures for monitoring."""
+    text = httpx.get(f"{service.url}/metrics", timeout=30, trust_env=False).text
+    found = re.search(rf"^{re.escape(name)} (\S+)$", text, re.MULTILINE)
+    assert found is not None, name
+    return float(found[1])
+
+
+@pytest.fixture(scope="module")
+def at_life_speed(tmp_path_factory: pytest.TempPathFactory) -> Generator[Loaded]:
+    with bench(tmp_path_factory.mktemp("load"), "127.0.15.20", 1.0) as made:
+        yield made
+
+
+def test_a_small_crowd_misses_nothing(tmp_path: Path) -> None:
+    with quick_service(tmp_path, "127.0.15.21") as (server, _, url, secrets):
+        journal = server.service.store.journal
+        with Client(url, key=secrets[Role.OPERATOR]) as client, Crowd(url, 8, 2, 5, secrets[Role.OPERATOR]) as crowd:
+            assert client.capture(SHORT, progress=False).state is State.COMPLETED
+            told = crowd.told(journal.last_event_id())
+
+    assert told["heard_all_in_order"] == 10
+    assert told["polls_refused"] == 0
+
+
+@pytest.mark.long
+def test_the_arms_loop_keeps_its_time_and_nobody_misses_an_event(at_life_speed: Loaded) -> None:
+    client = at_life_speed.client
+    with Crowd(at_life_speed.service.url, LISTENERS, STALLED, POLLERS) as crowd:
+        for _ in range(4):
+            assert client.capture(LONG_WAY, progress=False).state is State.COMPLETED
+        told = crowd.told(last_event(at_life_speed.service))
+
+    renewals = figure(at_life_speed.service, "lightpose_lease_renewals")
+    late_s = figure(at_life_speed.service, 'lightpose_lease_lateness_seconds{quantile="0.99"}')
+    worst_s = figure(at_life_speed.service, 'lightpose_lease_lateness_seconds{quantile="1.0"}')
+    print(f"\nlateness of {renewals:.0f} turns: p99 {1e3 * late_s:.1f} ms, most {1e3 * worst_s:.1f} ms; {told}")
+    assert renewals >= 100
+    assert late_s <= LATE_S
+    assert told["heard_all_in_order"] == told["listeners"] == LISTENERS + STALLED
+    assert told["polls_refused"] == 0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("shard", range(SHARDS))
+def test_a_stop_under_load_is_as_quick_as_it_must_be(at_life_speed: Loaded, shard: int) -> None:
+    client, margins, latencies = at_life_speed.client, [], []
+    with (
+        Crowd(at_life_speed.service.url, LISTENERS, STALLED, POLLERS) as crowd,
+        ControlClient(at_life_speed.address) as control,
+    ):
+        for trial in range(TRIALS):
+            session_id = client.create(LONG_WAY).id
+            client.start(session_id)
+            wait_until_fast(control)
+            time.sleep(0.01 * (trial % 20))  # anywhere in a move
+            state = control.state()
+            client.halt()
+            while client.session(session_id).state not in ENDED:
+                time.sleep(0.05)
+            time.sleep(0.2)
+            speed = max(map(abs, state["joint_speeds"]))
+            if speed < AT_REST_RAD_S:  # between two moves: there was nothing to stop
+                continue
+            took_s = came_to_rest(at_life_speed.record, state["timestamp"]) - state["timestamp"]
+            latencies.append(took_s)
+            margins.append(took_s - speed / at_life_speed.deceleration)
+        told = crowd.told(last_event(at_life_speed.service))
+
+    p99_s = float(np.quantile(margins, 0.99, method="higher"))
+    print(
+        f"\n{len(margins)} stops: to rest p50 {np.median(latencies):.3f} s, most {max(latencies):.3f} s; beyond the "
+        f"deceleration p50 {np.median(margins):.3f} s, p99 {p99_s:.3f} s; {told}"
+    )
+    assert len(margins) >= TRIALS / 2
+    assert p99_s <= STOP_S
+    assert told["heard_all_in_order"] == told["listeners"]
+
+
+@pytest.mark.long
+def test_the_memory_is_flat_over_many_sessions(tmp_path: Path) -> None:
+    sizes: list[int] = []
+    with bench(tmp_path, "127.0.15.22", 20.0) as made:
+        for _ in range(SESSIONS):
+            assert made.client.capture(SHORT, progress=False).state is State.COMPLETED
+            sizes.append(resident_bytes(made.service.process.pid))
+    kept = np.array(sizes[int(WARMING_UP * len(sizes)) :], dtype=float)
+    slope = np.polyfit(np.arange(len(kept)), kept, 1)[0]
+    print(
+        f"\n{len(sizes)} sessions: {sizes[0] / 1e6:.0f} MB after the first, {sizes[-1] / 1e6:.0f} MB after the last, "
+        f"{slope / 1e3:+.1f} kB a session once warm"
+    )
+    assert slope * len(kept) < GROWTH_BYTES
+
+
+def wait_until_fast(control: ControlClient) -> None:
+    """Returns when the arm moves in earnest."""
+    deadline = time.monotonic() + 60
+    while max(map(abs, control.state()["joint_speeds"])) < 0.3:
+        assert time.monotonic() < deadline, "the arm does not move"
+        time.sleep(0.005)
+
+
+def came_to_rest(record: Path, since: float) -> float:
+    """The controller's time (s) of the last tick after `since` with a joint faster than AT_REST_RAD_S."""
+    with record.open("rb") as file:
+        whole = (file.seek(0, os.SEEK_END) - len(MAGIC)) // ROW.itemsize
+        file.seek(len(MAGIC) + max(whole - NEWEST_ROWS, 0) * ROW.itemsize)
+        rows = np.frombuffer(file.read(min(whole, NEWEST_ROWS) * ROW.itemsize), dtype=ROW)
+    rows = rows[rows["time"] >= since]
+    speeds = np.abs(np.diff(rows["joints"], axis=0)).max(axis=1) / np.diff(rows["time"])
+    moving = np.flatnonzero(speeds > AT_REST_RAD_S)
+    return float(rows["time"][moving[-1] + 1]) if len(moving) else since
+
+
+def resident_bytes(pid: int) -> int:
+    """Memory of a process and of all that it has started, as /proc tells it."""
+    total = 0
+    for status in Path("/proc").glob("[0-9]*/status"):
+        try:
+            fields = dict(line.split(":", 1) for line in status.read_text().splitlines() if ":" in line)
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        if pid in (int(fields["Pid"]), int(fields["PPid"])) and "VmRSS" in fields:
+            total += int(fields["VmRSS"].split()[0]) * 1024
+    return total
