@@ -17,9 +17,10 @@ from datetime import datetime, timedelta
 from typing import Any, TypeVar
 
 from acquisition import guards, session
+from acquisition.capture import take
 from acquisition.compute import Compute
 from acquisition.devices import RecoveryStep, Rig, StopToken
-from acquisition.errors import ErrorCode, RigError, problem
+from acquisition.errors import ErrorCode, Halted, RigError, problem
 from acquisition.looking import Looking
 from acquisition.proposals import Proposals
 from acquisition.readiness import Readiness
@@ -29,7 +30,7 @@ from acquisition.session import Actor, Stage, State, Trigger
 from acquisition.steps import Steps
 from acquisition.store import SessionRow, Store
 from acquisition.turns import Turns
-from acquisition.types import Calibration, Recipe
+from acquisition.types import Calibration, JointPath, Recipe
 
 _log = logging.getLogger(__name__)
 
@@ -157,6 +158,24 @@ class Runner:
         self._store.journal.record_action(None, f"recover: {step}", actor, "asked")
         self._in_thread(lambda: self._rig.arm.recover(step))
 
+    def park(self, actor: str) -> None:
+        """Begins to bring the arm home, on a certified way from wherever it stands; the event `rig.parked` tells how it
+        ended.
+
+        Raises RigError rig.busy while a session holds the rig, waypoints.collision when no such way is known (somebody
+        must move the arm by hand), safety.not_acknowledged, and what devices report.
+        """
+        self._refuse_held()
+        self._monitor.clear()
+        self.looking.give_way()
+        self._in_thread(self._readiness.make_ready)
+        self._monitor.clear()
+        here = self._rig.arm.reading.joints
+        way: JointPath = self._compute.run(self._closing, "plan_retreat", here, self._rig.cell, self._calibration)
+        token = StopToken()
+        self._token = token
+        self._requests.put(lambda: self._parked(here, way, token, actor))
+
     def latched(self, latch: Latch) -> None:
         """A fault has appeared: halts, and interrupts the session that holds the rig; the monitor calls it."""
         self._token.set()
@@ -261,6 +280,24 @@ class Runner:
             self._rig.halt()
             self._requests.put(lambda: self._settled(session_id))
         return then
+
+    def _parked(self, here: tuple[float, ...], way: JointPath, token: StopToken, actor: str) -> None:
+        """Follows the way home in the runner's thread, unless something else has begun since it was planned."""
+        outcome = "another request came first"
+        journal = self._store.journal
+        if self._token is token and journal.holder() is None:
+            try:
+                if not session.same_place(self._rig.arm.reading.joints, here):
+                    raise RigError(ErrorCode.ARM_MOVE_FAILED, "The arm has been moved since the way was planned")
+                take.arrive(self._rig, way.path, way.speeds, token)
+                outcome = "at home"
+            except Halted:
+                outcome = "halted"
+            except RigError as error:
+                self._rig.halt()
+                outcome = f"halted: {error}" if token.is_set() else str(error)
+        journal.record_action(None, "park", actor, outcome)
+        journal.announce(None, "rig.parked", {"outcome": outcome})
 
     def _settled(self, session_id: str) -> None:
         self._turns.trigger(session_id, Trigger.SETTLE)

@@ -116,6 +116,34 @@ async def recover(service: ServiceOf, actor: Actor, request: RecoveryRequest) ->
     return Accepted(links={"safety": RIG_LINKS["safety"], "rig": RIG_LINKS["self"]})
 
 
+@router.post(
+    "/v1/rig/park",
+    tags=["rig"],
+    status_code=202,
+    responses=problems.declared(
+        ErrorCode.RIG_BUSY,
+        ErrorCode.RIG_NOT_READY,
+        ErrorCode.SAFETY_NOT_ACKNOWLEDGED,
+        ErrorCode.WAYPOINTS_COLLISION,
+        ErrorCode.ARM_UNREACHABLE,
+        ErrorCode.ARM_IN_USE,
+        ErrorCode.ARM_NOT_READY,
+        ErrorCode.ARM_PREFLIGHT,
+        ErrorCode.ARM_PROTECTIVE_STOP,
+        ErrorCode.ARM_EMERGENCY_STOP,
+        ErrorCode.CAMERA_UNREACHABLE,
+        ErrorCode.DRIVER_LOST,
+    ),
+)
+async def park(service: ServiceOf, actor: Actor) -> Accepted:
+    """Brings the arm home from wherever it stands, on a certified way; where there is none, a person must move it.
+
+    No session may hold the rig. The event `rig.parked` tells how it ended; `POST /v1/rig/stop` stops it.
+    """
+    await anyio.to_thread.run_sync(service.runner.park, actor, limiter=service.limits.start)
+    return Accepted(links={"rig": RIG_LINKS["self"], "stop": RIG_LINKS["stop"], "events": RIG_LINKS["events"]})
+
+
 @router.get(
     "/v1/rig/reach",
     tags=["rig"],

@@ -1,0 +1,103 @@
+"""An arm that differs from its drawings by millimetres: the lamp is where the log says, and where the plan wants it."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from acquisition import config, geometry, lamp_pose
+from acquisition.config import CellConfig
+from acquisition.devices import MotionLimits, StopToken
+from acquisition.devices.ur import primary
+from acquisition.devices.ur.arm import UrArm
+from acquisition.types import Light
+from acquisition.waypoints import as_built, kinematics
+from acquisition.waypoints.reach import refusals
+from acquisition.waypoints.roadmap import dome_lights
+from acquisition.waypoints.route import route
+from hardware_sim.controller.control import ControlClient
+from hardware_sim.controller.process import ControllerProcess
+from tests.acquisition.devices.arm_scenes import CELL, connected
+from tests.acquisition.waypoints.cells import DEPLOY
+
+ADDRESS = "127.0.13.10"
+SEED = 7  # of the factory calibration: 2.4 mm rms and up to 3.5 mm all over the dome
+CALIBRATION = config.load_calibration(DEPLOY / CELL.calibration)
+OBJECT_CENTER_M = np.array([0.0, 0.0, CELL.object.keep_out.height_m / 2])
+
+
+@pytest.fixture(scope="module")
+def control() -> Iterator[ControlClient]:
+    with (
+        ControllerProcess(ADDRESS, home=CELL.arm.home, calibration_seed=SEED, speed=10.0) as process,
+        process.control() as client,
+    ):
+        yield client
+
+
+@pytest.fixture(scope="module")
+def cell(control: ControlClient) -> CellConfig:
+    """The simulated cell with the calibration that the controller tells."""
+    told = primary.kinematics(ADDRESS)
+    assert told is not None
+    return CELL.model_copy(update={"arm": CELL.arm.model_copy(update={"address": ADDRESS, "kinematics": told})})
+
+
+def directions(lights: list[Light]) -> np.ndarray:
+    """Unit vectors (N, 3) from the object's centre to the lights, base frame."""
+    base_from_view = lamp_pose.base_from_view(CALIBRATION)
+    center = geometry.transform(CELL.object.keep_out.base_from_object.matrix, OBJECT_CENTER_M)
+    away = geometry.transform(base_from_view, np.array([light.position for light in lights])) - center
+    return away / np.linalg.norm(away, axis=1, keepdims=True)
+
+
+def rms_deg(one: list[Light], other: list[Light]) -> float:
+    """Root mean square of the angles between the directions to lights."""
+    sines = np.linalg.norm(np.cross(directions(one), directions(other)), axis=1)
+    return float(np.degrees(np.sqrt(np.mean(np.arcsin(sines) ** 2))))
+
+
+def test_lights_stand_where_they_are_logged_and_where_they_are_wanted(cell: CellConfig, control: ControlClient) -> None:
+    lights = dome_lights(cell, CALIBRATION, 40)[::3]
+    wanted = [light for light, no in zip(lights, refusals(lights, cell, CALIBRATION), strict=True) if no is None][:10]
+    planned = route(wanted, cell.arm.home, cell, CALIBRATION)
+    logged: list[Light] = []
+    true: list[Light] = []
+    with connected(UrArm(cell.arm, cell.lamp.output)) as arm:
+        assert arm.preflight() == []
+        for waypoint in planned.waypoints:
+            limits = [MotionLimits(speed, cell.arm.max_joint_acceleration_rad_s2) for speed in waypoint.speeds]
+            arm.move(waypoint.path, limits, StopToken())
+            logged.append(lamp_pose.light_from_tool(arm.reading.base_from_tool, CALIBRATION))
+            true.append(lamp_pose.light_from_tool(np.array(control.state()["base_from_tool"]), CALIBRATION))
+    aimed = [waypoint.light for waypoint in planned.waypoints]
+    joints = np.array([waypoint.joints for waypoint in planned.waypoints])
+    flange = kinematics.forward(kinematics.arm_model(cell.arm.model), joints)[:, 6]
+    drawn = [lamp_pose.light_from_tool(pose @ cell.arm.flange_from_tool.matrix, CALIBRATION) for pose in flange]
+    off = [np.subtract(one.position, other.position) for one, other in zip(drawn, true, strict=True)]
+    error_mm = 1e3 * np.sqrt(np.mean(np.sum(np.square(off), axis=1)))
+    print(
+        f"\n{error_mm:.2f} mm rms off; true to logged {rms_deg(true, logged):.5f}°, planned {rms_deg(true, aimed):.5f}°,"
+        f" drawings' {rms_deg(true, drawn):.3f}°"
+    )
+    assert error_mm > 1.5
+    assert rms_deg(true, logged) < 0.1
+    assert rms_deg(true, aimed) < 0.1
+    assert rms_deg(true, drawn) > 0.1, "nominal kinematics would not have done"
+
+
+def test_another_arm_than_the_calibrated_one_is_found(cell: CellConfig, control: ControlClient) -> None:
+    told = cell.arm.kinematics
+    assert told is not None
+    others = [told[0].model_copy(update={"a_m": told[0].a_m + 0.001}), *told[1:]]
+    arm = UrArm(cell.arm.model_copy(update={"kinematics": others}), cell.lamp.output)
+    chain = as_built.chain(others)
+
+    def expected(joints: tuple[float, ...]) -> np.ndarray:
+        return as_built.forward(chain, np.array([joints]))[0, 6] @ cell.arm.flange_from_tool.matrix
+
+    arm.expected_pose = expected
+    with connected(arm):
+        found = [finding.what for finding in arm.preflight()]
+    assert "factory calibration" in found[0]
+    assert "1.0 mm" in found[1]

@@ -1,0 +1,101 @@
+"""Bringing the arm home from wherever it was left, through the runner and the simulated controller."""
+
+import time
+from collections.abc import Generator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from acquisition.errors import ErrorCode, RigError
+from acquisition.runner import Runner
+from acquisition.session import same_place
+from acquisition.store import Store
+from acquisition.types import Joints
+from api import settings, wiring
+from hardware_sim.cell import Cell
+from hardware_sim.controller.control import ControlClient
+
+ADDRESS = "127.0.13.20"
+CELL_FILE = Path(__file__).parents[2] / "deploy" / "cell.test.toml"
+
+
+@dataclass(frozen=True)
+class Rig:
+    runner: Runner
+    store: Store
+    control: ControlClient
+    home: Joints
+
+    def outcome(self) -> str:
+        """How the newest parking ended; waits for it."""
+        deadline = time.monotonic() + 30
+        while True:
+            ended = list(self.store.journal.events(0, types=("rig.parked",)))
+            if len(ended) > self.seen:
+                object.__setattr__(self, "seen", len(ended))
+                return str(ended[-1].body["outcome"])
+            assert time.monotonic() < deadline, "parking did not end"
+            time.sleep(0.02)
+
+    seen: int = 0
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[Rig, None, None]:
+    folder = tmp_path_factory.mktemp("park")
+    with Cell(ADDRESS, "sphere", 1, "ideal", 4.0, folder=folder / "cell", pixels=64, cell_file=CELL_FILE) as cell:
+        service = wiring.build(settings.read(cell=cell.cell_file, data=folder / "data"))
+        service.open()
+        with ControlClient(cell.address) as control:
+            yield Rig(service.runner, service.store, control, service.cell.arm.home)
+        service.close()
+
+
+def left_at(rig: Rig, joints: tuple[float, ...]) -> None:
+    """Somebody stops the program at the pendant, moves the arm by hand, and says that all is clear."""
+    rig.control.fault("program_stop")
+    rig.control.fault("hand_move", joints=list(joints), seconds=0.0)
+    rig.control.fault("clear")
+    deadline = time.monotonic() + 10
+    while not same_place(rig.runner.status().reading.joints, joints):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    rig.runner.acknowledge("a")
+
+
+def test_an_arm_that_was_left_somewhere_goes_home(rig: Rig) -> None:
+    rig.runner.park("a")
+    assert rig.outcome() == "at home"
+    left_at(rig, (rig.home[0] + 1.2, rig.home[1] - 0.3, *rig.home[2:5], rig.home[5] + 0.5))
+    rig.runner.park("a")
+    assert rig.outcome() == "at home"
+    assert same_place(tuple(rig.control.state()["joints"]), rig.home)
+    assert rig.control.state()["collisions"] == 0
+
+
+def test_a_stop_ends_it(rig: Rig) -> None:
+    left_at(rig, (rig.home[0] + 2.5, *rig.home[1:]))
+    rig.runner.park("a")
+    deadline = time.monotonic() + 20
+    while max(map(abs, rig.control.state()["joint_speeds"])) < 0.1:
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+    rig.runner.halt("b")
+    assert rig.outcome().startswith("halted")
+    before = rig.control.state()["joints"]
+    time.sleep(0.3)
+    assert rig.control.state()["joints"] == before
+    assert not same_place(tuple(before), rig.home)
+    rig.runner.park("a")
+    assert rig.outcome() == "at home"
+
+
+def test_where_no_way_is_known_a_person_must_move_it(rig: Rig) -> None:
+    near_the_table = (rig.home[0] + 1.5, -0.135, 0.3, 0.0, 0.0, 0.0)  # 9 mm above it
+    left_at(rig, near_the_table)
+    with pytest.raises(RigError) as refused:
+        rig.runner.park("a")
+    assert refused.value.code is ErrorCode.WAYPOINTS_COLLISION
+    assert "by hand" in refused.value.detail
+    assert same_place(tuple(rig.control.state()["joints"]), near_the_table)
