@@ -9,7 +9,7 @@ What is done with an answer, and how a broken stream of events is taken up again
 import asyncio
 import hashlib
 import time
-from collections.abc import AsyncGenerator, Callable
+from collections.abc import AsyncGenerator, Callable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -19,12 +19,13 @@ from httpx_sse import aconnect_sse
 
 from acquisition.errors import ErrorCode
 from acquisition.session import State
-from acquisition.types import Recipe, SolveSettings
+from acquisition.types import Recipe, SolveSettings, Vector3
 from api.answers import ModelT, ProblemError, completed, parsed, raise_problem
 from api.client import TIMEOUT_S, headers_with
 from api.following import PATIENCE_S, Bar, Place, goes_on_by_itself, past, rests
 from api.schemas import (
     ActionAccepted,
+    DryRunResource,
     EventResource,
     Page,
     PassResource,
@@ -138,9 +139,14 @@ class AsyncClient:
         """Pauses a session after its present step."""
         return await self.act(session_id, "pause")
 
-    async def resume(self, session_id: str) -> State:
-        """Goes on with a session that was paused or interrupted."""
-        return await self.act(session_id, "resume")
+    async def resume(self, session_id: str, *, from_here: bool = False) -> State:
+        """Goes on with a session that was paused or interrupted.
+
+        With `from_here` a person lets the arm go on from where it stands, although it was moved meanwhile.
+        """
+        body = {"action": "resume", "from_here": from_here}
+        answer = await self._send("POST", f"/v1/sessions/{session_id}/actions", json=body)
+        return parsed(answer, ActionAccepted).state
 
     async def stop(self, session_id: str) -> State:
         """Stops a session, at once."""
@@ -158,6 +164,17 @@ class AsyncClient:
     async def one_pass(self, session_id: str, number: int) -> PassResource:
         """One pass: plan, route, shots."""
         return await self._get(f"/v1/sessions/{session_id}/passes/{number}", PassResource)
+
+    async def replace_plan(self, session_id: str, number: int, lights: Sequence[Vector3]) -> PassResource:
+        """Puts lights of one's own (m, view frame) in the place of a plan that waits for review."""
+        body = {"lights": [list(position) for position in lights]}
+        answer = await self._send("PUT", f"/v1/sessions/{session_id}/passes/{number}/plan", json=body)
+        return parsed(answer, PassResource)
+
+    async def dry_run(self, recipe: Recipe) -> DryRunResource:
+        """What the first pass of a recipe would do: lights, way, time; nothing moves."""
+        answer = await self._send("POST", "/v1/dry-runs", json=recipe.model_dump(mode="json"))
+        return parsed(answer, DryRunResource)
 
     async def results(self, session_id: str) -> list[ResultResource]:
         """The results so far, oldest first."""

@@ -11,7 +11,7 @@ again from the last event seen. Every refusal of the service is a `ProblemError`
 import hashlib
 import os
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -21,11 +21,12 @@ from httpx_sse import connect_sse
 
 from acquisition.errors import ErrorCode
 from acquisition.session import State
-from acquisition.types import Recipe, SolveSettings
+from acquisition.types import Recipe, SolveSettings, Vector3
 from api.answers import ModelT, ProblemError, completed, parsed, raise_problem
 from api.following import PATIENCE_S, Bar, Place, goes_on_by_itself, past, rests
 from api.schemas import (
     ActionAccepted,
+    DryRunResource,
     EventResource,
     Page,
     PassResource,
@@ -147,9 +148,14 @@ class Client:
         """Pauses a session after its present step."""
         return self.act(session_id, "pause")
 
-    def resume(self, session_id: str) -> State:
-        """Goes on with a session that was paused or interrupted."""
-        return self.act(session_id, "resume")
+    def resume(self, session_id: str, *, from_here: bool = False) -> State:
+        """Goes on with a session that was paused or interrupted.
+
+        With `from_here` a person lets the arm go on from where it stands, although it was moved meanwhile.
+        """
+        body = {"action": "resume", "from_here": from_here}
+        answer = self._send("POST", f"/v1/sessions/{session_id}/actions", json=body)
+        return parsed(answer, ActionAccepted).state
 
     def stop(self, session_id: str) -> State:
         """Stops a session, at once."""
@@ -167,6 +173,17 @@ class Client:
     def one_pass(self, session_id: str, number: int) -> PassResource:
         """One pass: plan, route, shots."""
         return self._get(f"/v1/sessions/{session_id}/passes/{number}", PassResource)
+
+    def replace_plan(self, session_id: str, number: int, lights: Sequence[Vector3]) -> PassResource:
+        """Puts lights of one's own (m, view frame) in the place of a plan that waits for review."""
+        body = {"lights": [list(position) for position in lights]}
+        answer = self._send("PUT", f"/v1/sessions/{session_id}/passes/{number}/plan", json=body)
+        return parsed(answer, PassResource)
+
+    def dry_run(self, recipe: Recipe) -> DryRunResource:
+        """What the first pass of a recipe would do: lights, way, time; nothing moves."""
+        answer = self._send("POST", "/v1/dry-runs", json=recipe.model_dump(mode="json"))
+        return parsed(answer, DryRunResource)
 
     def results(self, session_id: str) -> list[ResultResource]:
         """The results so far, oldest first."""

@@ -72,6 +72,18 @@ def test_roles(locked: Any, secrets: SECRETS) -> None:
     assert http.delete(made.headers["location"], headers=admin).status_code == 204
 
 
+def test_a_session_offers_each_key_what_it_may_do(locked: Any, secrets: SECRETS) -> None:
+    bearer = {role: {"Authorization": f"Bearer {secret}"} for role, secret in secrets.items()}
+    made = locked.http.post("/v1/sessions", json={}, headers=bearer[Role.OPERATOR]).json()
+
+    offered = {
+        role: locked.http.get(made["links"]["self"], headers=bearer[role]).json()["allowed_actions"] for role in Role
+    }
+
+    assert made["allowed_actions"] == ["start", "stop"]
+    assert offered == {Role.VIEWER: [], Role.OPERATOR: ["start", "stop"], Role.ADMIN: ["start", "stop"]}
+
+
 def test_every_key_may_stop_and_the_journal_names_it(locked: Any, secrets: SECRETS) -> None:
     made = locked.http.post("/v1/sessions", json={}, headers=as_(Role.OPERATOR, secrets)).headers["location"]
     assert locked.http.post("/v1/rig/stop", headers=as_(Role.VIEWER, secrets)).status_code == 202

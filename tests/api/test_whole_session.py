@@ -226,6 +226,60 @@ def test_capture_shows_progress_and_raises_what_went_wrong(
     assert live.client.rig().may_start
 
 
+def test_a_dry_run_tells_lights_way_and_time_and_keeps_nothing(live: Any, done: tuple[Any, list[Any]]) -> None:
+    session, _ = done
+    before = [item.id for item in live.client.sessions()]
+
+    answer = live.http.post("/v1/dry-runs", json=RECIPE.model_dump(mode="json"), timeout=60)
+
+    assert answer.status_code == 200
+    found = answer.json()
+    wanted = live.client.one_pass(session.id, 0).plan.model_dump(mode="json")
+    assert found["plan"]["lights"] == wanted["lights"]
+    assert sorted(found["route"]["light_numbers"]) == [0, 1, 2]
+    assert found["seconds"] > found["route"]["seconds"] > 0
+    assert [item.id for item in live.client.sessions()] == before
+    far = Recipe(method="user", user_lights=[(0.0, 0.0, 5.0), (0.1, 0.0, 5.0), (0.0, 0.1, 5.0)])
+    refused = live.http.post("/v1/dry-runs", json=far.model_dump(mode="json"), timeout=60)
+    assert refused.status_code == 422
+    assert refused.json()["code"] in ("waypoints.unreachable", "plan.infeasible")
+
+
+def test_a_plan_is_reviewed_over_http(live: Any, done: tuple[Any, list[Any]]) -> None:
+    created = live.client.create(Recipe(method="random", pilot_lights=3, planned_lights=0, review_plan=True))
+    live.client.start(created.id)
+    waiting = live.client.wait(created.id)
+    assert waiting.state is State.PAUSED
+    assert waiting.reason.code is ErrorCode.PLAN_TO_REVIEW
+    assert waiting.allowed_actions == ["resume", "stop"]
+    address = f"/v1/sessions/{created.id}/passes/0/plan"
+    planned = live.client.one_pass(created.id, 0).plan
+    moved = [list(light.position) for light in planned.lights[::-1]]
+
+    far = live.http.put(address, json={"lights": [moved[0], [0.0, 0.0, 5.0]]}, timeout=60)
+    taken = live.http.put(address, json={"lights": moved}, timeout=60)
+
+    assert far.status_code == 422
+    assert far.json()["code"] == ErrorCode.WAYPOINTS_UNREACHABLE
+    assert [light["number"] for light in far.json()["lights"]] == [1]
+    assert taken.status_code == 200
+    assert [light["position"] for light in taken.json()["plan"]["lights"]] == moved
+    assert live.client.one_pass(created.id, 0).plan.method == "user"
+    live.client.stop(created.id)
+    assert live.client.wait(created.id).state is State.STOPPED
+    late = live.http.put(address, json={"lights": moved})
+    assert late.status_code == 409
+    assert late.json()["allowed"] == []
+
+
+def test_recovery_is_the_pendants_unless_the_cell_file_says_otherwise(live: Any, done: tuple[Any, list[Any]]) -> None:
+    refused = live.http.post("/v1/rig/safety/recovery", json={"step": "unlock"})
+
+    assert refused.status_code == 403
+    assert refused.json()["code"] == ErrorCode.SAFETY_RECOVERY_FORBIDDEN
+    assert live.http.post("/v1/rig/safety/recovery", json={"step": "jump"}).status_code == 422
+
+
 def test_a_session_that_was_served_elsewhere_is_not_waited_for_in_vain(live: Any, done: tuple[Any, list[Any]]) -> None:
     session, heard = done
     again: list[Any] = []
