@@ -1,6 +1,12 @@
-"""What `lightpose check` says of a cell before anything moves: each thing that is wrong, with its remedy."""
+"""What `lightpose check` says of a cell before anything moves: each thing that is wrong, with its remedy.
 
-import socket
+It goes on after a finding, so that one visit to the cell mends all: files, calibration's age, reach and route, arm
+(and each setting in which it differs from the cell file), camera. Beside a running service the arm is in use, and is
+told so.
+"""
+
+from collections.abc import Callable
+from datetime import datetime, timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -10,31 +16,69 @@ from acquisition import config, jobs
 from acquisition.config import CellConfig
 from acquisition.devices.ur import primary
 from acquisition.errors import PROBLEMS, ErrorCode, RigError
+from acquisition.store.folder import require_space
 from acquisition.types import Calibration, Recipe
 from acquisition.waypoints.reach import ReachMap
-from api import wiring
-
-PROBE_S = 2.0
+from api import keys, wiring
 
 
-def check(cell_file: Path, *, offline: bool) -> bool:
-    """Checks a cell and prints what it finds; True when nothing is wrong. Moves nothing."""
+def check(cell_file: Path, *, offline: bool, data: Path | None = None) -> bool:
+    """Checks a cell, and where given the service's data folder, and prints what it finds; True when nothing is wrong.
+
+    Moves nothing.
+    """
     console = Console(highlight=False, soft_wrap=True)
-    good = True
+    found: list[bool] = []
+    if data is not None:
+        found.append(_told(console, lambda: _data(console, data)))
     try:
         cell = config.load(cell_file)
-        calibration = config.load_calibration(cell_file.parent / cell.calibration)
-        console.print(
-            f"ok    cell '{cell.name}': {cell.arm.model} at {cell.arm.address}, fingerprint {cell.fingerprint[:12]}"
-        )
-        console.print(f"ok    calibration of {calibration.made_at}: {calibration.width} × {calibration.height} pixels")
-        _motions(console, cell, calibration)
     except RigError as error:
         _tell(console, error)
-        good = False
+        return False
+    console.print(
+        f"ok    cell '{cell.name}': {cell.arm.model} at {cell.arm.address}, fingerprint {cell.fingerprint[:12]}"
+    )
+    found.append(_told(console, lambda: _reckoned(console, cell, cell_file)))
+    if not offline:
+        found.append(_told(console, lambda: _arm(console, cell)))
+        found.append(_told(console, lambda: _as_built(console, cell)))
+        found.append(_told(console, lambda: _camera(console, cell)))
+    return all(found)
+
+
+def _told(console: Console, part: Callable[[], bool]) -> bool:
+    """Whether a part of the check finds nothing wrong; what it raises is told."""
+    try:
+        return part()
+    except RigError as error:
+        _tell(console, error)
+        return False
+
+
+def _data(console: Console, data: Path) -> bool:
+    """Whether the data folder's keys can be read, and room for a session."""
+    content = keys.read(keys.path_in(data))
+    if content is None:
+        console.print("ok    no keys: only this machine may call, and whoever is on it is an operator")
     else:
-        if not offline:
-            good = _devices(console, cell)
+        console.print(f"ok    {len(content.keys)} keys may call")
+    there = next(folder for folder in (data, *data.resolve().parents) if folder.is_dir())
+    require_space(there, 0)
+    console.print(f"ok    data folder {data}")
+    return True
+
+
+def _reckoned(console: Console, cell: CellConfig, cell_file: Path) -> bool:
+    """All that can be said without devices: the calibration, its age, and what the arm can reach."""
+    calibration = config.load_calibration(cell_file.parent / cell.calibration)
+    console.print(f"ok    calibration of {calibration.made_at}: {calibration.width} × {calibration.height} pixels")
+    valid_until = datetime.fromisoformat(calibration.made_at) + timedelta(days=calibration.valid_days)
+    good = datetime.now().astimezone() < valid_until
+    if not good:
+        console.print(f"WRONG {ErrorCode.RIG_NOT_READY}: the calibration is out of date since {valid_until:%Y-%m-%d}")
+        console.print("        what to do: calibrate again; no session starts before.")
+    _motions(console, cell, calibration)
     return good
 
 
@@ -55,38 +99,37 @@ def _motions(console: Console, cell: CellConfig, calibration: Calibration) -> No
     console.print(f"ok    route of the pilot: {route.seconds:.1f} s of moves, at best {route.lower_bound_s:.1f} s")
 
 
-def _devices(console: Console, cell: CellConfig) -> bool:
-    good = True
-    for code, name, address, port in (
-        (ErrorCode.ARM_UNREACHABLE, "arm, dashboard", cell.arm.address, 29999),
-        (ErrorCode.ARM_UNREACHABLE, "arm, RTDE", cell.arm.address, 30004),
-    ):
-        try:
-            socket.create_connection((address, port), PROBE_S).close()
-        except OSError as error:
-            _tell(console, RigError(code, f"{name} at {address}:{port}: {error}"))
-            good = False
-        else:
-            console.print(f"ok    {name} answers at {address}:{port}")
+def _arm(console: Console, cell: CellConfig) -> bool:
+    """Whether the arm answers and is as the cell file says."""
+    arm = wiring.build_arm(cell)
     try:
-        camera = wiring.build_camera(cell.camera)
+        identity = arm.connect()
+        console.print(f"ok    arm: {identity.model}, serial number {identity.serial}, software {identity.software}")
+        findings = arm.preflight()
+    finally:
+        arm.close()
+    for finding in findings:
+        console.print(f"WRONG {ErrorCode.ARM_PREFLIGHT}: {finding.what}")
+        console.print(f"        what to do: {finding.remedy}")
+    return not findings
+
+
+def _camera(console: Console, cell: CellConfig) -> bool:
+    camera = wiring.build_camera(cell.camera)
+    try:
         camera.connect()
+    finally:
         camera.close()
-    except RigError as error:
-        _tell(console, error)
-        good = False
-    else:
-        console.print(f"ok    camera of kind '{cell.camera.kind}' answers")
-    return _calibration(console, cell) and good
+    console.print(f"ok    camera of kind '{cell.camera.kind}' answers")
+    return True
 
 
-def _calibration(console: Console, cell: CellConfig) -> bool:
+def _as_built(console: Console, cell: CellConfig) -> bool:
     """The arm as built: told as lines for the cell file where they are not in it."""
     try:
         told = primary.kinematics(cell.arm.address)
     except OSError as error:
-        _tell(console, RigError(ErrorCode.ARM_UNREACHABLE, f"arm, calibration at {cell.arm.address}: {error}"))
-        return False
+        raise RigError(ErrorCode.ARM_UNREACHABLE, f"arm, calibration at {cell.arm.address}: {error}") from error
     if told is None:
         console.print("      the controller does not tell the arm's factory calibration")
     elif told == cell.arm.kinematics:

@@ -151,11 +151,12 @@ def serve(
 def check(
     cell: CellFile = Path("deploy/cell.sim.toml"),
     offline: Annotated[bool, typer.Option(help="Leave out whether arm and camera answer")] = False,
+    data: Annotated[Path | None, typer.Option(help="The service's data folder: its keys and space too")] = None,
 ) -> None:
-    """Checks cell file, calibration, reach, pilot and route, and whether the devices answer; moves nothing."""
+    """Checks cell file, calibration, reach, pilot and route, and the devices; names each problem; moves nothing."""
     from api import checking
 
-    if not _told(lambda: checking.check(cell, offline=offline)):
+    if not _told(lambda: checking.check(cell, offline=offline, data=data)):
         raise typer.Exit(1)
 
 

@@ -86,6 +86,12 @@ def assemble(store: Store, rig: Rig, calibration: Calibration, compute: Compute)
 
 def build_rig(cell: CellConfig) -> Rig:
     """The devices that the cell file names, not connected. Raises RigError config.invalid."""
+    arm = build_arm(cell)
+    return Rig(arm, UrLamp(arm, cell.lamp), build_camera(cell.camera), cell)
+
+
+def build_arm(cell: CellConfig) -> UrArm:
+    """The arm that the cell file names, not connected. Raises RigError config.invalid."""
     model = kinematics.arm_model(cell.arm.model)
     flange_from_tool = cell.arm.flange_from_tool.matrix
     chain = None if cell.arm.kinematics is None else as_built.chain(cell.arm.kinematics)
@@ -95,8 +101,7 @@ def build_rig(cell: CellConfig) -> Rig:
         frames = kinematics.forward(model, here) if chain is None else as_built.forward(chain, here)
         return frames[0, -1] @ flange_from_tool
 
-    arm = UrArm(cell.arm, cell.lamp.output, expected_pose)
-    return Rig(arm, UrLamp(arm, cell.lamp), build_camera(cell.camera), cell)
+    return UrArm(cell.arm, cell.lamp.output, expected_pose)
 
 
 def build_camera(camera: AnyCamera) -> Camera:

@@ -1,0 +1,75 @@
+"""`lightpose check` names each thing that is wrong, and what to do about it, in one go."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from acquisition import config
+from api import checking, keys
+from api.keys import Role
+from hardware_sim import nominal
+from hardware_sim.controller.process import ControllerProcess
+
+CELL_FILE = Path(__file__).parents[2] / "deploy" / "cell.test.toml"
+NOBODY, ARM = "127.0.15.30", "127.0.15.31"
+
+
+def test_what_is_wrong_does_not_hide_what_else_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    nominal.write(tmp_path, NOBODY, 64, CELL_FILE)
+    (tmp_path / "calibration.json").write_text('{"width": 64}')
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "keys.json").write_text("broken")
+
+    assert not checking.check(tmp_path / "cell.toml", offline=False, data=tmp_path / "data")
+
+    said = capsys.readouterr().out
+    for wrong in ("keys.json", "calibration.json", "arm.unreachable", "camera.unreachable"):
+        assert wrong in said
+    assert said.count("what to do:") == said.count("WRONG") == 5  # the arm's calibration cannot be asked either
+
+
+def test_a_cell_file_that_cannot_be_read_is_all_that_can_be_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "cell.toml").write_text("name = ")
+
+    assert not checking.check(tmp_path / "cell.toml", offline=False)
+
+    assert capsys.readouterr().out.count("WRONG config.invalid") == 1
+
+
+def test_a_calibration_that_is_out_of_date_is_named_and_keys_are_counted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    nominal.write(tmp_path, NOBODY, 64, CELL_FILE)
+    file = tmp_path / "calibration.json"
+    file.write_text(json.dumps({**json.loads(file.read_text()), "valid_days": 1.0}))
+    keys.add(keys.path_in(tmp_path / "data"), "lab", Role.OPERATOR)
+
+    assert not checking.check(tmp_path / "cell.toml", offline=True, data=tmp_path / "data")
+
+    said = capsys.readouterr().out
+    assert "out of date since 2026-11-02" in said
+    assert "1 keys may call" in said
+    assert "positions on the dome" in said
+    assert said.count("WRONG") == said.count("what to do:") == 1
+
+
+def test_an_arm_that_is_another_one_is_named_with_what_differs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    nominal.write(tmp_path, ARM, 64, CELL_FILE)
+    cell_file = tmp_path / "cell.toml"
+    text = cell_file.read_text()
+    cell_file.write_text(re.sub(r'^model = "ur5e"', 'model = "ur5e"\nserial = "12345"', text, flags=re.MULTILINE))
+    (tmp_path / "calibration.json").unlink()
+    with ControllerProcess(ARM, model="ur10e", home=config.load(cell_file).arm.home):
+        assert not checking.check(cell_file, offline=False)
+
+    said = capsys.readouterr().out
+    assert "ok    arm: UR10" in said
+    assert "The arm is a UR10, the cell file says ur5e." in said
+    assert "the cell file says 12345." in said
+    assert "camera.unreachable" in said
