@@ -1,0 +1,57 @@
+"""What a session knows of its own past, and room on the disk."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from acquisition import guards
+from acquisition.devices import ArmIdentity
+from acquisition.errors import ErrorCode, RigError
+from acquisition.store import Store
+from acquisition.types import Recipe
+from tests.acquisition.scenes import calibration
+
+angles = st.lists(st.floats(-3, 3), min_size=6, max_size=6)
+
+
+@given(st.lists(angles, min_size=1, max_size=4), st.floats(0, 1), st.data())
+def test_wherever_along_its_way_an_arm_is_cut_off_it_is_near_and_a_third_of_a_radian_off_it_is_not(
+    way: list[list[float]], share: float, data: st.DataObject
+) -> None:
+    leg = data.draw(st.integers(0, max(len(way) - 2, 0)))
+    end = way[min(leg + 1, len(way) - 1)]
+    place = np.array(way[leg]) + share * (np.array(end) - np.array(way[leg]))
+
+    guards.near_last_way(way, place.tolist())
+    beyond = [*place[:5], 4.0]
+    with pytest.raises(RigError) as refused:
+        guards.near_last_way(way, beyond)
+    assert refused.value.code is ErrorCode.ARM_ELSEWHERE
+    assert refused.value.context["distance_rad"] <= 4.0 - place[5] + 1e-3
+
+
+def test_an_arm_that_was_sent_nowhere_may_stand_anywhere() -> None:
+    guards.near_last_way([], [1.0] * 6)
+
+
+def test_the_first_arm_is_kept_and_another_is_refused(tmp_path: Path) -> None:
+    first = ArmIdentity("ur5e", "2020123", "5.12")
+    guards.same_arm(tmp_path, first)
+    guards.same_arm(tmp_path, ArmIdentity("ur5e", "2020123", "5.13"))
+    with pytest.raises(RigError) as refused:
+        guards.same_arm(tmp_path, ArmIdentity("ur5e", "2020999", "5.12"))
+    assert refused.value.code is ErrorCode.RIG_CHANGED
+
+
+def test_a_session_must_fit_on_the_disk(tmp_path: Path) -> None:
+    store = Store(tmp_path / "data")
+    guards.enough_space(store, Recipe(), calibration(64))
+    guards.enough_space(store, None, calibration(64))
+    with pytest.raises(RigError) as refused:
+        guards.enough_space(store, Recipe(), calibration(64, width=10**6, height=10**6))
+    assert refused.value.code is ErrorCode.STORE_DISK_FULL
+    assert refused.value.context["needed_bytes"] > refused.value.context["free_bytes"]
+    store.close()

@@ -1,0 +1,70 @@
+"""Data folders of past releases open in this build, and what they tell is whole."""
+
+import hashlib
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition import config, session
+from acquisition.config import CellConfig
+from acquisition.normals import export
+from acquisition.results import observations
+from acquisition.session import State, Trigger
+from acquisition.store import Store
+from acquisition.types import Recipe
+
+RELEASES = sorted((Path(__file__).parents[1] / "data").glob("release_*"))
+
+
+@pytest.fixture(params=RELEASES, ids=lambda folder: folder.name)
+def store(request: pytest.FixtureRequest, tmp_path: Path):
+    """A copy, for opening may migrate it."""
+    shutil.copytree(request.param, tmp_path / "data")
+    opened = Store(tmp_path / "data")
+    yield opened
+    opened.close()
+
+
+def test_there_is_a_release() -> None:
+    assert RELEASES
+
+
+def test_its_sessions_and_events_are_read(store: Store) -> None:
+    stopped, completed = store.journal.sessions(10)
+
+    assert (completed.state, stopped.state) == (State.COMPLETED, State.STOPPED)
+    assert completed.recipe.label == "first release"
+    record = store.record(completed.id)
+    home = CellConfig.model_validate_json(completed.cell).arm.home
+    assert session.next_step(record, home, home) is None
+    assert session.progress(record) == 1.0
+    assert [len(work.shots) for work in record.passes] == [4, 1]
+    events = store.journal.events(0, 10_000, completed.id)
+    assert [event.body["state"] for event in events if event.type == "session.state"] == ["running", "completed"]
+    assert sum(event.type == "normals.ready" for event in events) == 2
+
+
+def test_its_files_are_what_the_manifest_says_and_can_be_solved_again(store: Store) -> None:
+    (completed,) = (row for row in store.journal.sessions(10) if row.state is State.COMPLETED)
+    folder = store.folder(completed.id)
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+
+    for name, facts in manifest["files"].items():
+        assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == facts["sha256"], name
+    calibration = config.load_calibration(folder / "calibration.json")
+    taken = observations(store.record(completed.id), folder)
+    for shot in (*taken.shots, *taken.darks.values()):
+        assert taken.frames.rows(shot.frame, 0, shot.frame.height).shape == (calibration.height, calibration.width)
+    found = export.read(folder / "results" / "1")
+    assert np.allclose(np.linalg.norm(found.normals[found.mask], axis=-1), 1, atol=1e-3)
+
+
+def test_it_takes_new_sessions(store: Store) -> None:
+    (completed,) = (row for row in store.journal.sessions(10) if row.state is State.COMPLETED)
+    row, new = store.journal.create_session(Recipe(), completed.cell, completed.fingerprint)
+    assert new
+    store.journal.trigger(row.id, Trigger.START, "a")
+    assert store.journal.holder() == store.journal.session(row.id)
