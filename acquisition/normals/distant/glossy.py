@@ -6,7 +6,7 @@ at which a sample of pixels, each with its own best normal and strengths, is exp
 another explains distinctly more: a wrong law costs several degrees, a form that is a little off a few tenths.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -29,6 +29,12 @@ CAUCHY_SCALE = 2.5
 LEAST_SPREAD = 0.003
 RING = 0.12
 """Radius, rad, of the ring of starts round the first normal."""
+
+REACHES = (1, 2)
+"""Pixels between neighbours that lend one another their normals as starts."""
+
+APART_RAD = 0.1
+"""Between two normals that count as different starts."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +90,37 @@ def fit(
         np.ascontiguousarray(first, dtype=np.float32), normals, strengths, figures,
     )  # fmt: skip
     return Fits(normals, strengths * typical.astype(np.float32), figures[:, 2], figures[:, 1], figures[:, 0])
+
+
+def from_neighbours(
+    fits: Fits, values: Float32Array, clipped: BoolArray, table: FloatArray, form: FloatArray, place: np.ndarray,
+    width: int,
+) -> Fits:  # fmt: skip
+    """The fits of pixels, brightness (N, F), or better ones that start from the normal of a pixel nearby.
+
+    `place` (N,) are the pixels' numbers in rows of `width`. A pixel in shadow under a third of the lights starts badly
+    by itself, tens of degrees off, while one beside it may have found its way.
+    """
+    row, column = np.divmod(place, width)
+    number = np.full((int(row.max()) + 1, width), -1)
+    number[row, column] = np.arange(len(place))
+    for reach in REACHES:
+        around = np.pad(number, reach, constant_values=-1)
+        steps = ((0, reach), (0, -reach), (reach, 0), (-reach, 0))
+        beside = np.stack([around[row + reach + down, column + reach + right] for down, right in steps])
+        loss = np.where(beside >= 0, fits.loss[beside], np.inf)
+        best = np.take_along_axis(beside, np.argmin(loss, axis=0)[None], axis=0)[0]
+        alike = np.einsum("nc,nc->n", fits.normals[best], fits.normals) > np.cos(APART_RAD)
+        tried = np.flatnonzero((np.min(loss, axis=0) < fits.loss) & ~alike)
+        if len(tried) == 0:
+            continue
+        again = fit(values[tried], clipped[tried], table, form, fits.normals[best[tried]], ring=0.0)
+        better = again.loss < fits.loss[tried]
+        parts = {one.name: getattr(fits, one.name).copy() for one in fields(Fits)}
+        for name, part in parts.items():
+            part[tried[better]] = getattr(again, name)[better]
+        fits = Fits(**parts)
+    return fits
 
 
 def matt_form(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> FloatArray:

@@ -176,6 +176,8 @@ def _glossy(directions: FloatArray, form: FloatArray) -> Method:
     def solve(block: Block, chosen: np.ndarray) -> Found:
         values, clipped = block.pixels(chosen)
         fits = glossy.fit(values, clipped, table, form, glossy.start(values, clipped, directions))
+        width = block.stack.shape[1] // (block.stop - block.start)
+        fits = glossy.from_neighbours(fits, values, clipped, table, form, chosen, width)
         matt = glossy.matt(fits.normals, table, form) * fits.strengths[:, :1]
         lit = glossy.trusted(values, clipped)
         highlight = lit & (values > (1 + EXCESS) * matt + EXCESS * fits.strengths[:, :1])
