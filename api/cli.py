@@ -132,10 +132,14 @@ def sim(
 
 @app.command()
 def serve(
-    cell: CellFile,
-    data: Annotated[Path, typer.Option(help="Folder of journal and sessions")] = Path("data"),
-    host: Annotated[str, typer.Option()] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="0: any free port")] = 8000,
+    cell: Annotated[Path | None, typer.Option(help="The cell file; default: LIGHTPOSE_CELL")] = None,
+    data: Annotated[
+        Path | None, typer.Option(help="Folder of journal and sessions; default: LIGHTPOSE_DATA, else data")
+    ] = None,
+    host: Annotated[str | None, typer.Option(help="Default: LIGHTPOSE_HOST, else 127.0.0.1")] = None,
+    port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="0: any free port; default: LIGHTPOSE_PORT, else 8000")
+    ] = None,
     log: Annotated[
         LogForm | None, typer.Option(help="Lines for people or JSON objects; default: LIGHTPOSE_LOG, else text")
     ] = None,
@@ -143,8 +147,9 @@ def serve(
     """Runs the service for one cell."""
     from api import server, settings
 
-    more = {} if log is None else {"log": log.value}
-    _told(lambda: server.serve(settings.read(cell=cell, data=data, host=host, port=port, **more)))
+    given = {"cell": cell, "data": data, "host": host, "port": port, "log": None if log is None else log.value}
+    wanted = {name: value for name, value in given.items() if value is not None}
+    _told(lambda: server.serve(settings.read(**wanted)))
 
 
 @app.command()

@@ -6,6 +6,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
+
+from api.cli import app
 
 ROOT = Path(__file__).parents[2]
 
@@ -71,3 +74,15 @@ def test_the_demonstration_ends_with_one_json_object(tmp_path: Path) -> None:
     assert outcome["mean_deg"] < outcome["pilot_mean_deg"]
     assert (Path(outcome["results"]) / "normals.png").exists()
     assert set(outcome["seconds"]) >= {"pilot", "waypoints", "capture", "normals", "plan", "total"}
+
+
+def test_what_is_not_said_the_environment_says(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """So a unit file needs no arguments; the cell that is named there is not there, which ends it."""
+    monkeypatch.setenv("LIGHTPOSE_CELL", str(tmp_path / "of-the-environment.toml"))
+    monkeypatch.setenv("LIGHTPOSE_HOST", "0.0.0.0")  # noqa: S104
+    monkeypatch.setenv("LIGHTPOSE_DATA", str(tmp_path))
+    refused = CliRunner().invoke(app, ["serve"])
+    there = CliRunner().invoke(app, ["serve", "--host", "127.0.0.1"])
+    assert refused.exit_code == there.exit_code == 2
+    assert "does not listen on '0.0.0.0' without keys" in refused.stderr
+    assert "of-the-environment.toml" in there.stderr

@@ -1,0 +1,71 @@
+"""What the runbook and the example cell say is so."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition import config
+from acquisition.errors import ErrorCode
+from acquisition.store import Store
+from acquisition.types import Recipe
+
+ROOT = Path(__file__).parents[2]
+RUNBOOK = (ROOT / "deploy" / "runbook.md").read_text(encoding="utf-8")
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_every_problem_code_has_its_cure() -> None:
+    table = RUNBOOK.partition("## Problem codes")[2]
+
+    told = re.findall(r"^\| `([a-z_.]+)` \| [^|]+ \| [^|]+ \|$", table, re.MULTILINE)
+
+    assert sorted(told) == sorted(ErrorCode)
+
+
+def test_the_example_cell_is_a_cell() -> None:
+    cell = config.load(ROOT / "deploy" / "cell.toml")
+
+    assert cell.camera.kind == "pylon"
+    assert cell.obstacles[0].name == "camera stand"
+
+
+def test_what_it_links_to_is_there() -> None:
+    headings = {line[3:].lower().replace(" ", "-") for line in RUNBOOK.splitlines() if line.startswith("## ")}
+    assert set(re.findall(r"\]\(#([a-z-]+)\)", RUNBOOK)) <= headings
+    for path in re.findall(r"`((?:acquisition|api|deploy)/[\w./]+)`", RUNBOOK + README):
+        assert (ROOT / path).exists(), path
+
+
+def test_a_backup_of_a_running_service_can_be_restored(own: Any, tmp_path: Path) -> None:
+    made = own.client.create(Recipe(label="kept"))
+    (tmp_path / "backup").mkdir()
+    command = re.search(r'-c "(import sqlite3.*)"', RUNBOOK)
+    assert command is not None
+
+    database, copy = own.settings.data / "rig.db", tmp_path / "backup" / "rig.db"
+    subprocess.run([sys.executable, "-c", command[1], str(database), str(copy)], check=True)
+    shutil.copytree(own.settings.data / "sessions", tmp_path / "backup" / "sessions")
+
+    restored = Store(tmp_path / "backup")
+    assert restored.journal.session(made.id).recipe.label == "kept"
+    assert (restored.folder(made.id) / "recipe.json").exists()
+    restored.close()
+
+
+def test_the_prometheus_names_are_the_services_own(own: Any) -> None:
+    told = own.http.get("/metrics").text
+    for name in re.findall(r"lightpose_\w+", RUNBOOK):
+        if "lateness" not in name:  # told once an arm has moved
+            assert name in told
+
+
+@pytest.mark.parametrize("variable", sorted(set(re.findall(r"LIGHTPOSE_[A-Z_]+", RUNBOOK + README))))
+def test_every_variable_is_read_by_somebody(variable: str) -> None:
+    sources = "".join(path.read_text(encoding="utf-8") for path in [*(ROOT / "api").glob("*.py")])
+    name = variable.removeprefix("LIGHTPOSE_").lower()
+    assert f"    {name}: " in sources or variable in sources
