@@ -217,13 +217,15 @@ def _place(cell: CellConfig, number: int) -> Any:
 
 
 @contextmanager
-def quick_service(folder: Path, host: str) -> Generator[tuple[Server, QuickArm, str, dict[Role, str]]]:
-    """A running service over a quick rig; with it its arm, its address, and a key for each role."""
+def quick_service(
+    folder: Path, host: str, *, with_keys: bool = True
+) -> Generator[tuple[Server, QuickArm, str, dict[Role, str]]]:
+    """A running service over a quick rig; with it its arm, its address, and a key for each role, if it asks for any."""
     cell_file = REPOSITORY / "deploy" / "cell.test.toml"
     cell = config.load(cell_file)
     calibration = nominal.calibration(PIXELS)
     chosen = settings.read(cell=cell_file, data=folder / "data", host=host, port=0)
-    secrets = {role: keys.add(keys.path_in(chosen.data), str(role), role) for role in Role}
+    secrets = {role: keys.add(keys.path_in(chosen.data), str(role), role) for role in Role if with_keys}
     arm = QuickArm(cell.arm.home)
     rig = Rig(arm, QuickLamp(arm), QuickCamera(arm, calibration), cell)
     service = wiring.assemble(Store(chosen.data), rig, calibration, QuickCompute())
