@@ -12,7 +12,7 @@ import time
 from collections.abc import AsyncGenerator, Callable, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Literal
 
 import httpx
 from httpx_sse import aconnect_sse
@@ -84,6 +84,10 @@ class AsyncClient:
     async def acknowledge(self) -> SafetyResource:
         """Says that a person has looked at the cell and finds it clear."""
         return parsed(await self._send("POST", "/v1/rig/safety/acknowledgement"), SafetyResource)
+
+    async def recover(self, step: Literal["unlock", "power", "brakes"]) -> None:
+        """One step out of a stop, where the cell file allows it, after `acknowledge` by the same caller."""
+        await self._send("POST", "/v1/rig/safety/recovery", json={"step": step})
 
     async def wait_ready(self, timeout_s: float = 60.0) -> RigResource:
         """Waits until a session may start. Raises ProblemError rig.not_ready with the last reasons."""
@@ -205,25 +209,16 @@ class AsyncClient:
 
         Raises ProblemError store.corrupt when what came is not what the manifest says.
         """
-        expected = {item.name: item for item in (await self.result(session_id, number)).artefacts}.get(name)
-        beside = path.with_name(f".{path.name}.part")
-        digest = hashlib.sha256()
-        file = await asyncio.to_thread(beside.open, "wb")
-        try:
-            with file:
-                async with self._http.stream("GET", f"/v1/sessions/{session_id}/results/{number}/{name}") as answer:
-                    if answer.is_error:
-                        await answer.aread()
-                        raise_problem(answer)
-                    async for block in answer.aiter_bytes():
-                        digest.update(block)
-                        await asyncio.to_thread(file.write, block)
-            if expected is not None and digest.hexdigest() != expected.sha256:
-                raise ProblemError(Problem.of(ErrorCode.STORE_CORRUPT, f"{name} is not what the manifest says"))
-            await asyncio.to_thread(beside.rename, path)
-        finally:
-            await asyncio.to_thread(beside.unlink, missing_ok=True)
-        return path
+        told = {item.name: item.sha256 for item in (await self.result(session_id, number)).artefacts}
+        return await self._fetch(f"/v1/sessions/{session_id}/results/{number}/{name}", path, told.get(name))
+
+    async def archive(self, session_id: str, path: Path) -> Path:
+        """Fetches the session's folder as one zip file; `path` appears whole or not at all."""
+        return await self._fetch(f"/v1/sessions/{session_id}/archive", path, None)
+
+    async def log(self, session_id: str) -> str:
+        """What happened in a session, a line each."""
+        return (await self._send("GET", f"/v1/sessions/{session_id}/log")).text
 
     # ---------------------------------------------------------------------------------------------------------- events
 
@@ -302,6 +297,26 @@ class AsyncClient:
             items += answer.items
             part = answer.next
         return items
+
+    async def _fetch(self, address: str, path: Path, sha256: str | None) -> Path:
+        beside = path.with_name(f".{path.name}.part")
+        digest = hashlib.sha256()
+        file = await asyncio.to_thread(beside.open, "wb")
+        try:
+            with file:
+                async with self._http.stream("GET", address) as answer:
+                    if answer.is_error:
+                        await answer.aread()
+                        raise_problem(answer)
+                    async for block in answer.aiter_bytes():
+                        digest.update(block)
+                        await asyncio.to_thread(file.write, block)
+            if sha256 is not None and digest.hexdigest() != sha256:
+                raise ProblemError(Problem.of(ErrorCode.STORE_CORRUPT, f"{address} is not what the manifest says"))
+            await asyncio.to_thread(beside.rename, path)
+        finally:
+            await asyncio.to_thread(beside.unlink, missing_ok=True)
+        return path
 
     async def _send(self, method: str, address: str, **arguments: Any) -> httpx.Response:
         answer = await self._http.request(method, address, **arguments)

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Literal
 
 import httpx
 from httpx_sse import connect_sse
@@ -94,6 +94,10 @@ class Client:
     def acknowledge(self) -> SafetyResource:
         """Says that a person has looked at the cell and finds it clear."""
         return parsed(self._send("POST", "/v1/rig/safety/acknowledgement"), SafetyResource)
+
+    def recover(self, step: Literal["unlock", "power", "brakes"]) -> None:
+        """One step out of a stop, where the cell file allows it, after `acknowledge` by the same caller."""
+        self._send("POST", "/v1/rig/safety/recovery", json={"step": step})
 
     def wait_ready(self, timeout_s: float = 60.0) -> RigResource:
         """Waits until a session may start. Raises ProblemError rig.not_ready with the last reasons."""
@@ -212,26 +216,16 @@ class Client:
 
         Raises ProblemError store.corrupt when what came is not what the manifest says.
         """
-        expected = {item.name: item for item in self.result(session_id, number).artefacts}.get(name)
-        beside = path.with_name(f".{path.name}.part")
-        digest = hashlib.sha256()
-        try:
-            with (
-                self._http.stream("GET", f"/v1/sessions/{session_id}/results/{number}/{name}") as answer,
-                beside.open("wb") as file,
-            ):
-                if answer.is_error:
-                    answer.read()
-                    raise_problem(answer)
-                for block in answer.iter_bytes():
-                    digest.update(block)
-                    file.write(block)
-            if expected is not None and digest.hexdigest() != expected.sha256:
-                raise ProblemError(Problem.of(ErrorCode.STORE_CORRUPT, f"{name} is not what the manifest says"))
-            beside.rename(path)
-        finally:
-            beside.unlink(missing_ok=True)
-        return path
+        told = {item.name: item.sha256 for item in self.result(session_id, number).artefacts}
+        return self._fetch(f"/v1/sessions/{session_id}/results/{number}/{name}", path, told.get(name))
+
+    def archive(self, session_id: str, path: Path) -> Path:
+        """Fetches the session's folder as one zip file; `path` appears whole or not at all."""
+        return self._fetch(f"/v1/sessions/{session_id}/archive", path, None)
+
+    def log(self, session_id: str) -> str:
+        """What happened in a session, a line each."""
+        return self._send("GET", f"/v1/sessions/{session_id}/log").text
 
     # ---------------------------------------------------------------------------------------------------------- events
 
@@ -305,6 +299,27 @@ class Client:
             items += answer.items
             part = answer.next
         return items
+
+    def _fetch(self, address: str, path: Path, sha256: str | None) -> Path:
+        beside = path.with_name(f".{path.name}.part")
+        digest = hashlib.sha256()
+        try:
+            with (
+                self._http.stream("GET", address) as answer,
+                beside.open("wb") as file,
+            ):
+                if answer.is_error:
+                    answer.read()
+                    raise_problem(answer)
+                for block in answer.iter_bytes():
+                    digest.update(block)
+                    file.write(block)
+            if sha256 is not None and digest.hexdigest() != sha256:
+                raise ProblemError(Problem.of(ErrorCode.STORE_CORRUPT, f"{address} is not what the manifest says"))
+            beside.rename(path)
+        finally:
+            beside.unlink(missing_ok=True)
+        return path
 
     def _send(self, method: str, address: str, **arguments: Any) -> httpx.Response:
         answer = self._http.request(method, address, **arguments)

@@ -13,6 +13,7 @@ from acquisition.errors import RigError
 from acquisition.session import Trigger
 from acquisition.store import Journal, retention
 from acquisition.types import Recipe
+from api.answers import ProblemError
 from api.cli import app
 
 DAY_S = 86_400.0
@@ -118,3 +119,16 @@ def test_what_is_no_data_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RigError, match="no data folder"):
         retention.prune(tmp_path, older_than_days=0, keep=0, now=0, pretend=False)
     assert not (tmp_path / "rig.db").exists()
+
+
+def test_the_client_takes_a_session_home(own: Any, tmp_path: Path) -> None:
+    session = own.client.create(Recipe(label="to take home"))
+
+    path = own.client.archive(session.id, tmp_path / "home.zip")
+
+    with zipfile.ZipFile(path) as packed:
+        assert f"{session.id}/recipe.json" in packed.namelist()
+    assert "session.created" in own.client.log(session.id)
+    with pytest.raises(ProblemError):
+        own.client.archive("nope", tmp_path / "nothing.zip")
+    assert [item.name for item in tmp_path.glob("*.zip")] == ["home.zip"]
