@@ -304,7 +304,12 @@ def warm() -> None:
     """Compiles the numerical kernels into their cache, so that no session waits for it."""
     import importlib
 
-    for module in ("acquisition.jobs", "acquisition.normals.distant", "hardware_sim.world"):
+    for module in (
+        "acquisition.jobs",
+        "acquisition.normals.distant",
+        "acquisition.normals.near_light",
+        "hardware_sim.world",
+    ):
         importlib.import_module(module)
     print("kernels are compiled")
 

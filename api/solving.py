@@ -171,6 +171,8 @@ def _solved(asked: Wishes, scratch: Path, bar: Progress, seconds: dict[str, floa
     with _timed(seconds, "solve"), _step(bar, "solving"):
         if distant_lights:
             found = distant.solve(images, asked.solver)
+        elif asked.solver == "ls":
+            found = near_light.solve_plain(images)
         else:
             found = near_light.solve(images, _settings(asked.solver))
     return Solved(found, images, *_chosen(found, asked.solver))
@@ -192,7 +194,7 @@ def _solve_session(capture: SessionCapture, count: int | None, settings: SolveSe
 
 
 def _settings(solver: str) -> SolveSettings:
-    """Near light has one solver; what can be left out of it is the robust weighting, and telling shadows apart."""
+    """A session's solver is one; what can be left out of it is the robust weighting, and telling shadows apart."""
     match solver:
         case "ls":
             return SolveSettings(robust=False, shadow_threshold=0.0)

@@ -7,7 +7,9 @@ the solver finds the rest in the residuals. Colour images are solved by the mean
 import numpy as np
 
 from acquisition.errors import ErrorCode, RigError
-from acquisition.normals.image_set import ImageSet, NearLights
+from acquisition.normals.distant import blocks, point_lights
+from acquisition.normals.distant.solve import refuse_unusable, whole
+from acquisition.normals.image_set import ImageSet, NearLights, check
 from acquisition.normals.observe import Stack
 from acquisition.normals.solve import solve_stack
 from acquisition.types import Calibration, Light, NormalMap, SensorModel, SolveSettings
@@ -19,6 +21,9 @@ READ_NOISE_E = 5.0
 INTENSITY_SIGMA = 0.01
 POSITION_SIGMA_M = 0.001
 BLOCK_ROWS = 256
+SAMPLE = 900
+PLAIN_ROUNDS = 1
+"""Solves after the first, at the depth that the one before gives."""
 
 
 def solve(images: ImageSet, settings: SolveSettings) -> NormalMap:
@@ -39,6 +44,25 @@ def solve(images: ImageSet, settings: SolveSettings) -> NormalMap:
         initial_depth_m=depth,
         object_mask=None if np.all(images.mask) else images.mask,
     )
+
+
+def solve_plain(images: ImageSet) -> NormalMap:
+    """Plain least squares in blocks of rows, nothing left out but what is clipped: what other solvers are measured by.
+
+    The normals at the rough depth give a shape by integration, at which they are solved again. Raises RigError
+    normals.infeasible where lights, camera or depth are missing, and naming the file of an image that tells nothing.
+    """
+    check(images)
+    if images.rough_depth_m is None:
+        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs the object's rough depth: give depth_mm")
+    refuse_unusable(images, *blocks.sample(images, SAMPLE))
+    depth = np.broadcast_to(np.asarray(images.rough_depth_m, np.float32), (images.height, images.width))
+    notes = {"solver": "ls", "why": "as asked"}
+    found = whole(images, point_lights.plain(images, depth), luma=False, notes=notes, with_depth=True)
+    for _ in range(PLAIN_ROUNDS):
+        depth = np.where(found.mask, found.depth, depth)
+        found = whole(images, point_lights.plain(images, depth), luma=False, notes=notes, with_depth=True)
+    return found
 
 
 def stack(images: ImageSet) -> Stack:

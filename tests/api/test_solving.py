@@ -74,6 +74,18 @@ def test_near_light_is_solved_as_such_and_albedo_is_absolute(tmp_path: Path) -> 
     assert {*export.FILES, *export.FOLDERS} <= {path.name for path in out.iterdir()}
 
 
+def test_near_light_by_plain_least_squares(tmp_path: Path) -> None:
+    """Without a shadow beyond the rim it is as good; at the rough depth alone it would not be."""
+    folder, out = small.near(tmp_path / "in"), tmp_path / "out"
+    outcome = solving.run(wishes(folder, solver="ls", near=True, out=out))
+    assert outcome["solver"] == "ls"
+    assert outcome["median_deg"] < 0.7
+    assert outcome["coverage"] == 1
+    albedo, depth = (tifffile.imread(out / f"{name}.tiff") for name in ("albedo", "depth"))
+    assert np.median(albedo[albedo > 0]) == pytest.approx(small.ALBEDO, rel=0.06)
+    assert np.ptp(depth[depth > 0]) == pytest.approx(0.035, abs=0.01)
+
+
 def test_what_was_exported_solves_to_the_same_normals(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
     solving.run(wishes(small.diligent(tmp_path / "in"), solver="weighted", out=first, exports=["diligent"]))

@@ -50,6 +50,14 @@ def directions(images: ImageSet) -> FloatArray:
     return lights.directions / np.linalg.norm(lights.directions, axis=1, keepdims=True)
 
 
+def intensities(images: ImageSet) -> FloatArray:
+    """What stored values (as shares of full scale) are divided by, (F, C): for point lights, their intensity at 1 m."""
+    lights = images.lights
+    if isinstance(lights, DistantLights):
+        return lights.intensities
+    return np.repeat((lights.intensity * lights.reference_m**2)[:, None], images.channels, axis=1)
+
+
 def rows_at_once(images: ImageSet) -> int:
     """Rows of a block that stays small."""
     size = 2 if images.channels == 1 else 4 * 3
@@ -58,8 +66,7 @@ def rows_at_once(images: ImageSet) -> int:
 
 def read(images: ImageSet, start: int, stop: int, *, luma: bool) -> Block:
     """One block of rows; `luma` mixes colours by fixed weights."""
-    lights = images.lights
-    assert isinstance(lights, DistantLights)  # noqa: S101
+    strength = intensities(images)
     count, size = images.count, (stop - start) * images.width
     if images.channels == 1:
         first = images.rows(0, start, stop)
@@ -68,14 +75,14 @@ def read(images: ImageSet, start: int, stop: int, *, luma: bool) -> Block:
         stack[0] = first.reshape(-1)
         for image in range(1, count):
             stack[image] = images.rows(image, start, stop).reshape(-1)
-        scale = (1.0 / (images.full_scale * lights.intensities[:, 0])).astype(np.float32)
+        scale = (1.0 / (images.full_scale * strength[:, 0])).astype(np.float32)
         return Block(start, stop, stack, scale, images.saturated_from * images.full_scale, None)
     values = np.empty((count, size, 3), np.float32)
     clipped = np.empty((count, size), np.bool_)
     for image in range(count):
         share = images.values(image, start, stop).reshape(size, 3)
         clipped[image] = np.max(share, axis=1) >= images.saturated_from
-        values[image] = share * (1.0 / lights.intensities[image]).astype(np.float32)
+        values[image] = share * (1.0 / strength[image]).astype(np.float32)
     means = np.mean(values, axis=0) + np.float32(1e-9)
     if luma:
         weights = np.broadcast_to(LUMA, means.shape)

@@ -121,7 +121,7 @@ def _plain(directions: FloatArray) -> Method:
         spread = squared / max(len(directions) - 3, 1)
         flags = np.full(picked.shape, LIT, np.uint8)
         flags[picked >= block.clipped_from] = SATURATED
-        variance = _variance(spread, loose.astype(np.float32), albedo, float(len(directions)))
+        variance = angular_variance(spread, loose.astype(np.float32), albedo, float(len(directions)))
         return Found(normals, albedo, variance, np.sqrt(spread).astype(np.float32), flags)
 
     return solve
@@ -139,7 +139,7 @@ def _weighted(directions: FloatArray) -> Method:
         kernels.weighted(block.stack, block.scale, light, limits, normals, albedo, loose, spread, flags)
         picked = flags[:, chosen]
         used = np.count_nonzero(picked == LIT, axis=0).astype(np.float32)
-        variance = _variance(spread[chosen], loose[chosen], albedo[chosen], used)
+        variance = angular_variance(spread[chosen], loose[chosen], albedo[chosen], used)
         residual = np.sqrt(spread[chosen])
         return Found(normals[:, chosen], albedo[chosen], variance, residual, picked)
 
@@ -163,7 +163,7 @@ def _robust(directions: FloatArray, rounds: int) -> Method:
         flags = _flags(lit & ~highlight, highlight, clipped, predicted)
         used = np.count_nonzero(near, axis=1).astype(np.float32)
         left = np.sum(near * rest * rest, axis=1) / np.maximum(used - 3, 1)
-        variance = _variance(np.maximum(left, figures[:, 0]), figures[:, 1], albedo, used)
+        variance = angular_variance(np.maximum(left, figures[:, 0]), figures[:, 1], albedo, used)
         return Found(normals.T, albedo, variance, np.sqrt(left), flags)
 
     return solve
@@ -191,7 +191,9 @@ def _glossy(directions: FloatArray, form: FloatArray) -> Method:
     return solve
 
 
-def _variance(spread: Float32Array, leverage: Float32Array, albedo: Float32Array, used: Float32Array | float):
+def angular_variance(
+    spread: Float32Array, leverage: Float32Array, albedo: Float32Array, used: Float32Array | float
+) -> Float32Array:
     """Angular variance (N,) in rad² from the variance of a measurement and the leverage; unknown where none lit it."""
     squared = np.maximum(albedo * albedo, np.float32(1e-20))
     freedom = np.maximum(used - 3.0, 0.0)

@@ -7,8 +7,59 @@ storing them would be four times the stack.
 import numba
 import numpy as np
 
+from acquisition import photometry
+from acquisition.errors import ErrorCode, RigError
+from acquisition.normals.distant import methods
+from acquisition.normals.distant.blocks import Block
 from acquisition.normals.distant.kernels import BLOCK, signatures, solve3
-from acquisition.types import Float32Array
+from acquisition.normals.distant.methods import Found, Method
+from acquisition.normals.image_set import ImageSet, NearLights
+from acquisition.types import LIT, SATURATED, Float32Array
+
+CHUNK = 100_000
+"""Pixels whose residuals are looked at at once: each takes some hundred bytes a light."""
+
+
+def plain(images: ImageSet, depth_m: Float32Array) -> Method:
+    """Least squares of all that is not clipped, at a depth map (H, W).
+
+    Raises RigError normals.infeasible without a camera or the lamps' positions.
+    """
+    lights, camera = images.lights, images.camera
+    if camera is None or not isinstance(lights, NearLights):
+        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs a calibrated camera and the lamps' positions")
+    lamp = np.ascontiguousarray(lights.positions_m, dtype=np.float32)
+
+    def solve(block: Block, chosen: np.ndarray) -> Found:
+        rows = slice(block.start, block.stop)
+        ray = photometry.camera_rays(camera.matrix, camera.distortion, rows, slice(0, images.width)).reshape(2, -1)
+        far = np.ascontiguousarray(depth_m[rows], dtype=np.float32).reshape(-1)
+        count, size = block.stack.shape
+        normals, albedo = np.empty((3, size), np.float32), np.empty(size, np.float32)
+        limits = np.array([block.clipped_from, 0.0], np.float32)
+        near_least_squares(block.stack, block.scale, lamp, ray, far, limits, normals, albedo)
+        spread, leverage = np.empty(len(chosen), np.float32), np.empty(len(chosen), np.float32)
+        used, flags = np.empty(len(chosen), np.float32), np.empty((count, len(chosen)), np.uint8)
+        for start in range(0, len(chosen), CHUNK):
+            part = slice(start, start + CHUNK)
+            here = chosen[part]
+            kept = block.stack[:, here] < block.clipped_from
+            flags[:, part] = np.where(kept, LIT, SATURATED)
+            used[part] = np.count_nonzero(kept, axis=0)
+            way = lamp[:, :, None] - photometry.points(ray[:, here], far[here])[None]
+            square = np.einsum("fcn,fcn->fn", way, way)
+            unit = way / np.sqrt(square)[:, None]
+            rest = block.stack[:, here] * block.scale[:, None] * square
+            rest -= np.einsum("fcn,cn->fn", unit, normals[:, here] * albedo[here])
+            spread[part] = np.sum(kept * rest * rest, axis=0) / np.maximum(used[part] - 3, 1)
+            matrix = np.einsum("fn,fan,fbn->nab", kept, unit, unit, optimize=True)
+            inverse = np.linalg.inv(matrix + np.float32(1e-5) * np.eye(3, dtype=np.float32))
+            along = np.einsum("an,nab,bn->n", normals[:, here], inverse, normals[:, here], optimize=True)
+            leverage[part] = np.trace(inverse, axis1=1, axis2=2) - along
+        variance = methods.angular_variance(spread, leverage, albedo[chosen], used)
+        return Found(normals[:, chosen], albedo[chosen], variance, np.sqrt(spread), flags)
+
+    return solve
 
 
 @numba.njit(

@@ -42,7 +42,7 @@ def solve(images: ImageSet, solver: Solver = "auto", *, with_depth: bool = True)
         chosen, why = choice.best(values, clipped, directions)
     method, notes = methods.prepare(chosen, values, clipped, directions)
     notes = {"solver": chosen, "why": why} | notes
-    return _whole(images, method, luma=chosen == "ls", notes=notes, with_depth=with_depth)
+    return whole(images, method, luma=chosen == "ls", notes=notes, with_depth=with_depth)
 
 
 def refuse_unusable(images: ImageSet, values: Float32Array, clipped: BoolArray) -> None:
@@ -60,10 +60,10 @@ def refuse_unusable(images: ImageSet, values: Float32Array, clipped: BoolArray) 
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, f"{name} {what}", file=name)
 
 
-def _whole(
+def whole(
     images: ImageSet, method: methods.Method, *, luma: bool, notes: dict[str, Any], with_depth: bool
 ) -> NormalMap:
-    """All blocks, one after another, into a normal map."""
+    """All blocks, one after another, into a normal map; `luma` and `notes` as in `blocks.read` and NormalMap."""
     size = (images.height, images.width)
     normals = np.zeros((*size, 3), np.float32)
     albedo, residual = np.zeros(size, np.float32), np.zeros(size, np.float32)
