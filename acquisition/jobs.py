@@ -9,6 +9,7 @@ import shutil
 import tempfile
 import time
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -59,6 +60,8 @@ def _reach(cell: CellConfig, calibration: Calibration, cache: Path) -> reaching.
 
 
 Rows = npt.NDArray[np.int64]
+
+PictureForm = Literal["png", "html"]
 
 FORECAST_COUNTS = (1, 2, 4, 8, 16)
 """Numbers of further lights for which a plan tells what is to be expected."""
@@ -183,6 +186,23 @@ def own_lights(
 def plan_retreat(start: tuple[float, ...], cell: CellConfig, calibration: Calibration) -> JointPath:
     """A certified joint path home from `start` (rad)."""
     return routing.retreat(start, cell, calibration)
+
+
+def draw_reach(cell: CellConfig, calibration: Calibration, cache: Path, form: PictureForm) -> bytes:
+    """A picture of the cell's reach."""
+    from acquisition.waypoints import picture  # noqa: PLC0415 - what draws is slow to load and seldom wanted
+
+    reach = _reach(cell, calibration, cache)
+    return picture.reach_still(reach) if form == "png" else picture.reach_page(reach).encode()
+
+
+def draw_route(route: Route, cell: CellConfig, calibration: Calibration, form: PictureForm) -> bytes:
+    """A picture of a route in its cell."""
+    from acquisition.waypoints import picture  # noqa: PLC0415 - what draws is slow to load and seldom wanted
+
+    if form == "png":
+        return picture.route_still(route, cell, calibration)
+    return picture.route_page(route, cell, calibration).encode()
 
 
 def make_export(observations: Observations, calibration: Calibration, result: Path, name: str) -> None:

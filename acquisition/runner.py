@@ -14,11 +14,12 @@ from collections.abc import Callable
 from concurrent import futures
 from concurrent.futures import Future
 from datetime import datetime, timedelta
+from pathlib import Path
 from typing import Any, TypeVar
 
 from acquisition import guards, session
 from acquisition.capture import take
-from acquisition.compute import Compute
+from acquisition.compute import Compute, GaveWay
 from acquisition.devices import RecoveryStep, Rig, StopToken
 from acquisition.errors import ErrorCode, Halted, RigError, problem
 from acquisition.looking import Looking
@@ -225,6 +226,11 @@ class Runner:
             left = (time.time() - row.started_at) * (1 - done) / done
         return SessionProgress(stage, done, left)
 
+    @property
+    def reach_file(self) -> Path:
+        """Where the cell's reach is kept."""
+        return self._steps.reach_cache
+
     def reach(self) -> str:
         """The cell's reach as JSON. Raises RigError rig.busy while a session uses the compute process."""
         if self._store.journal.holder() is not None and not self._steps.reach_cache.exists():
@@ -232,6 +238,13 @@ class Runner:
         if not self._steps.reach_cache.exists():
             self._compute.run(self._closing, "make_reach", self._rig.cell, self._calibration, self._steps.reach_cache)
         return self._steps.reach_cache.read_text(encoding="utf-8")
+
+    def draw(self, job: str, *arguments: Any) -> bytes:
+        """A picture by a job of the compute process. Raises RigError rig.busy when a session needs that process now."""
+        try:
+            return self._compute.run(self._closing, job, *arguments, yields=True)
+        except GaveWay as error:
+            raise RigError(ErrorCode.RIG_BUSY, "A session computes at the moment: ask again later") from error
 
     # ------------------------------------------------------------------------------------------------ start, stop, halt
 

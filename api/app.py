@@ -21,6 +21,7 @@ from api import (
     events,
     examples,
     metrics,
+    pictures,
     planning,
     problems,
     proposals,
@@ -97,7 +98,20 @@ def _routed(life: Any) -> FastAPI:
         generate_unique_id_function=lambda route: route.name,
     )
     problems.install(app)
-    for part in (rig, camera_view, sessions, results, planning, proposals, archive, events, tickets, metrics, problems):
+    for part in (
+        rig,
+        camera_view,
+        sessions,
+        results,
+        planning,
+        pictures,
+        proposals,
+        archive,
+        events,
+        tickets,
+        metrics,
+        problems,
+    ):
         app.include_router(part.router)
     app.add_api_route("/docs", _docs, include_in_schema=False, response_class=HTMLResponse)
     app.openapi = lambda: _openapi(app)

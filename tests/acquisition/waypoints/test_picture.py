@@ -1,0 +1,74 @@
+"""Pictures of reach and route: they show what is the case, and need no network."""
+
+import re
+
+import cv2
+import numpy as np
+import pytest
+
+from acquisition import dome, geometry, lamp_pose
+from acquisition.types import Route
+from acquisition.waypoints import drawing, picture
+from acquisition.waypoints.reach import ReachMap, reach
+from acquisition.waypoints.route import route
+from tests.acquisition.waypoints.cells import random_cell
+
+
+@pytest.fixture(scope="module")
+def reach_map() -> ReachMap:
+    return reach(*random_cell(3))
+
+
+@pytest.fixture(scope="module")
+def planned(reach_map: ReachMap) -> Route:
+    lights = [dome.light(position, reach_map.center) for position in reach_map.candidates[:3]]
+    return route(lights, reach_map.home, reach_map.cell, reach_map.calibration)
+
+
+def test_every_position_of_the_dome_is_drawn_once_with_its_reason(reach_map: ReachMap) -> None:
+    marks = {mark.name: mark for mark in drawing.reach_marks(reach_map)}
+    assert sum(len(mark.points) for mark in marks.values()) == len(reach_map.points)
+    assert len(marks["reachable"].points) == len(reach_map.candidates)
+    assert set(marks) - {"reachable"} == {refusal.reason for refusal in reach_map.refusals if refusal is not None}
+    refused = marks["too-far"]
+    assert len(refused.words) == len(refused.points) > 0
+
+
+def test_the_lamps_way_leads_through_all_lights(reach_map: ReachMap, planned: Route) -> None:
+    marks = {mark.name: mark for mark in drawing.route_marks(planned, reach_map.cell, reach_map.calibration)}
+    way = marks["lamp's way"].points
+    base_from_view = lamp_pose.base_from_view(reach_map.calibration)
+    for waypoint in planned.waypoints:
+        place = geometry.transform(base_from_view, waypoint.light.position)
+        assert np.linalg.norm(way - place, axis=1).min() < 1e-6
+    assert np.allclose(
+        marks["lights"].points[0], geometry.transform(base_from_view, planned.waypoints[0].light.position)
+    )
+    assert f"arm at light {planned.light_numbers[2]}" in marks
+
+
+def test_everything_in_the_cell_is_drawn_where_it_is(reach_map: ReachMap) -> None:
+    cell = reach_map.cell
+    marks = {mark.name: mark for mark in drawing.cell_marks(cell, reach_map.calibration)}
+    assert {item.name for item in (cell.table, *cell.camera_body, *cell.obstacles)} < set(marks)
+    keep = cell.object.keep_out
+    height = np.nanmax(marks["the object's keep-out"].points[:, 2]) - keep.base_from_object.position_m[2]
+    assert height == pytest.approx(keep.height_m)
+
+
+def test_stills_are_pictures_with_something_on_them(reach_map: ReachMap, planned: Route) -> None:
+    for content in (
+        picture.reach_still(reach_map),
+        picture.route_still(planned, reach_map.cell, reach_map.calibration),
+    ):
+        image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+        assert image is not None
+        assert min(image.shape[:2]) > 500
+        colored = np.ptp(image.astype(int), axis=2) > 60
+        assert colored.sum() > 200
+
+
+def test_pages_load_nothing_from_elsewhere(reach_map: ReachMap, planned: Route) -> None:
+    for page in (picture.reach_page(reach_map), picture.route_page(planned, reach_map.cell, reach_map.calibration)):
+        assert "Plotly.newPlot" in page
+        assert re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=", page) == []
