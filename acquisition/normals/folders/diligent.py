@@ -8,13 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.normals.folders import masks, pixels, table
+from acquisition.normals.folders import image_sets, masks, pixels, table
 from acquisition.normals.folders.pixels import Progress
 from acquisition.normals.folders.refusal import refusal
 from acquisition.normals.image_set import DistantLights, ImageSet
 
 NAMES, DIRECTIONS, INTENSITIES = "filenames.txt", "light_directions.txt", "light_intensities.txt"
-SATURATED_FROM = 0.985
 
 
 def read(folder: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
@@ -37,17 +36,5 @@ def read(folder: Path, scratch: Path, progress: Progress | None = None) -> Image
     elif stored.channels == 3 and intensities.shape[1] == 1:
         intensities = np.repeat(intensities, 3, axis=1)
     mask = pixels.mask(folder / masks.MASK, stored.height, stored.width)
-    pixels.look(stored, paths, mask, SATURATED_FROM)
-    return ImageSet(
-        names=names,
-        height=stored.height,
-        width=stored.width,
-        channels=stored.channels,
-        rows=stored.rows,
-        full_scale=stored.full_scale,
-        saturated_from=SATURATED_FROM,
-        lights=DistantLights(directions, intensities),
-        mask=mask,
-        evaluation_mask=masks.evaluation(folder, stored.height, stored.width),
-        notes={"format": "DiLiGenT", "warnings": warnings + masks.depth_warning(stored)},
-    )
+    lights = DistantLights(directions, intensities)
+    return image_sets.made(folder, names, paths, stored, lights, mask, kind="DiLiGenT", warnings=warnings)

@@ -8,12 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.normals.folders import masks, pixels, table
+from acquisition.normals.folders import image_sets, masks, pixels, table
 from acquisition.normals.folders.pixels import Progress
 from acquisition.normals.folders.refusal import refusal
 from acquisition.normals.image_set import DistantLights, ImageSet
-
-SATURATED_FROM = 0.985
 
 
 def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
@@ -45,20 +43,8 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
     if any(one.suffix.lower() in masks.LOSSY for one in paths):
         warnings.append("JPEG images are compressed and mostly gamma-encoded: normals will lean and flatten.")
     mask = np.ones((stored.height, stored.width), np.bool_) if found is None else found
-    pixels.look(stored, paths, mask, SATURATED_FROM)
-    return ImageSet(
-        names=tuple(names),
-        height=stored.height,
-        width=stored.width,
-        channels=stored.channels,
-        rows=stored.rows,
-        full_scale=stored.full_scale,
-        saturated_from=SATURATED_FROM,
-        lights=DistantLights(np.array(directions), np.ones((len(names), stored.channels))),
-        mask=mask,
-        evaluation_mask=masks.evaluation(folder, stored.height, stored.width),
-        notes={"format": ".lp", "warnings": warnings + masks.depth_warning(stored)},
-    )
+    lights = DistantLights(np.array(directions), np.ones((len(names), stored.channels)))
+    return image_sets.made(folder, names, paths, stored, lights, mask, kind=".lp", warnings=warnings)
 
 
 def _beside(folder: Path, name: str) -> Path:

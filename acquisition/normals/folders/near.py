@@ -6,6 +6,7 @@ scale, so albedo is absolute. `black_level` (stored values, the same for all ima
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,14 +14,13 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from acquisition.geometry import VIEW_FROM_CAMERA
-from acquisition.normals.folders import masks, pixels
+from acquisition.normals.folders import image_sets, masks, pixels
 from acquisition.normals.folders.pixels import Progress
 from acquisition.normals.folders.refusal import refusal, text
 from acquisition.normals.image_set import Camera, ImageSet, NearLights
 from acquisition.types import Value, Vector3
 
 LIGHTS = "lights.json"
-SATURATED_FROM = 0.985
 DISTORTION_LENGTHS = (0, 4, 5)
 
 
@@ -59,33 +59,25 @@ def read(folder: Path, scratch: Path, progress: Progress | None = None) -> Image
     stored = pixels.store(paths, scratch, given.black_level, progress)
     if not (0 <= matrix[0, 2] < stored.width and 0 <= matrix[1, 2] < stored.height):
         raise refusal(path, f"camera.K has its centre outside the {stored.width} × {stored.height} images: correct it")
-    warnings = masks.depth_warning(stored)
+    warnings: list[str] = []
     if "black_level" not in given.model_fields_set:
         warnings.append("No black level is given: it is taken as zero. Give `black_level` where the camera has one.")
     found = masks.solving(folder, stored.height, stored.width)
     if found is None:
         warnings.append(f"There is no {masks.MASK}: the object is looked for in the images.")
     mask = np.ones((stored.height, stored.width), np.bool_) if found is None else found
-    pixels.look(stored, paths, mask, SATURATED_FROM)
-    black = given.black_level / stored.full_scale
-    return ImageSet(
-        names=tuple(light.file for light in given.lights),
-        height=stored.height,
-        width=stored.width,
-        channels=stored.channels,
-        rows=stored.rows,
-        full_scale=stored.full_scale,
-        saturated_from=SATURATED_FROM - black,
-        lights=NearLights(
-            np.array([light.position for light in given.lights]) @ VIEW_FROM_CAMERA[:3, :3].T / 1000,
-            np.array([light.intensity for light in given.lights]),
-            given.reference_mm / 1000,
-        ),
-        mask=mask,
+    lights = NearLights(
+        np.array([light.position for light in given.lights]) @ VIEW_FROM_CAMERA[:3, :3].T / 1000,
+        np.array([light.intensity for light in given.lights]),
+        given.reference_mm / 1000,
+    )
+    names = [light.file for light in given.lights]
+    images = image_sets.made(folder, names, paths, stored, lights, mask, kind="near light", warnings=warnings)
+    return replace(
+        images,
+        saturated_from=images.saturated_from - given.black_level / stored.full_scale,
         camera=Camera(matrix, distortion),
-        evaluation_mask=masks.evaluation(folder, stored.height, stored.width),
         rough_depth_m=given.depth_mm / 1000,
-        notes={"format": "near light", "warnings": warnings},
     )
 
 

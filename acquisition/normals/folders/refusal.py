@@ -11,9 +11,9 @@ def refusal(path: Path, detail: str) -> RigError:
 
 
 def text(path: Path) -> str:
-    """A small text file. Raises RigError folder.invalid when it is missing or no text."""
+    """A small text file, byte order mark or not. Raises RigError folder.invalid when it is missing or no text."""
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError as error:
         raise refusal(path, "is missing: put it there") from error
     except (OSError, UnicodeDecodeError) as error:

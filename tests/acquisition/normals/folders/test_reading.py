@@ -48,6 +48,26 @@ def test_a_diligent_folder(colour: bool, tmp_path: Path) -> None:
     assert error_deg(distant_normals(images), small.sphere()[0]).max() < 0.1
 
 
+def test_a_diligent_folder_of_another_system_is_the_same(tmp_path: Path) -> None:
+    """Lines that end as on Windows, a byte order mark, columns of any width, a mask of three channels, true normals."""
+    folder = small.diligent(tmp_path / "in")
+    plain = folders.read(folder, tmp_path)
+    for name in ("filenames.txt", "light_directions.txt", "light_intensities.txt"):
+        lines = (folder / name).read_text().replace(" ", "   ").splitlines()
+        (folder / name).write_bytes(b"\xef\xbb\xbf" + "\r\n".join(["", *lines, "", ""]).encode())
+    cv2.imwrite(str(folder / "mask.png"), np.repeat(small.sphere()[1][..., None] * np.uint8(255), 3, axis=2))
+    savemat(folder / "Normal_gt.mat", {"Normal_gt": small.sphere()[0], "other": np.eye(2)}, format="5")
+    images = folders.read(folder, tmp_path)
+    assert images.names == plain.names
+    assert isinstance(images.lights, DistantLights)
+    assert isinstance(plain.lights, DistantLights)
+    np.testing.assert_array_equal(images.lights.directions, plain.lights.directions)
+    np.testing.assert_array_equal(images.lights.intensities, plain.lights.intensities)
+    np.testing.assert_array_equal(images.mask, plain.mask)
+    assert images.truth is not None
+    np.testing.assert_allclose(images.truth, small.sphere()[0], atol=1e-6)
+
+
 def test_channels_come_in_the_order_of_their_intensities(tmp_path: Path) -> None:
     folder = small.diligent(tmp_path / "in")
     colours = np.zeros((small.SIZE, small.SIZE, 3), np.uint16)

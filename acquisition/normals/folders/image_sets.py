@@ -1,0 +1,36 @@
+"""The image set that every reader ends with: stored pixels, lights and masks, looked at once before any solve."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from acquisition.normals.folders import masks, pixels
+from acquisition.normals.folders.pixels import Stored
+from acquisition.normals.image_set import DistantLights, ImageSet, NearLights
+from acquisition.types import BoolArray
+
+SATURATED_FROM = 0.985
+"""Share of full scale from which a value counts as clipped."""
+
+
+def made(
+    folder: Path, names: Sequence[str], paths: Sequence[Path], stored: Stored, lights: DistantLights | NearLights,
+    mask: BoolArray, *, kind: str, warnings: Sequence[str],
+) -> ImageSet:  # fmt: skip
+    """The images of a folder, `paths` in the order of `lights`, solved in `mask` (H, W); `kind` is the format's name.
+
+    Raises RigError folder.invalid naming an image that is black or overexposed, or an evaluation mask that is wrong.
+    """
+    pixels.look(stored, paths, mask, SATURATED_FROM)
+    return ImageSet(
+        names=tuple(names),
+        height=stored.height,
+        width=stored.width,
+        channels=stored.channels,
+        rows=stored.rows,
+        full_scale=stored.full_scale,
+        saturated_from=SATURATED_FROM,
+        lights=lights,
+        mask=mask,
+        evaluation_mask=masks.evaluation(folder, stored.height, stored.width),
+        notes={"format": kind, "warnings": [*warnings, *masks.depth_warning(stored)]},
+    )
