@@ -14,7 +14,6 @@ from acquisition.session import State
 from api.client import Client, ProblemError
 from api.schemas import SessionResource
 from tests.crash.crashing import (
-    RECIPE,
     Bench,
     announced,
     assert_equal_to_the_undisturbed,
@@ -68,9 +67,7 @@ def test_a_session_survives_a_fault_that_a_person_mends(made: Bench, case: int) 
     number = chance.choice([2, 2, 6, *range(len(begins) - 1)])  # while images are taken, most often
     delay_s = chance.uniform(0.0, begins[number + 1] - begins[number])
     with made.serve() as client:
-        client.wait_ready()
-        session_id = client.create(RECIPE).id
-        client.start(session_id)
+        session_id = made.start(client)
         wait_for_stage(client, session_id, number)
         time.sleep(delay_s)
         made.control.fault(**fault)
@@ -80,7 +77,7 @@ def test_a_session_survives_a_fault_that_a_person_mends(made: Bench, case: int) 
             if found.state is State.COMPLETED:
                 break
             assert found.state in (State.INTERRUPTED, State.PAUSED), found.reason
-            assert_rests(made, session_id)
+            assert_rests(made, lamp_stuck=fault.get("level", False))
             found = mend_and_resume(made, client, found, fault)
         mend(made, fault)
     assert_equal_to_the_undisturbed(made, found, kept)

@@ -75,15 +75,13 @@ def test_a_session_survives_a_disk_that_fills_up(made: Bench, case: int) -> None
     number = case % (len(begins) - 2)
     delay_s = chance.uniform(0.0, begins[number + 1] - begins[number])
     with made.serve() as client:
-        client.wait_ready()
-        session_id = client.create(RECIPE).id
-        client.start(session_id)
+        session_id = made.start(client)
         wait_for_stage(client, session_id, number)
         time.sleep(delay_s)
         filler = fill(made.data, 0 if case % 2 else KEPT_FREE_BYTES // 2)
         try:
             found = until_it_waits(client, session_id)
-            assert_rests(made, session_id)
+            assert_rests(made)
         finally:
             os.unlink(filler)
         kept = announced(made.data, session_id)

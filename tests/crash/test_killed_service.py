@@ -12,7 +12,6 @@ import pytest
 
 from acquisition.session import State
 from tests.crash.crashing import (
-    RECIPE,
     Bench,
     announced,
     assert_equal_to_the_undisturbed,
@@ -40,9 +39,7 @@ def test_a_killed_session_ends_as_if_nothing_had_happened(made: Bench, case: int
     number = case % (len(begins) - 1)
     delay_s = chance.uniform(0.0, begins[number + 1] - begins[number])
     with made.serve() as client:
-        client.wait_ready()
-        session_id = client.create(RECIPE).id
-        client.start(session_id)
+        session_id = made.start(client)
         wait_for_stage(client, session_id, number)
         time.sleep(delay_s)
         made.kill()
@@ -50,7 +47,7 @@ def test_a_killed_session_ends_as_if_nothing_had_happened(made: Bench, case: int
     kept = announced(made.data, session_id)
     with made.serve() as client:
         found = client.session(session_id)
-        assert_rests(made, session_id)
+        assert_rests(made)
         state = made.control.state()
         assert state["moves_started"] == moves
         assert state["joints"] == pytest.approx(joints, abs=1e-6)
