@@ -8,6 +8,7 @@ probability above its level visible, because an error of one pixel's normal hide
 Multiplying information by probability instead would be optimistic.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -40,6 +41,8 @@ SURE = 0.9
 ATTACHED_SIGMA = 0.06
 CAST_SIGMA = 0.04
 STEEPEST_DEG = 78.0
+DETERMINED_BY = 3
+"""Lights that a pixel's normal takes."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,7 @@ class Samples:
     information: FloatArray  # (P, 4, 4) of (g, ζ), weak prior included
     lit: Float32Array  # (P,) images so far that see the pixel
     unresolved: Float32Array  # (P,) rad², variance that no light removes
+    taken: FloatArray  # (T, 3) unit directions of the lights of those images
 
     @cached_property
     def packed(self) -> FloatArray:
@@ -77,12 +81,12 @@ class Samples:
         """Every `step`-th pixel."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         over_first = ("row", "column", "albedo", "sigma", "information", "lit", "unresolved")
-        return Samples(
-            **{
-                name: np.ascontiguousarray(value[::step] if name in over_first else value[:, ::step])
-                for name, value in values.items()
-            }
-        )
+        thinned = {
+            name: np.ascontiguousarray(value[::step] if name in over_first else value[:, ::step])
+            for name, value in values.items()
+            if name != "taken"
+        }
+        return Samples(**thinned, taken=self.taken)
 
 
 @dataclass(frozen=True)
@@ -91,24 +95,38 @@ class Candidates:
 
     row: Float32Array  # (K, 4, P) whitened
     visibility: Float32Array  # (K, P) probability
+    unit: FloatArray  # (K, 3) directions of the lights
 
     def only(self, chosen: list[int] | npt.NDArray[np.intp]) -> "Candidates":
         """Some of the candidates."""
-        return Candidates(np.ascontiguousarray(self.row[chosen]), np.ascontiguousarray(self.visibility[chosen]))
+        return Candidates(
+            np.ascontiguousarray(self.row[chosen]), np.ascontiguousarray(self.visibility[chosen]), self.unit[chosen]
+        )
 
     def thinned(self, step: int) -> "Candidates":
         """Every `step`-th pixel."""
         return Candidates(
-            np.ascontiguousarray(self.row[:, :, ::step]), np.ascontiguousarray(self.visibility[:, ::step])
+            np.ascontiguousarray(self.row[:, :, ::step]), np.ascontiguousarray(self.visibility[:, ::step]), self.unit
         )
 
     def joined(self, others: "Candidates") -> "Candidates":
         """These candidates, then the others."""
-        return Candidates(np.concatenate([self.row, others.row]), np.concatenate([self.visibility, others.visibility]))
+        return Candidates(
+            np.concatenate([self.row, others.row]),
+            np.concatenate([self.visibility, others.visibility]),
+            np.concatenate([self.unit, others.unit]),
+        )
 
 
-def samples(normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray) -> Samples:
-    """The sample pixels of a normal map with these numbers in its `information`."""
+def directions(lights: Sequence[Light]) -> FloatArray:
+    """Unit directions (K, 3) in which lights stand, seen from where they look."""
+    return -np.array([light.axis for light in lights]).reshape(-1, 3)
+
+
+def samples(
+    normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray, taken: Sequence[Light] = ()
+) -> Samples:
+    """The sample pixels of a normal map with these numbers in its `information`; `taken`: the lights it was made of."""
     rows, columns = normal_map.information.rows[chosen], normal_map.information.columns[chosen]
     ray = visibility.rays_at(calibration, rows, columns)
     depth = normal_map.depth[rows, columns]
@@ -126,6 +144,7 @@ def samples(normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray)
         information=information + _weak(albedo),
         lit=np.count_nonzero(normal_map.flags[:, rows, columns] & LIT, axis=0).astype(np.float32),
         unresolved=noise.unresolved(normal_map, rows, columns),
+        taken=directions(taken),
     )
 
 
@@ -207,7 +226,7 @@ def candidates(
     facing = np.einsum("cp,cp->p", sample.normal, sample.along)
     slope = -strength / there.distance * (facing - 3 * there.cosine * turning) * OFFSET_SIGMA_M
     row = np.concatenate([there.light, slope[:, None]], axis=1) / deviation[:, None]
-    return Candidates(np.ascontiguousarray(row, np.float32), np.ascontiguousarray(seen, np.float32))
+    return Candidates(np.ascontiguousarray(row, np.float32), np.ascontiguousarray(seen, np.float32), directions(lights))
 
 
 def _half_way(sample: Samples, there: _Shading) -> Float32Array:
@@ -245,12 +264,15 @@ def unexplained_shadows(
 ) -> float:  # fmt: skip
     """Share of the measurements found dark among those that the normal map's own shape would surely light.
 
-    Integrating normals closes steps that no pixel sees; the shadows that they cast remain, and give them away.
+    Integrating normals closes steps that no pixel sees; the shadows that they cast remain, and give them away. Only
+    pixels whose normals are determined are asked: elsewhere the shape is a guess, and its errors are not steps. Zero
+    where no pixel is.
     """
     lights = [shot.light for shot in observations.shots if shot.kind == "light" and shot.light is not None]
     if not lights or len(lights) != len(normal_map.flags):
         return 0.0
     sure = candidates(sample, lights, surface, calibration, recipe).visibility > SURE
+    sure &= sample.lit >= DETERMINED_BY
     dark = normal_map.flags[:, sample.row, sample.column] & (ATTACHED | CAST) > 0
     return float(np.mean(dark[sure])) if np.any(sure) else 0.0
 
@@ -262,6 +284,7 @@ class Expectation:
     covariance: Float32Array  # (S, 10, P) of (g, ζ)
     variance: FloatArray  # (S, P) rad²
     lit: Float32Array  # (S, P) lights that see the pixel, those taken already included
+    units: FloatArray  # (N, 3) directions of all lights, those taken already included
 
     @property
     def sigma_deg(self) -> FloatArray:
@@ -272,14 +295,17 @@ class Expectation:
 def none(sample: Samples) -> Candidates:
     """No lights at all."""
     pixels = len(sample.albedo)
-    return Candidates(np.empty((0, 4, pixels), np.float32), np.empty((0, pixels), np.float32))
+    return Candidates(np.empty((0, 4, pixels), np.float32), np.empty((0, pixels), np.float32), np.empty((0, 3)))
 
 
 def expect(sample: Samples, lights: Candidates, weight: FloatArray | None = None) -> Expectation:
     """What is to be expected after adding all of `lights`, each `weight` (K,) times; none: once."""
     shape = (len(LEVELS), len(sample.albedo))
     out = Expectation(
-        np.empty((shape[0], 10, shape[1]), np.float32), np.empty(shape), np.empty(shape, dtype=np.float32)
+        np.empty((shape[0], 10, shape[1]), np.float32),
+        np.empty(shape),
+        np.empty(shape, dtype=np.float32),
+        np.concatenate([sample.taken, lights.unit]),
     )
     kernels.expect(
         sample.packed,

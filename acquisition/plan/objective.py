@@ -5,13 +5,18 @@ reach. `mean` is the mean σ. `quantile` looks at the pixels near the σ that ni
 pattern: what lies well below counts nothing, and what lies well above counts alike, so that it nearly counts pixels,
 adds up over them, and lowers the upper quantiles. `coverage` first counts the lights that pixels lack of three, which a
 solve needs, and lets `capped` decide between equals.
+
+Many sets of lights are within a few per cent of the best by any of these. Among them the even ones are the better
+choice: what no variance knows of (pixels that mix two surfaces, depth that is wrong, light that bounces) pulls normals
+towards or away from the lights, and these pulls cancel where lights stand evenly round the object. So each loss rises
+with the lights' imbalance.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition.plan import kernels
+from acquisition.plan import kernels, patterns
 from acquisition.plan.criterion import LEVELS, Candidates, Expectation, Samples
 from acquisition.types import Float32Array, FloatArray, Objective
 
@@ -21,24 +26,30 @@ WELL_BELOW, WELL_ABOVE = 0.6, 2.0
 LACKING = 10.0
 """Loss of one light lacked by all pixels: a thousand times what the capped variance can differ by."""
 
+UNEVEN = 4.0
+"""Share by which the loss rises with the square of the lights' imbalance: 4 % at 0.1, the usual one of a plan at 0.2
+costs 16 %. Between 2 and 5 the errors found are the same."""
+
 
 @dataclass(frozen=True)
 class Loss:
-    """Loss of a pixel: of_variance · c + of_sigma · max(√c − threshold, 0) + lacking · lights lacked of three, where
-    c = v / (1 + v · inverse_cap); v in rad²."""
+    """Loss of a pixel: (of_variance · c + of_sigma · max(√c − threshold, 0)) (1 + uneven · imbalance²) + lacking ·
+    lights lacked of three, where c = v / (1 + v · inverse_cap); v in rad²."""
 
     of_variance: float
     of_sigma: float
     threshold: float
     inverse_cap: float
     lacking: float
+    uneven: float = 0.0
 
     def of(self, expectation: Expectation) -> float:
         """The mean loss over pixels and scenarios."""
         capped = expectation.variance / (1 + expectation.variance * self.inverse_cap)
         loss = self.of_variance * capped + self.of_sigma * np.maximum(np.sqrt(capped) - self.threshold, 0)
         lacked = np.maximum(3 - expectation.lit, 0) if self.lacking > 0 else np.zeros(1)
-        return float(np.mean(loss) + self.lacking * np.mean(lacked))
+        uneven = self.uneven * float(patterns.imbalance(expectation.units)) ** 2
+        return float(np.mean(loss) * (1 + uneven) + self.lacking * np.mean(lacked))
 
     def scan(self, sample: Samples, present: Expectation, lights: Candidates) -> FloatArray:
         """The mean loss (K,) with each one of `lights` added to what is present."""
@@ -56,6 +67,9 @@ class Loss:
             out,
             deficit,
         )
+        if self.uneven > 0:
+            some = np.broadcast_to(present.units, (len(out), *present.units.shape))
+            out *= 1 + self.uneven * patterns.imbalance(np.concatenate([some, lights.unit[:, None]], axis=1)) ** 2
         return out + self.lacking * deficit
 
     @property
@@ -71,11 +85,11 @@ VARIANCE = Loss(1.0, 0.0, 0.0, 0.0, 0.0)
 def loss(objective: Objective, reference: Expectation) -> Loss:
     """The loss of an objective; `reference` is what two rings would give, for the threshold of `quantile`."""
     if objective == "mean":
-        return Loss(0.0, 1.0, 0.0, 0.0, 0.0)
+        return Loss(0.0, 1.0, 0.0, 0.0, 0.0, UNEVEN)
     if objective == "quantile":
         level = float(np.sqrt(np.quantile(reference.variance, QUANTILE)))
         inverse_cap = 1.0 / (WELL_ABOVE * level) ** 2
         least = (WELL_BELOW * level) ** 2
         threshold = float(np.sqrt(least / (1 + least * inverse_cap)))
-        return Loss(0.0, 1.0, threshold, inverse_cap, 0.0)
-    return replace(CAPPED, lacking=LACKING) if objective == "coverage" else CAPPED
+        return Loss(0.0, 1.0, threshold, inverse_cap, 0.0, UNEVEN)
+    return replace(CAPPED, lacking=LACKING if objective == "coverage" else 0.0, uneven=UNEVEN)

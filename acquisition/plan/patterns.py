@@ -55,13 +55,14 @@ def completions(taken: FloatArray, units: FloatArray, count: int) -> list[list[i
     return [chosen for _, chosen in sorted(found)]
 
 
-def imbalance(units: FloatArray) -> float:
-    """How unevenly unit lights (N, 3) stand round the view axis: 0 evenly, 1 all on one side at the horizon.
+def imbalance(units: FloatArray) -> FloatArray:
+    """How unevenly unit lights (…, N, 3) stand round the view axis (…): 0 evenly, 1 all on one side at the horizon.
 
-    The first two circular moments, weighted by the sine of the slant and its square.
+    The first two circular moments, weighted by the sine of the slant and its square; 0 of no lights.
     """
-    x, y = units[:, 0], units[:, 1]
-    return float(np.hypot(np.hypot(x.mean(), y.mean()), np.hypot((x * x - y * y).mean(), (2 * x * y).mean())))
+    x, y = units[..., 0], units[..., 1]
+    moments = np.stack([x, y, x * x - y * y, 2 * x * y])
+    return np.linalg.norm(np.sum(moments, axis=-1) / max(units.shape[-2], 1), axis=0)
 
 
 def _places(ring: FloatArray, count: int, slant_deg: float, turn: float) -> tuple[FloatArray, float]:

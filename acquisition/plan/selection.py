@@ -33,7 +33,6 @@ from acquisition.types import (
 SAMPLE_PIXELS = 900
 CERTIFICATE_PIXELS = 300
 LEAST_PIXELS = 20
-LEAST_LIGHTS = 3
 BLIND_FROM = 0.25
 """Share of pixels lit by fewer than three lights so far that a person should know of; a usual pilot leaves 2–10 %."""
 
@@ -145,11 +144,11 @@ def choose(
         notes.append(f"two rings instead of planned lights: {fallback}")
     if until.passed:
         notes.append(f"the search was cut short after {deadline_s:g} s: the best so far is taken")
-    blind = float(np.mean(problem.known.lit < LEAST_LIGHTS))
+    blind = float(np.mean(problem.known.lit < criterion.DETERMINED_BY))
     if observations.shots and blind > BLIND_FROM:
         notes.append(
-            f"{blind:.0%} of the pixels were lit by fewer than {LEAST_LIGHTS} lights so far: the shape that this is "
-            "planned from is a guess there; check that all lamps were on and nothing stood in their way"
+            f"{blind:.0%} of the pixels were lit by fewer than {criterion.DETERMINED_BY} lights so far: the shape that "
+            "this is planned from is a guess there; check that all lamps were on and nothing stood in their way"
         )
     dark = float(np.mean(np.sum(there.visibility > 0.5, axis=0) == 0))
     if dark > 0.02:
@@ -217,10 +216,11 @@ def _problem(
             pixels=len(usable),
         )
 
+    taken = [shot.light for shot in observations.shots if shot.kind == "light" and shot.light is not None]
     order = np.random.default_rng(recipe.seed).permutation(usable)
     half = max(len(order) // 2, LEAST_PIXELS // 2)
     known, fresh = (
-        criterion.samples(normal_map, calibration, np.sort(numbers[:SAMPLE_PIXELS]))
+        criterion.samples(normal_map, calibration, np.sort(numbers[:SAMPLE_PIXELS]), taken)
         for numbers in (order[:half], order[half:])
     )
     units = dome.directions(reach.candidates, reach.center, count)

@@ -46,9 +46,11 @@ def random_case(seed: int, pixels: int = 20, lights: int = 6) -> tuple[Samples, 
         information=half @ half.transpose(0, 2, 1) + 5 * np.eye(4),
         lit=np.zeros(pixels, np.float32),
         unresolved=np.zeros(pixels, np.float32),
+        taken=np.empty((0, 3)),
     )
     row = rng.normal(size=(lights, 4, pixels)) * 60
-    return samples, Candidates(row.astype(np.float32), rng.random((lights, pixels)).astype(np.float32))
+    seen = rng.random((lights, pixels)).astype(np.float32)
+    return samples, Candidates(row.astype(np.float32), seen, facing_camera(rng, lights).T)
 
 
 def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -> tuple[Samples, Candidates]:
@@ -65,10 +67,11 @@ def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -
         information=np.tile(np.diag([1.0, 1.0, 1.0, 1.0]), (pixels, 1, 1)),
         lit=np.zeros(pixels, np.float32),
         unresolved=np.zeros(pixels, np.float32),
+        taken=np.empty((0, 3)),
     )
     row = np.zeros((len(units), 4, pixels), np.float32)
     row[:, :3] = scale * units[:, :, None]
-    return samples, Candidates(row, np.ones((len(units), pixels), np.float32))
+    return samples, Candidates(row, np.ones((len(units), pixels), np.float32), units)
 
 
 def lit_case(seed: int, units: FloatArray, pixels: int = 200) -> tuple[Samples, Candidates]:
@@ -80,7 +83,7 @@ def lit_case(seed: int, units: FloatArray, pixels: int = 200) -> tuple[Samples, 
     seen = 1 / (1 + np.exp(-(cosine - 0.08) / 0.04))
     hidden = rng.random((pixels, 3)) - 0.5  # each pixel has a side from which something stands in the light's way
     blocked = units @ np.stack([hidden[:, 0], hidden[:, 1], 0 * hidden[:, 2]]) > 0.25
-    return samples, Candidates(options.row, np.where(blocked, 0, seen).astype(np.float32))
+    return samples, Candidates(options.row, np.where(blocked, 0, seen).astype(np.float32), options.unit)
 
 
 def shot_of(light: Light, number: int) -> Shot:

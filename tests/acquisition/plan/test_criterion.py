@@ -71,7 +71,9 @@ def test_a_light_never_makes_a_pixel_less_certain(seed: int) -> None:
 def test_certain_shadow_is_worth_nothing_and_doubt_costs(seed: int) -> None:
     sample, lights = cases.random_case(seed)
     before = criterion.expect(sample, lights.only([]))
-    hidden, doubtful, seen = (Candidates(lights.row, np.full_like(lights.visibility, v)) for v in (0.0, 0.5, 1.0))
+    hidden, doubtful, seen = (
+        Candidates(lights.row, np.full_like(lights.visibility, v), lights.unit) for v in (0.0, 0.5, 1.0)
+    )
     np.testing.assert_allclose(CAPPED.scan(sample, before, hidden), CAPPED.of(before), rtol=1e-5)
     assert np.all(CAPPED.scan(sample, before, doubtful) >= CAPPED.scan(sample, before, seen) * (1 - 1e-6))
 
