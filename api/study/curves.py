@@ -13,7 +13,7 @@ from scipy import stats
 
 from acquisition.types import FloatArray
 from api.study import scenes
-from api.study.scenes import METHODS, OBJECTS, Geometry, Run, Scene
+from api.study.scenes import METHODS, OBJECTS, Run, Scene
 
 RIVALS = ("optimal", "two-rings")
 RAYLEIGH_MEAN = 0.886
@@ -98,7 +98,7 @@ def pieces(seed: int, scale: Scale) -> list[Piece]:
 
 def work(piece: Piece) -> list[Sample]:
     """All sessions of one piece."""
-    scene = Scene(Geometry(piece.shape, piece.seed, piece.pixels), glossy=piece.glossy)
+    scene = Scene(scenes.traced(piece.shape, piece.seed, piece.pixels), glossy=piece.glossy)
     return [
         _sample(piece, scene, method, lights)
         for method in METHODS

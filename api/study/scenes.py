@@ -11,7 +11,7 @@ A picture is rendered once for each light; the table, which nobody looks at, wit
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
@@ -52,6 +52,9 @@ PILOT_LIGHTS = 4
 PIXELS = 256
 """Below, mixed pixels at edges decide the mean errors of the objects with steps, whatever the lights."""
 SUBDIVISION = 3
+KEPT = 3
+"""Geometries that a process keeps."""
+
 NEAR_OBJECT_PX = 2
 """Table pixels this close to the object are sampled like it: they may be taken for its edge."""
 
@@ -179,6 +182,12 @@ class Geometry:
     def object_from_view(self) -> FloatArray:
         """The pose (4, 4) of the view frame."""
         return self.object_from_base @ geometry.base_from_view(np.array(self.calibration.base_from_camera))
+
+
+@lru_cache(maxsize=KEPT)
+def traced(shape: str, seed: int, pixels: int = PIXELS) -> Geometry:
+    """The geometry of one draw; the last few are kept, because the study's parts ask for the same ones."""
+    return Geometry(shape, seed, pixels)
 
 
 class Scene:

@@ -43,8 +43,8 @@ FULL = Scale(
 QUICK = Scale(
     pixels=SMALL_PIXELS,
     objects=("vase", "relief", "figure"),
-    glossy_objects=("vase", "figure"),
-    matt=Draws(rivals={3: 1, 8: 1, 12: 1}, others={3: 1, 8: 1}),
+    glossy_objects=("vase",),
+    matt=Draws(rivals={3: 1, 8: 1, 12: 1}, others={8: 1}),
     glossy=Draws(rivals={8: 1}, others={8: 1}),
     table_objects=("figure", "vase"),
     table_draws=2,
@@ -143,15 +143,15 @@ def ratios(found: Study) -> list[dict[str, Any]]:
 
 
 def _placement(shape: str, seed: int) -> Placement:
-    return paper.placement(scenes.Scene(scenes.Geometry(shape, 1000 * seed, SMALL_PIXELS)), seed)
+    return paper.placement(scenes.Scene(scenes.traced(shape, 1000 * seed, SMALL_PIXELS)), seed)
 
 
 def _table(shape: str, seed: int, draws: int) -> list[Row]:
-    return three.table(scenes.Scene(scenes.Geometry(shape, 1000 * seed, SMALL_PIXELS)), draws)
+    return three.table(scenes.Scene(scenes.traced(shape, 1000 * seed, SMALL_PIXELS)), draws)
 
 
 def _errata(seed: int) -> Errata:
-    scene = scenes.Scene(scenes.Geometry("figure", 1000 * seed, SMALL_PIXELS))
+    scene = scenes.Scene(scenes.traced("figure", 1000 * seed, SMALL_PIXELS))
     return paper.errata(paper.mean_projector(scene), seed)
 
 
