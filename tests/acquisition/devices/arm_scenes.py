@@ -21,6 +21,18 @@ HOME = CELL.arm.home
 FAR = (HOME[0] + 2.0, *HOME[1:])  # over two seconds away
 NEAR = (HOME[0] + 0.05, *HOME[1:])
 
+SERVICE_CODE = """
+from acquisition.devices import StopToken
+from acquisition.devices.ur.arm import UrArm
+from acquisition.devices.ur.lamp import UrLamp
+from tests.acquisition.devices.arm_scenes import CELL, FAR, LIMITS, arm_config
+arm = UrArm(arm_config({address!r}), CELL.lamp.output)
+arm.connect()
+UrLamp(arm, CELL.lamp).set(True)
+arm.move([FAR], [LIMITS], StopToken())
+"""
+"""The program of a service that moves the arm, for a process of its own; to be formatted with the address."""
+
 
 def arm_config(address: str) -> ArmConfig:
     """The simulated cell's arm at another address."""

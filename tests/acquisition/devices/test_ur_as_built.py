@@ -76,10 +76,11 @@ def test_lights_stand_where_they_are_logged_and_where_they_are_wanted(cell: Cell
     drawn = [lamp_pose.light_from_tool(pose @ cell.arm.flange_from_tool.matrix, CALIBRATION) for pose in flange]
     off = [np.subtract(one.position, other.position) for one, other in zip(drawn, true, strict=True)]
     error_mm = 1e3 * np.sqrt(np.mean(np.sum(np.square(off), axis=1)))
-    print(
-        f"\n{error_mm:.2f} mm rms off; true to logged {rms_deg(true, logged):.5f}°, planned {rms_deg(true, aimed):.5f}°,"
-        f" drawings' {rms_deg(true, drawn):.3f}°"
+    angles = ", ".join(
+        f"{name} {rms_deg(true, others):.5f}°"
+        for name, others in (("logged", logged), ("aimed", aimed), ("drawn", drawn))
     )
+    print(f"\n{error_mm:.2f} mm rms off the drawings; directions from the true ones, rms: {angles}")
     assert error_mm > 1.5
     assert rms_deg(true, logged) < 0.1
     assert rms_deg(true, aimed) < 0.1

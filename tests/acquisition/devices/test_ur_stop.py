@@ -28,6 +28,7 @@ from tests.acquisition.devices.arm_scenes import (
     HOME,
     LIMITS,
     NEAR,
+    SERVICE_CODE,
     Journey,
     arm_config,
     connected,
@@ -276,18 +277,6 @@ def test_controller_without_power() -> None:
         with pytest.raises(RigError) as caught:
             arm.connect()
         assert caught.value.code == ErrorCode.ARM_UNREACHABLE
-
-
-SERVICE_CODE = """
-from acquisition.devices import StopToken
-from acquisition.devices.ur.arm import UrArm
-from acquisition.devices.ur.lamp import UrLamp
-from tests.acquisition.devices.arm_scenes import CELL, FAR, LIMITS, arm_config
-arm = UrArm(arm_config({address!r}), CELL.lamp.output)
-arm.connect()
-UrLamp(arm, CELL.lamp).set(True)
-arm.move([FAR], [LIMITS], StopToken())
-"""
 
 
 @contextmanager
