@@ -25,6 +25,7 @@ from tests.end_to_end.processes import Service, fastest_joint, rests_after, serv
 RECIPE = Recipe(pilot_lights=3, planned_lights=1)
 CELL_FILE = Path(__file__).parents[2] / "deploy" / "cell.test.toml"
 PIXELS, SPEED = 128, 20.0
+MOST_RESUMES = 6
 PLACE_M, NORMALS_DEG, SHARE = 1e-6, 0.01, 0.999
 
 
@@ -154,6 +155,29 @@ def announced(data: Path, session_id: str) -> dict[tuple[int, int], str]:
         }
     finally:
         journal.close()
+
+
+def resume(made: Bench, client: Client, session_id: str) -> SessionResource:
+    """Resumes until the session ends, as a person does whom a machine that is too busy gives more than one reason."""
+    for _ in range(MOST_RESUMES):
+        deadline = time.monotonic() + 60
+        while True:
+            made.control.fault("clear")
+            try:
+                client.acknowledge()
+                client.resume(session_id)
+            except ProblemError as error:
+                if time.monotonic() > deadline:
+                    raise AssertionError(f"nobody may resume: {error}") from error
+                time.sleep(0.3)
+                continue
+            break
+        found = client.wait(session_id)
+        if found.state is State.COMPLETED:
+            return found
+        assert found.state in (State.INTERRUPTED, State.PAUSED), found.reason
+        assert_rests(made)
+    raise AssertionError(f"resumed {MOST_RESUMES} times: {found.reason}")
 
 
 def assert_rests(made: Bench, *, lamp_stuck: bool = False) -> None:

@@ -27,6 +27,7 @@ from tests.crash.crashing import (
     assert_rests,
     bench,
     cases,
+    resume,
     wait_for_stage,
 )
 
@@ -90,8 +91,7 @@ def test_a_session_survives_a_disk_that_fills_up(made: Bench, case: int) -> None
             assert found.state is State.PAUSED, found
             assert found.reason is not None
             assert found.reason.code is ErrorCode.STORE_DISK_FULL
-            client.resume(session_id)
-            found = client.wait(session_id)
+            found = resume(made, client, session_id)
     assert_equal_to_the_undisturbed(made, found, kept)
 
 

@@ -19,6 +19,7 @@ from tests.crash.crashing import (
     bench,
     cases,
     come_to_rest,
+    resume,
     wait_for_stage,
 )
 
@@ -55,6 +56,5 @@ def test_a_killed_session_ends_as_if_nothing_had_happened(made: Bench, case: int
             assert found.state is State.INTERRUPTED
             assert found.reason is not None
             assert found.reason.code == "service.restarted"
-            client.resume(session_id)
-            found = client.wait(session_id)
+            found = resume(made, client, session_id)
     assert_equal_to_the_undisturbed(made, found, kept)
