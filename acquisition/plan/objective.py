@@ -48,7 +48,7 @@ class Loss:
         capped = expectation.variance / (1 + expectation.variance * self.inverse_cap)
         loss = self.of_variance * capped + self.of_sigma * np.maximum(np.sqrt(capped) - self.threshold, 0)
         lacked = np.maximum(3 - expectation.lit, 0) if self.lacking > 0 else np.zeros(1)
-        uneven = self.uneven * float(patterns.imbalance(expectation.units)) ** 2
+        uneven = self.uneven * patterns.imbalance(expectation.units) ** 2
         return float(np.mean(loss) * (1 + uneven) + self.lacking * np.mean(lacked))
 
     def scan(self, sample: Samples, present: Expectation, lights: Candidates) -> FloatArray:
@@ -67,9 +67,7 @@ class Loss:
             out,
             deficit,
         )
-        if self.uneven > 0:
-            some = np.broadcast_to(present.units, (len(out), *present.units.shape))
-            out *= 1 + self.uneven * patterns.imbalance(np.concatenate([some, lights.unit[:, None]], axis=1)) ** 2
+        out *= 1 + self.uneven * patterns.imbalance_with_each(present.units, lights.unit) ** 2
         return out + self.lacking * deficit
 
     @property

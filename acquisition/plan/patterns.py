@@ -55,14 +55,22 @@ def completions(taken: FloatArray, units: FloatArray, count: int) -> list[list[i
     return [chosen for _, chosen in sorted(found)]
 
 
-def imbalance(units: FloatArray) -> FloatArray:
-    """How unevenly unit lights (…, N, 3) stand round the view axis (…): 0 evenly, 1 all on one side at the horizon.
+def imbalance(units: FloatArray) -> float:
+    """How unevenly unit lights (N, 3) stand round the view axis: 0 evenly, 1 all on one side at the horizon.
 
     The first two circular moments, weighted by the sine of the slant and its square; 0 of no lights.
     """
-    x, y = units[..., 0], units[..., 1]
-    moments = np.stack([x, y, x * x - y * y, 2 * x * y])
-    return np.linalg.norm(np.sum(moments, axis=-1) / max(units.shape[-2], 1), axis=0)
+    return float(np.linalg.norm(np.sum(_moments(units), axis=0))) / max(len(units), 1)
+
+
+def imbalance_with_each(units: FloatArray, further: FloatArray) -> FloatArray:
+    """The imbalance (K,) of unit lights (N, 3) together with each one of further ones (K, 3)."""
+    return np.linalg.norm(np.sum(_moments(units), axis=0) + _moments(further), axis=1) / (len(units) + 1)
+
+
+def _moments(units: FloatArray) -> FloatArray:
+    x, y = units[:, 0], units[:, 1]
+    return np.column_stack([x, y, x * x - y * y, 2 * x * y])
 
 
 def _places(ring: FloatArray, count: int, slant_deg: float, turn: float) -> tuple[FloatArray, float]:

@@ -31,6 +31,9 @@ from acquisition.types import (
 )
 
 SAMPLE_PIXELS = 900
+REFINE_EVERY = 2
+"""Every so many sample pixels are asked when lights leave the candidates' grid, where most shadow rays are cast."""
+
 CERTIFICATE_PIXELS = 300
 LEAST_PIXELS = 20
 BLIND_FROM = 0.25
@@ -61,11 +64,11 @@ class Problem:
 
     def candidates(self, positions: FloatArray) -> Candidates:
         """What lights at positions (M, 3) would tell the known pixels, to choose by."""
-        return self._told(self.known, positions, cautious=True)
+        return self.told(self.known, positions, cautious=True)
 
     def forecast(self, positions: FloatArray) -> Candidates:
         """What lights at positions (M, 3) are expected to tell the fresh pixels."""
-        return self._told(self.fresh, positions, cautious=False)
+        return self.told(self.fresh, positions, cautious=False)
 
     def expected(self, positions: FloatArray) -> Expectation:
         """What is expected of the fresh pixels after lights at positions (M, 3)."""
@@ -73,7 +76,8 @@ class Problem:
             return criterion.expect(self.fresh, criterion.none(self.fresh))
         return criterion.expect(self.fresh, self.forecast(positions))
 
-    def _told(self, sample: Samples, positions: FloatArray, *, cautious: bool) -> Candidates:
+    def told(self, sample: Samples, positions: FloatArray, *, cautious: bool) -> Candidates:
+        """What lights at positions (M, 3) would tell sample pixels."""
         return criterion.candidates(
             sample, self.lights(positions), self.surface, self.calibration, self.recipe, self.gloss, cautious=cautious
         )
@@ -116,12 +120,13 @@ def choose(
     options = problem.candidates(problem.positions)
     loss, sets = _judged(problem, options, wanted)
     chosen = search.search(problem.known, options, loss, sets, wanted, recipe.seed, until)
+    few = problem.known.thinned(REFINE_EVERY)
     positions = search.refine(
-        problem.known,
+        few,
         problem.positions[chosen],
         reach.center,
         loss,
-        problem.candidates,
+        lambda places: problem.told(few, places, cautious=True),
         lambda place: reach.allows(place) is None,
         until,
     )
