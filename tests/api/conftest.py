@@ -1,5 +1,6 @@
 """A real service on a loopback address: journal, runner, server and client; at the arm's address nobody listens."""
 
+import logging
 import re
 import threading
 from collections.abc import Callable, Generator
@@ -106,3 +107,12 @@ def start(tmp_path: Path) -> Callable[..., AbstractContextManager[Running]]:
 def cell_file(tmp_path: Path) -> Path:
     """A cell file whose devices do not answer."""
     return write_cell(tmp_path / "cell", NOBODY)
+
+
+@pytest.fixture(autouse=True)
+def root_as_before() -> Generator[None]:
+    """A service that logs replaces the handlers of the root logger."""
+    root = logging.getLogger()
+    handlers, level = root.handlers[:], root.level
+    yield
+    root.handlers[:], root.level = handlers, level

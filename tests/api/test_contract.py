@@ -78,6 +78,12 @@ def known(shared: Any) -> dict[str, Any]:
     return {"session_id": furnished(shared), "number": 0, "shot_number": 0, "light": 0, "artefact": "manifest.json"}
 
 
+@pytest.fixture(scope="module")
+def contracts(known: dict[str, Any]) -> dict[GenerationMode, Any]:
+    """The description for each kind of request; it takes a while to read."""
+    return {mode: contract(known, mode) for mode in GenerationMode}
+
+
 def contract(known: dict[str, Any], mode: GenerationMode) -> Any:
     """The description; what is sent by it as described leads somewhere half of the time."""
     schema = schemathesis.openapi.from_dict(description())
@@ -101,13 +107,13 @@ def contract(known: dict[str, Any], mode: GenerationMode) -> Any:
 
 
 def keeps_its_word(
-    known: dict[str, Any], service: Any, method: str, path: str, mode: GenerationMode, cases: int
+    contracts: dict[GenerationMode, Any], service: Any, method: str, path: str, mode: GenerationMode, cases: int
 ) -> None:
     """Sends requests of one kind to one route and looks at what comes."""
     load_all_checks()
     # Of the events' parameters null and lists are sent as words, which are valid again.
     checks = [CHECKS.get_one(name) for name in CHECKED if (name, path) != ("negative_data_rejection", "/v1/events")]
-    operation = contract(known, mode)[path][method]
+    operation = contracts[mode][path][method]
 
     @settings(max_examples=cases, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
     @given(case=operation.as_strategy(generation_mode=mode))
@@ -122,13 +128,13 @@ def keeps_its_word(
 
 
 @pytest.mark.parametrize(
-    ("method", "path", "mode"), [item for item in OPERATIONS if item[1] != "/v1/rig/reach"], ids=str
+    ("method", "path", "mode"), [item for item in OPERATIONS if not item[1].startswith("/v1/rig/reach")], ids=str
 )
-def test_a_few_requests(known: dict[str, Any], shared: Any, method: str, path: str, mode: GenerationMode) -> None:
-    keeps_its_word(known, shared, method, path, mode, 2)
+def test_a_few_requests(contracts: Any, shared: Any, method: str, path: str, mode: GenerationMode) -> None:
+    keeps_its_word(contracts, shared, method, path, mode, 1)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(("method", "path", "mode"), OPERATIONS, ids=str)
-def test_many_requests(known: dict[str, Any], shared: Any, method: str, path: str, mode: GenerationMode) -> None:
-    keeps_its_word(known, shared, method, path, mode, CASES)
+def test_many_requests(contracts: Any, shared: Any, method: str, path: str, mode: GenerationMode) -> None:
+    keeps_its_word(contracts, shared, method, path, mode, CASES)

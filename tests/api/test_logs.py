@@ -3,7 +3,6 @@
 import json
 import logging
 import threading
-from collections.abc import Generator
 from typing import Any
 
 import pytest
@@ -12,15 +11,6 @@ from structlog.contextvars import bound_contextvars
 from api import logs, settings
 
 JSON_KEYS = {"event", "level", "logger", "timestamp"}
-
-
-@pytest.fixture(autouse=True)
-def root_as_before() -> Generator[None]:
-    """`configure` replaces the handlers of the root logger."""
-    root = logging.getLogger()
-    handlers, level = root.handlers[:], root.level
-    yield
-    root.handlers[:], root.level = handlers, level
 
 
 def entries(captured: str) -> list[dict[str, Any]]:

@@ -66,6 +66,7 @@ def test_the_prometheus_names_are_the_services_own(own: Any) -> None:
 
 @pytest.mark.parametrize("variable", sorted(set(re.findall(r"LIGHTPOSE_[A-Z_]+", RUNBOOK + README))))
 def test_every_variable_is_read_by_somebody(variable: str) -> None:
-    sources = "".join(path.read_text(encoding="utf-8") for path in [*(ROOT / "api").glob("*.py")])
+    files = [path for folder in ("api", "tests") for path in (ROOT / folder).rglob("*.py")]
+    sources = "".join(path.read_text(encoding="utf-8") for path in files)
     name = variable.removeprefix("LIGHTPOSE_").lower()
     assert f"    {name}: " in sources or variable in sources
