@@ -3,6 +3,7 @@
 import math
 import os
 import signal
+import socket
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,6 +17,7 @@ from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
 from acquisition.errors import ErrorCode, Halted, RigError
 from hardware_sim.controller.control import ControlClient
+from hardware_sim.controller.process import ControllerProcess
 from tests.acquisition.devices.arm_scenes import (
     CELL,
     FAR,
@@ -206,6 +208,28 @@ def test_preflight_names_what_is_wrong(arm: UrArm, control: ControlClient) -> No
     assert "local control" in found
     assert "slider" in found
     assert "program" not in found
+
+
+@pytest.mark.parametrize(
+    ("line", "word"),
+    [("set_tcp(p[0, 0, 0.1, 0, 0, 0])", "TCP"), ("set_payload(2.0, [0, 0, 0.05])", "payload")],
+)
+def test_tool_that_somebody_changed_at_the_controller_is_found(arm: UrArm, line: str, word: str) -> None:
+    program = f"sec changed():\n  {line}\nend\n"
+    with socket.create_connection((ADDRESS, 30002), 5.0) as connection:
+        connection.sendall(program.encode())
+        wait_for(lambda: word in " ".join(finding.what for finding in arm.preflight()))
+    arm.connect()  # states both again
+    assert arm.preflight() == []
+
+
+def test_another_model_than_the_configured_one_is_found() -> None:
+    with (
+        ControllerProcess(STRANGERS, home=HOME, model="ur10e"),
+        connected(UrArm(arm_config(STRANGERS), CELL.lamp.output)) as arm,
+    ):
+        found = arm.preflight()
+    assert found[0].what == "The arm is a UR10, the cell file says ur5e."
 
 
 def test_program_stopped_at_the_pendant_stays_stopped_until_connect(arm: UrArm, control: ControlClient) -> None:
