@@ -350,6 +350,19 @@ def test_a_protective_stop_is_unlocked_only_for_whoever_has_just_looked_and_stay
     assert rig.runner.status().may_start
 
 
+def test_power_and_brakes_come_back_step_by_step(rig: Rig) -> None:
+    rig.control.fault("power_off")
+    rig.runner.acknowledge("c")
+    for step, mode in (("power", 5), ("brakes", 7)):  # UR's robot modes: idle, running
+        assert rig.control.state()["robot_mode"] != mode
+        rig.runner.recover(step, "c")
+        deadline = time.monotonic() + 20
+        while rig.control.state()["robot_mode"] != mode:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+    acknowledge(rig)
+
+
 def test_a_rig_with_another_calibration_is_not_the_one_that_the_session_began_with(rig: Rig) -> None:
     session_id = interrupted(rig)
     file = rig.store.folder(session_id) / "calibration.json"
