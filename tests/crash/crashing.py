@@ -157,6 +157,15 @@ def announced(data: Path, session_id: str) -> dict[tuple[int, int], str]:
         journal.close()
 
 
+def state_of(data: Path, session_id: str) -> State:
+    """A session's state in the database as it is."""
+    journal = Journal(data / "rig.db")
+    try:
+        return journal.session(session_id).state
+    finally:
+        journal.close()
+
+
 def resume(made: Bench, client: Client, session_id: str) -> SessionResource:
     """Resumes until the session ends, as a person does whom a machine that is too busy gives more than one reason."""
     for _ in range(MOST_RESUMES):

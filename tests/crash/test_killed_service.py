@@ -20,6 +20,7 @@ from tests.crash.crashing import (
     cases,
     come_to_rest,
     resume,
+    state_of,
     wait_for_stage,
 )
 
@@ -45,7 +46,7 @@ def test_a_killed_session_ends_as_if_nothing_had_happened(made: Bench, case: int
         time.sleep(delay_s)
         made.kill()
     moves, joints = come_to_rest(made)
-    kept = announced(made.data, session_id)
+    kept, was = announced(made.data, session_id), state_of(made.data, session_id)
     with made.serve() as client:
         found = client.session(session_id)
         assert_rests(made)
@@ -55,6 +56,7 @@ def test_a_killed_session_ends_as_if_nothing_had_happened(made: Bench, case: int
         if found.state is not State.COMPLETED:  # the last moments of a session may be over when the signal comes
             assert found.state is State.INTERRUPTED
             assert found.reason is not None
-            assert found.reason.code == "service.restarted"
+            if was is not State.INTERRUPTED:  # else a machine that is too busy has interrupted it before
+                assert found.reason.code == "service.restarted"
             found = resume(made, client, session_id)
     assert_equal_to_the_undisturbed(made, found, kept)
