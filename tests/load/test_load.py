@@ -33,7 +33,8 @@ from tests.end_to_end.processes import Service, serving
 from tests.model.quick_rig import quick_service
 
 CELL_FILE = Path(__file__).parents[2] / "deploy" / "cell.test.toml"
-LISTENERS, STALLED, POLLERS = 80, 20, 50
+LISTENERS, STALLED, POLLERS = map(int, os.environ.get("LIGHTPOSE_CROWD", "80,20,50").split(","))
+"""Who listens, who stalls, who polls; fewer try the tests on a busy machine."""
 SHARDS = 5
 TRIALS = int(os.environ.get("LIGHTPOSE_CASES", "40"))
 """Stops of each shard."""
@@ -118,9 +119,20 @@ def figure(service: Service, name: str) -> float:
 
 
 @pytest.fixture(scope="module")
-def at_life_speed(tmp_path_factory: pytest.TempPathFactory) -> Generator[Loaded]:
+def slow_cell(tmp_path_factory: pytest.TempPathFactory) -> Generator[Loaded]:
     with bench(tmp_path_factory.mktemp("load"), "127.0.15.20", 1.0) as made:
         yield made
+
+
+@pytest.fixture
+def at_life_speed(slow_cell: Loaded) -> Loaded:
+    """The cell with nobody holding its rig, whatever became of the test before."""
+    client = slow_cell.client
+    if (holder := client.rig().holder) is not None:
+        client.stop(holder)
+    client.acknowledge()
+    client.wait_ready()
+    return slow_cell
 
 
 def test_a_small_crowd_misses_nothing(tmp_path: Path) -> None:
