@@ -14,6 +14,7 @@ import pytest
 
 from acquisition import normals
 from acquisition.normals import interreflection
+from acquisition.normals.lambert import Pixels
 from acquisition.types import NormalMap, SolveSettings
 from tests.path_traced import bench, objects
 
@@ -55,7 +56,7 @@ def grades(name: str, condition: Condition, lights: int) -> list[bench.Grade]:
     return [solved(name, condition, lights, draw)[1] for draw in range(DRAWS)]
 
 
-def show(what: str, *figures: float) -> None:
+def show(what: str, *figures: float | np.floating) -> None:
     print(f"\n{what}:", *(f"{one:.4g}" for one in figures))
 
 
@@ -68,7 +69,11 @@ def mean_deg(condition: Condition, lights: int) -> float:
 @pytest.fixture
 def uncorrected(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Solves as if no surface sent light to another."""
-    monkeypatch.setattr(interreflection, "received", lambda _, values, *__: np.zeros_like(values))
+
+    def nothing(pixels: Pixels, values: np.ndarray, *_: object) -> np.ndarray:
+        return np.zeros_like(values)
+
+    monkeypatch.setattr(interreflection, "received", nothing)
     solved.cache_clear()
     yield
     solved.cache_clear()

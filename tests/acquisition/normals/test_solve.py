@@ -136,6 +136,17 @@ def test_pixels_lit_by_two_lights_say_how_uncertain_they_are(cushion: scenes.Sce
     assert np.count_nonzero(two) > 30
     assert np.median(result.sigma_deg[two]) > 4 * np.median(result.sigma_deg[all_four])
     assert np.median(result.sigma_deg[two]) > 4.0
+    assert np.all(result.doubtful[two])
+
+
+def test_pixels_lit_by_one_light_get_no_normal(cushion: scenes.Scene) -> None:
+    result = found(scenes.capture(cushion, scenes.ring(3, 78.0), seed=2), cushion.calibration)
+    lights = np.count_nonzero(result.flags & LIT, axis=0)
+    one = (lights < 2) & cushion.graded
+    assert np.count_nonzero(one) > 30
+    assert not np.any(result.mask & one)
+    assert np.all(np.isnan(result.sigma_deg[one]))
+    assert np.all(result.normals[one] == 0)
 
 
 def test_saturated_pixels_are_flagged_and_not_used(cushion: scenes.Scene) -> None:

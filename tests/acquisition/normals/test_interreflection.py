@@ -1,0 +1,78 @@
+"""What is made of a prediction of bounced light: how much of it pixels send on, and what its errors do to normals."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition import photometry
+from acquisition.normals import interreflection, lambert
+from tests.acquisition.normals import shared_scene
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    albedo=st.floats(0.05, 0.95),
+    direct=st.lists(st.floats(0.0, 1.0), min_size=4, max_size=8).filter(lambda values: sum(values) > 0.5),
+    share=st.floats(0.0, 0.6),
+    left=st.floats(0.0, 1.0),
+)
+def test_the_albedo_is_right_whatever_is_left_of_the_bounced_light(
+    albedo: float, direct: list[float], share: float, left: float
+) -> None:
+    """Taking all, some or nothing out first gives albedos that differ, and the same light in the end."""
+    falling = np.array(direct, np.float32)[:, None]
+    received = np.full_like(falling, share)
+    values = (albedo * (falling + received)).astype(np.float32)
+    rest = (values - (1 - left) * albedo * received).astype(np.float32)
+    fitted = albedo * np.sum(rest, axis=0) / np.sum(albedo * falling, axis=0)
+    sent = interreflection.sent_on(received, values, rest, fitted.astype(np.float32))
+    np.testing.assert_allclose(sent, albedo * received, rtol=1e-3, atol=1e-6)
+
+
+def test_nothing_sends_more_than_it_receives() -> None:
+    received = np.full((4, 1), 0.2, np.float32)
+    values = np.full((4, 1), 3.0, np.float32)
+    np.testing.assert_allclose(interreflection.sent_on(received, values, values, np.array([2.5], np.float32)), received)
+
+
+def test_normals_turn_as_far_as_said_where_indirect_light_is_off_by_a_factor() -> None:
+    made = shared_scene.measured()
+
+    def solved(values: np.ndarray) -> lambert.Estimate:
+        return lambert.solve(
+            made.pixels, values, made.depth_m, made.lamp, made.calibration, made.noise, threshold=0.0,
+            cauchy_scale=None,
+        )  # fmt: skip
+
+    indirect = (0.05 * np.linspace(0.5, 1.5, len(made.values))[:, None] * np.ones_like(made.values)).astype(np.float32)
+    right = solved(made.values)
+    wrong = solved((made.values + np.float32(0.1) * indirect).astype(np.float32))
+    turned = np.arccos(np.clip(np.sum(right.normals * wrong.normals, axis=0), -1, 1))
+    said = 0.1 / interreflection.TOGETHER * np.sqrt(interreflection.spread(right, indirect))
+    assert np.median(turned) > 1e-3
+    assert np.median(turned / said) == pytest.approx(1, abs=0.1)
+    assert np.all(interreflection.spread(right, np.zeros_like(indirect)) == 0)
+
+
+def test_black_shadows_say_that_nothing_bounces_and_a_few_wrong_ones_do_not() -> None:
+    """A prediction is believed when a quarter of it is found where no lamp shines."""
+    made = shared_scene.measured(size=60, largest_slant=1.3)
+    found = lambert.solve(
+        made.pixels, made.values, made.depth_m, made.lamp, made.calibration, made.noise, threshold=0.05
+    )
+    light = photometry.light_vectors(
+        photometry.points(made.pixels.ray, made.depth_m), made.lamp, made.calibration
+    )  # fmt: skip
+    away = np.einsum("fcn,cn->fn", light, made.normals) < 0
+    # Pixels side by side face anywhere in this scene; shadows are asked for in areas.
+    order = np.argsort(made.normals[0] + 1e-3 * made.normals[1])
+    estimate = lambert.Estimate(
+        **{name: np.ascontiguousarray(getattr(found, name)[..., order]) for name in vars(found)}
+    )
+    values, dark = made.values[:, order], away[:, order]
+    predicted = np.full_like(values, 0.02)
+    assert np.count_nonzero(dark) > 500
+    assert interreflection.scale(made.pixels, values, predicted, estimate) == 0
+    some = np.where(dark & (np.arange(values.shape[1]) % 2 == 0), predicted, values).astype(np.float32)
+    assert interreflection.scale(made.pixels, some, predicted, estimate) == 1
