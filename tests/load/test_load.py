@@ -150,14 +150,14 @@ def test_a_small_crowd_misses_nothing(tmp_path: Path) -> None:
 def test_the_arms_loop_keeps_its_time_and_nobody_misses_an_event(at_life_speed: Loaded) -> None:
     client = at_life_speed.client
     with Crowd(at_life_speed.service.url, LISTENERS, STALLED, POLLERS) as crowd:
-        for _ in range(4):
-            assert client.capture(LONG_WAY, progress=False).state is State.COMPLETED
+        interruptions = sum(completed(client, LONG_WAY) for _ in range(4))
         told = crowd.told(last_event(at_life_speed.service))
 
     renewals = figure(at_life_speed.service, "lightpose_lease_renewals")
     late_s = figure(at_life_speed.service, 'lightpose_lease_lateness_seconds{quantile="0.99"}')
     worst_s = figure(at_life_speed.service, 'lightpose_lease_lateness_seconds{quantile="1.0"}')
     print(f"\nlateness of {renewals:.0f} turns: p99 {1e3 * late_s:.1f} ms, most {1e3 * worst_s:.1f} ms; {told}")
+    assert interruptions == 0, "this machine was too busy for the arm to move on: what was measured says nothing"
     assert renewals >= 100
     assert late_s <= LATE_S
     assert told["heard_all_in_order"] == told["listeners"] == LISTENERS + STALLED
@@ -205,7 +205,7 @@ def test_the_memory_is_flat_over_many_sessions(tmp_path: Path) -> None:
     sizes: list[int] = []
     with bench(tmp_path, "127.0.15.22", 20.0) as made:
         for _ in range(SESSIONS):
-            assert made.client.capture(SHORT, progress=False).state is State.COMPLETED
+            completed(made.client, SHORT)
             sizes.append(resident_bytes(made.service.process.pid))
     kept = np.array(sizes[int(WARMING_UP * len(sizes)) :], dtype=float)
     slope = np.polyfit(np.arange(len(kept)), kept, 1)[0]
@@ -214,6 +214,18 @@ def test_the_memory_is_flat_over_many_sessions(tmp_path: Path) -> None:
         f"{slope / 1e3:+.1f} kB a session once warm"
     )
     assert slope * len(kept) < GROWTH_BYTES
+
+
+def completed(client: Client, recipe: Recipe) -> int:
+    """Runs a session to its end, resuming where a busy machine has interrupted it; returns how often that was."""
+    session_id, interruptions = client.create(recipe).id, 0
+    client.start(session_id)
+    while (session := client.wait(session_id)).state is not State.COMPLETED:
+        assert session.state is State.INTERRUPTED, session.reason
+        interruptions += 1
+        client.acknowledge()
+        client.resume(session_id)
+    return interruptions
 
 
 def wait_until_fast(control: ControlClient) -> None:
