@@ -1,15 +1,17 @@
 """The criterion against plain linear algebra, and what it believes of shadows, exposure and depth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition import geometry
-from acquisition.plan import criterion
+from acquisition.plan import criterion, patterns, visibility
 from acquisition.plan.criterion import LEVELS, Candidates, Samples
 from acquisition.plan.objective import CAP_DEG, CAPPED
-from acquisition.types import Exposure, FloatArray, Light, Recipe
+from acquisition.types import CAST, LIT, Exposure, FloatArray, Light, Recipe
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -76,6 +78,28 @@ def test_certain_shadow_is_worth_nothing_and_doubt_costs(seed: int) -> None:
     )
     np.testing.assert_allclose(CAPPED.scan(sample, before, hidden), CAPPED.of(before), rtol=1e-5)
     assert np.all(CAPPED.scan(sample, before, doubtful) >= CAPPED.scan(sample, before, seen) * (1 - 1e-6))
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**31 - 1), st.integers(0, 5))
+def test_uneven_lights_cost_what_their_imbalance_says(seed: int, present: int) -> None:
+    sample, lights = cases.random_case(seed)
+    before = criterion.expect(sample, lights.only(list(range(present))))
+    uneven = replace(CAPPED, uneven=3.0)
+    plain, dear = (loss.scan(sample, before, lights) for loss in (CAPPED, uneven))
+    for light in range(len(lights.row)):
+        units = np.concatenate([lights.unit[:present], lights.unit[light : light + 1]])
+        assert dear[light] / plain[light] == pytest.approx(1 + 3 * patterns.imbalance(units) ** 2, rel=1e-6)
+    assert uneven.of(before) == pytest.approx(
+        CAPPED.of(before) * (1 + 3 * patterns.imbalance(before.units) ** 2), rel=1e-6
+    )
+
+
+def test_imbalance_is_nothing_for_even_rings_and_much_for_one_side() -> None:
+    even = np.concatenate([geometry.direction(0.4, np.arange(3) * 2 * np.pi / 3), geometry.direction(0.0, np.zeros(1))])
+    assert patterns.imbalance(even) == pytest.approx(0, abs=1e-12)
+    assert patterns.imbalance(geometry.direction(1.0, np.linspace(-0.3, 0.3, 4))) > 0.8
+    assert patterns.imbalance(np.empty((0, 3))) == 0
 
 
 # ------------------------------------------------------------------------------------------------ from a normal map
@@ -194,6 +218,23 @@ def test_pixels_seen_edge_on_or_not_finite_are_not_planned_by(cushion: scenes.Sc
     normal_map.normals[rows[4], columns[4]] = geometry.direction(np.radians(89.0), 0.3)
     kept = criterion.usable(normal_map, cushion.calibration)
     assert set(all_pixels) - set(kept) == {0, 1, 2, 3, 4} & set(all_pixels)
+
+
+def test_only_determined_pixels_tell_of_steps(cushion: scenes.Scene) -> None:
+    """Dark where the map's shape would be lit: a step where three others lit the pixel, a guessed shape where not."""
+    lights = scenes.ring(4, 30.0)
+    normal_map = cases.known_map(cushion, lights)
+    taken = replace(cases.NOTHING_TAKEN, shots=[cases.shot_of(light, number) for number, light in enumerate(lights)])
+    surface = visibility.surface(normal_map, cushion.calibration)
+    shares: list[float] = []
+    for dark in (1, 2):
+        flags = np.full((4, *cushion.mask.shape), LIT, np.uint8)
+        flags[:dark] = CAST
+        found = replace(normal_map, flags=flags)
+        sample = criterion.samples(found, cushion.calibration, criterion.usable(found, cushion.calibration))
+        shares.append(criterion.unexplained_shadows(sample, found, surface, taken, cushion.calibration, Recipe()))
+    assert shares[0] == pytest.approx(0.25, abs=0.03)
+    assert shares[1] == 0
 
 
 def test_unlit_pixels_keep_the_weak_priors_forty_degrees(cushion: scenes.Scene) -> None:
