@@ -1,4 +1,8 @@
-"""Sessions in the simulated cell that plan: an ordered accuracy for a region of interest, and every method's lights."""
+"""Sessions in the simulated cell that plan: an ordered accuracy for a region of interest, and every method's lights.
+
+On a machine that is busy with other things the controller's watchdog stops the arm now and then: a quarter of a second
+without a sign of life is what it waits for. Then a person resumes, and so do these tests.
+"""
 
 from collections.abc import Generator
 from pathlib import Path
@@ -11,6 +15,8 @@ import pytest
 from acquisition.session import State
 from acquisition.types import Method, Recipe
 from api import settings
+from api.client import Client
+from api.schemas import SessionResource
 from hardware_sim.cell import Cell
 from tests.api.test_region import png, square
 
@@ -19,6 +25,10 @@ PIXELS = 128
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
 ORDERED = Recipe(target_sigma_deg=0.7, max_lights=12)
+MOST_STOPS = 8
+PROGRAM_ENDED = ("arm.not_ready", "lamp.not_confirmed")
+"""What is said when the control program ends: between moves, and while the lamp is on."""
+
 USER_LIGHTS = [(0.0, 0.15, -0.45), (0.2, -0.1, -0.5), (-0.2, -0.1, -0.5)]
 
 
@@ -27,6 +37,22 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Generator[Cell]:
     folder = tmp_path_factory.mktemp("cell")
     with Cell(CELL, "bumps", 1, "direct", 20, folder=folder, pixels=PIXELS) as made:
         yield made
+
+
+def stopped_by_watchdog(client: Client, session_id: str) -> bool:
+    """Whether the session is interrupted because the control program ended."""
+    found = client.session(session_id)
+    return found.state is State.INTERRUPTED and found.reason is not None and found.reason.code in PROGRAM_ENDED
+
+
+def followed(client: Client, session_id: str) -> SessionResource:
+    """The session once it has ended, resumed where the watchdog stopped the arm."""
+    for _ in range(MOST_STOPS):
+        found = client.wait(session_id)
+        if not stopped_by_watchdog(client, session_id):
+            return found
+        client.resume(session_id)
+    return client.wait(session_id)
 
 
 def test_an_ordered_accuracy_is_met_in_the_region_although_the_service_was_ended_midway(
@@ -41,13 +67,16 @@ def test_an_ordered_accuracy_is_met_in_the_region_although_the_service_was_ended
         service.client.draw_region(session.id, mask)
         service.client.start(session.id)
         for event in service.client.events(session.id, after=0):
-            assert event.body.get("state") not in (State.INTERRUPTED, State.FAILED, State.COMPLETED), event
+            assert event.body.get("state") not in (State.FAILED, State.COMPLETED), event
+            if event.body.get("state") == State.INTERRUPTED:
+                assert stopped_by_watchdog(service.client, session.id), event
+                service.client.resume(session.id)
             if event.type == "shot.captured" and event.body["pass"] == 1:
                 break
     with serving(chosen) as service:
         assert service.client.session(session.id).state is State.INTERRUPTED
         service.client.resume(session.id)
-        ended = service.client.wait(session.id)
+        ended = followed(service.client, session.id)
 
         assert ended.state is State.COMPLETED
         assert ended.conclusion is not None
@@ -87,7 +116,9 @@ def test_every_method_takes_its_lights_through_the_same_session(cell: Cell, tmp_
         for method in get_args(Method):
             lights = USER_LIGHTS if method == "user" else []
             recipe = Recipe(method=method, pilot_lights=4, planned_lights=1, user_lights=lights, slant_deg=35)
-            session = service.client.capture(recipe, progress=False)
+            created = service.client.create(recipe)
+            service.client.start(created.id)
+            session = followed(service.client, created.id)
             assert session.state is State.COMPLETED
             assert session.answer is not None
             assert session.answer.summary.images == recipe.lights_total, method
