@@ -158,13 +158,13 @@ def connected_stations(
 
 def _connected(found: Sequence[Station], config: ArmConfig, arm: Scene, ways: Roadmap, first: int) -> Connected:
     result, home = list(found), np.array(config.home)
-    ordered = [spread(station.joints, len(station.joints), home) for station in result]
-    for n, joints in enumerate(ordered):
+    free = [station.joints for station in result]
+    for n, joints in enumerate(free):
         if len(joints):
             result[n] = Station(joints[:0], _unconnected(joints))
     low, high = 0, first
-    while waiting := [n for n, joints in enumerate(ordered) if len(joints) > low and not len(result[n].joints)]:
-        few = [ordered[n][low:high] for n in waiting]
+    while waiting := [n for n, joints in enumerate(free) if len(joints) > low and not len(result[n].joints)]:
+        few = [spread(free[n], high, home)[low:] for n in waiting]
         connected = ways.connected(np.concatenate(few), arm)
         ends = np.cumsum([len(joints) for joints in few])[:-1]
         for n, joints, own in zip(waiting, few, np.split(connected, ends), strict=True):
@@ -173,8 +173,8 @@ def _connected(found: Sequence[Station], config: ArmConfig, arm: Scene, ways: Ro
         low, high = high, 4 * high
     branches: list[FloatArray] = []
     failures = 0
-    for n in [n for n, joints in enumerate(ordered) if len(joints) and not len(result[n].joints)]:
-        grown = _branches(ordered[n][:_TREES], ways, arm, home)
+    for n in [n for n, joints in enumerate(free) if len(joints) and not len(result[n].joints)]:
+        grown = _branches(spread(free[n], _TREES, home), ways, arm, home)
         if grown:
             branches += grown
             result[n] = Station(np.array([branch[0] for branch in grown]), None)

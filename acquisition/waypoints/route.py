@@ -31,10 +31,10 @@ _TOURS = 12
 """So many tours are sought at most."""
 _BLOCKED = 1.2
 """Of a blocked leg whose detour is not known yet it is assumed that it takes so many times as long as straight."""
-_NODES = 480
+_NODES = 400
 """About so many configurations are considered in all: 24 a light for few lights, fewer for many."""
 _LEAST_PER_LIGHT = 6
-_ROUNDS, _WARM_ROUNDS = 60, 2
+_ROUNDS, _WARM_ROUNDS = 40, 2
 _BOUND_STEPS = 100
 _SAMPLES = 5
 """Places along a leg where speeds are looked at while choosing; the legs that are driven get 33."""

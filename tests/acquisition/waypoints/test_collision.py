@@ -7,10 +7,13 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.config import Capsule
+from acquisition import geometry, lamp_pose
+from acquisition.config import Capsule, HalfSpace
 from acquisition.waypoints import collision_kernels as kernels
 from acquisition.waypoints.collision import NODE_SLACK_M, scene
 from acquisition.waypoints.kinematics import forward
+from acquisition.waypoints.reach import refusals
+from acquisition.waypoints.roadmap import dome_lights
 from tests import audit
 from tests.acquisition.waypoints.cells import random_cell, simulated_cell
 
@@ -22,7 +25,7 @@ needs_meshes = pytest.mark.skipif(not audit.MESHES.is_dir(), reason=audit.NO_MES
 @given(seed=st.integers(0, 10**6))
 def test_whatever_touches_in_meshes_is_refused(seed: int) -> None:
     cell, calibration = random_cell(seed)
-    joints = np.random.default_rng(seed).uniform(-np.pi, np.pi, (400, 6))
+    joints = np.random.default_rng(seed).uniform(-np.pi, np.pi, (150, 6))
     free = scene(cell, calibration).free(joints)
     touching = {hit.sample: hit for hit in audit.audit(joints, cell)}
     assert [hit for sample, hit in touching.items() if free[sample]] == []
@@ -70,6 +73,47 @@ def test_an_edge_through_a_thin_pole_is_refused_though_its_ends_are_free() -> No
     assert scene(cell, calibration).edges_free(home - aside, home + aside)[0]
     assert not with_pole.edges_free(home - aside, home + aside)[0]
     assert with_pole.blame(int(with_pole.violations(home)[0])) == ("hits-obstacle", "pole")
+
+
+def test_each_obstacle_has_its_own_least_distance() -> None:
+    cell, calibration = simulated_cell()
+    home = np.array([cell.arm.home])
+    x, y, z = forward(scene(cell, calibration).model, home)[0, 6, :3, 3].tolist()
+    wall = HalfSpace(name="wall", point_m=(x, y + 0.2, z), normal=(0.0, -1.0, 0.0))
+    usual = scene(cell.model_copy(update={"obstacles": [wall]}), calibration)
+    away = float(usual.clearance(home)[0, -2])
+    assert away > cell.clearances.obstacle_m + NODE_SLACK_M
+    assert usual.free(home)[0]
+    careful = wall.model_copy(update={"clearance_m": away + 0.01})
+    assert not scene(cell.model_copy(update={"obstacles": [careful]}), calibration).free(home)[0]
+
+
+def test_cables_take_their_room_from_wrist_and_tool_only() -> None:
+    cell, calibration = simulated_cell()
+    joints = np.random.default_rng(6).uniform(-np.pi, np.pi, (300, 6))
+    bare = scene(cell, calibration)
+    laid = scene(cell.model_copy(update={"arm": cell.arm.model_copy(update={"cable_allowance_m": 0.02})}), calibration)
+    lost = (bare.clearance(joints) - laid.clearance(joints))[:, :-1]
+    assert (lost > -1e-9).all()
+    assert (lost < 0.02 + 1e-9).all()
+    table = lost[:, 0]
+    assert (table > 0.019).any()
+    assert (table == 0).any()
+
+
+def test_a_post_before_the_lamp_shadows_the_object() -> None:
+    cell, calibration = simulated_cell()
+    lights = dome_lights(cell, calibration, 60)
+    found = refusals(lights, cell, calibration)
+    number = next(n for n in range(30, 60) if found[n] is None)
+    emitter = geometry.transform(lamp_pose.base_from_view(calibration), lights[number].position)
+    middle = np.array(cell.object.keep_out.base_from_object.position_m) * 0.4 + 0.6 * emitter
+    x, y, z = middle.tolist()
+    post = Capsule(name="post", start_m=(x, y, z), end_m=(x, y, z + 0.001), radius_m=0.003)
+    shadowed = refusals([lights[number]], cell.model_copy(update={"obstacles": [post]}), calibration)[0]
+    assert shadowed is not None
+    assert shadowed.reason == "shadows-object"
+    assert "post" in shadowed.detail
 
 
 def test_violations_say_what_is_in_the_way() -> None:

@@ -219,7 +219,7 @@ def _check_speeds(planned: Route, cell: CellConfig) -> None:
 
 
 @needs_meshes
-@settings(max_examples=8, deadline=None, derandomize=True)
+@settings(max_examples=6, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6))
 def test_routes_in_random_cells_touch_nothing_and_hide_nothing(seed: int) -> None:
     check_cell(seed, count=4)
