@@ -9,7 +9,7 @@ from acquisition import pilot, plan
 from acquisition.errors import ErrorCode, RigError
 from acquisition.plan import criterion, patterns
 from acquisition.plan.objective import CAPPED
-from acquisition.types import CAST, LIT, Information, NormalMap, Objective, Observations, Recipe
+from acquisition.types import CAST, LIT, Information, LightPlan, NormalMap, Objective, Observations, Recipe
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -31,8 +31,10 @@ def piloted(cushion: scenes.Scene, reach: scenes.Dome) -> NormalMap:
     return cases.known_map(cushion, pilot.pattern(Recipe(), reach))
 
 
-def planned(normal_map: NormalMap, true: scenes.Scene, reach: scenes.Dome, count: int = 4, seed: int = 0):
-    return plan.choose(normal_map, cases.NOTHING_TAKEN, Recipe(seed=seed), reach, true.calibration, count)
+def planned(
+    normal_map: NormalMap, true: scenes.Scene, reach: scenes.Dome, count: int = 4, *, certify: bool = False
+) -> LightPlan:
+    return plan.choose(normal_map, cases.NOTHING_TAKEN, Recipe(), reach, true.calibration, count, certify=certify)
 
 
 def test_a_plan_is_the_same_each_time(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
@@ -55,7 +57,7 @@ def test_lights_are_distinct_reachable_and_explained(
 
 
 def test_more_lights_are_predicted_to_be_better(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
-    sigma = [planned(piloted, cushion, reach, count).predicted_sigma_deg for count in (0, 2, 4, 8)]
+    sigma = [planned(piloted, cushion, reach, count).predicted_sigma_deg for count in (0, 3, 8)]
     assert sigma == sorted(sigma, reverse=True)
     assert sigma[0] > 1.2 * sigma[-1]
 
@@ -186,7 +188,7 @@ def test_little_to_gain_is_answered_by_two_rings(cushion: scenes.Scene, reach: s
 
 
 def test_the_certificate_bounds_plan_and_pattern(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
-    chosen = planned(piloted, cushion, reach, count=6)
+    chosen = planned(piloted, cushion, reach, count=6, certify=True)
     assert chosen.efficiency is not None
     assert chosen.two_rings_efficiency is not None
     assert chosen.relaxation_gap is not None
