@@ -7,6 +7,7 @@ ended.
 """
 
 import logging
+import math
 import time
 from collections.abc import Generator
 from typing import cast
@@ -171,7 +172,13 @@ class Controller:
         return Done()
 
     def move(self, move: protocol.Move) -> Task:
-        """One asynchronous moveJ after the other, then rest at the last goal."""
+        """One asynchronous moveJ after the other, then rest at the last goal; none at all unless the controller finds
+        every goal within its safety limits."""
+        control = self._require_control()
+        for goal in move.path:
+            if not control.isJointsWithinSafetyLimits(list(goal)):
+                raise (yield from self._cause(f"The controller's safety limits forbid {_degrees(goal)} degrees."))
+            yield
         for goal, (speed, acceleration) in zip(move.path, move.limits, strict=True):
             control = self._require_control()
             before = control.getAsyncOperationProgressEx().operationId()
@@ -309,6 +316,10 @@ def _refusal(error: RuntimeError, address: str) -> RigError:
     if "start control script" in text:
         return RigError(ErrorCode.ARM_NOT_READY, "The controller did not start the control program.", address=address)
     return RigError(ErrorCode.ARM_UNREACHABLE, f"The controller at {address} refused: {text}", address=address)
+
+
+def _degrees(joints: tuple[float, ...]) -> str:
+    return ", ".join(f"{math.degrees(joint):.1f}" for joint in joints)
 
 
 def _distance(joints: list[float], goal: tuple[float, ...]) -> float:

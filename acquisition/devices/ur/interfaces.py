@@ -38,6 +38,8 @@ class Control(Protocol):
 
     def moveJ(self, q: list[float], speed: float, acceleration: float, asynchronous: bool) -> bool: ...  # noqa: N802
 
+    def isJointsWithinSafetyLimits(self, q: list[float], /) -> bool: ...  # noqa: N802
+
     def stopJ(self, a: float) -> None: ...  # noqa: N802
 
     def getAsyncOperationProgressEx(self) -> OperationStatus: ...  # noqa: N802

@@ -112,6 +112,18 @@ def test_bad_path_is_refused_before_anything_moves(
     assert control.state()["moves_started"] == before
 
 
+def test_a_goal_outside_the_controllers_limits_is_refused_before_anything_moves(
+    arm: UrArm, control: ControlClient
+) -> None:
+    before = control.state()["moves_started"]
+    with pytest.raises(RigError) as caught:
+        arm.move([NEAR, (7.0, *HOME[1:])], [LIMITS, LIMITS], StopToken())
+    assert caught.value.code == ErrorCode.ARM_MOVE_FAILED
+    assert "safety limits" in caught.value.detail
+    assert control.state()["moves_started"] == before
+    wait_for(lambda: not arm.reading.program_running)  # a move that failed ends it; only a person goes on
+
+
 def test_lamp_is_switched_and_read_back(arm: UrArm, control: ControlClient) -> None:
     lamp = UrLamp(arm, CELL.lamp)
     lamp.connect()
