@@ -43,12 +43,10 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[Rig, None, None]:
 @pytest.fixture(autouse=True)
 def _at_ease(rig: Rig) -> None:
     """Ends what the test before has left behind, and a fault that the machine's load has latched meanwhile."""
-    rig.control.fault("clear")
     holder = rig.store.journal.holder()
     if holder is not None:
         rig.runner.act(holder.id, Trigger.STOP, "a")
-    if rig.runner.status().latched is not None:
-        acknowledge(rig)
+    acknowledge(rig)
 
 
 def new(rig: Rig, recipe: Recipe = SMALL) -> str:
@@ -61,6 +59,12 @@ def wait_for(rig: Rig, session_id: str, *states: State, within_s: float = 40.0) 
         assert time.monotonic() < deadline, rig.store.journal.session(session_id)
         time.sleep(0.01)
     return state
+
+
+def reason_of(rig: Rig, session_id: str) -> dict[str, Any]:
+    reason = rig.store.journal.session(session_id).reason
+    assert reason is not None
+    return reason
 
 
 def rests(rig: Rig) -> bool:
@@ -145,9 +149,7 @@ def test_a_protective_stop_interrupts_and_nothing_goes_on_before_a_person_has_lo
     rig.control.fault("protective_stop", at_move=2)
     rig.runner.act(session_id, Trigger.START, "a")
     wait_for(rig, session_id, State.INTERRUPTED)
-    reason = rig.store.journal.session(session_id).reason
-    assert reason is not None
-    assert reason["code"] == "arm.protective_stop"
+    assert reason_of(rig, session_id)["code"] == "arm.protective_stop"
     with pytest.raises(RigError) as refused:
         rig.runner.act(session_id, Trigger.RESUME, "a")
     assert refused.value.code is ErrorCode.ARM_PROTECTIVE_STOP
@@ -170,9 +172,7 @@ def test_a_dead_lamp_is_found_and_told(rig: Rig) -> None:
     session_id = new(rig)
     rig.runner.act(session_id, Trigger.START, "a")
     wait_for(rig, session_id, State.INTERRUPTED)
-    reason = rig.store.journal.session(session_id).reason
-    assert reason is not None
-    assert reason["code"] == "lamp.not_confirmed"
+    assert reason_of(rig, session_id)["code"] == "lamp.not_confirmed"
     rig.control.fault("clear")
     rig.runner.act(session_id, Trigger.STOP, "a")
     assert rig.store.journal.session(session_id).state is State.STOPPED
@@ -184,25 +184,17 @@ def test_lights_that_cannot_be_reached_are_named_before_anything_moves(rig: Rig)
     session_id = new(rig, far)
     rig.runner.act(session_id, Trigger.START, "a")
     assert wait_for(rig, session_id, *ENDED) is State.FAILED
-    reason = rig.store.journal.session(session_id).reason
-    assert reason is not None
-    assert reason["code"] == "waypoints.unreachable"
-    assert "2" in reason["detail"]
+    assert reason_of(rig, session_id)["code"] == "waypoints.unreachable"
+    assert "2" in reason_of(rig, session_id)["detail"]
     assert rig.control.state()["moves_started"] == before
 
 
 # ------------------------------------------------------------------------------------------------- what needs a person
 
 
-def reason_of(rig: Rig, session_id: str) -> dict[str, Any]:
-    reason = rig.store.journal.session(session_id).reason
-    assert reason is not None
-    return reason
-
-
-def refusal(rig: Rig, session_id: str, action: Trigger = Trigger.RESUME, **more: bool) -> RigError:
+def refusal(rig: Rig, session_id: str) -> RigError:
     with pytest.raises(RigError) as refused:
-        rig.runner.act(session_id, action, "a", **more)
+        rig.runner.act(session_id, Trigger.RESUME, "a")
     return refused.value
 
 
@@ -222,12 +214,13 @@ def interrupted(rig: Rig) -> str:
     session_id = after_first_image(rig)
     rig.control.fault("protective_stop")
     wait_for(rig, session_id, State.INTERRUPTED)
-    rig.control.fault("clear")
     acknowledge(rig)
     return session_id
 
 
 def acknowledge(rig: Rig) -> None:
+    """A person mends what is wrong and looks."""
+    rig.control.fault("clear")
     deadline = time.monotonic() + 5
     while True:
         try:
@@ -276,7 +269,6 @@ def test_a_plan_that_waits_for_a_person_can_be_replaced_by_lights_that_the_arm_r
 
 def test_an_arm_that_somebody_has_moved_goes_on_only_from_where_a_person_lets_it(rig: Rig) -> None:
     session_id = interrupted(rig)
-    way = rig.store.journal.last_way(session_id)
     joints = list(rig.control.state()["joints"])
     rig.control.fault("hand_move", joints=[joints[0] + 0.3, *joints[1:]], seconds=0)
     time.sleep(0.2)
@@ -286,7 +278,6 @@ def test_an_arm_that_somebody_has_moved_goes_on_only_from_where_a_person_lets_it
     assert rests(rig)
     rig.runner.act(session_id, Trigger.RESUME, "a", from_here=True)
     assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
-    assert rig.store.journal.last_way(session_id) != way
     assert [shot.kind for shot in rig.store.journal.shots(session_id)].count("reference") == 1
 
 
@@ -331,7 +322,6 @@ def test_a_fault_interrupts_a_paused_session_too(rig: Rig) -> None:
     rig.control.fault("safeguard_stop")
     wait_for(rig, session_id, State.INTERRUPTED)
     assert reason_of(rig, session_id)["code"].startswith("arm.")
-    rig.control.fault("clear")
     acknowledge(rig)
     rig.runner.act(session_id, Trigger.STOP, "a")
     assert rig.store.journal.session(session_id).state is State.STOPPED
