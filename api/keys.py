@@ -167,10 +167,11 @@ class KeyRing:
 
     def issue_ticket(self, caller: Caller, now: float) -> str:
         """A ticket with which a page may look, and only look, until `now` (s, monotonic) + TICKET_S."""
-        for old in [ticket for ticket, (until, _) in self._tickets.items() if until < now]:
-            del self._tickets[old]
-        while len(self._tickets) >= MOST_TICKETS:
-            del self._tickets[next(iter(self._tickets))]
+        while self._tickets:  # the oldest stands first and ends first
+            oldest = next(iter(self._tickets))
+            if self._tickets[oldest][0] >= now and len(self._tickets) < MOST_TICKETS:
+                break
+            del self._tickets[oldest]
         ticket = secrets.token_urlsafe(32)
         self._tickets[ticket] = (now + TICKET_S, Caller(caller.name, Role.VIEWER))
         return ticket
