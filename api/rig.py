@@ -40,6 +40,8 @@ RIG_LINKS = {
     "stop": "/v1/rig/stop",
     "safety": "/v1/rig/safety",
     "reach": "/v1/rig/reach",
+    "reach_page": "/v1/rig/reach.html",
+    "park": "/v1/rig/park",
     "preview": "/v1/rig/preview.jpg",
     "sessions": "/v1/sessions",
     "events": "/v1/events",
