@@ -1,5 +1,7 @@
 """Planning time, and how much quicker the route is than the simple ones, in the simulated cell."""
 
+import os
+
 import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
@@ -13,7 +15,7 @@ from acquisition.waypoints.route import route
 from tests.acquisition.waypoints.cells import random_cell, simulated_cell
 from tests.acquisition.waypoints.test_quality import good_lights
 
-CASES = 40
+CASES = int(os.environ.get("LIGHTPOSE_CASES", "40"))
 
 
 @pytest.mark.parametrize("count", [4, 8, 12, 32])

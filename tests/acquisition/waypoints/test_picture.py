@@ -56,6 +56,7 @@ def test_everything_in_the_cell_is_drawn_where_it_is(reach_map: ReachMap) -> Non
     assert height == pytest.approx(keep.height_m)
 
 
+@pytest.mark.long
 def test_stills_are_pictures_with_something_on_them(reach_map: ReachMap, planned: Route) -> None:
     for content in (
         picture.reach_still(reach_map),
