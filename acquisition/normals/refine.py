@@ -94,10 +94,12 @@ class _Known:
 
 @dataclass(frozen=True)
 class _Shared:
-    """What all pixels share: log intensities (F,) and their covariance, the shift in m, the noise."""
+    """What all pixels share: log intensities (F,), their covariance and the 1 σ it started from, the shift in m, the
+    noise."""
 
     log_intensity: FloatArray
     covariance: FloatArray
+    intensity_sigma: float
     shift_m: float
     noise: Noise
 
@@ -128,7 +130,7 @@ def refine(
     known = _Known(coarse.subset(chosen), along[:, chosen], lamp, calibration, settings)
     count = len(lamp)
     finest = replace(noise, shot=noise.shot / factor**2, floor=noise.floor / factor**2)
-    shared = _Shared(np.zeros(count), np.zeros((count, count)), 0.0, finest)
+    shared = _Shared(np.zeros(count), np.zeros((count, count)), 0.0, 0.0, finest)
     lobe = gloss.NONE
     bounced: _Bounced | None = None
     found: Estimate | None = None
@@ -224,7 +226,7 @@ def _calibrated(
         return shared
     calibrate = not hold and len(known.lamp) >= LEAST_IMAGES_TO_CALIBRATE
     log_intensity, covariance, shift = shared.log_intensity, shared.covariance, shared.shift_m
-    sigma, noise = 0.0, shared.noise
+    sigma, noise = shared.intensity_sigma, shared.noise
     for turn in range(4):
         now = divided(values, log_intensity - shared.log_intensity)
         found = lambert.solve(
@@ -238,9 +240,9 @@ def _calibrated(
             break
         if calibrate:
             # What lamps are said to be is believed until the images say that they are worse.
-            sigma = known.calibration.intensity_sigma
-            shown = float(np.std(log_intensity))
-            sigma = shown if shown > LARGER * sigma else sigma
+            shown = self_calibration.shown(log_intensity, covariance, sigma)
+            stated = known.calibration.intensity_sigma
+            sigma = shown if shown > LARGER * stated else stated
         change = lambert.derivative(found.light, found.point, known.along, known.lamp)
         step = self_calibration.step(
             found.light, change, now, found.g, found.offset_m, found.weights, log_intensity, shift,
@@ -251,7 +253,7 @@ def _calibrated(
         log_intensity = log_intensity + step.log_intensity
         if calibrate:
             covariance = step.covariance
-    return _Shared(log_intensity, covariance, shift, noise)
+    return _Shared(log_intensity, covariance, sigma, shift, noise)
 
 
 def certainty(found: Estimate) -> Float32Array:

@@ -84,6 +84,18 @@ def step(
     return Shared(change[:count], float(change[count]), covariance[:count, :count])
 
 
+def shown(log_intensity: FloatArray, covariance: FloatArray, sigma: float) -> float:
+    """1 σ of the intensities as a step shows it that found `log_intensity` (F,) and `covariance` (F, F) from `sigma`.
+
+    Images of a plane tell nothing of some combinations of intensities, which its tilt would explain as well: these stay
+    at zero and do not count (MacKay 1992, Bayesian interpolation, the number of well determined parameters).
+    """
+    if sigma <= 0:
+        return 0.0
+    told = len(log_intensity) - float(np.trace(covariance)) / sigma**2
+    return float(np.sqrt(np.sum(log_intensity**2) / max(told, 1.0)))
+
+
 def spread(found: Estimate, covariance: FloatArray) -> Float32Array:
     """Variance (N,) in rad² of the normals, both tangential directions, from errors of the log intensities that all
     pixels share, with `covariance` (F, F)."""
