@@ -9,7 +9,7 @@ that leans on no model at all is the better choice.
 from dataclasses import dataclass
 
 STEPS_FROM = 0.045
-"""Share of unexplained shadows above which the depth map is not to be trusted: 0–4 % on objects without steps, 5–7 % on
+"""Share of unexplained shadows above which the depth map is not to be trusted: 0–4 % on objects without steps, 5–6 % on
 a machined part, where eight planned lights are 13–18 % worse than two rings and completed rings 5 %."""
 
 LEAST_GAIN = 0.02
