@@ -369,12 +369,7 @@ class UrArm:
         """The arm as built, asked for only where the cell file has something to compare with it."""
         if self._config.kinematics is None:
             return None
-        try:
-            return primary.kinematics(self._config.address)
-        except OSError as error:
-            address, port = self._config.address, primary.PORT
-            detail = f"Port {port} of {address} fails: {error or 'time-out'}."
-            raise RigError(ErrorCode.ARM_UNREACHABLE, detail, address=address, port=port) from error
+        return primary.kinematics(self._config.address)
 
     def _why_not_ready(self) -> states.Fault | None:
         reading = self.reading

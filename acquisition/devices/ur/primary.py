@@ -11,6 +11,7 @@ import time
 
 from acquisition.config import JointGeometry
 from acquisition.devices.ur.dashboard import refuse_foreign
+from acquisition.errors import ErrorCode, RigError
 
 PORT = 30001
 _HEADER = struct.Struct(">iB")  # size with this header, type
@@ -21,8 +22,16 @@ _ENOUGH_S = 1.0
 
 
 def kinematics(address: str, within_s: float = _ENOUGH_S) -> list[JointGeometry] | None:
-    """The arm as built; None when the controller does not tell it in time. Raises OSError where nobody answers."""
+    """The arm as built; None when the controller does not tell it in time. Raises RigError arm.unreachable."""
     refuse_foreign(address)
+    try:
+        return _received(address, within_s)
+    except OSError as error:
+        detail = f"Port {PORT} of {address} fails: {error or 'time-out'}."
+        raise RigError(ErrorCode.ARM_UNREACHABLE, detail, address=address, port=PORT) from error
+
+
+def _received(address: str, within_s: float) -> list[JointGeometry] | None:
     deadline = time.monotonic() + within_s
     data = b""
     with socket.create_connection((address, PORT), within_s) as connection:
