@@ -367,9 +367,7 @@ class UrArm:
 
     def _kinematics(self) -> list[JointGeometry] | None:
         """The arm as built, asked for only where the cell file has something to compare with it."""
-        if self._config.kinematics is None:
-            return None
-        return primary.kinematics(self._config.address)
+        return None if self._config.kinematics is None else primary.kinematics(self._config.address)
 
     def _why_not_ready(self) -> states.Fault | None:
         reading = self.reading
