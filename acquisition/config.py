@@ -15,7 +15,8 @@ from pydantic import Discriminator, Field, Tag, ValidationError
 
 from acquisition import geometry, stl
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import Calibration, Joints, Value, Vector3
+from acquisition.measured import Calibration
+from acquisition.types import Joints, Value, Vector3
 
 
 class Pose(Value):

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import tifffile
 
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import FrameRef
+from acquisition.measured import FrameRef
 
 
 @dataclass(frozen=True)

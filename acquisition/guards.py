@@ -15,10 +15,11 @@ from acquisition import config
 from acquisition.config import CellConfig
 from acquisition.devices import ArmIdentity
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import Calibration
 from acquisition.session import passes_wanted
 from acquisition.store import SessionRow, Store
 from acquisition.store.folder import require_space, write_bytes
-from acquisition.types import Calibration, Recipe
+from acquisition.types import Recipe
 
 NEAR_RAD = 0.1
 """A stop brakes along the way and blends cut its corners; a person who moves the arm moves it further."""

@@ -17,26 +17,12 @@ import numpy.typing as npt
 from acquisition import dome, geometry, photometry, pilot, plan, region
 from acquisition.capture import check, expected
 from acquisition.config import CellConfig
+from acquisition.measured import LIT, Calibration, NormalMap, Observations, ResultSummary, SolveSettings
 from acquisition.normals import export, report, solve
 from acquisition.normals.export import lights as light_files
 from acquisition.normals.folders import session as session_images
 from acquisition.plan import baselines, explain
-from acquisition.types import (
-    LIT,
-    BoolArray,
-    Calibration,
-    FloatArray,
-    JointPath,
-    Light,
-    LightPlan,
-    NormalMap,
-    Observations,
-    Recipe,
-    ResultSummary,
-    Route,
-    SolveSettings,
-    Vector3,
-)
+from acquisition.types import BoolArray, FloatArray, JointPath, Light, LightPlan, Recipe, Route, Vector3
 from acquisition.waypoints import reach as reaching
 from acquisition.waypoints import rejoin
 from acquisition.waypoints import route as routing

@@ -7,7 +7,8 @@ tool pose that puts the lamp where the plan wants it.
 import numpy as np
 
 from acquisition import geometry
-from acquisition.types import Calibration, FloatArray, Light
+from acquisition.measured import Calibration
+from acquisition.types import FloatArray, Light
 
 
 def light_from_tool(base_from_tool: FloatArray, calibration: Calibration) -> Light:

@@ -27,7 +27,8 @@ import numpy.typing as npt
 
 from acquisition.errors import ErrorCode, RigError
 from acquisition.geometry import VIEW_FROM_CAMERA
-from acquisition.types import BoolArray, Calibration, Float32Array, FloatArray, Light, NormalMap, SensorModel
+from acquisition.measured import Calibration, NormalMap, SensorModel
+from acquisition.types import BoolArray, Float32Array, FloatArray, Light
 
 DEPTH_SIGMA_M = 0.0015
 """1 σ of a pixel's depth after integration that the direction term allows for; larger errors are the depth column's."""

@@ -12,11 +12,12 @@ from acquisition import session
 from acquisition.compute import Compute, GaveWay
 from acquisition.devices import Rig
 from acquisition.errors import ErrorCode, Halted, RigError
+from acquisition.measured import Calibration
 from acquisition.session import AwaitReview, State
 from acquisition.steps import Steps
 from acquisition.store import Store
 from acquisition.store.folder import write_value
-from acquisition.types import Calibration, LightPlan, Recipe, Route, Vector3
+from acquisition.types import LightPlan, Recipe, Route, Vector3
 
 EXPOSURE_S = 0.1
 """Of an image whose exposure time nobody knows yet, reading and checking included."""

@@ -12,7 +12,8 @@ import numpy as np
 from acquisition import geometry
 from acquisition.config import CellConfig
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import BoolArray, Calibration, Float32Array
+from acquisition.measured import Calibration
+from acquisition.types import BoolArray, Float32Array
 
 _CIRCLE_POINTS = 96
 _PNG_START = b"\x89PNG\r\n\x1a\n"

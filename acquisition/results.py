@@ -22,10 +22,11 @@ from acquisition.compute import Compute, GaveWay
 from acquisition.config import CellConfig
 from acquisition.errors import ErrorCode, Halted, RigError, problem
 from acquisition.frames import FolderFrames
+from acquisition.measured import Calibration, Observations, ResultSummary, SolveSettings
 from acquisition.session import ENDED, Record, State
 from acquisition.store import Store
 from acquisition.store.folder import write_manifest
-from acquisition.types import Calibration, LightPlan, Observations, ResultSummary, SolveSettings
+from acquisition.types import LightPlan
 
 _log = logging.getLogger(__name__)
 

@@ -23,6 +23,7 @@ from acquisition.compute import Compute, GaveWay
 from acquisition.devices import RecoveryStep, Rig, StopToken
 from acquisition.errors import ErrorCode, Halted, RigError, problem
 from acquisition.looking import Looking
+from acquisition.measured import Calibration
 from acquisition.proposals import Proposals
 from acquisition.readiness import Readiness
 from acquisition.rig_status import RigStatus, SessionProgress
@@ -31,7 +32,7 @@ from acquisition.session import Actor, Stage, State, Trigger
 from acquisition.steps import Steps
 from acquisition.store import SessionRow, Store
 from acquisition.turns import Turns
-from acquisition.types import Calibration, JointPath, Recipe
+from acquisition.types import JointPath, Recipe
 
 _log = logging.getLogger(__name__)
 

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import assert_never
 
-from acquisition.types import LightPlan, Recipe, Route, Shot, ShotKey, Waypoint
+from acquisition.measured import Shot, ShotKey
+from acquisition.types import LightPlan, Recipe, Route, Waypoint
 
 SAME_PLACE_RAD = 2e-3
 """Joints closer than this are the same place; a move ends within half of it."""

@@ -21,6 +21,7 @@ from acquisition.compute import Compute
 from acquisition.devices import Rig, StopToken
 from acquisition.errors import ErrorCode, RigError
 from acquisition.frames import FolderFrames
+from acquisition.measured import Calibration, FrameQuality, ResultSummary, Shot, ShotKey, SolveSettings
 from acquisition.results import Wish
 from acquisition.session import (
     AwaitReview,
@@ -36,22 +37,7 @@ from acquisition.session import (
 )
 from acquisition.store import Store
 from acquisition.store.folder import write_bytes, write_frame, write_manifest, write_value
-from acquisition.types import (
-    BoolArray,
-    Calibration,
-    FrameQuality,
-    JointPath,
-    LightPlan,
-    Recipe,
-    ResultSummary,
-    Route,
-    Shot,
-    ShotKey,
-    SolveSettings,
-    Waypoint,
-    as_joints,
-    as_matrix4,
-)
+from acquisition.types import BoolArray, JointPath, LightPlan, Recipe, Route, Waypoint, as_joints, as_matrix4
 
 
 class Steps:

@@ -16,8 +16,9 @@ from acquisition import config, jobs
 from acquisition.config import CellConfig
 from acquisition.devices.ur import primary
 from acquisition.errors import PROBLEMS, ErrorCode, RigError
+from acquisition.measured import Calibration
 from acquisition.store.folder import require_space
-from acquisition.types import Calibration, Recipe
+from acquisition.types import Recipe
 from acquisition.waypoints.reach import ReachMap
 from api import keys, wiring
 

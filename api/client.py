@@ -20,8 +20,9 @@ import httpx
 from httpx_sse import connect_sse
 
 from acquisition.errors import ErrorCode
+from acquisition.measured import SolveSettings
 from acquisition.session import State
-from acquisition.types import Recipe, SolveSettings, Vector3
+from acquisition.types import Recipe, Vector3
 from api.answers import ModelT, ProblemError, completed, parsed, raise_problem
 from api.following import PATIENCE_S, Bar, Place, goes_on_by_itself, past, rests
 from api.schemas import (

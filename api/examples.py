@@ -10,20 +10,9 @@ from typing import Any
 from pydantic import BaseModel
 
 from acquisition.errors import PROBLEMS, ErrorCode
+from acquisition.measured import FrameQuality, FrameRef, ResultSummary, Shot, ShotKey, SolveSettings
 from acquisition.session import THE_ARM, Stage, State
-from acquisition.types import (
-    FrameQuality,
-    FrameRef,
-    Light,
-    LightPlan,
-    Recipe,
-    ResultSummary,
-    Route,
-    Shot,
-    ShotKey,
-    SolveSettings,
-    Waypoint,
-)
+from acquisition.types import Light, LightPlan, Recipe, Route, Waypoint
 from api.schemas import (
     Accepted,
     ActionAccepted,

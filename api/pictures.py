@@ -10,7 +10,8 @@ from fastapi.responses import Response
 
 from acquisition.config import CellConfig
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import Calibration, Route
+from acquisition.measured import Calibration
+from acquisition.types import Route
 from api import problems, stored
 from api.context import Number, ServiceOf, SessionId
 from api.wiring import Service

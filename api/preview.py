@@ -8,7 +8,7 @@ import numpy.typing as npt
 import tifffile
 
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import SensorModel
+from acquisition.measured import SensorModel
 
 GAMMA = 2.2
 JPEG_QUALITY = 85

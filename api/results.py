@@ -12,9 +12,9 @@ from fastapi.responses import FileResponse
 
 from acquisition import session
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import ResultSummary
 from acquisition.results import EXPORTS
 from acquisition.store import Artifact
-from acquisition.types import ResultSummary
 from api import problems, stored
 from api.context import Actor, Number, ServiceOf, SessionId
 from api.paging import Limit, Seen, page

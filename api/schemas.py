@@ -10,8 +10,9 @@ from typing import Any, Generic, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field
 
 from acquisition.errors import PROBLEMS, ErrorCode
+from acquisition.measured import ResultSummary, Shot, SolveSettings
 from acquisition.session import Stage, State
-from acquisition.types import LightPlan, Matrix4, Recipe, ResultSummary, Route, Shot, SolveSettings, Vector3
+from acquisition.types import LightPlan, Matrix4, Recipe, Route, Vector3
 
 ItemT = TypeVar("ItemT")
 Links = dict[str, str]

@@ -15,9 +15,10 @@ from fastapi import APIRouter, Body, Header, Query, Request, Response
 
 from acquisition import session
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import Shot
 from acquisition.session import Trigger
 from acquisition.store import Action, SessionRow
-from acquisition.types import LightPlan, Recipe, Route, Shot
+from acquisition.types import LightPlan, Recipe, Route
 from api import preview, problems, results, stored
 from api.context import Actor, CallerOf, Number, ServiceOf, SessionId
 from api.keys import Caller, Role

@@ -21,6 +21,7 @@ from rich.table import Table
 
 from acquisition import region
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import NormalMap, SolveSettings
 from acquisition.normals import distant, export, folders, near_light, report
 from acquisition.normals import solve as solve_session
 from acquisition.normals.export import lights
@@ -28,7 +29,6 @@ from acquisition.normals.folders import Sphere, session
 from acquisition.normals.folders.grade import Grade, grade
 from acquisition.normals.folders.session import SessionCapture
 from acquisition.normals.image_set import DistantLights, ImageSet
-from acquisition.types import NormalMap, SolveSettings
 
 SUMMARY = "summary.json"
 WRITERS = 2

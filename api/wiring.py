@@ -19,11 +19,12 @@ from acquisition.devices.camera_sim import SimCamera
 from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
 from acquisition.errors import ErrorCode
+from acquisition.measured import Calibration
 from acquisition.results import Resolving
 from acquisition.runner import Runner
 from acquisition.safety import Latch, SafetyMonitor
 from acquisition.store import Store
-from acquisition.types import Calibration, FloatArray
+from acquisition.types import FloatArray
 from acquisition.waypoints import as_built, kinematics
 from api.settings import Settings
 

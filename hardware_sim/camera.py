@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from acquisition.config import SimCameraConfig
 from acquisition.errors import RigError
-from acquisition.types import Calibration
+from acquisition.measured import Calibration
 from hardware_sim import shutter
 from hardware_sim.shutter import Moment, StateSource
 

@@ -12,7 +12,8 @@ import numpy as np
 import tifffile
 
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import BoolArray, Calibration, Float32Array, FloatArray
+from acquisition.measured import Calibration
+from acquisition.types import BoolArray, Float32Array, FloatArray
 from hardware_sim.truth import Truth
 
 GREATEST_SLANT_DEG = 78.0

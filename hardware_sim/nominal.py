@@ -10,7 +10,7 @@ from pathlib import Path
 from acquisition import config
 from acquisition.config import CellConfig
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import Calibration
+from acquisition.measured import Calibration
 
 FULL_PIXELS = 1024
 

@@ -3,7 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.types import Float32Array, SensorModel
+from acquisition.measured import SensorModel
+from acquisition.types import Float32Array
 
 
 def expose(signal: Float32Array, sensor: SensorModel, random: np.random.Generator | None) -> npt.NDArray[np.uint16]:

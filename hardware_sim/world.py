@@ -19,7 +19,8 @@ import numpy.typing as npt
 from acquisition import geometry
 from acquisition.config import CellConfig
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import BoolArray, Calibration, Float32Array, FloatArray
+from acquisition.measured import Calibration
+from acquisition.types import BoolArray, Float32Array, FloatArray
 from hardware_sim import objects, render, sensor
 from hardware_sim.controller import kinematics
 from hardware_sim.controller.calibration import calibrated

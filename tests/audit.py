@@ -18,7 +18,7 @@ import trimesh
 import ur_analytic_ik
 
 from acquisition.config import Box, Capsule, CapsuleShape, CellConfig, Cone, ConvexMesh, HalfSpace, Obstacle
-from acquisition.types import Calibration
+from acquisition.measured import Calibration
 
 MESHES = Path(__file__).resolve().parents[2] / "shared" / "meshes"
 NO_MESHES = f"the link meshes are not at {MESHES.parent.name}/{MESHES.name} beside the checkout"

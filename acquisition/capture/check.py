@@ -14,7 +14,8 @@ import numpy.typing as npt
 from acquisition.capture import exposure
 from acquisition.capture.expected import displacement
 from acquisition.config import CameraConfig
-from acquisition.types import BoolArray, Exposure, FloatArray, FrameQuality, SensorModel
+from acquisition.measured import FrameQuality, SensorModel
+from acquisition.types import BoolArray, Exposure, FloatArray
 
 BRIGHT_PERCENTILE = 99.5
 MOST_SATURATED = 0.01

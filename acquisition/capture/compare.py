@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.types import BoolArray, FloatArray, SensorModel
+from acquisition.measured import SensorModel
+from acquisition.types import BoolArray, FloatArray
 
 BRIGHT_PERCENTILE = 99.5
 COARSE_CYCLES_PER_PIXEL = 0.12

@@ -6,7 +6,8 @@ Steps of ∛2 lose at most an eighth of a stop of light on average and let most 
 import math
 
 from acquisition.config import CameraConfig, CellConfig
-from acquisition.types import Calibration, Exposure
+from acquisition.measured import Calibration
+from acquisition.types import Exposure
 
 STEP = 2.0 ** (1 / 3)
 

@@ -20,9 +20,10 @@ import numba
 import numpy as np
 
 from acquisition import photometry
+from acquisition.measured import Calibration
 from acquisition.normals import lambert
 from acquisition.normals.lambert import Estimate, Pixels
-from acquisition.types import BoolArray, Calibration, Float32Array
+from acquisition.types import BoolArray, Float32Array
 
 AZIMUTHS = 24
 LEVELS = 3

@@ -12,8 +12,9 @@ import cv2
 import numpy as np
 
 from acquisition import photometry
+from acquisition.measured import Calibration
 from acquisition.normals import kernels
-from acquisition.types import BoolArray, Calibration, Float32Array, FloatArray
+from acquisition.types import BoolArray, Float32Array, FloatArray
 
 HALF_SHADOW = 0.1
 """Extra standard deviation beside shadowed pixels, as a share of the pixel's largest value."""

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acquisition.measured import Calibration
 from acquisition.normals import lambert
 from acquisition.normals.lambert import Estimate, Pixels
 from acquisition.photometry import Noise
-from acquisition.types import Calibration, Float32Array
+from acquisition.types import Float32Array
 
 EXPONENTS = (12.0, 18.0, 25.0, 35.0, 50.0, 80.0, 120.0)
 SIGMA = 0.2

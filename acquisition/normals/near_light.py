@@ -7,12 +7,13 @@ the solver finds the rest in the residuals. Colour images are solved by the mean
 import numpy as np
 
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import Calibration, NormalMap, SensorModel, SolveSettings
 from acquisition.normals.distant import blocks, point_lights
 from acquisition.normals.distant.solve import refuse_unusable, whole
 from acquisition.normals.image_set import ImageSet, NearLights, check
 from acquisition.normals.observe import Stack
 from acquisition.normals.solve import solve_stack
-from acquisition.types import Calibration, Light, NormalMap, SensorModel, SolveSettings
+from acquisition.types import Light
 
 FULL_WELL_E = 10_000.0
 """Electrons at full scale that shot noise is reckoned with: those of a small pixel."""

@@ -10,7 +10,8 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import BoolArray, Calibration, Float32Array, FloatArray, Light, Observations, Shot
+from acquisition.measured import Calibration, Observations, Shot
+from acquisition.types import BoolArray, Float32Array, FloatArray, Light
 
 
 @dataclass(frozen=True)

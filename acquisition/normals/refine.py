@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acquisition import photometry
+from acquisition.measured import Calibration, SolveSettings
 from acquisition.normals import grid, integrate, interreflection, lambert, self_calibration, steps
 from acquisition.normals import lobe as gloss
 from acquisition.normals import noise as residuals
@@ -18,7 +19,7 @@ from acquisition.normals.interreflection import Table
 from acquisition.normals.lambert import Estimate, Pixels
 from acquisition.normals.lobe import Lobe
 from acquisition.photometry import Noise
-from acquisition.types import Calibration, Float32Array, FloatArray, SolveSettings
+from acquisition.types import Float32Array, FloatArray
 
 OFFSET_SIGMA_M = 0.003
 """1 σ of a pixel's depth offset in the joint solve."""

@@ -11,26 +11,25 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import (
+    ATTACHED,
+    CAST,
+    HIGHLIGHT,
+    LIT,
+    SATURATED,
+    Calibration,
+    Information,
+    NormalMap,
+    Observations,
+    SolveSettings,
+)
 from acquisition.normals import integrate, interreflection, lambert, lobe, observe, refine, silhouette
 from acquisition.normals import noise as residuals
 from acquisition.normals.interreflection import Table
 from acquisition.normals.lambert import Estimate, Pixels
 from acquisition.normals.observe import Stack
 from acquisition.normals.refine import Refined
-from acquisition.types import (
-    ATTACHED,
-    CAST,
-    HIGHLIGHT,
-    LIT,
-    SATURATED,
-    BoolArray,
-    Calibration,
-    Float32Array,
-    Information,
-    NormalMap,
-    Observations,
-    SolveSettings,
-)
+from acquisition.types import BoolArray, Float32Array
 
 BOUNCE_SIGMA = 0.1
 """1 σ of the predicted bounced light, as a share of it, that differs from light to light."""

@@ -17,21 +17,11 @@ import numpy.typing as npt
 from scipy.special import ndtr
 
 from acquisition import photometry
+from acquisition.measured import ATTACHED, CAST, LIT, Calibration, NormalMap, Observations
 from acquisition.plan import kernels, noise, visibility
 from acquisition.plan.noise import Gloss
 from acquisition.plan.visibility import Surface
-from acquisition.types import (
-    ATTACHED,
-    CAST,
-    LIT,
-    Calibration,
-    Float32Array,
-    FloatArray,
-    Light,
-    NormalMap,
-    Observations,
-    Recipe,
-)
+from acquisition.types import Float32Array, FloatArray, Light, Recipe
 
 LEVELS = (1 / 6, 1 / 2, 5 / 6)
 OFFSET_SIGMA_M = 0.003

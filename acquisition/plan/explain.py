@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import KDTree
 
+from acquisition.measured import Calibration, NormalMap, Observations
 from acquisition.plan import criterion, noise, visibility
-from acquisition.types import BoolArray, Calibration, FloatArray, Light, NormalMap, Observations, Recipe
+from acquisition.types import BoolArray, FloatArray, Light, Recipe
 
 PICTURE_PX = 160
 """Longer side of a picture of the object."""

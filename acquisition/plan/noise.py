@@ -19,7 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition import photometry
-from acquisition.types import HIGHLIGHT, BoolArray, Calibration, Float32Array, FloatArray, NormalMap
+from acquisition.measured import HIGHLIGHT, Calibration, NormalMap
+from acquisition.types import BoolArray, Float32Array, FloatArray
 
 AFTER_SELF_CALIBRATION = 0.3
 """Share of an image's intensity error that is left and matters: of 0.010 at eight images 0.0055, most of it common to

@@ -10,6 +10,7 @@ import numpy as np
 
 from acquisition import dome
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import Calibration, NormalMap, Observations
 from acquisition.plan import baselines, criterion, noise, objective, patterns, relaxation, search, visibility
 from acquisition.plan.criterion import Candidates, Expectation, Samples
 from acquisition.plan.deadline import Deadline
@@ -17,18 +18,7 @@ from acquisition.plan.noise import Gloss
 from acquisition.plan.objective import Loss
 from acquisition.plan.trust import Doubts
 from acquisition.plan.visibility import Surface
-from acquisition.types import (
-    BoolArray,
-    Calibration,
-    Expected,
-    FloatArray,
-    Light,
-    LightPlan,
-    NormalMap,
-    Observations,
-    Reach,
-    Recipe,
-)
+from acquisition.types import BoolArray, Expected, FloatArray, Light, LightPlan, Reach, Recipe
 
 SAMPLE_PIXELS = 900
 REFINE_EVERY = 2

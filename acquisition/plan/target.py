@@ -19,8 +19,9 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import Calibration, NormalMap, Observations
 from acquisition.plan import noise, selection
-from acquisition.types import BoolArray, Calibration, Expected, LightPlan, NormalMap, Observations, Reach, Recipe
+from acquisition.types import BoolArray, Expected, LightPlan, Reach, Recipe
 
 COUNTS = (1, 2, 3, 4, 6, 8, 11, 15, 20, 28, 40, 76)
 """Numbers of further lights for which the forecast is made; between them σ follows a straight line in logarithms."""

@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 
 from acquisition import photometry
+from acquisition.measured import Calibration, NormalMap
 from acquisition.plan import kernels
-from acquisition.types import Calibration, Float32Array, NormalMap
+from acquisition.types import Float32Array
 
 MAP_SIZE = 192
 

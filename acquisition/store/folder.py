@@ -19,7 +19,8 @@ import numpy.typing as npt
 import tifffile
 
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import FrameRef, Value
+from acquisition.measured import FrameRef
+from acquisition.types import Value
 
 KEPT_FREE_BYTES = 32 << 20
 """Never used for images and results: what the journal needs to tell that the disk is full, and to go on for a while."""

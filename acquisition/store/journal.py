@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import Shot
 from acquisition.session import ENDED, HOLDS_THE_RIG, Actor, PassRecord, Record, State, Trigger, after, allowed
 from acquisition.store.database import Database, marks
 from acquisition.store.rows import Action, Artifact, SessionRow, session_of
-from acquisition.types import LightPlan, Recipe, Route, Shot
+from acquisition.types import LightPlan, Recipe, Route
 
 REVIEWED, SENT = "plan.reviewed", "arm.sent"
 """Events that are read again: a resumed session asks them what a person has let pass, and where the arm went."""

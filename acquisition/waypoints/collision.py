@@ -20,7 +20,8 @@ from scipy.spatial import ConvexHull, QhullError
 from acquisition import geometry
 from acquisition.config import Box, Capsule, CellConfig, Cone, HalfSpace, Obstacle
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import BoolArray, Calibration, FloatArray
+from acquisition.measured import Calibration
+from acquisition.types import BoolArray, FloatArray
 from acquisition.waypoints import collision_kernels as kernels
 from acquisition.waypoints.hull_kernels import hull_distance
 from acquisition.waypoints.kinematics import ArmModel, arm_model

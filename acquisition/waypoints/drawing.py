@@ -9,7 +9,8 @@ from scipy.spatial import ConvexHull
 
 from acquisition import geometry, lamp_pose
 from acquisition.config import Box, Capsule, CapsuleShape, CellConfig, Cone, HalfSpace, Obstacle
-from acquisition.types import Calibration, FloatArray, Route
+from acquisition.measured import Calibration
+from acquisition.types import FloatArray, Route
 from acquisition.waypoints.kinematics import arm_model, forward
 from acquisition.waypoints.reach import ReachMap
 

@@ -12,7 +12,8 @@ from mpl_toolkits.mplot3d import Axes3D
 
 from acquisition import geometry
 from acquisition.config import CellConfig
-from acquisition.types import Calibration, Route
+from acquisition.measured import Calibration
+from acquisition.types import Route
 from acquisition.waypoints import drawing
 from acquisition.waypoints.drawing import Mark
 from acquisition.waypoints.reach import ReachMap

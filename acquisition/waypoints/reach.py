@@ -11,7 +11,8 @@ import numpy as np
 
 from acquisition import dome, geometry
 from acquisition.config import CellConfig
-from acquisition.types import Calibration, FloatArray, Joints, Light, Refusal, Value, Vector3
+from acquisition.measured import Calibration
+from acquisition.types import FloatArray, Joints, Light, Refusal, Value, Vector3
 from acquisition.waypoints.roadmap import connected_stations, dome_center, dome_lights
 
 

@@ -7,7 +7,8 @@ ones that it would have taken. The legs in between were certified when the route
 from collections.abc import Sequence
 
 from acquisition.config import CellConfig
-from acquisition.types import Calibration, Route, Waypoint, as_joints
+from acquisition.measured import Calibration
+from acquisition.types import Route, Waypoint, as_joints
 from acquisition.waypoints.route import way
 
 

@@ -20,7 +20,8 @@ from scipy.sparse.csgraph import connected_components, dijkstra
 from acquisition import dome, geometry, lamp_pose
 from acquisition.config import ArmConfig, CellConfig
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import BoolArray, Calibration, FloatArray, Light, Refusal
+from acquisition.measured import Calibration
+from acquisition.types import BoolArray, FloatArray, Light, Refusal
 from acquisition.waypoints.collision import Scene, scene
 from acquisition.waypoints.kinematics import ELBOW_LIMIT, JOINT_LIMIT
 from acquisition.waypoints.motion import legs

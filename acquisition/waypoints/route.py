@@ -19,7 +19,8 @@ import numpy.typing as npt
 
 from acquisition.config import ArmConfig, CellConfig
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import Calibration, FloatArray, JointPath, Joints, Light, Route, Waypoint
+from acquisition.measured import Calibration
+from acquisition.types import FloatArray, JointPath, Joints, Light, Route, Waypoint
 from acquisition.waypoints import order_kernels
 from acquisition.waypoints.collision import Scene, scene
 from acquisition.waypoints.motion import legs

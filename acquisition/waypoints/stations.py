@@ -11,7 +11,8 @@ import numpy as np
 
 from acquisition import geometry, lamp_pose
 from acquisition.config import CellConfig
-from acquisition.types import Calibration, FloatArray, Light, Refusal
+from acquisition.measured import Calibration
+from acquisition.types import FloatArray, Light, Refusal
 from acquisition.waypoints import as_built, collision_kernels, kinematics
 from acquisition.waypoints.collision import Scene
 

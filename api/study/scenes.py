@@ -19,25 +19,18 @@ import numpy.typing as npt
 
 from acquisition import config, geometry, normals, pilot, plan, region
 from acquisition.capture import check, exposure
-from acquisition.session import passes_wanted
-from acquisition.types import (
-    BoolArray,
+from acquisition.measured import (
     Calibration,
-    Exposure,
-    Float32Array,
-    FloatArray,
     FrameQuality,
     FrameRef,
-    Light,
-    LightPlan,
     NormalMap,
     Observations,
-    Recipe,
-    Refusal,
     Shot,
     ShotKey,
     SolveSettings,
 )
+from acquisition.session import passes_wanted
+from acquisition.types import BoolArray, Exposure, Float32Array, FloatArray, Light, LightPlan, Recipe, Refusal
 from acquisition.waypoints.roadmap import dome_center, dome_lights
 from hardware_sim import grade, nominal, objects, render, sensor
 from hardware_sim.render import Lamp, Lens, View

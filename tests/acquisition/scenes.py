@@ -10,17 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition import geometry
-from acquisition.types import (
-    Calibration,
-    FrameQuality,
-    FrameRef,
-    Light,
-    Observations,
-    Refusal,
-    SensorModel,
-    Shot,
-    ShotKey,
-)  # fmt: skip
+from acquisition.measured import Calibration, FrameQuality, FrameRef, Observations, SensorModel, Shot, ShotKey
+from acquisition.types import Light, Refusal  # fmt: skip
 
 TABLE_DEPTH = 0.9
 Height = Callable[[np.ndarray, np.ndarray], np.ndarray]

@@ -8,8 +8,9 @@ import numpy as np
 from acquisition import config, jobs
 from acquisition.config import CellConfig
 from acquisition.frames import FolderFrames
+from acquisition.measured import Observations, Shot, SolveSettings
 from acquisition.store.folder import write_frame, write_manifest, write_value
-from acquisition.types import LightPlan, Observations, Recipe, Shot, SolveSettings
+from acquisition.types import LightPlan, Recipe
 from tests.acquisition import scenes
 
 DEPLOY = Path(__file__).parents[2] / "deploy"

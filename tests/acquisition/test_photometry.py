@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition import photometry
-from acquisition.types import Calibration, FloatArray, Light
+from acquisition.measured import Calibration
+from acquisition.types import FloatArray, Light
 from tests.acquisition import scenes
 
 LENS = (-0.12, 0.07, 0.0015, -0.001, 0.01)

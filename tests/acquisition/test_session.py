@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from acquisition import session
+from acquisition.measured import FrameQuality, FrameRef, Shot, ShotKey
 from acquisition.session import (
     Actor,
     AwaitReview,
@@ -25,7 +26,7 @@ from acquisition.session import (
     TakeShot,
     Trigger,
 )  # fmt: skip
-from acquisition.types import FrameQuality, FrameRef, Light, LightPlan, Recipe, Route, Shot, ShotKey, Waypoint
+from acquisition.types import Light, LightPlan, Recipe, Route, Waypoint
 
 HOME = (0.0,) * 6
 LIGHT = Light(position=(0.0, 0.0, -0.4), axis=(0.0, 0.0, -1.0))

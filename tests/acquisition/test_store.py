@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import FrameQuality, Shot, ShotKey
 from acquisition.session import State, Trigger
 from acquisition.store import FolderFrames, Store
 from acquisition.store.folder import sha256_of, write_bytes, write_frame, write_manifest
-from acquisition.types import FrameQuality, LightPlan, Recipe, Shot, ShotKey
+from acquisition.types import LightPlan, Recipe
 
 
 @pytest.fixture

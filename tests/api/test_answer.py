@@ -5,8 +5,9 @@ from typing import Any
 import pytest
 
 from acquisition.errors import ErrorCode
+from acquisition.measured import ResultSummary
 from acquisition.store.folder import write_manifest
-from acquisition.types import Recipe, ResultSummary
+from acquisition.types import Recipe
 from api.client import ProblemError
 
 SUMMARY = ResultSummary(

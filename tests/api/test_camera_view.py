@@ -17,9 +17,10 @@ import numpy as np
 import pytest
 
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import FrameQuality, Shot, ShotKey
 from acquisition.session import Trigger
 from acquisition.store.folder import write_frame
-from acquisition.types import FrameQuality, Recipe, Shot, ShotKey
+from acquisition.types import Recipe
 from api import keys
 from api.keys import Role
 from api.preview import jpeg

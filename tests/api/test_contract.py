@@ -17,8 +17,9 @@ from hypothesis import HealthCheck, given, settings
 from schemathesis.checks import CHECKS, load_all_checks
 from schemathesis.generation import GenerationMode
 
+from acquisition.measured import FrameQuality, ResultSummary, Shot, ShotKey
 from acquisition.store.folder import write_frame, write_manifest, write_value
-from acquisition.types import FrameQuality, Light, LightPlan, Recipe, ResultSummary, Shot, ShotKey
+from acquisition.types import Light, LightPlan, Recipe
 from api.app import description
 
 CASES = int(os.environ.get("LIGHTPOSE_CASES", "200"))

@@ -20,10 +20,11 @@ import tifffile
 
 from acquisition import config
 from acquisition.errors import ErrorCode
+from acquisition.measured import Observations, Shot, SolveSettings
 from acquisition.results import ACCEPTED, EXPORTS, FAILED, READY
 from acquisition.session import State
 from acquisition.store.folder import write_frame, write_value
-from acquisition.types import LightPlan, Observations, Recipe, Shot, SolveSettings
+from acquisition.types import LightPlan, Recipe
 from api import settings
 from api.client import ProblemError
 from tests.acquisition import scenes

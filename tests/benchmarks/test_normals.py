@@ -5,7 +5,7 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from acquisition import normals
-from acquisition.types import SolveSettings
+from acquisition.measured import SolveSettings
 from tests.acquisition import scenes
 
 

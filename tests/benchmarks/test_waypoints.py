@@ -7,7 +7,8 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from acquisition.config import CellConfig
-from acquisition.types import Calibration, Light, Route
+from acquisition.measured import Calibration
+from acquisition.types import Light, Route
 from acquisition.waypoints import reach as reach_module
 from acquisition.waypoints.motion import legs
 from acquisition.waypoints.roadmap import connected_stations, dome_lights, roadmap

@@ -9,17 +9,9 @@ import pytest
 
 from acquisition import config, lamp_pose, pilot, region
 from acquisition.capture import exposure
+from acquisition.measured import FrameQuality, FrameRef, NormalMap, Observations, Shot, ShotKey, SolveSettings
 from acquisition.normals import interreflection, solve
-from acquisition.types import (
-    FrameQuality,
-    FrameRef,
-    NormalMap,
-    Observations,
-    Recipe,
-    Shot,
-    ShotKey,
-    SolveSettings,
-)
+from acquisition.types import Recipe
 from acquisition.waypoints import kinematics
 from acquisition.waypoints.reach import reach
 from acquisition.waypoints.route import route

@@ -6,7 +6,7 @@ import pytest
 import tifffile
 
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import Calibration
+from acquisition.measured import Calibration
 from hardware_sim import grade, nominal
 from hardware_sim.truth import Truth
 

@@ -18,17 +18,9 @@ from acquisition.compute import Compute
 from acquisition.config import CellConfig
 from acquisition.devices import ArmIdentity, ArmReading, Finding, Frame, MotionLimits, RecoveryStep, Rig, StopToken
 from acquisition.errors import ErrorCode, Halted, RigError
+from acquisition.measured import Calibration, ResultSummary
 from acquisition.store import Store
-from acquisition.types import (
-    Calibration,
-    JointPath,
-    Light,
-    LightPlan,
-    ResultSummary,
-    Route,
-    Waypoint,
-    as_joints,
-)
+from acquisition.types import JointPath, Light, LightPlan, Route, Waypoint, as_joints
 from api import keys, server, settings, wiring
 from api.keys import KeyRing, Role
 from api.server import Server

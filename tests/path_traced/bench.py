@@ -21,9 +21,10 @@ import mitsuba
 import numpy as np
 
 from acquisition import geometry
+from acquisition.measured import Calibration, NormalMap, SensorModel
 from acquisition.normals import Stack
 from acquisition.plan import baselines
-from acquisition.types import Calibration, Light, NormalMap, SensorModel
+from acquisition.types import Light
 from hardware_sim.sheets import Mesh
 from hardware_sim.tracing import START_M, Tracer
 from tests.path_traced import objects

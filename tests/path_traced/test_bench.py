@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from acquisition import normals
-from acquisition.types import NormalMap, SolveSettings
+from acquisition.measured import NormalMap, SolveSettings
 from tests.path_traced import bench
 
 PIXELS = 64

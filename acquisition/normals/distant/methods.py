@@ -11,9 +11,10 @@ from typing import Any, Literal
 import numpy as np
 
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
 from acquisition.normals.distant import glossy, kernels, robust
 from acquisition.normals.distant.blocks import Block
-from acquisition.types import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, BoolArray, Float32Array, FloatArray
+from acquisition.types import BoolArray, Float32Array, FloatArray
 
 Solver = Literal["auto", "ls", "weighted", "thresholded", "robust", "glossy"]
 

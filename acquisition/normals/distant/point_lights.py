@@ -9,12 +9,13 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import LIT, SATURATED
 from acquisition.normals.distant import methods
 from acquisition.normals.distant.blocks import Block
 from acquisition.normals.distant.kernels import BLOCK, signatures, solve3
 from acquisition.normals.distant.methods import Found, Method
 from acquisition.normals.image_set import ImageSet, NearLights
-from acquisition.types import LIT, SATURATED, Float32Array
+from acquisition.types import Float32Array
 
 CHUNK = 100_000
 """Pixels whose residuals are looked at at once: each takes some hundred bytes a light."""

@@ -11,11 +11,12 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import HIGHLIGHT, LIT, Information, NormalMap
 from acquisition.normals import integrate
 from acquisition.normals.distant import blocks, choice, methods
 from acquisition.normals.distant.methods import Solver
 from acquisition.normals.image_set import DistantLights, ImageSet, check
-from acquisition.types import HIGHLIGHT, LIT, BoolArray, Float32Array, Information, NormalMap
+from acquisition.types import BoolArray, Float32Array
 
 SAMPLE = 900
 USELESS = 0.95

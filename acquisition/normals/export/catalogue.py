@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from acquisition import photometry
+from acquisition.measured import NormalMap
 from acquisition.normals.export import diligent, exr, lights, mesh
 from acquisition.normals.export import images as pictures
 from acquisition.normals.image_set import ImageSet
-from acquisition.types import Float32Array, FloatArray, NormalMap
+from acquisition.types import Float32Array, FloatArray
 
 
 @dataclass(frozen=True)

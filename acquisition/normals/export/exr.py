@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from acquisition.measured import NormalMap
 from acquisition.normals.export import images
-from acquisition.types import NormalMap
 
 TEXTS = {
     "convention": f"N.X N.Y N.Z: unit normal, {images.FRAME}",

@@ -11,7 +11,8 @@ import cv2
 import numpy as np
 import tifffile
 
-from acquisition.types import BoolArray, Float32Array, NormalMap
+from acquisition.measured import NormalMap
+from acquisition.types import BoolArray, Float32Array
 
 Green = Literal["opengl", "directx"]
 FRAME = "view frame: x right, y up, z to the camera; row 0 at the top"

@@ -13,9 +13,10 @@ import numpy as np
 import tifffile
 
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import Information, NormalMap
 from acquisition.normals.export import images
 from acquisition.normals.export.whole import whole_folder
-from acquisition.types import BoolArray, Information, NormalMap
+from acquisition.types import BoolArray
 
 ARCHIVE = "normal_map.npz"
 OPTIONAL = ("albedo_rgb", "indirect")

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import NormalMap
 from acquisition.normals.image_set import ImageSet
-from acquisition.types import NormalMap
 
 MEDIAN_OF_RAYLEIGH = 0.833
 """Median error for σ = 1."""

@@ -14,19 +14,10 @@ from pydantic import ValidationError
 from acquisition import photometry
 from acquisition.config import CellConfig
 from acquisition.frames import FolderFrames
+from acquisition.measured import Calibration, FrameRef, FrameSource, Observations, Shot
 from acquisition.normals.folders.refusal import refusal, text
 from acquisition.normals.image_set import Camera, ImageSet, NearLights, Raw
-from acquisition.types import (
-    BoolArray,
-    Calibration,
-    FrameRef,
-    FrameSource,
-    LightPlan,
-    Observations,
-    Recipe,
-    Shot,
-    Value,
-)
+from acquisition.types import BoolArray, LightPlan, Recipe, Value
 
 RECIPE, CELL, CALIBRATION, MANIFEST = "recipe.json", "cell.json", "calibration.json", "manifest.json"
 ValueT = TypeVar("ValueT", bound=Value)

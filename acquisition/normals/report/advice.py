@@ -8,9 +8,10 @@ light from much the same direction would do so again, and does not count.
 import cv2
 import numpy as np
 
+from acquisition.measured import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, NormalMap
 from acquisition.normals.export import lights_used
 from acquisition.normals.report.facts import Facts
-from acquisition.types import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, BoolArray, FloatArray, NormalMap
+from acquisition.types import BoolArray, FloatArray
 
 ENOUGH_LIGHTS = 3
 SPEAKS_FROM = 0.01

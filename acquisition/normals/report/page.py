@@ -12,10 +12,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from acquisition.measured import NormalMap
 from acquisition.normals.report import advice, pictures
 from acquisition.normals.report.facts import Facts
 from acquisition.normals.report.pictures import Small
-from acquisition.types import BoolArray, NormalMap
+from acquisition.types import BoolArray
 
 PAGE, PICTURE = "report.html", "report.png"
 DOME_PX = 300

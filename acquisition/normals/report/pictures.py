@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from acquisition.measured import LIT, SATURATED, NormalMap
 from acquisition.normals.export import lights_used
-from acquisition.types import LIT, SATURATED, BoolArray, Float32Array, NormalMap
+from acquisition.types import BoolArray, Float32Array
 
 LONGEST = 460
 """Pixels of the longer side."""

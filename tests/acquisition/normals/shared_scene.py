@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition import photometry
+from acquisition.measured import Calibration
 from acquisition.normals.lambert import Pixels
 from acquisition.photometry import Noise
-from acquisition.types import Calibration
 from tests.acquisition import scenes
 from tests.path_traced import bench
 

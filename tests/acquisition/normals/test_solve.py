@@ -7,19 +7,19 @@ import pytest
 
 from acquisition import normals
 from acquisition.errors import ErrorCode, RigError
-from acquisition.plan import baselines
-from acquisition.types import (
+from acquisition.measured import (
     ATTACHED,
     CAST,
     LIT,
     SATURATED,
     Calibration,
-    Light,
     NormalMap,
     Observations,
     Shot,
     SolveSettings,
 )
+from acquisition.plan import baselines
+from acquisition.types import Light
 from tests.acquisition import scenes
 
 SIZE = 112

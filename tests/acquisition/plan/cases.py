@@ -3,21 +3,19 @@
 import numpy as np
 
 from acquisition import photometry
-from acquisition.plan import criterion, noise, visibility
-from acquisition.plan.criterion import Candidates, Samples
-from acquisition.types import (
+from acquisition.measured import (
     Calibration,
-    FloatArray,
     FrameQuality,
     FrameRef,
     Information,
-    Light,
     NormalMap,
     Observations,
-    Recipe,
     Shot,
     ShotKey,
 )
+from acquisition.plan import criterion, noise, visibility
+from acquisition.plan.criterion import Candidates, Samples
+from acquisition.types import FloatArray, Light, Recipe
 from tests.acquisition.scenes import Frames, Scene
 
 NOTHING_TAKEN = Observations(shots=[], darks={}, frames=Frames())

@@ -8,10 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition import geometry
+from acquisition.measured import CAST, LIT
 from acquisition.plan import criterion, patterns, visibility
 from acquisition.plan.criterion import LEVELS, Candidates, Samples
 from acquisition.plan.objective import CAP_DEG, CAPPED
-from acquisition.types import CAST, LIT, Exposure, FloatArray, Light, Recipe
+from acquisition.types import Exposure, FloatArray, Light, Recipe
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from acquisition import pilot
+from acquisition.measured import HIGHLIGHT, LIT, NormalMap
 from acquisition.plan import criterion, noise, visibility
-from acquisition.types import HIGHLIGHT, LIT, NormalMap, Recipe
+from acquisition.types import Recipe
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 

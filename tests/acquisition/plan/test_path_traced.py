@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 from acquisition import normals, pilot, plan
+from acquisition.measured import NormalMap, Observations, SolveSettings
 from acquisition.normals import Stack
-from acquisition.types import Light, NormalMap, Observations, Recipe, SolveSettings
+from acquisition.types import Light, Recipe
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 from tests.path_traced import bench

@@ -7,9 +7,10 @@ import pytest
 
 from acquisition import pilot, plan
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import CAST, LIT, Information, NormalMap, Observations
 from acquisition.plan import criterion, patterns
 from acquisition.plan.objective import CAPPED
-from acquisition.types import CAST, LIT, Information, LightPlan, NormalMap, Objective, Observations, Recipe
+from acquisition.types import LightPlan, Objective, Recipe
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 

@@ -7,8 +7,9 @@ import pytest
 
 from acquisition import normals, photometry, pilot, plan
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import NormalMap, Observations, SolveSettings
 from acquisition.plan import target
-from acquisition.types import Expected, LightPlan, NormalMap, Observations, Recipe, SolveSettings
+from acquisition.types import Expected, LightPlan, Recipe
 from tests.acquisition import scenes
 
 TRUE = scenes.scene(scenes.bumps, scenes.calibration(72))

@@ -19,7 +19,8 @@ from acquisition.config import (
     Obstacle,
     Pose,
 )
-from acquisition.types import Calibration, Joints
+from acquisition.measured import Calibration
+from acquisition.types import Joints
 from acquisition.waypoints.collision import scene
 
 DEPLOY = Path(__file__).resolve().parents[3] / "deploy"

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from acquisition.config import CellConfig
-from acquisition.types import Calibration, FloatArray, Light
+from acquisition.measured import Calibration
+from acquisition.types import FloatArray, Light
 from acquisition.waypoints import stations as stations_module
 from acquisition.waypoints.collision import Scene, scene
 from acquisition.waypoints.kinematics import ELBOW_LIMIT, JOINT_LIMIT

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from acquisition import lamp_pose
 from acquisition.config import Capsule, CellConfig
 from acquisition.errors import ErrorCode, RigError
-from acquisition.types import Calibration, JointPath, Light, Refusal, Route
+from acquisition.measured import Calibration
+from acquisition.types import JointPath, Light, Refusal, Route
 from acquisition.waypoints import order_kernels
 from acquisition.waypoints.motion import trapezoid_seconds
 from acquisition.waypoints.reach import reach, refusals

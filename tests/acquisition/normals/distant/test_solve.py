@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
 from acquisition.normals import distant
 from acquisition.normals.distant import blocks, glossy, methods, point_lights
 from acquisition.normals.image_set import DistantLights, ImageSet
-from acquisition.types import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
 from tests.acquisition.normals.distant import gloss_scenes
 from tests.acquisition.normals.distant.gloss_scenes import Rows, lights
 

@@ -13,9 +13,9 @@ import tifffile
 import trimesh
 
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import LIT, Information, NormalMap
 from acquisition.normals import export, folders
 from acquisition.normals.image_set import ImageSet
-from acquisition.types import LIT, Information, NormalMap
 from tests.acquisition.normals.folders import small
 
 

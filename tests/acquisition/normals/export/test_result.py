@@ -9,8 +9,8 @@ import pytest
 import tifffile
 
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import CAST, LIT, Information, NormalMap
 from acquisition.normals import export
-from acquisition.types import CAST, LIT, Information, NormalMap
 
 
 @pytest.fixture
