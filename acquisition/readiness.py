@@ -17,9 +17,9 @@ class Readiness:
         self._rig = rig
         self.identity: ArmIdentity | None = None
         self.camera_ready = False
-        self.trouble: dict[str, Any] | None = problem(
-            ErrorCode.RIG_NOT_READY, "The devices have not been connected yet"
-        )
+        self.troubles: list[dict[str, Any]] = [
+            problem(ErrorCode.RIG_NOT_READY, "The devices have not been connected yet")
+        ]
 
     def make_ready(self) -> ArmIdentity:
         """Connects what is not connected, takes control of the arm, and compares it with the cell file.
@@ -39,27 +39,31 @@ class Readiness:
             self._rig.lamp.connect()
             self._rig.camera.connect()
         except RigError as error:
-            self._lacking(error)
+            self.identity, self.camera_ready = None, False
+            self.troubles = [_told(error)]
             raise
-        self._ready(identity)
+        self.identity, self.camera_ready, self.troubles = identity, True, []
         return identity
 
     def look(self) -> bool:
-        """Connects what is missing; True when that has made the rig complete."""
-        if self.trouble is None and self._rig.arm.reading.connected:
+        """Connects what is missing, and says of each device why it is; True when that has made the rig complete."""
+        if not self.troubles and self._rig.arm.reading.connected:
             return False
+        troubles: list[dict[str, Any]] = []
         try:
-            identity = self._rig.arm.connect()
-            self._rig.camera.connect()
+            self.identity = self._rig.arm.connect()
         except RigError as error:
-            self._lacking(error)
-            return False
-        self._ready(identity)
-        return True
+            self.identity = None
+            troubles.append(_told(error))
+        try:
+            if not self.camera_ready:
+                self._rig.camera.connect()
+                self.camera_ready = True
+        except RigError as error:
+            troubles.append(_told(error))
+        self.troubles = troubles
+        return not troubles
 
-    def _ready(self, identity: ArmIdentity) -> None:
-        self.identity, self.camera_ready, self.trouble = identity, True, None
 
-    def _lacking(self, error: RigError) -> None:
-        self.identity, self.camera_ready = None, False
-        self.trouble = problem(error.code, error.detail, **error.context)
+def _told(error: RigError) -> dict[str, Any]:
+    return problem(error.code, error.detail, **error.context)

@@ -369,9 +369,7 @@ class Runner:
             raise RigError(ErrorCode.RIG_BUSY, f"Session {holder.id} holds the rig", holder=holder.id)
 
     def _obstacles(self) -> list[dict[str, Any]]:
-        found: list[dict[str, Any]] = []
-        if self._readiness.trouble is not None:
-            found.append(self._readiness.trouble)
+        found = list(self._readiness.troubles)
         try:
             self._monitor.clear()
         except RigError as error:

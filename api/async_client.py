@@ -90,6 +90,10 @@ class AsyncClient:
         """One step out of a stop, where the cell file allows it, after `acknowledge` by the same caller."""
         await self._send("POST", "/v1/rig/safety/recovery", json={"step": step})
 
+    async def park(self) -> None:
+        """Sends the arm home from wherever it stands; `rig.parked` among the events tells how it ended."""
+        await self._send("POST", "/v1/rig/park")
+
     async def wait_ready(self, timeout_s: float = 60.0) -> RigResource:
         """Waits until a session may start. Raises ProblemError rig.not_ready with the last reasons."""
         deadline = time.monotonic() + timeout_s

@@ -100,6 +100,10 @@ class Client:
         """One step out of a stop, where the cell file allows it, after `acknowledge` by the same caller."""
         self._send("POST", "/v1/rig/safety/recovery", json={"step": step})
 
+    def park(self) -> None:
+        """Sends the arm home from wherever it stands; `rig.parked` among the events tells how it ended."""
+        self._send("POST", "/v1/rig/park")
+
     def wait_ready(self, timeout_s: float = 60.0) -> RigResource:
         """Waits until a session may start. Raises ProblemError rig.not_ready with the last reasons."""
         deadline = time.monotonic() + timeout_s

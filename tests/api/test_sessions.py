@@ -4,6 +4,7 @@ import shutil
 import signal
 import socket
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -85,7 +86,17 @@ def test_a_start_where_nobody_listens_is_refused_and_moves_nothing(shared: Any) 
     assert not rig.connected
     assert rig.arm is None
     assert rig.reading is None
-    assert [reason.code for reason in rig.reasons] == [ErrorCode.ARM_UNREACHABLE]
+    assert rig.reasons[0].code == ErrorCode.ARM_UNREACHABLE
+
+
+def test_each_absent_device_is_named(shared: Any) -> None:
+    deadline = time.monotonic() + 15
+    while (found := {reason.code for reason in shared.client.rig().reasons}) != {
+        ErrorCode.ARM_UNREACHABLE,
+        ErrorCode.CAMERA_UNREACHABLE,
+    }:
+        assert time.monotonic() < deadline, found
+        time.sleep(0.1)
 
 
 def test_health_says_which_device_is_absent(shared: Any) -> None:

@@ -212,6 +212,16 @@ def test_a_stop_in_mid_capture_leaves_arm_and_lamp_at_rest(live: Any, done: tupl
     assert live.client.rig().may_start
 
 
+def test_an_arm_that_a_stop_left_on_its_way_is_parked(live: Any, done: tuple[Any, list[Any]]) -> None:
+    seen = live.service.store.journal.last_event_id()
+
+    live.client.park()
+
+    parked = next(event for event in live.client.events(after=seen) if event.type == "rig.parked")
+    assert parked.body["outcome"] == "at home"
+    assert live.client.rig().reading.joints == pytest.approx(live.service.cell.arm.home, abs=0.01)
+
+
 def test_capture_shows_progress_and_raises_what_went_wrong(
     live: Any, done: tuple[Any, list[Any]], capsys: pytest.CaptureFixture[str]
 ) -> None:

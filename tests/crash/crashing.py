@@ -2,6 +2,7 @@
 
 import json
 import os
+import random
 import time
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager, suppress
@@ -77,6 +78,21 @@ class Bench:
                 self._wait_ready(client)
             else:
                 break
+        return session_id
+
+    @property
+    def stage_begins(self) -> list[float]:
+        """When each stage of the undisturbed session began, and when it was over; s."""
+        assert self.undisturbed is not None
+        return [*self.undisturbed.stages, self.undisturbed.seconds]
+
+    def run_into(self, client: Client, number: int, chance: random.Random) -> str:
+        """Starts a session and lets it run to a random moment of its stage `number`; returns its id."""
+        begins = self.stage_begins
+        delay_s = chance.uniform(0.0, begins[number + 1] - begins[number])
+        session_id = self.start(client)
+        wait_for_stage(client, session_id, number)
+        time.sleep(delay_s)
         return session_id
 
     def _wait_ready(self, client: Client) -> None:

@@ -4,7 +4,6 @@ Shards by `LIGHTPOSE_FAULTS=start:stop`; the number of a case is its seed and ch
 """
 
 import random
-import time
 from collections.abc import Generator
 from typing import Any
 
@@ -19,7 +18,6 @@ from tests.crash.crashing import (
     bench,
     cases,
     resume,
-    wait_for_stage,
 )
 
 pytestmark = pytest.mark.long
@@ -58,16 +56,11 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Generator[Bench, None, Non
 
 @pytest.mark.parametrize("case", cases("LIGHTPOSE_FAULTS", 100))
 def test_a_session_survives_a_fault_that_a_person_mends(made: Bench, case: int) -> None:
-    assert made.undisturbed is not None
     chance = random.Random(case)  # noqa: S311 - a test's seed
     fault = FAULTS[case % len(FAULTS)]
-    begins = [*made.undisturbed.stages, made.undisturbed.seconds]
-    number = chance.choice([2, 2, 6, *range(len(begins) - 1)])  # while images are taken, most often
-    delay_s = chance.uniform(0.0, begins[number + 1] - begins[number])
+    number = chance.choice([2, 2, 6, *range(len(made.stage_begins) - 1)])  # while images are taken, most often
     with made.serve() as client:
-        session_id = made.start(client)
-        wait_for_stage(client, session_id, number)
-        time.sleep(delay_s)
+        session_id = made.run_into(client, number, chance)
         made.control.fault(**fault)
         found = client.wait(session_id)
         kept = announced(made.data, session_id)

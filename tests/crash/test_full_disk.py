@@ -28,7 +28,6 @@ from tests.crash.crashing import (
     bench,
     cases,
     resume,
-    wait_for_stage,
 )
 
 pytestmark = pytest.mark.long
@@ -70,15 +69,10 @@ def fill(data: Path, leave: int) -> Path:
 
 @pytest.mark.parametrize("case", cases("LIGHTPOSE_FULL_DISKS", 10))
 def test_a_session_survives_a_disk_that_fills_up(made: Bench, case: int) -> None:
-    assert made.undisturbed is not None
     chance = random.Random(case)  # noqa: S311 - a test's seed
-    begins = [*made.undisturbed.stages, made.undisturbed.seconds]
-    number = case % (len(begins) - 2)
-    delay_s = chance.uniform(0.0, begins[number + 1] - begins[number])
+    number = case % (len(made.stage_begins) - 2)
     with made.serve() as client:
-        session_id = made.start(client)
-        wait_for_stage(client, session_id, number)
-        time.sleep(delay_s)
+        session_id = made.run_into(client, number, chance)
         filler = fill(made.data, 0 if case % 2 else KEPT_FREE_BYTES // 2)
         try:
             found = until_it_waits(client, session_id)

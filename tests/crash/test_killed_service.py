@@ -5,7 +5,6 @@ random moment of the stage.
 """
 
 import random
-import time
 from collections.abc import Generator
 
 import pytest
@@ -21,7 +20,6 @@ from tests.crash.crashing import (
     come_to_rest,
     resume,
     state_of,
-    wait_for_stage,
 )
 
 pytestmark = pytest.mark.long
@@ -35,15 +33,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Generator[Bench, None, Non
 
 @pytest.mark.parametrize("case", cases("LIGHTPOSE_CRASHES", 200))
 def test_a_killed_session_ends_as_if_nothing_had_happened(made: Bench, case: int) -> None:
-    assert made.undisturbed is not None
     chance = random.Random(case)  # noqa: S311 - a test's seed
-    begins = [*made.undisturbed.stages, made.undisturbed.seconds]
-    number = case % (len(begins) - 1)
-    delay_s = chance.uniform(0.0, begins[number + 1] - begins[number])
+    number = case % (len(made.stage_begins) - 1)
     with made.serve() as client:
-        session_id = made.start(client)
-        wait_for_stage(client, session_id, number)
-        time.sleep(delay_s)
+        session_id = made.run_into(client, number, chance)
         made.kill()
     moves, joints = come_to_rest(made)
     kept, was = announced(made.data, session_id), state_of(made.data, session_id)

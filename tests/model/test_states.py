@@ -15,7 +15,7 @@ from typing import Any
 
 import httpx
 import pytest
-from hypothesis import HealthCheck, Phase, settings
+from hypothesis import HealthCheck, Phase, seed, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, rule, run_state_machine_as_test
 
@@ -224,14 +224,13 @@ def cell() -> Any:
     Machine.cell.close()
 
 
-def run(cases: int, derandomize: bool) -> None:
+def run(cases: int, shard: int) -> None:
     run_state_machine_as_test(
-        Machine,
+        seed(shard)(Machine),
         settings=settings(
             max_examples=cases,
             stateful_step_count=15,
             deadline=None,
-            derandomize=derandomize,
             database=None,
             phases=(Phase.generate,),
             suppress_health_check=list(HealthCheck),
@@ -240,10 +239,10 @@ def run(cases: int, derandomize: bool) -> None:
 
 
 def test_a_few_runs() -> None:
-    run(3, derandomize=True)
+    run(3, SHARDS)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("shard", range(SHARDS))
 def test_many_runs(shard: int) -> None:
-    run(CASES, derandomize=False)
+    run(CASES, shard)

@@ -191,7 +191,11 @@ class UrArm:
         move = protocol.Move(tuple(tuple(map(float, q)) for q in path), self._checked_limits(path, limits))
         if not move.path:
             return
-        deadline_s = REQUEST_DEADLINE_S + 2.0 * self._expected_seconds(move) + protocol.ACKNOWLEDGE_S
+        deadline_s = (
+            REQUEST_DEADLINE_S
+            + 2.0 * move.seconds(self.reading.joints, self.reading.speed_fraction)
+            + protocol.ACKNOWLEDGE_S
+        )
         halted, renewed_at = False, None
 
         def keep() -> None:
@@ -390,13 +394,3 @@ class UrArm:
                     ErrorCode.ARM_MOVE_FAILED, f"Acceleration {acceleration} rad/s² is not within the limit."
                 )
         return tuple((limit.speed_rad_s, limit.acceleration_rad_s2) for limit in limits)
-
-    def _expected_seconds(self, move: protocol.Move) -> float:
-        """Time of the trapezoids at the present speed slider, from where the arm is."""
-        reading = self.reading
-        seconds, here = 0.0, reading.joints
-        for goal, (speed, acceleration) in zip(move.path, move.limits, strict=True):
-            length = max(abs(b - a) for a, b in zip(here, goal, strict=True))
-            seconds += length / speed + speed / acceleration
-            here = goal
-        return seconds / max(reading.speed_fraction, 0.01)

@@ -74,6 +74,15 @@ class Move:
     path: tuple[tuple[float, ...], ...]
     limits: tuple[tuple[float, float], ...]
 
+    def seconds(self, start: tuple[float, ...], speed_fraction: float) -> float:
+        """Time of the trapezoids from `start` (rad) at this position of the speed slider, s."""
+        seconds, here = 0.0, start
+        for goal, (speed, acceleration) in zip(self.path, self.limits, strict=True):
+            length = max(abs(b - a) for a, b in zip(here, goal, strict=True))
+            seconds += length / speed + speed / acceleration
+            here = goal
+        return seconds / max(speed_fraction, 0.01)
+
 
 @dataclass(frozen=True)
 class SetLamp:
