@@ -20,6 +20,8 @@ from acquisition.types import BoolArray, Exposure, FloatArray
 BRIGHT_PERCENTILE = 99.5
 MOST_SATURATED = 0.01
 """Share of the region's pixels that may be at full scale."""
+USELESS_SATURATED = 0.5
+"""A frame with this share of the region's pixels at full scale tells nothing of the object."""
 LEAST_OF_TARGET = 0.4
 """A level below this share of the target is worth another exposure."""
 BLURRED = 0.35
@@ -57,14 +59,15 @@ def lit_frame(
         reason = f"no light: the brightest pixels are at {level:.1%} of full scale; is the lamp on and in view?"
         dark = quality.model_copy(update={"accepted": False, "reason": reason})
         return Verdict(dark, longer if longer > exposure_s else None, usable=False)
+    usable = saturated < USELESS_SATURATED
+    burnt = quality.model_copy(update={"accepted": False, "reason": f"{saturated:.1%} of the pixels are saturated"})
     if wanted.seconds is not None:
-        return Verdict(quality, None)
+        return Verdict(quality if usable else burnt, None, usable)
     if saturated > MOST_SATURATED:
         # How far above full scale the clipped pixels are is unknown; halving finds out.
         shorter = exposure.series(exposure_s * 0.5, camera)
-        if shorter < exposure_s:
-            reason = f"{saturated:.1%} of the pixels are saturated"
-            return Verdict(quality.model_copy(update={"accepted": False, "reason": reason}), shorter)
+        if shorter < exposure_s or not usable:
+            return Verdict(burnt, shorter if shorter < exposure_s else None, usable)
     elif level < LEAST_OF_TARGET * wanted.target:
         longer = exposure.series(exposure_s * wanted.target / level, camera)
         if longer > exposure_s * 1.01:

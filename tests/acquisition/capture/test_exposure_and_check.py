@@ -62,6 +62,18 @@ def test_a_frame_without_light_is_no_use_whatever_the_exposure() -> None:
     assert not judge(frame(0.0), 0.05, Exposure(seconds=0.05)).usable
 
 
+def test_a_frame_that_is_all_burnt_is_no_use_whatever_the_exposure() -> None:
+    white = np.full(REGION.shape, 4095, np.uint16)
+    again = judge(white, 0.05)
+    assert not again.usable
+    assert again.retake_s is not None
+    for last in (judge(white, CAMERA.min_exposure_s), judge(white, 0.05, Exposure(seconds=0.05))):
+        assert not last.usable
+        assert last.retake_s is None
+        assert "saturated" in last.quality.reason
+    assert judge(frame(1.5), 0.05, Exposure(seconds=0.05)).quality.accepted
+
+
 def test_a_bright_room_is_refused_with_the_lamp_off() -> None:
     assert check.dark_frame(frame(0.05), REGION, SENSOR).accepted
     assert "darken" in check.dark_frame(frame(0.6), REGION, SENSOR).reason
