@@ -378,6 +378,7 @@ def test_a_rig_with_another_calibration_is_not_the_one_that_the_session_began_wi
     rig.runner.act(session_id, Trigger.STOP, "a")
 
 
+@pytest.mark.long
 def test_an_object_that_moves_after_the_pilot_is_seen_in_the_first_planned_frame(rig: Rig) -> None:
     session_id = new(rig, Recipe(pilot_lights=3, planned_lights=1))
     rig.runner.act(session_id, Trigger.START, "a")

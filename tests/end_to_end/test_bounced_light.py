@@ -84,7 +84,8 @@ def graded(found: NormalMap, world: World) -> grade.Grade:
     return grade.grade(found.normals, found.mask, found.sigma_deg, world.truth(), CALIBRATION)
 
 
-@pytest.mark.parametrize("name", ["part", pytest.param("figure", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["part", "figure"])
 def test_taking_bounced_light_out_makes_the_normals_better(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     world, observations = scene(name, "realistic")
     corrected = solved(observations)

@@ -80,7 +80,7 @@ class Crowd:
         return {
             "listeners": listeners + stalled,
             "events": last,
-            "heard_all_in_order": sum(listener.ids == wanted for listener in [*reading, *slow]),
+            "heard_all_in_order": sum(listener.ids[:last] == wanted for listener in [*reading, *slow]),
             "polls": len(self.polls_s),
             "polls_refused": self.refused,
             "poll_p99_s": delays[int(0.99 * (len(delays) - 1))],

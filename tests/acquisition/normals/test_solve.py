@@ -112,7 +112,8 @@ def test_noisy_images_still_give_half_a_degree_or_so(cushion: scenes.Scene) -> N
     assert np.mean(cushion.error_deg(result.normals)) < 0.9
 
 
-@pytest.mark.parametrize("shape", [pytest.param("ball", marks=pytest.mark.long), "cushion"])
+@pytest.mark.long
+@pytest.mark.parametrize("shape", ["ball", "cushion"])
 def test_sigma_is_honest_over_several_draws(shape: str, request: pytest.FixtureRequest) -> None:
     """P(e < σ) is 0.632 and P(e < 2σ) 0.982 for a Rayleigh error; errors of one draw go together, so four are taken."""
     true: scenes.Scene = request.getfixturevalue(shape)
