@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Generator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ import pytest
 from acquisition import config
 from acquisition.session import ENDED, State
 from acquisition.types import Recipe
-from api.client import Client
+from api.client import Client, ProblemError
 from api.keys import Role
 from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
@@ -167,12 +167,13 @@ def test_the_arms_loop_keeps_its_time_and_nobody_misses_an_event(at_life_speed: 
 @pytest.mark.long
 @pytest.mark.parametrize("shard", range(SHARDS))
 def test_a_stop_under_load_is_as_quick_as_it_must_be(at_life_speed: Loaded, shard: int) -> None:
-    client, margins, latencies = at_life_speed.client, [], []
+    client, margins, latencies, acknowledged = at_life_speed.client, [], [], 0
     with (
         Crowd(at_life_speed.service.url, LISTENERS, STALLED, POLLERS) as crowd,
         ControlClient(at_life_speed.address) as control,
     ):
         for trial in range(TRIALS):
+            acknowledged += acknowledge_what_is_latched(client)
             session_id = client.create(LONG_WAY).id
             client.start(session_id)
             wait_until_fast(control)
@@ -193,7 +194,8 @@ def test_a_stop_under_load_is_as_quick_as_it_must_be(at_life_speed: Loaded, shar
     p99_s = float(np.quantile(margins, 0.99, method="higher"))
     print(
         f"\n{len(margins)} stops: to rest p50 {np.median(latencies):.3f} s, most {max(latencies):.3f} s; beyond the "
-        f"deceleration p50 {np.median(margins):.3f} s, p99 {p99_s:.3f} s; {told}"
+        f"deceleration p50 {np.median(margins):.3f} s, p99 {p99_s:.3f} s; "
+        f"a link that the stop had cost was acknowledged {acknowledged} times; {told}"
     )
     assert len(margins) >= TRIALS / 2
     assert p99_s <= STOP_S
@@ -226,6 +228,19 @@ def completed(client: Client, recipe: Recipe) -> int:
         client.acknowledge()
         client.resume(session_id)
     return interruptions
+
+
+def acknowledge_what_is_latched(client: Client) -> int:
+    """Does what an operator does after a stop that has cost the link to the arm; returns how often that was needed."""
+    if client.rig().may_start:
+        return 0
+    deadline = time.monotonic() + 60
+    while not client.rig().may_start:
+        assert time.monotonic() < deadline, client.rig().reasons
+        with suppress(ProblemError):  # refused as long as the link is away
+            client.acknowledge()
+        time.sleep(0.2)
+    return 1
 
 
 def wait_until_fast(control: ControlClient) -> None:
