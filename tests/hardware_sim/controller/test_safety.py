@@ -229,14 +229,16 @@ def cell(tmp_path: Path) -> Iterator[Cell]:
 
 def test_real_client_loads_and_plays_and_takes_the_arm_back(cell: Cell) -> None:
     board = cell.dashboard
+    # The control connection hears of each change later than the dashboard, and would take an old program for the new
+    # one: each change is waited for there before the next is asked for.
     board.loadURP("slow.urp")
+    wait_until(lambda: not cell.control.isProgramRunning())
     assert board.getLoadedProgram() == "Loaded program: slow.urp"
     assert not board.isProgramSaved()  # the library looks for a capital letter that is never sent
     board.play()
-    wait_until(board.running)
+    wait_until(cell.control.isProgramRunning)
     assert board.programState() == "PLAYING slow.urp"
     board.stop()
-    # The control connection hears of the end later, and would take the old program for the new one.
     wait_until(lambda: not cell.control.isProgramRunning())
     restart_program(cell)
     assert cell.control.moveJ([q + 0.05 for q in HOME], 3.0, 20.0)
