@@ -6,7 +6,6 @@ bounced light were chosen on these objects, and pixels that straddle a crease ar
 """
 
 import functools
-from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
@@ -24,7 +23,6 @@ PIXELS = 128
 DRAWS = 3
 SIGMA_DRAWS = 10
 Condition = Literal["direct", "bounces", "gloss", "ggx", "gloss and bounces", "dark", "textured"]
-CORRECTED: tuple[Condition, Condition] = ("direct", "bounces")
 
 
 @functools.lru_cache(maxsize=8)
@@ -39,22 +37,53 @@ def images(name: str, condition: Condition, lights: int) -> np.ndarray:
     return y
 
 
-@functools.lru_cache(maxsize=256)
-def solved(
-    name: str, condition: Condition, lights: int, draw: int, intensity_sigma: float = 0.01
-) -> tuple[NormalMap, bench.Grade]:
-    true = bench.truth(name, PIXELS)
+@functools.lru_cache(maxsize=64)
+def solve(
+    name: str, condition: Condition, lights: int, draw: int, intensity_sigma: float, corrected: bool
+) -> tuple[NormalMap, np.ndarray]:
+    """One solve, and the true log intensities (F,); not `corrected`: as if no surface sent light to another."""
     taken = bench.capture(
         images(name, condition, lights), bench.two_rings(lights), draw, intensity_sigma=intensity_sigma
     )
-    found = normals.solve_stack(
-        taken.stack, taken.calibration, SolveSettings(), initial_depth_m=0.9, object_mask=true.mask
-    )
-    return found, bench.grade(found, true, taken.log_intensity)
+    mask = bench.truth(name, PIXELS).mask
+    with pytest.MonkeyPatch.context() as patch:
+        if not corrected:
+            patch.setattr(interreflection, "received", nothing)
+        found = normals.solve_stack(
+            taken.stack, taken.calibration, SolveSettings(), initial_depth_m=0.9, object_mask=mask
+        )
+    return found, taken.log_intensity
 
 
-def grades(name: str, condition: Condition, lights: int) -> list[bench.Grade]:
-    return [solved(name, condition, lights, draw)[1] for draw in range(DRAWS)]
+@functools.cache
+def grade(
+    name: str, condition: Condition, lights: int, draw: int, intensity_sigma: float, corrected: bool
+) -> bench.Grade:
+    found, log_intensity = solve(name, condition, lights, draw, intensity_sigma, corrected)
+    return bench.grade(found, bench.truth(name, PIXELS), log_intensity)
+
+
+def nothing(pixels: Pixels, values: np.ndarray, *_: object) -> np.ndarray:
+    """What surfaces would receive if none sent light."""
+    return np.zeros_like(values)
+
+
+def grades(
+    name: str, condition: Condition, lights: int = 8, *, draws: int = DRAWS, intensity_sigma: float = 0.01,
+    corrected: bool = True,
+) -> list[bench.Grade]:  # fmt: skip
+    """Of the first `draws`, under two rings."""
+    return [grade(name, condition, lights, draw, intensity_sigma, corrected) for draw in range(draws)]
+
+
+def mean_of_draws(name: str, condition: Condition, lights: int = 8, *, corrected: bool = True) -> float:
+    """Mean degrees."""
+    return float(np.mean([one.mean_deg for one in grades(name, condition, lights, corrected=corrected)]))
+
+
+def literally(name: str, found: str) -> object:
+    """An object whose bar is kept as it was set and is not met: `found` is by how much."""
+    return pytest.param(name, marks=pytest.mark.xfail(reason=found, strict=False))
 
 
 def show(what: str, *figures: float | np.floating) -> None:
@@ -62,22 +91,9 @@ def show(what: str, *figures: float | np.floating) -> None:
 
 
 def mean_deg(condition: Condition, lights: int) -> float:
-    each = [float(np.mean([one.mean_deg for one in grades(name, condition, lights)])) for name in objects.NAMES]
+    each = [mean_of_draws(name, condition, lights) for name in objects.NAMES]
     show(f"{condition}, {lights} lights, mean degrees of all and of {', '.join(objects.NAMES)}", np.mean(each), *each)
     return float(np.mean(each))
-
-
-@pytest.fixture
-def uncorrected(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Solves as if no surface sent light to another."""
-
-    def nothing(pixels: Pixels, values: np.ndarray, *_: object) -> np.ndarray:
-        return np.zeros_like(values)
-
-    monkeypatch.setattr(interreflection, "received", nothing)
-    solved.cache_clear()
-    yield
-    solved.cache_clear()
 
 
 @pytest.mark.parametrize(
@@ -94,30 +110,58 @@ def test_mean_error(condition: Condition, lights: int, bar: float) -> None:
 @pytest.mark.parametrize(
     "name",
     [
-        "part", "animal", "bowl", "vee",
-        pytest.param("rabbit", marks=pytest.mark.xfail(reason="hidden sides of its ears send light unseen")),
+        "part",
+        literally("animal", "0.75: direct light alone leaves more than 0.6 of the uncorrected error"),
+        literally("rabbit", "0.86: hidden sides of its ears send light unseen"),
+        "bowl",
+        "vee",
     ],
-)  # fmt: skip
-def test_most_of_what_bounced_light_costs_is_won_back(name: str, request: pytest.FixtureRequest) -> None:
-    """Against the same solver that takes none of it out, beside what direct light alone leaves."""
-    direct, corrected = (
-        float(np.mean([one.mean_deg for one in grades(name, condition, 8)])) for condition in CORRECTED
-    )
-    request.getfixturevalue("uncorrected")
-    without = float(np.mean([one.mean_deg for one in grades(name, "bounces", 8)]))
+)
+def test_correction_leaves_six_tenths_of_the_error(name: str) -> None:
+    corrected, without = mean_of_draws(name, "bounces"), mean_of_draws(name, "bounces", corrected=False)
+    show(f"{name}, bounced light corrected and not, and their ratio", corrected, without, corrected / without)
+    assert corrected <= 0.6 * without
+
+
+def test_the_groove_is_freed_of_bounced_light() -> None:
+    found = mean_of_draws("vee", "bounces")
+    show("groove of 90°, bounced light corrected", found)
+    assert found <= 2.2
+
+
+@pytest.mark.parametrize("name", ["part", "animal", literally("rabbit", "hidden sides of its ears"), "bowl", "vee"])
+def test_most_of_what_bounced_light_costs_is_won_back(name: str) -> None:
+    """Beside what direct light alone leaves, which no correction can win back."""
+    direct, corrected = mean_of_draws(name, "direct"), mean_of_draws(name, "bounces")
+    without = mean_of_draws(name, "bounces", corrected=False)
     show(f"{name}: direct light, bounced light corrected and not", direct, corrected, without)
     assert corrected - direct <= 0.6 * (without - direct)
-    assert corrected <= 2.2 or name != "vee"
 
 
 @pytest.mark.parametrize("name", objects.NAMES)
-def test_dark_scenes_are_not_harmed(name: str, request: pytest.FixtureRequest) -> None:
+def test_dark_scenes_are_not_harmed(name: str) -> None:
     """Albedo 0.05: there is little to take out, and what is taken out must not be more than that."""
-    corrected = float(np.mean([one.mean_deg for one in grades(name, "dark", 8)]))
-    request.getfixturevalue("uncorrected")
-    without = float(np.mean([one.mean_deg for one in grades(name, "dark", 8)]))
+    corrected, without = mean_of_draws(name, "dark"), mean_of_draws(name, "dark", corrected=False)
     show(f"{name}, dark, corrected and not", corrected, without)
     assert corrected <= without + 0.02
+
+
+@pytest.mark.parametrize("name", objects.NAMES)
+@pytest.mark.xfail(
+    reason="0.03° (animal) to 0.72° (vee): a groove of albedo 0.05 does have 1.2 % of bounced light, and taking it out "
+    "brings the error from 1.0° to 0.55°",
+    strict=False,
+)
+def test_dark_scenes_are_left_alone(name: str) -> None:
+    """Mean angle between the normals with and without the correction of bounced light."""
+    angles: list[float] = []
+    for draw in range(DRAWS):
+        one, other = (solve(name, "dark", 8, draw, 0.01, corrected)[0] for corrected in (True, False))
+        both = bench.truth(name, PIXELS).graded & one.mask & other.mask
+        cosine = np.sum(one.normals[both] * other.normals[both], axis=-1)
+        angles.append(float(np.mean(np.degrees(np.arccos(np.clip(cosine, -1, 1))))))
+    show(f"{name}, dark, normals turned by", np.mean(angles))
+    assert np.mean(angles) <= 0.02
 
 
 @pytest.mark.parametrize("lights", [8, 12])
@@ -128,28 +172,32 @@ def test_intensities_are_found(lights: int) -> None:
 
 
 def test_large_intensity_errors_are_found() -> None:
-    left = [solved(name, "direct", 8, draw, 0.03)[1].intensity_error for name in objects.NAMES for draw in range(DRAWS)]
+    left = [one.intensity_error for name in objects.NAMES for one in grades(name, "direct", intensity_sigma=0.03)]
     show("intensity error left of 0.03", np.mean(left))
     assert np.mean(left) <= 0.013
 
 
 @pytest.mark.parametrize("condition", ["direct", "bounces", "dark"])
 def test_matt_surfaces_get_no_lobe(condition: Condition) -> None:
-    found = [solved(name, condition, 8, draw)[0] for name in objects.NAMES for draw in range(DRAWS)]
+    found = [solve(name, condition, 8, draw, 0.01, True)[0] for name in objects.NAMES for draw in range(DRAWS)]
     strengths = [one.notes["lobe"]["strength"] for one in found]
     show(f"strongest lobe of a matt surface, {condition}", max(strengths))
     assert max(strengths) <= 0.01
 
 
-@pytest.mark.parametrize("condition", ["direct", "bounces", "gloss"])
-@pytest.mark.parametrize("intensity_sigma", [0.003, 0.01, 0.03])
+CONDITIONS = pytest.mark.parametrize("condition", ["direct", "bounces", "gloss"])
+INTENSITIES = pytest.mark.parametrize("intensity_sigma", [0.003, 0.01, 0.03])
+
+
+@CONDITIONS
+@INTENSITIES
 def test_sigma_is_honest(condition: Condition, intensity_sigma: float) -> None:
     """One draw's errors move all pixels together, so many draws are needed."""
-    found = {
-        name: [solved(name, condition, 8, draw, intensity_sigma)[1] for draw in range(SIGMA_DRAWS)]
+    every = [
+        one
         for name in objects.NAMES
-    }
-    every = [one for several in found.values() for one in several]
+        for one in grades(name, condition, draws=SIGMA_DRAWS, intensity_sigma=intensity_sigma)
+    ]
     within, twice, flagged = (
         float(np.mean([getattr(one, name) for one in every])) for name in ("within", "within_two", "flagged")
     )
@@ -157,12 +205,24 @@ def test_sigma_is_honest(condition: Condition, intensity_sigma: float) -> None:
     assert 0.55 <= within <= 0.75
     assert twice >= 0.92
     assert flagged <= 0.25
-    for several in found.values():
-        assert np.mean([one.sure_half_deg for one in several]) < np.mean([one.mean_deg for one in several])
+
+
+@CONDITIONS
+@INTENSITIES
+def test_the_surer_half_is_the_better_one(condition: Condition, intensity_sigma: float) -> None:
+    """In each object and each draw."""
+    found = {
+        f"{name} {draw}": one
+        for name in objects.NAMES
+        for draw, one in enumerate(grades(name, condition, draws=SIGMA_DRAWS, intensity_sigma=intensity_sigma))
+    }
+    wrong = [name for name, one in found.items() if not one.sure_half_deg < one.mean_deg]
+    show(f"{condition}, intensities {intensity_sigma:.1%}: draws in which the surer half is no better", len(wrong))
+    assert not wrong
 
 
 @pytest.mark.parametrize("name", ["animal", "rabbit"])
 def test_sigma_is_the_error_on_smooth_matt_objects(name: str) -> None:
-    found = [solved(name, "direct", 8, draw)[1].ratio for draw in range(SIGMA_DRAWS)]
+    found = [one.ratio for one in grades(name, "direct", draws=SIGMA_DRAWS)]
     show(f"{name}: rms of error / σ", np.mean(found))
     assert 0.85 <= np.mean(found) <= 1.25
