@@ -10,6 +10,8 @@ import numpy as np
 from acquisition.types import Float32Array, FloatArray
 
 BLOCK = 256
+HIDDEN = -2.0
+"""Slope by which a ray passes below the surface that no doubt of the shape makes good: a march ends there."""
 
 
 @numba.njit(inline="always")
@@ -224,14 +226,17 @@ def clearance(
     start: float,  # m, where a march begins
     out: Float32Array,  # (K, P)
 ) -> None:
-    """Least slope by which the light's ray clears the surface: clearance in depth over distance gone sideways."""
+    """Least slope by which the light's ray clears the surface: clearance in depth over distance gone sideways; of a ray
+    that is surely hidden, some slope below HIDDEN."""
     height, width = depth.shape
+    per_pitch = 1.0 / pitch
+    first_column, first_row = ray_x * per_pitch, ray_y * per_pitch
     for k in numba.prange(lamp.shape[0]):
         for p in range(point.shape[1]):
             x, y, z = point[0, p], point[1, p], point[2, p]
             dx, dy, dz = lamp[k, 0] - x, lamp[k, 1] - y, lamp[k, 2] - z
             sideways = np.sqrt(dx * dx + dy * dy)
-            least = np.float32(10.0)
+            least = 10.0
             if sideways > 1e-6 and dz < 0.0:
                 step = pitch * z / sideways
                 t = start / sideways
@@ -239,8 +244,9 @@ def clearance(
                     pz = z + t * dz
                     if pz < nearest:
                         break
-                    column = ((x + t * dx) / pz - ray_x) / pitch
-                    row = ((y + t * dy) / pz - ray_y) / pitch
+                    scale = per_pitch / pz
+                    column = (x + t * dx) * scale - first_column
+                    row = (y + t * dy) * scale - first_row
                     if column < 0.0 or row < 0.0 or column >= width - 1 or row >= height - 1:
                         break
                     i, j = int(row), int(column)
@@ -248,11 +254,12 @@ def clearance(
                     surface = (1 - fi) * ((1 - fj) * depth[i, j] + fj * depth[i, j + 1]) + fi * (
                         (1 - fj) * depth[i + 1, j] + fj * depth[i + 1, j + 1]
                     )
-                    slope = np.float32((surface - pz) / (t * sideways))
-                    least = min(least, slope)
+                    least = min(least, (surface - pz) / (t * sideways))
+                    if least < HIDDEN:
+                        break
                     t += step
             elif dz >= 0.0:
-                least = np.float32(-10.0)
+                least = -10.0
             out[k, p] = least
 
 

@@ -30,6 +30,9 @@ STEPS_DEG = (4.0, 2.0, 1.0, 0.5)
 ROUNDS = 3
 """Times that all lights are tried at one step, while any of them moves."""
 
+DIRECTIONS = 8
+"""Places round a light that it may move to."""
+
 WORTH_MOVING = 1e-4
 
 
@@ -134,36 +137,39 @@ def refine(
     positions = positions.copy()
     current = make(positions)
     start = loss.of(criterion.expect(sample, current))
-    rested = 0.0  # the step at which no light moves any more
-    for step_deg in [step for step in STEPS_DEG for _ in range(ROUNDS)]:
-        if step_deg == rested:
-            continue
-        around = np.stack([_around(position, center, step_deg) for position in positions])
-        options = make(around.reshape(-1, 3))
-        near = around.shape[1]
-        rested = step_deg
-        for place in range(len(positions)):
-            if until.passed:
-                return positions
-            others = [index for index in range(len(positions)) if index != place]
-            own = options.only(list(range(place * near, (place + 1) * near)))
-            losses = loss.scan(
-                sample, criterion.expect(sample, current.only(others)), own.joined(current.only([place]))
-            )
-            best = int(np.argmin(losses[:near]))
-            if losses[best] < losses[near] - WORTH_MOVING * start and allowed(around[place, best]):
-                positions[place] = around[place, best]
-                current.row[place], current.visibility[place] = own.row[best], own.visibility[best]
-                rested = 0.0
+    for step_deg in STEPS_DEG:
+        near: dict[int, Candidates] = {}  # what is round each light that has not moved since
+        for _ in range(ROUNDS):
+            around = np.stack([_around(position, center, step_deg) for position in positions])
+            fresh = [place for place in range(len(positions)) if place not in near]
+            if not fresh:
+                break
+            made = make(around[fresh].reshape(-1, 3))
+            for number, place in enumerate(fresh):
+                near[place] = made.only(np.arange(number * DIRECTIONS, (number + 1) * DIRECTIONS))
+            for place in range(len(positions)):
+                if until.passed:
+                    return positions
+                others = [index for index in range(len(positions)) if index != place]
+                own = near[place]
+                losses = loss.scan(
+                    sample, criterion.expect(sample, current.only(others)), own.joined(current.only([place]))
+                )
+                best = int(np.argmin(losses[:DIRECTIONS]))
+                better = losses[best] < losses[DIRECTIONS] - WORTH_MOVING * start
+                if better and allowed(around[place, best]):
+                    positions[place] = around[place, best]
+                    current.row[place], current.visibility[place] = own.row[best], own.visibility[best]
+                    del near[place]
     return positions
 
 
 def _around(position: FloatArray, center: FloatArray, step_deg: float) -> FloatArray:
-    """Eight positions (8, 3) at `step_deg` from one, along slant, along azimuth and between."""
+    """DIRECTIONS positions (8, 3) at `step_deg` from one, along slant, along azimuth and between."""
     offset = position - center
     radius = np.linalg.norm(offset)
     slant, azimuth = geometry.slant_azimuth(offset / radius)
-    turns = np.arange(8) * np.pi / 4
+    turns = np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
     step = np.radians(step_deg)
     slants = np.abs(slant + step * np.cos(turns))
     azimuths = azimuth + step * np.sin(turns) / max(np.sin(slant), np.sin(step))
