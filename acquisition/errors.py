@@ -210,7 +210,12 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.FOLDER_INVALID: Problem(
         422, "A capture folder cannot be read", "Correct the file named in the detail; nothing has been written."
     ),
-    ErrorCode.SCENE_MOVED: Problem(409, "The object or the camera has moved", "Put it back, or start a new session."),
+    ErrorCode.SCENE_MOVED: Problem(
+        409,
+        "The object or the camera has moved",
+        "Put it back and resume, or start a new session. An object that moved amid the first pass may stay: all images "
+        "are taken anew.",
+    ),
     ErrorCode.STORE_DISK_FULL: Problem(
         507, "The disk is full", "Free space in the data folder, then resume; no frame announced is lost."
     ),
@@ -232,16 +237,18 @@ PROBLEMS: dict[ErrorCode, Problem] = {
 def problem(code: ErrorCode, detail: str, **context: Any) -> dict[str, Any]:
     """A problem as it stands in journal and status: what the table says, and this case."""
     entry = PROBLEMS[code]
-    return {"code": str(code), "title": entry.title, "detail": detail, "remedy": entry.remedy, **context}
+    return {"code": str(code), "title": entry.title, "detail": _open(detail), "remedy": entry.remedy, **context}
 
 
 class RigError(Exception):
-    """A problem with a code from the table, a sentence about this case, and facts for programs in `context`."""
+    """A problem with a code from the table, a sentence about this case without its full stop (others follow it), and
+    facts for programs in `context`.
+    """
 
     def __init__(self, code: ErrorCode, detail: str, **context: Any) -> None:
         super().__init__(detail)
         self.code = code
-        self.detail = detail
+        self.detail = _open(detail)
         self.context = context
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -250,6 +257,10 @@ class RigError(Exception):
 
     def __str__(self) -> str:
         return f"{self.code}: {self.detail}"
+
+
+def _open(sentence: str) -> str:
+    return sentence.removesuffix(".")
 
 
 def _rebuild(code: str, detail: str, context: dict[str, Any]) -> RigError:

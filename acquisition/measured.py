@@ -96,6 +96,7 @@ class Shot(Value):
     frame: FrameRef
     exposure_s: float
     light_number: int | None = None
+    repeats: ShotKey | None = Field(default=None, description="The image that this one was taken again of")
     light: Light | None = Field(
         default=None, description="From the measured tool pose, never from where the arm was sent"
     )

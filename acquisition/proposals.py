@@ -88,7 +88,7 @@ class Proposals:
             self._steps.foretell(session_id, number, plan, self._closing)
         except Halted as error:
             raise RigError(ErrorCode.RIG_NOT_READY, "The service is ending") from error
-        made = sum(item.number == number for item in self._store.journal.artifacts(session_id, "plan"))
+        made = self._store.journal.plans_made(session_id, number)
         files: dict[str, tuple[str, str]] = {}
         for kind, value in (("plan", plan), ("route", route)):
             name = f"passes/{number}/{kind}_{made + 1}.json"

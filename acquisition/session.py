@@ -167,10 +167,12 @@ class AwaitReview:
 
 @dataclass(frozen=True)
 class RepeatReference:
-    """Take an image again that was taken before an interruption, to see that nothing has moved since."""
+    """Take an image again, to see that nothing has moved since: one that was taken before an interruption, or, when a
+    pass has all its images, the session's first."""
 
     shot: Shot
     key: ShotKey
+    closes_pass: bool = False
 
 
 @dataclass(frozen=True)
@@ -223,6 +225,7 @@ class PassRecord:
     route: Route | None = None
     shots: dict[int, Shot] = field(default_factory=dict[int, Shot])  # by light number
     darks: dict[float, Shot] = field(default_factory=dict[float, Shot])  # by exposure time
+    repeated: frozenset[ShotKey] = frozenset()  # images taken again since the last of `shots`
     solved: bool = False
     reviewed: bool = False  # a person has seen the plan and let it pass
 
@@ -253,10 +256,13 @@ def next_step(record: Record, joints: tuple[float, ...], home: tuple[float, ...]
             return AwaitReview(number)
         left = tuple(light for light in range(len(work.plan.lights)) if light not in work.shots)
         darks = sorted({shot.exposure_s for shot in work.shots.values()})
-        reference = _newest_image(record)
-        if record.unverified and reference is not None and (left or any(dark not in work.darks for dark in darks)):
-            key = ShotKey(pass_number=number, number=REFERENCES_FROM + record.references)
-            return RepeatReference(reference, key)
+        reference_key = ShotKey(pass_number=number, number=REFERENCES_FROM + record.references)
+        first = _first_image(record)
+        if not left and first is not None and first.key not in work.repeated and _may_have_moved(work):
+            return RepeatReference(first, reference_key, closes_pass=True)
+        newest = _newest_image(record)
+        if record.unverified and newest is not None and (left or any(dark not in work.darks for dark in darks)):
+            return RepeatReference(newest, reference_key)
         if left:
             leg = None if work.route is None else _next_leg(work.route, left, joints)
             if leg is None:
@@ -331,6 +337,16 @@ def same_place(joints: tuple[float, ...], other: tuple[float, ...]) -> bool:
 def _is_pilot(recipe: Recipe, pass_number: int) -> bool:
     """Whether the lights of a pass come from the pilot's pattern, which nobody has planned."""
     return pass_number == 0 and recipe.method == "optimal"
+
+
+def _may_have_moved(work: PassRecord) -> bool:
+    """Whether a movement of the object within a pass could be unseen: an image was not judged by a foretold one."""
+    return any(shot.quality.shift_px is None for shot in work.shots.values())
+
+
+def _first_image(record: Record) -> Shot | None:
+    """The lit image that was taken first."""
+    return next((shot for work in record.passes for shot in work.shots.values()), None)
 
 
 def _newest_image(record: Record) -> Shot | None:

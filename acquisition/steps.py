@@ -7,21 +7,17 @@ off before the row leaves files that nobody was told of; doing it again replaces
 import shutil
 import threading
 import time
-from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal, assert_never
+from typing import Any, assert_never
 
 import numpy as np
 
-from acquisition import lamp_pose, region, results, session
-from acquisition.capture import check, compare, expected, exposure, take
-from acquisition.capture.take import Exposed
+from acquisition import region, results
 from acquisition.compute import Compute
 from acquisition.devices import Rig, StopToken
 from acquisition.errors import ErrorCode, RigError
-from acquisition.frames import FolderFrames
-from acquisition.measured import Calibration, FrameQuality, ResultSummary, Shot, ShotKey, SolveSettings
+from acquisition.measured import Calibration, ResultSummary, SolveSettings
 from acquisition.results import Wish
 from acquisition.session import (
     AwaitReview,
@@ -35,9 +31,10 @@ from acquisition.session import (
     TakeDark,
     TakeShot,
 )
+from acquisition.shooting import Shooting, foretold_file
 from acquisition.store import Store
-from acquisition.store.folder import write_bytes, write_frame, write_manifest, write_value
-from acquisition.types import BoolArray, JointPath, LightPlan, Recipe, Route, Waypoint, as_joints, as_matrix4
+from acquisition.store.folder import write_bytes, write_manifest, write_value
+from acquisition.types import LightPlan, Recipe, Route
 
 
 class Steps:
@@ -48,6 +45,7 @@ class Steps:
         self._rig = rig
         self._calibration = calibration
         self._compute = compute
+        self._shooting = Shooting(store, rig, calibration, compute)
 
     def begin(self, session_id: str, recipe: Recipe) -> None:
         """Makes the session's folder, complete in itself: recipe, cell file and calibration."""
@@ -72,15 +70,15 @@ class Steps:
             case AwaitReview():
                 raise RigError(ErrorCode.PLAN_TO_REVIEW, f"The lights of pass {step.pass_number} are planned")
             case RepeatReference():
-                self._repeat_reference(record, step, stop)
+                self._shooting.repeat_reference(record, step, stop)
             case PlanRoute():
                 self._plan_route(record, step, stop)
             case TakeShot():
-                self._take_shot(record, step, stop)
+                self._shooting.take_shot(record, step, stop)
             case GoHome():
-                self._go_home(record, step, stop)
+                self._shooting.go_home(record, step, stop)
             case TakeDark():
-                self._take_dark(record, step, stop)
+                self._shooting.take_dark(record, step, stop)
             case SolveNormals():
                 self._solve_normals(record, step, stop)
             case _:
@@ -90,10 +88,6 @@ class Steps:
     def reach_cache(self) -> Path:
         """Where the cell's reach is kept."""
         return self._store.cache(f"reach-{self._rig.cell.fingerprint[:16]}.json")
-
-    @cached_property
-    def _region(self) -> BoolArray:
-        return region.keep_out(self._rig.cell, self._calibration)
 
     # ---------------------------------------------------------------------------------------------------- lights, route
 
@@ -115,6 +109,18 @@ class Steps:
         digest = write_value(folder / name, plan)
         body = self.told(plan, digests)
         self._store.journal.add_artifact(record.session_id, "plan", number, name, digest, body, "plan.ready")
+
+    def foretell(self, session_id: str, number: int, plan: LightPlan, stop: threading.Event) -> None:
+        """Keeps what the result before a pass foretells for each light of its plan, which is entered afterwards."""
+        if plan.levels_per_s is None:
+            return
+        folder = self._store.folder(session_id)
+        pictures = self._compute.run(
+            stop, "foretell", plan.lights, self._calibration, folder / "results" / str(number - 1)
+        )
+        plans = self._store.journal.plans_made(session_id, number) + 1
+        for light, picture in enumerate(pictures):
+            write_bytes(foretold_file(folder, number, plans, light), picture)
 
     @staticmethod
     def told(plan: LightPlan, pictures: list[str]) -> dict[str, Any]:
@@ -141,7 +147,7 @@ class Steps:
         """
         self._store.journal.may_draw(session_id)
         mask = region.decoded(content, self._calibration)
-        if not np.any(mask & self._region):
+        if not np.any(mask & self._shooting.region):
             raise RigError(
                 ErrorCode.REQUEST_INVALID, "the mask lies outside of where the object can be: draw it on the object"
             )
@@ -185,166 +191,6 @@ class Steps:
             if error.code is not ErrorCode.WAYPOINTS_COLLISION:
                 raise
             return None
-
-    # ---------------------------------------------------------------------------------------------------------- capture
-
-    def _take_shot(self, record: Record, step: TakeShot, stop: StopToken) -> None:
-        if not session.same_place(self._rig.arm.reading.joints, step.waypoint.joints):
-            self._go(record, step.waypoint, stop)
-        exposure_s, attempt = self._first_exposure(record, step), 0
-        while True:
-            try:
-                exposed = take.expose(self._rig, exposure_s, attempt, lit=True, stop=stop)
-            except RigError as error:
-                if error.code is not ErrorCode.CAMERA_TIMEOUT or attempt == record.recipe.retakes:
-                    raise
-                self._tell_retake(record, step.key, error.detail)
-                attempt += 1
-                continue
-            self._require_place(exposed, step)
-            verdict = check.lit_frame(
-                exposed.frame.pixels,
-                self._region,
-                self._calibration.sensor,
-                exposure_s,
-                record.recipe.exposure,
-                self._rig.cell.camera,
-            )
-            if verdict.retake_s is None and verdict.usable:
-                verdict = self._against_earlier(record, step, exposed, exposure_s, verdict.quality)
-            if verdict.retake_s is None or attempt == record.recipe.retakes:
-                break
-            self._tell_retake(record, step.key, verdict.quality.reason)
-            exposure_s, attempt = verdict.retake_s, attempt + 1
-        if not verdict.usable:
-            raise RigError(
-                ErrorCode.SCENE_MOVED if verdict.moved else ErrorCode.CAPTURE_FRAME_REJECTED,
-                f"Light {step.key.number} of pass {step.key.pass_number}: {verdict.quality.reason}",
-                light=step.key.number,
-            )
-        self._keep(record, step.key, exposed, exposure_s, attempt, verdict.quality)
-
-    def _against_earlier(
-        self, record: Record, step: TakeShot, exposed: Exposed, exposure_s: float, quality: FrameQuality
-    ) -> check.Verdict:
-        number, light = step.key.pass_number, step.key.number
-        taken = [shot.quality.sharpness for work in record.passes for shot in work.shots.values()]
-        file = self._foretold(record.session_id, number, light)
-        return check.against_earlier(
-            quality,
-            exposed.frame.pixels,
-            self._region,
-            self._calibration.sensor,
-            exposure_s,
-            [sharpness for sharpness in taken if sharpness is not None],
-            expected.decoded(file.read_bytes()) if file.exists() else None,
-        )
-
-    def _foretold(self, session_id: str, number: int, light: int) -> Path:
-        """The picture that the present plan of a pass foretells for a light; the first pass has none."""
-        plans = [item for item in self._store.journal.artifacts(session_id, "plan") if item.number == number]
-        return self._store.folder(session_id) / f"passes/{number}/foretold_{len(plans)}_{light}.png"
-
-    def foretell(self, session_id: str, number: int, plan: LightPlan, stop: threading.Event) -> None:
-        """Keeps what the result before a pass foretells for each light of its plan, which is entered afterwards."""
-        if plan.levels_per_s is None:
-            return
-        folder = self._store.folder(session_id)
-        pictures = self._compute.run(
-            stop, "foretell", plan.lights, self._calibration, folder / "results" / str(number - 1)
-        )
-        made = sum(item.number == number for item in self._store.journal.artifacts(session_id, "plan"))
-        for light, picture in enumerate(pictures):
-            write_bytes(folder / f"passes/{number}/foretold_{made + 1}_{light}.png", picture)
-
-    def _tell_retake(self, record: Record, key: ShotKey, reason: str) -> None:
-        body = {"pass": key.pass_number, "number": key.number, "reason": reason}
-        self._store.journal.announce(record.session_id, "shot.retaken", body)
-
-    def _require_place(self, exposed: Exposed, step: TakeShot) -> None:
-        """An arm that stands elsewhere was moved by somebody: a person looks before it moves again."""
-        if not session.same_place(exposed.reading.joints, step.waypoint.joints):
-            raise RigError(
-                ErrorCode.ARM_MOVE_FAILED, f"The arm was not at light {step.key.number} while its frame was exposed"
-            )
-
-    def _first_exposure(self, record: Record, step: TakeShot) -> float:
-        wanted, camera = record.recipe.exposure, self._rig.cell.camera
-        work = record.passes[step.key.pass_number]
-        if work.plan is not None and work.plan.levels_per_s is not None:
-            return exposure.of_level(work.plan.levels_per_s[step.key.number], wanted, camera)
-        seen = [shot.quality.bright_level / shot.exposure_s for shot in work.shots.values()]
-        level = seen[-1] if seen else exposure.first_level(self._rig.cell, self._calibration)
-        return exposure.of_level(level, wanted, camera)
-
-    def _take_dark(self, record: Record, step: TakeDark, stop: StopToken) -> None:
-        exposed = take.expose(self._rig, step.exposure_s, 0, lit=False, stop=stop)
-        quality = check.dark_frame(exposed.frame.pixels, self._region, self._calibration.sensor)
-        if not quality.accepted:
-            raise RigError(ErrorCode.CAPTURE_FRAME_REJECTED, quality.reason)
-        self._keep(record, step.key, exposed, step.exposure_s, 0, quality, kind="dark")
-
-    def _keep(
-        self, record: Record, key: ShotKey, exposed: Exposed, exposure_s: float, attempt: int, quality: FrameQuality,
-        *, kind: Literal["light", "dark", "reference"] = "light",
-    ) -> None:  # fmt: skip
-        """Writes the frame, then enters it: the entry is the announcement."""
-        names = {"dark": f"dark_{round(exposure_s * 1e6)}.tiff", "reference": f"references/{key.number}.tiff"}
-        file, dark = names.get(kind, f"shots/{key.number}.tiff"), kind == "dark"
-        folder, reading = self._store.folder(record.session_id), exposed.reading
-        frame = write_frame(folder, f"passes/{key.pass_number}/{file}", exposed.frame.pixels)
-        shot = Shot(
-            key=key,
-            kind=kind,
-            frame=frame,
-            exposure_s=exposure_s,
-            light_number=key.number if kind == "light" else None,
-            light=None if dark else lamp_pose.light_from_tool(reading.base_from_tool, self._calibration),
-            joints=as_joints(reading.joints),
-            base_from_tool=as_matrix4(reading.base_from_tool),
-            lamp_on=not dark,
-            attempt=attempt,
-            arm_time_s=reading.timestamp,
-            taken_at=exposed.frame.taken_at,
-            quality=quality,
-        )
-        self._store.journal.add_shot(record.session_id, shot)
-
-    def _repeat_reference(self, record: Record, step: RepeatReference, stop: StopToken) -> None:
-        """Sees that object, camera, lamp and arm are as they were; only then is the image entered."""
-        first, here = step.shot, self._rig.arm.reading.joints
-        if first.joints is None:
-            raise RigError(ErrorCode.SERVICE_FAULT, f"The image {first.key} does not say where the arm was")
-        if not session.same_place(here, first.joints):
-            known = (self._rig.cell, self._calibration)
-            self._go(record, self._compute.run(stop, "plan_return", here, first.joints, *known), stop)
-        exposed = take.expose(self._rig, first.exposure_s, first.attempt, lit=True, stop=stop)
-        frames = FolderFrames(self._store.folder(record.session_id))
-        before = frames.rows(first.frame, 0, first.frame.height)
-        same = compare.same_scene(before, exposed.frame.pixels, self._region, self._calibration.sensor)
-        if not same.accepted:
-            raise RigError(
-                ErrorCode.SCENE_MOVED,
-                f"Image {first.key.number} of pass {first.key.pass_number}, taken again, {same.detail}",
-                shift_px=same.shift_px,
-                brightness=same.brightness,
-                changed=same.changed,
-            )
-        self._keep(record, step.key, exposed, first.exposure_s, first.attempt, first.quality, kind="reference")
-
-    def _go(self, record: Record, way: JointPath | Waypoint, stop: StopToken) -> None:
-        """Follows a certified way, once the journal knows where the arm is sent."""
-        here = self._rig.arm.reading.joints
-        self._store.journal.sent(record.session_id, [here, *way.path])
-        take.arrive(self._rig, way.path, way.speeds, stop)
-
-    def _go_home(self, record: Record, step: GoHome, stop: StopToken) -> None:
-        here, route = self._rig.arm.reading.joints, step.route
-        if route is not None and route.waypoints and session.same_place(here, route.waypoints[-1].joints):
-            self._go(record, JointPath(path=route.home_path, speeds=route.home_speeds, seconds=0.0), stop)
-            return
-        way: JointPath = self._compute.run(stop, "plan_retreat", here, self._rig.cell, self._calibration)
-        self._go(record, way, stop)
 
     # ---------------------------------------------------------------------------------------------------------- normals
 

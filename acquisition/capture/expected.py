@@ -19,8 +19,9 @@ WIDEST_PX = 256
 MOVED = 1.0
 """Pixels of the small picture by which a frame may seem shifted (at 256: 0.8 mm of a field of 200 mm)."""
 EXPLAINED = 0.25
-"""Least share of the misfit that a true shift explains. Simulated frames of all six objects: at most 0.1 at rest, 0.3
-or more when shifted by 2.5 such pixels, except where shadows cover half of the object."""
+"""Least share of the misfit that a true shift explains; of less it cannot be told whether it is one. Simulated frames
+of all six objects: at most 0.1 at rest, 0.3 or more when shifted by 2.5 such pixels, except where shadows cover half
+of the object."""
 LIT = 0.15
 """Of the brightest pixels: darker ones are left to shadows that the normal map alone does not foretell."""
 FEWEST_PIXELS = 60
@@ -85,7 +86,9 @@ def displacement(
         return None
     explained = 1.0 - fit.spread / max(at_rest.spread, 1e-12)
     small = float(np.linalg.norm(shift))
-    return Displacement(small * pixels.shape[1] / size[0], explained, small > MOVED and explained > EXPLAINED)
+    if small > MOVED and explained <= EXPLAINED:
+        return None
+    return Displacement(small * pixels.shape[1] / size[0], explained, small > MOVED)
 
 
 def _basis(picture: FloatArray, inside: BoolArray) -> FloatArray:

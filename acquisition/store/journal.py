@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import Shot
+from acquisition.measured import Shot, ShotKey
 from acquisition.session import ENDED, HOLDS_THE_RIG, Actor, PassRecord, Record, State, Trigger, after, allowed
 from acquisition.store.database import Database, marks
 from acquisition.store.rows import Action, Artifact, SessionRow, session_of
@@ -159,6 +159,12 @@ class Journal(Database):
             }
             self._event(connection, session_id, "shot.captured", body)
 
+    def discard_shots(self, session_id: str, pass_number: int, reason: str) -> None:
+        """Takes all frames of a pass back; their files stay until the same frames are taken anew."""
+        with self._transaction() as connection:
+            connection.execute("DELETE FROM shot WHERE session_id = ? AND pass_number = ?", (session_id, pass_number))
+            self._event(connection, session_id, "shots.discarded", {"pass": pass_number, "reason": reason})
+
     def add_artifact(
         self, session_id: str, kind: str, number: int, path: str, sha256: str, body: dict[str, Any], event: str
     ) -> None:
@@ -246,6 +252,10 @@ class Journal(Database):
             for row in rows
         ]
 
+    def plans_made(self, session_id: str, pass_number: int) -> int:
+        """How many plans a pass has had; the newest holds."""
+        return sum(item.number == pass_number for item in self.artifacts(session_id, "plan"))
+
     def shots(self, session_id: str) -> list[Shot]:
         """All frames of a session, in the order taken."""
         rows = self._all("SELECT body FROM shot WHERE session_id = ? ORDER BY rowid", session_id)
@@ -278,6 +288,7 @@ class Journal(Database):
                 darks={
                     shot.exposure_s: shot for shot in shots if shot.key.pass_number == number and shot.kind == "dark"
                 },
+                repeated=_repeated([shot for shot in shots if shot.key.pass_number == number]),
                 solved=number in solved,
                 reviewed=number in reviewed,
             )
@@ -363,3 +374,9 @@ class Journal(Database):
             "INSERT INTO action (session_id, action, actor, outcome, at) VALUES (?, ?, ?, ?, ?)",
             (session_id, action, actor, outcome, time.time()),
         )
+
+
+def _repeated(shots: list[Shot]) -> frozenset[ShotKey]:
+    """The images that were taken again after the last lit one of a pass, whose frames come in the order taken."""
+    last_lit = max((place for place, shot in enumerate(shots) if shot.kind == "light"), default=-1)
+    return frozenset(shot.repeats for shot in shots[last_lit + 1 :] if shot.repeats is not None)

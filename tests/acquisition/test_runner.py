@@ -13,6 +13,7 @@ from acquisition.errors import ErrorCode, RigError
 from acquisition.runner import Runner
 from acquisition.session import ENDED, State, Trigger
 from acquisition.store import Store
+from acquisition.store.folder import sha256_of
 from acquisition.types import Recipe
 from api import settings, wiring
 from hardware_sim.cell import Cell
@@ -74,10 +75,10 @@ def rests(rig: Rig) -> bool:
 
 
 def test_a_stop_at_any_time_ends_stopped_with_the_arm_at_rest(rig: Rig) -> None:
-    for number in range(6):
+    for number in range(8):
         session_id = new(rig)
         rig.runner.act(session_id, Trigger.START, "a")
-        time.sleep(0.2 * number)
+        time.sleep(0.17 * number)
         if number % 2:
             rig.runner.halt("b")
         else:
@@ -278,7 +279,8 @@ def test_an_arm_that_somebody_has_moved_goes_on_only_from_where_a_person_lets_it
     assert rests(rig)
     rig.runner.act(session_id, Trigger.RESUME, "a", from_here=True)
     assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
-    assert [shot.kind for shot in rig.store.journal.shots(session_id)].count("reference") == 1
+    kinds = [shot.kind for shot in rig.store.journal.shots(session_id)]
+    assert kinds.count("reference") == 2  # after the interruption, and at the end of the pass
 
 
 def test_an_object_that_moved_while_the_session_was_interrupted_is_found_by_the_repeated_image(rig: Rig) -> None:
@@ -294,6 +296,27 @@ def test_an_object_that_moved_while_the_session_was_interrupted_is_found_by_the_
     rig.control.fault("nudged_object", shift_m=[-0.004, 0.0, 0.0])
     rig.runner.act(session_id, Trigger.RESUME, "a")
     assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
+
+
+def test_an_object_that_moves_amid_the_pilot_is_found_at_its_end_and_all_its_images_are_taken_anew(rig: Rig) -> None:
+    session_id = after_first_image(rig)
+    rig.control.fault("nudged_object", shift_m=[0.004, 0.0, 0.0])
+    wait_for(rig, session_id, State.PAUSED)
+    reason = reason_of(rig, session_id)
+    assert reason["code"] == "scene.moved"
+    assert "anew" in reason["detail"]
+    assert rig.store.journal.shots(session_id) == []
+    taken = [event for event in rig.store.journal.events(0, 500, session_id) if event.type.startswith("shot")]
+    assert [event.type for event in taken].count("shot.captured") == 3
+    assert taken[-1].type == "shots.discarded"
+    rig.runner.act(session_id, Trigger.RESUME, "a")  # the object stays where it is now
+    assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
+    rig.control.fault("nudged_object", shift_m=[-0.004, 0.0, 0.0])
+    shots = rig.store.journal.shots(session_id)
+    assert [shot.kind for shot in shots] == ["light"] * 3 + ["reference"] + ["dark"] * (len(shots) - 4)
+    assert shots[3].repeats == shots[0].key
+    folder = rig.store.folder(session_id)
+    assert all(sha256_of(folder / shot.frame.path) == shot.frame.sha256 for shot in shots)
 
 
 def test_a_dark_lamp_pauses_with_the_reason_and_lost_and_burnt_frames_are_taken_again(rig: Rig) -> None:

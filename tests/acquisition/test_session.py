@@ -126,12 +126,12 @@ def plan(count: int) -> LightPlan:
     return LightPlan(lights=[LIGHT] * count, method="pilot", reasons=["test"] * count)
 
 
-def shot(number: int, exposure_s: float = 0.05, kind: str = "light") -> Shot:
+def shot(number: int, exposure_s: float = 0.05, kind: str = "light", shift_px: float | None = None) -> Shot:
     return Shot(
         key=ShotKey(pass_number=0, number=number), kind="dark" if kind == "dark" else "light",
         frame=FrameRef(path="x.tiff", width=4, height=4, sha256="0"), exposure_s=exposure_s,
         light_number=None if kind == "dark" else number, taken_at=0.0,
-        quality=FrameQuality(saturated=0.0, bright_level=0.8, accepted=True),
+        quality=FrameQuality(saturated=0.0, bright_level=0.8, shift_px=shift_px, accepted=True),
     )  # fmt: skip
 
 
@@ -157,14 +157,19 @@ def walk(recipe: Recipe, lights: Sequence[int] = (3,)) -> list[session.Step]:
             case AwaitReview():
                 work[step.pass_number] = replace(work[step.pass_number], reviewed=True)
             case RepeatReference():
-                raise AssertionError("nothing was interrupted")
+                assert step.closes_pass  # nothing was interrupted
+                assert step.shot == next(iter(work[0].shots.values()))
+                number = step.key.pass_number
+                work[number] = replace(work[number], repeated=frozenset({step.shot.key}))
+                here = joints(step.shot.key.number)
             case PlanRoute():
                 order = sorted(step.light_numbers, reverse=True)
                 work[step.pass_number] = replace(work[step.pass_number], route=route(order, here))
             case TakeShot():
                 here = step.waypoint.joints
                 number, was = step.key.pass_number, work[step.key.pass_number]
-                taken = shot(step.key.number, 0.05 if step.key.number % 2 else 0.1)
+                foretold = None if number == 0 else 0.1
+                taken = shot(step.key.number, 0.05 if step.key.number % 2 else 0.1, shift_px=foretold)
                 work[number] = replace(was, shots={**was.shots, step.key.number: taken})
             case GoHome():
                 here = HOME
@@ -176,12 +181,12 @@ def walk(recipe: Recipe, lights: Sequence[int] = (3,)) -> list[session.Step]:
     raise AssertionError("the steps have no end")
 
 
-def test_a_session_walks_pilot_route_shots_home_darks_normals_plan() -> None:
+def test_a_session_walks_pilot_route_shots_first_one_again_home_darks_normals_plan() -> None:
     names = [type(step).__name__ for step in walk(Recipe(pilot_lights=4, planned_lights=3))]
-    one_pass = ["ChooseLights", "PlanRoute", *["TakeShot"] * 4, "GoHome", "TakeDark", "TakeDark", "SolveNormals"]
+    after_lights = ["GoHome", "TakeDark", "TakeDark", "SolveNormals"]
+    pilot = ["ChooseLights", "PlanRoute", *["TakeShot"] * 4, "RepeatReference", *after_lights]
     assert [name for name, _ in itertools.groupby(names)].count("SolveNormals") == 2
-    assert names[: len(one_pass)] == one_pass
-    assert names.count("TakeShot") == 7
+    assert names == [*pilot, "ChooseLights", "PlanRoute", *["TakeShot"] * 3, *after_lights]
 
 
 def test_fixed_patterns_have_one_pass_and_a_pilot_alone_needs_no_plan() -> None:
@@ -266,7 +271,23 @@ def test_an_interruption_without_images_or_with_all_of_them_needs_no_repeated_im
     none = replace(record(Recipe(), PassRecord(plan=plan(3), route=route([0, 1, 2]))), unverified=True)
     assert isinstance(session.next_step(none, HOME, HOME), TakeShot)
     shots = {number: shot(number) for number in range(3)}
-    full = PassRecord(plan=plan(3), shots=shots, darks={0.05: shot(3, kind="dark")})
+    seen = frozenset({shot(0).key})
+    full = PassRecord(plan=plan(3), shots=shots, darks={0.05: shot(3, kind="dark")}, repeated=seen)
     assert session.next_step(replace(record(Recipe(), full), unverified=True), HOME, HOME) == SolveNormals(0)
     dark = replace(record(Recipe(), replace(full, darks={})), unverified=True)
     assert isinstance(session.next_step(dark, HOME, HOME), RepeatReference)
+
+
+def test_a_pass_whose_images_nothing_foretold_ends_with_the_sessions_first_image_again() -> None:
+    pilot = PassRecord(plan=plan(2), shots={1: shot(1), 0: shot(0)}, darks={0.05: shot(2, kind="dark")})
+    step = session.next_step(record(Recipe(), pilot), HOME, HOME)
+    assert step == RepeatReference(shot(1), ShotKey(pass_number=0, number=1000), closes_pass=True)
+    cut_off = replace(record(Recipe(), pilot), unverified=True)
+    assert session.next_step(cut_off, HOME, HOME) == step  # which shows what the newest image would, and more
+    other = replace(pilot, repeated=frozenset({shot(0).key}))
+    assert session.next_step(record(Recipe(), other), HOME, HOME) == step
+    solved = replace(pilot, repeated=frozenset({shot(1).key}), solved=True)
+    told, untold = (PassRecord(plan=plan(1), shots={0: shot(0, shift_px=shift)}) for shift in (0.2, None))
+    assert isinstance(session.next_step(record(Recipe(), solved, told), HOME, HOME), TakeDark)
+    again = session.next_step(record(Recipe(), solved, untold), HOME, HOME)
+    assert again == RepeatReference(shot(1), ShotKey(pass_number=1, number=1000), closes_pass=True)
