@@ -99,6 +99,14 @@ class CameraConfig(Value):
     max_exposure_s: float = Field(default=1.0, gt=0)
     timeout_s: float = Field(default=30.0, gt=0)
 
+    def require_exposure(self, exposure_s: float) -> None:
+        """Raises RigError request.invalid for an exposure time beyond the limits."""
+        if not self.min_exposure_s <= exposure_s <= self.max_exposure_s:
+            raise RigError(
+                ErrorCode.REQUEST_INVALID,
+                f"Exposure {exposure_s} s is not within {self.min_exposure_s} to {self.max_exposure_s} s",
+            )
+
 
 class SimCameraConfig(CameraConfig):
     """The simulated cell's camera, a port at `address`."""

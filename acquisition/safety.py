@@ -121,7 +121,7 @@ class SafetyMonitor:
         with self._changing:
             if self._latch is not None:
                 return
-            latch = self._latch = Latch(fault.code, fault.detail, time.time())
+            latch = self._latch = Latch(fault.code, fault.detail.removesuffix("."), time.time())
         _log.error("%s: %s", latch.code, latch.detail)
         self._on_change(latch)
 

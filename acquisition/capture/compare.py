@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from acquisition.capture.check import BRIGHT_PERCENTILE
 from acquisition.measured import SensorModel
 from acquisition.types import BoolArray, FloatArray
 
-BRIGHT_PERCENTILE = 99.5
 COARSE_CYCLES_PER_PIXEL = 0.12
 MOVED_PX = 0.5
 """An image that is taken again and has shifted by more shows that the object or the camera has moved."""

@@ -68,10 +68,7 @@ class PylonCamera:
         Raises RigError request.invalid for an exposure time beyond the cell file's limits, camera.timeout,
         device.disconnected; Halted as soon as the token is set.
         """
-        limits = self._config
-        if not limits.min_exposure_s <= exposure_s <= limits.max_exposure_s:
-            detail = f"Exposure {exposure_s} s is not within {limits.min_exposure_s} to {limits.max_exposure_s} s."
-            raise RigError(ErrorCode.REQUEST_INVALID, detail)
+        self._config.require_exposure(exposure_s)
         if self._camera is None:
             raise RigError(ErrorCode.DEVICE_DISCONNECTED, "The camera is not open.")
         if stop.is_set():

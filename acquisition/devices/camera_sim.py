@@ -55,11 +55,7 @@ class SimCamera:
         camera.timeout; Halted as soon as the token is set.
         """
         limits = self._config
-        if not limits.min_exposure_s <= exposure_s <= limits.max_exposure_s:
-            raise RigError(
-                ErrorCode.REQUEST_INVALID,
-                f"Exposure {exposure_s} s is not within {limits.min_exposure_s} to {limits.max_exposure_s} s.",
-            )
+        limits.require_exposure(exposure_s)
         if stop.is_set():
             raise Halted
         deadline = time.monotonic() + limits.timeout_s + exposure_s
