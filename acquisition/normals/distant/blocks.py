@@ -3,7 +3,7 @@
 Grey images pass in the type they are stored in, without a copy beyond the reader's. Colours are divided by the light's
 intensity channel by channel and mixed to one grey: by fixed weights where figures are to be compared (the luma of ITU-R
 BT.601, as the field's plain least squares uses), else by the pixel's own colour, which is the best unbiased mix for a
-matt surface and lets coloured paint outweigh its white gloss.
+matt surface and lets coloured paint outweigh its white gloss; channels of faint light count less.
 """
 
 from collections.abc import Iterator
@@ -15,6 +15,9 @@ from acquisition.normals.image_set import DistantLights, ImageSet
 from acquisition.types import BoolArray, Float32Array, FloatArray
 
 LUMA = np.array([0.2989, 0.5870, 0.1140], np.float32)
+DIM = 0.25
+"""Of the strongest channel's light: channels with less drown in noise once they are divided by their intensity."""
+
 BLOCK_BYTES = 48_000_000
 CLIPPED = np.float32(1e9)
 """What a clipped pixel of a colour image is given, in units of white."""
@@ -87,12 +90,19 @@ def read(images: ImageSet, start: int, stop: int, *, luma: bool) -> Block:
     if luma:
         weights = np.broadcast_to(LUMA, means.shape)
     else:
-        weights = means / np.sum(means * means, axis=1, keepdims=True) * (means @ LUMA)[:, None]
+        trusted = means * _trust(strength)
+        weights = trusted / np.sum(trusted * means, axis=1, keepdims=True) * (means @ LUMA)[:, None]
     stack = np.ascontiguousarray(np.einsum("fnc,nc->fn", values, weights), dtype=np.float32)
     if not luma:  # plain least squares leaves nothing out
         stack[clipped] = CLIPPED
     colour = means / (means @ LUMA)[:, None]
     return Block(start, stop, stack, np.ones(count, np.float32), float(CLIPPED) / 2, colour)
+
+
+def _trust(strength: FloatArray) -> Float32Array:
+    """How much of each channel (C,) to believe, 0–1, for lights of `strength` (F, C)."""
+    share = np.mean(strength, axis=0) / np.max(np.mean(strength, axis=0))
+    return (share**2 / (share**2 + DIM**2)).astype(np.float32)
 
 
 def every(images: ImageSet, *, luma: bool) -> Iterator[Block]:

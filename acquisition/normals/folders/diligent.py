@@ -26,7 +26,7 @@ def read(folder: Path, scratch: Path, progress: Progress | None = None) -> Image
     if np.any(intensities <= 0):
         row = 1 + int(np.argmax(np.any(intensities <= 0, axis=1)))
         raise refusal(folder / INTENSITIES, f"line {row} is not positive: correct it, or take the image out")
-    paths = [folder / name for name in names]
+    paths = [table.beside(folder, name) for name in names]
     stored = pixels.store(paths, scratch, progress=progress)
     warnings: list[str] = []
     if stored.channels == 1 and intensities.shape[1] == 3:

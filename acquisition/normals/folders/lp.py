@@ -34,7 +34,7 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
     if not names:
         raise refusal(path, "names no images: write `name x y z` for each")
     folder = path.parent
-    paths = [_beside(folder, name) for name in names]
+    paths = [table.beside(folder, name) for name in names]
     stored = pixels.store(paths, scratch, progress=progress)
     found = masks.solving(folder, stored.height, stored.width)
     warnings = ["All lights are taken as equally bright: an .lp file does not say."]
@@ -45,8 +45,3 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
     mask = np.ones((stored.height, stored.width), np.bool_) if found is None else found
     lights = DistantLights(np.array(directions), np.ones((len(names), stored.channels)))
     return image_sets.made(folder, names, paths, stored, lights, mask, kind=".lp", warnings=warnings)
-
-
-def _beside(folder: Path, name: str) -> Path:
-    named = folder / name
-    return named if named.is_file() else folder / name.replace("\\", "/").rsplit("/", maxsplit=1)[-1]

@@ -1,4 +1,4 @@
-"""Tables of numbers in text files: one row for each image, and every complaint with its line."""
+"""Tables in text files: one row for each image, and every complaint with its line."""
 
 import math
 from pathlib import Path
@@ -39,3 +39,9 @@ def rows(path: Path, columns: tuple[int, ...], count: int, listing: str) -> Floa
     if len(table) != count:
         raise refusal(path, f"has {len(table)} rows, {listing} names {count} images: give one row for each image")
     return np.array(table, dtype=np.float64)
+
+
+def beside(folder: Path, name: str) -> Path:
+    """The file that a list in `folder` names; lists that another machine wrote may name its folders too."""
+    named = folder / name
+    return named if named.is_file() else folder / name.replace("\\", "/").rsplit("/", maxsplit=1)[-1]

@@ -13,6 +13,9 @@ from acquisition.types import BoolArray, Float32Array, FloatArray
 
 FILES = ("Normal_gt.mat", "normals_gt.npy", "normals_gt.tiff", "normals_gt.tif", "normals_gt.exr")
 VARIABLE = "Normal_gt"
+SHORTEST = 0.02
+"""Of the median length of the vectors that are not zero."""
+
 EXR_CHANNELS = (("N.X", "N.Y", "N.Z"), ("normal.X", "normal.Y", "normal.Z"), ("X", "Y", "Z"), ("R", "G", "B"))
 
 
@@ -106,6 +109,8 @@ def _normals(path: Path, found: np.ndarray, height: int, width: int) -> Float32A
         raise refusal(path, f"has shape {found.shape}, not {(height, width, 3)}: use the normals of these images")
     normals = np.nan_to_num(found.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
-    if not np.any(length > 0.5):
-        raise refusal(path, "holds no unit normals: x right, y up, z to the camera")
-    return np.where(length > 0.5, normals / np.maximum(length, 0.5), 0).astype(np.float32)
+    if not np.any(length > 0):
+        raise refusal(path, "holds no normals: x right, y up, z to the camera")
+    # Any length will do; what is next to nothing beside the others is where nothing is known.
+    least = SHORTEST * float(np.median(length[length > 0]))
+    return np.where(length > least, normals / np.maximum(length, least), 0).astype(np.float32)

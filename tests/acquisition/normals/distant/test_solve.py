@@ -128,6 +128,17 @@ def test_colours_share_a_normal_and_keep_their_own_albedo(solver: distant.Solver
     np.testing.assert_allclose(found.albedo_rgb[mask], np.broadcast_to(tint, (np.count_nonzero(mask), 3)), rtol=0.02)
 
 
+def test_a_channel_that_hardly_any_light_fell_on_does_not_spoil_the_others() -> None:
+    """Divided by its light's intensity it is all noise."""
+    normals, mask = ball()
+    mask = mask & (normals[..., 2] > np.cos(np.radians(40)))
+    strength = np.tile([1.0, 0.02, 0.001], (8, 1))
+    shown = lambert(normals, few_lights(), 1.0)[..., None] * np.array([0.3, 0.6, 0.6])
+    noise = np.random.default_rng(6).normal(0, 0.001, shown.shape) / strength[:, None, None]
+    images = image_set(np.maximum(shown + noise, 0), few_lights(), mask, strength)
+    assert errors(distant.solve(images, "weighted").normals, normals, mask).mean() < 0.4
+
+
 @pytest.mark.parametrize("solver", ["ls", "weighted", "robust"])
 def test_sigma_is_what_is_found_on_average(solver: distant.Solver) -> None:
     rng = np.random.default_rng(4)

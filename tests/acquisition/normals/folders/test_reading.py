@@ -1,5 +1,6 @@
 """Folders as other programs write them are read as they are meant."""
 
+import json
 import pickle
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 import tifffile
 from scipy.io import savemat
 
-from acquisition.normals import folders
+from acquisition.normals import folders, near_light
 from acquisition.normals.folders import pixels, truth
 from acquisition.normals.image_set import Camera, DistantLights, ImageSet, NearLights
 from tests.acquisition.normals.folders import small
@@ -107,6 +108,55 @@ def test_a_near_light_folder_comes_in_the_view_frame_in_metres(tmp_path: Path) -
     assert any("black level" in sentence for sentence in images.notes["warnings"])
 
 
+@pytest.mark.parametrize(("unit", "of_mm"), [("mm", 1.0), ("cm", 0.1), ("m", 0.001)])
+def test_positions_may_be_in_any_metric_unit(unit: str, of_mm: float, tmp_path: Path) -> None:
+    folder = small.near(tmp_path / "in")
+    told = json.loads((folder / "lights.json").read_text())
+    told["unit"] = unit
+    for light in told["lights"]:
+        light["position"] = [of_mm * value for value in light["position"]]
+    (folder / "lights.json").write_text(json.dumps(told))
+    images = folders.read(folder, tmp_path)
+    assert isinstance(images.lights, NearLights)
+    assert images.lights.positions_m[1].tolist() == pytest.approx([0.25, 0.0, -0.15])
+    assert images.lights.reference_m == pytest.approx(0.4)
+    assert images.rough_depth_m == pytest.approx(0.48)
+
+
+def test_fields_that_are_not_known_are_named(tmp_path: Path) -> None:
+    folder = small.near(tmp_path / "in")
+    told = json.loads((folder / "lights.json").read_text())
+    told["blacklevel"] = 500
+    told["camera"]["distortion"] = [0.1, 0, 0, 0, 0, 0, 0, 0]
+    told["camera"]["name"] = "left"
+    (folder / "lights.json").write_text(json.dumps(told))
+    images = folders.read(folder, tmp_path)
+    assert any("blacklevel, camera.name" in sentence for sentence in images.notes["warnings"])
+    assert images.camera is not None
+    assert images.camera.distortion.tolist() == [0.1, 0, 0, 0, 0]
+
+
+def test_the_camera_of_images_cut_out_of_larger_ones_keeps_its_axis(tmp_path: Path) -> None:
+    """The optical axis is outside of what is left of the images."""
+    folder = small.near(tmp_path / "in")
+    whole = near_light.solve_plain(folders.read(folder, tmp_path))
+    first = small.SIZE // 2 + 2
+    for path in folder.glob("*.tiff"):
+        tifffile.imwrite(path, tifffile.imread(path)[:, first:])
+    cv2.imwrite(str(folder / "mask.png"), small_mask(folder)[:, first:])
+    np.save(folder / "normals_gt.npy", np.load(folder / "normals_gt.npy")[:, first:])
+    told = json.loads((folder / "lights.json").read_text())
+    told["camera"]["K"][0][2] -= first
+    (folder / "lights.json").write_text(json.dumps(told))
+    part = near_light.solve_plain(folders.read(folder, tmp_path))
+    # Its depth is found anew from half of the surface, so the normals are not the very same.
+    assert np.median(error_deg(part.normals, whole.normals[:, first:])) < 1.0
+
+
+def small_mask(folder: Path) -> np.ndarray:
+    return np.asarray(cv2.imread(str(folder / "mask.png"), cv2.IMREAD_UNCHANGED))
+
+
 def test_a_black_level_is_taken_off(tmp_path: Path) -> None:
     folder = small.near(tmp_path / "in")
     before = folders.read(folder, tmp_path).rows(0, 0, small.SIZE).copy()
@@ -156,6 +206,22 @@ def test_truth_is_found_in_every_form(name: str, tmp_path: Path) -> None:
     found = folders.read(folder, tmp_path).truth
     assert found is not None
     np.testing.assert_allclose(found, true, atol=1e-6)
+
+
+def test_true_normals_may_have_any_length(tmp_path: Path) -> None:
+    folder = small.diligent(tmp_path / "in")
+    true, mask = small.sphere()
+    length = np.random.default_rng(0).uniform(0.002, 0.03, (*mask.shape, 1))
+    savemat(folder / "Normal_gt.mat", {"Normal_gt": np.where(mask[..., None], true * length, np.nan)})
+    found = folders.read(folder, tmp_path).truth
+    assert found is not None
+    np.testing.assert_allclose(found, true * mask[..., None], atol=1e-6)
+
+
+def test_a_list_of_another_machine_finds_its_images(tmp_path: Path) -> None:
+    folder = small.diligent(tmp_path / "in")
+    (folder / "filenames.txt").write_text("".join(f"C:\\scans\\ball\\{number:03d}.png\r\n" for number in range(1, 7)))
+    assert folders.read(folder, tmp_path).count == 6
 
 
 def test_a_sphere_is_its_own_truth(tmp_path: Path) -> None:
