@@ -11,6 +11,9 @@ from acquisition.types import BoolArray
 SATURATED_FROM = 0.985
 """Share of full scale from which a value counts as clipped."""
 
+NEVER = 1e30
+"""The same for floating-point images that hold larger values than 1, such as merged exposures: nothing is clipped."""
+
 
 def made(
     folder: Path, names: Sequence[str], paths: Sequence[Path], stored: Stored, lights: DistantLights | NearLights,
@@ -20,7 +23,9 @@ def made(
 
     Raises RigError folder.invalid naming an image that is black or overexposed, or an evaluation mask that is wrong.
     """
-    pixels.look(stored, paths, mask, SATURATED_FROM)
+    merged = stored.dtype == "float32" and pixels.exceeds(stored, 1.0)
+    clipped_from = NEVER if merged else SATURATED_FROM
+    pixels.look(stored, paths, mask, clipped_from)
     return ImageSet(
         names=tuple(names),
         height=stored.height,
@@ -28,7 +33,7 @@ def made(
         channels=stored.channels,
         rows=stored.rows,
         full_scale=stored.full_scale,
-        saturated_from=SATURATED_FROM,
+        saturated_from=clipped_from,
         lights=lights,
         mask=mask,
         evaluation_mask=masks.evaluation(folder, stored.height, stored.width),

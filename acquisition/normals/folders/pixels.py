@@ -27,6 +27,9 @@ FULL_SCALE = {"uint8": 255.0, "uint16": 65535.0, "float32": 1.0}
 THREADS = 2
 """Files decoded at once; each holds one whole image."""
 
+ROWS_BYTES = 16_000_000
+"""Held at once of an image that is only looked at."""
+
 TIFF_NAMES = (".tif", ".tiff")
 PNG_START = b"\x89PNG\r\n\x1a\n"
 LEAST_LEVEL = 0.0005
@@ -131,6 +134,16 @@ def look(stored: Stored, paths: Sequence[Path], mask: BoolArray, saturated_from:
             raise refusal(path, "is black within the mask: take the image again or take its row out of the list")
         if float(np.mean(values >= saturated_from)) > MOST_SATURATED:
             raise refusal(path, "is overexposed within the mask: expose it shorter or take its row out of the list")
+
+
+def exceeds(stored: Stored, level: float) -> bool:
+    """Whether any stored value is above a level."""
+    step = max(1, ROWS_BYTES // (stored.width * stored.channels * np.dtype(stored.dtype).itemsize))
+    return any(
+        bool(np.nanmax(stored.rows(index, start, min(start + step, stored.height)), initial=-np.inf) > level)
+        for index in range(len(stored.rows.places))
+        for start in range(0, stored.height, step)
+    )
 
 
 def picture(path: Path) -> np.ndarray:

@@ -123,6 +123,15 @@ def test_positions_may_be_in_any_metric_unit(unit: str, of_mm: float, tmp_path: 
     assert images.rough_depth_m == pytest.approx(0.48)
 
 
+@pytest.mark.parametrize(("gain", "clipped"), [(1.0, True), (3.0, False)])
+def test_floats_above_one_are_not_clipped(gain: float, clipped: bool, tmp_path: Path) -> None:
+    folder = small.near(tmp_path / "in")
+    for path in folder.glob("*.tiff"):
+        pixels = tifffile.imread(path).astype(np.float32) / 65535
+        tifffile.imwrite(path, np.float32(gain) * pixels / max(1.0, float(pixels.max())))
+    assert (folders.read(folder, tmp_path).saturated_from < 1) == clipped
+
+
 def test_fields_that_are_not_known_are_named(tmp_path: Path) -> None:
     folder = small.near(tmp_path / "in")
     told = json.loads((folder / "lights.json").read_text())
