@@ -23,6 +23,7 @@ from acquisition.errors import ErrorCode, RigError
 from acquisition.measured import Calibration
 from acquisition.types import BoolArray, FloatArray
 from acquisition.waypoints import collision_kernels as kernels
+from acquisition.waypoints import shape_kernels as shapes
 from acquisition.waypoints.hull_kernels import hull_distance
 from acquisition.waypoints.kinematics import ArmModel, arm_model
 
@@ -56,6 +57,8 @@ class Scene:
     pairs: Indices  # (P, 2) capsules of the arm that must not meet
     self_margin: float
     keep_out: FloatArray  # (ROW,) the object's cylinder
+    object_rims: FloatArray  # (48, 3) whose hull holds it
+    hiders: tuple["Hider", ...]
     lens: FloatArray  # (3,)
 
     def violations(self, joints: FloatArray) -> Indices:
@@ -87,16 +90,21 @@ class Scene:
         """For (N, 6) with emitters (N, 3) in base: 1 the arm blocks the view, 2 it shadows the object, −1 neither."""
         return kernels.blocked_cones(
             np.ascontiguousarray(joints), np.ascontiguousarray(emitters), self.model.dh, self.links, self.capsules,
-            self.tool_from, self.lens, self.keep_out, CONE_MARGIN_M,
+            self.tool_from, self.lens[None], self.keep_out[None], CONE_MARGIN_M,
         )  # fmt: skip
 
     def in_the_light(self, emitter: FloatArray) -> int:
         """The obstacle that stands between an emitter (3,) and the object, −1 for none; half-spaces hide nothing."""
-        cone = np.vstack([emitter, _rims(self.keep_out, self.keep_out[8])])
-        for number, shape in enumerate(self.obstacles):
-            points, radius = _hull(shape, self.vertices)
-            if number > _OBJECT and len(points) and hull_distance(cone, points) < radius + CONE_MARGIN_M:
-                return number
+        middle = (self.object_rims.min(axis=0) + self.object_rims.max(axis=0)) / 2
+        wide = np.linalg.norm(self.object_rims - middle, axis=1).max() + CONE_MARGIN_M
+        axis = middle - emitter
+        for hider in self.hiders:
+            share = np.clip((hider.center - emitter) @ axis / (axis @ axis), 0.0, 1.0)
+            if np.linalg.norm(emitter + share * axis - hider.center) > wide + hider.reach:
+                continue
+            cone, least = np.vstack([emitter, self.object_rims]), hider.radius + CONE_MARGIN_M
+            if hull_distance(cone, hider.points, least, least) < least:
+                return hider.number
         return -1
 
     def blame(self, violation: int) -> tuple[Blame, str]:
@@ -108,6 +116,17 @@ class Scene:
     def worst(self, violations: Indices) -> tuple[Blame, str]:
         """Of many numbers from `violations`, none −1, the commonest."""
         return self.blame(Counter(violations.tolist()).most_common(1)[0][0])
+
+
+@dataclass(frozen=True)
+class Hider:
+    """An obstacle that can stand in the light: the hull of points (N, 3) and all that is within a radius of it."""
+
+    number: int
+    points: FloatArray
+    radius: float
+    center: FloatArray
+    reach: float  # from the centre to its furthest point
 
 
 def scene(cell: CellConfig, calibration: Calibration) -> Scene:
@@ -127,7 +146,7 @@ def _scene(cell_json: str, calibration_json: str) -> Scene:
     keep = cell.object.keep_out
     frame = keep.base_from_object.matrix
     keep_out = _row(
-        kernels.CYLINDER, cell.clearances.object_m, *frame[:3, 3], *frame[:3, 2], keep.radius_m, keep.height_m
+        shapes.CYLINDER, cell.clearances.object_m, *frame[:3, 3], *frame[:3, 2], keep.radius_m, keep.height_m
     )
     meshes: list[FloatArray] = []
     usual = cell.clearances.obstacle_m
@@ -137,25 +156,28 @@ def _scene(cell_json: str, calibration_json: str) -> Scene:
         *(("hits-camera", body.name, _obstacle(body, usual, meshes)) for body in cell.camera_body),
         *(("hits-obstacle", item.name, _obstacle(item, usual, meshes)) for item in cell.obstacles),
     ]
+    obstacles, vertices = np.stack([row for _, _, row in rows]), np.concatenate([np.zeros((0, 3)), *meshes])
     return Scene(
         model=model,
         links=links,
         capsules=capsules,
         tool_from=tool_from,
         levers=_levers(model, links, capsules),
-        obstacles=np.stack([row for _, _, row in rows]),
-        vertices=np.concatenate([np.zeros((0, 3)), *meshes]),
+        obstacles=obstacles,
+        vertices=vertices,
         blames=tuple(blame for blame, _, _ in rows),
         names=tuple(name for _, name, _ in rows),
         pairs=_pairs(model, links, capsules, tool_from, cell.clearances.self_m),
         self_margin=cell.clearances.self_m,
         keep_out=keep_out,
+        object_rims=_rims(keep_out, keep_out[8]),
+        hiders=_hiders(obstacles, vertices),
         lens=np.array(calibration.base_from_camera, dtype=float)[:3, 3].copy(),
     )
 
 
 def _row(kind: int, margin: float, *shape: float) -> FloatArray:
-    row = np.zeros(kernels.ROW)
+    row = np.zeros(shapes.ROW)
     row[: 2 + len(shape)] = [kind, margin, *shape]
     return row
 
@@ -165,16 +187,16 @@ def _obstacle(item: Obstacle, usual_m: float, meshes: list[FloatArray]) -> Float
     margin = usual_m if item.clearance_m is None else item.clearance_m
     if isinstance(item, HalfSpace):
         normal = np.array(item.normal) / np.linalg.norm(item.normal)
-        return _row(kernels.HALF_SPACE, margin, *normal, float(normal @ np.array(item.point_m)))
+        return _row(shapes.HALF_SPACE, margin, *normal, float(normal @ np.array(item.point_m)))
     if isinstance(item, Capsule):
-        return _row(kernels.CAPSULE, margin, *item.start_m, *item.end_m, item.radius_m)
+        return _row(shapes.CAPSULE, margin, *item.start_m, *item.end_m, item.radius_m)
     if isinstance(item, Cone):
         pose = item.base_from_cone.matrix
         sizes = item.foot_radius_m, item.height_m, item.top_radius_m
-        return _row(kernels.CONE, margin, *pose[:3, 3], *pose[:3, 2], *sizes)
+        return _row(shapes.CONE, margin, *pose[:3, 3], *pose[:3, 2], *sizes)
     if isinstance(item, Box):
         pose = item.base_from_box.matrix
-        return _row(kernels.BOX, margin, *pose[:3, 3], *pose[:3, :3].ravel(), *item.half_extents_m)
+        return _row(shapes.BOX, margin, *pose[:3, 3], *pose[:3, :3].ravel(), *item.half_extents_m)
     points = geometry.transform(item.base_from_mesh.matrix, np.array(item.vertices_m))
     try:
         points = points[ConvexHull(points).vertices]
@@ -184,21 +206,32 @@ def _obstacle(item: Obstacle, usual_m: float, meshes: list[FloatArray]) -> Float
     radius = float(np.linalg.norm(points - center, axis=1).max())
     first = sum(map(len, meshes))
     meshes.append(points)
-    return _row(kernels.HULL, margin, *center, radius, first, len(points))
+    return _row(shapes.HULL, margin, *center, *center, radius, first, len(points))
+
+
+def _hiders(obstacles: FloatArray, vertices: FloatArray) -> tuple[Hider, ...]:
+    found: list[Hider] = []
+    for number, row in enumerate(obstacles):
+        points, radius = _hull(row, vertices)
+        if number > _OBJECT and len(points):
+            center = points.mean(axis=0)
+            reach = float(np.linalg.norm(points - center, axis=1).max()) + radius
+            found.append(Hider(number, points, radius, center, reach))
+    return tuple(found)
 
 
 def _hull(shape: FloatArray, vertices: FloatArray) -> tuple[FloatArray, float]:
     """Points and a radius round them whose hull holds an obstacle; no points for what has no end."""
     match int(shape[0]):
-        case kernels.CAPSULE:
+        case shapes.CAPSULE:
             return shape[2:8].reshape(2, 3), float(shape[8])
-        case kernels.BOX:
+        case shapes.BOX:
             corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * shape[14:17]
             return np.ascontiguousarray(corners @ shape[5:14].reshape(3, 3).T + shape[2:5]), 0.0
-        case kernels.CONE:
+        case shapes.CONE:
             return _rims(shape, float(shape[10])), 0.0
-        case kernels.HULL:
-            return vertices[int(shape[6]) : int(shape[6] + shape[7])], 0.0
+        case shapes.HULL:
+            return vertices[int(shape[9]) : int(shape[9] + shape[10])], 0.0
         case _:
             return np.zeros((0, 3)), 0.0
 
@@ -236,21 +269,25 @@ def _pairs(model: ArmModel, links: Indices, capsules: FloatArray, tool_from: int
     (the shoulder's end of the upper arm and the base) or when it meets in none: the maker's own gap, narrower than any
     margin, is no danger.
     """
-    angles = np.linspace(-np.pi, np.pi, _GRID, endpoint=False)
-    first, second = (grid.ravel() for grid in np.meshgrid(angles, angles))
     kept: list[tuple[int, int]] = []
     for a, b in itertools.combinations(range(len(links)), 2):
         low, high = int(links[a]), int(links[b])
         if high - low < (1 if b >= tool_from else 2) or low == high:
             continue
-        if high - low <= 2:
-            joints = np.zeros((_GRID**2, 6))
-            joints[:, low], joints[:, high - 1] = first, second
-            pair = np.array([[0, 1]], dtype=np.int64)
-            both = np.ascontiguousarray(capsules[[a, b]])
-            none = np.zeros((0, kernels.ROW)), np.zeros((0, 3))
-            distance = kernels.distances(joints, model.dh, links[[a, b]], both, *none, pair)[:, -1]
-            if distance.max() < margin or distance.min() > -_BUILT_IN_M:
-                continue
-        kept.append((a, b))
+        if high - low > 2 or _may_meet(model.name, low, high, tuple(capsules[[a, b]].ravel().tolist()), margin):
+            kept.append((a, b))
     return np.array(kept, dtype=np.int64).reshape(-1, 2)
+
+
+@lru_cache(maxsize=512)
+def _may_meet(model_name: str, low: int, high: int, capsules: tuple[float, ...], margin: float) -> bool:
+    """Whether two capsules, of links with at most one link between, are apart in some poses and touch in others."""
+    angles = np.linspace(-np.pi, np.pi, _GRID, endpoint=False)
+    first, second = (grid.ravel() for grid in np.meshgrid(angles, angles))
+    joints = np.zeros((_GRID ** (high - low), 6))
+    joints[:, high - 1], joints[:, low] = second[: len(joints)], first[: len(joints)]
+    distance = kernels.distances(
+        joints, arm_model(model_name).dh, np.array([low, high]), np.array(capsules).reshape(2, 7),
+        np.zeros((0, shapes.ROW)), np.zeros((0, 3)), np.array([[0, 1]]),
+    )[:, -1]  # fmt: skip
+    return bool(distance.max() >= margin and distance.min() <= -_BUILT_IN_M)

@@ -3,8 +3,8 @@
 # ruff: noqa: PLR0912
 """Compiled distance of two convex hulls of points (Gilbert, Johnson and Keerthi, "A fast procedure", 1988).
 
-Returned is the separation along the last direction looked at: a *lower* bound of the distance whatever the rounding,
-and as sharp as `_SHARP_M` unless the search ends early. So an obstacle given as points is certified like the others.
+Returned is the best separation of the directions looked at: a *lower* bound of the distance whatever the rounding, and
+as sharp as `_SHARP_M` unless the search ends early. So an obstacle given as points is certified like the others.
 """
 
 import math
@@ -92,9 +92,12 @@ def _furthest(points, x, y, z):
     return place
 
 
-@njit(float64(_matrix, _matrix), cache=True)
-def hull_distance(first, second):
-    """Lower bound of the distance of the hulls of points (N, 3) and (M, 3); at most 0 where they touch."""
+@njit(float64(_matrix, _matrix, float64, float64), cache=True)
+def hull_distance(first, second, least, need):
+    """Lower bound of the distance of the hulls of points (N, 3) and (M, 3); at most 0 where they touch.
+
+    No sharper than it takes to say which of `least` ≤ `need` the distance exceeds; to 1e-6 m if these are NaN.
+    """
     simplex, nearest = np.empty((4, 3)), np.empty(3)
     for axis in range(3):
         simplex[0, axis] = first[0, axis] - second[0, axis]
@@ -110,7 +113,8 @@ def hull_distance(first, second):
             (first[a, 0] - second[b, 0]) * x + (first[a, 1] - second[b, 1]) * y + (first[a, 2] - second[b, 2]) * z
         )
         bound = max(bound, separation)
-        if length - bound < _SHARP_M or count == 4:
+        settled = bound >= need or length < least or (bound >= least and length < need)
+        if settled or length - bound < _SHARP_M or count == 4:
             return bound
         for axis in range(3):
             simplex[count, axis] = first[a, axis] - second[b, axis]

@@ -43,7 +43,7 @@ def way_to_any(start, goals, low, high, trials, dh, links, capsules, levers, obs
     and `high` (6,); no corner when `trials` trials do not find any."""
     items = links.shape[0] * obstacles.shape[0] + pairs.shape[0]
     frames, placed = np.empty((7, 3, 4)), np.empty((links.shape[0], 6))
-    still_open, travel = np.empty((DEPTH + 2, items), dtype=np.int64), np.empty(items)
+    still_open, travel = np.empty((DEPTH + 2, items), dtype=np.int64), np.empty((links.shape[0], 6))
     room = goals.shape[0] + 8 * trials + 1
     points, before = np.empty((2, room, 6)), np.full((2, room), -1, dtype=np.int64)
     count = np.zeros(2, dtype=np.int64)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from acquisition import geometry, lamp_pose
 from acquisition.config import Capsule, HalfSpace
 from acquisition.waypoints import collision_kernels as kernels
+from acquisition.waypoints import shape_kernels as shapes
 from acquisition.waypoints.collision import NODE_SLACK_M, scene
 from acquisition.waypoints.kinematics import forward
 from acquisition.waypoints.reach import refusals
@@ -133,30 +134,31 @@ def test_violations_say_what_is_in_the_way() -> None:
 @pytest.mark.parametrize("shape", ["box", "cylinder", "cone", "hull", "half-space", "capsule"])
 def test_distances_agree_with_another_library(shape: str) -> None:
     random = np.random.default_rng(5)
-    row, vertices = np.zeros(kernels.ROW), np.zeros((0, 3))
+    row, vertices = np.zeros(shapes.ROW), np.zeros((0, 3))
     pose = trimesh.transformations.random_rotation_matrix(random.uniform(size=3))
     pose[:3, 3] = random.normal(size=3)
     axis, middle = pose[:3, 2], pose[:3, 3] + 0.25 * pose[:3, 2]
     if shape == "box":
-        row[:17] = [kernels.BOX, 0, *pose[:3, 3], *pose[:3, :3].ravel(), 0.1, 0.3, 0.2]
+        row[:17] = [shapes.BOX, 0, *pose[:3, 3], *pose[:3, :3].ravel(), 0.1, 0.3, 0.2]
         other = fcl.CollisionObject(fcl.Box(0.2, 0.6, 0.4), fcl.Transform(pose[:3, :3], pose[:3, 3]))
     elif shape == "cylinder":
-        row[:10] = [kernels.CYLINDER, 0, *pose[:3, 3], *axis, 0.2, 0.5]
+        row[:10] = [shapes.CYLINDER, 0, *pose[:3, 3], *axis, 0.2, 0.5]
         other = fcl.CollisionObject(fcl.Cylinder(0.2, 0.5), fcl.Transform(pose[:3, :3], middle))
     elif shape == "cone":
-        row[:11] = [kernels.CONE, 0, *pose[:3, 3], *axis, 0.3, 0.5, 0.0]
+        row[:11] = [shapes.CONE, 0, *pose[:3, 3], *axis, 0.3, 0.5, 0.0]
         other = fcl.CollisionObject(fcl.Cone(0.3, 0.5), fcl.Transform(pose[:3, :3], middle))
     elif shape == "hull":
         vertices = random.normal(0, 0.2, (30, 3)) + pose[:3, 3]
         solid = trimesh.convex.convex_hull(vertices)
-        row[:8] = [kernels.HULL, 0, *pose[:3, 3], np.linalg.norm(vertices - pose[:3, 3], axis=1).max(), 0, 30]
+        radius = np.linalg.norm(vertices - pose[:3, 3], axis=1).max()
+        row[:11] = [shapes.HULL, 0, *pose[:3, 3], *pose[:3, 3], radius, 0, 30]
         faces = np.hstack([np.full((len(solid.faces), 1), 3), solid.faces]).ravel()
         other = fcl.CollisionObject(fcl.Convex(solid.vertices, len(solid.faces), faces), fcl.Transform())
     elif shape == "capsule":
-        row[:9] = [kernels.CAPSULE, 0, *pose[:3, 3], *(pose[:3, 3] + 0.5 * axis), 0.2]
+        row[:9] = [shapes.CAPSULE, 0, *pose[:3, 3], *(pose[:3, 3] + 0.5 * axis), 0.2]
         other = fcl.CollisionObject(fcl.Capsule(0.2, 0.5), fcl.Transform(pose[:3, :3], middle))
     else:
-        row[:6] = [kernels.HALF_SPACE, 0, *axis, axis @ pose[:3, 3]]
+        row[:6] = [shapes.HALF_SPACE, 0, *axis, axis @ pose[:3, 3]]
         slab = fcl.Transform(pose[:3, :3], pose[:3, 3] - 5.0 * axis)
         other = fcl.CollisionObject(fcl.Box(100.0, 100.0, 10.0), slab)
     apart = 0
@@ -167,7 +169,7 @@ def test_distances_agree_with_another_library(shape: str) -> None:
         turn = trimesh.geometry.align_vectors((0, 0, 1), along / length)[:3, :3]
         thin = fcl.CollisionObject(fcl.Capsule(1e-6, length), fcl.Transform(turn, (line[:3] + line[3:]) / 2))
         truth = fcl.distance(thin, other, fcl.DistanceRequest(), fcl.DistanceResult())
-        found = kernels._line_to_obstacle(row, vertices, line, np.inf)
+        found = shapes.line_to_obstacle(row[None], 0, vertices, line[None], 0, np.nan, np.nan)
         if truth > 1e-3:
             apart += 1
             assert found == pytest.approx(truth, abs=1e-4)
