@@ -7,7 +7,7 @@ triangles. A body is its surface here, so replay finely enough that nothing jump
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -50,12 +50,14 @@ class Hit:
 
 @dataclass(frozen=True)
 class _Body:
-    """A triangle mesh that moves with a link (None: stands still), and its bounding sphere in that link's frame."""
+    """A triangle mesh that moves with a link (None: stands still), with its box and bounding sphere in that frame."""
 
     name: str
     link: int | None
+    mesh: trimesh.Trimesh
     shape: fcl.BVHModel
     center: FloatArray
+    half: FloatArray
     radius: float
     plane: tuple[FloatArray, float] | None = None  # of a half-space: outward normal, offset
 
@@ -66,7 +68,8 @@ def audit(
     """All touching pairs of bodies over joint samples (N, 6): links, tool, table, object, camera, obstacles.
 
     `object_mesh` (vertices (V, 3) in m, base frame; faces (F, 3)) replaces the keep-out cylinder. Neighbouring links
-    share a joint and are not compared; nor is the base with what it stands on.
+    share a joint and are not compared; nor is the base with what it stands on. FCL is asked only about samples at which
+    neither body's bounding sphere is clear of the other's box.
     """
     frames = link_frames(cell.arm.model, joints)
     moving, still = _arm(cell), _surroundings(cell, object_mesh)
@@ -84,7 +87,7 @@ def audit(
     ]
     hits: list[Hit] = []
     for first, second in pairs:
-        for sample in np.flatnonzero(_apart(first, second, frames) < first.radius):
+        for sample in np.flatnonzero(_near(first, second, frames)):
             one, two = (
                 fcl.CollisionObject(body.shape, _transform(frames[sample], body.link)) for body in (first, second)
             )
@@ -112,33 +115,41 @@ def thinned(joints: FloatArray, step_rad: float = 0.005) -> FloatArray:
     return joints[kept]
 
 
-def occlusions(joints: FloatArray, cell: CellConfig, origin: FloatArray, with_tool: bool) -> list[int]:
-    """The samples (N, 6) at which the arm stands between a point (3,) and the keep-out cylinder, by casting rays.
+def occlusions(joints: FloatArray, cell: CellConfig, origins: FloatArray, with_tool: bool) -> list[int]:
+    """The samples (N, 6) at which the arm stands between a point and the keep-out cylinder, by casting rays.
 
-    `with_tool` False leaves the tool out, for rays that leave the lamp itself.
+    `origins` is one point (3,) or one for each sample (N, 3). `with_tool` False leaves the tool out, for rays that
+    leave the lamp itself.
     """
     frames = link_frames(cell.arm.model, joints)
+    origins = np.broadcast_to(origins, (len(joints), 3))
     targets = _cylinder_points(cell)
-    parts = [part for part in _arm_meshes(cell) if with_tool or not part[0].startswith("tool")]
+    parts = [body for body in _arm(cell) if with_tool or not body.name.startswith("tool")]
     return [
         sample
-        for sample in range(len(joints))
-        if any(_between(mesh, np.linalg.inv(frames[sample, link]), origin, targets) for _, link, mesh in parts)
+        for sample, origin in enumerate(origins)
+        if any(_between(body, frames[sample, body.link], origin, targets) for body in parts)
     ]
 
 
 def hidden_by(cell: CellConfig, origin: FloatArray) -> list[str]:
     """The camera's bodies and obstacles that stand between a point (3,) and the keep-out cylinder, by casting rays."""
     targets = _cylinder_points(cell)
-    bodies = (*cell.camera_body, *cell.obstacles)
-    return [item.name for item in bodies if _between(_mesh(item), np.eye(4), origin, targets)]
+    bodies = [_standing(item) for item in (*cell.camera_body, *cell.obstacles)]
+    return [body.name for body in bodies if _between(body, np.eye(4), origin, targets)]
 
 
-def _between(mesh: trimesh.Trimesh, link_from_base: FloatArray, origin: FloatArray, targets: FloatArray) -> bool:
-    """Whether a mesh stands on one of the straight lines from a point (3,) to others (N, 3), given in base."""
-    start, *ends = np.vstack([origin, targets]) @ link_from_base[:3, :3].T + link_from_base[:3, 3]
+def _between(body: _Body, frame: FloatArray, origin: FloatArray, targets: FloatArray) -> bool:
+    """Whether a body, its frame (4, 4) in base, stands on one of the lines from a point (3,) to others (N, 3)."""
+    start, *ends = (np.vstack([origin, targets]) - frame[:3, 3]) @ frame[:3, :3]
     reach = np.array(ends) - start
-    places, rays, _ = mesh.ray.intersects_location(np.tile(start, (len(reach), 1)), reach, multiple_hits=False)
+    # All lines stay this near to the one to the targets' middle; most bodies are further away.
+    middle = reach.mean(axis=0)
+    wide = np.linalg.norm(reach - middle, axis=1).max()
+    share = np.clip((body.center - start) @ middle / (middle @ middle), 0.0, 1.0)
+    if np.linalg.norm(start + share * middle - body.center) > wide + body.radius:
+        return False
+    places, rays, _ = body.mesh.ray.intersects_location(np.tile(start, (len(reach), 1)), reach, multiple_hits=False)
     return bool((np.linalg.norm(places - start, axis=1) < np.linalg.norm(reach[rays], axis=1)).any())
 
 
@@ -167,39 +178,39 @@ def link_frames(model: str, joints: FloatArray) -> FloatArray:
     return frames
 
 
-@cache
-def _link_meshes(model: str) -> tuple[trimesh.Trimesh, ...]:
-    return tuple(trimesh.load_mesh(path) for path in sorted((MESHES / model).glob("*.stl")))
-
-
-def _arm_meshes(cell: CellConfig) -> list[tuple[str, int, trimesh.Trimesh]]:
-    links = _link_meshes(cell.arm.model)
-    parts = [(name, link, mesh) for link, (name, mesh) in enumerate(zip(_LINKS, links, strict=True))]
-    return parts + [(f"tool {n}", 6, _capsule(item)) for n, item in enumerate(cell.arm.tool_capsules)]
-
-
 def _arm(cell: CellConfig) -> list[_Body]:
-    tool = [_body(name, link, mesh) for name, link, mesh in _arm_meshes(cell)[len(_LINKS) :]]
+    tool = [_tool_body(item.model_dump_json(), number) for number, item in enumerate(cell.arm.tool_capsules)]
     return [*_link_bodies(cell.arm.model), *tool]
 
 
 @cache
 def _link_bodies(model: str) -> tuple[_Body, ...]:
-    return tuple(
-        _body(name, link, mesh) for link, (name, mesh) in enumerate(zip(_LINKS, _link_meshes(model), strict=True))
-    )
+    meshes = [trimesh.load_mesh(path) for path in sorted((MESHES / model).glob("*.stl"))]
+    return tuple(_body(name, link, mesh) for link, (name, mesh) in enumerate(zip(_LINKS, meshes, strict=True)))
+
+
+@lru_cache(maxsize=16)
+def _tool_body(capsule_json: str, number: int) -> _Body:
+    return _body(f"tool {number}", 6, _capsule(CapsuleShape.model_validate_json(capsule_json)))
 
 
 def _surroundings(cell: CellConfig, object_mesh: tuple[FloatArray, npt.NDArray[np.int64]] | None) -> list[_Body]:
     thing = _keep_out(cell) if object_mesh is None else trimesh.Trimesh(*object_mesh, process=False)
-    bodies = [_body("object", None, thing)]
-    for item in (cell.table, *cell.camera_body, *cell.obstacles):
-        body = _body(item.name, None, _mesh(item))
-        if isinstance(item, HalfSpace):
-            normal = np.array(item.normal) / np.linalg.norm(item.normal)
-            body = replace(body, plane=(normal, float(normal @ np.array(item.point_m))))
-        bodies.append(body)
-    return bodies
+    return [_body("object", None, thing), *map(_standing, (cell.table, *cell.camera_body, *cell.obstacles))]
+
+
+def _standing(item: Obstacle) -> _Body:
+    return _standing_body(type(item), item.model_dump_json())
+
+
+@lru_cache(maxsize=32)
+def _standing_body(kind: type[Obstacle], item_json: str) -> _Body:
+    item = kind.model_validate_json(item_json)
+    body = _body(item.name, None, _mesh(item))
+    if isinstance(item, HalfSpace):
+        normal = np.array(item.normal) / np.linalg.norm(item.normal)
+        body = replace(body, plane=(normal, float(normal @ np.array(item.point_m))))
+    return body
 
 
 def _mesh(item: Obstacle) -> trimesh.Trimesh:
@@ -241,15 +252,29 @@ def _cylinder_points(cell: CellConfig) -> FloatArray:
 
 
 def _capsule(item: Capsule | CapsuleShape) -> trimesh.Trimesh:
+    """A mesh with the capsule wholly inside, and nowhere 1 % further out than its radius."""
+    vertices, faces = _capsule_of_one()
     start, end = np.array(item.start_m), np.array(item.end_m)
     length = float(np.linalg.norm(end - start))
-    if length == 0.0:
-        return trimesh.creation.icosphere(3, item.radius_m).apply_translation(start)
-    mesh = trimesh.creation.capsule(length, item.radius_m)
-    mesh.apply_translation(-mesh.bounds.mean(axis=0))  # its middle at the origin, its axis z
-    pose = trimesh.geometry.align_vectors((0, 0, 1), (end - start) / length)
-    pose[:3, 3] = (start + end) / 2
-    return mesh.apply_transform(pose)
+    pose = trimesh.geometry.align_vectors((0, 0, 1), (end - start) / length) if length > 0.0 else np.eye(4)
+    top = vertices[:, 2:] > 0
+    placed = item.radius_m * (vertices - np.where(top, 1.0, -1.0) * (0, 0, 1)) @ pose[:3, :3].T + np.where(
+        top, end, start
+    )
+    return trimesh.Trimesh(placed, faces, process=False)
+
+
+@cache
+def _capsule_of_one() -> tuple[FloatArray, npt.NDArray[np.int64]]:
+    """Vertices and faces round the capsule of radius 1 from z = −1 to z = 1."""
+    mesh = trimesh.creation.capsule(2.0, 1.0, count=(16, 32))
+    vertices = mesh.vertices - mesh.bounds.mean(axis=0)
+    feet = np.sign(vertices[:, 2:]) * (0, 0, 1)
+    # The corners lie on the unit capsule and the faces inside it, the deepest of them so near to their line:
+    sphere = trimesh.Trimesh(vertices - feet, mesh.faces, process=False)
+    sphere.update_faces(sphere.area_faces > 1e-9)
+    inside = np.abs(np.einsum("fi,fi->f", sphere.face_normals, sphere.triangles[:, 0])).min()
+    return (vertices - feet) / inside + feet, np.array(mesh.faces, dtype=np.int64)
 
 
 def _body(name: str, link: int | None, mesh: trimesh.Trimesh) -> _Body:
@@ -257,16 +282,30 @@ def _body(name: str, link: int | None, mesh: trimesh.Trimesh) -> _Body:
     shape.beginModel(len(mesh.vertices), len(mesh.faces))
     shape.addSubModel(np.asarray(mesh.vertices), np.asarray(mesh.faces))
     shape.endModel()
-    center = mesh.bounds.mean(axis=0)
-    return _Body(name, link, shape, center, float(np.linalg.norm(mesh.vertices - center, axis=1).max()))
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    center = (low + high) / 2
+    return _Body(
+        name, link, mesh, shape, center, (high - low) / 2, float(np.linalg.norm(mesh.vertices - center, axis=1).max())
+    )
 
 
-def _apart(first: _Body, second: _Body, frames: FloatArray) -> FloatArray:
-    """Lower bound (N,) of the distance of the first body's centre to the second body."""
-    centers = _centers(first, frames)
+def _near(first: _Body, second: _Body, frames: FloatArray) -> npt.NDArray[np.bool_]:
+    """The samples (N,) at which neither body's bounding sphere is clear of the other's box, or of its plane."""
     if second.plane is not None:
-        return centers @ second.plane[0] - second.plane[1]
-    return np.linalg.norm(centers - _centers(second, frames), axis=1) - second.radius
+        normal, offset = second.plane
+        # The least of a box over all its corners, seen along the plane's normal.
+        across = np.abs(normal @ frames[:, first.link, :3, :3]) @ first.half
+        return _centers(first, frames) @ normal - offset - across < 0
+    return _sphere_meets_box(first, second, frames) & _sphere_meets_box(second, first, frames)
+
+
+def _sphere_meets_box(round_: _Body, square: _Body, frames: FloatArray) -> npt.NDArray[np.bool_]:
+    centers = _centers(round_, frames)
+    if square.link is not None:
+        frame = frames[:, square.link]
+        centers = np.einsum("nji,nj->ni", frame[:, :3, :3], centers - frame[:, :3, 3])
+    over = np.maximum(np.abs(centers - square.center) - square.half, 0.0)
+    return np.einsum("ni,ni->n", over, over) < round_.radius**2
 
 
 def _centers(body: _Body, frames: FloatArray) -> FloatArray:
