@@ -20,37 +20,41 @@ def path_lengths_per_share(starts, ends, dh, tool, samples):
     The tool is the faster of the flange and the point `tool` (3,) of the flange frame; the elbow the faster of the two
     ends of its hinge.
     """
-    count = starts.shape[0]
-    result = np.zeros((count, 2))
+    result = np.zeros((starts.shape[0], 2))
     frames = np.empty((7, 3, 4))
     joints = np.empty(6)
-    point = np.empty(3)
-    for n in range(count):
+    for n in range(starts.shape[0]):
+        tool_square, elbow_square = 0.0, 0.0
         for k in range(samples):
             share = k / (samples - 1)
             for j in range(6):
                 joints[j] = starts[n, j] + share * (ends[n, j] - starts[n, j])
             link_frames(dh, joints, frames)
-            for which in range(4):
-                link = 6 if which < 2 else 2
-                for row in range(3):
-                    point[row] = frames[link, row, 3]
-                    if which == 1:
-                        point[row] += (
-                            frames[6, row, 0] * tool[0] + frames[6, row, 1] * tool[1] + frames[6, row, 2] * tool[2]
-                        )
-                    elif which == 3:
-                        point[row] += frames[2, row, 2] * dh[3]
-                x, y, z = 0.0, 0.0, 0.0
-                for j in range(link):  # joint j turns about the z axis of frame j
-                    rate = ends[n, j] - starts[n, j]
-                    ax, ay, az = frames[j, 0, 2], frames[j, 1, 2], frames[j, 2, 2]
-                    rx = point[0] - frames[j, 0, 3]
-                    ry = point[1] - frames[j, 1, 3]
-                    rz = point[2] - frames[j, 2, 3]
-                    x += rate * (ay * rz - az * ry)
-                    y += rate * (az * rx - ax * rz)
-                    z += rate * (ax * ry - ay * rx)
-                column = 0 if which < 2 else 1
-                result[n, column] = max(result[n, column], math.sqrt(x * x + y * y + z * z))
+            # From link to link: what turns (w) and how fast the next link's origin moves (v), both per share.
+            wx, wy, wz, vx, vy, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for j in range(6):  # joint j turns about the z axis of frame j
+                rate = ends[n, j] - starts[n, j]
+                wx += rate * frames[j, 0, 2]
+                wy += rate * frames[j, 1, 2]
+                wz += rate * frames[j, 2, 2]
+                x = frames[j + 1, 0, 3] - frames[j, 0, 3]
+                y = frames[j + 1, 1, 3] - frames[j, 1, 3]
+                z = frames[j + 1, 2, 3] - frames[j, 2, 3]
+                vx += wy * z - wz * y
+                vy += wz * x - wx * z
+                vz += wx * y - wy * x
+                if j in (1, 5):
+                    x, y, z = 0.0, 0.0, dh[3]
+                    if j == 5:
+                        x, y, z = tool[0], tool[1], tool[2]
+                    ax = frames[j + 1, 0, 0] * x + frames[j + 1, 0, 1] * y + frames[j + 1, 0, 2] * z
+                    ay = frames[j + 1, 1, 0] * x + frames[j + 1, 1, 1] * y + frames[j + 1, 1, 2] * z
+                    az = frames[j + 1, 2, 0] * x + frames[j + 1, 2, 1] * y + frames[j + 1, 2, 2] * z
+                    tx, ty, tz = vx + wy * az - wz * ay, vy + wz * ax - wx * az, vz + wx * ay - wy * ax
+                    square = max(vx * vx + vy * vy + vz * vz, tx * tx + ty * ty + tz * tz)
+                    if j == 1:
+                        elbow_square = max(elbow_square, square)
+                    else:
+                        tool_square = max(tool_square, square)
+        result[n, 0], result[n, 1] = math.sqrt(tool_square), math.sqrt(elbow_square)
     return result
