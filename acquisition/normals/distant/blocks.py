@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acquisition.normals.distant import colour
 from acquisition.normals.image_set import DistantLights, ImageSet
 from acquisition.types import BoolArray, Float32Array, FloatArray
 
@@ -19,8 +20,6 @@ DIM = 0.25
 """Of the strongest channel's light: channels with less drown in noise once they are divided by their intensity."""
 
 BLOCK_BYTES = 48_000_000
-CLIPPED = np.float32(1e9)
-"""What a clipped pixel of a colour image is given, in units of white."""
 
 
 @dataclass(frozen=True)
@@ -63,40 +62,28 @@ def intensities(images: ImageSet) -> FloatArray:
 
 def rows_at_once(images: ImageSet) -> int:
     """Rows of a block that stays small."""
-    size = 2 if images.channels == 1 else 4 * 3
+    size = 2 if images.channels == 1 else 4 * 4
     return max(1, min(images.height, BLOCK_BYTES // (images.count * images.width * size)))
 
 
 def read(images: ImageSet, start: int, stop: int, *, luma: bool) -> Block:
     """One block of rows; `luma` mixes colours by fixed weights."""
     strength = intensities(images)
-    count, size = images.count, (stop - start) * images.width
+    size = (stop - start) * images.width
+    first = images.rows(0, start, stop)
+    # The kernels take sixteen bits; eight are widened.
+    kind = np.uint16 if first.dtype == np.uint8 else first.dtype
+    stored = np.empty((images.count, *first.shape), kind)
+    stored[0] = first
+    for image in range(1, images.count):
+        stored[image] = images.rows(image, start, stop)
+    gain = (1.0 / (images.full_scale * strength)).astype(np.float32)
+    clipped_from = images.saturated_from * images.full_scale
     if images.channels == 1:
-        first = images.rows(0, start, stop)
-        # The kernels take sixteen bits; eight are widened.
-        stack = np.empty((count, size), np.uint16 if first.dtype == np.uint8 else first.dtype)
-        stack[0] = first.reshape(-1)
-        for image in range(1, count):
-            stack[image] = images.rows(image, start, stop).reshape(-1)
-        scale = (1.0 / (images.full_scale * strength[:, 0])).astype(np.float32)
-        return Block(start, stop, stack, scale, images.saturated_from * images.full_scale, None)
-    values = np.empty((count, size, 3), np.float32)
-    clipped = np.empty((count, size), np.bool_)
-    for image in range(count):
-        share = images.values(image, start, stop).reshape(size, 3)
-        clipped[image] = np.max(share, axis=1) >= images.saturated_from
-        values[image] = share * (1.0 / strength[image]).astype(np.float32)
-    means = np.mean(values, axis=0) + np.float32(1e-9)
-    if luma:
-        weights = np.broadcast_to(LUMA, means.shape)
-    else:
-        trusted = means * _trust(strength)
-        weights = trusted / np.sum(trusted * means, axis=1, keepdims=True) * (means @ LUMA)[:, None]
-    stack = np.ascontiguousarray(np.einsum("fnc,nc->fn", values, weights), dtype=np.float32)
-    if not luma:  # plain least squares leaves nothing out
-        stack[clipped] = CLIPPED
-    colour = means / (means @ LUMA)[:, None]
-    return Block(start, stop, stack, np.ones(count, np.float32), float(CLIPPED) / 2, colour)
+        return Block(start, stop, stored.reshape(images.count, size), gain[:, 0].copy(), clipped_from, None)
+    stack, tint = np.empty((images.count, size), np.float32), np.empty((size, 3), np.float32)
+    colour.mix(stored.reshape(images.count, size, 3), gain, clipped_from, LUMA, _trust(strength), luma, stack, tint)
+    return Block(start, stop, stack, np.ones(images.count, np.float32), colour.CLIPPED / 2, tint)
 
 
 def _trust(strength: FloatArray) -> Float32Array:

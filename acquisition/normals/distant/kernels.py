@@ -94,10 +94,7 @@ def least_squares(
         _least_squares(stack, inverse, normals, albedo, start, min(start + BLOCK, pixels))
 
 
-@numba.njit(
-    "void(float32[:,::1], float32[:,::1], float32[:,::1], float32[::1], int64)",
-    fastmath=True, error_model="numpy", inline="always",
-)  # fmt: skip
+@numba.njit(fastmath=True, error_model="numpy", inline="always")  # a part of its callers, never compiled by itself
 def solve3(m: Float32Array, b: Float32Array, g: Float32Array, leverage: Float32Array, size: int) -> None:
     """LDLᵀ of symmetric 3 × 3 systems m (6, size: 00 01 02 11 12 22); g (3, size), trace of the inverse (size,)."""
     one = np.float32(1.0)

@@ -177,7 +177,7 @@ def _hatched(picture: np.ndarray, where: BoolArray) -> np.ndarray:
 
 
 def _encoded(pixels: np.ndarray, suffix: str) -> bytes:
-    worked, content = cv2.imencode(suffix, np.ascontiguousarray(pixels[..., ::-1]), [cv2.IMWRITE_PNG_COMPRESSION, 6])
+    worked, content = cv2.imencode(suffix, np.ascontiguousarray(pixels[..., ::-1]), [cv2.IMWRITE_PNG_COMPRESSION, 3])
     if not worked:
         raise OSError(f"a picture of the report could not be encoded as {suffix}")
     return content.tobytes()
