@@ -30,6 +30,8 @@ CONFIRM_S = 0.5  # an output is read back within this
 PREDECESSOR_S = 1.0  # the program of a driver that died ends by its watchdog within this
 UPLOAD_S = 5.0
 NEWER_S = 0.06  # data this much newer than an event show it on both interfaces
+SLEPT_S = 0.1  # between two turns: this process had no core, or a call of ur-rtde took its time
+AWAKE_S = 0.1  # ur-rtde's own thread reads within this what came while the process slept
 
 
 class Controller:
@@ -45,6 +47,7 @@ class Controller:
         self._kicked_at = 0.0
         self._timestamp = -1.0
         self._received_at = 0.0
+        self._sampled_at = self._awake_since = 0.0
 
     # ------------------------------------------------------------------------------------------------------- each turn
 
@@ -57,6 +60,9 @@ class Controller:
         now = time.monotonic()
         if timestamp != self._timestamp:
             self._timestamp, self._received_at = timestamp, now
+        if now - self._sampled_at > SLEPT_S:
+            self._awake_since = now
+        self._sampled_at = now
         self._armed = self._armed and self._control is not None and self._control.isProgramRunning()
         return protocol.Sample(
             joints=tuple(receive.getActualQ()),
@@ -284,9 +290,11 @@ class Controller:
             raise RuntimeError("the output was not sent")
 
     def _is_linked(self, receive: Receive, now: float) -> bool:
+        """Data that are old because this process slept say nothing of the link until they could be read."""
+        just_awake = now - self._awake_since < AWAKE_S
         return (
             receive.isConnected()
-            and now - self._received_at < protocol.LINK_S
+            and now - self._received_at < (protocol.LINK_AT_MOST_S if just_awake else protocol.LINK_S)
             and (self._control is None or self._control.isConnected())
         )
 

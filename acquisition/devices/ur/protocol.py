@@ -34,8 +34,9 @@ STOP_WITHIN_S = 0.2
 ACKNOWLEDGE_S = 0.1
 """A halt that the driver has not taken by then goes by the second path."""
 
-LINK_S = 0.8
-"""Data older than this mean a lost link; ur-rtde would reconnect by itself, and move again, after 2.5 s."""
+LINK_S, LINK_AT_MOST_S = 0.8, 1.8
+"""Data older than this mean a lost link, also where the driver has just slept; ur-rtde would reconnect by itself, and
+move again, after 2.5 s."""
 
 HEARTBEAT_S = 1.0
 """A driver whose loop has not turned for this long is lost."""

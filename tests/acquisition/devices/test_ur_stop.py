@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -177,6 +178,19 @@ def test_hanging_driver(arm: UrArm, control: ControlClient) -> None:
     assert isinstance(error, RigError)
     assert error.code == ErrorCode.DRIVER_LOST
     assert not arm.is_open
+
+
+def test_a_driver_that_slept_does_not_take_the_link_for_lost(arm: UrArm, control: ControlClient) -> None:
+    pid = arm.driver_pid
+    assert pid is not None
+    os.kill(pid, signal.SIGSTOP)
+    time.sleep(1.2)  # longer than data may be old
+    os.kill(pid, signal.SIGCONT)
+    wait_for(lambda: arm.reading.connected)
+    time.sleep(0.3)
+    assert arm.reading.connected
+    assert arm.driver_pid == pid
+    assert control.state()["runtime_state"] == STOPPED, "the controller's watchdog has ended the program meanwhile"
 
 
 def test_driver_ended_by_a_signal_stops_the_arm_itself(arm: UrArm, control: ControlClient) -> None:
