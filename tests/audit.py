@@ -252,7 +252,7 @@ def _cylinder_points(cell: CellConfig) -> FloatArray:
 
 
 def _capsule(item: Capsule | CapsuleShape) -> trimesh.Trimesh:
-    """A mesh with the capsule wholly inside, and nowhere 1 % further out than its radius."""
+    """A mesh with the capsule wholly inside, and nowhere 2 % further out than its radius."""
     vertices, faces = _capsule_of_one()
     start, end = np.array(item.start_m), np.array(item.end_m)
     length = float(np.linalg.norm(end - start))
@@ -267,7 +267,7 @@ def _capsule(item: Capsule | CapsuleShape) -> trimesh.Trimesh:
 @cache
 def _capsule_of_one() -> tuple[FloatArray, npt.NDArray[np.int64]]:
     """Vertices and faces round the capsule of radius 1 from z = −1 to z = 1."""
-    mesh = trimesh.creation.capsule(2.0, 1.0, count=(16, 32))
+    mesh = trimesh.creation.capsule(2.0, 1.0, count=(12, 24))
     vertices = mesh.vertices - mesh.bounds.mean(axis=0)
     feet = np.sign(vertices[:, 2:]) * (0, 0, 1)
     # The corners lie on the unit capsule and the faces inside it, the deepest of them so near to their line:
