@@ -5,33 +5,31 @@ keep-out: only what is really touched counts.
 """
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
-from acquisition.config import Box, Capsule, CapsuleShape, CellConfig, HalfSpace
-from acquisition.errors import ErrorCode, RigError
+from acquisition import geometry
+from acquisition.config import Box, Capsule, CapsuleShape, CellConfig, Cone, ConvexMesh, HalfSpace
 from acquisition.types import FloatArray
 from hardware_sim.controller.surroundings import OBJECT_SPACING_M, Surroundings
 from hardware_sim.sheets import Mesh
 
 
 def surroundings(cell: CellConfig, mesh: Mesh) -> Surroundings:
-    """Everything that the arm can touch in a cell with an object, whose mesh is in the object's frame.
-
-    Raises RigError config.invalid for shapes that the controller's own check does not know.
-    """
+    """Everything that the arm can touch in a cell with an object, whose mesh is in the object's frame."""
     bodies = [cell.table, *cell.camera_body, *cell.obstacles]
-    strange = [body.name for body in bodies if not isinstance(body, HalfSpace | Capsule | Box)]
-    if strange:
-        detail = f"The simulated controller knows half-spaces, capsules and boxes; not so: {', '.join(strange)}"
-        raise RigError(ErrorCode.CONFIG_INVALID, detail)
     half_spaces = [body for body in bodies if isinstance(body, HalfSpace)]
     capsules = [body for body in bodies if isinstance(body, Capsule)]
     boxes = [body for body in bodies if isinstance(body, Box)]
+    cones = [body for body in bodies if isinstance(body, Cone)]
+    hulls = [body for body in bodies if isinstance(body, ConvexMesh)]
     return Surroundings(
         tool=_rows([_capsule(capsule) for capsule in cell.arm.tool_capsules], 7),
         half_spaces=_rows([_half_space(body) for body in half_spaces], 4),
         capsules=_rows([_capsule(body) for body in capsules], 7),
         boxes=_rows([_box(body) for body in boxes], 15),
-        names=tuple(body.name for body in (*half_spaces, *capsules, *boxes)),
+        cones=_rows([_cone(body) for body in cones], 9),
+        hull_faces=np.concatenate([np.zeros((0, 10)), *(_faces(body, number) for number, body in enumerate(hulls))]),
+        names=tuple(body.name for body in (*half_spaces, *capsules, *boxes, *cones, *hulls)),
         object_points=surface_points(mesh),
         base_from_object=cell.object.keep_out.base_from_object.matrix,
     )
@@ -66,3 +64,14 @@ def _half_space(item: HalfSpace) -> list[float]:
 def _box(item: Box) -> list[float]:
     pose = item.base_from_box.matrix
     return [*pose[:3, 3], *pose[:3, :3].T.ravel(), *item.half_extents_m]
+
+
+def _cone(item: Cone) -> list[float]:
+    pose = item.base_from_cone.matrix
+    return [*pose[:3, 3], *pose[:3, 2], item.height_m, item.foot_radius_m, item.top_radius_m]
+
+
+def _faces(item: ConvexMesh, number: int) -> FloatArray:
+    vertices = geometry.transform(item.base_from_mesh.matrix, np.array(item.vertices_m))
+    corners = vertices[ConvexHull(vertices).simplices].reshape(-1, 9)
+    return np.hstack([corners, np.full((len(corners), 1), float(number))])

@@ -1,17 +1,20 @@
 """What stands round the arm, as the world hands it to the controller: one npz file.
 
-Half-spaces, capsules and boxes are exact. The object has no formula: it is points all over its surface, about
-`OBJECT_SPACING_M` from the next, each with a ball of `OBJECT_BALL_M` round it that closes the gaps. Names go into the
-log: what did the arm touch?
+Half-spaces, capsules, boxes, cones and convex hulls are exact. The object has no formula: it is points all over its
+surface, about `OBJECT_SPACING_M` from the next, each with a ball of `OBJECT_BALL_M` round it that closes the gaps.
+Names go into the log: what did the arm touch?
 
 Arrays of the file (m, base frame unless told; any may be empty): `tool` (T, 7) capsules in the flange frame: start,
 end, radius; `half_spaces` (K, 4) outward normal and offset; `capsules` (L, 7); `boxes` (M, 15) centre, axes (rows),
-half extents; `names` (K + L + M,) in this order; `object_points` (P, 3) in the object's frame; `base_from_object`
-(4, 4).
+half extents; `cones` (C, 9) middle of the foot, axis, height, radii of foot and top; `hull_faces` (F, 10) corners of
+triangles all round the convex hulls, and the number of the hull; `names` (K + L + M + C + H,) in this order;
+`object_points` (P, 3) in the object's frame; `base_from_object` (4, 4).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +24,8 @@ FloatArray = npt.NDArray[np.float64]
 
 OBJECT_SPACING_M = 0.0025
 OBJECT_BALL_M = 0.001
-_ARRAYS = ("tool", "half_spaces", "capsules", "boxes", "object_points", "base_from_object")
+_NO_AREA_M2 = 1e-14
+_ARRAYS = ("tool", "half_spaces", "capsules", "boxes", "cones", "hull_faces", "object_points", "base_from_object")
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,8 @@ class Surroundings:
     half_spaces: FloatArray = field(default_factory=lambda: np.zeros((0, 4)))
     capsules: FloatArray = field(default_factory=lambda: np.zeros((0, 7)))
     boxes: FloatArray = field(default_factory=lambda: np.zeros((0, 15)))
+    cones: FloatArray = field(default_factory=lambda: np.zeros((0, 9)))
+    hull_faces: FloatArray = field(default_factory=lambda: np.zeros((0, 10)))
     names: tuple[str, ...] = ()
     object_points: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     base_from_object: FloatArray = field(default_factory=lambda: np.eye(4))
@@ -50,9 +56,28 @@ class Surroundings:
         if body < len(self.capsules):
             row = self.capsules[body]
             return _to_segment(points, row[:3], row[3:6]) - row[6]
-        row = self.boxes[body - len(self.capsules)]
-        beyond = np.abs((points - row[:3]) @ row[3:12].reshape(3, 3).T) - row[12:]
-        return np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0)
+        body -= len(self.capsules)
+        if body < len(self.boxes):
+            row = self.boxes[body]
+            beyond = np.abs((points - row[:3]) @ row[3:12].reshape(3, 3).T) - row[12:]
+            return np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0)
+        body -= len(self.boxes)
+        if body < len(self.cones):
+            return _to_cone(points, self.cones[body])
+        return _to_hull(points, self._hulls[body - len(self.cones)])
+
+    @cached_property
+    def _hulls(self) -> list[FloatArray]:
+        """Of each hull the triangles (F, 3, 3), the corners in the order that lets their normals point outwards."""
+        hulls: list[FloatArray] = []
+        for number in np.unique(self.hull_faces[:, 9]):
+            triangles = self.hull_faces[self.hull_faces[:, 9] == number, :9].reshape(-1, 3, 3)
+            inside = triangles.reshape(-1, 3).mean(axis=0)
+            normals = _normals(triangles)
+            inwards = np.einsum("fi,fi->f", normals, triangles[:, 0] - inside) < 0.0
+            turned = np.where(inwards[:, None, None], triangles[:, ::-1], triangles)
+            hulls.append(turned[np.linalg.norm(normals, axis=1) > _NO_AREA_M2])
+        return hulls
 
     def nudged(self, shift_m: Sequence[float], turn_rad: float) -> "Surroundings":
         """The same with the object shifted by (3,) m and turned about its own z axis."""
@@ -91,3 +116,39 @@ def _to_segment(points: FloatArray, start: FloatArray, end: FloatArray) -> Float
     away = points - start
     share = np.clip(away @ along / squared, 0.0, 1.0) if squared > 0.0 else np.zeros(len(points))
     return np.linalg.norm(away - share[:, None] * along, axis=1)
+
+
+def _to_cone(points: FloatArray, row: FloatArray) -> FloatArray:
+    """Distances (N,) to a cone or its stump, negative inside: in the plane of point and axis it is a trapezium."""
+    (height, foot, top), away = row[6:], points - row[:3]
+    along = away @ row[3:6]
+    across = np.linalg.norm(away - along[:, None] * row[3:6], axis=1)
+    place = np.stack([across, along], axis=1)
+    corners = np.array([[0.0, 0.0], [foot, 0.0], [top, height], [0.0, height]])
+    gaps = [_to_segment(place, start, end) for start, end in pairwise(corners)]
+    inside = (along > 0.0) & (along < height) & (across < foot + (top - foot) * along / height)
+    return np.where(inside, -1.0, 1.0) * np.min(gaps, axis=0)
+
+
+def _to_hull(points: FloatArray, triangles: FloatArray) -> FloatArray:
+    """Distances (N,) to a convex hull, negative inside."""
+    normals = _normals(triangles)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    from_planes = points @ normals.T - np.einsum("fi,fi->f", normals, triangles[:, 0])
+    result = from_planes.max(axis=1)
+    outside = result > 0.0
+    shape = (np.count_nonzero(outside), len(triangles))
+    over, nearest = np.ones(shape, dtype=bool), np.full(shape, np.inf)
+    for corner in range(3):  # the nearest point lies on an edge, or over the triangle where it is inwards of all edges
+        start, end = triangles[:, corner], triangles[:, (corner + 1) % 3]
+        along, away = end - start, points[outside, None] - start
+        share = np.clip(np.einsum("nfi,fi->nf", away, along) / np.einsum("fi,fi->f", along, along), 0.0, 1.0)
+        nearest = np.minimum(nearest, np.linalg.norm(away - share[..., None] * along, axis=2))
+        over &= np.einsum("nfi,fi->nf", away, np.cross(along, normals)) <= 0.0
+    nearest = np.where(over, np.abs(from_planes[outside]), nearest)
+    result[outside] = nearest.min(axis=1)
+    return result
+
+
+def _normals(triangles: FloatArray) -> FloatArray:
+    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])

@@ -1,5 +1,6 @@
 """What touches what: the controller's spheres against FCL on the maker's meshes and on the rendered object."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import fcl
@@ -8,6 +9,7 @@ import pytest
 import trimesh
 
 from acquisition import config
+from acquisition.config import Cone, ConvexMesh, Pose
 from acquisition.types import FloatArray
 from hardware_sim import link_spheres, nominal, objects, solids
 from hardware_sim.controller.contact import PARTS, ContactCheck
@@ -119,6 +121,66 @@ def test_arm_and_tool_meet_table_camera_and_object_where_their_meshes_do(check: 
             assert ours <= theirs + LATE_M + slack, (row, part, other)
     assert met["table"] > 10
     assert met["object"] > 1
+
+
+def random_pose(random: np.random.Generator) -> Pose:
+    """Somewhere, turned somehow."""
+    place, turn = random.normal(0, 0.3, 3).tolist(), random.normal(0, 1, 3).tolist()
+    return Pose(position_m=tuple(place), rotation_vector_rad=tuple(turn))
+
+
+@pytest.mark.parametrize("size_m", [0.0, 0.06, 0.3])
+@pytest.mark.parametrize("kind", ["cone", "hull"])
+def test_cones_and_hulls_are_as_far_away_as_their_meshes(kind: str, size_m: float, tmp_path: Path) -> None:
+    random = np.random.default_rng(11)
+    if kind == "cone":
+        body: Cone | ConvexMesh = Cone(
+            name="it", base_from_cone=random_pose(random), foot_radius_m=0.1, top_radius_m=size_m, height_m=0.3
+        )
+        angles = np.linspace(0, 2 * np.pi, 512, endpoint=False)
+        ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+        corners = np.vstack([0.1 * ring, size_m * ring + (0, 0, 0.3)])
+        frame = body.base_from_cone.matrix
+    else:
+        corners = random.normal(0, 0.05 + size_m, (40, 3))
+        corners = np.vstack([corners, np.array(np.meshgrid(*[[-0.1, 0.1]] * 3)).reshape(3, 8).T])
+        body = ConvexMesh(name="it", base_from_mesh=random_pose(random), vertices_m=list(map(tuple, corners.tolist())))
+        frame = body.base_from_mesh.matrix
+    mesh = trimesh.convex.convex_hull(corners).apply_transform(frame)
+    around = solids.surroundings(CELL.model_copy(update={"obstacles": [body]}), objects.build("sphere", 1).mesh)
+    points = mesh.bounds.mean(axis=0) + random.normal(0, 0.15 + size_m / 2, (120, 3))
+    _, away, _ = trimesh.proximity.closest_point_naive(mesh, points)
+    inside = mesh.contains(points)
+    assert 4 < inside.sum() < 116
+    around.save(tmp_path / "surroundings.npz")
+    around = load(tmp_path / "surroundings.npz")
+    found = around.distances(points, around.names.index("it"))
+    assert found == pytest.approx(np.where(inside, -away, away), abs=2e-5)
+
+
+def test_an_arm_that_comes_down_on_a_cone_or_a_hull_touches_it_at_its_top() -> None:
+    check = ContactCheck(MODELS["ur5e"], Surroundings())
+    over = np.array(check.frames(HOME.tolist())[6]).reshape(3, 4)[:, 3]
+    x, y, z = over.tolist()
+    foot = Pose(position_m=(x, y, 0.0))
+    top = z - 0.3
+    cone = Cone(name="it", base_from_cone=foot, foot_radius_m=0.08, top_radius_m=0.05, height_m=top)
+    corners = [(a, b, c) for a in (-0.06, 0.06) for b in (-0.06, 0.06) for c in (0.0, top)]
+    hull = ConvexMesh(name="it", base_from_mesh=foot, vertices_m=corners)
+    lowered = np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0])
+    places: list[FloatArray] = []
+    for body in (cone, hull):
+        bare = CELL.model_copy(update={"obstacles": [body], "camera_body": []})
+        around = replace(solids.surroundings(bare, objects.build("sphere", 1).mesh), object_points=np.zeros((0, 3)))
+        check = ContactCheck(MODELS["ur5e"], around)
+        assert check.advance(HOME.tolist()) is None
+        contact = check.advance((HOME + lowered).tolist())
+        assert contact is not None
+        assert (contact.first, contact.second) == ("tool", "it")
+        places.append(np.array(contact.joints))
+        at_contact = check.distances(contact.joints)[("tool", "it")]
+        assert -0.002 < at_contact <= 0.0
+    assert places[0] == pytest.approx(places[1], abs=0.03)
 
 
 def test_spheres_cover_a_body_and_do_not_stand_out_of_it() -> None:
