@@ -148,7 +148,8 @@ def test_cones_and_hulls_are_as_far_away_as_their_meshes(kind: str, size_m: floa
         frame = body.base_from_mesh.matrix
     mesh = trimesh.convex.convex_hull(corners).apply_transform(frame)
     around = solids.surroundings(CELL.model_copy(update={"obstacles": [body]}), objects.build("sphere", 1).mesh)
-    points = mesh.bounds.mean(axis=0) + random.normal(0, 0.15 + size_m / 2, (120, 3))
+    low, high = mesh.bounds
+    points = random.uniform(low - 0.05, high + 0.05, (120, 3))
     _, away, _ = trimesh.proximity.closest_point_naive(mesh, points)
     inside = mesh.contains(points)
     assert 4 < inside.sum() < 116
