@@ -89,9 +89,9 @@ class World:
         object_name: str,
         seed: int,
         profile: ProfileName,
-        arm_calibration_seed: int | None = None,
+        arm_calibration: tuple[int | None, float] = (None, 0.0),
     ) -> None:
-        """`arm_calibration_seed` is the controller's: where the lamp truly is follows from the arm as built."""
+        """`arm_calibration` (seed, error in m) is the controller's: the lamp truly is where the arm as built has it."""
         self.calibration = calibration
         self.cell = cell
         self.scene = objects.build(object_name, seed)
@@ -105,7 +105,7 @@ class World:
         self._profile = PROFILES[profile]
         self._seed = seed
         self._object_from_base = geometry.inverse(keep_out.base_from_object.matrix)
-        self._arm = calibrated(kinematics.MODELS[cell.arm.model], arm_calibration_seed)
+        self._arm = calibrated(kinematics.MODELS[cell.arm.model], *arm_calibration)
         self._flange_from_lamp = cell.arm.flange_from_tool.matrix @ np.array(calibration.tool_from_lamp)
         self._tracer = Tracer(self.scene.mesh)
         self.lens = Lens(

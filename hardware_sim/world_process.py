@@ -33,7 +33,7 @@ class ControllerState:
         self._client: ControlClient | None = ControlClient(address)
         state = self._client.state()
         self.disturbances: Disturbances = state["disturbances"]
-        self.calibration_seed: int | None = state["calibration_seed"]
+        self.calibration: tuple[int | None, float] = (state["calibration_seed"], state["calibration_error_m"])
 
     def surround(self, path: Path) -> None:
         """Tells the controller what the arm can touch. Raises RigError device.disconnected, request.invalid."""
@@ -72,7 +72,7 @@ def main(folder: Path, object_name: str, seed: int, profile: ProfileName) -> Non
         source = ControllerState(cell.arm.address, cell.lamp.output)
 
         def make(cell: CellConfig) -> World:
-            return World(cell, calibration, object_name, seed, profile, arm_calibration_seed=source.calibration_seed)
+            return World(cell, calibration, object_name, seed, profile, arm_calibration=source.calibration)
 
         disturbed = DisturbedWorld(cell, make, seed)
         disturbed.world.truth().save(folder / "truth.npz")

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import FrameType
 
 from acquisition import priority
+from hardware_sim.controller.calibration import TYPICAL_ERROR_M
 from hardware_sim.controller.kinematics import JOINT_LIMIT, MODELS
 from hardware_sim.controller.server import serve
 
@@ -30,6 +31,12 @@ def main() -> int:
     parser.add_argument("--model", choices=sorted(MODELS), default="ur5e", help="the arm")
     parser.add_argument("--home", type=_joints, default="0,-1.9,1.9,-1.57,-1.57,0", help="initial joints in rad")
     parser.add_argument("--calibration-seed", type=int, help="an arm as built, not as drawn; default: as drawn")
+    parser.add_argument(
+        "--calibration-error-m",
+        type=float,
+        default=TYPICAL_ERROR_M,
+        help="rms of the flange's distance from the drawings",
+    )
     parser.add_argument("--speed", type=float, default=1.0, help="speed factor of motion")
     parser.add_argument(
         "--low-when-stopped",
@@ -47,6 +54,8 @@ def main() -> int:
     options = parser.parse_args()
     if not 0.0 < options.speed <= 1000.0:
         parser.error("--speed must be above 0 and at most 1000")
+    if not 0.0 < options.calibration_error_m <= 0.02:
+        parser.error("--calibration-error-m must be above 0 and at most 0.02")
     logging.basicConfig(level=options.log, stream=sys.stderr, format="%(asctime)s %(name)s %(message)s")
     priority.take(priority.DRIVER)  # a real controller has a machine of its own
     ended = False
@@ -65,6 +74,7 @@ def main() -> int:
             model=options.model,
             home=options.home,
             calibration_seed=options.calibration_seed,
+            calibration_error_m=options.calibration_error_m,
             speed=options.speed,
             low_when_stopped=options.low_when_stopped,
             surroundings=options.surroundings,

@@ -2,7 +2,7 @@
 
 A real controller knows the measured chain of its own arm, and its clients do not: nominal kinematics are wrong by
 millimetres, the controller's tool pose is right. Each link gets errors of lengths and angles drawn from a seed, scaled
-so that the flange is `TYPICAL_ERROR` (root mean square over poses) from where the drawings have it.
+so that the flange is so far (root mean square over poses) from where the drawings have it as was asked for.
 """
 
 import math
@@ -12,14 +12,14 @@ from dataclasses import replace
 from hardware_sim.controller import kinematics
 from hardware_sim.controller.kinematics import ArmModel, Link
 
-TYPICAL_ERROR = 0.002  # m
+TYPICAL_ERROR_M = 0.002
 _POSES = 64
 _SHARE_OF_ANGLES = 1e-3 / 5e-4  # rad per m: angles of 1 mrad go with lengths of 0.5 mm
 _ROUNDS = 3  # the error is nearly linear in the deviations
 
 
-def calibrated(model: ArmModel, seed: int | None) -> ArmModel:
-    """The arm of a model that calibration `seed` describes; without one, the nominal arm."""
+def calibrated(model: ArmModel, seed: int | None, error_m: float = TYPICAL_ERROR_M) -> ArmModel:
+    """The arm of a model that calibration `seed` describes, its flange `error_m` rms off; without one, the nominal."""
     if seed is None:
         return model
     source = random.Random(f"{model.name} {seed}")  # noqa: S311 - a simulation's own noise
@@ -29,8 +29,8 @@ def calibrated(model: ArmModel, seed: int | None) -> ArmModel:
     arm = model
     for _ in range(_ROUNDS):
         links = tuple(_deviated(link, row, scale) for link, row in zip(model.links, deviations, strict=True))
-        arm = replace(model, links=links, calibration_seed=seed)
-        scale *= TYPICAL_ERROR / math.sqrt(sum(_error(model, arm, joints) ** 2 for joints in places) / _POSES)
+        arm = replace(model, links=links, calibration_seed=seed, calibration_error_m=error_m)
+        scale *= error_m / math.sqrt(sum(_error(model, arm, joints) ** 2 for joints in places) / _POSES)
     return arm
 
 

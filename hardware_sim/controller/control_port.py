@@ -96,6 +96,7 @@ def state(controller: Controller) -> dict[str, Any]:
         "moves_started": arm.moves_started,
         "model": arm.model.name,
         "calibration_seed": arm.model.calibration_seed,
+        "calibration_error_m": arm.model.calibration_error_m,
         "collisions": controller.collisions.count,
         "last_collision": None if last is None else last.as_json(),
         "touching": controller.collisions.touching,

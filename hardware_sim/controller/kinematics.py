@@ -53,6 +53,7 @@ class ArmModel:
     payload: float  # kg
     links: tuple[Link, ...]
     calibration_seed: int | None = None
+    calibration_error_m: float = 0.0
 
     @property
     def reach(self) -> float:

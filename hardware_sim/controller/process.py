@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import Self
 
 from acquisition.errors import ErrorCode, RigError
+from hardware_sim.controller.calibration import TYPICAL_ERROR_M
 from hardware_sim.controller.control import ControlClient
 
 _START_TIMEOUT = 10.0  # s, on a loaded machine; it takes well under one
@@ -28,6 +29,7 @@ class ControllerProcess:
         home: Sequence[float],
         model: str = "ur5e",
         calibration_seed: int | None = None,
+        calibration_error_m: float = TYPICAL_ERROR_M,
         speed: float = 1.0,
         low_when_stopped: Iterable[int] = (0,),
         surroundings: Path | None = None,
@@ -46,7 +48,7 @@ class ControllerProcess:
         command += ["--home=" + ",".join(repr(float(q)) for q in home)]
         command += ["--low-when-stopped", *map(str, low_when_stopped)]
         if calibration_seed is not None:
-            command += [f"--calibration-seed={calibration_seed}"]
+            command += [f"--calibration-seed={calibration_seed}", f"--calibration-error-m={calibration_error_m!r}"]
         for name, path in (("surroundings", surroundings), ("programs", programs), ("record", record)):
             if path is not None:
                 command += [f"--{name}", str(path)]

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from hardware_sim.controller import control_port, dashboard, rtde, scripts
-from hardware_sim.controller.calibration import calibrated
+from hardware_sim.controller.calibration import TYPICAL_ERROR_M, calibrated
 from hardware_sim.controller.control_port import ControlConnection
 from hardware_sim.controller.controller import Controller
 from hardware_sim.controller.dashboard import DashboardConnection
@@ -190,6 +190,7 @@ def serve(
     model: str = "ur5e",
     home: Sequence[float],
     calibration_seed: int | None = None,
+    calibration_error_m: float = TYPICAL_ERROR_M,
     speed: float = 1.0,
     low_when_stopped: Iterable[int] = (0,),
     surroundings: Path | None = None,
@@ -201,16 +202,16 @@ def serve(
     """Runs a controller until `stop` returns True, `stop_descriptor` ends or the process is interrupted.
 
     Prints `ready <address>` when it can be connected to. `home` are the initial joints in rad;
-    `calibration_seed` chooses an arm that differs from its drawings (see `calibration`); `speed` is the speed factor of
-    motion; `low_when_stopped` names the digital outputs held low while no program plays; `surroundings` is a
-    file of what the arm can touch, `programs` a folder of what the dashboard can load, `record` a file for every tick
-    (see the modules `surroundings`, `loaded`, `trace`). Never call it in a process that also holds `ur-rtde` objects:
-    the library's constructors hold the interpreter lock while they wait for this loop. Raises OSError where a port is
-    taken or a file cannot be opened, ValueError where one is not what it should be.
+    `calibration_seed` chooses an arm that differs from its drawings by `calibration_error_m` (see `calibration`);
+    `speed` is the speed factor of motion; `low_when_stopped` names the digital outputs held low while no program plays;
+    `surroundings` is a file of what the arm can touch, `programs` a folder of what the dashboard can load, `record` a
+    file for every tick (see the modules `surroundings`, `loaded`, `trace`). Never call it in a process that also holds
+    `ur-rtde` objects: the library's constructors hold the interpreter lock while they wait for this loop. Raises
+    OSError where a port is taken or a file cannot be opened, ValueError where one is not what it should be.
     """
     recorder = None if record is None else Recorder(record)
     controller = Controller(
-        calibrated(MODELS[model], calibration_seed),
+        calibrated(MODELS[model], calibration_seed, calibration_error_m),
         home,
         now=time.monotonic(),
         speed_factor=speed,

@@ -241,7 +241,7 @@ def test_the_lamp_is_fixed_to_the_flange(cell: CellConfig, direct: World) -> Non
 
 
 def test_lamp_is_where_the_arm_as_built_holds_it(cell: CellConfig) -> None:
-    scene = World(cell, nominal.calibration(32), "sphere", 1, "ideal", arm_calibration_seed=5)
+    scene = World(cell, nominal.calibration(32), "sphere", 1, "ideal", arm_calibration=(5, 0.002))
     built = calibrated(MODELS[cell.arm.model], 5)
     flange = np.array(poses.matrix(kinematics.forward(built, JOINTS)))
     drawn = np.array(poses.matrix(kinematics.forward(MODELS[cell.arm.model], JOINTS)))

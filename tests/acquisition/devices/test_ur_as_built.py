@@ -21,7 +21,8 @@ from tests.acquisition.devices.arm_scenes import CELL, connected
 from tests.acquisition.waypoints.cells import DEPLOY
 
 ADDRESS = "127.0.13.10"
-SEED = 7  # of the factory calibration: 2.4 mm rms and up to 3.5 mm all over the dome
+SEED = 7
+ERROR_M = 0.004  # rms over all poses; at the lights of the route it is 3.3 mm
 CALIBRATION = config.load_calibration(DEPLOY / CELL.calibration)
 OBJECT_CENTER_M = np.array([0.0, 0.0, CELL.object.keep_out.height_m / 2])
 
@@ -29,7 +30,9 @@ OBJECT_CENTER_M = np.array([0.0, 0.0, CELL.object.keep_out.height_m / 2])
 @pytest.fixture(scope="module")
 def control() -> Iterator[ControlClient]:
     with (
-        ControllerProcess(ADDRESS, home=CELL.arm.home, calibration_seed=SEED, speed=10.0) as process,
+        ControllerProcess(
+            ADDRESS, home=CELL.arm.home, calibration_seed=SEED, calibration_error_m=ERROR_M, speed=10.0
+        ) as process,
         process.control() as client,
     ):
         yield client
@@ -81,7 +84,7 @@ def test_lights_stand_where_they_are_logged_and_where_they_are_wanted(cell: Cell
         for name, others in (("logged", logged), ("aimed", aimed), ("drawn", drawn))
     )
     print(f"\n{error_mm:.2f} mm rms off the drawings; directions from the true ones, rms: {angles}")
-    assert error_mm > 1.5
+    assert error_mm > 3.0
     assert rms_deg(true, logged) < 0.1
     assert rms_deg(true, aimed) < 0.1
     assert rms_deg(true, drawn) > 0.1, "nominal kinematics would not have done"

@@ -8,7 +8,7 @@ import pytest
 
 from acquisition.waypoints import kinematics as nominal
 from hardware_sim.controller import kinematics, poses
-from hardware_sim.controller.calibration import TYPICAL_ERROR, calibrated
+from hardware_sim.controller.calibration import TYPICAL_ERROR_M, calibrated
 from hardware_sim.controller.kinematics import MODELS, ArmModel
 from tests.hardware_sim.controller.cells import HOME, connect
 from tests.hardware_sim.controller.programs import run
@@ -46,8 +46,19 @@ def test_drawings_are_wrong_by_millimetres(name: str, seed: int) -> None:
     drawn = nominal.forward(nominal.arm_model(name), np.array(joints))[:, 6, :3, 3]
     built = np.array([poses.position(kinematics.forward(arm, q)) for q in joints])
     errors = np.linalg.norm(drawn - built, axis=1)
-    assert math.sqrt(float(np.mean(errors**2))) == pytest.approx(TYPICAL_ERROR, rel=0.25)
-    assert errors.max() < 4 * TYPICAL_ERROR
+    assert math.sqrt(float(np.mean(errors**2))) == pytest.approx(TYPICAL_ERROR_M, rel=0.25)
+    assert errors.max() < 4 * TYPICAL_ERROR_M
+
+
+@pytest.mark.parametrize("error_m", [0.0005, 0.003])
+def test_an_arm_is_as_far_from_its_drawings_as_asked_for(error_m: float) -> None:
+    joints = random_joints(100, 8)
+    places = [
+        np.array([poses.position(kinematics.forward(arm, q)) for q in joints])
+        for arm in (MODELS["ur5e"], calibrated(MODELS["ur5e"], 4, error_m))
+    ]
+    errors = np.linalg.norm(places[0] - places[1], axis=1)
+    assert math.sqrt(float(np.mean(errors**2))) == pytest.approx(error_m, rel=0.25)
 
 
 def test_a_seed_is_one_arm() -> None:
@@ -103,7 +114,7 @@ def test_real_library_sees_the_arm_as_built() -> None:
         built = poses.to_ur(kinematics.forward(calibrated(MODELS["ur5e"], 2), HOME))
         assert pose == pytest.approx(built, abs=1e-9)
         drawn = nominal.forward(nominal.arm_model("ur5e"), np.array([HOME]))[0, 6, :3, 3]
-        assert 3e-4 < np.linalg.norm(drawn - pose[:3]) < 4 * TYPICAL_ERROR
+        assert 3e-4 < np.linalg.norm(drawn - pose[:3]) < 4 * TYPICAL_ERROR_M
         assert cell.control.getForwardKinematics() == pytest.approx(pose, abs=1e-9)
         assert cell.control.getInverseKinematics(pose) == pytest.approx(HOME, abs=1e-6)
         with cell.process.control() as control:
