@@ -20,6 +20,15 @@ SOFTENING = 0.2
 """Weights are 1/(y + this), y in units of the pixel's median: between constant noise and noise in proportion."""
 
 LAMBERT = np.array([0.0, 0.0, 1.0])
+FORM_SIGMA = np.array([0.1, 0.04, 0.035])
+"""1 σ of the form: what is left where no form of the family fits a material, found on materials outside of it."""
+
+STEP = 1e-3
+"""Change of normal and form for difference quotients."""
+
+CHUNK = 2048
+"""Pixels whose derivatives are held at once."""
+
 COARSE = tuple((kappa, omega, 1.0) for kappa in (0.0, 0.5, 1.0) for omega in (0.0, 0.25, 0.5))
 LOWEST = np.array([-0.6, -0.2, 0.6])
 HIGHEST = np.array([1.2, 0.9, 1.6])
@@ -46,6 +55,10 @@ class Fits:
     variance: Float32Array  # (N,) rad², both tangential directions
     spread: Float32Array  # (N,) of weighted residuals, in units of the pixel's median
     loss: Float32Array  # (N,)
+
+    def subset(self, chosen: np.ndarray | slice) -> "Fits":
+        """Some of the pixels, by their number."""
+        return Fits(**{one.name: getattr(self, one.name)[chosen] for one in fields(self)})
 
 
 def light_table(directions: FloatArray) -> FloatArray:
@@ -158,12 +171,60 @@ def matt_form(values: Float32Array, clipped: BoolArray, directions: FloatArray) 
     return form
 
 
+def form_variance(
+    fits: Fits, values: Float32Array, clipped: BoolArray, table: FloatArray, form: FloatArray
+) -> Float32Array:
+    """Variance (N,) in rad² of the normals, both tangential directions, if the matt part's form is off by FORM_SIGMA.
+
+    No pixel's residuals show this error: bending the fall-off and tilting the normal look alike. To first order the
+    normal turns by (JᵀWJ)⁻¹JᵀW ∂m/∂form, J and ∂m/∂form with the strengths projected out.
+    """
+    parts = [slice(start, start + CHUNK) for start in range(0, len(values), CHUNK)]
+    found = [_form_variance(fits.subset(part), values[part], clipped[part], table, form) for part in parts]
+    return np.concatenate(found) if found else np.empty(0, np.float32)
+
+
+def _form_variance(
+    fits: Fits, values: Float32Array, clipped: BoolArray, table: FloatArray, form: FloatArray
+) -> Float32Array:
+    typical = np.maximum(np.median(values, axis=1, keepdims=True), 1e-9).astype(np.float32)
+    y, strengths = values / typical, fits.strengths / typical
+    trust = np.where(trusted(y, clipped), 1.0 / (np.maximum(y, 0) + SOFTENING), 0.0)
+    lobes = strengths[:, :, None] * _every_basis(fits.normals, table, form)  # (N, K, F); zero where not used
+    predicted = lobes.sum(axis=1)
+    squared = (CAUCHY_SCALE * np.maximum(fits.spread, LEAST_SPREAD)[:, None]) ** 2
+    weight = trust / (1 + (y - predicted) ** 2 * trust / squared)
+
+    def moved(change: FloatArray) -> FloatArray:
+        normals = fits.normals + STEP * change
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        return (np.einsum("nk,nkf->nf", strengths, _every_basis(normals, table, form)) - predicted) / STEP
+
+    aside = np.where(np.abs(fits.normals[:, :1]) < 0.8, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    across = np.cross(fits.normals, aside)
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    rows = [moved(across), moved(np.cross(fits.normals, across))]
+    for one in np.eye(reflectance.FORM):
+        bent = matt(fits.normals, table, form + STEP * one) * strengths[:, :1]
+        rows.append((bent - lobes[:, 0]) / STEP)
+    root = np.sqrt(weight)
+    columns = (np.stack(rows, axis=1) * root[:, None]).astype(np.float64)  # (N, 2 + FORM, F)
+    own = (lobes * root[:, None]).astype(np.float64)
+    inner = own @ own.transpose(0, 2, 1)
+    inner += (1e-9 + 1e-9 * np.trace(inner, axis1=1, axis2=2))[:, None, None] * np.eye(len(inner[0]))
+    columns -= (columns @ own.transpose(0, 2, 1)) @ np.linalg.solve(inner, own)
+    tilt, bend = columns[:, :2], columns[:, 2:]
+    matrix = tilt @ tilt.transpose(0, 2, 1) + 1e-9 * np.eye(2)
+    turned = np.linalg.solve(matrix, tilt @ bend.transpose(0, 2, 1)) * FORM_SIGMA
+    return np.sum(turned**2, axis=(1, 2)).astype(np.float32)
+
+
 def trusted(values: Float32Array, clipped: BoolArray) -> BoolArray:
     """Which measurements (N, F) are used: neither clipped nor far darker than the pixel's bright ones."""
     return (values >= np.quantile(values, 0.8, axis=1, keepdims=True) * SHADOW) & ~clipped
 
 
-def matt(normals: Float32Array, table: FloatArray, form: FloatArray) -> Float32Array:
+def matt(normals: np.ndarray, table: FloatArray, form: FloatArray) -> Float32Array:
     """Brightness (N, F) of a matt surface of strength 1 with these normals (N, 3)."""
     return _every_basis(normals, table, form)[:, 0]
 
@@ -173,7 +234,7 @@ def brightness(fits: Fits, table: FloatArray, form: FloatArray) -> FloatArray:
     return np.einsum("nk,nkf->nf", fits.strengths, _every_basis(fits.normals, table, form))
 
 
-def _every_basis(normals: Float32Array, table: FloatArray, form: FloatArray) -> Float32Array:
+def _every_basis(normals: np.ndarray, table: FloatArray, form: FloatArray) -> Float32Array:
     out = np.empty((len(normals), reflectance.STRENGTHS, table.shape[1]), np.float32)
     reflectance.many(np.ascontiguousarray(normals, dtype=np.float64), table, form, reflectance.WIDTHS, out)
     return out

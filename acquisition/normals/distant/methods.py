@@ -32,10 +32,10 @@ PRIOR_COUNT = 2.0
 """What the residuals are expected to be, as a share of the albedo, and how many residuals that expectation counts."""
 
 FORM_SAMPLE = 400
-FORM_RAD2 = np.float32(np.radians(0.5) ** 2)
-"""Variance of a glossy fit's normals, over both directions, that a form of the matt part a little off leaves."""
+LEAST_RAD2 = np.float32(np.radians(0.15) ** 2)
+"""Variance of a glossy fit's normals, over both directions, that directions and intensities of lights leave."""
 
-UNDERSTATED = np.float32(1.5**2)
+UNDERSTATED = np.float32(2.2**2)
 """What the linear variance of a glossy fit misses: lobes and matt part trade with each other out of its sight."""
 
 UNKNOWN_RAD2 = np.float32(np.radians(60.0) ** 2)
@@ -186,7 +186,8 @@ def _glossy(directions: FloatArray, form: FloatArray) -> Method:
         # A pixel that is all gloss has a normal too, though no matt albedo to speak of.
         albedo = np.maximum(fits.strengths[:, 0], np.float32(1e-6) * np.sum(fits.strengths, axis=1))
         residual = fits.spread * np.median(values, axis=1)
-        variance = np.minimum(UNDERSTATED * fits.variance + FORM_RAD2, UNKNOWN_RAD2).astype(np.float32)
+        bent = glossy.form_variance(fits, values, clipped, table, form)
+        variance = np.minimum(UNDERSTATED * fits.variance + bent + LEAST_RAD2, UNKNOWN_RAD2).astype(np.float32)
         return Found(fits.normals.T, albedo, variance, residual.astype(np.float32), flags)
 
     return solve
