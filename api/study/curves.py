@@ -1,7 +1,8 @@
 """Errors against the number of images, for every method, matt and glossy: the same solver and as many images for all.
 
-A piece of the work is one draw of one object: its pictures are shared by all methods and numbers, and pieces run in two
-processes. Rivals that matter (ours and two rings) are drawn more often where they are compared.
+A piece of the work is one draw of one object, matt and glossy: what the camera sees is traced once, pictures are shared
+by all methods and numbers, and pieces run in two processes. Rivals that matter (ours and two rings) are drawn more
+often where they are compared.
 """
 
 from collections.abc import Sequence
@@ -31,6 +32,11 @@ class Draws:
         """Draws by number of images."""
         return self.rivals if method in RIVALS else self.others
 
+    @property
+    def most(self) -> int:
+        """The most often that any number is drawn."""
+        return max(*self.rivals.values(), *self.others.values())
+
 
 @dataclass(frozen=True)
 class Scale:
@@ -47,14 +53,14 @@ class Scale:
 
 @dataclass(frozen=True)
 class Piece:
-    """One draw of one object, matt or glossy."""
+    """One draw of one object; `matt` and `glossy`: how often each number of images is drawn, none: not this finish."""
 
     shape: str
     draw: int
     seed: int
     pixels: int
-    glossy: bool
-    draws: Draws
+    matt: Draws | None
+    glossy: Draws | None
 
 
 @dataclass(frozen=True)
@@ -89,20 +95,29 @@ class Curve:
 def pieces(seed: int, scale: Scale) -> list[Piece]:
     """All pieces, those with most to do first."""
     return [
-        Piece(shape, draw, 1000 * seed + draw, scale.pixels, glossy, draws)
-        for glossy, shapes, draws in ((True, scale.glossy_objects, scale.glossy), (False, scale.objects, scale.matt))
-        for draw in range(max(*draws.rivals.values(), *draws.others.values()))
-        for shape in shapes
+        Piece(
+            shape,
+            draw,
+            1000 * seed + draw,
+            scale.pixels,
+            scale.matt if shape in scale.objects and draw < scale.matt.most else None,
+            scale.glossy if shape in scale.glossy_objects and draw < scale.glossy.most else None,
+        )
+        for draw in range(max(scale.matt.most, scale.glossy.most))
+        for shape in OBJECTS
+        if shape in (*scale.objects, *scale.glossy_objects)
     ]
 
 
 def work(piece: Piece) -> list[Sample]:
     """All sessions of one piece."""
-    scene = Scene(scenes.traced(piece.shape, piece.seed, piece.pixels), glossy=piece.glossy)
+    shared = scenes.traced(piece.shape, piece.seed, piece.pixels)
     return [
         _sample(piece, scene, method, lights)
+        for scene, draws in ((Scene(shared), piece.matt), (Scene(shared, glossy=True), piece.glossy))
+        if draws is not None
         for method in METHODS
-        for lights, times in sorted(piece.draws.of(method).items())
+        for lights, times in sorted(draws.of(method).items())
         if piece.draw < times
     ]
 
@@ -114,7 +129,7 @@ def _sample(piece: Piece, scene: Scene, method: str, lights: int) -> Sample:
     return Sample(
         shape=piece.shape,
         draw=piece.draw,
-        glossy=piece.glossy,
+        glossy=scene.glossy,
         method=method,
         lights=lights,
         mean_deg=float(np.mean(error)),

@@ -187,7 +187,7 @@ class Scene:
     """One draw: an object, matt or glossy, and the errors of every image that may be taken of it."""
 
     def __init__(self, shared: Geometry, *, glossy: bool = False) -> None:
-        self.geometry = shared
+        self.geometry, self.glossy = shared, glossy
         self.surface = shared.glossy if glossy else replace(shared.glossy, name=shared.shape, gloss=0.0)
         self._pictures: dict[tuple[object, ...], Float32Array] = {}
         self._found: dict[tuple[Light, ...], Found] = {}
