@@ -39,13 +39,13 @@ GLOSSY_FROM = 0.03
 """Share of pixels with a highlight in some image above which a surface is glossy: 0.5–2 % on matt ones, 4–13 % on
 slightly glossy ones."""
 
-HIGHLIGHT_SIGMA = 0.1
-"""1 σ of the highlight where nothing but its presence is known, in units of albedo."""
-
 LOBE_SIGMA = 0.2
 """1 σ of what is left of a highlight whose lobe has been found, as a share of it."""
 
-USUAL_EXPONENT = 30.0
+USUAL_STRENGTH, USUAL_EXPONENT = 0.15, 30.0
+"""The lobe where nothing but the presence of highlights is known, its strength in units of albedo. What is planned for
+is the error that the final solve leaves, not the highlight: lights that keep clear of all highlights would tell nothing
+of the lobe, and flat surfaces then take it for a shift of the object."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def gloss(normal_map: NormalMap) -> Gloss:
     if lobe is not None and lobe["strength"] > 0:
         return Gloss(LOBE_SIGMA * float(lobe["strength"]), float(lobe["exponent"]))
     shown = np.any(normal_map.flags[:, normal_map.mask] & HIGHLIGHT, axis=0)
-    return Gloss(HIGHLIGHT_SIGMA) if shown.size and np.mean(shown) > GLOSSY_FROM else MATT
+    return Gloss(LOBE_SIGMA * USUAL_STRENGTH) if shown.size and np.mean(shown) > GLOSSY_FROM else MATT
 
 
 def variance(
