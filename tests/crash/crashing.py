@@ -161,6 +161,13 @@ def wait_for_stage(client: Client, session_id: str, number: int) -> None:
             return
 
 
+def wait_for_image(client: Client, session_id: str) -> None:
+    """Returns when the session has an image, or waits or has ended."""
+    for event in client.events(session_id, after=0):
+        if event.type == "shot.captured" or (event.type == "session.state" and event.body["state"] != "running"):
+            return
+
+
 def announced(data: Path, session_id: str) -> dict[tuple[int, int], str]:
     """SHA-256 of the frames that the events of a session have told of, read from the database as it is."""
     journal = Journal(data / "rig.db")

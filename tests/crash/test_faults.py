@@ -18,6 +18,7 @@ from tests.crash.crashing import (
     bench,
     cases,
     resume,
+    wait_for_image,
 )
 
 pytestmark = pytest.mark.long
@@ -61,6 +62,8 @@ def test_a_session_survives_a_fault_that_a_person_mends(made: Bench, case: int) 
     number = chance.choice([2, 2, 6, *range(len(made.stage_begins) - 1)])  # while images are taken, most often
     with made.serve() as client:
         session_id = made.run_into(client, number, chance)
+        if fault["kind"] == "nudged_object":
+            wait_for_image(client, session_id)  # before the first one nobody knows where the object is
         made.control.fault(**fault)
         found = client.wait(session_id)
         kept = announced(made.data, session_id)
