@@ -45,11 +45,22 @@ def test_help_loads_no_numerical_kernel() -> None:
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
-def test_bad_input_is_named_with_what_to_do(arguments: tuple[str, ...], said: str, tmp_path: Path) -> None:
+def test_bad_input_is_named_with_what_to_do(
+    arguments: tuple[str, ...], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
     more = ("--data", str(tmp_path)) if arguments[0] in ("demo", "serve") else ()
-    done = lightpose(*arguments, *more)
-    assert done.returncode == 2
+    done = CliRunner().invoke(app, [*arguments, *more])
+    assert done.exit_code == 2
     assert said in done.stdout + done.stderr
+    assert isinstance(done.exception, SystemExit)  # told, not thrown
+
+
+def test_what_is_wrong_ends_the_command_without_a_traceback() -> None:
+    done = lightpose("solve", "no-such-folder")
+    assert done.returncode == 2
+    assert "no-such-folder" in done.stderr
+    assert "What to do" in done.stderr
     assert "Traceback" not in done.stderr
 
 
@@ -62,7 +73,7 @@ def test_check_says_what_the_cell_can_do() -> None:
 
 def test_the_demonstration_ends_with_one_json_object(tmp_path: Path) -> None:
     done = lightpose(
-        "demo", "--object", "sphere", "--profile", "ideal", "--pixels", "96", "--speed", "10", "--pilot", "3",
+        "demo", "--object", "sphere", "--profile", "ideal", "--pixels", "96", "--speed", "30", "--pilot", "3",
         "--planned", "2", "--no-random", "--data", str(tmp_path), "--json",
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr

@@ -24,6 +24,7 @@ from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
 
 CELL = "127.0.4.10"
+CELL_FILE = Path(__file__).parents[2] / "deploy" / "cell.test.toml"
 RECIPE = Recipe(pilot_lights=3, planned_lights=1, label="whole")
 
 
@@ -32,7 +33,7 @@ def live(tmp_path_factory: pytest.TempPathFactory, serving: Any) -> Generator[An
     """A service at a simulated cell."""
     folder = tmp_path_factory.mktemp("whole")
     with (
-        Cell(CELL, "sphere", 1, "ideal", 20, folder=folder / "cell", pixels=128) as cell,
+        Cell(CELL, "sphere", 1, "ideal", 20, folder=folder / "cell", pixels=128, cell_file=CELL_FILE) as cell,
         serving(settings.read(cell=cell.cell_file, data=folder / "data", host="127.0.4.2", port=0)) as service,
     ):
         service.client.wait_ready()
@@ -282,12 +283,12 @@ def test_a_plan_is_reviewed_over_http(live: Any, done: tuple[Any, list[Any]]) ->
     assert late.json()["allowed"] == []
 
 
-def test_recovery_is_the_pendants_unless_the_cell_file_says_otherwise(live: Any, done: tuple[Any, list[Any]]) -> None:
-    refused = live.http.post("/v1/rig/safety/recovery", json={"step": "unlock"})
+def test_recovery_is_the_pendants_unless_the_cell_file_says_otherwise(shared: Any) -> None:
+    refused = shared.http.post("/v1/rig/safety/recovery", json={"step": "unlock"})
 
     assert refused.status_code == 403
     assert refused.json()["code"] == ErrorCode.SAFETY_RECOVERY_FORBIDDEN
-    assert live.http.post("/v1/rig/safety/recovery", json={"step": "jump"}).status_code == 422
+    assert shared.http.post("/v1/rig/safety/recovery", json={"step": "jump"}).status_code == 422
 
 
 def test_a_session_that_was_served_elsewhere_is_not_waited_for_in_vain(live: Any, done: tuple[Any, list[Any]]) -> None:
