@@ -24,7 +24,7 @@ from acquisition.normals.folders import session as session_images
 from acquisition.plan import baselines, explain
 from acquisition.types import BoolArray, FloatArray, JointPath, Light, LightPlan, Recipe, Route, Vector3
 from acquisition.waypoints import reach as reaching
-from acquisition.waypoints import rejoin
+from acquisition.waypoints import rejoin, sketch
 from acquisition.waypoints import route as routing
 
 
@@ -208,14 +208,15 @@ def make_export(observations: Observations, calibration: Calibration, result: Pa
 
 
 def _facts(
-    found: NormalMap, observations: Observations, calibration: Calibration, forecast: LightPlan | None, folder: Path,
-    seconds: dict[str, float],
+    found: NormalMap, observations: Observations, cell: CellConfig, calibration: Calibration,
+    forecast: LightPlan | None, folder: Path, seconds: dict[str, float],
 ) -> report.Facts:  # fmt: skip
     """What the report of a session's result says beside the maps; the folder is sessions/<id>/results/<number>."""
+    session = folder.parent.parent
     images = session_images.images(observations, calibration, found.silhouette)
     passes = [shot.key.pass_number for shot in observations.shots if shot.light is not None]
     return report.Facts(
-        title=f"Session {folder.parent.parent.name}, result {folder.name}",
+        title=f"Session {session.name}, result {folder.name}",
         names=images.names,
         directions=light_files.directions(images, export.Source(found, images).centre),
         groups=tuple("first pass" if number == 0 else "planned" for number in passes),
@@ -223,7 +224,18 @@ def _facts(
         why=str(found.notes.get("why", "")),
         seconds=seconds,
         predicted_sigma_deg=None if forecast is None else forecast.predicted_sigma_deg,
+        drawings=tuple(sketch.views(_routes(session, max(passes, default=0)), cell, calibration)),
     )
+
+
+def _routes(session: Path, last_pass: int) -> list[Route]:
+    """Each pass's whole route; shorter ones are what was left after an interruption."""
+    whole: list[Route] = []
+    for number in range(last_pass + 1):
+        files = sorted((session / f"passes/{number}").glob("route*.json"), reverse=True)
+        made = [Route.model_validate_json(file.read_bytes()) for file in files]
+        whole += [max(made, key=lambda route: len(route.waypoints))] if made else []
+    return whole
 
 
 def solve_normals(
@@ -243,7 +255,7 @@ def solve_normals(
     seconds = {"solve": time.monotonic() - begun}
     with export.whole_folder(folder) as partial:
         export.write_into(found, partial)
-        report.write(found, _facts(found, observations, calibration, forecast, folder, seconds), partial)
+        report.write(found, _facts(found, observations, cell, calibration, forecast, folder, seconds), partial)
     sigma = found.sigma_deg[found.mask]
     lights_used = np.count_nonzero(found.flags & LIT, axis=0)[found.silhouette]
     return ResultSummary(

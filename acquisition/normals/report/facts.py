@@ -25,5 +25,7 @@ class Facts:
     """Mean σ that the plan expected."""
     error_deg: Mapping[str, float] = field(default_factory=dict[str, float])
     """Errors against known truth: mean, median, 95 %; empty where no truth is known."""
+    drawings: tuple[tuple[str, str], ...] = ()
+    """Of how the images were taken: what each shows, and an SVG element."""
     warnings: tuple[str, ...] = ()
     """Sentences that whoever read the images has for the person."""

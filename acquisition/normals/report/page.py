@@ -39,6 +39,9 @@ def _page(found: NormalMap, facts: Facts, small: Small, maps: list["_Map"]) -> s
         or "<li class=good>Nothing to complain of.",
         "MAPS": "".join(_figure(one) for one in maps),
         "DOME": _dome(facts),
+        "DRAWINGS": "".join(
+            f"<figure>{svg}<figcaption>{html.escape(what)}</figcaption></figure>" for what, svg in facts.drawings
+        ),
         "LIGHTS": _lights(found, facts),
         "SECONDS": ", ".join(f"{html.escape(name)} {value:.2f} s" for name, value in facts.seconds.items()),
         "NORMALS_DATA": _data(pictures.normals(small), ".png"),

@@ -209,3 +209,12 @@ def test_figures_and_lights_are_told(ball: NormalMap, tmp_path: Path) -> None:
     for part in ("0.61°", "mean 0.55°", "weighted: least residual", "solve 1.25 s", "Mind the gap.", "planned", "37°"):
         assert part in words, part
     assert text.count('class="light kind') == LIGHTS
+
+
+def test_drawings_of_how_the_images_were_taken_are_on_the_page(ball: NormalMap, tmp_path: Path) -> None:
+    svg = '<svg viewBox="0 0 10 10" role="img" aria-label="cell from above"><path d="M1 1L9 9" /></svg>'
+    report.write(ball, replace(FACTS, drawings=(("Cell <from> above", svg),)), tmp_path)
+    page = (tmp_path / report.PAGE).read_text(encoding="utf-8")
+    assert f"<figure>{svg}<figcaption>Cell &lt;from&gt; above</figcaption></figure>" in page
+    report.write(ball, FACTS, tmp_path)
+    assert "cell from above" not in (tmp_path / report.PAGE).read_text(encoding="utf-8")
