@@ -267,6 +267,17 @@ def unexplained_shadows(
     return float(np.mean(dark[sure])) if np.any(sure) else 0.0
 
 
+def mirrored(sample: Samples, units: FloatArray, gloss: Gloss) -> float:
+    """Largest share of the pixels that show half of the highlight's peak or more of one of unit lights (K, 3) at once;
+    none on a matt surface."""
+    if gloss.sigma == 0 or not len(units):
+        return 0.0
+    to_camera = -sample.along / np.sqrt(np.sum(sample.along**2, axis=0))
+    half = units[:, :, None] + to_camera
+    aligned = np.einsum("kcp,cp->kp", half, sample.normal) / np.sqrt(np.einsum("kcp,kcp->kp", half, half))
+    return float(np.max(np.mean(np.maximum(aligned, 0) ** gloss.exponent > 0.5, axis=1)))
+
+
 @dataclass(frozen=True)
 class Expectation:
     """What is expected of all sample pixels in all scenarios after some lights."""

@@ -125,7 +125,8 @@ def choose(
     unexplained = criterion.unexplained_shadows(
         problem.known, normal_map, problem.surface, observations, calibration, recipe
     )
-    fallback = Doubts(unexplained, gain).fallback
+    mirrored = criterion.mirrored(problem.known, problem.units, problem.gloss)
+    fallback = Doubts(unexplained, mirrored, gain).fallback
     if fallback is not None:
         positions = problem.positions[sets[0]]
 

@@ -8,6 +8,7 @@ import pytest
 from acquisition import pilot
 from acquisition.measured import HIGHLIGHT, LIT, NormalMap
 from acquisition.plan import criterion, noise, visibility
+from acquisition.plan.trust import Doubts
 from acquisition.types import Recipe
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
@@ -52,6 +53,28 @@ def test_gloss_takes_the_worth_of_a_light_where_its_highlight_falls(ball: scenes
     assert np.sum(near) > 5
     assert np.all(glossy[near] < 0.1 * matt[near])
     np.testing.assert_allclose(glossy[far], matt[far], rtol=1e-3)
+
+
+def test_a_flat_surface_mirrors_one_lamp_nearly_everywhere_and_a_ball_in_a_spot(ball: scenes.Scene) -> None:
+    gloss = noise.Gloss(0.03, 30.0)
+    plate = scenes.scene(lambda x, y: np.where(np.hypot(x, y) < 0.06, 0.01, 0.0), scenes.calibration(64))
+    shares: dict[str, float] = {}
+    for name, true in {"ball": ball, "plate": plate}.items():
+        normal_map = piloted(true)
+        sample = criterion.samples(normal_map, true.calibration, np.arange(len(normal_map.information.rows)))
+        units = criterion.directions(scenes.ring(12, 15.0))
+        shares[name] = criterion.mirrored(sample, units, gloss)
+        assert criterion.mirrored(sample, units, noise.MATT) == 0
+    assert shares["plate"] > 0.5
+    assert 0 < shares["ball"] < 0.2
+
+
+def test_two_rings_are_taken_where_a_plan_is_not_to_be_trusted() -> None:
+    assert Doubts(unexplained=0.02, mirrored=0.1, gain=0.1).fallback is None
+    for doubts, why in (
+        (Doubts(0.2, 0.1, 0.1), "steps"), (Doubts(0.02, 0.8, 0.1), "mirrors"), (Doubts(0.02, 0.1, 0.0), "only"),
+    ):  # fmt: skip
+        assert why in (doubts.fallback or "")
 
 
 def test_only_surface_that_bends_keeps_a_variance_and_by_how_far_it_bends(ball: scenes.Scene) -> None:
