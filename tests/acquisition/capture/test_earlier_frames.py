@@ -41,6 +41,16 @@ def test_an_image_taken_again_is_the_same_but_for_noise() -> None:
     assert same.changed < 0.002
 
 
+def test_a_lamp_that_does_not_come_back_exactly_is_no_movement() -> None:
+    rng = np.random.default_rng(0)
+    for seed in range(6):
+        place = np.array(FIRST.position) + 1e-3 * rng.normal(size=3)
+        other = FIRST.model_copy(update={"position": tuple(float(value) for value in place)})
+        again = frame(scenes.lit(TRUE, other), seed, brightness=1 + 0.014 * rng.normal())
+        same = compare.same_scene(frame(LIT, 99), again, REGION, SENSOR)
+        assert same.accepted, same.detail
+
+
 @settings(max_examples=20, deadline=None)
 @given(st.floats(-6, 6), st.floats(-6, 6))
 def test_a_shift_between_two_images_is_measured(across: float, down: float) -> None:
