@@ -20,7 +20,7 @@ SOFTENING = 0.2
 """Weights are 1/(y + this), y in units of the pixel's median: between constant noise and noise in proportion."""
 
 LAMBERT = np.array([0.0, 0.0, 1.0])
-FORM_SIGMA = np.array([0.1, 0.04, 0.035])
+FORM_SIGMA = np.array([0.08, 0.032, 0.028])
 """1 σ of the form: what is left where no form of the family fits a material, found on materials outside of it."""
 
 STEP = 1e-3
@@ -114,13 +114,8 @@ def from_neighbours(
     `place` (N,) are the pixels' numbers in rows of `width`. A pixel in shadow under a third of the lights starts badly
     by itself, tens of degrees off, while one beside it may have found its way.
     """
-    row, column = np.divmod(place, width)
-    number = np.full((int(row.max()) + 1, width), -1)
-    number[row, column] = np.arange(len(place))
     for reach in REACHES:
-        around = np.pad(number, reach, constant_values=-1)
-        steps = ((0, reach), (0, -reach), (reach, 0), (-reach, 0))
-        beside = np.stack([around[row + reach + down, column + reach + right] for down, right in steps])
+        beside = _beside(place, width, reach)
         loss = np.where(beside >= 0, fits.loss[beside], np.inf)
         best = np.take_along_axis(beside, np.argmin(loss, axis=0)[None], axis=0)[0]
         alike = np.einsum("nc,nc->n", fits.normals[best], fits.normals) > np.cos(APART_RAD)
@@ -169,6 +164,30 @@ def matt_form(values: Float32Array, clipped: BoolArray, directions: FloatArray) 
         if not moved:
             step = step / 2
     return form
+
+
+def roughness(normals: Float32Array, place: np.ndarray, width: int) -> Float32Array:
+    """How far normals (N, 3) lie, rad, from the mean of the two on either side, beyond what these are wrong by.
+
+    Curvature cancels in that mean; noise, edges and pixels that went astray do not. Of rows and columns the larger
+    counts, zero where a pixel has no such neighbours; `place` and `width` as for `from_neighbours`.
+    """
+    right, left, below, above = _beside(place, width, 1)
+    out = np.zeros(len(normals), np.float32)
+    for one, other in ((left, right), (above, below)):
+        both = (one >= 0) & (other >= 0)
+        apart = np.linalg.norm(normals - (normals[one] + normals[other]) / 2, axis=1)
+        out = np.where(both, np.maximum(out, apart), out)
+    return (np.sqrt(2 / 3) * out).astype(np.float32)
+
+
+def _beside(place: np.ndarray, width: int, reach: int) -> np.ndarray:
+    """The numbers (4, N) of the pixels to the right, left, below and above, or −1."""
+    row, column = np.divmod(place, width)
+    around = np.full((int(row.max(initial=0)) + 1 + 2 * reach, width + 2 * reach), -1)
+    around[row + reach, column + reach] = np.arange(len(place))
+    steps = ((0, reach), (0, -reach), (reach, 0), (-reach, 0))
+    return np.stack([around[row + reach + down, column + reach + right] for down, right in steps])
 
 
 def form_variance(

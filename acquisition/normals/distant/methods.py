@@ -35,9 +35,6 @@ FORM_SAMPLE = 400
 LEAST_RAD2 = np.float32(np.radians(0.15) ** 2)
 """Variance of a glossy fit's normals, over both directions, that directions and intensities of lights leave."""
 
-UNDERSTATED = np.float32(2.2**2)
-"""What the linear variance of a glossy fit misses: lobes and matt part trade with each other out of its sight."""
-
 UNKNOWN_RAD2 = np.float32(np.radians(60.0) ** 2)
 
 
@@ -187,7 +184,9 @@ def _glossy(directions: FloatArray, form: FloatArray) -> Method:
         albedo = np.maximum(fits.strengths[:, 0], np.float32(1e-6) * np.sum(fits.strengths, axis=1))
         residual = fits.spread * np.median(values, axis=1)
         bent = glossy.form_variance(fits, values, clipped, table, form)
-        variance = np.minimum(UNDERSTATED * fits.variance + bent + LEAST_RAD2, UNKNOWN_RAD2).astype(np.float32)
+        # What lobes and matt part trade with each other, and shadows half cast, show among neighbours, if anywhere.
+        astray = np.square(glossy.roughness(fits.normals, chosen, width))
+        variance = np.minimum(fits.variance + bent + astray + LEAST_RAD2, UNKNOWN_RAD2).astype(np.float32)
         return Found(fits.normals.T, albedo, variance, residual.astype(np.float32), flags)
 
     return solve

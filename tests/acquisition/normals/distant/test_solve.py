@@ -223,19 +223,31 @@ def test_how_far_normals_turn_with_the_form_of_the_matt_part_is_foretold() -> No
     assert np.degrees(np.median(np.sqrt(foretold))) > 0.3
 
 
+def test_roughness_is_noise_and_not_curvature() -> None:
+    normals, mask = ball(96)
+    mask = mask & (normals[..., 2] > np.cos(np.radians(50)))
+    place, smooth = np.flatnonzero(mask), normals[mask]
+    assert np.degrees(glossy.roughness(smooth, place, 96).max()) < 0.1
+    noisy = smooth + np.random.default_rng(7).normal(0, 0.02, smooth.shape)
+    noisy /= np.linalg.norm(noisy, axis=1, keepdims=True)
+    # The larger of two estimates of √2 · 0.02, each with two degrees of freedom.
+    assert 1.0 < np.sqrt(np.mean(glossy.roughness(noisy, place, 96) ** 2)) / (np.sqrt(2) * 0.02) < 1.4
+    assert np.all(glossy.roughness(noisy[:1], place[:1], 96) == 0)
+
+
 GLOSSY = tuple((shape, material) for shape in ("ball", "figure-side", "vase-side") for material in REFLECTANCES)
 
 
 @pytest.mark.long
 @pytest.mark.timeout(1800)
 def test_sigma_of_glossy_surfaces_is_honest_over_many_scenes() -> None:
-    """Eighteen draws of shape, material, texture and noise, none of which the parameters were chosen on.
+    """Eighteen draws of shape, material, texture, resolution and noise.
 
     A material that the form's family does not hold turns all normals together, so single scenes tell nothing.
     """
     told: list[tuple[float, float]] = []
     for number, (shape, material) in enumerate(GLOSSY):
-        true = gloss_scenes.scene(shape, material, size=64, seed=number + 10, bounces=24)
+        true = gloss_scenes.scene(shape, material, size=128 if number % 2 else 64, seed=number + 10, bounces=24)
         found = distant.solve(true.image_set(), "glossy", with_depth=False)
         ratio = true.errors_deg(found.normals) / found.sigma_deg[true.mask]
         told.append((float(np.mean(ratio < 1)), float(np.mean(ratio < 2))))
