@@ -14,9 +14,10 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from acquisition import dome, geometry, photometry, pilot, plan, region
+from acquisition import dome, geometry, lamp_pose, photometry, pilot, plan, region
 from acquisition.capture import check, expected
 from acquisition.config import CellConfig
+from acquisition.errors import ErrorCode, RigError
 from acquisition.measured import LIT, Calibration, NormalMap, Observations, ResultSummary, SolveSettings
 from acquisition.normals import export, report, solve
 from acquisition.normals.export import lights as light_files
@@ -49,6 +50,8 @@ Rows = npt.NDArray[np.int64]
 
 PictureForm = Literal["png", "html"]
 
+_TOP_PERCENTILE = 99.0
+"""Of the heights of all pixels: single ones at steps are integrated too high."""
 FORECAST_COUNTS = (1, 2, 4, 8, 16)
 """Numbers of further lights for which a plan tells what is to be expected."""
 
@@ -74,9 +77,12 @@ def further_lights(
 ) -> tuple[LightPlan, list[bytes]]:  # fmt: skip
     """The next pass's lights, planned from the last result, and for each a picture (PNG) of what it gains.
 
-    `drawn` is the mask of the region of interest, none: the whole object.
+    `drawn` is the mask of the region of interest, none: the whole object. Raises RigError config.invalid when the
+    object is seen to be higher than its keep-out.
     """
-    reach, normal_map = _reach(cell, calibration, cache), export.read(result)
+    normal_map = export.read(result)
+    require_within_keep_out(normal_map, cell, calibration)
+    reach = _reach(cell, calibration, cache)
     want = plan.choose if recipe.target_sigma_deg is None else plan.approach
     wanted_part = _drawn(drawn, calibration)
     chosen = want(normal_map, observations, recipe, reach, calibration, region=wanted_part)
@@ -93,6 +99,31 @@ def further_lights(
         "brightest_gain_deg": found.brightest_deg,
     }
     return chosen.model_copy(update=told), pictures
+
+
+def require_within_keep_out(normal_map: NormalMap, cell: CellConfig, calibration: Calibration) -> None:
+    """Raises RigError config.invalid when the measured object takes half its clearance from the arm, or more.
+
+    The session ends, and no way is planned round what was measured: the same keep-out holds for parking, for the way
+    home and for the next session, and only a person who corrects the cell file makes all of them safe.
+    """
+    rays = photometry.rays(calibration, slice(0, calibration.height), slice(0, calibration.width))
+    sure = normal_map.mask if normal_map.doubtful is None else normal_map.mask & ~normal_map.doubtful
+    if not sure.any():
+        return
+    points = photometry.points(rays, normal_map.depth)[:, sure].T
+    keep_out = cell.object.keep_out
+    object_from_view = geometry.inverse(keep_out.base_from_object.matrix) @ lamp_pose.base_from_view(calibration)
+    top_m = float(np.percentile(geometry.transform(object_from_view, points)[:, 2], _TOP_PERCENTILE))
+    if top_m > keep_out.height_m + cell.clearances.object_m / 2:
+        raise RigError(
+            ErrorCode.CONFIG_INVALID,
+            f"The object is {1e3 * top_m:.0f} mm high by its images, its keep-out in the cell file only "
+            f"{1e3 * keep_out.height_m:.0f} mm, and the arm was to move close to that. Nothing was moved. Measure the "
+            "object, correct `[object] keep_out`, and bring the arm home by hand or by a parking session then.",
+            measured_top_m=round(top_m, 4),
+            keep_out_height_m=keep_out.height_m,
+        )
 
 
 def _drawn(mask: Path | None, calibration: Calibration) -> BoolArray | None:
