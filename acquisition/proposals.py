@@ -25,7 +25,9 @@ EXPOSURE_S = 0.1
 
 @dataclass(frozen=True)
 class DryRun:
-    """What a recipe's first pass would do; `seconds` is the time from the first move to the arm's return."""
+    """What a recipe's first pass would do; `seconds` is the time from the first move to the arm's return, without the
+    way back to the light of the first image, which is taken again.
+    """
 
     plan: LightPlan
     route: Route
@@ -61,7 +63,7 @@ class Proposals:
         except (GaveWay, Halted) as error:
             raise busy from error
         stop_s = cell.arm.settle_s + cell.lamp.rise_s + (recipe.exposure.seconds or EXPOSURE_S)
-        return DryRun(plan, route, route.seconds + stop_s * len(plan.lights))
+        return DryRun(plan, route, route.seconds + stop_s * (len(plan.lights) + 1))
 
     def replace_plan(
         self, session_id: str, number: int, positions: Sequence[Vector3], actor: str

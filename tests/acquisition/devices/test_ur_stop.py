@@ -21,6 +21,7 @@ from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
 from acquisition.errors import ErrorCode, Halted, RigError
 from acquisition.safety import SafetyMonitor
+from acquisition.session import same_place
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.process import ControllerProcess
 from tests.acquisition.devices.arm_scenes import (
@@ -58,12 +59,18 @@ def shared_arm(control: ControlClient) -> Iterator[UrArm]:
 
 
 @pytest.fixture
-def arm(shared_arm: UrArm) -> UrArm:
+def arm(shared_arm: UrArm, control: ControlClient) -> UrArm:
     """The shared arm under control and at home, found again by an explicit connect, with its lamp on."""
-    return made_ready(shared_arm)
+    return made_ready(shared_arm, control)
 
 
-def made_ready(arm: UrArm) -> UrArm:
+def made_ready(arm: UrArm, control: ControlClient) -> UrArm:
+    """Somebody moves the arm home by hand, which ends its program; then it is connected and moves again."""
+    if not same_place(tuple(control.state()["joints"]), HOME):
+        control.fault("program_stop")
+        control.fault("hand_move", joints=list(HOME), seconds=0.0)
+        control.fault("clear")
+        wait_for(lambda: control.state()["runtime_state"] == STOPPED)
     arm.connect()
     arm.move([HOME], [LIMITS], StopToken())
     UrLamp(arm, CELL.lamp).set(True)
@@ -83,7 +90,7 @@ def assert_stopped(control: ControlClient, before: dict[str, Any]) -> dict[str, 
 def test_halt_by_the_driver_alone(shared_arm: UrArm, control: ControlClient) -> None:
     shared_arm.close()
     with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_dashboard=False)) as arm:
-        made_ready(arm)
+        made_ready(arm, control)
         journey = Journey(arm)
         moving = journey.wait_until_moving(control)
         journey.stop.set()
@@ -97,7 +104,7 @@ def test_halt_by_the_driver_alone(shared_arm: UrArm, control: ControlClient) -> 
 def test_halt_by_the_dashboard_alone(shared_arm: UrArm, control: ControlClient) -> None:
     shared_arm.close()
     with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_driver=False)) as arm:
-        made_ready(arm)
+        made_ready(arm, control)
         journey = Journey(arm)
         moving = journey.wait_until_moving(control)
         arm.halt()
@@ -152,13 +159,13 @@ def test_killed_driver(arm: UrArm, control: ControlClient) -> None:
     with pytest.raises(RigError) as caught:
         arm.move([FAR], [LIMITS], StopToken())
     assert caught.value.code == ErrorCode.DRIVER_LOST
-    made_ready(arm)
+    made_ready(arm, control)
 
 
 def test_killed_driver_stops_by_the_controllers_own_watchdog(shared_arm: UrArm, control: ControlClient) -> None:
     shared_arm.close()
     with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_dashboard=False)) as arm:
-        made_ready(arm)
+        made_ready(arm, control)
         journey = Journey(arm)
         moving = journey.wait_until_moving(control)
         assert arm.driver_pid is not None
@@ -227,7 +234,7 @@ def test_program_stopped_at_the_pendant(arm: UrArm, control: ControlClient) -> N
 )
 def test_safety_stop_in_mid_move(fault: str, code: ErrorCode) -> None:
     with controller(SAFETY) as control, connected(UrArm(arm_config(SAFETY), CELL.lamp.output)) as arm:
-        made_ready(arm)
+        made_ready(arm, control)
         monitor = SafetyMonitor(arm, lambda latch: None)
         monitor.start()
         journey = Journey(arm)
@@ -260,7 +267,7 @@ def test_safety_stop_in_mid_move(fault: str, code: ErrorCode) -> None:
 @pytest.mark.parametrize("fault", [{"kind": "cut"}, {"kind": "stall", "seconds": 2.0}])
 def test_lost_link(fault: dict[str, Any]) -> None:
     with controller(LOST) as control, connected(UrArm(arm_config(LOST), CELL.lamp.output)) as arm:
-        made_ready(arm)
+        made_ready(arm, control)
         journey = Journey(arm)
         moving = journey.wait_until_moving(control)
         control.fault(port=30004, **fault)
@@ -279,7 +286,7 @@ def test_controller_without_power() -> None:
         process.control() as control,
         connected(UrArm(arm_config(LOST), CELL.lamp.output)) as arm,
     ):
-        made_ready(arm)
+        made_ready(arm, control)
         journey = Journey(arm)
         journey.wait_until_moving(control)
         process.kill()
