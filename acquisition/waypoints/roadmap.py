@@ -25,7 +25,7 @@ from acquisition.types import BoolArray, FloatArray, Light, Refusal
 from acquisition.waypoints.collision import Scene, scene
 from acquisition.waypoints.kinematics import ELBOW_LIMIT, JOINT_LIMIT
 from acquisition.waypoints.motion import legs
-from acquisition.waypoints.stations import Station, stations
+from acquisition.waypoints.stations import Station, fine_stations, stations
 from acquisition.waypoints.tree_kernels import way_to_any
 
 CONFIGURATIONS = 24
@@ -149,12 +149,22 @@ def connected_stations(
 ) -> Connected:
     """For each light (view frame) well-spread configurations with a way home, or the reason of its refusal.
 
-    The `first` ones are looked at; more and more of the others only for lights that have no way home yet, so that
-    whether a light is connected does not depend on `first`. Raises RigError waypoints.collision when home is not free.
+    The `first` ones are looked at; more and more of the others, and those at more rolls, only for lights that have no
+    way home yet, so that whether a light is connected does not depend on `first`. Raises RigError waypoints.collision
+    when home is not free.
     """
     arm = scene(cell, calibration)
     found = stations(lights, cell, calibration, arm)
-    return _connected(found, cell.arm, arm, roadmap(cell, calibration), first)
+    coarse = _connected(found, cell.arm, arm, roadmap(cell, calibration), first)
+    lost = [n for n, station in enumerate(coarse.stations) if len(found[n].joints) and station.refusal is not None]
+    if not lost:
+        return coarse
+    more = fine_stations([lights[n] for n in lost], cell, calibration, arm)
+    fine = _connected(more, cell.arm, arm, coarse.roadmap, first)
+    result = list(coarse.stations)
+    for n, station in zip(lost, fine.stations, strict=True):
+        result[n] = station
+    return Connected(result, fine.roadmap)
 
 
 def _connected(found: Sequence[Station], config: ArmConfig, arm: Scene, ways: Roadmap, first: int) -> Connected:

@@ -41,12 +41,17 @@ def stations(
     if not fine:
         return result
     hard = [n for n, station in enumerate(result) if station.refusal and station.refusal.reason != "too-far"]
+    for n, station in zip(hard, fine_stations([lights[n] for n in hard], cell, calibration, scene), strict=True):
+        result[n] = station
+    return result
+
+
+def fine_stations(lights: Sequence[Light], cell: CellConfig, calibration: Calibration, scene: Scene) -> list[Station]:
+    """The same at more rolls."""
+    result: list[Station] = []
     step = _BATCH * ROLLS // _FINE_ROLLS
-    for start in range(0, len(hard), step):
-        few = hard[start : start + step]
-        found = _batch([lights[n] for n in few], cell, calibration, scene, _FINE_ROLLS)
-        for n, station in zip(few, found, strict=True):
-            result[n] = station
+    for start in range(0, len(lights), step):
+        result += _batch(lights[start : start + step], cell, calibration, scene, _FINE_ROLLS)
     return result
 
 
