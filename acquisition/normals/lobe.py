@@ -68,14 +68,17 @@ def fit(
             pixels, values - added, depth_m, lamp, calibration, noise, threshold=threshold,
             cauchy_scale=WIDE_CAUCHY, extra=(np.float32(SIGMA) * added) ** 2,
         )  # fmt: skip
-        lobe, explained = _strength(values, found, along)
+        lobe, explained = _strength(values, found, along, lamp)
         if lobe.strength <= GLOSSY_FROM or explained < LEAST_EXPLAINED:
             return NONE
     return lobe
 
 
-def _strength(values: Float32Array, found: Estimate, along: Float32Array) -> tuple[Lobe, float]:
-    """The lobe of least residual, g of each pixel projected out, and the share of squared residuals it explains."""
+def _strength(values: Float32Array, found: Estimate, along: Float32Array, lamp: Float32Array) -> tuple[Lobe, float]:
+    """The lobe of least residual, and the share of squared residuals that it explains.
+
+    Projected out are g of each pixel and a shift of the whole object: flat surfaces show much the same for either.
+    """
     enough = np.count_nonzero(found.weights > 0, axis=0) >= LEAST_LIGHTS
     if np.count_nonzero(enough) < LEAST_PIXELS:
         return NONE, 0.0
@@ -91,10 +94,15 @@ def _strength(values: Float32Array, found: Estimate, along: Float32Array) -> tup
 
     measured = rest(root * values[:, enough].T)
     normals, along = found.normals[:, enough], along[:, enough]
+    change = lambert.derivative(light, found.point[:, enough], along, lamp)
+    shift = rest(root * np.einsum("fck,ck->kf", change, found.g[:, enough]))
+    shift /= max(float(np.linalg.norm(shift)), 1e-12)
+    measured = measured - shift * float(np.sum(shift * measured))
     whole = float(np.sum(measured * measured))
     best, least = NONE, whole
     for exponent in EXPONENTS:
         column = rest(root * _shape(light, normals, along, exponent).T)
+        column -= shift * float(np.sum(shift * column))
         length = float(np.sum(column * column))
         strength = float(np.sum(column * measured)) / max(length, 1e-12)
         left = whole - strength**2 * length

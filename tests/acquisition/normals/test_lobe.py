@@ -17,11 +17,12 @@ def blinn(scene: Measured, strength: float, exponent: float) -> np.ndarray:
     return strength * size * np.clip(np.einsum("fcn,cn->fn", half, scene.normals), 0, 1) ** exponent
 
 
-def fitted(scene: Measured, values: np.ndarray) -> Lobe:
+def fitted(scene: Measured, values: np.ndarray, off_m: float = 0.0) -> Lobe:
     noisy = values + np.random.default_rng(0).normal(0, 0.003, values.shape)
+    depth_m = scene.depth_m + np.float32(off_m)
     return lobe.fit(
-        scene.pixels, noisy.astype(np.float32), scene.depth_m, scene.along, scene.lamp, scene.calibration, scene.noise,
-        0.15, lobe.NONE,
+        scene.pixels, noisy.astype(np.float32), depth_m, scene.along, scene.lamp, scene.calibration, scene.noise, 0.15,
+        lobe.NONE,
     )  # fmt: skip
 
 
@@ -31,6 +32,14 @@ def test_a_lobe_is_found(strength: float, exponent: float) -> None:
     found = fitted(scene, scene.values + blinn(scene, strength, exponent))
     assert found.strength == pytest.approx(strength, rel=0.1)
     assert exponent / 1.5 < found.exponent < exponent * 1.5
+
+
+@pytest.mark.parametrize("off_m", [-0.02, 0.02, 0.04])
+def test_the_lobe_of_a_flat_surface_is_found_although_its_depth_is_wrong(off_m: float) -> None:
+    scene = measured(count=12, largest_slant=0.1)
+    found = fitted(scene, scene.values + blinn(scene, 0.15, 35.0), off_m)
+    assert found.strength == pytest.approx(0.15, rel=0.25)
+    assert 35.0 / 1.5 < found.exponent < 35.0 * 1.5
 
 
 def test_a_matt_surface_gets_none() -> None:
