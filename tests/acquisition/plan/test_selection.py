@@ -19,7 +19,7 @@ from tests.acquisition.plan import cases
 
 @pytest.fixture(scope="module")
 def reach() -> scenes.Dome:
-    return scenes.Dome(seed=1)
+    return scenes.Dome(seed=1, count=150)
 
 
 @pytest.fixture(scope="module")
