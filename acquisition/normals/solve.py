@@ -96,8 +96,9 @@ def solve_stack(
     distance = float(np.mean(np.linalg.norm(lamp[:, :3] - middle, axis=1)))
     noise = photometry.model_noise(calibration, stack.shot, stack.floor, distance)
 
-    strength = _strength(ray, depth, lamp, calibration)
-    found = known if known is not None else silhouette.find(stack.values, strength, stack.clipped, inside)
+    found = known
+    if found is None:
+        found = silhouette.find(stack.values, _strength(ray, depth, lamp, calibration), stack.clipped, inside)
     if np.count_nonzero(found) < 16:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no object was found in the region: check where it stands")
     pixels = _pixels(found, ray, stack.values, stack.clipped)
