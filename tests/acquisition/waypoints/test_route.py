@@ -147,7 +147,7 @@ def test_lights_that_cannot_be_taken_are_named_with_their_reasons(
 
 
 def test_a_light_that_no_way_leads_to_is_named_as_such() -> None:
-    cell, calibration = random_cell(3)
+    cell, calibration = random_cell(4)
     lights = dome_lights(cell, calibration, cell.dome.candidates)
     found = reach(cell, calibration).refusals
     cut_off = next(light for light, refusal in zip(lights, found, strict=True) if _reason(refusal) == "not-connected")
