@@ -15,6 +15,7 @@ from acquisition.errors import ErrorCode, RigError
 from acquisition.measured import Calibration
 from acquisition.types import JointPath, Light, Refusal, Route
 from acquisition.waypoints import order_kernels
+from acquisition.waypoints import roadmap as roadmap_module
 from acquisition.waypoints.motion import trapezoid_seconds
 from acquisition.waypoints.reach import reach, refusals
 from acquisition.waypoints.roadmap import dome_lights
@@ -226,7 +227,11 @@ def _check_speeds(planned: Route, cell: CellConfig) -> None:
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6))
 def test_routes_in_a_hundred_random_cells_touch_nothing_and_hide_nothing(quarter: int, seed: int) -> None:
-    check_cell(4 * seed + quarter, count=3)
+    """By a thin roadmap: it costs a third, and what it lacks is made up for by detours and trees."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(roadmap_module, "_DOME_LIGHTS", 16)
+        check_cell(4 * seed + quarter, count=3)
+    roadmap_module._roadmap.cache_clear()
 
 
 CELLS = range(*map(int, os.environ.get("LIGHTPOSE_CELLS", "0:10000").split(":")))
