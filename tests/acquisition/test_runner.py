@@ -47,6 +47,7 @@ def _at_ease(rig: Rig) -> None:
     holder = rig.store.journal.holder()
     if holder is not None:
         rig.runner.act(holder.id, Trigger.STOP, "a")
+        wait_for(rig, holder.id, *ENDED, within_s=5.0)
     acknowledge(rig)
 
 

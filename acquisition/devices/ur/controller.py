@@ -116,6 +116,8 @@ class Controller:
     def take_control(self, request: protocol.TakeControl) -> Task:
         """Uploads the program unless ours runs, sets TCP and payload, arms the watchdog."""
         opened, receive = self._require_open()
+        if self._armed:
+            yield from self._newer()  # the program may have ended unheard
         if not self._armed:
             self._require_power_and_safety(receive)
             # A program that plays is a stranger's, or that of a driver that died and whose watchdog ends it presently.
