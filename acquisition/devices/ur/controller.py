@@ -44,6 +44,7 @@ class Controller:
         self._outputs: Outputs | None = None
         self._control: Control | None = None
         self._armed = False  # once lost, only take_control restores it
+        self._lamp_shown: bool | None = None  # what the data have shown since the lamp was last written
         self._kicked_at = 0.0
         self._timestamp = -1.0
         self._received_at = 0.0
@@ -164,6 +165,8 @@ class Controller:
             return bool(receive.getActualDigitalOutputBits() >> opened.lamp_output & 1)
 
         was_on = is_on()
+        if was_on == on == self._lamp_shown:
+            return Done()
         self._write_lamp(on)
         deadline = time.monotonic() + CONFIRM_S
         if was_on == on:  # no change to be seen: only newer data prove anything
@@ -177,6 +180,7 @@ class Controller:
                     output=opened.lamp_output,
                 )
             yield
+        self._lamp_shown = on
         return Done()
 
     def move(self, move: protocol.Move) -> Task:
@@ -281,6 +285,7 @@ class Controller:
         opened, _ = self._require_open()
         if self._outputs is None:
             raise RigError(ErrorCode.DEVICE_DISCONNECTED, "The controller's outputs are not connected.")
+        self._lamp_shown = None
         number = opened.lamp_output
         if number < 8:
             written = self._outputs.setStandardDigitalOut(number, on)
