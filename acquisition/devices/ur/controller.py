@@ -30,6 +30,7 @@ CONFIRM_S = 0.5  # an output is read back within this
 PREDECESSOR_S = 1.0  # the program of a driver that died ends by its watchdog within this
 UPLOAD_S = 5.0
 NEWER_S = 0.06  # data this much newer than an event show it on both interfaces
+FRESH_S = 0.01  # data this much newer show what an output is
 SLEPT_S = 0.1  # between two turns: this process had no core, or a call of ur-rtde took its time
 AWAKE_S = 0.1  # ur-rtde's own thread reads within this what came while the process slept
 
@@ -166,7 +167,9 @@ class Controller:
 
         was_on = is_on()
         if was_on == on == self._lamp_shown:
-            return Done()
+            yield from self._newer(FRESH_S)
+            if is_on() == on:
+                return Done()
         self._write_lamp(on)
         deadline = time.monotonic() + CONFIRM_S
         if was_on == on:  # no change to be seen: only newer data prove anything
@@ -275,10 +278,10 @@ class Controller:
             return RigError(fault.code, fault.detail)
         return RigError(ErrorCode.ARM_MOVE_FAILED, otherwise)
 
-    def _newer(self) -> Generator[None, None, None]:
+    def _newer(self, by_s: float = NEWER_S) -> Generator[None, None, None]:
         """Waits for data that show what has just happened; a lost link is found by the driver's loop."""
         since = self._timestamp
-        while self._timestamp < since + NEWER_S:
+        while self._timestamp < since + by_s:
             yield
 
     def _write_lamp(self, on: bool) -> None:
