@@ -62,6 +62,7 @@ def run(wishes: Wishes) -> dict[str, Any]:
     with _cell(wishes, folder) as cell_file, _service(cell_file, folder) as url, Client(url) as client:
         started = time.monotonic() - begun
         console.print(f"Service at {url}, simulated cell with the object '{wishes.object_name}', seed {wishes.seed}")
+        _end_what_was_left(client)
         session_id = _capture(client, recipe)
         grades = _grades(folder, cell_file, session_id)
         stages = _seconds(client, session_id)
@@ -111,6 +112,13 @@ def _recipe(wishes: Wishes, method: str) -> Recipe:
         return Recipe.model_validate(given)
     except ValueError as error:
         raise RigError(ErrorCode.REQUEST_INVALID, str(error)) from error
+
+
+def _end_what_was_left(client: Client) -> None:
+    """Stops the session of a demonstration that was broken off: the cell in which it ran is gone."""
+    holder = client.rig().holder
+    if holder is not None:
+        client.stop(holder)
 
 
 def _capture(client: Client, recipe: Recipe) -> str:

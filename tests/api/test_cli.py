@@ -1,5 +1,6 @@
 """The command line as a person calls it."""
 
+import contextlib
 import json
 import subprocess
 import sys
@@ -8,6 +9,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from acquisition.session import Trigger
+from acquisition.store import Store
+from acquisition.types import Recipe
 from api.cli import app
 
 ROOT = Path(__file__).parents[2]
@@ -72,6 +76,10 @@ def test_check_says_what_the_cell_can_do() -> None:
 
 
 def test_the_demonstration_ends_with_one_json_object(tmp_path: Path) -> None:
+    """Also where an earlier one was broken off amid its session."""
+    with contextlib.closing(Store(tmp_path / "data")) as store:
+        broken_off = store.journal.create_session(Recipe(), "{}", "fingerprint")[0].id
+        store.journal.trigger(broken_off, Trigger.START, "a")
     done = lightpose(
         "demo", "--object", "sphere", "--profile", "ideal", "--pixels", "96", "--speed", "30", "--pilot", "3",
         "--planned", "2", "--no-random", "--data", str(tmp_path), "--json",
