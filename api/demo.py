@@ -115,10 +115,14 @@ def _recipe(wishes: Wishes, method: str) -> Recipe:
 
 
 def _end_what_was_left(client: Client) -> None:
-    """Stops the session of a demonstration that was broken off: the cell in which it ran is gone."""
+    """Stops the session of a demonstration that was broken off, and acknowledges what its end has latched: the cell in
+    which it ran is gone, and nobody stands in the simulated one.
+    """
     holder = client.rig().holder
     if holder is not None:
         client.stop(holder)
+    if not client.safety().clear:
+        client.acknowledge()
 
 
 def _capture(client: Client, recipe: Recipe) -> str:
