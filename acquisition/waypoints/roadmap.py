@@ -34,7 +34,7 @@ _DOME_LIGHTS = 64
 _PER_LIGHT = 4
 _NEIGHBOURS = 10
 _ATTACHMENTS = 8
-_TREES, _TRIALS = 3, 1000
+_TREES, _TRIALS = 3, 4000
 """For a light without a way home, trees grow from so many of its configurations, in so many trials each."""
 _GIVE_UP = 12
 """After so many lights for which trees found nothing, none are grown for others: a side of the cell is cut off."""
