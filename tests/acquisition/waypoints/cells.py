@@ -72,7 +72,7 @@ def _draw(random: np.random.Generator, cell: CellConfig, calibration: Calibratio
             start_m=_vector(emitter - (arm + 0.01) * axis), end_m=_vector(emitter - 0.03 * axis), radius_m=0.025
         ),
     ]
-    obstacles = [_obstacle(random, scale, number) for number in range(int(random.integers(0, 4)))]
+    obstacles = [_obstacle(random, scale, number, keep_out) for number in range(int(random.integers(0, 4)))]
     drawn = cell.model_copy(
         update={
             "arm": cell.arm.model_copy(
@@ -92,7 +92,7 @@ def _draw(random: np.random.Generator, cell: CellConfig, calibration: Calibratio
     return drawn, calibration.model_copy(update={"base_from_camera": tuple(map(tuple, down.tolist()))})
 
 
-def _obstacle(random: np.random.Generator, scale: float, number: int) -> Obstacle:
+def _obstacle(random: np.random.Generator, scale: float, number: int, keep_out: KeepOut) -> Obstacle:
     """One of the five kinds, somewhere in the arm's surroundings, with a least distance of its own or the usual one."""
     place = scale * random.uniform((-0.8, -0.8, 0.0), (0.8, 0.8, 0.8))
     pose = Pose(position_m=_vector(place), rotation_vector_rad=_vector(random.normal(0, 1, 3)))
@@ -121,10 +121,11 @@ def _obstacle(random: np.random.Generator, scale: float, number: int) -> Obstacl
             vertices = [_vector(vertex) for vertex in random.normal(0, 0.06, (int(random.integers(5, 30)), 3))]
             return ConvexMesh(name=name, clearance_m=clearance_m, base_from_mesh=pose, vertices_m=vertices)
         case _:
-            # A wall beyond the arm's usual room, so that its home is not behind it.
+            # A wall beyond the arm's usual room, so that its home is not behind it, and not through the object.
             around = random.uniform(-math.pi, math.pi)
             outwards = np.array([math.cos(around), math.sin(around), 0.0])
-            point = _vector(scale * random.uniform(0.75, 1.1) * outwards)
+            behind_object = outwards @ keep_out.base_from_object.position_m + keep_out.radius_m + 0.01
+            point = _vector(max(scale * random.uniform(0.75, 1.1), behind_object) * outwards)
             return HalfSpace(name=name, clearance_m=clearance_m, point_m=point, normal=_vector(-outwards))
 
 
