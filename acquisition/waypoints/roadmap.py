@@ -25,7 +25,7 @@ from acquisition.types import BoolArray, FloatArray, Light, Refusal
 from acquisition.waypoints.collision import Scene, scene
 from acquisition.waypoints.kinematics import ELBOW_LIMIT, JOINT_LIMIT
 from acquisition.waypoints.motion import legs
-from acquisition.waypoints.stations import Station, fine_stations, stations
+from acquisition.waypoints.stations import FINE_ROLLS, Station, stations
 from acquisition.waypoints.tree_kernels import way_to_any
 
 CONFIGURATIONS = 24
@@ -156,10 +156,11 @@ def connected_stations(
     arm = scene(cell, calibration)
     found = stations(lights, cell, calibration, arm)
     coarse = _connected(found, cell.arm, arm, roadmap(cell, calibration), first)
-    lost = [n for n, station in enumerate(coarse.stations) if len(found[n].joints) and station.refusal is not None]
+    refusals = [station.refusal for station in coarse.stations]
+    lost = [n for n, refusal in enumerate(refusals) if refusal is not None and refusal.reason != "too-far"]
     if not lost:
         return coarse
-    more = fine_stations([lights[n] for n in lost], cell, calibration, arm)
+    more = stations([lights[n] for n in lost], cell, calibration, arm, FINE_ROLLS)
     fine = _connected(more, cell.arm, arm, coarse.roadmap, first)
     result = list(coarse.stations)
     for n, station in zip(lost, fine.stations, strict=True):
@@ -230,7 +231,7 @@ def _roadmap(cell_json: str, calibration_json: str) -> Roadmap:
             reason=word,
         )
     lights = dome_lights(cell, calibration, _DOME_LIGHTS)
-    found = stations(lights, cell, calibration, arm, fine=False)
+    found = stations(lights, cell, calibration, arm)
     nodes = np.vstack([home, *(spread(station.joints, _PER_LIGHT, home) for station in found)])
     turn = np.abs(nodes[:, None] - nodes[None]).max(axis=2)
     turn[:, 0] = turn[0, :] = 0.0

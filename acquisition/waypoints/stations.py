@@ -17,7 +17,7 @@ from acquisition.waypoints import as_built, collision_kernels, kinematics
 from acquisition.waypoints.collision import Scene
 
 ROLLS = 36
-_FINE_ROLLS = 180
+FINE_ROLLS = 180
 """So many rolls are looked at for the lights that none of the usual ones serves: few, so that it costs little."""
 
 _BATCH = 64
@@ -32,26 +32,13 @@ class Station:
 
 
 def stations(
-    lights: Sequence[Light], cell: CellConfig, calibration: Calibration, scene: Scene, *, fine: bool = True
+    lights: Sequence[Light], cell: CellConfig, calibration: Calibration, scene: Scene, rolls: int = ROLLS
 ) -> list[Station]:
-    """For each light (view frame) the configurations that take it; `fine`: at more rolls for those that have none."""
+    """For each light (view frame) the configurations that take it."""
     result: list[Station] = []
-    for start in range(0, len(lights), _BATCH):  # 64 lights × 288 configurations at a time keep memory small
-        result += _batch(lights[start : start + _BATCH], cell, calibration, scene, ROLLS)
-    if not fine:
-        return result
-    hard = [n for n, station in enumerate(result) if station.refusal and station.refusal.reason != "too-far"]
-    for n, station in zip(hard, fine_stations([lights[n] for n in hard], cell, calibration, scene), strict=True):
-        result[n] = station
-    return result
-
-
-def fine_stations(lights: Sequence[Light], cell: CellConfig, calibration: Calibration, scene: Scene) -> list[Station]:
-    """The same at more rolls."""
-    result: list[Station] = []
-    step = _BATCH * ROLLS // _FINE_ROLLS
-    for start in range(0, len(lights), step):
-        result += _batch(lights[start : start + step], cell, calibration, scene, _FINE_ROLLS)
+    step = _BATCH * ROLLS // rolls
+    for start in range(0, len(lights), step):  # 64 lights × 288 configurations at a time keep memory small
+        result += _batch(lights[start : start + step], cell, calibration, scene, rolls)
     return result
 
 
