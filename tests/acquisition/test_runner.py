@@ -121,7 +121,7 @@ def test_of_two_sessions_started_at_once_one_runs_and_one_is_told_who_holds_the_
     assert error.code is ErrorCode.RIG_BUSY
     holder = error.context["holder"]
     assert holder in sessions
-    assert rig.store.journal.session(holder).state is State.RUNNING
+    assert wait_for(rig, holder, *ENDED) is State.COMPLETED
     (other,) = set(sessions) - {holder}
     assert rig.store.journal.session(other).state is State.CREATED
 

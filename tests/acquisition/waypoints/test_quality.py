@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from acquisition.config import CellConfig
 from acquisition.measured import Calibration
 from acquisition.types import FloatArray, Light
+from acquisition.waypoints import roadmap as roadmap_module
 from acquisition.waypoints import stations as stations_module
 from acquisition.waypoints.collision import Scene, scene
 from acquisition.waypoints.kinematics import ELBOW_LIMIT, JOINT_LIMIT
@@ -25,8 +26,8 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(3600)]
 CELLS = range(*map(int, os.environ.get("LIGHTPOSE_CELLS", "0:100").split(":")))
 DOME = 40
 BUDGET = 100
-TRIALS = BUDGET * 3 * 1000
-"""The product grows trees from three configurations of a light, in a thousand trials each."""
+TRIALS = BUDGET * roadmap_module._TREES * roadmap_module._TRIALS
+"""The product grows trees from some configurations of a light, in so many trials each."""
 STEP_RAD = 0.6
 ROLLS = 360
 BARS = {3: 1.02, 6: 1.02, 9: 1.02, 12: 1.25}
