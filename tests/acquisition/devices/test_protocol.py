@@ -4,7 +4,7 @@ import dataclasses
 import os
 import subprocess
 import sys
-import threading
+import time
 
 from acquisition.devices.ur.protocol import Board, Sample, Word
 
@@ -58,22 +58,23 @@ def test_words_are_shared_with_another_process() -> None:
 
 
 def test_reader_never_sees_a_mixture() -> None:
+    """Of two samples that another process, which may run at the same instant, publishes in turn."""
     board = Board.create()
-    other = dataclasses.replace(SAMPLE, joints=(9.0,) * 6, timestamp=77.0, connected=False)
     board.publish(SAMPLE)
-    ending = threading.Event()
-
-    def write() -> None:
-        while not ending.is_set():
-            board.publish(other)
-            board.publish(SAMPLE)
-
-    writer = threading.Thread(target=write)
-    writer.start()
-    try:
-        seen = {board.sample() for _ in range(3000)}
-    finally:
-        ending.set()
-        writer.join()
-    assert seen <= {SAMPLE, other}
-    assert SAMPLE in seen
+    other = dataclasses.replace(SAMPLE, joints=(9.0,) * 6, timestamp=77.0, connected=False)
+    code = (
+        "import dataclasses, sys; from acquisition.devices.ur.protocol import Board; b = Board(int(sys.argv[1]));"
+        "one = b.sample(); other = dataclasses.replace(one, joints=(9.0,) * 6, timestamp=77.0, connected=False)\n"
+        "while True: b.publish(other); b.publish(one)"
+    )
+    command = [sys.executable, "-c", code, str(board.descriptor)]
+    seen: set[Sample | None] = set()
+    reads, until = 0, time.monotonic() + 30
+    with subprocess.Popen(command, pass_fds=(board.descriptor,)) as writer:
+        try:
+            while (reads < 3000 or other not in seen) and time.monotonic() < until:
+                reads += 1
+                seen.add(board.sample())
+        finally:
+            writer.kill()
+    assert seen - {None} == {SAMPLE, other}
