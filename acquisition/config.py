@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, ValidationError
+from pydantic import Discriminator, Field, Tag, ValidationError, field_validator
 
 from acquisition import geometry, stl
 from acquisition.errors import ErrorCode, RigError
@@ -201,6 +201,10 @@ class Cone(ObstacleBase):
     height_m: float = Field(gt=0)
 
 
+FLAT_M = 1e-6
+"""Vertices whose rms distances from a plane sum up to less have no hull that could be told from rounding."""
+
+
 class ConvexMesh(ObstacleBase):
     """The convex hull of vertices in a frame of its own.
 
@@ -211,6 +215,14 @@ class ConvexMesh(ObstacleBase):
     kind: Literal["convex-mesh"] = "convex-mesh"
     base_from_mesh: Pose
     vertices_m: list[Vector3] = Field(min_length=4, max_length=20_000)
+
+    @field_validator("vertices_m")
+    @classmethod
+    def _has_a_volume(cls, vertices_m: list[Vector3]) -> list[Vector3]:
+        spread = np.array(vertices_m) - np.mean(vertices_m, axis=0)
+        if np.linalg.svd(spread, compute_uv=False)[-1] < FLAT_M:
+            raise ValueError("the vertices lie in a plane and enclose nothing: use a thin box instead")
+        return vertices_m
 
 
 Obstacle = Annotated[HalfSpace | Box | Capsule | Cone | ConvexMesh, Field(discriminator="kind")]

@@ -15,11 +15,10 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull
 
 from acquisition import geometry
 from acquisition.config import Box, Capsule, CellConfig, Cone, HalfSpace, Obstacle
-from acquisition.errors import ErrorCode, RigError
 from acquisition.measured import Calibration
 from acquisition.types import BoolArray, FloatArray
 from acquisition.waypoints import collision_kernels as kernels
@@ -198,10 +197,7 @@ def _obstacle(item: Obstacle, usual_m: float, meshes: list[FloatArray]) -> Float
         pose = item.base_from_box.matrix
         return _row(shapes.BOX, margin, *pose[:3, 3], *pose[:3, :3].ravel(), *item.half_extents_m)
     points = geometry.transform(item.base_from_mesh.matrix, np.array(item.vertices_m))
-    try:
-        points = points[ConvexHull(points).vertices]
-    except QhullError as error:
-        raise RigError(ErrorCode.CONFIG_INVALID, f"obstacle {item.name}: its vertices lie in a plane") from error
+    points = points[ConvexHull(points).vertices]
     center = (points.min(axis=0) + points.max(axis=0)) / 2
     radius = float(np.linalg.norm(points - center, axis=1).max())
     first = sum(map(len, meshes))

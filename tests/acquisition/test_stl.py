@@ -63,3 +63,16 @@ def test_a_mesh_file_that_is_missing_is_named(tmp_path: Path) -> None:
         config.load(cell_with(tmp_path, OBSTACLE))
     assert caught.value.code == ErrorCode.CONFIG_INVALID
     assert "box.stl" in caught.value.detail
+
+
+def test_a_flat_mesh_is_refused(tmp_path: Path) -> None:
+    flat = """
+[[obstacles]]
+kind = "convex-mesh"
+name = "sheet"
+vertices_m = [[0.0, 0.0, 0.1], [0.2, 0.0, 0.1], [0.2, 0.3, 0.1], [0.0, 0.3, 0.1], [0.1, 0.1, 0.1]]
+base_from_mesh = { position_m = [0.0, 0.6, 0.15], rotation_vector_rad = [0.3, 0.0, 0.0] }
+"""
+    with pytest.raises(RigError, match="lie in a plane") as caught:
+        config.load(cell_with(tmp_path, flat))
+    assert caught.value.code is ErrorCode.CONFIG_INVALID
