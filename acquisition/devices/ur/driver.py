@@ -180,7 +180,7 @@ def _outputs(address: str) -> Outputs:
 def main() -> None:
     """`python -m acquisition.devices.ur.driver PIPE BOARD`, both inherited file descriptors."""
     pipe, board = int(sys.argv[1]), int(sys.argv[2])
-    priority.take(priority.DRIVER)
+    priority.take_real_time()
     controller = Controller(Constructors(control=_control, receive=_receive, outputs=_outputs))
     driver = Driver(Connection(socket.socket(fileno=pipe).detach()), Board(board), controller)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the service, which halts and then leaves
