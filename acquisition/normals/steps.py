@@ -2,9 +2,10 @@
 
 Least squares over normals alone smears a step that the camera sees edge-on, since no normal tells of it. Its shadow
 does: the ray from the lamp grazes the edge q and ends at the shadow's tip p, so that depth at q follows from depth at
-p. Every run of dark pixels between two sharp borders, along the picture of the lamp's ray, is such an equation, and its
-beginning is a place where the surface may be cut. Cuts that no shadow shows are left to reweighting. The grid is
-coarse, so the sparse system is solved directly.
+p. Every run of dark pixels between two sharp borders, along the picture of the lamp's ray, is such an equation, and the
+surface may be cut where the run leaves the edge: on that side of q only, so that the equation lifts all that q belongs
+to and not q alone. Cuts that no shadow shows are left to reweighting. The grid is coarse, so the sparse system is
+solved directly.
 """
 
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from scipy.sparse.linalg import spsolve
 from acquisition import photometry
 from acquisition.normals.integrate import LEAST_COSINE
 from acquisition.normals.lambert import Estimate, Pixels
-from acquisition.types import Float32Array
+from acquisition.types import BoolArray, Float32Array
 
 DARK, LIT = 0.35, 0.5
 """Shares of a pixel's largest normalised value below which it is dark and above which it is lit."""
@@ -30,11 +31,14 @@ EQUATION_WEIGHT = 0.03
 """Of a shadow's length against a normal's slope: half a pixel against three degrees."""
 
 SCALE = 0.6
-"""Slope error, in pixels, beyond which an edge between neighbours counts as cut."""
+"""Slope error, in pixels, beyond which a pair of neighbours counts as cut."""
 
 CUT = 1e-3
-EDGE = 0.03
-"""Weights of an edge that is cut, and of one where a shadow begins."""
+BEGINNING = 0.03
+"""Weights of a pair of neighbours that is cut, and of one where a shadow begins."""
+
+TOWARDS = 0.38
+"""Sine of the angle, that of 22.5°, from which a shadow's way leads to a row's or a column's neighbour as well."""
 
 WRONG = 4.0
 """Pixels by which a shadow may disagree before it counts as mistaken."""
@@ -52,6 +56,18 @@ class _Equations:
     edge: np.ndarray
     tip: np.ndarray
     step: np.ndarray
+
+    def beginnings(self, shape: tuple[int, int]) -> tuple[BoolArray, BoolArray]:
+        """Whether a shadow begins between a pixel and its neighbour below, and to its right, each (h w,)."""
+        (row, column), (tip_row, tip_column) = (np.divmod(one, shape[1]) for one in (self.edge, self.tip))
+        down, across = tip_row - row, tip_column - column
+        length = np.hypot(down, across)
+        below, right = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
+        for pairs, way, before in ((below, down, (1, 0)), (right, across, (0, 1))):
+            there = np.abs(way) > TOWARDS * length
+            back = way[there] < 0  # the pair is the earlier neighbour's
+            pairs[row[there] - before[0] * back, column[there] - before[1] * back] = True
+        return below.ravel(), right.ravel()
 
 
 def depth(
@@ -74,15 +90,16 @@ def depth(
     missed = np.abs(smooth[edge] - smooth[tip] - equations.step) > TELLING * slopes.pitch
     if np.count_nonzero(missed) < max(LEAST_EQUATIONS, LEAST_SHARE * len(missed)):
         return None
-    whole = np.ones(len(pixels.index))
-    whole[edge] = EDGE
+    below, right = equations.beginnings(pixels.shape)
+    first = pixels.index[p]
+    begins = np.where(np.where(slopes.across, right[first], below[first]), BEGINNING, 1.0)
     at_start = np.log(start_m.astype(np.float64))
     solution = at_start
     for turn in range(rounds):
         wrong = (solution[edge] - solution[tip] - equations.step) / slopes.pitch
         # Before the first solution nothing can be said to be mistaken.
         believed = np.ones_like(wrong) if turn == 0 and rounds > 1 else 1 / (1 + (wrong / WRONG) ** 2)
-        cut = np.maximum(slopes.unbroken(solution) * np.minimum(whole[p], whole[q]), CUT)
+        cut = np.maximum(slopes.unbroken(solution) * begins, CUT)
         solution = _solve(
             np.concatenate([p, tip]),
             np.concatenate([q, edge]),
@@ -103,6 +120,7 @@ class _Slopes:
 
     first: np.ndarray
     second: np.ndarray
+    across: BoolArray  # whether they are in one row
     step: np.ndarray
     weight: np.ndarray
     cosine: np.ndarray  # of the surface to the viewing ray
@@ -119,8 +137,9 @@ def _slopes(pixels: Pixels, normals: Float32Array, certainty: Float32Array) -> _
     pairs = [(number[:-1].ravel(), number[1:].ravel()), (number[:, :-1].ravel(), number[:, 1:].ravel())]
     p = np.concatenate([pair[0] for pair in pairs])
     q = np.concatenate([pair[1] for pair in pairs])
+    across = np.repeat([False, True], [len(pair[0]) for pair in pairs])
     both = (p >= 0) & (q >= 0)
-    p, q = p[both], q[both]
+    p, q, across = p[both], q[both], across[both]
     along = photometry.ray_directions(pixels.ray)
     length = np.sqrt(np.sum(along[:, p] ** 2, axis=0))
     normal = normals[:, p] + normals[:, q]
@@ -130,6 +149,7 @@ def _slopes(pixels: Pixels, normals: Float32Array, certainty: Float32Array) -> _
     return _Slopes(
         first=p,
         second=q,
+        across=across,
         step=change / cosine,
         weight=np.minimum(certainty[p], certainty[q]) * cosine**2,
         cosine=cosine,
