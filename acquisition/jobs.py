@@ -83,19 +83,17 @@ def further_lights(
     normal_map = export.read(result)
     require_within_keep_out(normal_map, cell, calibration)
     reach = _reach(cell, calibration, cache)
-    want = plan.choose if recipe.target_sigma_deg is None else plan.approach
-    wanted_part = _drawn(drawn, calibration)
-    chosen = want(normal_map, observations, recipe, reach, calibration, region=wanted_part)
+    known, wanted_part = (normal_map, observations, recipe, reach, calibration), _drawn(drawn, calibration)
+    if recipe.target_sigma_deg is None:
+        chosen = plan.choose(*known, region=wanted_part, forecast_counts=FORECAST_COUNTS)
+    else:
+        chosen = plan.approach(*known, region=wanted_part)
     if not chosen.lights:
         return chosen, []
-    curve = chosen.forecast or plan.forecast(
-        normal_map, observations, recipe, reach, calibration, FORECAST_COUNTS, region=wanted_part
-    )
     found = explain.gains(normal_map, observations, recipe, chosen.lights, calibration)
     pictures = [explain.picture(found, light, normal_map.silhouette) for light in range(len(chosen.lights))]
     told = {
         "levels_per_s": expected_levels(normal_map, chosen.lights, calibration),
-        "forecast": curve,
         "brightest_gain_deg": found.brightest_deg,
     }
     return chosen.model_copy(update=told), pictures

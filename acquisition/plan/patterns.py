@@ -7,8 +7,6 @@ that stand evenly round the object let these pulls cancel. Even means that the l
 stand near the places that they fill.
 """
 
-from itertools import product
-
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
@@ -44,14 +42,13 @@ def completions(taken: FloatArray, units: FloatArray, count: int) -> list[list[i
                 (outside, count - inner, OUTER_SLANT_DEG),
             )
         ]
-        pairs = list(product(*rings))
-        sets = [np.concatenate([one, other]) for (one, _), (other, _) in pairs]
-        uneven = [
-            imbalance(np.concatenate([taken, added])) + MISFIT * (first + second)
-            for added, ((_, first), (_, second)) in zip(sets, pairs, strict=True)
-        ]
-        best = int(np.argmin(np.round(uneven, 6)))
-        found.append((uneven[best], dome.nearest_distinct(sets[best], units, free)[0]))
+        moments = [np.array([np.sum(_moments(places), axis=0) for places, _ in ring]) for ring in rings]
+        misfits = [np.array([misfit for _, misfit in ring]) for ring in rings]
+        together = np.sum(_moments(taken), axis=0) + moments[0][:, None] + moments[1]
+        uneven = np.linalg.norm(together, axis=-1) / total + MISFIT * (misfits[0][:, None] + misfits[1])
+        first, second = np.unravel_index(int(np.argmin(np.round(uneven, 6))), uneven.shape)
+        best = np.concatenate([rings[0][int(first)][0], rings[1][int(second)][0]])
+        found.append((float(uneven[first, second]), dome.nearest_distinct(best, units, free)[0]))
     return [chosen for _, chosen in sorted(found)]
 
 

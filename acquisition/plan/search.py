@@ -47,7 +47,7 @@ def search(
     rng = np.random.default_rng(seed)
     starts = [greedy(few, few_options, loss, count, until)]
     starts += [min(patterns, key=lambda chosen: value(few, few_options, loss, chosen))] if patterns else []
-    for _ in range(max(2, RANDOM_LIGHTS // count)):
+    for _ in range(max(2, RANDOM_LIGHTS // count) if count > 1 else 0):  # a single light has been scanned already
         starts.append([int(index) for index in rng.permutation(len(options.row))[:count]])
     found = [exchange(few, few_options, loss, start, until, passes=2) for start in starts]
     found.sort(key=lambda chosen: value(few, few_options, loss, chosen))

@@ -24,6 +24,9 @@ SAMPLE_PIXELS = 900
 REFINE_EVERY = 2
 """Every so many sample pixels are asked when lights leave the candidates' grid, where most shadow rays are cast."""
 
+FORECAST_EVERY = 2
+"""Every so many sample pixels choose the sets of a curve that only tells what more lights would bring."""
+
 CERTIFICATE_PIXELS = 300
 LEAST_PIXELS = 20
 BLIND_FROM = 0.25
@@ -50,7 +53,8 @@ class Problem:
 
     def lights(self, positions: FloatArray) -> list[Light]:
         """Lamps at positions (M, 3) that look at the dome's centre."""
-        return [dome.light(position, self.reach.center) for position in positions]
+        center = self.reach.center
+        return [dome.light(position, center) for position in positions]
 
     def candidates(self, positions: FloatArray) -> Candidates:
         """What lights at positions (M, 3) would tell the known pixels, to choose by."""
@@ -92,23 +96,26 @@ def choose(
     region: BoolArray | None = None,
     deadline_s: float | None = None,
     certify: bool = True,
+    forecast_counts: Sequence[int] = (),
 ) -> LightPlan:
     """The lights that make the normals most certain, given what all images so far say.
 
     `count` lights, or as many as the recipe still lacks; an empty plan says that it is fulfilled. `region` (H, W) is
     the part of the image that matters, none: the whole object. After `deadline_s` seconds the best so far is returned.
-    Where a plan is not to be trusted, two rings are completed instead, and `fallback` says why. Raises RigError
-    plan.infeasible when the arm reaches too few positions or the normal map has too few pixels to plan by.
+    The plan's `forecast` tells what each of `forecast_counts` further lights would bring instead. Where a plan is not
+    to be trusted, two rings are completed instead, and `fallback` says why. Raises RigError plan.infeasible when the
+    arm reaches too few positions or the normal map has too few pixels to plan by.
     """
     until = Deadline.within(deadline_s)
     taken = sum(shot.kind == "light" for shot in observations.shots)
     wanted = max(recipe.lights_total - taken, 0) if count is None else count
-    problem = _problem(normal_map, observations, recipe, reach, calibration, region, wanted)
+    most = max(wanted, *forecast_counts, 0) if wanted else 0
+    problem = _problem(normal_map, observations, recipe, reach, calibration, region, most)
     before_deg = problem.expected(np.empty((0, 3))).sigma_deg
     if wanted == 0:
         return _described([], [], [], before_deg, ["all lights of the recipe have been taken"])
     options = problem.candidates(problem.positions)
-    loss, sets = _judged(problem, options, wanted)
+    loss, sets = _judged(problem, problem.known, options, wanted)
     chosen = search.search(problem.known, options, loss, sets, wanted, recipe.seed, until)
     few = problem.known.thinned(REFINE_EVERY)
     positions = search.refine(
@@ -151,7 +158,8 @@ def choose(
         notes.append(f"{dark:.0%} of the pixels are expected to see none of the new lights")
     reasons, gains = _worth(problem.fresh, there, (positions - reach.center))
     plan = _described(problem.lights(positions), reasons, gains, sigma_deg, notes)
-    plan = plan.model_copy(update={"fallback": fallback})
+    curve = _curve(problem, options.thinned(FORECAST_EVERY), taken, forecast_counts, FORECAST_EVERY)
+    plan = plan.model_copy(update={"fallback": fallback, "forecast": curve})
     if certify:
         plan = plan.model_copy(update=_certificate(problem, options, positions, sets[0], until))
     return plan
@@ -173,16 +181,22 @@ def forecast(
     """
     taken = sum(shot.kind == "light" for shot in observations.shots)
     problem = _problem(normal_map, observations, recipe, reach, calibration, region, max(counts, default=0))
-    options = problem.candidates(problem.positions)
-    never = Deadline()
+    return _curve(problem, problem.candidates(problem.positions), taken, counts)
+
+
+def _curve(
+    problem: Problem, options: Candidates, taken: int, counts: Sequence[int], every: int = 1
+) -> list[Expected]:  # fmt: skip
+    """What is expected after each of `counts` further lights; `options` are of `every` so many known pixels."""
+    few, never = problem.known.thinned(every), Deadline()
     points: list[Expected] = []
     for count in counts:
         chosen: list[int] = []
         if count:
-            loss, sets = _judged(problem, options, count)
-            starts = [search.greedy(problem.known, options, loss, count, never), sets[0]]
-            found = [search.exchange(problem.known, options, loss, start, never, passes=2) for start in starts]
-            chosen = min(found, key=lambda some: search.value(problem.known, options, loss, some))
+            loss, sets = _judged(problem, few, options, count)
+            starts = [search.greedy(few, options, loss, count, never), sets[0]]
+            found = [search.exchange(few, options, loss, start, never, passes=2) for start in starts]
+            chosen = min(found, key=lambda some: search.value(few, options, loss, some))
         sigma_deg = float(np.mean(problem.expected(problem.positions[chosen]).sigma_deg))
         points.append(Expected(added=count, lights=taken + count, sigma_deg=sigma_deg))
     return points
@@ -236,10 +250,13 @@ def _problem(
     )
 
 
-def _judged(problem: Problem, options: Candidates, count: int) -> tuple[Loss, list[list[int]]]:
-    """The recipe's loss, and two-ring completions of the lights taken, the best balanced first."""
+def _judged(
+    problem: Problem, sample: Samples, options: Candidates, count: int
+) -> tuple[Loss, list[list[int]]]:  # fmt: skip
+    """The recipe's loss, by what rings give the sample, and two-ring completions of the lights taken, the best balanced
+    first."""
     sets = patterns.completions(problem.taken, problem.units, count)
-    rings = criterion.expect(problem.known, options.only(sets[0]))
+    rings = criterion.expect(sample, options.only(sets[0]))
     return objective.loss(problem.recipe.objective, rings), sets
 
 
