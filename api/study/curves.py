@@ -17,6 +17,7 @@ from api.study import scenes
 from api.study.scenes import METHODS, OBJECTS, Run, Scene
 
 RIVALS = ("optimal", "two-rings")
+FAR_OFF_DEG = 10.0
 RAYLEIGH_MEAN = 0.886
 """Mean angular error in σ."""
 
@@ -65,7 +66,11 @@ class Piece:
 
 @dataclass(frozen=True)
 class Sample:
-    """One session: what was found, and what the planner had predicted; degrees."""
+    """One session: what was found, and what the planner had predicted; degrees.
+
+    Errors are of the graded pixels; `straddling` is the share left out because they show two surfaces, and the figures
+    `of_all` count these too.
+    """
 
     shape: str
     draw: int
@@ -75,6 +80,9 @@ class Sample:
     mean_deg: float
     median_deg: float
     over_10: float
+    straddling: float
+    mean_of_all_deg: float
+    over_10_of_all: float
     sigma_deg: float
     predicted_sigma_deg: float | None
     fallback: str | None
@@ -82,12 +90,15 @@ class Sample:
 
 @dataclass(frozen=True)
 class Curve:
-    """Mean error over objects by number of images, with half widths of 95 % confidence intervals."""
+    """Mean error over objects by number of images, with half widths of 95 % confidence intervals; the figures `of_all`
+    count the pixels that straddle two surfaces too."""
 
     method: str
     error_deg: dict[int, float]
     half_width_deg: dict[int, float]
     over_10: dict[int, float]
+    error_of_all_deg: dict[int, float]
+    over_10_of_all: dict[int, float]
     draws: dict[int, int]
     by_object: dict[int, dict[str, float]] = field(default_factory=dict[int, dict[str, float]])
 
@@ -134,7 +145,10 @@ def _sample(piece: Piece, scene: Scene, method: str, lights: int) -> Sample:
         lights=lights,
         mean_deg=float(np.mean(error)),
         median_deg=float(np.median(error)),
-        over_10=float(np.mean(error > 10)),
+        over_10=float(np.mean(error > FAR_OFF_DEG)),
+        straddling=len(run.found.straddling_deg) / len(run.found.all_deg),
+        mean_of_all_deg=float(np.mean(run.found.all_deg)),
+        over_10_of_all=float(np.mean(run.found.all_deg > FAR_OFF_DEG)),
         sigma_deg=float(np.nanmean(sigma)),
         predicted_sigma_deg=run.plan.predicted_sigma_deg,
         fallback=run.plan.fallback,
@@ -150,17 +164,47 @@ def curves(samples: Sequence[Sample], *, glossy: bool) -> list[Curve]:
 
 
 def _curve(method: str, samples: Sequence[Sample]) -> Curve:
-    curve = Curve(method, {}, {}, {}, {})
+    curve = Curve(method, {}, {}, {}, {}, {}, {})
     for lights, group in groupby(sorted(samples, key=lambda item: item.lights), key=lambda item: item.lights):
         found = list(group)
         shapes = [shape for shape in OBJECTS if any(item.shape == shape for item in found)]
         errors = [np.array([item.mean_deg for item in found if item.shape == shape]) for shape in shapes]
         curve.error_deg[lights] = float(np.mean([np.mean(values) for values in errors]))
         curve.half_width_deg[lights] = half_width(errors)
-        curve.over_10[lights] = float(np.mean([item.over_10 for item in found]))
+        curve.over_10[lights] = _over_objects(found, "over_10")
+        curve.error_of_all_deg[lights] = _over_objects(found, "mean_of_all_deg")
+        curve.over_10_of_all[lights] = _over_objects(found, "over_10_of_all")
         curve.draws[lights] = max(len(values) for values in errors)
         curve.by_object[lights] = {shape: float(np.mean(values)) for shape, values in zip(shapes, errors, strict=True)}
     return curve
+
+
+def _over_objects(samples: Sequence[Sample], name: str) -> float:
+    """The mean over objects of a figure's mean over draws."""
+    groups = [[getattr(item, name) for item in samples if item.shape == shape] for shape in OBJECTS]
+    return float(np.mean([np.mean(group) for group in groups if group]))
+
+
+def straddling(samples: Sequence[Sample]) -> dict[str, float]:
+    """For each object the share of its pixels that are not graded because they show two surfaces."""
+    return {
+        shape: float(np.mean([item.straddling for item in samples if item.shape == shape]))
+        for shape in OBJECTS
+        if any(item.shape == shape for item in samples)
+    }
+
+
+def over_10(samples: Sequence[Sample], method: str, lights: int) -> dict[str, tuple[float, float]]:
+    """For each matt object a method's share of pixels more than 10° off: of the graded ones, and of all."""
+    chosen = [item for item in samples if (item.method, item.lights, item.glossy) == (method, lights, False)]
+    return {
+        shape: (
+            float(np.mean([item.over_10 for item in chosen if item.shape == shape])),
+            float(np.mean([item.over_10_of_all for item in chosen if item.shape == shape])),
+        )
+        for shape in OBJECTS
+        if any(item.shape == shape for item in chosen)
+    }
 
 
 def half_width(groups: Sequence[FloatArray]) -> float:

@@ -6,7 +6,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from api.study import chart, paper, three
+from api.study import chart, curves, footprint, paper, three
 from api.study.chart import Axis, Line
 from api.study.curves import Curve
 from api.study.found import Study
@@ -32,7 +32,8 @@ def write(path: Path, found: Study, told: Mapping[str, Any]) -> None:
         "<code>direct</code>: every image has an unknown intensity error of 1 % and an unknown lamp-position error of "
         "1 mm per axis, besides the sensor's noise. All methods have as many images (ours with its pilot) and the same "
         "solver. Errors are angles in degrees over all pixels whose true normal is within 78° of the viewing ray, "
-        "shadowed ones included; intervals are 95 %, over draws of object and errors."
+        "shadowed ones included; pixels that straddle two surfaces, whose share is stated below, have no one normal "
+        "and are left out. Intervals are 95 %, over draws of object and errors."
         + (" <b>A quick run: few draws.</b></p>" if found.quick else "</p>"),
         "<h2>Ours against each other method</h2>",
         _ratios(told["ratios"]),
@@ -41,6 +42,8 @@ def write(path: Path, found: Study, told: Mapping[str, Any]) -> None:
         *_errors("slightly glossy", found.glossy),
         "<h2>By object, eight images, matt</h2>",
         _by_object(found.matt, 8),
+        "<h2>Pixels that straddle two surfaces, and pixels far off</h2>",
+        *_far_off(found),
         "<h2>Predicted before the capture over found</h2>",
         _table(
             ["object", "predicted / found mean error"],
@@ -94,26 +97,26 @@ def _ratios(told: Sequence[Mapping[str, Any]]) -> str:
     return _table(["rival", "surface", "images", "our mean error / the rival's"], rows)
 
 
-def _errors(surface: str, curves: Sequence[Curve]) -> list[str]:
+def _errors(surface: str, found: Sequence[Curve]) -> list[str]:
     lines = [
         Line(
             curve.method,
             [(lights, error) for lights, error in curve.error_deg.items()],
             list(curve.half_width_deg.values()),
         )
-        for curve in curves
+        for curve in found
         if curve.error_deg
     ]
     if not lines:
         return []
-    numbers = sorted({lights for curve in curves for lights in curve.error_deg})
+    numbers = sorted({lights for curve in found for lights in curve.error_deg})
     rows = [
         [curve.method]
         + [
             _with_interval(curve.error_deg[lights], curve.half_width_deg[lights]) if lights in curve.error_deg else "–"
             for lights in numbers
         ]
-        for curve in curves
+        for curve in found
     ]
     drawn = chart.svg(lines, Axis("images", marks=numbers), Axis("mean error, degrees"))
     return [
@@ -122,11 +125,27 @@ def _errors(surface: str, curves: Sequence[Curve]) -> list[str]:
     ]
 
 
-def _by_object(curves: Sequence[Curve], lights: int) -> str:
-    shapes = list(curves[0].by_object[lights])
+def _far_off(found: Study) -> list[str]:
+    shares = [curves.over_10(found.samples, method, 8) for method in curves.RIVALS]
+    rows = [
+        [shape, f"{share:.2%}", *(f"{value:.3%}" for of in shares if shape in of for value in of[shape])]
+        for shape, share in curves.straddling(found.samples).items()
+    ]
+    far_off = [f"{method}{whose}" for method in curves.RIVALS for whose in (", graded pixels", ", all pixels")]
+    return [
+        "<p>A pixel straddles when some of eight points of its outline lie off the tangent plane at its centre by more "
+        f"than a pixel, or have a normal more than {footprint.WIDEST_BEND_DEG:.0f}° from the one there: its picture is "
+        "a mixture, and no light tells the normal at its centre. The rule asks the true shape only. Shares of pixels, "
+        "and of those more than 10° off with eight images, matt:</p>",
+        _table(["object", "straddling, not graded", *far_off], rows),
+    ]
+
+
+def _by_object(found: Sequence[Curve], lights: int) -> str:
+    shapes = list(found[0].by_object[lights])
     rows = [
         [curve.method, *(f"{error:.2f}" for error in curve.by_object[lights].values())]
-        for curve in curves
+        for curve in found
         if lights in curve.by_object
     ]
     return _table(["method", *shapes], rows)

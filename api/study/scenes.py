@@ -32,6 +32,7 @@ from acquisition.measured import (
 from acquisition.session import passes_wanted
 from acquisition.types import BoolArray, Exposure, Float32Array, FloatArray, Light, LightPlan, Recipe, Refusal
 from acquisition.waypoints.roadmap import dome_center, dome_lights
+from api.study import footprint
 from hardware_sim import grade, nominal, objects, render, sensor
 from hardware_sim.render import Lamp, Lens, View
 from hardware_sim.tracing import Tracer
@@ -85,16 +86,23 @@ class WholeDome:
 
 @dataclass(frozen=True)
 class Found:
-    """What one set of lights gave: images, normal map, and the error (K,) of each graded pixel in degrees."""
+    """What one set of lights gave: images, normal map, and the error of each pixel in degrees, (K,) of those that are
+    graded and (J,) of those that are not because they straddle two surfaces."""
 
     observations: Observations
     normal_map: NormalMap
     error_deg: FloatArray
+    straddling_deg: FloatArray
 
     @property
     def mean_deg(self) -> float:
-        """Mean error over all graded pixels."""
+        """Mean error over the graded pixels."""
         return float(np.mean(self.error_deg))
+
+    @property
+    def all_deg(self) -> FloatArray:
+        """The errors (K + J,) of graded and straddling pixels together."""
+        return np.concatenate([self.error_deg, self.straddling_deg])
 
 
 @dataclass(frozen=True)
@@ -171,6 +179,16 @@ class Geometry:
         mask.ravel()[seen.pixels] = True
         return Truth(true_normals, depth, albedo, mask)
 
+    @cached_property
+    def facing(self) -> BoolArray:
+        """Pixels (H, W) within the silhouette that the surface is not seen edge-on in."""
+        return grade.graded_pixels(self.truth, self.calibration)
+
+    @cached_property
+    def one_surface(self) -> BoolArray:
+        """Pixels (H, W) that have one true normal."""
+        return footprint.one_surface(self.centres, self.glossy, self.tracer, self.lens)
+
     @property
     def object_from_view(self) -> FloatArray:
         """The pose (4, 4) of the view frame."""
@@ -202,10 +220,15 @@ class Scene:
         """Where lights may be."""
         return self.geometry.dome
 
-    @cached_property
+    @property
     def graded(self) -> BoolArray:
-        """Pixels (H, W) over which errors are taken."""
-        return grade.graded_pixels(self.geometry.truth, self.calibration)
+        """Pixels (H, W) over which errors are taken: those not seen edge-on that show one surface."""
+        return self.geometry.facing & self.geometry.one_surface
+
+    @property
+    def straddling(self) -> BoolArray:
+        """Pixels (H, W) that are left out because they show two surfaces and so have no one normal."""
+        return self.geometry.facing & ~self.geometry.one_surface
 
     def capture(self, lights: Sequence[Light], wanted: Exposure = Exposure()) -> Observations:  # noqa: B008 - frozen
         """One image for each light, exposed as a session would, and the lamp-off frames."""
@@ -247,7 +270,8 @@ class Scene:
                 table_depth_m=shared.table_depth_m,
             )
             best_guess = np.where(normal_map.mask[..., None], normal_map.normals, _VIEWING_AXIS)
-            self._found[key] = Found(taken, normal_map, grade.error_deg(best_guess, shared.truth)[self.graded])
+            error_deg = grade.error_deg(best_guess, shared.truth)
+            self._found[key] = Found(taken, normal_map, error_deg[self.graded], error_deg[self.straddling])
         return self._found[key]
 
     def run(self, recipe: Recipe) -> Run:

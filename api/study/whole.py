@@ -108,6 +108,10 @@ def summary(found: Study) -> dict[str, Any]:
         "glossy_half_widths_deg": {curve.method: curve.half_width_deg for curve in found.glossy},
         "errors_by_object_deg": {curve.method: curve.by_object for curve in found.matt},
         "over_10": {curve.method: curve.over_10 for curve in found.matt},
+        "straddling": curves.straddling(found.samples),
+        "errors_of_all_deg": {curve.method: curve.error_of_all_deg for curve in found.matt},
+        "glossy_errors_of_all_deg": {curve.method: curve.error_of_all_deg for curve in found.glossy},
+        "over_10_of_all": {curve.method: curve.over_10_of_all for curve in found.matt},
         "ratios": ratios(found),
         "phi": {
             "object": figure.object,

@@ -13,7 +13,7 @@ from api.study import curves, page, paper, three, whole
 from api.study.curves import Draws, Sample
 from api.study.found import Study
 
-WHO = Sample("sphere", 0, False, "optimal", 8, 0.6, 0.5, 0.0, 0.7, 0.65, None)
+WHO = Sample("sphere", 0, False, "optimal", 8, 0.6, 0.5, 0.0, 0.05, 0.9, 0.02, 0.7, 0.65, None)
 
 
 def drawn(method: str, level: float, noise: float = 0.0, draws: int = 6, lights: int = 8) -> list[Sample]:
@@ -78,5 +78,10 @@ def test_the_page_needs_no_network_and_holds_what_was_found(tmp_path: Path) -> N
     assert "0.900" in text
     assert json.loads(json.dumps(told, allow_nan=False))["errors_deg"]["optimal"]["8"] > 0
     assert told["phi"]["bound"] == 1.9
+    assert told["straddling"] == dict.fromkeys(curves.OBJECTS, pytest.approx(0.05))
+    assert told["over_10"]["optimal"][8] == 0
+    assert told["over_10_of_all"]["optimal"][8] == pytest.approx(0.02)
+    assert "5.00%" in text
+    assert "2.000%" in text
     assert set(told["ratios"][0]) == {"rival", "lights", "glossy", "ratio", "half_width"}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["study.html"]
