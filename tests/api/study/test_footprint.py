@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from api.study.scenes import Geometry, Scene
-from hardware_sim import render
 
 PIXELS = 128
 
@@ -35,21 +34,3 @@ def test_graded_and_straddling_pixels_are_all_that_are_not_seen_edge_on(part: Ge
 def test_a_smooth_surface_stays_graded() -> None:
     ball = Geometry("sphere", 1, PIXELS)
     assert np.all(ball.one_surface[ball.facing])
-
-
-def test_the_rule_is_of_the_pixel_and_not_of_what_lies_beside_it(part: Geometry) -> None:
-    """A pixel whose outline meets no edge is graded, though a step is in the next one."""
-    rows, columns = np.divmod(part.centres.pixels.astype(float), PIXELS)
-    rng = np.random.default_rng(1)
-    seen = [
-        render.object_samples(part.glossy, part.tracer, part.lens.eye, part.lens.directions(columns + x, rows + y))
-        for x, y in rng.uniform(-0.5, 0.5, (12, 2))
-    ]
-    bent = np.zeros(PIXELS**2, np.bool_)
-    normals = np.zeros((PIXELS**2, 3), np.float32)
-    normals[part.centres.pixels] = part.centres.normals
-    for some in seen:
-        pixels = part.centres.pixels[some.pixels]
-        bent[pixels] |= np.sum(some.normals * normals[pixels], axis=1) < np.cos(np.radians(60))
-    whole = part.facing & ~bent.reshape(PIXELS, PIXELS)
-    assert np.mean(part.one_surface[whole]) > 0.95
