@@ -12,7 +12,7 @@ at steps, a little less exact on smooth relief.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numba
@@ -49,15 +49,18 @@ class _Edges:
 
 def depth(
     normals: Float32Array, mask: BoolArray, ray: Float32Array, certainty: Float32Array, start_m: Float32Array,
-    *, keep_steps: bool = False,
+    *, whole: Float32Array | None = None, keep_steps: bool = False,
 ) -> Float32Array:  # fmt: skip
     """Depth (h, w) in m along OpenCV's z; where `mask` is false it is `start_m`.
 
     `normals` (3, h, w) in the view frame, `ray` (2, h, w), `certainty` (h, w) in 0–1 weighs pixels. Each connected part
-    of the mask keeps the mean log depth that `start_m` (h, w) gives it.
+    of the mask keeps the mean log depth that `start_m` (h, w) gives it. Where the surface is not `whole` (h, w), 0–1,
+    `start_m` tells its steps in place of the normals, which know of none.
     """
     log_start = np.log(start_m)
     edges = [_perspective(normals, ray, mask, certainty, axis, keep_steps) for axis in (0, 1)]
+    if whole is not None:
+        edges = [_stepped(one, log_start, whole, axis) for axis, one in enumerate(edges)]
     pitch = float(np.median(np.abs(np.diff(ray[0], axis=1)))) if mask.shape[1] > 1 else 1.0
     solution = _integrated(edges, log_start, mask, pitch if keep_steps else None)
     return np.where(mask, np.exp(solution), start_m).astype(np.float32)
@@ -103,6 +106,13 @@ def _perspective(
     return _edges(step, (x, y, z), mask, certainty, here, there, both_ends)
 
 
+def _stepped(edges: _Edges, log_start: Float32Array, whole: Float32Array, axis: int) -> _Edges:
+    """The edges with the steps of `log_start` (h, w) for that share by which an end is not `whole` (h, w)."""
+    here, there = _ends(axis)
+    share = np.minimum(whole[here], whole[there])
+    return replace(edges, step=share * edges.step + (1 - share) * (log_start[there] - log_start[here]))
+
+
 def _orthographic(
     normals: Float32Array, mask: BoolArray, certainty: Float32Array, axis: int, both_ends: bool
 ) -> _Edges:
@@ -142,7 +152,7 @@ def _integrated(edges: list[_Edges], start: Float32Array, mask: BoolArray, pitch
     rows, columns = edges
     solver = _Poisson(mask)
     weights, steps = (rows.weight, columns.weight), (rows.step, columns.step)
-    solution = solver.solve(weights, steps, start)
+    solution = solver.solve(weights, steps, start, against_flat=True)
     for _ in range(STEP_ROUNDS if pitch is not None else 0):
         assert pitch is not None  # noqa: S101
         leaning = [_leaning(one, solution, axis, pitch) for axis, one in enumerate(edges)]
@@ -197,9 +207,14 @@ class _Poisson:
         self._inverse = (1.0 / frequencies).astype(np.float32)
 
     def solve(
-        self, weights: tuple[Float32Array, Float32Array], steps: tuple[Float32Array, Float32Array], start: Float32Array
-    ) -> Float32Array:
-        """The best solution (h, w) found from `start` (h, w), which it keeps outside the mask's edges."""
+        self, weights: tuple[Float32Array, Float32Array], steps: tuple[Float32Array, Float32Array], start: Float32Array,
+        *, against_flat: bool = False,
+    ) -> Float32Array:  # fmt: skip
+        """The best solution (h, w) found from `start` (h, w), which it keeps outside the mask's edges.
+
+        Ends when TOLERANCE of the misfit of `start` is left, or, `against_flat`, of a flat surface's if that is larger:
+        who starts near the end needs no more digits than who does not.
+        """
         down, across = (self._filled(self._cut(weight, axis)) for axis, weight in enumerate(weights))
         size = self._shape
         solution, image = np.zeros(size, np.float32), np.empty(size, np.float32)
@@ -209,6 +224,10 @@ class _Poisson:
         first = float(np.vdot(residual, residual))
         if first == 0.0:
             return start
+        if against_flat:
+            flat = np.empty(size, np.float32)
+            _misfit(np.zeros(size, np.float32), steps_down, steps_across, down, across, flat)
+            first = max(first, float(np.vdot(flat, flat)))
         scale = float(1 / np.mean(across[across > 0])) if np.any(across > 0) else 1.0
         direction = np.zeros(size, np.float32)
         previous = 1.0
