@@ -28,7 +28,8 @@ class Readiness:
         """
         try:
             identity = self._rig.arm.connect()
-            self._rig.arm.prepare()
+            if not self._rig.arm.reading.program_running:  # connecting has not taken control: this says why it cannot
+                self._rig.arm.prepare()
             findings = self._rig.arm.preflight()
             if findings:
                 raise RigError(
