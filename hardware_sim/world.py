@@ -11,6 +11,7 @@ simulated, its links join the mesh that `Tracer` is made from, for each set of j
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -69,6 +70,9 @@ FLICKER_DEPTH = 0.3
 DRIFT = 0.02
 """The room's lamps flicker with the mains, and its brightness drifts from image to image (1 σ, fraction)."""
 
+PICTURES_KEPT = 1
+"""A frame that is taken again while nothing has moved needs no new picture, only another exposure."""
+
 
 @dataclass(frozen=True)
 class Moment:
@@ -119,6 +123,7 @@ class World:
         subdivision = 2 if calibration.width >= 400 else 4
         self._view = render.look(self.scene, self._tracer, self.lens, subdivision)
         self._indirect = IndirectLight(self.scene, self._tracer, self._view) if self._profile.bounces else None
+        self._full_light = lru_cache(PICTURES_KEPT)(self._picture_at)
         self._ambient: Float32Array | None = None
         if self._indirect is not None and self._profile.ambient_per_s > 0:
             self._ambient = self._indirect.ambient()
@@ -158,20 +163,22 @@ class World:
         for moment in moments:
             power = intensity * exposure_s * moment.share * moment.lamp_level
             if power > 0:
-                signal += self.picture(self._lamp(moment.joints, shift, power))
+                signal += np.float32(power) * self._full_light(tuple(moment.joints), tuple(shift))
         if self._ambient is not None:
             signal += np.float32(ambient) * self._ambient
         return sensor.expose(signal, self.calibration.sensor, random if profile.noise else None)
 
-    def _lamp(self, joints: Sequence[float], shift: FloatArray, power: float) -> Lamp:
+    def _picture_at(self, joints: tuple[float, ...], shift: tuple[float, ...]) -> Float32Array:
+        """The light (H, W) of the lamp at power 1, `shift` (3,) m beside where joints (6,) in rad bring it."""
         base_from_lamp = self.base_from_lamp(joints)
-        return Lamp(
+        lamp = Lamp(
             geometry.transform(self._object_from_base, base_from_lamp[:3, 3] + shift),
             geometry.rotate(self._object_from_base, base_from_lamp[:3, 2]),
-            power,
+            1.0,
             self.calibration.reference_m,
             self.calibration.lobe_exponent,
         )
+        return self.picture(lamp)
 
     def truth(self) -> Truth:
         """What is true at the pixel centres, in the frame of the camera as the calibration has it."""
