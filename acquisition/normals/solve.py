@@ -112,9 +112,11 @@ def solve_stack(
     final = last.estimate
     normals = lambert.facing(final.normals, along)
     solved = np.count_nonzero(final.usable, axis=0) >= 2
-    sure = refine.certainty(final) * refined.whole
     start = pixels.image(refined.depth_m, float(np.mean(refined.depth_m)))
-    depth_map = integrate.depth(pixels.image(normals), found, ray, pixels.image(sure), start)
+    depth_map = integrate.depth(
+        pixels.image(normals), found, ray, pixels.image(refine.certainty(final)), start,
+        whole=pixels.image(refined.whole),
+    )  # fmt: skip
     result = _Placed(pixels, solved, rows, columns, (height, width))
     chosen = _samples(pixels, solved)
     variance = final.variance + refined.shared_variance

@@ -2,10 +2,10 @@
 
 Least squares over normals alone smears a step that the camera sees edge-on, since no normal tells of it. Its shadow
 does: the ray from the lamp grazes the edge q and ends at the shadow's tip p, so that depth at q follows from depth at
-p. Every run of dark pixels between two sharp borders, along the picture of the lamp's ray, is such an equation, and the
-surface may be cut where the run leaves the edge: on that side of q only, so that the equation lifts all that q belongs
-to and not q alone. Cuts that no shadow shows are left to reweighting. The grid is coarse, so the sparse system is
-solved directly.
+p. Every run of dark pixels between two sharp borders, along the picture of the lamp's ray, is such an equation, and
+somewhere on it the surface may be cut: where the camera sees it most edge-on, which is the limb of what is round, else
+right behind the edge. It is cut on that side only, so that the equation lifts all that q belongs to and not q alone.
+Cuts that no shadow shows are left to reweighting. The grid is coarse, so the sparse system is solved directly.
 """
 
 from dataclasses import dataclass
@@ -34,8 +34,11 @@ SCALE = 0.6
 """Slope error, in pixels, beyond which a pair of neighbours counts as cut."""
 
 CUT = 1e-3
-BEGINNING = 0.03
-"""Weights of a pair of neighbours that is cut, and of one where a shadow begins."""
+LOOSE = 0.03
+"""Weights of a pair of neighbours that is cut, and of one where a shadow says that the surface may be."""
+
+LIMB = 0.8
+"""Cosine to the viewing ray below which a surface may be on its way to a limb."""
 
 TOWARDS = 0.38
 """Sine of the angle, that of 22.5°, from which a shadow's way leads to a row's or a column's neighbour as well."""
@@ -57,16 +60,27 @@ class _Equations:
     tip: np.ndarray
     step: np.ndarray
 
-    def beginnings(self, shape: tuple[int, int]) -> tuple[BoolArray, BoolArray]:
-        """Whether a shadow begins between a pixel and its neighbour below, and to its right, each (h w,)."""
-        (row, column), (tip_row, tip_column) = (np.divmod(one, shape[1]) for one in (self.edge, self.tip))
+    def cuts(self, cosine: Float32Array) -> tuple[BoolArray, BoolArray]:
+        """Whether the surface may be cut between a pixel and its neighbour below, and to its right, each (h w,), from
+        its cosine (h, w) to the viewing ray."""
+        width = cosine.shape[1]
+        (row, column), (tip_row, tip_column) = (np.divmod(one, width) for one in (self.edge, self.tip))
         down, across = tip_row - row, tip_column - column
         length = np.hypot(down, across)
-        below, right = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
-        for pairs, way, before in ((below, down, (1, 0)), (right, across, (0, 1))):
-            there = np.abs(way) > TOWARDS * length
-            back = way[there] < 0  # the pair is the earlier neighbour's
-            pairs[row[there] - before[0] * back, column[there] - before[1] * back] = True
+        down, across = down / length, across / length
+        least = np.minimum(cosine[row, column], LIMB)
+        at = np.stack([row, column])
+        for way in range(1, int(np.max(length, initial=0))):
+            on = np.flatnonzero(way < length - 0.5)
+            there = np.rint([row[on] + way * down[on], column[on] + way * across[on]]).astype(int)
+            steeper = cosine[there[0], there[1]] < least[on]
+            on, there = on[steeper], there[:, steeper]
+            least[on], at[:, on] = cosine[there[0], there[1]], there
+        below, right = np.zeros(cosine.shape, np.bool_), np.zeros(cosine.shape, np.bool_)
+        for pairs, towards, before in ((below, down, (1, 0)), (right, across, (0, 1))):
+            there = np.abs(towards) > TOWARDS
+            back = towards[there] < 0  # the pair is the earlier neighbour's
+            pairs[at[0, there] - before[0] * back, at[1, there] - before[1] * back] = True
         return below.ravel(), right.ravel()
 
 
@@ -90,16 +104,18 @@ def depth(
     missed = np.abs(smooth[edge] - smooth[tip] - equations.step) > TELLING * slopes.pitch
     if np.count_nonzero(missed) < max(LEAST_EQUATIONS, LEAST_SHARE * len(missed)):
         return None
-    below, right = equations.beginnings(pixels.shape)
+    along = photometry.ray_directions(pixels.ray)
+    cosine = -np.sum(normals * along, axis=0) / np.sqrt(np.sum(along * along, axis=0))
+    below, right = equations.cuts(pixels.image(cosine.astype(np.float32), 1.0))
     first = pixels.index[p]
-    begins = np.where(np.where(slopes.across, right[first], below[first]), BEGINNING, 1.0)
+    loose = np.where(np.where(slopes.across, right[first], below[first]), LOOSE, 1.0)
     at_start = np.log(start_m.astype(np.float64))
     solution = at_start
     for turn in range(rounds):
         wrong = (solution[edge] - solution[tip] - equations.step) / slopes.pitch
         # Before the first solution nothing can be said to be mistaken.
         believed = np.ones_like(wrong) if turn == 0 and rounds > 1 else 1 / (1 + (wrong / WRONG) ** 2)
-        cut = np.maximum(slopes.unbroken(solution) * begins, CUT)
+        cut = np.maximum(slopes.unbroken(solution) * loose, CUT)
         solution = _solve(
             np.concatenate([p, tip]),
             np.concatenate([q, edge]),

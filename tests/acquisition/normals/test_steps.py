@@ -1,0 +1,40 @@
+"""Depth with steps, where only shadows tell how high something stands above what is behind it."""
+
+import numpy as np
+
+from acquisition import normals
+from acquisition.measured import SolveSettings
+from acquisition.plan import baselines
+from acquisition.types import Light
+from tests.acquisition import scenes
+
+SIZE = 128
+RADIUS_M, HALF_LENGTH_M, AXIS_M, PLATE_M = 0.008, 0.022, 0.022, 0.006
+
+
+def rod(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A round rod that lies 8 mm above a plate, as far as it is seen from above."""
+    beyond = np.maximum(np.abs(x) - HALF_LENGTH_M, 0)
+    inside = RADIUS_M**2 - y**2 - beyond**2
+    plate = np.where(x**2 + y**2 < 0.05**2, PLATE_M, 0.0)
+    return np.where(inside > 0, AXIS_M + np.sqrt(np.maximum(inside, 0)), plate)
+
+
+def test_a_rod_stands_as_high_as_its_shadows_say() -> None:
+    """All of it as far as its limb, not only the pixels at which shadows begin."""
+    true = scenes.scene(rod, scenes.calibration(SIZE))
+    center = scenes.Dome(refused=0).center
+    lights = [
+        Light(position=tuple((center + 0.45 * unit).tolist()), axis=tuple((-unit).tolist()))
+        for unit in baselines.two_rings(8, 0.2)
+    ]
+    taken = scenes.capture(true, lights, intensity_sigma=0, position_sigma_m=0, noisy=False)
+    found = normals.solve(taken, true.calibration, SolveSettings(), initial_depth_m=scenes.TABLE_DEPTH - 0.01)
+    x, y = true.points[:2]
+    rod_seen = (np.abs(x) < HALF_LENGTH_M) & (np.abs(y) < 0.8 * RADIUS_M)
+    plate_seen = (np.hypot(x, y) < 0.045) & (np.abs(y) > 0.02)
+    off = true.depth - found.depth  # what is too high is positive
+    off -= np.median(off[plate_seen])
+    rise = np.median(true.depth[plate_seen]) - np.min(true.depth[rod_seen])
+    assert abs(np.median(off[rod_seen])) < 0.12 * rise
+    assert np.std(off[rod_seen]) < 0.02 * rise
