@@ -185,8 +185,9 @@ def _glossy(directions: FloatArray, form: FloatArray) -> Method:
         residual = fits.spread * np.median(values, axis=1)
         bent = glossy.form_variance(fits, values, clipped, table, form)
         # What lobes and matt part trade with each other, and shadows half cast, show among neighbours, if anywhere.
-        astray = np.square(glossy.roughness(fits.normals, chosen, width))
-        variance = np.minimum(fits.variance + bent + astray + LEAST_RAD2, UNKNOWN_RAD2).astype(np.float32)
+        # Noise shows there as well as in the residuals, so that the larger of the two holds both.
+        own = np.maximum(fits.variance, np.square(glossy.roughness(fits.normals, chosen, width)))
+        variance = np.minimum(own + bent + LEAST_RAD2, UNKNOWN_RAD2).astype(np.float32)
         return Found(fits.normals.T, albedo, variance, residual.astype(np.float32), flags)
 
     return solve

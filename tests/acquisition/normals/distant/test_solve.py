@@ -240,9 +240,6 @@ GLOSSY = tuple((shape, material) for shape in ("ball", "figure-side", "vase-side
 
 @pytest.mark.long
 @pytest.mark.timeout(1800)
-@pytest.mark.xfail(
-    reason="P(e < σ) is 0.77 over the first fifteen, P(e < 2σ) 0.94: σ is a little too large", strict=False
-)
 def test_sigma_of_glossy_surfaces_is_honest_over_many_scenes() -> None:
     """Eighteen draws of shape, material, texture, resolution and noise.
 
