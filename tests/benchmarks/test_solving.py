@@ -1,0 +1,82 @@
+"""`lightpose solve` as a person starts it: seconds from its start to written maps, and the most memory it ever held.
+
+Each run is a process of its own, since what was imported or held before would flatter it.
+"""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+from pytest_benchmark.fixture import BenchmarkFixture
+
+MEASURED = """\
+import resource, subprocess, sys
+subprocess.run(sys.argv[1:], check=True)
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+"""
+"""Runs a command and prints its peak of memory in kilobytes. A child's account begins with the size of its parent, so
+the parent has to be a small one."""
+
+
+def lights(count: int) -> np.ndarray:
+    angle = 2 * np.pi * np.arange(count) / count
+    slant = np.radians(np.where(np.arange(count) % 2, 25, 45))
+    return np.stack([np.sin(slant) * np.cos(angle), np.sin(slant) * np.sin(angle), np.cos(slant)], axis=-1)
+
+
+def folder(path: Path, size: tuple[int, int], count: int, *, colour: bool, suffix: str) -> Path:
+    """A DiLiGenT-style folder of noisy sixteen-bit images of a wavy surface."""
+    path.mkdir()
+    rng = np.random.default_rng(0)
+    v, u = np.mgrid[: size[0], : size[1]].astype(np.float32) / 120
+    normals = np.stack([np.sin(u) * 0.5, np.cos(v) * 0.5, np.ones_like(u)])
+    normals /= np.linalg.norm(normals, axis=0)
+    names = [f"{number:03d}{suffix}" for number in range(count)]
+    for name, light in zip(names, lights(count), strict=True):
+        shade = np.clip(np.tensordot(light.astype(np.float32), normals, 1), 0, 1) * 40_000
+        image = shade[..., None] * np.float32([1.0, 0.8, 0.6]) if colour else shade
+        stored = (image + rng.integers(0, 200, image.shape)).astype(np.uint16)
+        if suffix == ".tiff":
+            tifffile.imwrite(path / name, stored)
+        else:
+            cv2.imwrite(str(path / name), stored)
+    (path / "filenames.txt").write_text("\n".join(names))
+    np.savetxt(path / "light_directions.txt", lights(count))
+    np.savetxt(path / "light_intensities.txt", np.ones((count, 3)))
+    cv2.imwrite(str(path / "mask.png"), np.full(size, 255, np.uint8))
+    return path
+
+
+def solve(images: Path, out: Path, solver: str) -> float:
+    """Solves and writes in a process of its own; its peak of memory in GB."""
+    command = [sys.executable, "-m", "api.cli", "solve", str(images), "--out", str(out), "--solver", solver, "--json"]
+    ended = subprocess.run([sys.executable, "-c", MEASURED, *command], check=True, capture_output=True, text=True)
+    *_, told, kilobytes = ended.stdout.splitlines()
+    assert json.loads(told)["solver"] == solver
+    return float(kilobytes) / 1e6
+
+
+@pytest.mark.parametrize("colour", [False, True], ids=["grey", "colour"])
+def test_the_command_on_a_megapixel_under_twenty_lights(
+    benchmark: BenchmarkFixture, tmp_path: Path, colour: bool
+) -> None:
+    """Starts, reads PNG files, solves and writes all maps and the report in at most 5 s."""
+    images = folder(tmp_path / "images", (1000, 1000), 20, colour=colour, suffix=".png")
+    solve(images, tmp_path / "before", "weighted")
+    outs = (tmp_path / str(number) for number in range(3))
+    peak = benchmark.pedantic(lambda: solve(images, next(outs), "weighted"), rounds=3)
+    benchmark.extra_info["peak memory in GB"] = round(peak, 2)
+
+
+@pytest.mark.parametrize("solver", ["ls", "weighted"])
+def test_the_command_on_twelve_megapixels(benchmark: BenchmarkFixture, tmp_path: Path, solver: str) -> None:
+    """Holds at most 1 GB beside the stack's 0.19 GB, depth and all maps included."""
+    images = folder(tmp_path / "images", (3000, 4000), 8, colour=False, suffix=".tiff")
+    peak = benchmark.pedantic(solve, args=(images, tmp_path / "out", solver), rounds=1)
+    benchmark.extra_info["peak memory in GB"] = round(peak, 2)
+    assert peak <= 0.192 + 1.0
