@@ -36,7 +36,8 @@ def classify(reading: ArmReading) -> states.Fault | None:
     An arm that is merely not powered on or not under program control is not a fault; moves refuse it by themselves.
     """
     if not reading.connected:
-        return states.Fault(ErrorCode.DEVICE_DISCONNECTED, "The link to the arm, or its driver, is lost.")
+        why = f": {reading.lost}" if reading.lost else ""
+        return states.Fault(ErrorCode.DEVICE_DISCONNECTED, f"The link to the arm, or its driver, is lost{why}.")
     return states.safety_fault(reading.safety_bits)
 
 

@@ -50,6 +50,7 @@ class ArmReading:
     speed_fraction: float
     digital_outputs: int  # bits: 0–7 standard, 8–15 configurable, 16–17 tool
     received_at: float
+    lost: str = ""  # why it is not connected
 
 
 @dataclass(frozen=True)

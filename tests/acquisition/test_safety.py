@@ -27,7 +27,7 @@ NORMAL = ArmReading(
 )
 PROTECTIVE = replace(NORMAL, safety_bits=1 << 2 | 1 << 10, runtime_state=4)
 EMERGENCY = replace(NORMAL, safety_bits=1 << 6 | 1 << 7 | 1 << 10, robot_mode=3, runtime_state=1)
-LOST = replace(NORMAL, connected=False)
+LOST = replace(NORMAL, connected=False, lost="the controller sends nothing")
 
 
 class ScriptedArm:

@@ -23,7 +23,7 @@ from acquisition.config import ArmConfig, JointGeometry
 from acquisition.devices import ArmIdentity, ArmReading, Finding, MotionLimits, RecoveryStep, StopToken
 from acquisition.devices.ur import preflight, primary, protocol, states
 from acquisition.devices.ur.dashboard import ask, probe, recover
-from acquisition.devices.ur.protocol import Board, Done, Failed, Inspection, Interrupted, Sample, Word
+from acquisition.devices.ur.protocol import Board, Done, Failed, Inspection, Interrupted, Link, Sample, Word
 from acquisition.devices.ur.second_path import SecondPath
 from acquisition.errors import ErrorCode, Halted, RigError
 from acquisition.types import FloatArray
@@ -72,6 +72,7 @@ class UrArm:
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Connection | None = None
         self._took_control = False  # whether this driver ever did
+        self._given_up = ""  # why the last driver was
         self._asking = threading.Lock()  # arm and lamp share the pipe; halt and reading do not take it
         self._second_path: SecondPath | None = None
         self.lateness_s: deque[float] = deque(maxlen=LATENESS_KEPT)
@@ -87,8 +88,9 @@ class UrArm:
             return UNREAD
         self._last_sample = sample
         fresh = self.is_open and time.monotonic() - sample.received_at < protocol.HEARTBEAT_S
+        connected = sample.link is Link.WELL and fresh
         return ArmReading(
-            connected=sample.connected and fresh,
+            connected=connected,
             joints=sample.joints,
             joint_speeds=sample.joint_speeds,
             base_from_tool=geometry.pose(sample.base_from_tool[:3], sample.base_from_tool[3:]),
@@ -100,6 +102,7 @@ class UrArm:
             speed_fraction=sample.speed_fraction,
             digital_outputs=sample.digital_outputs,
             received_at=sample.received_at,
+            lost="" if connected else self._given_up or sample.lost,
         )
 
     @property
@@ -138,7 +141,9 @@ class UrArm:
         with self._asking:
             if not self._driver_answers():
                 self._start_driver()
-        if remote_control and self._why_not_ready() is None:
+        reading = self.reading
+        fault = states.safety_fault(reading.safety_bits) or states.power_fault(reading.robot_mode)
+        if remote_control and fault is None:
             self.prepare()
         return identity
 
@@ -270,7 +275,7 @@ class UrArm:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,  # ur-rtde prints there; its errors go to our standard error
             )
-        self._connection = Connection(ours.detach())
+        self._connection, self._given_up = Connection(ours.detach()), ""
         opening = protocol.Open(self._config.address, self._lamp_output, self._config.stop_deceleration_rad_s2)
         reply = self._exchange(opening, OPEN_DEADLINE_S, None, watch_loop=False)
         if not isinstance(reply, Done):
@@ -330,6 +335,7 @@ class UrArm:
 
     def _lost(self, detail: str) -> RigError:
         """Stops by the second path, kills the driver, and says so."""
+        self._given_up = detail.removesuffix(".")
         if self._took_control:  # else whatever moves there is not ours to stop
             self._stop_program()
         self._bury()
@@ -372,10 +378,6 @@ class UrArm:
     def _kinematics(self) -> list[JointGeometry] | None:
         """The arm as built, asked for only where the cell file has something to compare with it."""
         return None if self._config.kinematics is None else primary.kinematics(self._config.address)
-
-    def _why_not_ready(self) -> states.Fault | None:
-        reading = self.reading
-        return states.safety_fault(reading.safety_bits) or states.power_fault(reading.robot_mode)
 
     def _checked_limits(
         self, path: Sequence[Sequence[float]], limits: Sequence[MotionLimits]

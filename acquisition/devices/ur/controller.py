@@ -15,7 +15,7 @@ from typing import cast
 from acquisition.devices.ur import protocol, states
 from acquisition.devices.ur.dashboard import refuse_foreign
 from acquisition.devices.ur.interfaces import Constructors, Control, Outputs, Receive
-from acquisition.devices.ur.protocol import Done, Vector6
+from acquisition.devices.ur.protocol import Done, Link, Vector6
 from acquisition.errors import ErrorCode, RigError
 
 _log = logging.getLogger(__name__)
@@ -49,7 +49,8 @@ class Controller:
         self._kicked_at = 0.0
         self._timestamp = -1.0
         self._received_at = 0.0
-        self._sampled_at = self._awake_since = 0.0
+        self._sampled_at = self._awake_since = time.monotonic()
+        self._slept_s = 0.0
 
     # ------------------------------------------------------------------------------------------------------- each turn
 
@@ -63,7 +64,7 @@ class Controller:
         if timestamp != self._timestamp:
             self._timestamp, self._received_at = timestamp, now
         if now - self._sampled_at > SLEPT_S:
-            self._awake_since = now
+            self._awake_since, self._slept_s = now, now - self._sampled_at
         self._sampled_at = now
         self._armed = self._armed and self._control is not None and self._control.isProgramRunning()
         return protocol.Sample(
@@ -78,7 +79,7 @@ class Controller:
             runtime_state=int(receive.getRuntimeState()),
             digital_outputs=receive.getActualDigitalOutputBits(),
             program_running=self._armed,
-            connected=self._is_linked(receive, now),
+            link=self._link(receive, now),
         )
 
     def kick(self) -> None:
@@ -299,14 +300,20 @@ class Controller:
         if not written:
             raise RuntimeError("the output was not sent")
 
-    def _is_linked(self, receive: Receive, now: float) -> bool:
+    def _link(self, receive: Receive, now: float) -> Link:
         """Data that are old because this process slept say nothing of the link until they could be read."""
-        just_awake = now - self._awake_since < AWAKE_S
-        return (
-            receive.isConnected()
-            and now - self._received_at < (protocol.LINK_AT_MOST_S if just_awake else protocol.LINK_S)
-            and (self._control is None or self._control.isConnected())
-        )
+        awake_s = now - self._awake_since
+        link = Link.WELL
+        if not receive.isConnected():
+            link = Link.READING_CLOSED
+        elif now - self._received_at > (protocol.LINK_AT_MOST_S if awake_s < AWAKE_S else protocol.LINK_S):
+            link = Link.SILENT
+        elif self._control is not None and not self._control.isConnected():
+            link = Link.CONTROL_CLOSED
+        if link is not Link.WELL:
+            old_s = now - self._received_at
+            _log.error("%s: data are %.2f s old; slept %.2f s, %.2f s ago", link.name, old_s, self._slept_s, awake_s)
+        return link
 
     def _require_open(self) -> tuple[protocol.Open, Receive]:
         if self._opened is None or self._receive is None:

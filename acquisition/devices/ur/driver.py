@@ -10,6 +10,7 @@ A lost link ends the process: ur-rtde would reconnect after a while and might se
 """
 
 import faulthandler
+import logging
 import os
 import signal
 import socket
@@ -27,8 +28,10 @@ from acquisition import priority
 from acquisition.devices.ur import protocol
 from acquisition.devices.ur.controller import Controller, Task
 from acquisition.devices.ur.interfaces import Constructors, Control, Outputs, Receive
-from acquisition.devices.ur.protocol import Board, Done, Failed, Interrupted, Request, Word
+from acquisition.devices.ur.protocol import Board, Done, Failed, Interrupted, Link, Request, Word
 from acquisition.errors import ErrorCode, RigError
+
+_log = logging.getLogger(__name__)
 
 DATA_HZ = 125.0  # at the controller's full 500 Hz the library alone takes a quarter of a core
 LEAVE_S = 2.0
@@ -81,8 +84,8 @@ class Driver:
         sample = self._controller.sample()
         if sample is not None:
             self._board.publish(sample)
-            if not sample.connected:
-                raise LinkLostError("The controller sends no data: the link is lost. Nothing moves until it is mended.")
+            if sample.link is not Link.WELL:
+                raise LinkLostError(f"The link to the arm is lost: {sample.lost}. Nothing moves until it is mended.")
 
     def _obey_halt(self) -> None:
         requested = self._board.read(Word.HALT_REQUESTED)
@@ -124,6 +127,7 @@ class Driver:
                 return
             issued, request = cast(tuple[int, Request], self._connection.recv())
         except (EOFError, ConnectionError):
+            _log.warning("the service has ended: the arm is stopped")
             self._leaving = True
             return
         if self._task is not None:  # the service gave up on the last request; it hears no more of it
@@ -179,6 +183,7 @@ def _outputs(address: str) -> Outputs:
 
 def main() -> None:
     """`python -m acquisition.devices.ur.driver PIPE BOARD`, both inherited file descriptors."""
+    logging.basicConfig(stream=sys.stderr, format="%(asctime)s %(name)s %(message)s")
     pipe, board = int(sys.argv[1]), int(sys.argv[2])
     priority.take_real_time()
     controller = Controller(Constructors(control=_control, receive=_receive, outputs=_outputs))

@@ -141,6 +141,23 @@ Reply = Done | Failed | Interrupted
 # ---------------------------------------------------------------------------------------------------------------- board
 
 
+class Link(IntEnum):
+    """Whether the controller's data arrive; if not, what has shown it."""
+
+    WELL = 0
+    SILENT = 1
+    READING_CLOSED = 2
+    CONTROL_CLOSED = 3
+
+
+_LOST = {
+    Link.WELL: "the driver has fallen silent",  # which would have said more
+    Link.SILENT: "the controller sends nothing",
+    Link.READING_CLOSED: "the connection that data come by is closed",
+    Link.CONTROL_CLOSED: "the connection that commands go by is closed",
+}
+
+
 @dataclass(frozen=True)
 class Sample:
     """The newest values of the receive interface; `received_at` is time.monotonic() at their arrival."""
@@ -156,7 +173,12 @@ class Sample:
     runtime_state: int
     digital_outputs: int
     program_running: bool
-    connected: bool
+    link: Link
+
+    @property
+    def lost(self) -> str:
+        """What has shown that the link is lost, or the driver, and how old the newest data are now."""
+        return f"{_LOST[self.link]}, the newest data are {time.monotonic() - self.received_at:.2f} s old"
 
 
 class Word(IntEnum):
@@ -220,7 +242,7 @@ class Board:
             sample.runtime_state,
             sample.digital_outputs,
             sample.program_running,
-            sample.connected,
+            sample.link,
         )
         self._page[_SAMPLE_AT : _SAMPLE_AT + len(data) + _CHECKSUM.size] = data + _CHECKSUM.pack(zlib.crc32(data))
 
@@ -231,9 +253,7 @@ class Board:
             body, checksum = data[: _SAMPLE.size], _CHECKSUM.unpack_from(data, _SAMPLE.size)[0]
             if zlib.crc32(body) == checksum:
                 values = _SAMPLE.unpack(body)
-                timestamp, speed_fraction, received_at, mode, safety_bits, state, outputs, running, connected = values[
-                    18:
-                ]
+                timestamp, speed_fraction, received_at, mode, safety_bits, state, outputs, running, link = values[18:]
                 return Sample(
                     joints=values[0:6],
                     joint_speeds=values[6:12],
@@ -246,6 +266,6 @@ class Board:
                     runtime_state=state,
                     digital_outputs=outputs,
                     program_running=bool(running),
-                    connected=bool(connected),
+                    link=Link(link),
                 )
         return None

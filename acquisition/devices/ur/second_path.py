@@ -85,6 +85,7 @@ class SecondPath:
             if _WATCH in reasons:
                 self._replace_process()
             elif self._process is not None and self._process in ready:
+                _log.error("the driver has ended: the arm is stopped")
                 os.close(self._process)
                 self._process = None
                 self._stop()
@@ -116,8 +117,10 @@ class SecondPath:
         watched = [] if self._process is None else [self._process]
         while not condition():
             ended, _, _ = select.select(watched, [], [], protocol.TICK_S)
-            if ended or time.monotonic() > deadline:
+            if ended:
                 return False
+            if time.monotonic() > deadline:
+                return condition()  # it may be this thread that was late
         return True
 
     def _stop(self) -> None:

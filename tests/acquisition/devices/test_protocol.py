@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 
-from acquisition.devices.ur.protocol import Board, Sample, Word
+from acquisition.devices.ur.protocol import Board, Link, Sample, Word
 
 SAMPLE = Sample(
     joints=(0.1, -0.2, 0.3, -0.4, 0.5, -0.6),
@@ -20,7 +20,7 @@ SAMPLE = Sample(
     runtime_state=2,
     digital_outputs=1 << 17,
     program_running=True,
-    connected=True,
+    link=Link.WELL,
 )
 
 
@@ -61,10 +61,11 @@ def test_reader_never_sees_a_mixture() -> None:
     """Of two samples that another process, which may run at the same instant, publishes in turn."""
     board = Board.create()
     board.publish(SAMPLE)
-    other = dataclasses.replace(SAMPLE, joints=(9.0,) * 6, timestamp=77.0, connected=False)
+    other = dataclasses.replace(SAMPLE, joints=(9.0,) * 6, timestamp=77.0, link=Link.SILENT)
     code = (
         "import dataclasses, sys; from acquisition.devices.ur.protocol import Board; b = Board(int(sys.argv[1]));"
-        "one = b.sample(); other = dataclasses.replace(one, joints=(9.0,) * 6, timestamp=77.0, connected=False)\n"
+        "one = b.sample(); silent = type(one.link).SILENT\n"
+        "other = dataclasses.replace(one, joints=(9.0,) * 6, timestamp=77.0, link=silent)\n"
         "while True: b.publish(other); b.publish(one)"
     )
     command = [sys.executable, "-c", code, str(board.descriptor)]

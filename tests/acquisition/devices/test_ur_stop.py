@@ -5,6 +5,7 @@ on an idle machine and far less than what is left of the move.
 """
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -156,6 +157,7 @@ def test_killed_driver(arm: UrArm, control: ControlClient) -> None:
     assert isinstance(error, RigError)
     assert error.code == ErrorCode.DRIVER_LOST
     assert not arm.reading.connected
+    assert arm.reading.lost == "The arm's driver ended"
     with pytest.raises(RigError) as caught:
         arm.move([FAR], [LIMITS], StopToken())
     assert caught.value.code == ErrorCode.DRIVER_LOST
@@ -264,8 +266,11 @@ def test_safety_stop_in_mid_move(fault: str, code: ErrorCode) -> None:
             arm.move([HOME], [LIMITS], StopToken())
 
 
-@pytest.mark.parametrize("fault", [{"kind": "cut"}, {"kind": "stall", "seconds": 2.0}])
-def test_lost_link(fault: dict[str, Any]) -> None:
+@pytest.mark.parametrize(
+    ("fault", "shown"),
+    [({"kind": "cut"}, "is closed|driver ended"), ({"kind": "stall", "seconds": 2.0}, "sends nothing|driver ended")],
+)
+def test_lost_link(fault: dict[str, Any], shown: str) -> None:
     with controller(LOST) as control, connected(UrArm(arm_config(LOST), CELL.lamp.output)) as arm:
         made_ready(arm, control)
         journey = Journey(arm)
@@ -276,6 +281,7 @@ def test_lost_link(fault: dict[str, Any]) -> None:
         assert isinstance(error, RigError)
         assert error.code in (ErrorCode.DEVICE_DISCONNECTED, ErrorCode.DRIVER_LOST, ErrorCode.ARM_MOVE_FAILED)
         wait_for(lambda: not arm.reading.connected)
+        assert re.search(shown, arm.reading.lost)
         wait_for(lambda: control.state()["runtime_state"] == STOPPED)
         assert stays_at_rest(control, 1.0)
 
