@@ -126,6 +126,7 @@ def test_lost_link_latches_and_may_be_acknowledged_while_it_lasts() -> None:
     watched.see(LOST)
     assert watched.monitor.latch is not None
     assert watched.monitor.latch.code == ErrorCode.DEVICE_DISCONNECTED
+    assert "the controller sends nothing" in watched.monitor.latch.detail
     watched.monitor.acknowledge("ada")
     watched.see(LOST)  # still away: the same loss is not latched again
     assert watched.monitor.latch is None

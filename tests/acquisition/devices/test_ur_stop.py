@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -48,13 +48,13 @@ STOPPED, PLAYING = 1, 2
 
 
 @pytest.fixture(scope="module")
-def control() -> Iterator[ControlClient]:
+def control() -> Generator[ControlClient]:
     with controller(ADDRESS) as client:
         yield client
 
 
 @pytest.fixture(scope="module")
-def shared_arm(control: ControlClient) -> Iterator[UrArm]:
+def shared_arm(control: ControlClient) -> Generator[UrArm]:
     with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output)) as arm:
         yield arm
 
@@ -307,7 +307,7 @@ def test_controller_without_power() -> None:
 
 
 @contextmanager
-def service() -> Iterator[tuple[subprocess.Popen[bytes], ControlClient]]:
+def service() -> Generator[tuple[subprocess.Popen[bytes], ControlClient]]:
     """A process of its own that moves the arm."""
     with controller(SERVICE) as control:
         code = SERVICE_CODE.format(address=SERVICE)
