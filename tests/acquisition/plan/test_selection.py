@@ -262,8 +262,10 @@ def test_the_forecast_falls_with_the_lights_and_agrees_with_the_plan(
     assert [(point.added, point.lights) for point in points] == [(n, n) for n in (0, 1, 2, 4, 8)]
     sigma = [point.sigma_deg for point in points]
     assert sigma == sorted(sigma, reverse=True)
-    chosen = plan.choose(*arguments, 4, certify=False)
+    chosen = plan.choose(*arguments, 4, certify=False, forecast_counts=(1, 2, 4, 8))
     assert points[3].sigma_deg == pytest.approx(chosen.predicted_sigma_deg, rel=0.05)
+    assert [point.added for point in chosen.forecast] == [1, 2, 4, 8]
+    assert [point.sigma_deg for point in chosen.forecast] == pytest.approx(sigma[1:], rel=0.03)
 
 
 def test_a_pilot_with_one_usable_light_is_planned_with_a_warning(cushion: scenes.Scene, reach: scenes.Dome) -> None:
