@@ -133,8 +133,11 @@ def choose(
         problem.known, normal_map, problem.surface, observations, calibration, recipe
     )
     mirrored = criterion.mirrored(problem.known, problem.units, problem.gloss)
-    fallback = Doubts(unexplained, mirrored, gain).fallback
-    if fallback is not None:
+    doubts = Doubts(unexplained, mirrored, gain)
+    fallback = doubts.fallback
+    if doubts.of_the_model:
+        positions = problem.positions[patterns.instead(problem.taken, problem.units, wanted)]
+    elif fallback is not None:
         positions = problem.positions[sets[0]]
 
     there = problem.forecast(positions)

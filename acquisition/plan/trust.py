@@ -17,7 +17,7 @@ a machined part, where eight planned lights are 13–18 % worse than two rings a
 MIRROR_FROM = 0.4
 """Share of pixels that mirror one lamp at once above which a plan is not taken: 5–17 % on curved glossy objects, 78 %
 and more on flat ones, where twelve images with planned lights come out between 0.6 and 1.8 times the error of two
-rings, and with completed rings between 0.8 and 1.15 times."""
+rings, and with rings completed steeply between 0.8 and 0.9 times."""
 
 LEAST_GAIN = 0.02
 """Share by which a plan must be expected to lower the pattern's loss; of `capped`, a variance, that is 1 % of σ."""
@@ -31,6 +31,11 @@ class Doubts:
     unexplained: float
     mirrored: float
     gain: float
+
+    @property
+    def of_the_model(self) -> bool:
+        """Whether what the plan is made from is in doubt, not only what the plan brings."""
+        return self.unexplained > STEPS_FROM or self.mirrored > MIRROR_FROM
 
     @property
     def fallback(self) -> str | None:

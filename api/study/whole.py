@@ -33,8 +33,10 @@ FULL = Scale(
     pixels=scenes.PIXELS,
     objects=scenes.OBJECTS,
     glossy_objects=scenes.OBJECTS,
-    matt=Draws(rivals={3: 1, 4: 1, 6: 2, 8: 6, 12: 6, 20: 6, 24: 1}, others={3: 1, 6: 1, 8: 6, 12: 1, 24: 1}),
-    glossy=Draws(rivals={4: 1, 8: 6, 12: 6, 20: 1}, others={8: 1, 12: 1}),
+    matt=Draws(
+        rivals={3: 1, 6: 1, 8: 6, 12: 6, 20: 6, 24: 1}, compared={3: 1, 8: 6, 24: 1}, others={3: 1, 8: 1, 24: 1}
+    ),
+    glossy=Draws(rivals={8: 6, 12: 6, 20: 1}, compared={8: 1, 12: 1}, others={8: 1, 12: 1}),
     table_objects=("figure", "vase", "bumps"),
     table_draws=12,
 )
@@ -42,8 +44,8 @@ QUICK = Scale(
     pixels=SMALL_PIXELS,
     objects=("vase", "relief", "figure"),
     glossy_objects=("vase",),
-    matt=Draws(rivals={3: 1, 8: 1, 12: 1}, others={8: 1}),
-    glossy=Draws(rivals={8: 1}, others={8: 1}),
+    matt=Draws(rivals={3: 1, 8: 1, 12: 1}, compared={8: 1}, others={8: 1}),
+    glossy=Draws(rivals={8: 1}, compared={8: 1}, others={8: 1}),
     table_objects=("figure", "vase"),
     table_draws=2,
 )

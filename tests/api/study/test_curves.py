@@ -63,7 +63,7 @@ def test_the_page_needs_no_network_and_holds_what_was_found(tmp_path: Path) -> N
                for item in drawn(name, level, 0.1, lights=lights)]  # fmt: skip
     samples += [replace(item, glossy=True) for item in samples]
     rows = [three.Row(item.name, "sphere", 2.0, 0.6, 1.0) for item in three.conditions(1)]
-    scale = replace(whole.QUICK, objects=("sphere",), matt=Draws({8: 6}, {8: 6}))
+    scale = replace(whole.QUICK, objects=("sphere",), matt=Draws({8: 6}, {8: 6}, {8: 6}))
     found = Study(
         seed=1, quick=True, scale=scale, seconds=1.0, placements=[placement],
         errata=paper.errata(weight, 1, triples=100), table=rows, samples=samples,
