@@ -137,7 +137,9 @@ class UrArm:
         probe(self._config.address)
         identity, remote_control = self._ask()
         if self._second_path is None:
-            self._second_path = SecondPath(self._config.address, self._halt_state, self._halt_by_dashboard)
+            self._second_path = SecondPath(
+                self._config.address, lambda: self._board.halt_state(self._halt_requested), self._halt_by_dashboard
+            )
         with self._asking:
             if not self._driver_answers():
                 self._start_driver()
@@ -361,10 +363,6 @@ class UrArm:
         if isinstance(reply, Interrupted):
             raise RigError(ErrorCode.ARM_NOT_READY, "A halt came in between.")
         return reply
-
-    def _halt_state(self) -> tuple[bool, bool]:
-        requested = self._halt_requested
-        return self._board.read(Word.HALT_TAKEN) >= requested, self._board.read(Word.HALT_DONE) >= requested
 
     # ------------------------------------------------------------------------------------------------------- questions
 

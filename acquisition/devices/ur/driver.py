@@ -56,6 +56,7 @@ class Driver:
 
     def run(self) -> None:
         """Turns until the service leaves or dies, the link is lost, or a signal asks to end."""
+        self._board.write(Word.HALT_DONE, self._board.read(Word.HALT_TAKEN))  # the last driver may have died between
         while not self._leaving:
             self._board.write(Word.LOOP, time.monotonic_ns())
             try:

@@ -228,6 +228,14 @@ class Board:
         """Seconds since the time that a word holds."""
         return (time.monotonic_ns() - self.read(word)) * 1e-9
 
+    def halt_state(self, requested: int) -> tuple[bool, bool]:
+        """Whether the halt asked for at this time (ns) has been taken, and carried out.
+
+        While the driver carries out one halt it sees no other: that one serves those after it.
+        """
+        taken, done = self.read(Word.HALT_TAKEN), self.read(Word.HALT_DONE)
+        return taken >= requested or taken > done, done >= requested
+
     def publish(self, sample: Sample) -> None:
         """Replaces the sample."""
         data = _SAMPLE.pack(

@@ -6,6 +6,8 @@ import subprocess
 import sys
 import time
 
+import pytest
+
 from acquisition.devices.ur.protocol import Board, Link, Sample, Word
 
 SAMPLE = Sample(
@@ -55,6 +57,17 @@ def test_words_are_shared_with_another_process() -> None:
     subprocess.run(command, check=True, pass_fds=(board.descriptor,))
     assert board.read(Word.HALT_TAKEN) == 123456789012345
     assert board.read(Word.LEASE) == 0
+
+
+@pytest.mark.parametrize(
+    ("taken", "done", "state"),
+    [(5, 5, (False, False)), (5, 3, (True, False)), (7, 5, (True, False)), (7, 7, (True, True))],
+)
+def test_a_halt_that_is_carried_out_serves_those_after_it(taken: int, done: int, state: tuple[bool, bool]) -> None:
+    board = Board.create()
+    board.write(Word.HALT_TAKEN, taken)
+    board.write(Word.HALT_DONE, done)
+    assert board.halt_state(7) == state
 
 
 def test_reader_never_sees_a_mixture() -> None:
