@@ -6,6 +6,7 @@ bounced light were chosen on these objects, and pixels that straddle a crease ar
 """
 
 import functools
+import os
 from typing import Literal
 
 import numpy as np
@@ -21,7 +22,9 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
 
 PIXELS = 128
 DRAWS = 3
-SIGMA_DRAWS = 10
+SIGMA_DRAWS = int(os.environ.get("LIGHTPOSE_DRAWS", "10"))
+"""Fewer for a look: ten draws of nine conditions are four hundred and fifty solves."""
+
 Condition = Literal["direct", "bounces", "gloss", "ggx", "gloss and bounces", "dark", "textured"]
 
 
@@ -111,8 +114,8 @@ def test_mean_error(condition: Condition, lights: int, bar: float) -> None:
     "name",
     [
         "part",
-        literally("animal", "0.76: direct light alone leaves more than 0.6 of the uncorrected error"),
-        literally("rabbit", "0.86: hidden sides of its ears send light unseen"),
+        literally("animal", "0.76; 0.61 where the true indirect light is subtracted: direct light errs by as much"),
+        literally("rabbit", "0.62; 0.60 with the true shape, 0.47 where the true indirect light is subtracted"),
         "bowl",
         "vee",
     ],
@@ -129,7 +132,7 @@ def test_the_groove_is_freed_of_bounced_light() -> None:
     assert found <= 2.2
 
 
-@pytest.mark.parametrize("name", ["part", "animal", literally("rabbit", "hidden sides of its ears"), "bowl", "vee"])
+@pytest.mark.parametrize("name", objects.NAMES)
 def test_most_of_what_bounced_light_costs_is_won_back(name: str) -> None:
     """Beside what direct light alone leaves, which no correction can win back."""
     direct, corrected = mean_of_draws(name, "direct"), mean_of_draws(name, "bounces")

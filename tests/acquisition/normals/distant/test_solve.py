@@ -259,6 +259,7 @@ def test_sigma_of_glossy_surfaces_is_honest_over_many_scenes() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize(
     ("shape", "material", "mean_deg", "median_deg"),
     [
