@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.devices import ArmIdentity, ArmReading, Finding, MotionLimits, StopToken
+from acquisition.devices import ArmIdentity, ArmReading, Finding, MotionLimits, RecoveryStep, StopToken
 from acquisition.errors import ErrorCode, RigError
 from acquisition.safety import Latch, SafetyMonitor, classify
 
@@ -39,7 +39,13 @@ class ScriptedArm:
     def connect(self) -> ArmIdentity:
         raise NotImplementedError
 
+    def prepare(self) -> None:
+        raise NotImplementedError
+
     def preflight(self) -> Sequence[Finding]:
+        raise NotImplementedError
+
+    def recover(self, step: RecoveryStep) -> None:
         raise NotImplementedError
 
     def move(self, path: Sequence[Sequence[float]], limits: Sequence[MotionLimits], stop: StopToken) -> None:

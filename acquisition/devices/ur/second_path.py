@@ -107,9 +107,13 @@ class SecondPath:
         self._process = self._new_process
 
     def _back_up_halt(self) -> None:
-        taken = self._await(lambda: self._halt_state()[0], protocol.ACKNOWLEDGE_S)
-        if not taken or not self._await(lambda: self._halt_state()[1], _CARRY_OUT_S):
-            self._stop()
+        if not self._await(lambda: self._halt_state()[0], protocol.ACKNOWLEDGE_S):
+            _log.warning("the driver has not seen a halt within %g s", protocol.ACKNOWLEDGE_S)
+        elif not self._await(lambda: self._halt_state()[1], _CARRY_OUT_S):
+            _log.warning("the driver has not carried out a halt within %g s", _CARRY_OUT_S)
+        else:
+            return
+        self._stop()
 
     def _await(self, condition: Callable[[], bool], seconds: float) -> bool:
         """Whether the driver brings something about in time; one that has ended will not."""
