@@ -18,12 +18,12 @@ TURNS = 12
 TOP_SLANT_DEG, BETWEEN_SLANT_DEG = 15.0, 40.0
 """Lights taken below the first stand on top of the object, up to the second on the inner ring, beyond on the outer."""
 
-STEEP_SLANT_DEG = 65.0
-STEEP_FROM = 12
-"""Images in all from which an outer ring may stand at `STEEP_SLANT_DEG`: the pilot's light on top tells little of the
-normals, and with eight lights in the ring a steeper one makes up for it on flat surfaces (glossy ones: 0.87 times the
-error of two rings, where rings at 55° have 1.03). With five, walls leave too many pixels dark (1.14 on a machined
-part)."""
+STEEP_SLANT_DEG, STEEPER_SLANT_DEG = 60.0, 65.0
+STEEPER_FROM = 12
+"""Outer rings that are completed in place of a plan, the second one from so many images in all. The pilot's light on
+top tells little of the normals, and a steeper ring makes up for it. Errors in those of two rings: eight images of a
+machined part 0.95 at 60°, 1.04 at 55°; twelve of glossy flat surfaces 0.87 at 65°, 0.95 at 60°, 1.03 at 55°. With eight
+images walls leave too many pixels dark at 65° (1.14)."""
 
 MISFIT = 0.5
 """Weight of the distance of lights from their places, rad, against imbalance."""
@@ -62,10 +62,9 @@ def completions(
 
 
 def instead(taken: FloatArray, units: FloatArray, count: int) -> list[int]:
-    """The completion, as numbers of `units` (K, 3), that is taken where the shape found so far is not to be planned
-    from: steep where there are lights enough."""
-    steep = len(taken) + count >= STEEP_FROM
-    return completions(taken, units, count, STEEP_SLANT_DEG if steep else OUTER_SLANT_DEG)[0]
+    """The completion, as numbers of `units` (K, 3), that is taken where a plan is not to be trusted."""
+    many = len(taken) + count >= STEEPER_FROM
+    return completions(taken, units, count, STEEPER_SLANT_DEG if many else STEEP_SLANT_DEG)[0]
 
 
 def imbalance(units: FloatArray) -> float:

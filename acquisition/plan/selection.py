@@ -133,12 +133,9 @@ def choose(
         problem.known, normal_map, problem.surface, observations, calibration, recipe
     )
     mirrored = criterion.mirrored(problem.known, problem.units, problem.gloss)
-    doubts = Doubts(unexplained, mirrored, gain)
-    fallback = doubts.fallback
-    if doubts.of_the_model:
+    fallback = Doubts(unexplained, mirrored, gain).fallback
+    if fallback is not None:
         positions = problem.positions[patterns.instead(problem.taken, problem.units, wanted)]
-    elif fallback is not None:
-        positions = problem.positions[sets[0]]
 
     there = problem.forecast(positions)
     sigma_deg = criterion.expect(problem.fresh, there).sigma_deg

@@ -120,10 +120,10 @@ def test_lights_taken_already_fill_their_places_of_the_pattern() -> None:
     assert len(dome.nearest_distinct(whole, units, np.ones(400, dtype=np.bool_))[0]) == 8
 
 
-def test_rings_taken_instead_of_a_plan_are_steep_where_there_are_lights_enough() -> None:
+def test_rings_taken_instead_of_a_plan_are_steeper_where_there_are_lights_enough() -> None:
     units = dome_units(400, 0.2)
     taken = geometry.direction(np.radians([8.0, 50.0, 50.0, 50.0]), np.arange(4) * 2 * np.pi / 3)
-    for count, slant_deg in ((4, 55.0), (8, 65.0)):
+    for count, slant_deg in ((4, 60.0), (8, 65.0)):
         slant = np.degrees(geometry.slant_azimuth(units[patterns.instead(taken, units, count)])[0])
         outer = slant[slant > 40]
         assert len(outer) >= count // 2
