@@ -148,18 +148,17 @@ def _edges(
 
 
 def _integrated(edges: list[_Edges], start: Float32Array, mask: BoolArray, pitch: float | None) -> Float32Array:
-    """The solution (h, w); each connected part of the mask keeps the mean of `start`. `pitch`: steps are kept."""
-    rows, columns = edges
+    """The solution (h, w); each connected part of the mask keeps the mean of `start`. `pitch`: steps are kept.
+
+    Takes the `edges` out of their list.
+    """
     solver = _Poisson(mask)
-    weights, steps = (rows.weight, columns.weight), (rows.step, columns.step)
-    solution = solver.solve(weights, steps, start, against_flat=True)
+    kept = [] if pitch is None else list(edges)
+    solution = solver.solve(edges, start, against_flat=True)
     for _ in range(STEP_ROUNDS if pitch is not None else 0):
         assert pitch is not None  # noqa: S101
-        leaning = [_leaning(one, solution, axis, pitch) for axis, one in enumerate(edges)]
         before = solution
-        solution = solver.solve(
-            (leaning[0][0], leaning[1][0]), (leaning[0][1], leaning[1][1]), solution
-        )  # fmt: skip
+        solution = solver.solve([_leaning(one, solution, axis, pitch) for axis, one in enumerate(kept)], solution)
         if float(np.mean(np.abs(solution - before)[mask])) < 1e-3 * pitch:
             break
     parts, found = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
@@ -170,8 +169,8 @@ def _integrated(edges: list[_Edges], start: Float32Array, mask: BoolArray, pitch
     return solution + shift.astype(np.float32)[labels]
 
 
-def _leaning(edges: _Edges, solution: Float32Array, axis: int, pitch: float) -> tuple[Float32Array, Float32Array]:
-    """Weights and steps of the edges when each pixel leans to the side that its own normal agrees with."""
+def _leaning(edges: _Edges, solution: Float32Array, axis: int, pitch: float) -> _Edges:
+    """The edges when each pixel leans to the side that its own normal agrees with."""
     assert edges.ends is not None  # noqa: S101
     here, there = _ends(axis)
     first, second = edges.ends
@@ -185,8 +184,8 @@ def _leaning(edges: _Edges, solution: Float32Array, axis: int, pitch: float) -> 
     ahead = np.nan_to_num(backward - forward, nan=0.0)
     share = 1 / (1 + np.exp(-np.clip(SHARPNESS * ahead, -30, 30)))
     one, other = share[here] + LEAST_LEANING, (1 - share)[there] + LEAST_LEANING
-    weight = edges.weight * (one + other)
-    return weight.astype(np.float32), ((one * first + other * second) / (one + other)).astype(np.float32)
+    step = (one * first + other * second) / (one + other)
+    return replace(edges, step=step.astype(np.float32), weight=(edges.weight * (one + other)).astype(np.float32))
 
 
 class _Poisson:
@@ -194,31 +193,29 @@ class _Poisson:
     cosine transforms are fast at."""
 
     def __init__(self, mask: BoolArray) -> None:
-        there = np.nonzero(mask)
-        low = [int(np.min(one)) if len(one) else 0 for one in there]
-        high = [int(np.max(one)) + 1 if len(one) else 1 for one in there]
+        there = [np.flatnonzero(np.any(mask, axis=axis)) for axis in (1, 0)]
+        low = [int(one[0]) if len(one) else 0 for one in there]
+        high = [int(one[-1]) + 1 if len(one) else 1 for one in there]
         self._window = (slice(low[0], high[0]), slice(low[1], high[1]))
         size = [next_fast_len(stop - start, real=True) for start, stop in zip(low, high, strict=True)]
         self._shape = (size[0], size[1])
         self._inside = self._filled(mask[self._window].astype(np.float32))
-        along = [2 - 2 * np.cos(np.pi * np.arange(length) / length) for length in size]
-        frequencies = along[0][:, None] + along[1][None, :]
-        frequencies[0, 0] = np.inf
-        self._inverse = (1.0 / frequencies).astype(np.float32)
+        along = [(2 - 2 * np.cos(np.pi * np.arange(length) / length)).astype(np.float32) for length in size]
+        self._inverse = along[0][:, None] + along[1][None, :]
+        self._inverse[0, 0] = np.inf
+        np.divide(np.float32(1), self._inverse, out=self._inverse)
 
-    def solve(
-        self, weights: tuple[Float32Array, Float32Array], steps: tuple[Float32Array, Float32Array], start: Float32Array,
-        *, against_flat: bool = False,
-    ) -> Float32Array:  # fmt: skip
+    def solve(self, edges: list[_Edges], start: Float32Array, *, against_flat: bool = False) -> Float32Array:
         """The best solution (h, w) found from `start` (h, w), which it keeps outside the mask's edges.
+
+        Takes the `edges`, of rows and of columns, out of their list: of large images each array counts.
 
         Ends when TOLERANCE of the misfit of `start` is left, or, `against_flat`, of a flat surface's if that is larger:
         who starts near the end needs no more digits than who does not.
         """
-        down, across = (self._filled(self._cut(weight, axis)) for axis, weight in enumerate(weights))
+        down, steps_down = self._edges(edges.pop(0), axis=0)
+        across, steps_across = self._edges(edges.pop(0), axis=1)
         size = self._shape
-        solution, image = np.zeros(size, np.float32), np.empty(size, np.float32)
-        steps_down, steps_across = (self._filled(self._cut(step, axis)) for axis, step in enumerate(steps))
         residual = np.empty(size, np.float32)
         _misfit(self._filled(start[self._window]), steps_down, steps_across, down, across, residual)
         first = float(np.vdot(residual, residual))
@@ -228,8 +225,10 @@ class _Poisson:
             flat = np.empty(size, np.float32)
             _misfit(np.zeros(size, np.float32), steps_down, steps_across, down, across, flat)
             first = max(first, float(np.vdot(flat, flat)))
+            del flat
+        del steps_down, steps_across
         scale = float(1 / np.mean(across[across > 0])) if np.any(across > 0) else 1.0
-        direction = np.zeros(size, np.float32)
+        solution, direction = np.zeros(size, np.float32), np.zeros(size, np.float32)
         previous = 1.0
         workers = -1 if residual.size >= SHARED_FROM_PIXELS else 1
         for turn in range(ITERATIONS):
@@ -239,6 +238,7 @@ class _Poisson:
             product = scale * _product(residual, conditioned, self._inside)
             _advance(direction, conditioned, self._inside, scale, product / previous if turn else 0.0)
             previous = product
+            image = conditioned  # which is not needed any more
             length = product / max(_apply(direction, down, across, image), 1e-30)
             left = _descend(solution, residual, direction, image, length)
             if left < TOLERANCE**2 * first:
@@ -247,17 +247,16 @@ class _Poisson:
         out[self._window] += solution[: out[self._window].shape[0], : out[self._window].shape[1]]
         return out
 
-    def _cut(self, values: Float32Array, axis: int) -> Float32Array:
-        """Edges within the window, as many as pixels: the last of each line is empty."""
-        window = self._window
-        rows, columns = window
-        cut = values[rows.start : rows.stop - (axis == 0), columns.start : columns.stop - (axis == 1)]
-        return np.pad(cut, ((0, int(axis == 0)), (0, int(axis == 1))))
+    def _edges(self, edges: _Edges, axis: int) -> tuple[Float32Array, Float32Array]:
+        """Weights and steps within the window, as many as pixels: the last of each line is empty."""
+        rows, columns = self._window
+        cut = (slice(rows.start, rows.stop - (axis == 0)), slice(columns.start, columns.stop - (axis == 1)))
+        return self._filled(edges.weight[cut]), self._filled(edges.step[cut])
 
     def _filled(self, values: Float32Array) -> Float32Array:
-        rows, columns = self._shape
-        height, width = values.shape
-        return np.ascontiguousarray(np.pad(values, ((0, rows - height), (0, columns - width))), dtype=np.float32)
+        filled = np.zeros(self._shape, np.float32)
+        filled[: values.shape[0], : values.shape[1]] = values
+        return filled
 
 
 _STRIP = 16

@@ -19,7 +19,8 @@ LUMA = np.array([0.2989, 0.5870, 0.1140], np.float32)
 DIM = 0.25
 """Of the strongest channel's light: channels with less drown in noise once they are divided by their intensity."""
 
-BLOCK_BYTES = 48_000_000
+BLOCK_BYTES = 8_000_000
+"""Of stored values held at once; what solvers make of them takes five to ten times as much."""
 
 
 @dataclass(frozen=True)

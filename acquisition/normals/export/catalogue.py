@@ -27,18 +27,25 @@ class Source:
     @property
     def points(self) -> Float32Array:
         """The surface (3, H, W), view frame, in the depth's unit: that of an orthographic view is the pixel."""
-        depth, camera = self.normal_map.depth, self.images.camera
-        rows, columns = slice(0, depth.shape[0]), slice(0, depth.shape[1])
-        if camera is None:
-            row, column = np.mgrid[rows, columns].astype(np.float32)
-            return np.stack([column, -row, -depth])
-        return photometry.points(photometry.camera_rays(camera.matrix, camera.distortion, rows, columns), depth)
+        return self._points(slice(0, len(self.normal_map.depth)))
 
     @property
     def centre(self) -> FloatArray:
         """The middle (3,) of the solved surface, view frame, in the unit of `points`."""
-        mask = self.normal_map.mask
-        return self.points[:, mask].sum(axis=1, dtype=np.float64) / max(np.count_nonzero(mask), 1)
+        mask, total = self.normal_map.mask, np.zeros(3)
+        for start in range(0, len(mask), pictures.STRIP):
+            rows = slice(start, min(start + pictures.STRIP, len(mask)))
+            total += self._points(rows)[:, mask[rows]].sum(axis=1, dtype=np.float64)
+        return total / max(np.count_nonzero(mask), 1)
+
+    def _points(self, rows: slice) -> Float32Array:
+        """Some rows of the surface."""
+        depth, camera = self.normal_map.depth[rows], self.images.camera
+        columns = slice(0, depth.shape[1])
+        if camera is None:
+            row, column = np.mgrid[rows, columns].astype(np.float32)
+            return np.stack([column, -row, -depth])
+        return photometry.points(photometry.camera_rays(camera.matrix, camera.distortion, rows, columns), depth)
 
     @property
     def width_m(self) -> float | None:

@@ -15,6 +15,9 @@ from acquisition.measured import NormalMap
 from acquisition.types import BoolArray, Float32Array
 
 Green = Literal["opengl", "directx"]
+STRIP = 256
+"""Rows that are made into colours at once, so that large maps need no large helpers."""
+
 FRAME = "view frame: x right, y up, z to the camera; row 0 at the top"
 COLOURS = {
     "opengl": f"colour = (n + 1) / 2, OpenGL green (+Y up); {FRAME}",
@@ -30,7 +33,10 @@ def depth_unit(normal_map: NormalMap) -> str:
 def normals_png(path: Path, normals: Float32Array, mask: BoolArray, green: Green = "opengl") -> None:
     """A 16-bit RGB normal map of normals (H, W, 3), black outside the mask (H, W)."""
     scale = np.array([32767.5, 32767.5 if green == "opengl" else -32767.5, 32767.5], np.float32)
-    colours = np.clip(normals * scale + np.float32(32768.0), 0, 65535).astype(np.uint16)  # truncation after + ½ rounds
+    colours = np.empty(normals.shape, np.uint16)
+    for start in range(0, len(normals), STRIP):
+        here = slice(start, start + STRIP)
+        colours[here] = np.clip(normals[here] * scale + np.float32(32768.0), 0, 65535)  # truncation after + ½ rounds
     colours[~mask] = 0
     png(path, colours, COLOURS[green])
 
@@ -41,15 +47,18 @@ def png(path: Path, pixels: np.ndarray, description: str = "") -> None:
     encoded, content = cv2.imencode(".png", colour, [cv2.IMWRITE_PNG_COMPRESSION, 1])
     if not encoded:
         raise OSError(f"{path} could not be encoded")
-    path.write_bytes(with_text(content.tobytes(), description) if description else content.tobytes())
-
-
-def with_text(content: bytes, description: str) -> bytes:
-    """A PNG with `Description` as a tEXt chunk behind its header."""
-    body = b"tEXtDescription\0" + description.encode("latin-1")
-    chunk = (len(body) - 4).to_bytes(4, "big") + body + zlib.crc32(body).to_bytes(4, "big")
     behind_header = 8 + 25  # signature, and IHDR with its 13 bytes
-    return content[:behind_header] + chunk + content[behind_header:]
+    with path.open("wb") as file:
+        file.write(content.data[:behind_header])
+        if description:
+            file.write(_text(description))
+        file.write(content.data[behind_header:])
+
+
+def _text(description: str) -> bytes:
+    """A tEXt chunk of a PNG file that says `Description`."""
+    body = b"tEXtDescription\0" + description.encode("latin-1")
+    return (len(body) - 4).to_bytes(4, "big") + body + zlib.crc32(body).to_bytes(4, "big")
 
 
 def float_tiff(path: Path, values: Float32Array, description: str) -> None:

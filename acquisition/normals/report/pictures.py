@@ -46,12 +46,15 @@ def reduced(found: NormalMap) -> Small:
     size = max(1, round(width * scale)), max(1, round(height * scale))
 
     def small(values: np.ndarray, where: BoolArray) -> Float32Array:
-        kept = np.where(where if values.ndim == 2 else where[..., None], np.nan_to_num(values), 0).astype(np.float32)
+        if values.ndim == 3:
+            return np.stack([small(values[..., channel], where) for channel in range(values.shape[2])], axis=-1)
+        kept = np.where(where, values, 0).astype(np.float32, copy=False)
+        np.nan_to_num(kept, copy=False)
         if scale == 1.0:
             return kept
         share = np.asarray(cv2.resize(where.astype(np.float32), size, interpolation=cv2.INTER_AREA))
         mean = np.asarray(cv2.resize(kept, size, interpolation=cv2.INTER_AREA))
-        return np.asarray(mean / np.maximum(share if mean.ndim == 2 else share[..., None], 1e-6), np.float32)
+        return np.asarray(mean / np.maximum(share, 1e-6), np.float32)
 
     normals = small(found.normals[rows, columns], solved)
     doubtful = np.zeros_like(inside) if found.doubtful is None else found.doubtful[rows, columns]
