@@ -241,8 +241,10 @@ class _Poisson:
             image = conditioned  # which is not needed any more
             length = product / max(_apply(direction, down, across, image), 1e-30)
             left = _descend(solution, residual, direction, image, length)
+            del spectrum, conditioned, image  # before the next transform takes as much again
             if left < TOLERANCE**2 * first:
                 break
+        del residual, direction, down, across
         out = start.copy()
         out[self._window] += solution[: out[self._window].shape[0], : out[self._window].shape[1]]
         return out
