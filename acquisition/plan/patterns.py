@@ -22,8 +22,8 @@ STEEP_SLANT_DEG, STEEPER_SLANT_DEG = 60.0, 65.0
 STEEPER_FROM = 12
 """Outer rings that are completed in place of a plan, the second one from so many images in all. The pilot's light on
 top tells little of the normals, and a steeper ring makes up for it. Errors in those of two rings: eight images of a
-machined part 0.95 at 60°, 1.04 at 55°; twelve of glossy flat surfaces 0.87 at 65°, 0.95 at 60°, 1.03 at 55°. With eight
-images walls leave too many pixels dark at 65° (1.14)."""
+machined part 0.95 at 60°, 1.04 at 55°; twelve of glossy relief 0.88 at 65°, 0.93 at 60°, 1.07 at 55°, and of a glossy
+part 1.05 at 65°, no worse than at 55°. With eight images walls leave too many pixels dark at 65° (1.14)."""
 
 MISFIT = 0.5
 """Weight of the distance of lights from their places, rad, against imbalance."""

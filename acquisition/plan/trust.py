@@ -18,7 +18,7 @@ between 0.8 and 1.1 times."""
 MIRROR_FROM = 0.4
 """Share of pixels that mirror one lamp at once above which a plan is not taken: 5–17 % on curved glossy objects, 78 %
 and more on flat ones, where twelve images with planned lights come out between 0.6 and 1.8 times the error of two
-rings, and with rings completed steeply between 0.8 and 1.1 times."""
+rings, and with rings completed steeply between 0.8 and 1.5 times."""
 
 LEAST_GAIN = 0.02
 """Share by which a plan must be expected to lower the pattern's loss; of `capped`, a variance, that is 1 % of σ."""
