@@ -13,7 +13,6 @@ import socket
 import struct
 from collections import deque
 
-from acquisition import priority
 from hardware_sim.controller.compiler import CompiledProgram, compile_program
 from hardware_sim.controller.controller import Controller
 from hardware_sim.controller.functions import VOCABULARY
@@ -22,6 +21,7 @@ from hardware_sim.controller.syntax import ScriptSyntaxError
 LOG = logging.getLogger("hardware_sim.controller")
 _SIZE = struct.Struct(">I")
 _MOST_WAITING = 32  # programs
+_NICENESS = 5  # above that of the ticks
 _AT_ONCE = 1 << 16  # bytes
 
 
@@ -100,7 +100,7 @@ def _compile_until_the_end(link: socket.socket) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        priority.take(priority.ORDINARY)  # it waits for the ticks, which run in real time
+        os.nice(_NICENESS)
         stream = link.makefile("rwb")
         while header := stream.read(_SIZE.size):
             text = stream.read(*_SIZE.unpack(header)).decode()

@@ -186,7 +186,7 @@ def main() -> None:
     """`python -m acquisition.devices.ur.driver PIPE BOARD`, both inherited file descriptors."""
     logging.basicConfig(stream=sys.stderr, format="%(asctime)s %(name)s %(message)s")
     pipe, board = int(sys.argv[1]), int(sys.argv[2])
-    priority.take_real_time()
+    priority.take(priority.DRIVER)
     controller = Controller(Constructors(control=_control, receive=_receive, outputs=_outputs))
     driver = Driver(Connection(socket.socket(fileno=pipe).detach()), Board(board), controller)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the service, which halts and then leaves
