@@ -102,15 +102,15 @@ def choose(
 
     `count` lights, or as many as the recipe still lacks; an empty plan says that it is fulfilled. `region` (H, W) is
     the part of the image that matters, none: the whole object. After `deadline_s` seconds the best so far is returned.
-    The plan's `forecast` tells what each of `forecast_counts` further lights would bring instead. Where a plan is not
-    to be trusted, two rings are completed instead, and `fallback` says why. Raises RigError plan.infeasible when the
-    arm reaches too few positions or the normal map has too few pixels to plan by.
+    The plan's `forecast` tells what each of `forecast_counts` further lights would bring instead, as far as the arm
+    reaches so many positions. Where a plan is not to be trusted, two rings are completed instead, and `fallback` says
+    why. Raises RigError plan.infeasible when the arm reaches too few positions or the normal map has too few pixels to
+    plan by.
     """
     until = Deadline.within(deadline_s)
     taken = sum(shot.kind == "light" for shot in observations.shots)
     wanted = max(recipe.lights_total - taken, 0) if count is None else count
-    most = max(wanted, *forecast_counts, 0) if wanted else 0
-    problem = _problem(normal_map, observations, recipe, reach, calibration, region, most)
+    problem = _problem(normal_map, observations, recipe, reach, calibration, region, wanted)
     before_deg = problem.expected(np.empty((0, 3))).sigma_deg
     if wanted == 0:
         return _described([], [], [], before_deg, ["all lights of the recipe have been taken"])
@@ -158,7 +158,8 @@ def choose(
         notes.append(f"{dark:.0%} of the pixels are expected to see none of the new lights")
     reasons, gains = _worth(problem.fresh, there, (positions - reach.center))
     plan = _described(problem.lights(positions), reasons, gains, sigma_deg, notes)
-    curve = _curve(problem, options.thinned(FORECAST_EVERY), taken, forecast_counts, FORECAST_EVERY)
+    within_reach = [further for further in forecast_counts if further <= len(problem.positions)]
+    curve = _curve(problem, options.thinned(FORECAST_EVERY), taken, within_reach, FORECAST_EVERY)
     plan = plan.model_copy(update={"fallback": fallback, "forecast": curve})
     if certify:
         plan = plan.model_copy(update=_certificate(problem, options, positions, sets[0], until))

@@ -268,6 +268,15 @@ def test_the_forecast_falls_with_the_lights_and_agrees_with_the_plan(
     assert [point.sigma_deg for point in chosen.forecast] == pytest.approx(sigma[1:], rel=0.03)
 
 
+def test_few_candidates_shorten_the_forecast_and_not_the_plan(piloted: NormalMap, cushion: scenes.Scene) -> None:
+    few = scenes.Dome(refused=0)
+    few.candidates = few.candidates[:: len(few.candidates) // 9][:10]
+    known = (piloted, cases.NOTHING_TAKEN, Recipe(), few, cushion.calibration)
+    chosen = plan.choose(*known, 4, certify=False, forecast_counts=(1, 8, 16))
+    assert len(chosen.lights) == 4
+    assert [point.added for point in chosen.forecast] == [1, 8]
+
+
 def test_a_pilot_with_one_usable_light_is_planned_with_a_warning(cushion: scenes.Scene, reach: scenes.Dome) -> None:
     lights = pilot.pattern(Recipe(), reach)
     flags = np.zeros((4, 128, 128), np.uint8)
