@@ -167,7 +167,7 @@ def test_the_arms_loop_keeps_its_time_and_nobody_misses_an_event(at_life_speed: 
 @pytest.mark.long
 @pytest.mark.parametrize("shard", range(SHARDS))
 def test_a_stop_under_load_is_as_quick_as_it_must_be(at_life_speed: Loaded, shard: int) -> None:
-    client, margins, latencies, acknowledged, lost = at_life_speed.client, [], [], 0, 0
+    client, margins, latencies, acknowledged = at_life_speed.client, [], [], 0
     with (
         Crowd(at_life_speed.service.url, LISTENERS, STALLED, POLLERS) as crowd,
         ControlClient(at_life_speed.address) as control,
@@ -176,10 +176,7 @@ def test_a_stop_under_load_is_as_quick_as_it_must_be(at_life_speed: Loaded, shar
             acknowledged += acknowledge_what_is_latched(client)
             session_id = client.create(LONG_WAY).id
             client.start(session_id)
-            if not gets_fast(control, client, session_id):
-                lost += 1  # a machine that is too busy has interrupted the session: there is nothing to stop
-                client.stop(session_id)
-                continue
+            wait_until_fast(control, client, session_id)
             time.sleep(0.01 * (trial % 20))  # anywhere in a move
             state = control.state()
             client.halt()
@@ -198,8 +195,7 @@ def test_a_stop_under_load_is_as_quick_as_it_must_be(at_life_speed: Loaded, shar
     print(
         f"\n{len(margins)} stops: to rest p50 {np.median(latencies):.3f} s, most {max(latencies):.3f} s; beyond the "
         f"deceleration p50 {np.median(margins):.3f} s, p99 {p99_s:.3f} s; "
-        f"a link that the stop had cost was acknowledged {acknowledged} times, a busy machine had interrupted {lost} "
-        f"sessions before their stop; {told}"
+        f"a link that the stop had cost was acknowledged {acknowledged} times; {told}"
     )
     assert len(margins) >= TRIALS / 2
     assert p99_s <= STOP_S
@@ -247,17 +243,15 @@ def acknowledge_what_is_latched(client: Client) -> int:
     return 1
 
 
-def gets_fast(control: ControlClient, client: Client, session_id: str) -> bool:
-    """Returns True when the arm moves in earnest, False when the session has been interrupted before."""
+def wait_until_fast(control: ControlClient, client: Client, session_id: str) -> None:
+    """Returns when the arm moves in earnest; fails when the session has been interrupted before."""
     deadline, look_at = time.monotonic() + 60, time.monotonic() + 1
     while max(map(abs, control.state()["joint_speeds"])) < 0.3:
         if time.monotonic() > look_at:
             session, look_at = client.session(session_id), time.monotonic() + 1
-            if session.state is State.INTERRUPTED:
-                return False
-            assert time.monotonic() < deadline, f"the arm does not move: {session.state}, {session.reason}"
+            amiss = session.state is State.INTERRUPTED or time.monotonic() > deadline
+            assert not amiss, f"the arm does not move: {session.state}, {session.reason}"
         time.sleep(0.005)
-    return True
 
 
 def came_to_rest(record: Path, since: float) -> float:
