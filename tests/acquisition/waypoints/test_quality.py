@@ -28,6 +28,9 @@ DOME = 40
 BUDGET = 100
 TRIALS = BUDGET * roadmap_module._TREES * roadmap_module._TRIALS
 """The product grows trees from some configurations of a light, in so many trials each."""
+NOT_WHOLE = {74, 81}
+"""Of the first hundred cells those in which the planner misses a light that the other search reaches."""
+
 STEP_RAD = 0.6
 ROLLS = 360
 BARS = {3: 1.02, 6: 1.02, 9: 1.02, 12: 1.25}
@@ -72,7 +75,8 @@ def test_what_is_refused_is_out_of_reach(seeds: range) -> None:
     Lights that no configuration takes even then (too far, in collision, in a cone) have no end for a way to lead to.
     """
     missed: list[str] = []
-    whole = refused = taken = 0
+    not_whole: set[int] = set()
+    refused = taken = 0
     for seed in seeds:
         cell, calibration = random_cell(seed)
         lights = dome_lights(cell, calibration, DOME)
@@ -88,13 +92,15 @@ def test_what_is_refused_is_out_of_reach(seeds: range) -> None:
         if searched:
             search = Search(cell, arm, roadmap(cell, calibration).nodes)
             reached = [f"cell {seed}: {light.position}" for light, joints in searched if search.connects(joints)]
-        whole += not reached
+        if reached:
+            not_whole.add(seed)
         missed += reached
+    whole = len(seeds) - len(not_whole)
     print(
         f"\ncells {seeds.start}–{seeds.stop - 1}: {whole} of {len(seeds)} whole; {refused} lights refused, of these "
         f"{taken} have configurations, {len(missed)} are reached with {BUDGET} times the budget {missed}"
     )
-    assert len(seeds) - whole <= max(1, len(seeds) // 50)
+    assert not_whole <= NOT_WHOLE
 
 
 class Search:
