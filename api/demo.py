@@ -21,6 +21,7 @@ from rich.table import Table
 
 from acquisition import config
 from acquisition.errors import ErrorCode, RigError
+from acquisition.store import Store
 from acquisition.types import Recipe
 from api import lights_file
 from api.client import Client
@@ -58,6 +59,7 @@ def run(wishes: Wishes) -> dict[str, Any]:
     recipe = _recipe(wishes, wishes.method)
     folder = wishes.data.resolve()
     (folder / "log").mkdir(parents=True, exist_ok=True)
+    Store(folder / "data").close()  # in use, it raises before the cell in use, which is graded against, is overwritten
     begun = time.monotonic()
     with _cell(wishes, folder) as cell_file, _service(cell_file, folder) as url, Client(url) as client:
         started = time.monotonic() - begun

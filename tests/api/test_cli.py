@@ -97,6 +97,17 @@ def test_the_demonstration_ends_with_one_json_object(tmp_path: Path) -> None:
     assert set(outcome["seconds"]) >= {"pilot", "waypoints", "capture", "normals", "plan", "total"}
 
 
+def test_a_demonstration_leaves_the_cell_of_a_running_one_alone(tmp_path: Path) -> None:
+    truth = tmp_path / "cell" / "truth.npz"
+    truth.parent.mkdir()
+    truth.write_bytes(b"of the running one")
+    with contextlib.closing(Store(tmp_path / "data")):
+        done = lightpose("demo", "--object", "sphere", "--pixels", "96", "--data", str(tmp_path))
+    assert done.returncode == 2
+    assert "store.locked" in done.stdout + done.stderr
+    assert truth.read_bytes() == b"of the running one"
+
+
 def test_what_is_not_said_the_environment_says(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """So a unit file needs no arguments; the cell that is named there is not there, which ends it."""
     monkeypatch.setenv("LIGHTPOSE_CELL", str(tmp_path / "of-the-environment.toml"))
