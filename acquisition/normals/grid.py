@@ -4,6 +4,7 @@ Only object pixels enter the means, and values are carried over the object's bor
 that the table's never mix in.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import cv2
@@ -46,16 +47,35 @@ def means(image: Float32Array, factor: int) -> Float32Array:
     return padded.reshape(*image.shape[:-2], height, factor, width, factor).mean(axis=(-3, -1))
 
 
-def finer(values: Float32Array, coarse: Pixels, factor: int, pixels: Pixels) -> Float32Array:
-    """Values (..., M) of the coarse pixels at the full ones (..., N), bilinear."""
+def joined(parts: Sequence[Pixels]) -> Pixels:
+    """Pixels of windows that lie one below the other, as those of the window that they make up."""
+    above = np.cumsum([0, *(part.shape[0] for part in parts)])
+    width = parts[0].shape[1]
+    return Pixels(
+        shape=(int(above[-1]), width),
+        index=np.concatenate([part.index + width * top for part, top in zip(parts, above[:-1], strict=True)]),
+        ray=np.concatenate([part.ray for part in parts], axis=1),
+        values=np.concatenate([part.values for part in parts], axis=1),
+        clipped=np.concatenate([part.clipped for part in parts], axis=1),
+    )
+
+
+def finer(values: Float32Array, coarse: Pixels, factor: int, pixels: Pixels, top: int = 0) -> Float32Array:
+    """Values (..., M) of the coarse pixels at the full ones (..., N), bilinear.
+
+    The window of `pixels` begins `top` rows below that of `coarse`.
+    """
     weight = coarse.image(np.ones(len(coarse.index), np.float32))
     around = cv2.blur(weight, (CARRY, CARRY))
     height, width = coarse.shape
     rows, columns = pixels.shape
+    # With a coarse row more on either side, interpolation does not know that there are others.
+    first, last = max(top // factor - 1, 0), min(-(-(top + rows) // factor) + 1, height)
+    size, skipped = (width * factor, (last - first) * factor), top - first * factor
     out = np.empty((*values.shape[:-1], len(pixels.index)), np.float32)
     for place in np.ndindex(*values.shape[:-1]):
         image = coarse.image(values[place])
         carried = np.where(weight > 0, image, cv2.blur(image, (CARRY, CARRY)) / np.maximum(around, 1e-6))
-        full = cv2.resize(carried.astype(np.float32), (width * factor, height * factor), interpolation=cv2.INTER_LINEAR)
-        out[place] = pixels.take(np.asarray(full, np.float32)[:rows, :columns])
+        full = cv2.resize(carried[first:last].astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
+        out[place] = pixels.take(np.asarray(full, np.float32)[skipped : skipped + rows, :columns])
     return out

@@ -96,7 +96,7 @@ def measurements(
 ) -> tuple[BoolArray, BoolArray, Float32Array]:
     """Which measurements are usable (F, N), which of these lie beside a shadow, and each pixel's largest y/|s|."""
     ratio = values / np.maximum(strength, np.float32(1e-9))
-    largest = np.max(np.where(pixels.clipped, 0, ratio), axis=0)
+    largest = _largest(ratio, pixels.clipped)
     shadowed = (ratio < threshold * largest) & ~pixels.clipped
     beside = np.empty_like(shadowed)
     kernel = np.ones((3, 3), np.uint8)
@@ -104,6 +104,21 @@ def measurements(
         beside[index] = pixels.take(cv2.dilate(pixels.image(dark.astype(np.uint8)), kernel)) > 0
     usable = ~shadowed & ~pixels.clipped & (ratio > 0)
     return usable, beside & usable, largest
+
+
+def _largest(ratio: Float32Array | FloatArray, clipped: BoolArray) -> Float32Array:
+    """Each pixel's largest y/|s| (N,) that is not clipped."""
+    return np.max(np.where(clipped, 0, ratio), axis=0)
+
+
+def brightness(
+    pixels: Pixels, values: Float32Array, depth_m: Float32Array, lamp: Float32Array, calibration: Calibration
+) -> float:
+    """The median over pixels at a depth (N,) of their largest y/|s|, from values (F, N): what a pixel's albedo is held
+    to be a fifth of at least before anything is solved."""
+    light = photometry.light_vectors(photometry.points(pixels.ray, depth_m), lamp, calibration)
+    strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
+    return float(np.median(_largest(values / np.maximum(strength, np.float32(1e-9)), pixels.clipped)))
 
 
 def solve(
@@ -119,12 +134,13 @@ def solve(
     cauchy_scale: float | None = CAUCHY_SCALE,
     extra: Float32Array | None = None,
     rounds: int = ROUNDS,
+    typical: float | None = None,
 ) -> Estimate:
     """Solves all pixels at a given depth (N,).
 
     `values` (F, N) replaces the measured ones where something was divided out or subtracted; `extra` (F, N) is variance
     beside the noise model's; residuals beyond `cauchy_scale` σ count less, none: all count alike. `rounds`
-    are those of the kernel.
+    are those of the kernel; `typical` is the object's albedo where these pixels are but a part of it, see `brightness`.
     """
     point = photometry.points(pixels.ray, depth_m)
     along = photometry.ray_directions(pixels.ray)
@@ -134,7 +150,7 @@ def solve(
     added = np.where(beside, (np.float32(HALF_SHADOW) * largest * strength) ** 2, np.float32(0))
     if extra is not None:
         added = added + extra
-    albedo = np.maximum(largest, np.float32(0.2) * np.median(largest))
+    albedo = np.maximum(largest, np.float32(0.2) * np.float32(np.median(largest) if typical is None else typical))
     albedo = np.maximum(albedo, np.float32(1e-6))
     axis = -along / np.sqrt(np.sum(along * along, axis=0))
     count = pixels.values.shape[1]

@@ -4,16 +4,19 @@ A folder says nothing of the sensor, nor of how well its lights are known. Both 
 the solver finds the rest in the residuals. Colour images are solved by the mean of their channels.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from acquisition.errors import ErrorCode, RigError
 from acquisition.measured import Calibration, NormalMap, SensorModel, SolveSettings
+from acquisition.normals import observe
 from acquisition.normals.distant import blocks, point_lights
 from acquisition.normals.distant.solve import refuse_unusable, whole
 from acquisition.normals.image_set import ImageSet, NearLights, check
-from acquisition.normals.observe import Stack
+from acquisition.normals.observe import Images, Stored, Values
 from acquisition.normals.solve import solve_stack
-from acquisition.types import Light
+from acquisition.types import FloatArray, Light
 
 FULL_WELL_E = 10_000.0
 """Electrons at full scale that shot noise is reckoned with: those of a small pixel."""
@@ -21,7 +24,6 @@ FULL_WELL_E = 10_000.0
 READ_NOISE_E = 5.0
 INTENSITY_SIGMA = 0.01
 POSITION_SIGMA_M = 0.001
-BLOCK_ROWS = 256
 SAMPLE = 900
 PLAIN_ROUNDS = 1
 """Solves after the first, at the depth that the one before gives."""
@@ -66,38 +68,48 @@ def solve_plain(images: ImageSet) -> NormalMap:
     return found
 
 
-def stack(images: ImageSet) -> Stack:
+def stack(images: ImageSet) -> Images:
     """The images within the mask's window as values y: 1 is a white surface facing the lamp at its reference."""
     lights = images.lights
     if not isinstance(lights, NearLights):
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE, "near light needs the lamps' positions, these lights are directions"
         )
-    there = np.nonzero(images.mask)
-    rows, columns = _extent(there[0]), _extent(there[1])
-    size = (images.count, rows.stop - rows.start, columns.stop - columns.start)
-    values, clipped = np.empty(size, np.float32), np.empty(size, np.bool_)
-    for start in range(rows.start, rows.stop, BLOCK_ROWS):
-        stop = min(start + BLOCK_ROWS, rows.stop)
-        here = slice(start - rows.start, stop - rows.start)
-        for index in range(images.count):
-            block = images.values(index, start, stop)[:, columns]
-            top = block.max(axis=-1) if images.channels > 1 else block
-            grey = block.mean(axis=-1) if images.channels > 1 else block
-            clipped[index, here] = top >= images.saturated_from
-            values[index, here] = grey * np.float32(1 / lights.intensity[index])
+    there = [np.flatnonzero(np.any(images.mask, axis=axis)) for axis in (1, 0)]
+    rows, columns = (slice(int(places[0]), int(places[-1]) + 1) for places in there)
     step = 1 / images.full_scale if images.full_scale > 1 else 0.0  # floats have no steps
     floor = ((READ_NOISE_E / FULL_WELL_E) ** 2 + step**2 / 12) / lights.intensity**2 / images.channels
     middle = np.array([0.0, 0.0, -float(np.mean(images.rough_depth_m or 1.0))])
-    return Stack(
-        values=values,
-        clipped=clipped,
-        lights=tuple(_light(place, middle) for place in lights.positions_m),
-        rows=rows,
-        columns=columns,
-        shot=1 / (FULL_WELL_E * images.channels * lights.intensity),
-        floor=floor,
+    return observe.kept(
+        Stored(
+            read=_Rows(images, lights.intensity, rows, columns),
+            lights=tuple(_light(place, middle) for place in lights.positions_m),
+            rows=rows,
+            columns=columns,
+            shot=1 / (FULL_WELL_E * images.channels * lights.intensity),
+            floor=floor,
+        )
     )
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Rows of a window of images, each divided by its light's intensity (F,), colours by their mean."""
+
+    images: ImageSet
+    intensity: FloatArray
+    rows: slice
+    columns: slice
+
+    def __call__(self, start: int, stop: int) -> Values:
+        size = (self.images.count, stop - start, self.columns.stop - self.columns.start)
+        values, clipped = np.empty(size, np.float32), np.empty(size, np.bool_)
+        colour = self.images.channels > 1
+        for index, intensity in enumerate(self.intensity):
+            block = self.images.values(index, self.rows.start + start, self.rows.start + stop)[:, self.columns]
+            clipped[index] = (block.max(axis=-1) if colour else block) >= self.images.saturated_from
+            values[index] = (block.mean(axis=-1) if colour else block) * np.float32(1 / intensity)
+        return values, clipped
 
 
 def _calibration(images: ImageSet) -> Calibration:
@@ -138,7 +150,3 @@ def _light(position: np.ndarray, middle: np.ndarray) -> Light:
     x, y, z = (float(value) for value in position)
     u, v, w = (float(value) for value in axis)
     return Light(position=(x, y, z), axis=(u, v, w))
-
-
-def _extent(places: np.ndarray) -> slice:
-    return slice(int(np.min(places)), int(np.max(places)) + 1)

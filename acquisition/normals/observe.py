@@ -1,10 +1,13 @@
-"""Frames to values: the images of a session as a planar stack of normalised values within a window.
+"""Frames to values: the images of a session, normalised, within a window, block of rows by block of rows.
 
-The lamp-off frame of the same exposure time takes ambient light, black level and dark current out at once. Frames are
-read by rows of the window only, so that the object's part of large images is all that is ever held.
+The lamp-off frame of the same exposure time takes ambient light, black level and dark current out at once. What a
+solver is given are `Images`, which it may read as often as it likes: a small stack is read once and kept, a large one
+is read again for each look, since a file costs less time than the memory that would hold it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -13,14 +16,52 @@ from acquisition.errors import ErrorCode, RigError
 from acquisition.measured import Calibration, Observations, Shot
 from acquisition.types import BoolArray, Float32Array, FloatArray, Light
 
+HELD_BYTES = 1 << 28
+"""Stacks of values and clipped pixels up to this size are kept in memory."""
 
-@dataclass(frozen=True)
-class Stack:
-    """Images in a window of the frame, from whatever source: values y and clipped pixels (F, h, w), and what made them.
+BYTES_PER_VALUE = 5
+ROWS_AT_ONCE = 64
+
+Values = tuple[Float32Array, BoolArray]
+"""Values y and clipped pixels (F, n, w) of n rows of a window."""
+
+
+class Images(Protocol):
+    """Images in a window of the frame, from whatever source, and what made them.
 
     `shot` and `floor` (F,) are the sensor's part of the variance of y, shot·y + floor; where nothing is known of the
     sensor they are zero and the rounding, and the rest is found in the residuals.
     """
+
+    @property
+    def lights(self) -> tuple[Light, ...]:
+        """The light of each image (F)."""
+        ...
+
+    @property
+    def rows(self) -> slice:
+        """The window's rows in the frame."""
+        ...
+
+    @property
+    def columns(self) -> slice:
+        """The window's columns in the frame."""
+        ...
+
+    @property
+    def shot(self) -> FloatArray: ...
+
+    @property
+    def floor(self) -> FloatArray: ...
+
+    def read(self, start: int, stop: int, /) -> Values:
+        """The rows [start, stop), counted from the window's first."""
+        ...
+
+
+@dataclass(frozen=True)
+class Stack:
+    """`Images` in memory: values y and clipped pixels (F, h, w)."""
 
     values: Float32Array
     clipped: BoolArray
@@ -29,6 +70,34 @@ class Stack:
     columns: slice
     shot: FloatArray
     floor: FloatArray
+
+    def read(self, start: int, stop: int) -> Values:
+        """The rows [start, stop)."""
+        return self.values[:, start:stop], self.clipped[:, start:stop]
+
+
+@dataclass(frozen=True)
+class Stored:
+    """`Images` that are read from where they are stored, each time."""
+
+    read: Callable[[int, int], Values]
+    lights: tuple[Light, ...]
+    rows: slice
+    columns: slice
+    shot: FloatArray
+    floor: FloatArray
+
+
+def kept(images: Stored) -> Stack | Stored:
+    """The images in memory if they are small, else as they are."""
+    count, height, width = len(images.lights), _length(images.rows), _length(images.columns)
+    if BYTES_PER_VALUE * count * height * width > HELD_BYTES:
+        return images
+    values, clipped = np.empty((count, height, width), np.float32), np.empty((count, height, width), np.bool_)
+    for start in range(0, height, ROWS_AT_ONCE):
+        here = slice(start, min(start + ROWS_AT_ONCE, height))
+        values[:, here], clipped[:, here] = images.read(here.start, here.stop)
+    return Stack(values, clipped, images.lights, images.rows, images.columns, images.shot, images.floor)
 
 
 def lit_shots(observations: Observations) -> list[tuple[Shot, Light]]:
@@ -46,26 +115,50 @@ def lit_shots(observations: Observations) -> list[tuple[Shot, Light]]:
     return shots
 
 
-def read(observations: Observations, calibration: Calibration, rows: slice, columns: slice) -> Stack:
-    """Reads all lit images within a window of rows and columns.
+def read(observations: Observations, calibration: Calibration, rows: slice, columns: slice) -> Stack | Stored:
+    """All lit images within a window of rows and columns.
 
     Raises RigError normals.infeasible when a frame's size is not the calibration's or a lamp-off frame is missing.
     """
-    shots = lit_shots(observations)
+    shots = [shot for shot, _ in lit_shots(observations)]
+    lights = tuple(light for _, light in lit_shots(observations))
+    darks = {shot.exposure_s: _dark(observations, shot) for shot in shots}
+    for shot in (*shots, *darks.values()):
+        _refuse_other_size(shot, calibration)
+
+    def block(start: int, stop: int) -> Values:
+        lines = rows.start + start, rows.start + stop
+
+        def window(shot: Shot) -> np.ndarray:
+            return observations.frames.rows(shot.frame, *lines)[:, columns]
+
+        dark = {seconds: window(shot) for seconds, shot in darks.items()}
+        size = (len(shots), stop - start, _length(columns))
+        values, clipped = np.empty(size, np.float32), np.empty(size, np.bool_)
+        for index, shot in enumerate(shots):
+            frame = window(shot)
+            values[index] = photometry.normalised(frame, dark[shot.exposure_s], shot.exposure_s, calibration)
+            clipped[index] = photometry.saturated(frame, calibration.sensor)
+        return values, clipped
+
     black = calibration.sensor.black_level_dn
-    darks: dict[float, np.ndarray] = {}
-    size = (rows.stop - rows.start, columns.stop - columns.start)
-    values = np.empty((len(shots), *size), dtype=np.float32)
-    clipped = np.empty((len(shots), *size), dtype=np.bool_)
-    for index, (shot, _) in enumerate(shots):
-        if shot.exposure_s not in darks:
-            darks[shot.exposure_s] = _window(_dark(observations, shot), observations, calibration, rows, columns)
-        frame = _window(shot, observations, calibration, rows, columns)
-        values[index] = photometry.normalised(frame, darks[shot.exposure_s], shot.exposure_s, calibration)
-        clipped[index] = photometry.saturated(frame, calibration.sensor)
-    ambient_dn = [float(np.mean(darks[shot.exposure_s])) - black for shot, _ in shots]
-    photons, floor = photometry.sensor_noise(calibration, [shot.exposure_s for shot, _ in shots], ambient_dn)
-    return Stack(values, clipped, tuple(light for _, light in shots), rows, columns, photons, floor)
+    ambient = {seconds: _mean(observations, dark, rows, columns) - black for seconds, dark in darks.items()}
+    seconds = [shot.exposure_s for shot in shots]
+    photons, floor = photometry.sensor_noise(calibration, seconds, [ambient[one] for one in seconds])
+    return kept(Stored(block, lights, rows, columns, photons, floor))
+
+
+def _length(part: slice) -> int:
+    return int(part.stop - part.start)
+
+
+def _mean(observations: Observations, shot: Shot, rows: slice, columns: slice) -> float:
+    """The mean of a frame's window."""
+    total = 0.0
+    for start in range(rows.start, rows.stop, ROWS_AT_ONCE):
+        stop = min(start + ROWS_AT_ONCE, rows.stop)
+        total += float(np.sum(observations.frames.rows(shot.frame, start, stop)[:, columns], dtype=np.float64))
+    return total / (_length(rows) * _length(columns))
 
 
 def _dark(observations: Observations, shot: Shot) -> Shot:
@@ -79,9 +172,7 @@ def _dark(observations: Observations, shot: Shot) -> Shot:
         ) from None
 
 
-def _window(
-    shot: Shot, observations: Observations, calibration: Calibration, rows: slice, columns: slice
-) -> np.ndarray:
+def _refuse_other_size(shot: Shot, calibration: Calibration) -> None:
     frame = shot.frame
     if (frame.width, frame.height) != (calibration.width, calibration.height):
         raise RigError(
@@ -90,4 +181,3 @@ def _window(
             f"{calibration.height}: use the images and the calibration of one camera",
             file=frame.path,
         )
-    return observations.frames.rows(frame, rows.start, rows.stop)[:, columns]

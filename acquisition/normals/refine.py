@@ -6,13 +6,14 @@ taken out, they count. Intensities wait for the same moment, and for the highlig
 take them for their own. Noise comes last, from what is left.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acquisition import photometry
 from acquisition.measured import Calibration, SolveSettings
-from acquisition.normals import grid, integrate, interreflection, lambert, self_calibration, steps
+from acquisition.normals import integrate, interreflection, lambert, self_calibration, steps
 from acquisition.normals import lobe as gloss
 from acquisition.normals import noise as residuals
 from acquisition.normals.interreflection import Table
@@ -54,7 +55,7 @@ BOUNCE_MATTERS = 0.01
 
 @dataclass(frozen=True)
 class Refined:
-    """What the last solve takes over, at N pixels.
+    """What the last solve takes over, at N pixels: the coarse ones that it was found at, or others.
 
     Depth (N,) in m; how whole the surface is, 0–1 (N,); log intensity (F,); the variance (N,) in rad² that the normals
     have of what pixels or images share: the intensities' uncertainty and that of the light from other surfaces; the
@@ -72,14 +73,14 @@ class Refined:
     lobe: Lobe
     noise: Noise
 
-    def subset(self, chosen: np.ndarray) -> "Refined":
-        """Some of the pixels, by their number."""
+    def at(self, carried: Callable[[Float32Array], Float32Array]) -> "Refined":
+        """The same at other pixels, to which `carried` takes values (..., N)."""
         return replace(
             self,
-            depth_m=self.depth_m[chosen],
-            whole=self.whole[chosen],
-            shared_variance=self.shared_variance[chosen],
-            received=None if self.received is None else self.received[:, chosen],
+            depth_m=carried(self.depth_m),
+            whole=carried(self.whole),
+            shared_variance=carried(self.shared_variance),
+            received=None if self.received is None else carried(self.received),
         )
 
 
@@ -120,18 +121,24 @@ class _Bounced:
     matters: bool
 
 
+def coarseness(count: int) -> int:
+    """How many times coarser than the images the grid is on which an object of `count` pixels is refined."""
+    return int(np.ceil(np.sqrt(count / COARSE_PIXELS)))
+
+
 def refine(
-    pixels: Pixels, depth_m: Float32Array, lamp: Float32Array, calibration: Calibration, noise: Noise,
-    settings: SolveSettings, table: Table | None = None,
+    coarse: Pixels, factor: int, depth_m: Float32Array, lamp: Float32Array, calibration: Calibration, noise: Noise,
+    settings: SolveSettings, around: Table | None = None,
 ) -> Refined:  # fmt: skip
-    """Starts from depth (N,) in m and refines it with all that depends on it; `table` surrounds the object."""
-    factor = int(np.ceil(np.sqrt(len(pixels.index) / COARSE_PIXELS)))
-    coarse = grid.coarser(pixels, factor)
-    around = None if table is None else Table(grid.means(table.depth_m, factor), grid.means(table.values, factor))
+    """Starts from depth (N,) in m and refines it with all that depends on it.
+
+    `coarse` are means over factor × factor pixels, `around` is what surrounds the object on the same grid; `noise` is
+    that of single pixels.
+    """
     mask = coarse.image(np.ones(len(coarse.index), np.bool_))
     ray = coarse.image(coarse.ray)
     along = photometry.ray_directions(coarse.ray)
-    depth = np.full(len(coarse.index), np.mean(depth_m), np.float32) if factor > 1 else depth_m
+    depth = depth_m
     chosen = np.sort(np.random.default_rng(0).permutation(len(coarse.index))[:SAMPLES])
     known = _Known(coarse.subset(chosen), along[:, chosen], lamp, calibration, settings)
     count = len(lamp)
@@ -184,12 +191,12 @@ def refine(
             break
     spread = np.zeros_like(depth) if found is None else _spread(found, shared, indirect)
     return Refined(
-        depth_m=grid.finer(depth, coarse, factor, pixels),
-        whole=grid.finer(whole, coarse, factor, pixels),
+        depth_m=depth,
+        whole=whole,
         log_intensity=shared.log_intensity,
-        shared_variance=grid.finer(spread, coarse, factor, pixels),
+        shared_variance=spread,
         shift_m=shared.shift_m,
-        received=grid.finer(bounced.received, coarse, factor, pixels) if bounced and bounced.matters else None,
+        received=bounced.received if bounced and bounced.matters else None,
         bounce_scale=bounced.scale if bounced else 0.0,
         lobe=lobe,
         noise=shared.noise,

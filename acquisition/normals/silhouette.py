@@ -31,15 +31,21 @@ def largest_part(mask: BoolArray) -> BoolArray:
     return (background != background[0, 0])[1:-1, 1:-1]
 
 
-def find(values: Float32Array, strength: Float32Array, clipped: BoolArray, region: BoolArray) -> BoolArray:
-    """The object's pixels (h, w) within `region`.
+def brightest(values: Float32Array, strength: Float32Array, clipped: BoolArray) -> Float32Array:
+    """Each pixel's largest value (h, w) as a share of a white surface's, inf where it is clipped.
 
-    `values` and `clipped` (F, h, w); `strength` |s| (F, h, w) on a rough plane. Raises RigError normals.infeasible when
-    nothing is lit.
+    `values` and `clipped` (F, h, w); `strength` |s| (F, h, w) on a rough plane.
     """
     ratio = values / np.maximum(strength, 1e-6)
     ratio[clipped] = np.inf  # at least as bright as can be measured
-    brightest = np.max(ratio, axis=0)
+    return np.max(ratio, axis=0)
+
+
+def find(brightest: Float32Array, region: BoolArray) -> BoolArray:
+    """The object's pixels (h, w) within `region`, from how bright each is at most.
+
+    Raises RigError normals.infeasible when nothing is lit.
+    """
     measured = brightest[region & np.isfinite(brightest) & (brightest > 0)]
     if measured.size < 16 or float(np.quantile(measured, 0.99)) < 1e-3:
         raise RigError(

@@ -4,7 +4,6 @@
 that does so best solves them all. Nothing holds the whole stack; what is known of every pixel is the result.
 """
 
-import tempfile
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.errors import ErrorCode, RigError
 from acquisition.measured import HIGHLIGHT, LIT, Information, NormalMap
-from acquisition.normals import integrate
+from acquisition.normals import integrate, large
 from acquisition.normals.distant import blocks, choice, methods
 from acquisition.normals.distant.methods import Solver
 from acquisition.normals.image_set import DistantLights, ImageSet, check
@@ -21,9 +20,6 @@ from acquisition.types import BoolArray, Float32Array
 SAMPLE = 900
 USELESS = 0.95
 """Share of clipped pixels from which an image tells nothing."""
-
-LARGE_BYTES = 1 << 29
-"""Arrays of flags above this size live in a file without a name, so that memory holds only what is touched."""
 
 
 def solve(images: ImageSet, solver: Solver = "auto", *, with_depth: bool = True) -> NormalMap:
@@ -71,7 +67,7 @@ def whole(
     colour = np.zeros((*size, 3), np.float32) if images.channels == 3 else None
     sigma = np.full(size, np.nan, np.float32)
     solved, doubtful = np.zeros(size, np.bool_), np.zeros(size, np.bool_)
-    flags = _large((images.count, *size))
+    flags = large.zeros((images.count, *size))
     for block in blocks.every(images, luma=luma):
         rows = slice(block.start, block.stop)
         chosen = np.flatnonzero(images.mask[rows])
@@ -123,14 +119,6 @@ def _depth(images: ImageSet, normals: Float32Array, solved: BoolArray, sigma: Fl
     start = np.broadcast_to(np.asarray(1.0 if rough is None else rough, np.float32), solved.shape)
     found = integrate.depth(planar, solved, ray, certainty, np.ascontiguousarray(start))
     return np.where(solved, found, 0).astype(np.float32), "relative" if rough is None else "m"
-
-
-def _large(shape: tuple[int, ...]) -> np.ndarray:
-    """Zeros (uint8): in memory, or in a file without a name where they would fill it."""
-    if int(np.prod(shape)) < LARGE_BYTES:
-        return np.zeros(shape, np.uint8)
-    with tempfile.TemporaryFile() as file:
-        return np.memmap(file, np.uint8, "w+", shape=shape)
 
 
 def _no_information() -> Information:

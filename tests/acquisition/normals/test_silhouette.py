@@ -16,14 +16,19 @@ def stack(true: scenes.Scene, lights: int = 6, seed: int = 0) -> np.ndarray:
     )
 
 
+def find(values: np.ndarray, region: np.ndarray, clipped: np.ndarray | None = None) -> np.ndarray:
+    none = np.zeros(values.shape, np.bool_)
+    return silhouette.find(
+        silhouette.brightest(values, np.ones_like(values), none if clipped is None else clipped), region
+    )
+
+
 @pytest.mark.parametrize("shape", [scenes.sphere, scenes.bumps, scenes.relief])
 @pytest.mark.parametrize("albedo", [0.3, 0.7])
 def test_a_bright_object_on_a_dark_table(shape: scenes.Height, albedo: float) -> None:
     true = scenes.scene(shape, scenes.calibration(112), albedo=albedo, table=0.08)
     values = stack(true)
-    found = silhouette.find(
-        values, np.ones_like(values), np.zeros(values.shape, np.bool_), np.ones(true.mask.shape, np.bool_)
-    )
+    found = find(values, np.ones(true.mask.shape, np.bool_))
     assert np.mean(found[true.mask]) > 0.96
     assert np.mean(found[~true.mask]) < 0.02
 
@@ -33,7 +38,7 @@ def test_only_the_region_is_looked_at() -> None:
     values = stack(true)
     region = np.zeros(true.mask.shape, np.bool_)
     region[20:60, 20:80] = True
-    found = silhouette.find(values, np.ones_like(values), np.zeros(values.shape, np.bool_), region)
+    found = find(values, region)
     assert not np.any(found & ~region)
     assert np.mean(found[true.mask & region]) > 0.95
 
@@ -44,14 +49,14 @@ def test_clipped_pixels_are_object() -> None:
     clipped = np.zeros(values.shape, np.bool_)
     clipped[:, 40:56, 40:56] = True
     values[clipped] = 0.0
-    found = silhouette.find(values, np.ones_like(values), clipped, np.ones(true.mask.shape, np.bool_))
+    found = find(values, np.ones(true.mask.shape, np.bool_), clipped)
     assert np.all(found[40:56, 40:56])
 
 
 def test_nothing_lit_is_refused() -> None:
     dark = np.zeros((4, 40, 40), np.float32)
     with pytest.raises(RigError, match="nothing in the region is lit") as caught:
-        silhouette.find(dark, np.ones_like(dark), np.zeros(dark.shape, np.bool_), np.ones((40, 40), np.bool_))
+        find(dark, np.ones((40, 40), np.bool_))
     assert caught.value.code == ErrorCode.NORMALS_INFEASIBLE
 
 
