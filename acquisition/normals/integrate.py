@@ -11,7 +11,7 @@ neighbour, of the two on either side, that its normal agrees with (bilateral wei
 at steps, a little less exact on smooth relief.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import cv2
@@ -32,6 +32,9 @@ SHARPNESS = 100.0
 """How firmly a pixel leans to one neighbour: the sigmoid's factor on squared misfits, in units of a pixel."""
 
 LEAST_LEANING = 1e-3
+
+STRIP = 128
+"""Rows that are worked on at once where each pixel takes many helpers."""
 
 SHARED_FROM_PIXELS = 1 << 16
 """A cosine transform of fewer pixels takes less time than sharing it out between threads."""
@@ -60,10 +63,12 @@ def depth(
     log_start = np.log(start_m)
     edges = [_perspective(normals, ray, mask, certainty, axis, keep_steps) for axis in (0, 1)]
     if whole is not None:
-        edges = [_stepped(one, log_start, whole, axis) for axis, one in enumerate(edges)]
-    pitch = float(np.median(np.abs(np.diff(ray[0], axis=1)))) if mask.shape[1] > 1 else 1.0
+        for axis, one in enumerate(edges):
+            _step(one, log_start, whole, axis)
+    del start_m, certainty, whole  # of large images each array counts
+    pitch = float(np.median(np.abs(np.diff(ray[0], axis=1)))) if keep_steps and mask.shape[1] > 1 else 1.0
     solution = _integrated(edges, log_start, mask, pitch if keep_steps else None)
-    return np.where(mask, np.exp(solution), start_m).astype(np.float32)
+    return np.exp(solution, out=solution)
 
 
 def relief(
@@ -73,12 +78,19 @@ def relief(
 
     `normals` (3, h, w) in the view frame, `certainty` (h, w) in 0–1 weighs pixels.
     """
-    start = np.zeros(mask.shape, np.float32)
     edges = [_orthographic(normals, mask, certainty, axis, keep_steps) for axis in (0, 1)]
-    return np.where(mask, _integrated(edges, start, mask, 1.0 if keep_steps else None), 0).astype(np.float32)
+    del certainty
+    solution = _integrated(edges, np.zeros(mask.shape, np.float32), mask, 1.0 if keep_steps else None)
+    solution[~mask] = 0
+    return solution
 
 
-def _ends(axis: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+Place = tuple[slice, slice]
+Step = Callable[[Place, Place, Float32Array, Float32Array, Float32Array], tuple[Float32Array, Float32Array]]
+"""From where two neighbours are, and the sum of their normals, the step between them and its cosine to the ray."""
+
+
+def _ends(axis: int) -> tuple[Place, Place]:
     every = slice(None)
     return (
         ((every, slice(None, -1)), (every, slice(1, None)))
@@ -87,64 +99,75 @@ def _ends(axis: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
     )
 
 
+def _strips(shape: tuple[int, ...], axis: int) -> Iterator[tuple[slice, Place, Place]]:
+    """The edges along one axis in strips of rows: their rows among the edges, and where their ends are."""
+    down, across = (0, 1) if axis else (1, 0)
+    count, columns = shape[0] - down, shape[1] - across
+    for start in range(0, count, STRIP):
+        rows = slice(start, min(start + STRIP, count))
+        yield (
+            rows,
+            (rows, slice(0, columns)),
+            (slice(rows.start + down, rows.stop + down), slice(across, columns + across)),
+        )
+
+
 def _perspective(
     normals: Float32Array, ray: Float32Array, mask: BoolArray, certainty: Float32Array, axis: int, both_ends: bool
 ) -> _Edges:
     """Log-depth steps along one axis."""
-    here, there = _ends(axis)
-    x, y, z = normals[0], -normals[1], -normals[2]  # OpenCV's frame
     rx, ry = ray[0], ray[1]
-    dx, dy = rx[there] - rx[here], ry[there] - ry[here]
-    mx, my = (rx[there] + rx[here]) / 2, (ry[there] + ry[here]) / 2
-    length = np.sqrt(1 + mx * mx + my * my)
 
-    def step(nx: Float32Array, ny: Float32Array, nz: Float32Array) -> tuple[Float32Array, Float32Array]:
+    def step(
+        here: Place, there: Place, nx: Float32Array, ny: Float32Array, nz: Float32Array
+    ) -> tuple[Float32Array, Float32Array]:
+        ny, nz = -ny, -nz  # OpenCV's frame
+        dx, dy = rx[there] - rx[here], ry[there] - ry[here]
+        mx, my = (rx[there] + rx[here]) / 2, (ry[there] + ry[here]) / 2
+        length = np.sqrt(1 + mx * mx + my * my)
         norm = np.sqrt(nx * nx + ny * ny + nz * nz) + np.float32(1e-12)
         cosine = np.maximum(-(nx * mx + ny * my + nz) / (norm * length), np.float32(LEAST_COSINE))
         return (nx * dx + ny * dy) / (norm * length * cosine), cosine
 
-    return _edges(step, (x, y, z), mask, certainty, here, there, both_ends)
+    return _edges(step, normals, mask, certainty, axis, both_ends)
 
 
-def _stepped(edges: _Edges, log_start: Float32Array, whole: Float32Array, axis: int) -> _Edges:
-    """The edges with the steps of `log_start` (h, w) for that share by which an end is not `whole` (h, w)."""
-    here, there = _ends(axis)
-    share = np.minimum(whole[here], whole[there])
-    return replace(edges, step=share * edges.step + (1 - share) * (log_start[there] - log_start[here]))
+def _step(edges: _Edges, log_start: Float32Array, whole: Float32Array, axis: int) -> None:
+    """Gives edges the steps of `log_start` (h, w) for that share by which an end is not `whole` (h, w)."""
+    for rows, here, there in _strips(whole.shape, axis):
+        share = np.minimum(whole[here], whole[there])
+        edges.step[rows] = share * edges.step[rows] + (1 - share) * (log_start[there] - log_start[here])
 
 
 def _orthographic(
     normals: Float32Array, mask: BoolArray, certainty: Float32Array, axis: int, both_ends: bool
 ) -> _Edges:
     """Steps in pixels along one axis."""
-    here, there = _ends(axis)
 
-    def step(nx: Float32Array, ny: Float32Array, nz: Float32Array) -> tuple[Float32Array, Float32Array]:
+    def step(
+        here: Place, there: Place, nx: Float32Array, ny: Float32Array, nz: Float32Array
+    ) -> tuple[Float32Array, Float32Array]:
         norm = np.sqrt(nx * nx + ny * ny + nz * nz) + np.float32(1e-12)
         cosine = np.maximum(nz / norm, np.float32(LEAST_COSINE))
         return (nx if axis else -ny) / (norm * cosine), cosine
 
-    return _edges(step, (normals[0], normals[1], normals[2]), mask, certainty, here, there, both_ends)
+    return _edges(step, normals, mask, certainty, axis, both_ends)
 
 
 def _edges(
-    step: Callable[..., tuple[Float32Array, Float32Array]],
-    normals: tuple[Float32Array, Float32Array, Float32Array],
-    mask: BoolArray,
-    certainty: Float32Array,
-    here: tuple[slice, slice],
-    there: tuple[slice, slice],
-    both_ends: bool,
+    step: Step, normals: Float32Array, mask: BoolArray, certainty: Float32Array, axis: int, both_ends: bool
 ) -> _Edges:
-    x, y, z = normals
-    mean, cosine = step(x[here] + x[there], y[here] + y[there], z[here] + z[there])
-    both = mask[here] & mask[there]
-    weight = np.where(both, np.minimum(certainty[here], certainty[there]) * cosine * cosine, 0).astype(np.float32)
-    ends = None
-    if both_ends:
-        first, second = (step(x[at], y[at], z[at])[0].astype(np.float32) for at in (here, there))
-        ends = (first, second)
-    return _Edges(mean.astype(np.float32), ends, weight)
+    size = (mask.shape[0] - (axis == 0), mask.shape[1] - (axis == 1))
+    mean, weight = np.empty(size, np.float32), np.empty(size, np.float32)
+    ends = (np.empty(size, np.float32), np.empty(size, np.float32)) if both_ends else None
+    for rows, here, there in _strips(mask.shape, axis):
+        first, second = normals[:, *here], normals[:, *there]
+        mean[rows], cosine = step(here, there, *(first + second))
+        both = mask[here] & mask[there]
+        weight[rows] = np.where(both, np.minimum(certainty[here], certainty[there]) * cosine * cosine, 0)
+        for end, own in zip(ends or (), (first, second), strict=False):
+            end[rows] = step(here, there, *own)[0]
+    return _Edges(mean, ends, weight)
 
 
 def _integrated(edges: list[_Edges], start: Float32Array, mask: BoolArray, pitch: float | None) -> Float32Array:
@@ -161,12 +184,19 @@ def _integrated(edges: list[_Edges], start: Float32Array, mask: BoolArray, pitch
         solution = solver.solve([_leaning(one, solution, axis, pitch) for axis, one in enumerate(kept)], solution)
         if float(np.mean(np.abs(solution - before)[mask])) < 1e-3 * pitch:
             break
-    parts, found = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
-    labels = np.asarray(found, dtype=np.intp)
-    counts = np.maximum(np.bincount(labels.ravel(), minlength=parts), 1)
-    shift = np.bincount(labels.ravel(), (start - solution).ravel(), minlength=parts) / counts
+    parts, found = cv2.connectedComponents(np.ascontiguousarray(mask).view(np.uint8), connectivity=4)
+    labels = np.asarray(found, np.int32)
+    counts, total = np.zeros(parts, np.int64), np.zeros(parts)
+    strips = [slice(first, first + STRIP) for first in range(0, len(labels), STRIP)]
+    for rows in strips:
+        here = labels[rows].ravel()
+        counts += np.bincount(here, minlength=parts)
+        total += np.bincount(here, (start[rows] - solution[rows]).ravel(), minlength=parts)
+    shift = (total / np.maximum(counts, 1)).astype(np.float32)
     shift[0] = 0.0
-    return solution + shift.astype(np.float32)[labels]
+    for rows in strips:
+        solution[rows] += shift[labels[rows]]
+    return solution
 
 
 def _leaning(edges: _Edges, solution: Float32Array, axis: int, pitch: float) -> _Edges:
@@ -220,7 +250,7 @@ class _Poisson:
         _misfit(self._filled(start[self._window]), steps_down, steps_across, down, across, residual)
         first = float(np.vdot(residual, residual))
         if first == 0.0:
-            return start
+            return start.copy()
         if against_flat:
             flat = np.empty(size, np.float32)
             _misfit(np.zeros(size, np.float32), steps_down, steps_across, down, across, flat)

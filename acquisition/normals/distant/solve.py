@@ -110,15 +110,27 @@ def whole(
 def _depth(images: ImageSet, normals: Float32Array, solved: BoolArray, sigma: Float32Array) -> tuple[Float32Array, str]:
     """Depth and its unit: m, share of the rough depth that is unknown (`relative`), or pixels where orthographic."""
     planar = normals.transpose(2, 0, 1)  # no copy: it is read twice only
-    certainty = np.where(solved, 1 / (1 + (np.nan_to_num(sigma, nan=90.0) / 3) ** 2) + 1e-3, 0).astype(np.float32)
     if images.camera is None:
-        return integrate.relief(planar, solved, certainty), "pixel"
+        return integrate.relief(planar, solved, _certainty(solved, sigma)), "pixel"
     rows, columns = slice(0, images.height), slice(0, images.width)
     ray = photometry.camera_rays(images.camera.matrix, images.camera.distortion, rows, columns)
     rough = images.rough_depth_m
     start = np.broadcast_to(np.asarray(1.0 if rough is None else rough, np.float32), solved.shape)
-    found = integrate.depth(planar, solved, ray, certainty, np.ascontiguousarray(start))
-    return np.where(solved, found, 0).astype(np.float32), "relative" if rough is None else "m"
+    found = integrate.depth(planar, solved, ray, _certainty(solved, sigma), start)
+    found[~solved] = 0
+    return found, "relative" if rough is None else "m"
+
+
+def _certainty(solved: BoolArray, sigma: Float32Array) -> Float32Array:
+    """How far each normal is to be believed in integration (H, W), 0–1; kept by nobody else, since memory counts."""
+    certainty = np.nan_to_num(sigma, nan=90.0)
+    certainty /= 3
+    certainty *= certainty
+    certainty += 1
+    np.divide(1, certainty, out=certainty)
+    certainty += np.float32(1e-3)
+    certainty[~solved] = 0
+    return certainty
 
 
 def _no_information() -> Information:

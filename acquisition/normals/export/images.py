@@ -36,15 +36,20 @@ def normals_png(path: Path, normals: Float32Array, mask: BoolArray, green: Green
     colours = np.empty(normals.shape, np.uint16)
     for start in range(0, len(normals), STRIP):
         here = slice(start, start + STRIP)
-        colours[here] = np.clip(normals[here] * scale + np.float32(32768.0), 0, 65535)  # truncation after + ½ rounds
+        shown = np.clip(normals[here] * scale + np.float32(32768.0), 0, 65535)  # truncation after + ½ rounds
+        colours[here] = shown[..., ::-1]  # OpenCV's order, B G R
     colours[~mask] = 0
-    png(path, colours, COLOURS[green])
+    _write(path, colours, COLOURS[green])
 
 
 def png(path: Path, pixels: np.ndarray, description: str = "") -> None:
     """An 8- or 16-bit PNG, (H, W) or (H, W, 3) RGB, with a description (Latin-1) where one is given."""
-    colour = cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR) if pixels.ndim == 3 else pixels
-    encoded, content = cv2.imencode(".png", colour, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    _write(path, cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR) if pixels.ndim == 3 else pixels, description)
+
+
+def _write(path: Path, pixels: np.ndarray, description: str) -> None:
+    """A PNG of pixels in OpenCV's order."""
+    encoded, content = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
     if not encoded:
         raise OSError(f"{path} could not be encoded")
     behind_header = 8 + 25  # signature, and IHDR with its 13 bytes
