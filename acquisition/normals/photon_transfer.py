@@ -1,0 +1,124 @@
+"""Photon transfer: a sensor's gain and read noise from how its values scatter at each brightness.
+
+Electrons are counted with the variance of their number, so the variance of values grows with brightness by one over the
+gain (electrons per value), from what reading and rounding add in the dark (Janesick, Photon Transfer, 2007; EMVA 1288,
+release 4.0, section 6). What scatters are differences between neighbouring pixels of the difference of two frames:
+everything that both frames share cancels in the second, fixed pattern included, and in the first whatever varies slowly
+over the image, as a lamp that came back a little brighter or a little beside its place. Differences that are left at
+edges of shadows are no noise; so the variance of each bin of brightness is that of its middle, not of its tails.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.types import FloatArray
+
+BINS = 48
+"""Bins of brightness, of equal width in its root, so that noise is about equally well known in each."""
+
+LEAST_IN_BIN = 100
+CLIPPED_AT = 3.0
+KEPT_VARIANCE = 0.97334
+"""Variance of a Gaussian cut off at CLIPPED_AT σ, as a share of the whole one's."""
+
+CLIPPINGS = 12
+STARTED_FROM = 2000
+"""Differences of a bin that its clipping starts from."""
+
+GAUSSIAN_MAD = 0.67449
+MISFIT = 0.01
+"""1 σ of a bin's variance beside chance: of tails that are not quite Gaussian, and rounding."""
+
+PATTERN_SHARE = 0.003
+"""1 σ of what two frames differ by from pixel to pixel in proportion to brightness, where a lamp came back beside its
+place: a term in its square, which would else be taken for photons."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """A photon-transfer curve: mean brightness (B,), variance (B,) of one frame's values there, and from how many."""
+
+    level: FloatArray
+    variance: FloatArray
+    count: FloatArray
+
+
+@dataclass(frozen=True)
+class Line:
+    """Variance = slope · brightness + floor, each with its 1 σ."""
+
+    slope: float
+    slope_sigma: float
+    floor: float
+    floor_sigma: float
+
+
+def points(level: np.ndarray, difference: np.ndarray, step: float) -> Points:
+    """The curve of differences (N,) that scatter as one frame's values do at a brightness of `level` (N,).
+
+    `step` is the rounding of values: where most differences are zero, their middle alone tells nothing.
+    """
+    if not len(level):
+        return Points(np.zeros(0), np.zeros(0), np.zeros(0))
+    root = np.sqrt(np.maximum(level, 0))
+    place = np.minimum(root * np.float32(BINS / max(float(root.max()), 1e-12)), BINS - 1).astype(np.uint8)
+    order = np.argsort(place, kind="stable")
+    ends = np.cumsum(np.bincount(place, minlength=BINS))
+    squares = np.square(difference[order], dtype=np.float64)
+    level = level[order]
+    found: list[tuple[float, float, float]] = []
+    for start, stop in zip(np.concatenate([[0], ends[:-1]]), ends, strict=True):
+        if stop - start >= LEAST_IN_BIN:
+            here = squares[start:stop]
+            mean = float(np.mean(level[start:stop], dtype=np.float64))
+            found.append((mean, _middle_variance(here, step), float(stop - start)))
+    rows = np.array(found).reshape(-1, 3)
+    return Points(rows[:, 0], rows[:, 1], rows[:, 2])
+
+
+def joined(curves: list[Points]) -> Points:
+    """The points of several curves of one sensor."""
+    return Points(
+        *(np.concatenate([getattr(curve, name) for curve in curves]) for name in ("level", "variance", "count"))
+    )
+
+
+def line(curve: Points) -> Line | None:
+    """The line through a curve by weighted least squares; none when it has fewer than three points.
+
+    A term in the square of brightness takes up what is in proportion to it; errors are those of the fit, larger by as
+    much as the points scatter more than chance has it.
+    """
+    if len(curve.level) < 3:
+        return None
+    relative = np.sqrt(2.3 / curve.count + MISFIT**2)  # clipping costs a little of the efficiency
+    design = np.stack([curve.level, np.ones_like(curve.level), curve.level**2], axis=1)
+    prior = np.diag([0.0, 0.0, PATTERN_SHARE**-4])
+    expected = np.maximum(curve.variance, 1e-30)
+    solution, inverse = np.zeros(3), np.zeros((3, 3))
+    for _ in range(4):
+        weight = 1 / (relative * expected) ** 2
+        scale = 1 / np.sqrt(np.maximum(np.sum(weight[:, None] * design**2, axis=0), 1e-300))
+        normal = (design * weight[:, None]).T @ design + prior
+        inverse = np.linalg.pinv(normal * np.outer(scale, scale), rcond=1e-12) * np.outer(scale, scale)
+        solution = inverse @ (design.T @ (weight * curve.variance))
+        expected = np.maximum(design @ solution, 0.2 * expected)
+    misfit = np.sum(((curve.variance - design @ solution) / (relative * expected)) ** 2)
+    larger = np.sqrt(max(1.0, float(misfit) / max(len(curve.level) - 2, 1)))
+    sigma = larger * np.sqrt(np.diag(inverse))
+    return Line(float(solution[0]), float(sigma[0]), float(solution[1]), float(sigma[1]))
+
+
+def _middle_variance(squares: FloatArray, step: float) -> float:
+    """The variance of a Gaussian of which `squares` (N,) have all but tails of something else."""
+    few = squares[:: max(1, len(squares) // STARTED_FROM)]
+    variance = float(np.median(few)) / GAUSSIAN_MAD**2 + step**2 / 12
+    for _ in range(CLIPPINGS):
+        kept = squares[squares < CLIPPED_AT**2 * variance]
+        if not len(kept):
+            return 0.0
+        before, variance = variance, float(np.mean(kept)) / KEPT_VARIANCE
+        if abs(variance - before) < 1e-4 * before:
+            break
+    return variance
