@@ -1,0 +1,128 @@
+"""The last solve in blocks of rows against the solve in one piece, and images read again against those held."""
+
+import numpy as np
+import pytest
+
+from acquisition import normals, photometry
+from acquisition.measured import LIT, Calibration, NormalMap, SolveSettings
+from acquisition.normals import blocks, last, observe
+from acquisition.normals.blocks import Gathered, Seen
+from acquisition.normals.last import Model
+from acquisition.normals.lobe import NONE, Lobe
+from acquisition.normals.observe import Stack, Stored
+from acquisition.normals.refine import Refined
+from tests.acquisition import scenes
+
+SIZE = 96
+FACTOR = 3
+LIGHTS = [*scenes.ring(4, 30.0), *scenes.ring(4, 55.0, turn=0.4)]
+
+
+@pytest.fixture(scope="module")
+def cushion() -> scenes.Scene:
+    return scenes.scene(scenes.bumps, scenes.calibration(SIZE))
+
+
+def images(true: scenes.Scene) -> Stack | Stored:
+    whole = slice(0, SIZE)
+    return observe.read(scenes.capture(true, LIGHTS, seed=1), true.calibration, whole, whole)
+
+
+def model(known: Calibration, stack: Stack | Stored) -> Model:
+    noise = photometry.model_noise(known, stack.shot, stack.floor, 0.45)
+    return Model(photometry.lamps(stack.lights), known, noise, SolveSettings(), typical=0.5)
+
+
+def refined(gathered: Gathered, noise: photometry.Noise, lobe: Lobe, received: float) -> Refined:
+    """A coarse surface that is not flat, as refining might have left it."""
+    coarse = gathered.coarse
+    count, lights = coarse.values.shape[1], len(coarse.values)
+    wave = 0.86 + 0.004 * np.sin(np.arange(count) / 9)
+    light = np.random.default_rng(3).uniform(0, received, (lights, count)) if received else None
+    return Refined(
+        depth_m=wave.astype(np.float32),
+        whole=np.where(wave > 0.862, 0.5, 1).astype(np.float32),
+        log_intensity=np.linspace(-0.01, 0.01, lights),
+        shared_variance=np.full(count, 1e-5, np.float32),
+        shift_m=0.0,
+        received=None if light is None else light.astype(np.float32),
+        bounce_scale=1.0,
+        lobe=lobe,
+        noise=noise,
+    )
+
+
+def same(one: NormalMap, two: NormalMap) -> None:
+    assert np.count_nonzero(one.mask) > 1500
+    for name in ("mask", "silhouette", "flags", "doubtful"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name), name)
+    for name in ("normals", "albedo", "depth", "sigma_deg", "residual", "indirect", "intensity_factors"):
+        np.testing.assert_allclose(getattr(one, name), getattr(two, name), rtol=1e-5, atol=1e-6, err_msg=name)
+    np.testing.assert_array_equal(one.information.rows, two.information.rows)
+    np.testing.assert_array_equal(one.information.columns, two.information.columns)
+    np.testing.assert_allclose(one.information.matrices, two.information.matrices, rtol=1e-4, atol=1e-2)
+    assert one.notes["interreflection"]["share"] == pytest.approx(two.notes["interreflection"]["share"], rel=1e-5)
+
+
+@pytest.mark.parametrize(("lobe", "received"), [(NONE, 0.0), (Lobe(0.1, 25.0), 0.2)], ids=["plain", "in turns"])
+def test_blocks_of_rows_are_solved_as_all_rows_together(
+    lobe: Lobe, received: float, cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stack = images(cushion)
+    whole = slice(0, SIZE)
+    seen = Seen(stack, cushion.mask, blocks.rays(cushion.calibration, whole, whole))
+    known = model(cushion.calibration, stack)
+
+    def solved() -> NormalMap:
+        gathered = seen.gathered(FACTOR, last.sample(int(np.count_nonzero(cushion.mask))), None)
+        return last.solve(seen, gathered, refined(gathered, known.noise, lobe, received), known, (SIZE, SIZE))
+
+    together = solved()
+    assert np.count_nonzero(together.flags == LIT) < 0.95 * len(LIGHTS) * np.count_nonzero(cushion.mask)  # shadows
+    monkeypatch.setattr(blocks, "BLOCK_VALUES", 1)
+    monkeypatch.setattr(blocks, "LEAST_ROWS", 5)
+    assert len(list(seen.blocks())) > 15
+    same(together, solved())
+
+
+def test_images_that_are_read_again_give_the_same_map(cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From frames, with silhouette, refining and table: in blocks, and from memory in one."""
+    taken, table = scenes.capture(cushion, LIGHTS, seed=1), np.full((SIZE, SIZE), scenes.TABLE_DEPTH, np.float32)
+
+    def solved() -> NormalMap:
+        return normals.solve(
+            taken, cushion.calibration, SolveSettings(depth_rounds=1), initial_depth_m=0.86, table_depth_m=table
+        )
+
+    together = solved()
+    monkeypatch.setattr(blocks, "BLOCK_VALUES", 1)
+    monkeypatch.setattr(blocks, "LEAST_ROWS", 20)
+    monkeypatch.setattr(observe, "HELD_BYTES", 0)
+    assert isinstance(images(cushion), Stored)
+    same(together, solved())
+
+
+def test_a_coarse_grid_gathered_in_blocks_is_that_of_all_rows(
+    cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stack = images(cushion)
+    seen = Seen(stack, cushion.mask, blocks.rays(cushion.calibration, slice(0, SIZE), slice(0, SIZE)))
+    chosen = last.sample(int(np.count_nonzero(cushion.mask)))
+    table = scenes.TABLE_DEPTH + np.random.default_rng(0).random((SIZE, SIZE), np.float32)
+    whole = seen.gathered(7, chosen, table)
+    monkeypatch.setattr(blocks, "BLOCK_VALUES", 1)
+    monkeypatch.setattr(blocks, "LEAST_ROWS", 10)
+    parts = seen.gathered(7, chosen, table)
+    assert len(parts.parts) > len(whole.parts)
+    for one, two in ((whole.coarse, parts.coarse), (whole.few, parts.few)):
+        assert one.shape == two.shape
+        for name in ("index", "ray", "values", "clipped"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(two, name), name)
+    assert whole.table is not None
+    assert parts.table is not None
+    np.testing.assert_allclose(whole.table.values, parts.table.values, rtol=1e-5)
+    depth = whole.coarse.index.astype(np.float32)
+    np.testing.assert_allclose(whole.at_few(depth), parts.at_few(depth), rtol=1e-5)
+    few = seen.pixels(slice(0, SIZE)).subset(chosen)
+    np.testing.assert_array_equal(few.values, whole.few.values)
+    np.testing.assert_array_equal(few.index, parts.few.index)
