@@ -33,6 +33,20 @@ Facing flat walls are the hard case: bounced light looks like a wide lobe there,
 
 
 @dataclass(frozen=True)
+class Change:
+    """How a highlight at K pixels changes with their g (F, 3, K), and with the logarithms of the lobe's strength, which
+    is the highlight itself, and of its exponent (F, 2, K)."""
+
+    by_g: Float32Array
+    by_lobe: Float32Array
+
+    @property
+    def highlight(self) -> Float32Array:
+        """What the lobe adds to y (F, K)."""
+        return self.by_lobe[:, 0]
+
+
+@dataclass(frozen=True)
 class Lobe:
     """strength · |s| (n·h)^exponent is added to y; `strength` is in units of albedo."""
 
@@ -45,6 +59,21 @@ class Lobe:
             return np.zeros(found.usable.shape, np.float32)
         shape = _shape(found.light, lambert.facing(found.normals, along), along, self.exponent)
         return (np.float32(self.strength) * shape * found.usable).astype(np.float32)
+
+    def change(self, found: Estimate, along: Float32Array) -> Change | None:
+        """The highlight where a measurement is lit, and its derivatives; none without a lobe."""
+        if self.strength == 0:
+            return None
+        normals = lambert.facing(found.normals, along)
+        half, strength = _half_way(found.light, along)
+        cosine = np.einsum("fcn,cn->fn", half, normals)
+        seen = found.usable & (cosine > 0)
+        cosine = np.where(seen, cosine, 1).astype(np.float32)
+        exponent = np.float32(self.exponent)
+        height = np.float32(self.strength) * strength * cosine**exponent * seen
+        steepness = exponent * height / cosine / np.maximum(found.albedo, np.float32(1e-6))
+        by_g = steepness[:, None] * (half - cosine[:, None] * normals)
+        return Change(by_g, np.stack([height, exponent * height * np.log(cosine)], axis=1))
 
 
 NONE = Lobe(0.0, EXPONENTS[-1])
@@ -113,9 +142,15 @@ def _strength(values: Float32Array, found: Estimate, along: Float32Array, lamp: 
 
 def _shape(light: Float32Array, normals: Float32Array, along: Float32Array, exponent: float) -> Float32Array:
     """|s| (n·h)^α (F, N)."""
+    half, strength = _half_way(light, along)
+    cosine = np.einsum("fcn,cn->fn", half, normals)
+    return strength * np.clip(cosine, 0, 1) ** np.float32(exponent)
+
+
+def _half_way(light: Float32Array, along: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """Unit vectors half way between lamp and camera (F, 3, N), and |s| (F, N)."""
     strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
     view = -along / np.sqrt(np.sum(along * along, axis=0))
     half = light / np.maximum(strength, np.float32(1e-9))[:, None] + view
     length = np.sqrt(np.einsum("fcn,fcn->fn", half, half))
-    cosine = np.einsum("fcn,cn->fn", half, normals) / np.maximum(length, np.float32(1e-6))
-    return strength * np.clip(cosine, 0, 1) ** np.float32(exponent)
+    return half / np.maximum(length, np.float32(1e-6))[:, None], strength

@@ -38,10 +38,6 @@ LARGEST_SHIFT_M = 0.08
 FIRST_THRESHOLD = 0.15
 LEAST_IMAGES_TO_PLACE, LEAST_IMAGES_TO_CALIBRATE = 4, 5
 COARSE_PIXELS = 12_000
-LARGER = 2.5
-"""Times the stated σ of the intensities at which what is found replaces it. Below, sets of lights that tell the shift
-of the object badly from intensities widen their own prior and run away: shift and factors grow together."""
-
 SAMPLES = 2500
 MORE_ROUNDS = 2
 """Rounds more where bounced light or gloss matters."""
@@ -101,12 +97,10 @@ class _Known:
 
 @dataclass(frozen=True)
 class _Shared:
-    """What all pixels share: log intensities (F,), their covariance and the 1 σ it started from, the shift in m, the
-    noise."""
+    """What all pixels share: log intensities (F,) and their covariance, the shift in m, the noise."""
 
     log_intensity: FloatArray
     covariance: FloatArray
-    intensity_sigma: float
     shift_m: float
     noise: Noise
 
@@ -143,7 +137,7 @@ def refine(
     known = _Known(coarse.subset(chosen), along[:, chosen], lamp, calibration, settings)
     count = len(lamp)
     finest = replace(noise, shot=noise.shot / factor**2, floor=noise.floor / factor**2)
-    shared = _Shared(np.zeros(count), np.zeros((count, count)), 0.0, 0.0, finest)
+    shared = _Shared(np.zeros(count), np.zeros((count, count)), 0.0, finest)
     lobe = gloss.NONE
     bounced: _Bounced | None = None
     found: Estimate | None = None
@@ -179,11 +173,10 @@ def refine(
         indirect = bounced.indirect
         plain = not bounced.matters and lobe.strength == 0
 
-        values = (measured - indirect - highlight)[:, chosen]
-        extra = (np.float32(gloss.SIGMA) * highlight[:, chosen]) ** 2
+        values = (measured - indirect)[:, chosen]
         before = shared.shift_m
         hold = turn == 0 and not plain
-        shared = _calibrated(known, values, extra, depth[chosen], shared, hold=hold)
+        shared = _calibrated(known, values, highlight[:, chosen], lobe, depth[chosen], shared, hold=hold)
         calibrated += not hold
         depth = depth + np.float32(shared.shift_m - before)
         threshold = settings.shadow_threshold
@@ -229,19 +222,23 @@ def divided(values: Float32Array, log_intensity: FloatArray) -> Float32Array:
 
 
 def _calibrated(
-    known: _Known, values: Float32Array, extra: Float32Array, depth_m: Float32Array, shared: _Shared, *, hold: bool
-) -> _Shared:
+    known: _Known, values: Float32Array, highlight: Float32Array, lobe: Lobe, depth_m: Float32Array, shared: _Shared,
+    *, hold: bool,
+) -> _Shared:  # fmt: skip
     """The shared unknowns after three Gauss–Newton steps on a sample of pixels, and the noise that is left.
 
-    `values` (F, K) are already divided by the present intensities; `hold` leaves these as they are.
+    `values` (F, K), with the `highlight` (F, K) of `lobe` in them, are already divided by the present intensities;
+    `hold` leaves these as they are.
     """
     if len(known.lamp) < LEAST_IMAGES_TO_PLACE:
         return shared
     calibrate = not hold and len(known.lamp) >= LEAST_IMAGES_TO_CALIBRATE
     log_intensity, covariance, shift = shared.log_intensity, shared.covariance, shared.shift_m
-    sigma, noise = shared.intensity_sigma, shared.noise
+    sigma = known.calibration.intensity_sigma if calibrate else 0.0
+    noise = shared.noise
     for turn in range(4):
-        now = divided(values, log_intensity - shared.log_intensity)
+        whole = divided(values, log_intensity - shared.log_intensity)
+        now, extra = whole - highlight, (np.float32(gloss.SIGMA) * highlight) ** 2
         found = lambert.solve(
             known.pixels, now, depth_m + np.float32(shift - shared.shift_m), known.lamp, known.calibration, noise,
             threshold=known.settings.shadow_threshold, offset_sigma_m=DEPTH_SIGMA_M, cauchy_scale=known.cauchy_scale,
@@ -251,22 +248,20 @@ def _calibrated(
             noise = residuals.estimate(found, now, noise, known.along, known.lamp, DEPTH_SIGMA_M, extra)
         if turn == 3:
             break
-        if calibrate:
-            # What lamps are said to be is believed until the images say that they are worse.
-            shown = self_calibration.shown(log_intensity, covariance, sigma)
-            stated = known.calibration.intensity_sigma
-            sigma = shown if shown > LARGER * stated else stated
         change = lambert.derivative(found.light, found.point, known.along, known.lamp)
+        glossy = lobe.change(found, known.along)
+        if glossy is not None:
+            highlight = glossy.highlight
         step = self_calibration.step(
-            found.light, change, now, found.g, found.offset_m, found.weights, log_intensity, shift,
-            sigma, SHIFT_SIGMA_M, DEPTH_SIGMA_M,
+            found.light, change, whole - highlight, found.g, found.offset_m, found.weights, log_intensity, shift,
+            sigma, SHIFT_SIGMA_M, DEPTH_SIGMA_M, glossy,
         )  # fmt: skip
         move = float(np.clip(step.shift_m, -LARGEST_STEP_M, LARGEST_STEP_M))
         shift = float(np.clip(shift + move, -LARGEST_SHIFT_M, LARGEST_SHIFT_M))
         log_intensity = log_intensity + step.log_intensity
         if calibrate:
             covariance = step.covariance
-    return _Shared(log_intensity, covariance, sigma, shift, noise)
+    return _Shared(log_intensity, covariance, shift, noise)
 
 
 def certainty(found: Estimate) -> Float32Array:

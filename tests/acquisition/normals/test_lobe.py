@@ -1,9 +1,11 @@
 """The lobe that all pixels find together."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from acquisition.normals import lobe
+from acquisition.normals import lambert, lobe
 from acquisition.normals.lobe import Lobe
 from tests.acquisition.normals.shared_scene import Measured, measured
 
@@ -50,3 +52,22 @@ def test_a_matt_surface_gets_none() -> None:
 def test_four_lights_cannot_tell() -> None:
     scene = measured(count=4)
     assert fitted(scene, scene.values + blinn(scene, 0.2, 35.0)) == lobe.NONE
+
+
+def test_the_highlight_changes_as_it_is_said_to() -> None:
+    """Against differences over a small turn of g and small changes of the lobe."""
+    scene, gloss = measured(), Lobe(0.2, 30.0)
+    found = lambert.solve(
+        scene.pixels, scene.values, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.15
+    )
+    said = gloss.change(found, scene.along)
+    assert said is not None
+    now = gloss.highlight(found, scene.along)
+    assert said.highlight == pytest.approx(now, abs=1e-6)
+    turn = np.random.default_rng(3).normal(0, 0.002, found.g.shape).astype(np.float32)
+    there, back = (gloss.highlight(replace(found, g=g), scene.along) for g in (found.g + turn, found.g - turn))
+    assert np.einsum("fcn,cn->fn", said.by_g, turn) == pytest.approx((there - back) / 2, abs=2e-4)
+    stronger = Lobe(0.2 * np.exp(0.01), 30.0).highlight(found, scene.along)
+    narrower = Lobe(0.2, 30.0 * np.exp(0.01)).highlight(found, scene.along)
+    assert said.by_lobe[:, 0] * 0.01 == pytest.approx(stronger - now, abs=2e-5)
+    assert said.by_lobe[:, 1] * 0.01 == pytest.approx(narrower - now, abs=2e-5)
