@@ -14,10 +14,15 @@ import numpy as np
 
 from acquisition.types import FloatArray
 
-BINS = 48
-"""Bins of brightness, of equal width in its root, so that noise is about equally well known in each."""
+BINS = 24
+"""Bins of brightness, of equal width in its root, as noise is; each many times as wide as noise, which would else sort
+pixels of one brightness into bright and dark ones and make the curve flat."""
 
 LEAST_IN_BIN = 100
+LEAST_STEPS = 0.3
+"""Variance, in squared steps of rounding, below which a bin tells nothing: values hardly scatter over their steps, and
+rounding adds something else than a twelfth."""
+
 CLIPPED_AT = 3.0
 KEPT_VARIANCE = 0.97334
 """Variance of a Gaussian cut off at CLIPPED_AT σ, as a share of the whole one's."""
@@ -54,15 +59,12 @@ class Line:
     floor_sigma: float
 
 
-def points(level: np.ndarray, difference: np.ndarray, step: float) -> Points:
-    """The curve of differences (N,) that scatter as one frame's values do at a brightness of `level` (N,).
+def points(level: np.ndarray, difference: np.ndarray, top: float, step: float) -> Points:
+    """The curve of differences (N,) that scatter as one frame's values do at a brightness of `level` (N,) up to `top`.
 
-    `step` is the rounding of values: where most differences are zero, their middle alone tells nothing.
+    `step` is the rounding of values; brightness that scatters over less than its steps is left out.
     """
-    if not len(level):
-        return Points(np.zeros(0), np.zeros(0), np.zeros(0))
-    root = np.sqrt(np.maximum(level, 0))
-    place = np.minimum(root * np.float32(BINS / max(float(root.max()), 1e-12)), BINS - 1).astype(np.uint8)
+    place = np.clip(np.sqrt(np.maximum(level, 0)) * (BINS / np.sqrt(top)), 0, BINS - 1).astype(np.uint8)
     order = np.argsort(place, kind="stable")
     ends = np.cumsum(np.bincount(place, minlength=BINS))
     squares = np.square(difference[order], dtype=np.float64)
@@ -72,7 +74,9 @@ def points(level: np.ndarray, difference: np.ndarray, step: float) -> Points:
         if stop - start >= LEAST_IN_BIN:
             here = squares[start:stop]
             mean = float(np.mean(level[start:stop], dtype=np.float64))
-            found.append((mean, _middle_variance(here, step), float(stop - start)))
+            variance = _middle_variance(here, step)
+            if variance > LEAST_STEPS * step**2:
+                found.append((mean, variance, float(stop - start)))
     rows = np.array(found).reshape(-1, 3)
     return Points(rows[:, 0], rows[:, 1], rows[:, 2])
 

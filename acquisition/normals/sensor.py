@@ -51,8 +51,10 @@ def shown(observations: Observations, calibration: Calibration, rows: slice, col
     """What the repeated and the lamp-off frames say of the sensor within a window of rows and columns."""
     sensor, frames = calibration.sensor, observations.frames
     strips = _strips(rows, columns.stop - columns.start)
-    pairs = [_of_pair(frames, pair, sensor, strips, columns) for pair in _repeated(observations)]
-    dark, told = _of_darks(frames, observations.darks.values(), sensor, strips, columns)
+    size = (calibration.width, calibration.height)
+    darks = [shot for shot in observations.darks.values() if (shot.frame.width, shot.frame.height) == size]
+    pairs = [_of_pair(frames, pair, sensor, strips, columns) for pair in _repeated(observations, size)]
+    dark, told = _of_darks(frames, darks, sensor, strips, columns)
     twice = sum(len(pair.level) > 0 for pair in pairs)
     told = f"{twice} image{'' if twice == 1 else 's'} taken twice, {told}"
     return _taken(calibration, photon_transfer.line(photon_transfer.joined([*pairs, dark])) if twice else None, told)
@@ -89,13 +91,15 @@ def _figures(sensor: SensorModel) -> dict[str, float]:
     return {"gain_e_per_dn": sensor.gain_e_per_dn, "read_noise_e": sensor.read_noise_e}
 
 
-def _repeated(observations: Observations) -> list[tuple[Shot, Shot]]:
+def _repeated(observations: Observations, size: tuple[int, int]) -> list[tuple[Shot, Shot]]:
     """Images and their repetitions. An image that was discarded and taken anew is younger than its repetition."""
     by_key = {shot.key: shot for shot in observations.shots}
     pairs: list[tuple[Shot, Shot]] = []
     for again in observations.repeats:
         first = None if again.repeats is None else by_key.get(again.repeats)
-        if first is not None and first.exposure_s == again.exposure_s and first.taken_at <= again.taken_at:
+        if first is None or first.exposure_s != again.exposure_s or first.taken_at > again.taken_at:
+            continue
+        if all((shot.frame.width, shot.frame.height) == size for shot in (first, again)):
             pairs.append((first, again))
     return pairs
 
@@ -124,9 +128,12 @@ def _of_pair(
     first, second = first - black, second - black
     level = (first + second) * np.float32(0.5)
     good &= level < BELOW_CLIPPING * (clipping - black)
-    scale = float(np.sum(first * second * good, dtype=np.float64) / np.sum(second * second * good, dtype=np.float64))
+    power = float(np.sum(second * second * good, dtype=np.float64))
+    if power == 0:
+        return NOTHING
+    scale = float(np.sum(first * second * good, dtype=np.float64)) / power
     level *= np.float32(0.5 * (1 + scale) ** 2 / (1 + scale**2))
-    return _scatter(level, (first - np.float32(scale) * second) * np.float32((1 + scale**2) ** -0.5), good)
+    return _scatter(level, (first - np.float32(scale) * second) * np.float32((1 + scale**2) ** -0.5), sensor, good)
 
 
 def _of_darks(
@@ -140,20 +147,22 @@ def _of_darks(
     near = min(pairwise(taken), key=lambda pair: pair[1].exposure_s / pair[0].exposure_s, default=None)
     if near is not None and near[1].exposure_s <= LARGEST_RATIO * near[0].exposure_s:
         one, other = (_read(frames, shot.frame, strips, columns) - black for shot in near)
-        curve = _scatter((one + other) * np.float32(0.5), (one - other) * np.float32(0.5**0.5), None)
+        curve = _scatter((one + other) * np.float32(0.5), (one - other) * np.float32(0.5**0.5), sensor)
         return curve, "two lamp-off frames"
     alone = _read(frames, taken[0].frame, strips, columns) - black
-    return _scatter(alone, alone, None), "one lamp-off frame, its fixed pattern included"
+    return _scatter(alone, alone, sensor), "one lamp-off frame, its fixed pattern included"
 
 
-def _scatter(level: Float32Array, scattered: Float32Array, good: BoolArray | None) -> Points:
+def _scatter(
+    level: Float32Array, scattered: Float32Array, sensor: SensorModel, good: BoolArray | None = None
+) -> Points:
     """The curve of frames (n, w) that scatter as one frame of that brightness does, by differences of neighbours."""
     end = level.shape[1] // 2 * 2
     even, odd = np.s_[:, 0:end:2], np.s_[:, 1:end:2]
     both = np.s_[:] if good is None else good[even] & good[odd]
     middle = ((level[even] + level[odd]) * np.float32(0.5))[both]
     apart = ((scattered[even] - scattered[odd]) * np.float32(0.5**0.5))[both]
-    return photon_transfer.points(middle.ravel(), apart.ravel(), 1.0)
+    return photon_transfer.points(middle.ravel(), apart.ravel(), sensor.full_scale_dn, 1.0)
 
 
 def _read(frames: FrameSource, frame: FrameRef, strips: list[slice], columns: slice) -> Float32Array:

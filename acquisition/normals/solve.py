@@ -5,12 +5,14 @@ on a coarse grid, whose means are gathered block by block. So the images are loo
 silhouette where it is not given, for the coarse grid, and for the last solve.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from acquisition import photometry
 from acquisition.errors import ErrorCode, RigError
 from acquisition.measured import Calibration, NormalMap, Observations, SolveSettings
-from acquisition.normals import blocks, last, observe, refine, silhouette
+from acquisition.normals import blocks, last, observe, refine, sensor, silhouette
 from acquisition.normals.blocks import Seen
 from acquisition.normals.last import Model
 from acquisition.normals.observe import Images
@@ -35,14 +37,18 @@ def solve(
 
     `initial_depth_m` is the object's rough depth along OpenCV's z (a number or an (H, W) map; 30 mm off is fine);
     `region` (H, W) is where the object can be, none: the whole image; `table_depth_m` (H, W) is the depth of the table
-    it stands on, none: it stands on nothing that sends light. Raises RigError normals.infeasible when fewer
+    it stands on, none: it stands on nothing that sends light. The sensor's noise is that of the images themselves where
+    they tell it, else the calibration's. Raises RigError normals.infeasible when fewer
     than three lights are usable, the lights are parallel or in one plane, or nothing is lit.
     """
     rows, columns = _window(region, calibration.height, calibration.width)
-    images = observe.read(observations, calibration, rows, columns)
-    return solve_stack(
-        images, calibration, settings, initial_depth_m=initial_depth_m, region=region, table_depth_m=table_depth_m
-    )
+    shown = sensor.shown(observations, calibration, rows, columns)
+    images = observe.read(observations, shown.calibration, rows, columns)
+    found = solve_stack(
+        images, shown.calibration, settings, initial_depth_m=initial_depth_m, region=region,
+        table_depth_m=table_depth_m,
+    )  # fmt: skip
+    return replace(found, noise=found.noise | shown.figures, notes=found.notes | {"sensor": shown.note})
 
 
 def solve_stack(
