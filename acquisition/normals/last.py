@@ -120,6 +120,7 @@ def solve(seen: Seen, gathered: Gathered, refined: Refined, model: Model, size: 
             for image, told in zip(flags, found.flags, strict=True):
                 image[place][rows][mask] = told
             light, indirect = light + found.light, indirect + found.indirect
+            large.let_go(flags)
             numbers.append(np.flatnonzero(mask)[found.told] + rows.start * shape[1])
             matrices.append(found.matrices)
         before = after

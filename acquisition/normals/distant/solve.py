@@ -89,6 +89,7 @@ def whole(
         part = flags[:, rows].reshape(images.count, -1)
         part[:, chosen] = found.flags
         flags[:, rows] = part.reshape(images.count, rows.stop - rows.start, images.width)
+        large.let_go(flags)
     depth, unit = _depth(images, normals, solved, sigma) if with_depth else (np.zeros(size, np.float32), "none")
     return NormalMap(
         normals=normals,
