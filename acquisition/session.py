@@ -225,7 +225,8 @@ class PassRecord:
     route: Route | None = None
     shots: dict[int, Shot] = field(default_factory=dict[int, Shot])  # by light number
     darks: dict[float, Shot] = field(default_factory=dict[float, Shot])  # by exposure time
-    repeated: frozenset[ShotKey] = frozenset()  # images taken again since the last of `shots`
+    references: tuple[Shot, ...] = ()  # images taken again, of this pass or of one before
+    repeated: frozenset[ShotKey] = frozenset()  # those taken again since the last of `shots`
     solved: bool = False
     reviewed: bool = False  # a person has seen the plan and let it pass
 

@@ -95,7 +95,9 @@ class Shooting:
         before = frames.rows(first.frame, 0, first.frame.height)
         attempt = 0
         while True:
-            exposed, attempt = self._expose(record, step.key, first.exposure_s, attempt, stop, first.attempt)
+            # Noise differs from one attempt to the next in a simulated cell too, and no two images have the same.
+            before_this = first.attempt + 1 + record.references
+            exposed, attempt = self._expose(record, step.key, first.exposure_s, attempt, stop, before_this)
             same = compare.same_scene(before, exposed.frame.pixels, self.region, self._calibration.sensor)
             if same.accepted or attempt == retakes:
                 break

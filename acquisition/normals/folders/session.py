@@ -43,6 +43,7 @@ class SessionCapture:
             [shot for shot in used if shot.kind == "light"],
             {shot.exposure_s: shot for shot in used if shot.kind == "dark"},  # the newest one of each exposure time
             FolderFrames(self.folder),
+            [shot for shot in used if shot.kind == "reference"],
         )
 
 
