@@ -288,9 +288,7 @@ class Journal(Database):
                 darks={
                     shot.exposure_s: shot for shot in shots if shot.key.pass_number == number and shot.kind == "dark"
                 },
-                references=tuple(
-                    shot for shot in shots if shot.key.pass_number == number and shot.kind == "reference"
-                ),
+                references=tuple(shot for shot in shots if shot.key.pass_number == number and shot.kind == "reference"),
                 repeated=_repeated([shot for shot in shots if shot.key.pass_number == number]),
                 solved=number in solved,
                 reviewed=number in reviewed,
