@@ -20,7 +20,6 @@ WANTED_DEG = (1.0, 0.65, 0.5)
 """Expected mean errors, 0.886 × the target."""
 DRAWS = range(6)
 MATT = ("sphere", "vase", "relief", "bumps", "figure", "part")
-MOST = 20
 CLEARLY = 1.15
 """Times the wanted error at which a number of images is clearly too small."""
 
@@ -54,7 +53,7 @@ def runs(shape: str, draw: int) -> list[dict[str, Any]]:
 
         told = []
         for wanted in WANTED_DEG:
-            run = scene.run(Recipe(target_sigma_deg=wanted / 0.886, seed=draw, max_lights=MOST))
+            run = scene.run(Recipe(target_sigma_deg=wanted / 0.886, seed=draw))
             images = len(run.found.observations.shots)
             told.append({
                 "shape": shape, "draw": draw, "wanted_deg": wanted, "found_deg": float(np.mean(run.found.all_deg)),
