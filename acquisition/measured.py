@@ -199,3 +199,7 @@ class SolveSettings(Value):
     )
     shadow_threshold: float = Field(default=0.08, ge=0, lt=0.5, description="Of the pixel's largest normalised value")
     robust: bool = True
+    keep_steps: bool = Field(
+        default=False,
+        description="Let depth jump where normals disagree with their neighbours; elsewhere it is a little less exact",
+    )

@@ -259,12 +259,17 @@ def solve_folder(
         ),
     ] = None,
     sphere: Annotated[str | None, typer.Option(help="cx,cy,r: a sphere in the image that the errors are for")] = None,
+    keep_steps: Annotated[
+        bool, typer.Option("--keep-steps", help="Let depth jump where normals disagree with their neighbours")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
 ) -> None:
     """Solves a folder of images to normals with an uncertainty for each pixel, and grades them where truth is known."""
     from api import solving
 
-    outcome = _told(lambda: solving.run(solving.wishes(folder, solver.value, near, out, sphere, exports or [])))
+    outcome = _told(
+        lambda: solving.run(solving.wishes(folder, solver.value, near, out, sphere, exports or [], keep_steps))
+    )
     if as_json:
         print(json.dumps(outcome), flush=True)
 

@@ -46,6 +46,7 @@ class Wishes:
     out: Path | None = None
     sphere: Sphere | None = None
     exports: tuple[str, ...] = ()
+    keep_steps: bool = False
 
 
 @dataclass(frozen=True)
@@ -59,8 +60,9 @@ class Solved:
 
 
 def wishes(
-    folder: Path, solver: str, near: bool, out: Path | None, sphere: str | None, exports: Sequence[str]
-) -> Wishes:
+    folder: Path, solver: str, near: bool, out: Path | None, sphere: str | None, exports: Sequence[str],
+    keep_steps: bool = False,
+) -> Wishes:  # fmt: skip
     """The wishes of a command line: `sphere` as `cx,cy,r`, `exports` by name, `all` for all of them.
 
     Raises RigError request.invalid.
@@ -74,7 +76,8 @@ def wishes(
     if solver not in get_args(distant.Solver):
         raise RigError(ErrorCode.REQUEST_INVALID, f"--solver {solver}: choose of {', '.join(get_args(distant.Solver))}")
     chosen = known if "all" in exports else tuple(name for name in known if name in exports)
-    return Wishes(folder, cast(distant.Solver, solver), near, out, None if sphere is None else _sphere(sphere), chosen)
+    ball = None if sphere is None else _sphere(sphere)
+    return Wishes(folder, cast(distant.Solver, solver), near, out, ball, chosen, keep_steps)
 
 
 def _sphere(text: str) -> Sphere:
@@ -149,7 +152,7 @@ def _solved(asked: Wishes, scratch: Path, bar: Progress, seconds: dict[str, floa
         with _timed(seconds, "read"):
             capture = session.read(asked.folder)
         with _timed(seconds, "solve"), _step(bar, "solving"):
-            found = _solve_session(capture, None, _settings(asked.solver))
+            found = _solve_session(capture, None, _settings(asked))
         last = len(capture.plans) - 1
         images = session.images(capture.observations(last), capture.calibration, found.silhouette)
         return Solved(found, images, *_chosen(found, asked.solver))
@@ -170,11 +173,11 @@ def _solved(asked: Wishes, scratch: Path, bar: Progress, seconds: dict[str, floa
         )
     with _timed(seconds, "solve"), _step(bar, "solving"):
         if distant_lights:
-            found = distant.solve(images, asked.solver)
+            found = distant.solve(images, asked.solver, keep_steps=asked.keep_steps)
         elif asked.solver == "ls":
-            found = near_light.solve_plain(images)
+            found = near_light.solve_plain(images, keep_steps=asked.keep_steps)
         else:
-            found = near_light.solve(images, _settings(asked.solver))
+            found = near_light.solve(images, _settings(asked))
     return Solved(found, images, *_chosen(found, asked.solver))
 
 
@@ -193,15 +196,22 @@ def _solve_session(capture: SessionCapture, count: int | None, settings: SolveSe
     )
 
 
-def _settings(solver: str) -> SolveSettings:
-    """A session's solver is one; what can be left out of it is the robust weighting, and telling shadows apart."""
-    match solver:
+def _settings(asked: Wishes) -> SolveSettings:
+    """The solver for near light is one; what can be left out of it is the robust weighting, and telling shadows apart.
+
+    Raises RigError request.invalid for a solver that near light has none of.
+    """
+    match asked.solver:
+        case "thresholded":
+            raise RigError(
+                ErrorCode.REQUEST_INVALID, "--solver thresholded is for many distant lights: ask for auto or robust"
+            )
         case "ls":
-            return SolveSettings(robust=False, shadow_threshold=0.0)
+            return SolveSettings(robust=False, shadow_threshold=0.0, keep_steps=asked.keep_steps)
         case "weighted":
-            return SolveSettings(robust=False)
+            return SolveSettings(robust=False, keep_steps=asked.keep_steps)
         case _:
-            return SolveSettings()
+            return SolveSettings(keep_steps=asked.keep_steps)
 
 
 def _chosen(found: NormalMap, wished: str) -> tuple[str, str]:
@@ -210,7 +220,9 @@ def _chosen(found: NormalMap, wished: str) -> tuple[str, str]:
         return str(found.notes["solver"]), str(found.notes.get("why", ""))
     bounced, lobe = found.notes.get("interreflection", {}), found.notes.get("lobe", {})
     why = f"near light; share of bounced light {bounced.get('share', 0):.1%}, gloss {lobe.get('strength', 0):.2f}"
-    return ("near" if wished == "auto" else wished), why
+    if wished == "glossy":
+        why += "; glossy was asked for: near light has one solver, which looks for gloss in any case"
+    return ("near" if wished in {"auto", "glossy"} else wished), why
 
 
 # ------------------------------------------------------------------------------------------------------------- writing

@@ -22,9 +22,6 @@ BLOCK_VALUES = 1 << 22
 LEAST_ROWS = 16
 """Rows of a block at least: some above and below are read and solved with it, for its own pixels' sake."""
 
-RAY_ROWS = 256
-"""Rows whose rays are made at once, which takes many times the bytes of the rays."""
-
 
 @dataclass(frozen=True)
 class Seen:
@@ -102,15 +99,6 @@ class Gathered:
     def at_few(self, values: Float32Array) -> Float32Array:
         """Values (..., M) of the coarse grid at the chosen pixels (..., K)."""
         return np.concatenate([self.at(values, part, top) for top, part in self.parts], axis=-1)
-
-
-def rays(calibration: Calibration, rows: slice, columns: slice) -> Float32Array:
-    """`photometry.rays` of a large window."""
-    out = np.empty((2, rows.stop - rows.start, columns.stop - columns.start), np.float32)
-    for start in range(0, out.shape[1], RAY_ROWS):
-        stop = min(start + RAY_ROWS, out.shape[1])
-        out[:, start:stop] = photometry.rays(calibration, slice(rows.start + start, rows.start + stop), columns)
-    return out
 
 
 def brightest(seen: Seen, depth_m: Float32Array, lamp: Float32Array, calibration: Calibration) -> Float32Array:

@@ -119,7 +119,9 @@ def _step(edges: Edges, log_start: Float32Array, whole: Float32Array, axis: int)
     """Gives edges the steps of `log_start` (h, w) for that share by which an end is not `whole` (h, w)."""
     for rows, here, there in _strips(whole.shape, axis):
         share = np.minimum(whole[here], whole[there])
-        edges.step[rows] = share * edges.step[rows] + (1 - share) * (log_start[there] - log_start[here])
+        told = (1 - share) * (log_start[there] - log_start[here])
+        for step in (edges.step, *(edges.ends or ())):
+            step[rows] = share * step[rows] + told
 
 
 def _orthographic(normals: Float32Array, mask: BoolArray, certainty: Float32Array, axis: int, both_ends: bool) -> Edges:

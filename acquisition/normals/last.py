@@ -127,7 +127,7 @@ def solve(seen: Seen, gathered: Gathered, refined: Refined, model: Model, size: 
     del windows
     depth = integrate.depth(
         maps["normals"][place].transpose(2, 0, 1), seen.mask, seen.ray, surface.pop("certainty"), surface.pop("start"),
-        whole=surface.pop("whole", None),
+        whole=surface.pop("whole", None), keep_steps=model.settings.keep_steps,
     )  # fmt: skip
     unsolved = ~maps["mask"]
     maps["normals"][unsolved] = 0

@@ -49,7 +49,7 @@ def solve(images: ImageSet, settings: SolveSettings) -> NormalMap:
     )
 
 
-def solve_plain(images: ImageSet) -> NormalMap:
+def solve_plain(images: ImageSet, *, keep_steps: bool = False) -> NormalMap:
     """Plain least squares in blocks of rows, nothing left out but what is clipped: what other solvers are measured by.
 
     The normals at the rough depth give a shape by integration, at which they are solved again. Raises RigError
@@ -61,10 +61,10 @@ def solve_plain(images: ImageSet) -> NormalMap:
     refuse_unusable(images, *blocks.sample(images, SAMPLE))
     depth = np.broadcast_to(np.asarray(images.rough_depth_m, np.float32), (images.height, images.width))
     notes = {"solver": "ls", "why": "as asked"}
-    found = whole(images, point_lights.plain(images, depth), luma=False, notes=notes, with_depth=True)
+    found = whole(images, point_lights.plain(images, depth), luma=False, notes=notes, keep_steps=keep_steps)
     for _ in range(PLAIN_ROUNDS):
         depth = np.where(found.mask, found.depth, depth)
-        found = whole(images, point_lights.plain(images, depth), luma=False, notes=notes, with_depth=True)
+        found = whole(images, point_lights.plain(images, depth), luma=False, notes=notes, keep_steps=keep_steps)
     return found
 
 

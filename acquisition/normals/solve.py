@@ -74,7 +74,7 @@ def solve_stack(
     rough = np.broadcast_to(np.asarray(initial_depth_m, np.float32), size)[rows, columns]
     lamp = photometry.lamps(images.lights)
     known = None if object_mask is None else object_mask[rows, columns] & inside
-    seen = Seen(images, inside if known is None else known, blocks.rays(calibration, rows, columns))
+    seen = Seen(images, inside if known is None else known, photometry.rays(calibration, rows, columns))
     middle = _middle(seen, rough)
     _refuse_flat_lights(lamp, middle)
     distance = float(np.mean(np.linalg.norm(lamp[:, :3] - middle, axis=1)))

@@ -86,6 +86,32 @@ def test_near_light_by_plain_least_squares(tmp_path: Path) -> None:
     assert np.ptp(depth[depth > 0]) == pytest.approx(0.035, abs=0.01)
 
 
+def test_gloss_that_is_asked_for_near_is_what_near_light_does_in_any_case(tmp_path: Path) -> None:
+    folder, out = small.near(tmp_path / "in"), tmp_path / "out"
+    outcome = solving.run(wishes(folder, solver="glossy", near=True, out=out))
+    assert outcome["solver"] == "near"
+    assert "glossy was asked for" in outcome["why"]
+    assert "glossy was asked for" in (out / "report.html").read_text(encoding="utf-8")
+    with pytest.raises(RigError) as refused:
+        solving.run(wishes(folder, solver="thresholded", near=True))
+    assert refused.value.code is ErrorCode.REQUEST_INVALID
+
+
+@pytest.mark.parametrize("solver", ["weighted", "near"])
+def test_steps_are_kept_where_a_person_asks_for_it(solver: str, tmp_path: Path) -> None:
+    """The normals are the same, the depth is not."""
+    make = small.diligent if solver == "weighted" else small.near
+    folder, asked = make(tmp_path / "in"), "auto" if solver == "near" else solver
+    for name, keep in (("smooth", False), ("kept", True)):
+        solving.run(wishes(folder, solver=asked, out=tmp_path / name, keep_steps=keep))
+    normals, depth = (
+        [tifffile.imread(tmp_path / name / f"{what}.tiff") for name in ("smooth", "kept")]
+        for what in ("normals", "depth")
+    )
+    assert np.any(depth[0] != depth[1])
+    np.testing.assert_array_equal(normals[0], normals[1])
+
+
 def test_what_was_exported_solves_to_the_same_normals(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
     solving.run(wishes(small.diligent(tmp_path / "in"), solver="weighted", out=first, exports=["diligent"]))

@@ -22,11 +22,12 @@ USELESS = 0.95
 """Share of clipped pixels from which an image tells nothing."""
 
 
-def solve(images: ImageSet, solver: Solver = "auto", *, with_depth: bool = True) -> NormalMap:
+def solve(images: ImageSet, solver: Solver = "auto", *, with_depth: bool = True, keep_steps: bool = False) -> NormalMap:
     """Solves images with DistantLights; `notes` say which solver did it and why.
 
-    Depth is in m where a camera and a rough depth are known, else relative (`notes["depth_unit"]`). Raises RigError
-    normals.infeasible as `image_set.check` does, and naming the file where an image is black, clipped or not finite.
+    `keep_steps` lets depth jump where normals disagree with their neighbours, see `integrate`. Depth is in m where a
+    camera and a rough depth are known, else relative (`notes["depth_unit"]`). Raises RigError normals.infeasible as
+    `image_set.check` does, and naming the file where an image is black, clipped or not finite.
     """
     check(images)
     if not isinstance(images.lights, DistantLights):
@@ -39,7 +40,7 @@ def solve(images: ImageSet, solver: Solver = "auto", *, with_depth: bool = True)
         chosen, why = choice.best(values, clipped, directions)
     method, notes = methods.prepare(chosen, values, clipped, directions)
     notes = {"solver": chosen, "why": why} | notes
-    return whole(images, method, luma=chosen == "ls", notes=notes, with_depth=with_depth)
+    return whole(images, method, luma=chosen == "ls", notes=notes, with_depth=with_depth, keep_steps=keep_steps)
 
 
 def refuse_unusable(images: ImageSet, values: Float32Array, clipped: BoolArray) -> None:
@@ -58,8 +59,9 @@ def refuse_unusable(images: ImageSet, values: Float32Array, clipped: BoolArray) 
 
 
 def whole(
-    images: ImageSet, method: methods.Method, *, luma: bool, notes: dict[str, Any], with_depth: bool
-) -> NormalMap:
+    images: ImageSet, method: methods.Method, *, luma: bool, notes: dict[str, Any], with_depth: bool = True,
+    keep_steps: bool = False,
+) -> NormalMap:  # fmt: skip
     """All blocks, one after another, into a normal map; `luma` and `notes` as in `blocks.read` and NormalMap."""
     size = (images.height, images.width)
     normals = np.zeros((*size, 3), np.float32)
@@ -90,7 +92,9 @@ def whole(
         part[:, chosen] = found.flags
         flags[:, rows] = part.reshape(images.count, rows.stop - rows.start, images.width)
         large.let_go(flags)
-    depth, unit = _depth(images, normals, solved, sigma) if with_depth else (np.zeros(size, np.float32), "none")
+    depth, unit = np.zeros(size, np.float32), "none"
+    if with_depth:
+        depth, unit = _depth(images, normals, solved, sigma, keep_steps)
     return NormalMap(
         normals=normals,
         albedo=albedo,
@@ -108,16 +112,18 @@ def whole(
     )
 
 
-def _depth(images: ImageSet, normals: Float32Array, solved: BoolArray, sigma: Float32Array) -> tuple[Float32Array, str]:
+def _depth(
+    images: ImageSet, normals: Float32Array, solved: BoolArray, sigma: Float32Array, keep_steps: bool
+) -> tuple[Float32Array, str]:
     """Depth and its unit: m, share of the rough depth that is unknown (`relative`), or pixels where orthographic."""
     planar = normals.transpose(2, 0, 1)  # no copy: it is read twice only
     if images.camera is None:
-        return integrate.relief(planar, solved, _certainty(solved, sigma)), "pixel"
+        return integrate.relief(planar, solved, _certainty(solved, sigma), keep_steps=keep_steps), "pixel"
     rows, columns = slice(0, images.height), slice(0, images.width)
     ray = photometry.camera_rays(images.camera.matrix, images.camera.distortion, rows, columns)
     rough = images.rough_depth_m
     start = np.broadcast_to(np.asarray(1.0 if rough is None else rough, np.float32), solved.shape)
-    found = integrate.depth(planar, solved, ray, _certainty(solved, sigma), start)
+    found = integrate.depth(planar, solved, ray, _certainty(solved, sigma), start, keep_steps=keep_steps)
     found[~solved] = 0
     return found, "relative" if rough is None else "m"
 

@@ -70,7 +70,7 @@ def test_blocks_of_rows_are_solved_as_all_rows_together(
 ) -> None:
     stack = images(cushion)
     whole = slice(0, SIZE)
-    seen = Seen(stack, cushion.mask, blocks.rays(cushion.calibration, whole, whole))
+    seen = Seen(stack, cushion.mask, photometry.rays(cushion.calibration, whole, whole))
     known = model(cushion.calibration, stack)
 
     def solved() -> NormalMap:
@@ -106,7 +106,7 @@ def test_a_coarse_grid_gathered_in_blocks_is_that_of_all_rows(
     cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stack = images(cushion)
-    seen = Seen(stack, cushion.mask, blocks.rays(cushion.calibration, slice(0, SIZE), slice(0, SIZE)))
+    seen = Seen(stack, cushion.mask, photometry.rays(cushion.calibration, slice(0, SIZE), slice(0, SIZE)))
     chosen = last.sample(int(np.count_nonzero(cushion.mask)))
     table = scenes.TABLE_DEPTH + np.random.default_rng(0).random((SIZE, SIZE), np.float32)
     whole = seen.gathered(7, chosen, table)
