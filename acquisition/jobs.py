@@ -18,7 +18,7 @@ from acquisition import dome, geometry, lamp_pose, photometry, pilot, plan, regi
 from acquisition.capture import check, expected
 from acquisition.config import CellConfig
 from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import LIT, Calibration, NormalMap, Observations, ResultSummary, SolveSettings
+from acquisition.measured import Calibration, NormalMap, Observations, ResultSummary, SolveSettings
 from acquisition.normals import export, report, solve
 from acquisition.normals.export import lights as light_files
 from acquisition.normals.folders import session as session_images
@@ -286,7 +286,7 @@ def solve_normals(
         export.write_into(found, partial)
         report.write(found, _facts(found, observations, cell, calibration, forecast, folder, seconds), partial)
     sigma = found.sigma_deg[found.mask]
-    lights_used = np.count_nonzero(found.flags & LIT, axis=0)[found.silhouette]
+    lights_used = export.lights_used(found)[found.silhouette]
     return ResultSummary(
         images=len(observations.shots),
         object_pixels=int(np.count_nonzero(found.silhouette)),

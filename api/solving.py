@@ -110,9 +110,9 @@ def run(asked: Wishes) -> dict[str, Any]:
 
 
 def replay(folder: Path, number: int | None = None) -> dict[str, Any]:
-    """Solves a session's images again and compares with its stored result (default: the last); writes nothing.
+    """Solves a session's images again, as its stored result (default: the last) was, and compares; writes nothing.
 
-    Raises RigError folder.invalid when the folder holds no such result.
+    Raises RigError folder.invalid when the folder holds no such result, or does not say how it was solved.
     """
     capture = session.read(folder)
     chosen = number if number is not None else max(capture.results, default=-1)
@@ -124,10 +124,11 @@ def replay(folder: Path, number: int | None = None) -> dict[str, Any]:
             file=str(folder),
         )
     stored = export.read(folder / "results" / str(chosen))
+    settings = _settings_of(folder / "results" / str(chosen) / session.MANIFEST)
     console = Console(stderr=True)
     seconds: dict[str, float] = {}
     with _bar(console) as bar, _timed(seconds, "solve"), _step(bar, "solving"):
-        found = _solve_session(capture, len(stored.flags), SolveSettings())
+        found = _solve_session(capture, len(stored.flags), settings)
     outcome = _compared(stored, found) | {"result": chosen, "images": len(found.flags), "seconds": seconds["solve"]}
     table = Table(title=f"Result {chosen} of {folder.name}, solved again")
     for column in ("", "stored", "again"):
@@ -194,6 +195,19 @@ def _solve_session(capture: SessionCapture, count: int | None, settings: SolveSe
         region=region.keep_out(cell, calibration),
         table_depth_m=region.table_depth_m(cell, calibration),
     )
+
+
+def _settings_of(manifest: Path) -> SolveSettings:
+    """What a stored result was solved with; without a manifest beside it, what sessions solve with."""
+    if not manifest.exists():
+        return SolveSettings()
+    try:
+        return SolveSettings.model_validate(json.loads(manifest.read_bytes())["settings"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RigError(
+            ErrorCode.FOLDER_INVALID, f"{manifest}: does not say how it was solved: {error}; restore it",
+            file=str(manifest),
+        ) from error  # fmt: skip
 
 
 def _settings(asked: Wishes) -> SolveSettings:

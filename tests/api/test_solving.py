@@ -205,6 +205,18 @@ def test_a_replay_sees_a_difference(session: Path, tmp_path: Path) -> None:
     assert outcome["mean_deg"] > 5
 
 
+def test_a_replay_solves_with_the_settings_of_the_result(session: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    shutil.copytree(session, other)
+    manifest = other / "results" / "1" / "manifest.json"
+    manifest.write_text('{"settings": {"depth_rounds": 1, "shadow_threshold": 0.4, "robust": true}}')
+    assert not solving.replay(other)["same"]
+    manifest.write_text("{}")
+    with pytest.raises(RigError) as refused:
+        solving.replay(other)
+    assert refused.value.context["file"] == str(manifest)
+
+
 def test_replays_that_cannot_be(session: Path, tmp_path: Path) -> None:
     with pytest.raises(RigError, match="no result 7, only 0, 1"):
         solving.replay(session, 7)
