@@ -45,8 +45,9 @@ MORE_ROUNDS = 2
 FIRST_CUTS = 4
 """Times that the surface is cut at its steps at first; later rounds start from what they find cut."""
 
-BOUNCE_MATTERS = 0.01
-"""Share of bounced light, at the pixels that have most of it, below which it is left alone."""
+BOUNCE_MATTERS = 0.012
+"""Share of bounced light, at the pixels that have most of it, below which it is left alone: smooth shapes of albedo
+0.05 lose 0.003° by that; a groove as dark has twice as much."""
 
 
 @dataclass(frozen=True)
