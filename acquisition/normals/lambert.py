@@ -135,12 +135,15 @@ def solve(
     extra: Float32Array | None = None,
     rounds: int = ROUNDS,
     typical: float | None = None,
+    highlight_by_g: Float32Array | None = None,
 ) -> Estimate:
     """Solves all pixels at a given depth (N,).
 
     `values` (F, N) replaces the measured ones where something was divided out or subtracted; `extra` (F, N) is variance
     beside the noise model's; residuals beyond `cauchy_scale` σ count less, none: all count alike. `rounds`
     are those of the kernel; `typical` is the object's albedo where these pixels are but a part of it, see `brightness`.
+    Where a highlight was subtracted that depends on g itself, `highlight_by_g` (F, 3, N) is its derivative; turning a
+    normal leaves |g| as it is, so the derivative adds to the light vectors and nothing to the values.
     """
     point = photometry.points(pixels.ray, depth_m)
     along = photometry.ray_directions(pixels.ray)
@@ -166,7 +169,7 @@ def solve(
     )
     kernels.estimate(
         np.ascontiguousarray(values, dtype=np.float32),
-        light,
+        light if highlight_by_g is None else np.ascontiguousarray(light + highlight_by_g, dtype=np.float32),
         usable.astype(np.uint8),
         np.ascontiguousarray(added, dtype=np.float32),
         np.ascontiguousarray(point),

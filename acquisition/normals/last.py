@@ -229,12 +229,12 @@ def _last(pixels: Pixels, refined: Refined, model: Model) -> _Final:
     """Solves some pixels; bounced light needs the albedo and gloss the normals, so they are taken out in turns."""
     measured = refine.divided(pixels.values, refined.log_intensity)
 
-    def once(values: Float32Array, extra: Float32Array, rounds: int) -> Estimate:
+    def once(values: Float32Array, extra: Float32Array, rounds: int, gloss: lobe.Change | None = None) -> Estimate:
         return lambert.solve(
             pixels, values, refined.depth_m, model.lamp, model.calibration, model.noise,
             threshold=model.settings.shadow_threshold, offset_sigma_m=refine.OFFSET_SIGMA_M,
             cauchy_scale=lambert.CAUCHY_SCALE if model.settings.robust else None, extra=extra, rounds=rounds,
-            typical=model.typical,
+            typical=model.typical, highlight_by_g=None if gloss is None else gloss.by_g,
         )  # fmt: skip
 
     values, extra, indirect = measured, np.zeros_like(measured), None
@@ -242,14 +242,15 @@ def _last(pixels: Pixels, refined: Refined, model: Model) -> _Final:
     found = once(values, extra, lambert.ROUNDS if plain else FEW_ROUNDS)
     along = photometry.ray_directions(pixels.ray)
     for rounds in () if plain else (FEW_ROUNDS, lambert.ROUNDS):
-        highlight = refined.lobe.highlight(found, along)
+        gloss = refined.lobe.change(found, along)
+        highlight = np.zeros_like(measured) if gloss is None else gloss.highlight
         direct, values = values, measured - highlight
         extra = np.square(np.float32(lobe.SIGMA) * highlight)
         if refined.received is not None:
             indirect = interreflection.sent_on(refined.received, values, direct, found.albedo)
             values = values - indirect
             extra = extra + np.square(np.float32(BOUNCE_SIGMA) * indirect)
-        found = once(values, extra, rounds)
+        found = once(values, extra, rounds, gloss)
     return _Final(found, values, extra, indirect)
 
 
