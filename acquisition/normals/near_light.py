@@ -61,11 +61,15 @@ def solve_plain(images: ImageSet, *, keep_steps: bool = False) -> NormalMap:
     refuse_unusable(images, *blocks.sample(images, SAMPLE))
     depth = np.broadcast_to(np.asarray(images.rough_depth_m, np.float32), (images.height, images.width))
     notes = {"solver": "ls", "why": "as asked"}
-    found = whole(images, point_lights.plain(images, depth), luma=False, notes=notes, keep_steps=keep_steps)
+
+    def solved() -> NormalMap:
+        return whole(images, point_lights.plain(images, depth), luma=False, notes=notes, keep_steps=keep_steps)
+
     for _ in range(PLAIN_ROUNDS):
+        found = solved()
         depth = np.where(found.mask, found.depth, depth)
-        found = whole(images, point_lights.plain(images, depth), luma=False, notes=notes, keep_steps=keep_steps)
-    return found
+        del found  # before the next one takes as much memory
+    return solved()
 
 
 def stack(images: ImageSet) -> Images:
