@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from acquisition.normals import lambert, lobe
+from acquisition.normals.lambert import Estimate
 from acquisition.normals.lobe import Lobe
 from tests.acquisition.normals.shared_scene import Measured, measured
 
@@ -79,15 +80,17 @@ def test_a_strong_highlight_is_taken_out_with_the_normal_that_it_depends_on() ->
     glossy = scene.values + blinn(scene, 0.4, 30.0).astype(np.float32)
 
     def error(*, together: bool) -> float:
-        values, highlight_by_g = glossy, None
-        for _ in range(3):
-            found = lambert.solve(
+        def solved(values: np.ndarray, highlight_by_g: np.ndarray | None) -> Estimate:
+            return lambert.solve(
                 scene.pixels, values, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.08,
                 highlight_by_g=highlight_by_g,
             )  # fmt: skip
+
+        found = solved(glossy, None)
+        for _ in range(2):
             change = gloss.change(found, scene.along)
             assert change is not None
-            values, highlight_by_g = glossy - change.highlight, change.by_g if together else None
+            found = solved(glossy - change.highlight, change.by_g if together else None)
         return float(np.degrees(np.mean(np.linalg.norm(found.normals - scene.normals, axis=0))))
 
     assert error(together=True) < 0.5 * error(together=False)
