@@ -5,6 +5,7 @@ Their file is in the system's folder for such files (`TMPDIR`), which ought to b
 
 import mmap
 import tempfile
+from collections.abc import Iterator
 from typing import cast
 
 import numpy as np
@@ -21,6 +22,13 @@ def zeros(shape: tuple[int, ...]) -> np.ndarray:
     with tempfile.TemporaryFile() as file:
         file.truncate(size)
         return np.ndarray(shape, np.uint8, buffer=mmap.mmap(file.fileno(), size))
+
+
+def each(array: np.ndarray) -> Iterator[np.ndarray]:
+    """The items of what `zeros` gave, one after another, each let go before the next."""
+    for item in array:
+        yield item
+        let_go(array)
 
 
 def let_go(array: np.ndarray) -> None:

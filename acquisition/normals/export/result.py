@@ -14,6 +14,7 @@ import tifffile
 
 from acquisition.errors import ErrorCode, RigError
 from acquisition.measured import Information, NormalMap
+from acquisition.normals import large
 from acquisition.normals.export import images
 from acquisition.normals.export.whole import whole_folder
 from acquisition.types import BoolArray
@@ -68,7 +69,7 @@ def write_maps(normal_map: NormalMap, folder: Path) -> None:
 def lights_used(normal_map: NormalMap) -> np.ndarray:
     """How many lights each pixel's normal rests on (H, W), uint8."""
     count = np.zeros(normal_map.mask.shape, np.uint8)
-    for flags in normal_map.flags:
+    for flags in large.each(normal_map.flags):
         count += flags & 1
     return count
 

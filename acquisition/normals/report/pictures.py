@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from acquisition.measured import LIT, SATURATED, NormalMap
+from acquisition.normals import large
 from acquisition.normals.export import lights_used
 from acquisition.types import BoolArray, Float32Array
 
@@ -107,7 +108,7 @@ def shares(found: NormalMap) -> dict[str, list[float]]:
     """For each image the shares of the object's pixels that were used and that were clipped."""
     count = max(1, np.count_nonzero(found.silhouette))
     return {
-        name: [float(np.count_nonzero(flags[found.silhouette] & bit)) / count for flags in found.flags]
+        name: [float(np.count_nonzero(flags[found.silhouette] & bit)) / count for flags in large.each(found.flags)]
         for name, bit in (("used", LIT), ("saturated", SATURATED))
     }
 

@@ -19,3 +19,4 @@ def test_what_was_written_is_there_after_memory_was_let_go(in_file: bool, monkey
     expected = np.zeros((3, 50, 1000), np.uint8)
     expected[1:, 10:20] = 7
     np.testing.assert_array_equal(array, expected)
+    np.testing.assert_array_equal(list(large.each(array)), expected)
