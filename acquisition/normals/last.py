@@ -89,7 +89,7 @@ def with_noise_of(few: Pixels, refined: Refined, model: Model) -> Model:
     for _ in range(2):
         final = _last(few, refined, replace(model, noise=noise))
         noise = residuals.estimate(
-            final.estimate, final.values, noise, along, model.lamp, refine.OFFSET_SIGMA_M, final.extra
+            final.estimate, final.values, noise, model.noise, along, model.lamp, refine.OFFSET_SIGMA_M, final.extra
         )
     measured = refine.divided(few.values, refined.log_intensity)
     typical = lambert.brightness(few, measured, refined.depth_m, model.lamp, model.calibration)

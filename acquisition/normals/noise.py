@@ -22,6 +22,11 @@ BRIGHT, GRAZING = 0.7, 0.4
 LARGEST_LEVERAGE = 0.8
 LEAST_LIGHTS = 5
 LEAST_EVIDENCE = 300
+LEAST_SHARE = 0.1
+"""Share of the pixels that must show an error. Of a machined part, whose faces meet light steeply, only its edges and
+the half shadow at the foot of its walls graze it; what is wrong there is no lamp's direction, and all faces would be
+believed less for it."""
+
 INTENSITY_RANGE = (0.001, 0.1)
 DIRECTION_RANGE = (0.001, 0.05)
 ROUNDS = 2
@@ -29,12 +34,14 @@ STEPS = 14
 
 
 def estimate(
-    found: Estimate, values: Float32Array, noise: Noise, along: Float32Array, lamp: Float32Array, offset_sigma_m: float,
-    extra: Float32Array,
+    found: Estimate, values: Float32Array, noise: Noise, stated: Noise, along: Float32Array, lamp: Float32Array,
+    offset_sigma_m: float, extra: Float32Array,
 ) -> Noise:  # fmt: skip
-    """The noise with c and σ_d as K solved pixels show them; those of `noise` where too few measurements tell.
+    """The `noise` that K pixels were solved with, with c and σ_d as these pixels show them.
 
-    `values` (F, K) are what `found` was solved from, `extra` (F, K) the variance it was told of beside the model's.
+    Where too few tell, c or σ_d is the `stated` one: what pixels showed that were solved with less knowledge is worth
+    less. `values` (F, K) are what `found` was solved from, `extra` (F, K) the variance it was told of beside the
+    model's.
     """
     enough = np.count_nonzero(found.weights > 0, axis=0) >= LEAST_LIGHTS
     light = found.light[:, :, enough].astype(np.float64)
@@ -60,12 +67,10 @@ def estimate(
         bright, grazing = told & (cosine > BRIGHT), told & (cosine < GRAZING)
         by_intensity, by_direction = y**2, strength**2
         intensity = _fitted(left, variance - noise.intensity**2 * by_intensity, by_intensity, bright, INTENSITY_RANGE)
-        if intensity is not None:
-            variance = variance + (intensity**2 - noise.intensity**2) * by_intensity
-            noise = replace(noise, intensity=intensity)
+        intensity = stated.intensity if intensity is None else intensity
+        variance = variance + (intensity**2 - noise.intensity**2) * by_intensity
         direction = _fitted(left, variance - noise.direction**2 * by_direction, by_direction, grazing, DIRECTION_RANGE)
-        if direction is not None:
-            noise = replace(noise, direction=direction)
+        noise = replace(noise, intensity=intensity, direction=stated.direction if direction is None else direction)
     return noise
 
 
@@ -73,7 +78,7 @@ def _fitted(
     squares: FloatArray, rest: FloatArray, by: FloatArray, where: np.ndarray, within: tuple[float, float]
 ) -> float | None:
     """The share q with median of squares / (rest + q² by) that of a Gaussian; none where too few tell."""
-    if np.count_nonzero(where) < LEAST_EVIDENCE:
+    if np.count_nonzero(where) < LEAST_EVIDENCE or np.mean(np.any(where, axis=0)) < LEAST_SHARE:
         return None
     squares, rest, by = squares[where], rest[where], by[where]
     low, high = np.log(within[0]), np.log(within[1])

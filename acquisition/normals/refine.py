@@ -89,6 +89,7 @@ class _Known:
     along: Float32Array
     lamp: Float32Array
     calibration: Calibration
+    stated: Noise
     settings: SolveSettings
 
     @property
@@ -135,9 +136,9 @@ def refine(
     along = photometry.ray_directions(coarse.ray)
     depth = depth_m
     chosen = np.sort(np.random.default_rng(0).permutation(len(coarse.index))[:SAMPLES])
-    known = _Known(coarse.subset(chosen), along[:, chosen], lamp, calibration, settings)
     count = len(lamp)
     finest = replace(noise, shot=noise.shot / factor**2, floor=noise.floor / factor**2)
+    known = _Known(coarse.subset(chosen), along[:, chosen], lamp, calibration, finest, settings)
     shared = _Shared(np.zeros(count), np.zeros((count, count)), 0.0, finest)
     lobe = gloss.NONE
     bounced: _Bounced | None = None
@@ -246,7 +247,7 @@ def _calibrated(
             extra=extra,
         )  # fmt: skip
         if turn in (0, 3):
-            noise = residuals.estimate(found, now, noise, known.along, known.lamp, DEPTH_SIGMA_M, extra)
+            noise = residuals.estimate(found, now, noise, known.stated, known.along, known.lamp, DEPTH_SIGMA_M, extra)
         if turn == 3:
             break
         change = lambert.derivative(found.light, found.point, known.along, known.lamp)

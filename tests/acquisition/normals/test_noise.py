@@ -1,5 +1,7 @@
 """Noise read off residuals, and what shared errors of the lamps do to normals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -25,20 +27,38 @@ def test_the_share_of_intensity_errors_is_found(true: float, assumed: float) -> 
     rng = np.random.default_rng(1)
     values = (scene.values * (1 + rng.normal(0, true, scene.values.shape))).astype(np.float32)
     values += rng.normal(0, np.sqrt(1e-6 * np.maximum(values, 0) + 1e-7)).astype(np.float32)
-    model = Noise(scene.noise.shot, scene.noise.floor, assumed, 0.001)
+    model = stated = Noise(scene.noise.shot, scene.noise.floor, assumed, 0.001)
     for _ in range(3):
         found = solved(scene, values, model)
-        model = noise.estimate(found, values, model, scene.along, scene.lamp, OFFSET_M, np.zeros_like(values))
+        model = noise.estimate(found, values, model, stated, scene.along, scene.lamp, OFFSET_M, np.zeros_like(values))
     assert model.intensity == pytest.approx(true, rel=0.2)
 
 
-def test_what_too_few_measurements_tell_is_not_believed() -> None:
+def test_what_too_few_lights_tell_is_not_believed() -> None:
     scene = measured(count=4)
     found = solved(scene, scene.values, scene.noise)
+    before = replace(scene.noise, intensity=0.02, direction=0.04)
     told = noise.estimate(
-        found, scene.values, scene.noise, scene.along, scene.lamp, OFFSET_M, np.zeros_like(scene.values)
+        found, scene.values, before, scene.noise, scene.along, scene.lamp, OFFSET_M, np.zeros_like(scene.values)
     )
     assert told == scene.noise
+
+
+@pytest.mark.parametrize(("largest_slant", "believed"), [(0.13, False), (0.6, True)])
+def test_directions_are_not_judged_by_the_few_pixels_that_light_grazes(largest_slant: float, believed: bool) -> None:
+    scene = measured(count=12, size=100, largest_slant=largest_slant)
+    wrong = 0.03 * 0.6 * np.linalg.norm(scene.light, axis=1)
+    values = scene.values + (wrong * np.random.default_rng(3).normal(size=wrong.shape)).astype(np.float32)
+    told = scene.noise
+    for _ in range(3):
+        found = solved(scene, values, told)
+        told = noise.estimate(
+            found, values, told, scene.noise, scene.along, scene.lamp, OFFSET_M, np.zeros_like(values)
+        )
+    if believed:
+        assert told.direction == pytest.approx(0.03, rel=0.25)
+    else:
+        assert told.direction == scene.noise.direction
 
 
 def test_shared_intensity_errors_move_normals_as_predicted() -> None:
