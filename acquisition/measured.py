@@ -120,7 +120,7 @@ class FrameSource(Protocol):
 @dataclass(frozen=True)
 class Observations:
     """All images taken so far: lit shots, the lamp-off frame for each exposure time, and where to read them; `repeats`
-    are lit shots taken again, which tell of noise only."""
+    are lit shots and lamp-off frames that were taken twice, which tell of noise only."""
 
     shots: Sequence[Shot]
     darks: dict[float, Shot]

@@ -54,7 +54,9 @@ def observations(record: Record, folder: Path, last_pass: int | None = None) -> 
     passes = record.passes if last_pass is None else record.passes[: last_pass + 1]
     shots = [work.shots[number] for work in passes for number in sorted(work.shots)]
     darks = {time_s: shot for work in passes for time_s, shot in work.darks.items()}
-    return Observations(shots, darks, FolderFrames(folder), [shot for work in passes for shot in work.references])
+    older = [shot for work in passes for time_s, shot in sorted(work.darks.items()) if shot is not darks[time_s]]
+    repeats = [*(shot for work in passes for shot in work.references), *older]
+    return Observations(shots, darks, FolderFrames(folder), repeats)
 
 
 def enter(store: Store, wish: Wish, origin: str, summary: ResultSummary, seconds: float, cell: CellConfig) -> None:

@@ -74,7 +74,8 @@ class Shooting:
 
     def take_dark(self, record: Record, step: TakeDark, stop: StopToken) -> None:
         """Takes a lamp-off frame. Raises Halted, RigError capture.frame_rejected, and what devices report."""
-        exposed = take.expose(self._rig, step.exposure_s, 0, lit=False, stop=stop)
+        # Each pass's has noise of its own in a simulated cell too.
+        exposed = take.expose(self._rig, step.exposure_s, step.key.pass_number, lit=False, stop=stop)
         quality = check.dark_frame(exposed.frame.pixels, self.region, self._calibration.sensor)
         if not quality.accepted:
             raise RigError(ErrorCode.CAPTURE_FRAME_REJECTED, quality.reason)

@@ -2,10 +2,11 @@
 
 Electrons are counted with the variance of their number, so the variance of values grows with brightness by one over the
 gain (electrons per value), from what reading and rounding add in the dark (Janesick, Photon Transfer, 2007; EMVA 1288,
-release 4.0, section 6). What scatters are differences between neighbouring pixels of the difference of two frames:
-everything that both frames share cancels in the second, fixed pattern included, and in the first whatever varies slowly
-over the image, as a lamp that came back a little brighter or a little beside its place. Differences that are left at
-edges of shadows are no noise; so the variance of each bin of brightness is that of its middle, not of its tails.
+release 4.0, section 6). What scatters are differences among four neighbours of the difference of two frames: everything
+that both frames share cancels in the second, fixed pattern included, and in the first whatever varies slowly over the
+image, as when a lamp came back a little brighter or a little beside its place. What is left at edges is no noise; so
+the variance of each bin of brightness is that of its middle, not of its tails, and a bin with many tails is no
+measurement.
 """
 
 from dataclasses import dataclass
@@ -27,6 +28,10 @@ CLIPPED_AT = 3.0
 KEPT_VARIANCE = 0.97334
 """Variance of a Gaussian cut off at CLIPPED_AT σ, as a share of the whole one's."""
 
+MOST_TAILS = 0.04
+"""Share of a bin's differences beyond CLIPPED_AT σ, a Gaussian's being 0.003, from which the bin is left out: edges of
+shadows, or all that has edges when the scene has moved."""
+
 CLIPPINGS = 12
 STARTED_FROM = 2000
 """Differences of a bin that its clipping starts from."""
@@ -35,9 +40,15 @@ GAUSSIAN_MAD = 0.67449
 MISFIT = 0.01
 """1 σ of a bin's variance beside chance: of tails that are not quite Gaussian, and rounding."""
 
-PATTERN_SHARE = 0.003
+PATTERN_SHARE = 0.001
 """1 σ of what two frames differ by from pixel to pixel in proportion to brightness, where a lamp came back beside its
 place: a term in its square, which would else be taken for photons."""
+
+
+DOUBTED = 4.0
+"""σ off the line from which a point is no longer believed."""
+
+ROUNDS = 8
 
 
 @dataclass(frozen=True)
@@ -91,8 +102,8 @@ def joined(curves: list[Points]) -> Points:
 def line(curve: Points) -> Line | None:
     """The line through a curve by weighted least squares; none when it has fewer than three points.
 
-    A term in the square of brightness takes up what is in proportion to it; errors are those of the fit, larger by as
-    much as the points scatter more than chance has it.
+    A term in the square of brightness takes up what is in proportion to it. Points far off the line are hardly
+    believed. Errors are those of the fit, larger by as much as believed points scatter more than chance has it.
     """
     if len(curve.level) < 3:
         return None
@@ -100,22 +111,25 @@ def line(curve: Points) -> Line | None:
     design = np.stack([curve.level, np.ones_like(curve.level), curve.level**2], axis=1)
     prior = np.diag([0.0, 0.0, PATTERN_SHARE**-4])
     expected = np.maximum(curve.variance, 1e-30)
-    solution, inverse = np.zeros(3), np.zeros((3, 3))
-    for _ in range(4):
-        weight = 1 / (relative * expected) ** 2
+    belief = np.ones_like(expected)
+    solution, inverse, off = np.zeros(3), np.zeros((3, 3)), np.zeros_like(expected)
+    for _ in range(ROUNDS):
+        weight = belief / (relative * expected) ** 2
         scale = 1 / np.sqrt(np.maximum(np.sum(weight[:, None] * design**2, axis=0), 1e-300))
         normal = (design * weight[:, None]).T @ design + prior
         inverse = np.linalg.pinv(normal * np.outer(scale, scale), rcond=1e-12) * np.outer(scale, scale)
         solution = inverse @ (design.T @ (weight * curve.variance))
         expected = np.maximum(design @ solution, 0.2 * expected)
-    misfit = np.sum(((curve.variance - design @ solution) / (relative * expected)) ** 2)
-    larger = np.sqrt(max(1.0, float(misfit) / max(len(curve.level) - 2, 1)))
+        off = (curve.variance - design @ solution) / (relative * expected)
+        belief = 1 / (1 + (off / DOUBTED) ** 2) ** 2
+    misfit = np.sum(belief * off**2) / max(float(np.sum(belief)) - 2, 1.0)
+    larger = np.sqrt(max(1.0, float(misfit)))
     sigma = larger * np.sqrt(np.diag(inverse))
     return Line(float(solution[0]), float(sigma[0]), float(solution[1]), float(sigma[1]))
 
 
 def _middle_variance(squares: FloatArray, step: float) -> float:
-    """The variance of a Gaussian of which `squares` (N,) have all but tails of something else."""
+    """The variance of a Gaussian that `squares` (N,) are of, but for tails of something else; 0: too many tails."""
     few = squares[:: max(1, len(squares) // STARTED_FROM)]
     variance = float(np.median(few)) / GAUSSIAN_MAD**2 + step**2 / 12
     for _ in range(CLIPPINGS):
@@ -125,4 +139,4 @@ def _middle_variance(squares: FloatArray, step: float) -> float:
         before, variance = variance, float(np.mean(kept)) / KEPT_VARIANCE
         if abs(variance - before) < 1e-4 * before:
             break
-    return variance
+    return variance if np.count_nonzero(squares > CLIPPED_AT**2 * variance) < MOST_TAILS * len(squares) else 0.0

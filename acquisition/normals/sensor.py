@@ -24,8 +24,8 @@ from acquisition.types import BoolArray, Float32Array
 GAIN_KNOWN, READ_NOISE_KNOWN = 0.05, 0.15
 """1 σ, as fractions, up to which what the frames show is taken."""
 
-LARGEST_RATIO = 1.25
-"""Of the exposure times of two lamp-off frames that count as a pair."""
+LARGEST_RATIO = 1.27
+"""Of the exposure times of two lamp-off frames that count as a pair: neighbours in the series of exposure times."""
 
 MOST_PIXELS = 1_000_000
 STRIPS = 16
@@ -52,20 +52,29 @@ def shown(observations: Observations, calibration: Calibration, rows: slice, col
     sensor, frames = calibration.sensor, observations.frames
     strips = _strips(rows, columns.stop - columns.start)
     size = (calibration.width, calibration.height)
-    darks = [shot for shot in observations.darks.values() if (shot.frame.width, shot.frame.height) == size]
-    pairs = [_of_pair(frames, pair, sensor, strips, columns) for pair in _repeated(observations, size)]
+    off = [*observations.darks.values(), *(shot for shot in observations.repeats if shot.kind == "dark")]
+    darks = [shot for shot in off if (shot.frame.width, shot.frame.height) == size]
+    curves = [_of_pair(frames, pair, sensor, strips, columns) for pair in _repeated(observations, size)]
+    pairs = [curve for curve in curves if curve is not None]
     dark, told = _of_darks(frames, darks, sensor, strips, columns)
-    twice = sum(len(pair.level) > 0 for pair in pairs)
+    twice = len(pairs)
     told = f"{twice} image{'' if twice == 1 else 's'} taken twice, {told}"
-    return _taken(calibration, photon_transfer.line(photon_transfer.joined([*pairs, dark])) if twice else None, told)
+    if not twice:
+        return _kept(calibration, f"no two frames of one light ({told})")
+    lit = photon_transfer.joined(pairs)
+    line = photon_transfer.line(photon_transfer.joined([lit, dark])) if len(lit.level) else None
+    return _taken(calibration, line, told)
+
+
+def _kept(calibration: Calibration, why: str) -> Shown:
+    sensor = calibration.sensor
+    return Shown(calibration, _figures(sensor), f"as the calibration says, {_said(sensor)}: {why}")
 
 
 def _taken(calibration: Calibration, fitted: photon_transfer.Line | None, told: str) -> Shown:
     sensor = calibration.sensor
-    said = f"of the calibration ({sensor.gain_e_per_dn:.3g} e⁻ per value, {sensor.read_noise_e:.3g} e⁻)"
     if fitted is None or fitted.slope <= 0 or fitted.slope_sigma > GAIN_KNOWN * fitted.slope:
-        why = "no two frames of one light" if fitted is None else "too few pixels tell"
-        return Shown(calibration, _figures(sensor), f"gain and read noise {said}: {why} ({told})")
+        return _kept(calibration, f"too few pixels tell ({told})")
     gain = 1 / fitted.slope
     relative = fitted.slope_sigma / fitted.slope
     read_dn = float(np.sqrt(max(fitted.floor - 1 / 12, 0)))
@@ -82,9 +91,13 @@ def _taken(calibration: Calibration, fitted: photon_transfer.Line | None, told: 
     figures = _figures(found) | {"gain_sigma": gain * relative}
     if known:
         figures["read_noise_sigma"] = float(np.hypot(read_sigma_dn * gain, read_dn * gain * relative))
-    kept = "" if known else ", read noise in values that of the calibration: too few dark pixels tell"
-    note = f"gain {'and read noise ' if known else ''}found in the frames ({told}){kept}; instead of those {said}"
+    kept = "" if known else ", read noise in values that of the calibration, for too few dark pixels tell"
+    note = f"found in the frames ({told}): {_said(found)}{kept}; the calibration says {_said(sensor)}"
     return Shown(calibration.model_copy(update={"sensor": found}), figures, note)
+
+
+def _said(sensor: SensorModel) -> str:
+    return f"gain {sensor.gain_e_per_dn:.3g} e⁻ per value, read noise {sensor.read_noise_e:.3g} e⁻"
 
 
 def _figures(sensor: SensorModel) -> dict[str, float]:
@@ -106,7 +119,7 @@ def _repeated(observations: Observations, size: tuple[int, int]) -> list[tuple[S
 
 def _strips(rows: slice, width: int) -> list[slice]:
     height = rows.stop - rows.start
-    each = max(1, min(-(-height // STRIPS), MOST_PIXELS // (STRIPS * width)))
+    each = max(2, min(-(-height // STRIPS), MOST_PIXELS // (STRIPS * width)) // 2 * 2)  # neighbours stay together
     starts = np.unique(np.linspace(0, max(height - each, 0), STRIPS).astype(int))
     if each * STRIPS >= height:
         starts = np.arange(0, height, each)
@@ -115,15 +128,16 @@ def _strips(rows: slice, width: int) -> list[slice]:
 
 def _of_pair(
     frames: FrameSource, pair: tuple[Shot, Shot], sensor: SensorModel, strips: list[slice], columns: slice
-) -> Points:
-    """The curve of two frames of one light; the second, a little brighter or darker, is scaled to the first.
+) -> Points | None:
+    """The curve of two frames of one light, none of one frame stored twice; the second, a little brighter or darker, is
+    scaled to the first.
 
     Var(first − scale · second) is slope · level (1 + scale) + floor (1 + scale²).
     """
     black, clipping = np.float32(sensor.black_level_dn), photometry.clipping_dn(sensor)
     first, second = (_read(frames, shot.frame, strips, columns) for shot in pair)
     if np.array_equal(first, second):
-        return NOTHING  # one frame stored twice
+        return None
     good = (first < clipping) & (second < clipping)
     first, second = first - black, second - black
     level = (first + second) * np.float32(0.5)
@@ -144,11 +158,13 @@ def _of_darks(
     if not taken:
         return NOTHING, "no lamp-off frame"
     black = np.float32(sensor.black_level_dn)
-    near = min(pairwise(taken), key=lambda pair: pair[1].exposure_s / pair[0].exposure_s, default=None)
-    if near is not None and near[1].exposure_s <= LARGEST_RATIO * near[0].exposure_s:
-        one, other = (_read(frames, shot.frame, strips, columns) - black for shot in near)
-        curve = _scatter((one + other) * np.float32(0.5), (one - other) * np.float32(0.5**0.5), sensor)
-        return curve, "two lamp-off frames"
+    for shorter, other in sorted(pairwise(taken), key=lambda pair: pair[1].exposure_s / pair[0].exposure_s):
+        if other.exposure_s > LARGEST_RATIO * shorter.exposure_s:
+            break
+        first, second = (_read(frames, shot.frame, strips, columns) - black for shot in (shorter, other))
+        if not np.array_equal(first, second):  # else one frame stored twice
+            curve = _scatter((first + second) * np.float32(0.5), (first - second) * np.float32(0.5**0.5), sensor)
+            return curve, "two lamp-off frames"
     alone = _read(frames, taken[0].frame, strips, columns) - black
     return _scatter(alone, alone, sensor), "one lamp-off frame, its fixed pattern included"
 
@@ -156,12 +172,13 @@ def _of_darks(
 def _scatter(
     level: Float32Array, scattered: Float32Array, sensor: SensorModel, good: BoolArray | None = None
 ) -> Points:
-    """The curve of frames (n, w) that scatter as one frame of that brightness does, by differences of neighbours."""
-    end = level.shape[1] // 2 * 2
-    even, odd = np.s_[:, 0:end:2], np.s_[:, 1:end:2]
-    both = np.s_[:] if good is None else good[even] & good[odd]
-    middle = ((level[even] + level[odd]) * np.float32(0.5))[both]
-    apart = ((scattered[even] - scattered[odd]) * np.float32(0.5**0.5))[both]
+    """The curve of frames (n, w) that scatter as one frame of that brightness, by differences of four neighbours."""
+    height, width = (length // 2 * 2 for length in level.shape)
+    four = [np.s_[row:height:2, column:width:2] for row, column in ((0, 0), (0, 1), (1, 0), (1, 1))]
+    both = np.s_[:] if good is None else np.logical_and.reduce([good[each] for each in four])
+    middle = (sum(level[each] for each in four) * np.float32(0.25))[both]
+    one, right, below, across = (scattered[each] for each in four)
+    apart = ((one - right - below + across) * np.float32(0.5))[both]
     return photon_transfer.points(middle.ravel(), apart.ravel(), sensor.full_scale_dn, 1.0)
 
 

@@ -114,6 +114,8 @@ def _figures(found: NormalMap, facts: Facts) -> str:
         rows.append(("error against the truth", ", ".join(f"{k} {v:.2f}°" for k, v in facts.error_deg.items())))
     if facts.solver:
         rows.append(("solver", facts.solver + (f": {facts.why}" if facts.why else "")))
+    if "sensor" in found.notes:
+        rows.append(("sensor", str(found.notes["sensor"])))
     return "".join(f"<tr><th>{html.escape(name)}<td>{html.escape(value)}" for name, value in rows)
 
 

@@ -1,0 +1,204 @@
+"""The sensor that a session's frames show, of simulated sensors whose gain and read noise are known."""
+
+from dataclasses import replace
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition import normals, photometry
+from acquisition.measured import Calibration, Observations, SensorModel, Shot, ShotKey, SolveSettings
+from acquisition.normals import sensor
+from hardware_sim import sensor as simulated
+from tests.acquisition import scenes
+
+SIZE = 384
+ALL = slice(0, SIZE)
+SENSORS = {
+    "12 bits": SensorModel(bits=12, gain_e_per_dn=2.5, read_noise_e=5, full_well_e=10077.5, black_level_dn=64),
+    "16 bits": SensorModel(bits=16, gain_e_per_dn=0.5, read_noise_e=2, full_well_e=32000, black_level_dn=500),
+    "small pixels": SensorModel(bits=10, gain_e_per_dn=2.5, read_noise_e=4, full_well_e=2400, black_level_dn=32),
+}
+
+
+def scene(rng: np.random.Generator, albedo: tuple[float, float] = (0.4, 1.0)) -> np.ndarray:
+    """A ball, light as fractions of full scale, painted in blotches, with a shadow that has a sharp edge."""
+    y, x = np.mgrid[-1 : 1 : SIZE * 1j, -1 : 1 : SIZE * 1j]
+    paint = np.kron(rng.uniform(*albedo, (SIZE // 16, SIZE // 16)), np.ones((16, 16)))
+    lit = np.sqrt(np.maximum(0.9 - x * x - y * y, 0)) * (x + 0.5 * y < 0.5)
+    return (0.85 * lit * paint).astype(np.float32)
+
+
+def session(
+    known: SensorModel, light: np.ndarray, seed: int = 0, again: np.ndarray | None = None, darks: int = 2
+) -> Observations:
+    """An image, its repetition under a lamp that is a little brighter or darker, and lamp-off frames."""
+    rng = np.random.default_rng(seed)
+    frames = scenes.Frames()
+
+    def shot(number: int, kind: str, signal: np.ndarray, seconds: float = 0.05, **values: Any) -> Shot:
+        path = f"{kind}_{number}.tiff"
+        frames.stored[path] = simulated.expose(signal, known, rng)
+        return Shot.model_validate(
+            {
+                "key": {"pass_number": 0, "number": number}, "kind": kind, "exposure_s": seconds,
+                "frame": {"path": path, "width": light.shape[1], "height": light.shape[0], "sha256": ""},
+                "taken_at": float(number), "quality": {"saturated": 0, "bright_level": 0.8, "accepted": True},
+            }
+            | values
+        )  # fmt: skip
+
+    first = shot(0, "light", light)
+    second = shot(1000, "reference", (light if again is None else again) * (1 + 0.01 * rng.normal()), repeats=first.key)
+    off = [shot(1 + number, "dark", 0 * light, seconds=0.05 * 1.26**number) for number in range(darks)]
+    return Observations([first], {one.exposure_s: one for one in off}, frames, [second])
+
+
+def said(known: SensorModel, wrong_by: float = 1.0) -> Calibration:
+    """A calibration whose gain is wrong by a factor; the values that pixels clip at are right."""
+    gain, well = known.gain_e_per_dn * wrong_by, known.full_well_e * wrong_by
+    return scenes.calibration(SIZE, sensor=known.model_copy(update={"gain_e_per_dn": gain, "full_well_e": well}))
+
+
+@pytest.mark.parametrize("name", SENSORS)
+@settings(max_examples=4, deadline=None)
+@given(seed=st.integers(0, 2**32), wrong_by=st.sampled_from([0.5, 1.0, 2.0]), darks=st.integers(1, 2))
+def test_gain_and_read_noise_are_found_whatever_the_calibration_says(
+    name: str, seed: int, wrong_by: float, darks: int
+) -> None:
+    known = SENSORS[name]
+    calibration = said(known, wrong_by)
+    taken = session(known, scene(np.random.default_rng(seed)), seed, darks=darks)
+    shown = sensor.shown(taken, calibration, ALL, ALL)
+    found = shown.calibration.sensor
+    assert found.gain_e_per_dn == pytest.approx(known.gain_e_per_dn, rel=0.05)
+    assert found.read_noise_e == pytest.approx(known.read_noise_e, rel=0.15)
+    assert photometry.clipping_dn(found) == pytest.approx(photometry.clipping_dn(calibration.sensor))
+    assert shown.figures["gain_e_per_dn"] == found.gain_e_per_dn
+    assert 0 < shown.figures["gain_sigma"] < 0.05 * found.gain_e_per_dn
+    assert "found in the frames (1 image taken twice" in shown.note
+
+
+def discarded(taken: Observations) -> Observations:
+    """The first image was taken anew, after its repetition."""
+    return replace(taken, shots=[taken.shots[0].model_copy(update={"taken_at": 2000.0})])
+
+
+def stored_twice(taken: Observations) -> Observations:
+    return replace(taken, repeats=[taken.repeats[0].model_copy(update={"frame": taken.shots[0].frame})])
+
+
+def longer(taken: Observations) -> Observations:
+    return replace(taken, repeats=[taken.repeats[0].model_copy(update={"exposure_s": 0.1})])
+
+
+def of_another(taken: Observations) -> Observations:
+    return replace(taken, repeats=[taken.repeats[0].model_copy(update={"repeats": ShotKey(pass_number=3, number=1)})])
+
+
+def never(taken: Observations) -> Observations:
+    return replace(taken, repeats=[])
+
+
+@pytest.mark.parametrize("how", [never, discarded, stored_twice, longer, of_another])
+def test_the_calibration_stays_without_two_frames_of_one_light(how: Any) -> None:
+    known = SENSORS["12 bits"]
+    calibration = said(known, 2.0)
+    shown = sensor.shown(how(session(known, scene(np.random.default_rng(0)))), calibration, ALL, ALL)
+    assert shown.calibration == calibration
+    assert shown.figures == {"gain_e_per_dn": 5.0, "read_noise_e": 5.0}
+    assert "as the calibration says" in shown.note
+    assert "no two frames of one light" in shown.note
+
+
+@pytest.mark.parametrize("what", ["few pixels", "saturated", "black"])
+def test_the_calibration_stays_where_too_little_tells(what: str) -> None:
+    known, light = SENSORS["12 bits"], scene(np.random.default_rng(1))
+    light = light + 2 if what == "saturated" else 0 * light if what == "black" else light
+    window = slice(100, 116) if what == "few pixels" else ALL
+    calibration = said(known, 2.0)
+    shown = sensor.shown(session(known, light), calibration, window, window)
+    assert shown.calibration == calibration
+    assert "too few pixels tell (1 image taken twice" in shown.note
+    assert "gain_sigma" not in shown.figures
+
+
+@pytest.mark.parametrize("pixels", [0.5, 1, 7])
+def test_a_scene_that_moved_in_between_does_not_fool_it(pixels: float) -> None:
+    """Of soft detail and of sharp edges; a session lets half a pixel pass."""
+    known, rng = SENSORS["12 bits"], np.random.default_rng(2)
+    grain = cv2.GaussianBlur(rng.normal(size=(SIZE, SIZE)).astype(np.float32), (0, 0), 4.0)
+    light = scene(rng) * (1 + 0.1 * grain / np.std(grain))
+    away = np.array([[1, 0, pixels], [0, 1, 0]], np.float32)
+    moved = cv2.warpAffine(light, away, (SIZE, SIZE), flags=cv2.INTER_CUBIC)
+    shown = sensor.shown(session(known, light, again=moved), said(known, 2.0), ALL, ALL)
+    assert shown.calibration.sensor.gain_e_per_dn == pytest.approx(known.gain_e_per_dn, rel=0.05)
+
+
+def test_fine_detail_that_moved_in_between_tells_nothing() -> None:
+    known, rng = SENSORS["12 bits"], np.random.default_rng(4)
+    light = rng.uniform(0.1, 0.8, (SIZE, SIZE)).astype(np.float32)
+    calibration = said(known)
+    assert (
+        sensor.shown(session(known, light, again=np.roll(light, 1, 1)), calibration, ALL, ALL).calibration
+        is calibration
+    )
+    assert sensor.shown(session(known, light), calibration, ALL, ALL).calibration is not calibration
+
+
+def test_lamp_off_frames_of_one_time_are_a_pair() -> None:
+    """Room light with fine detail is in both; one of them alone would take it for noise."""
+    known, rng = SENSORS["12 bits"], np.random.default_rng(3)
+    taken = session(known, scene(rng), darks=1)
+    room = rng.uniform(0, 0.02, (SIZE, SIZE)).astype(np.float32)
+    (off,) = taken.darks.values()
+    later = off.model_copy(update={"frame": off.frame.model_copy(update={"path": "later.tiff"}), "taken_at": 3000.0})
+    assert isinstance(taken.frames, scenes.Frames)
+    for shot in (off, later):
+        taken.frames.stored[shot.frame.path] = simulated.expose(room, known, rng)
+    alone = sensor.shown(taken, said(known), ALL, ALL)
+    both = sensor.shown(replace(taken, repeats=[*taken.repeats, later]), said(known), ALL, ALL)
+    assert "one lamp-off frame, its fixed pattern included" in alone.note
+    assert "two lamp-off frames" in both.note
+    assert both.calibration.sensor.read_noise_e == pytest.approx(known.read_noise_e, rel=0.15)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("wrong_by", [0.5, 2.0])
+def test_sigma_is_honest_whatever_gain_the_calibration_says(wrong_by: float) -> None:
+    """Of a sensor whose shot noise outweighs all else; the calibration's own gain is not honest here."""
+    known = SensorModel(bits=12, gain_e_per_dn=0.15, read_noise_e=3, full_well_e=600, black_level_dn=64)
+    lights = [*scenes.ring(4, 25.0), *scenes.ring(4, 50.0, 0.4)]
+    true = scenes.scene(scenes.bumps, scenes.calibration(192, sensor=known))
+    calibration = said(known, wrong_by).model_copy(update={"width": 192, "height": 192})
+    calibration = true.calibration.model_copy(update={"sensor": calibration.sensor})
+    told, believed = [], []
+    for seed in range(4):
+        taken = scenes.capture(true, lights, seed=seed)
+        seconds = taken.shots[0].exposure_s
+        other = scenes.capture(true, lights[:1], seed=seed + 1000, exposure_s=seconds)
+        assert isinstance(taken.frames, scenes.Frames)
+        assert isinstance(other.frames, scenes.Frames)
+        taken.frames.stored["again.tiff"] = other.frames.stored["0.tiff"]
+        first = taken.shots[0]
+        again = first.model_copy(
+            update={
+                "kind": "reference", "repeats": first.key, "key": ShotKey(pass_number=0, number=1000),
+                "frame": first.frame.model_copy(update={"path": "again.tiff"}),
+            }
+        )  # fmt: skip
+        for within, repeats in ((told, [again]), (believed, [])):
+            result = normals.solve(
+                replace(taken, repeats=repeats), calibration, SolveSettings(), initial_depth_m=scenes.TABLE_DEPTH - 0.03
+            )
+            if repeats:
+                assert result.noise["gain_e_per_dn"] == pytest.approx(known.gain_e_per_dn, rel=0.08)
+            sigma = result.sigma_deg[true.graded]
+            solved = np.isfinite(sigma)
+            within.append(np.mean(true.error_deg(result.normals)[solved] < sigma[solved]))
+    print(f"gain wrong by {wrong_by}: P(e < σ) {np.mean(told):.3f} with the frames', {np.mean(believed):.3f} without")
+    assert 0.55 < np.mean(told) < 0.75
+    assert not 0.55 < np.mean(believed) < 0.75
