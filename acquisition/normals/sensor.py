@@ -12,8 +12,10 @@ said to be. The level at which pixels clip stays where it is in values, whatever
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition import photometry
 from acquisition.measured import Calibration, FrameRef, FrameSource, Observations, SensorModel, Shot
@@ -33,6 +35,8 @@ STRIPS = 16
 
 BELOW_CLIPPING = 0.95
 """Of the level at which pixels clip: above it, noise itself is clipped."""
+
+ScalarT = TypeVar("ScalarT", bound=np.generic)
 
 NOTHING = Points(np.zeros(0), np.zeros(0), np.zeros(0))
 
@@ -139,7 +143,8 @@ def _of_pair(
     if np.array_equal(first, second):
         return None
     good = (first < clipping) & (second < clipping)
-    first, second = first - black, second - black
+    first -= black
+    second -= black
     level = (first + second) * np.float32(0.5)
     good &= level < BELOW_CLIPPING * (clipping - black)
     power = float(np.sum(second * second * good, dtype=np.float64))
@@ -147,7 +152,10 @@ def _of_pair(
         return NOTHING
     scale = float(np.sum(first * second * good, dtype=np.float64)) / power
     level *= np.float32(0.5 * (1 + scale) ** 2 / (1 + scale**2))
-    return _scatter(level, (first - np.float32(scale) * second) * np.float32((1 + scale**2) ** -0.5), sensor, good)
+    second *= np.float32(scale)
+    first -= second
+    first *= np.float32((1 + scale**2) ** -0.5)
+    return _scatter(level, first, sensor, good)
 
 
 def _of_darks(
@@ -161,11 +169,13 @@ def _of_darks(
     for shorter, other in sorted(pairwise(taken), key=lambda pair: pair[1].exposure_s / pair[0].exposure_s):
         if other.exposure_s > LARGEST_RATIO * shorter.exposure_s:
             break
-        first, second = (_read(frames, shot.frame, strips, columns) - black for shot in (shorter, other))
+        first, second = (_read(frames, shot.frame, strips, columns) for shot in (shorter, other))
         if not np.array_equal(first, second):  # else one frame stored twice
-            curve = _scatter((first + second) * np.float32(0.5), (first - second) * np.float32(0.5**0.5), sensor)
-            return curve, "two lamp-off frames"
-    alone = _read(frames, taken[0].frame, strips, columns) - black
+            level = (first + second) * np.float32(0.5)
+            level -= black
+            return _scatter(level, (first - second) * np.float32(0.5**0.5), sensor), "two lamp-off frames"
+    alone = _read(frames, taken[0].frame, strips, columns)
+    alone -= black
     return _scatter(alone, alone, sensor), "one lamp-off frame, its fixed pattern included"
 
 
@@ -173,13 +183,20 @@ def _scatter(
     level: Float32Array, scattered: Float32Array, sensor: SensorModel, good: BoolArray | None = None
 ) -> Points:
     """The curve of frames (n, w) that scatter as one frame of that brightness, by differences of four neighbours."""
-    height, width = (length // 2 * 2 for length in level.shape)
-    four = [np.s_[row:height:2, column:width:2] for row, column in ((0, 0), (0, 1), (1, 0), (1, 1))]
-    both = np.s_[:] if good is None else np.logical_and.reduce([good[each] for each in four])
-    middle = (sum(level[each] for each in four) * np.float32(0.25))[both]
-    one, right, below, across = (scattered[each] for each in four)
-    apart = ((one - right - below + across) * np.float32(0.5))[both]
+    one, right, below, across = _fours(level)
+    middle = (one + right + below + across) * np.float32(0.25)
+    one, right, below, across = _fours(scattered)
+    apart = (one - right - below + across) * np.float32(0.5)
+    if good is not None:
+        all_good = np.logical_and.reduce(_fours(good))
+        middle, apart = middle[all_good], apart[all_good]
     return photon_transfer.points(middle.ravel(), apart.ravel(), sensor.full_scale_dn, 1.0)
+
+
+def _fours(image: NDArray[ScalarT]) -> tuple[NDArray[ScalarT], ...]:
+    """The four pixels of each square of two by two."""
+    height, width = (length // 2 * 2 for length in image.shape)
+    return tuple(image[row:height:2, column:width:2] for row in (0, 1) for column in (0, 1))
 
 
 def _read(frames: FrameSource, frame: FrameRef, strips: list[slice], columns: slice) -> Float32Array:
