@@ -4,7 +4,8 @@ unknown.
 Blocks of rows are solved one after another and put into maps of the whole frame. A pixel's solve knows of its
 neighbours only which of them are in shadow, once for each turn in which light is taken out, so a block solved with so
 many rows more comes out as if it had been solved with all. A pixel with fewer than two usable lights gets no normal;
-one with two gets one that leans on the prior, and a σ that says so.
+one with two gets one that leans on the prior, and a σ that says so. At last, pixels that are unsure lean on those round
+them.
 """
 
 from dataclasses import dataclass, replace
@@ -23,7 +24,7 @@ from acquisition.measured import (
     NormalMap,
     SolveSettings,
 )
-from acquisition.normals import integrate, interreflection, lambert, large, lobe, refine
+from acquisition.normals import integrate, interreflection, lambert, large, lobe, neighbours, refine
 from acquisition.normals import noise as residuals
 from acquisition.normals.blocks import Gathered, Seen
 from acquisition.normals.lambert import Estimate, Pixels
@@ -125,6 +126,7 @@ def solve(seen: Seen, gathered: Gathered, refined: Refined, model: Model, size: 
             matrices.append(found.matrices)
         before = after
     del windows
+    neighbours.lean(maps["normals"][place], maps["sigma_deg"][place], maps["mask"][place])
     depth = integrate.depth(
         maps["normals"][place].transpose(2, 0, 1), seen.mask, seen.ray, surface.pop("certainty"), surface.pop("start"),
         whole=surface.pop("whole", None), keep_steps=model.settings.keep_steps,

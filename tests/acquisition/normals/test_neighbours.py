@@ -1,0 +1,82 @@
+"""Unsure pixels lean on their neighbours, sure ones do not, and what is at an edge stays there."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from acquisition.normals import neighbours
+
+
+def dome(height: int, width: int) -> np.ndarray:
+    """Normals (H, W, 3) of a shallow bowl."""
+    y, x = np.meshgrid(np.linspace(-0.5, 0.5, height), np.linspace(-0.5, 0.5, width), indexing="ij")
+    out = np.dstack([x, y, np.ones_like(x)])
+    return (out / np.linalg.norm(out, axis=-1, keepdims=True)).astype(np.float32)
+
+
+def shaken(true: np.ndarray, sigma_deg: np.ndarray, seed: int) -> np.ndarray:
+    """The normals with errors of σ over both tangential directions."""
+    rng = np.random.default_rng(seed)
+    noise = rng.normal(size=true.shape) * np.radians(sigma_deg)[..., None] / np.sqrt(2)
+    noise -= np.sum(noise * true, axis=-1, keepdims=True) * true
+    out = true + noise
+    return (out / np.linalg.norm(out, axis=-1, keepdims=True)).astype(np.float32)
+
+
+def error_deg(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return np.degrees(np.arccos(np.clip(np.sum(one * other, axis=-1), -1, 1)))
+
+
+def test_a_lone_unsure_pixel_is_put_right_and_its_sigma_stays_honest() -> None:
+    true = dome(60, 60)
+    sigma = np.full((60, 60), 0.5, np.float32)
+    sigma[2::4, 2::4] = 12.0
+    lone = sigma > 1
+    normals = shaken(true, sigma, 1)
+    before = error_deg(normals, true)[lone]
+    neighbours.lean(normals, sigma, np.ones((60, 60), bool))
+    after = error_deg(normals, true)[lone]
+    assert np.mean(after) < 0.2 * np.mean(before)
+    assert np.mean(after < 2 * sigma[lone]) > 0.92
+
+
+@given(seed=st.integers(0, 1000), rows=st.integers(1, 20), sure=st.floats(0, 1))
+def test_sure_pixels_stay_and_no_sigma_grows(seed: int, rows: int, sure: float) -> None:
+    rng = np.random.default_rng(seed)
+    true = dome(rows, 9)
+    sigma = np.where(rng.random((rows, 9)) < sure, 1.0, 15.0).astype(np.float32)
+    mask = rng.random((rows, 9)) < 0.8
+    sigma[~mask] = np.nan
+    normals = np.where(mask[..., None], shaken(true, np.nan_to_num(sigma), seed), 0).astype(np.float32)
+    leant, told = normals.copy(), sigma.copy()
+    neighbours.lean(leant, told, mask)
+    stays = ~mask | (sigma < neighbours.UNSURE_DEG)
+    np.testing.assert_array_equal(leant[stays], normals[stays])
+    np.testing.assert_array_equal(told[stays], sigma[stays])
+    assert np.all(told[mask] <= sigma[mask] * (1 + 1e-6))
+    np.testing.assert_allclose(np.linalg.norm(leant[mask], axis=-1), 1, atol=1e-5)
+
+
+def test_beside_an_edge_neighbours_that_differ_say_little() -> None:
+    normals = np.zeros((9, 9, 3), np.float32)
+    normals[:, :4] = (0, 0, 1)
+    normals[:, 4:] = (np.sin(1.2), 0, np.cos(1.2))
+    sigma = np.full((9, 9), 0.5, np.float32)
+    sigma[4, 4] = 4.0
+    before = normals[4, 4].copy()
+    neighbours.lean(normals, sigma, np.ones((9, 9), bool))
+    assert error_deg(normals[4, 4], before) < 1.0
+
+
+def test_strips_of_rows_make_no_seam() -> None:
+    height = neighbours.ROWS + 7
+    sigma = np.full((height, 6), 6.0, np.float32)
+    normals = shaken(dome(height, 6), sigma, 2)
+    mask = np.ones((height, 6), bool)
+    top = neighbours.ROWS - 5
+    around = slice(top - 1, top + 11)
+    cut, cut_sigma = normals[around].copy(), sigma[around].copy()
+    neighbours.lean(normals, sigma, mask)
+    neighbours.lean(cut, cut_sigma, mask[around])
+    np.testing.assert_allclose(normals[top : top + 10], cut[1:-1], atol=1e-6)
+    np.testing.assert_allclose(sigma[top : top + 10], cut_sigma[1:-1], rtol=1e-5)
