@@ -1,0 +1,43 @@
+"""Which images a result is solved from, as the journal's record and as a folder's manifest tell it."""
+
+from pathlib import Path
+
+from acquisition import config, results
+from acquisition.measured import Shot
+from acquisition.normals.folders.session import SessionCapture
+from acquisition.session import PassRecord, Record, State
+from acquisition.types import Recipe
+from hardware_sim import nominal
+
+
+def shot(pass_number: int, number: int, kind: str, exposure_s: float = 0.05) -> Shot:
+    return Shot.model_validate(
+        {
+            "key": {"pass_number": pass_number, "number": number}, "kind": kind, "exposure_s": exposure_s,
+            "frame": {"path": f"{pass_number}/{number}.tiff", "width": 8, "height": 8, "sha256": ""},
+            "taken_at": float(10 * pass_number + number),
+            "quality": {"saturated": 0, "bright_level": 0.8, "accepted": True},
+        }
+    )  # fmt: skip
+
+
+def test_record_and_folder_tell_the_same_images_and_the_newest_lamp_off_frames() -> None:
+    lit = [shot(0, 0, "light"), shot(1, 0, "light", 0.08)]
+    old, other, new = shot(0, 1, "dark"), shot(1, 1, "dark", 0.08), shot(1, 2, "dark")
+    again = shot(0, 1000, "reference")
+    passes = (
+        PassRecord(shots={0: lit[0]}, darks={0.05: old}, references=(again,)),
+        PassRecord(shots={0: lit[1]}, darks={0.08: other, 0.05: new}),
+    )
+    record = Record("small", Recipe(), State.COMPLETED, passes)
+    cell, calibration = config.load(nominal.default_cell_file()), nominal.calibration(8)
+    capture = SessionCapture(
+        Path("small"), Recipe(), cell, calibration, (again, new, other, old, *lit), plans=(), results=()
+    )
+    for told in (results.observations(record, Path("small")), capture.observations(1)):
+        assert list(told.shots) == lit
+        assert told.darks == {0.05: new, 0.08: other}
+        assert list(told.repeats) == [again, old]
+    for told in (results.observations(record, Path("small"), 0), capture.observations(0)):
+        assert told.darks == {0.05: old}
+        assert list(told.repeats) == [again]
