@@ -161,8 +161,7 @@ def refine(
         levelled = None
         if stepped:
             cuts = FIRST_CUTS if turn == 0 else 1
-            levelled = steps.depth(coarse, values, found, normals, sure, depth, smooth, lamp, cuts)
-        # Shadows tell of steps best before indirect light has been taken out of them, however well.
+            levelled = steps.depth(coarse, measured - highlight, found, normals, sure, depth, smooth, lamp, cuts)
         stepped = levelled is not None
         depth, whole = (smooth, np.ones_like(smooth)) if levelled is None else levelled
 

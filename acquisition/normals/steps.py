@@ -20,8 +20,9 @@ from acquisition.normals.integrate import LEAST_COSINE
 from acquisition.normals.lambert import Estimate, Pixels
 from acquisition.types import BoolArray, Float32Array
 
-DARK, LIT = 0.35, 0.5
-"""Shares of a pixel's largest normalised value below which it is dark and above which it is lit."""
+DARK, LIT = 0.35, 0.45
+"""Shares of a pixel's largest normalised value below which it is dark and above which it is lit. Level ground under a
+lamp at 63° has 0.45 of its largest: it is lit, or the steepest lamps, whose shadows tell most exactly, tell nothing."""
 
 BORDER = 2
 """Pixels within which a sharp border passes from dark to lit."""
@@ -90,9 +91,10 @@ def depth(
 ) -> tuple[Float32Array, Float32Array] | None:  # fmt: skip
     """Depth (N,) in m, and how whole the surface is at each pixel, 0–1 (N,); none where shadows show no step.
 
-    `values` (F, N) with indirect light taken out, `normals` (3, N), `start_m` (N,) for the mean, for the shadows' rays
-    and, when there is but one round of reweighting, for the cuts known so far. `smooth_m` (N,) is what normals alone
-    give: where it explains the shadows too, there are no steps.
+    `values` (F, N) without highlights, indirect light still in them: taken out by levels that are wrong, it would move
+    the shadows' borders, by up to a pixel and all the same way. `normals` (3, N), `start_m` (N,) for the mean, for the
+    shadows' rays and, when there is but one round of reweighting, for the cuts known so far. `smooth_m` (N,) is what
+    normals alone give: where it explains the shadows too, there are no steps.
     """
     equations = _equations(pixels, values, found, start_m, lamp)
     slopes = _slopes(pixels, normals, certainty)
