@@ -29,7 +29,7 @@ from acquisition.normals import noise as residuals
 from acquisition.normals.blocks import Gathered, Seen
 from acquisition.normals.lambert import Estimate, Pixels
 from acquisition.normals.refine import Refined
-from acquisition.types import Float32Array, FloatArray
+from acquisition.types import BoolArray, Float32Array, FloatArray
 
 BOUNCE_SIGMA = 0.1
 """1 σ of the predicted bounced light, as a share of it, that differs from light to light."""
@@ -195,8 +195,9 @@ def _block(
     used = np.count_nonzero(final.usable, axis=0)
     solved = used >= 2
     sigma = np.degrees(np.sqrt(final.variance + here.shared_variance)).astype(np.float32)
-    light = np.maximum(np.sum(refine.divided(pixels.values, refined.log_intensity), axis=0), 1e-6)
-    indirect = np.zeros_like(light) if last.indirect is None else np.sum(last.indirect, axis=0)
+    measured = refine.divided(pixels.values, refined.log_intensity)
+    bounced = np.zeros_like(measured) if last.indirect is None else last.indirect
+    light, indirect = np.maximum(np.sum(measured, axis=0), 1e-6), np.sum(bounced, axis=0)
     share = (indirect / light).astype(np.float32)
     maps = {
         "normals": lambert.facing(final.normals, along).T,
@@ -214,7 +215,7 @@ def _block(
     told = chosen[solved[own][chosen]]
     return _Block(
         maps={name: values[own] for name, values in maps.items()},
-        flags=_flags(final, pixels, model.noise)[:, own],
+        flags=_flags(final, measured, bounced, pixels.clipped, model.noise)[:, own],
         light=float(np.sum(light[own], dtype=np.float64)),
         indirect=float(np.sum(indirect[own], dtype=np.float64)),
         told=told,
@@ -256,25 +257,31 @@ def _last(pixels: Pixels, refined: Refined, model: Model) -> _Final:
     return _Final(found, values, extra, indirect)
 
 
-def _flags(found: Estimate, pixels: Pixels, noise: photometry.Noise) -> np.ndarray:
-    """Bit fields (F, N): what each measurement was."""
+def _flags(
+    found: Estimate, measured: Float32Array, indirect: Float32Array, clipped: BoolArray, noise: photometry.Noise
+) -> np.ndarray:
+    """Bit fields (F, N): what each measurement was, of images (F, N) as lamps of the nominal intensity give them.
+
+    What is predicted to come from other surfaces (F, N) is no highlight, nor is what that prediction may miss.
+    """
     flags = np.empty(found.usable.shape, np.uint8)
     scale = np.sqrt(noise.shot), np.sqrt(noise.floor)
-    for number, (light, usable, clipped) in enumerate(zip(found.light, found.usable, pixels.clipped, strict=True)):
+    for number, (light, usable, burnt) in enumerate(zip(found.light, found.usable, clipped, strict=True)):
         predicted = np.einsum("cn,cn->n", light, found.g)
         strength = np.sqrt(np.einsum("cn,cn->n", light, light)) * found.albedo
-        dark = ~usable & ~clipped
+        dark = ~usable & ~burnt
         attached = dark & (predicted < np.float32(0.1) * strength)
         spread = (
             np.float32(scale[0][number]) * np.sqrt(np.maximum(predicted, 0))
             + np.float32(scale[1][number])
             + np.float32(noise.intensity) * np.abs(predicted)
             + np.float32(noise.direction) * strength
+            + np.float32(BOUNCE_SIGMA) * indirect[number]
         )
-        excess = pixels.values[number] - predicted
+        excess = measured[number] - indirect[number] - predicted
         highlight = usable & (excess > np.maximum(4 * spread, np.float32(0.03) * strength))
         flags[number] = (
-            LIT * usable + ATTACHED * attached + CAST * (dark & ~attached) + SATURATED * clipped
+            LIT * usable + ATTACHED * attached + CAST * (dark & ~attached) + SATURATED * burnt
             + HIGHLIGHT * highlight
         )  # fmt: skip
     return flags

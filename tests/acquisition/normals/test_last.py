@@ -1,10 +1,12 @@
 """The last solve in blocks of rows against the solve in one piece, and images read again against those held."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from acquisition import normals, photometry
-from acquisition.measured import LIT, Calibration, NormalMap, SolveSettings
+from acquisition.measured import HIGHLIGHT, LIT, Calibration, NormalMap, SolveSettings
 from acquisition.normals import blocks, last, observe
 from acquisition.normals.blocks import Gathered, Seen
 from acquisition.normals.last import Model
@@ -126,3 +128,26 @@ def test_a_coarse_grid_gathered_in_blocks_is_that_of_all_rows(
     few = seen.pixels(slice(0, SIZE)).subset(chosen)
     np.testing.assert_array_equal(few.values, whole.few.values)
     np.testing.assert_array_equal(few.index, parts.few.index)
+
+
+def test_light_from_other_surfaces_is_no_highlight(cushion: scenes.Scene) -> None:
+    """Light that reaches all pixels under one of eight lights alone stands out as a highlight would."""
+    stack, whole = images(cushion), slice(0, SIZE)
+    assert isinstance(stack, Stack)
+    falling = np.where(np.arange(len(LIGHTS)) == 0, 0.3, 0).astype(np.float32)
+    lit = replace(stack, values=stack.values + (0.5 * falling)[:, None, None])
+    seen = Seen(lit, cushion.mask, photometry.rays(cushion.calibration, whole, whole))
+    gathered = seen.gathered(FACTOR, last.sample(int(np.count_nonzero(cushion.mask))), None)
+    known = model(cushion.calibration, lit)
+    found = replace(refined(gathered, known.noise, NONE, 0.0), log_intensity=np.zeros(len(LIGHTS)))
+    received = np.repeat(falling[:, None], gathered.coarse.values.shape[1], axis=1)
+    shares = [
+        np.mean(
+            last.solve(seen, gathered, replace(found, received=one), known, (SIZE, SIZE)).flags[0, cushion.graded]
+            & HIGHLIGHT
+            > 0
+        )
+        for one in (None, received)
+    ]
+    assert shares[0] > 0.3
+    assert shares[1] < 0.03
