@@ -62,7 +62,7 @@ def test_beside_an_edge_neighbours_that_differ_say_little() -> None:
     normals[:, :4] = (0, 0, 1)
     normals[:, 4:] = (np.sin(1.2), 0, np.cos(1.2))
     sigma = np.full((9, 9), 0.5, np.float32)
-    sigma[4, 4] = 4.0
+    sigma[4, 4] = 5.0
     before = normals[4, 4].copy()
     neighbours.lean(normals, sigma, np.ones((9, 9), bool))
     assert error_deg(normals[4, 4], before) < 1.0
