@@ -122,20 +122,8 @@ def test_in_direct_light_ours_is_better_over_all_objects() -> None:
     assert ours <= 0.95 * rings
 
 
-STEPS_THAT_SEND_LIGHT = pytest.mark.xfail(
-    reason="1.12 found (1.06, 1.00, 1.33 in the three draws; 1.09 over all pixels): light bounced between steps "
-    "makes it felt that the pilot's lights stand in no ring"
-)
-
-
-@pytest.mark.parametrize(
-    ("profile", "name"),
-    [
-        pytest.param(profile, name, marks=STEPS_THAT_SEND_LIGHT if (profile, name) == ("realistic", "part") else ())
-        for profile in PROFILES
-        for name in OBJECTS
-    ],
-)
+@pytest.mark.parametrize("name", OBJECTS)
+@pytest.mark.parametrize("profile", PROFILES)
 def test_no_object_is_much_worse(profile: ProfileName, name: str) -> None:
     ours, rings = compared(profile, (name,))
     assert ours <= 1.05 * rings
