@@ -4,7 +4,7 @@ Apart from `acquisition.types`, which says what is asked of a session and where 
 read these values while route and arm never do. The same conventions hold.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, Protocol
 
@@ -126,6 +126,15 @@ class Observations:
     darks: dict[float, Shot]
     frames: FrameSource
     repeats: Sequence[Shot] = ()
+
+    @classmethod
+    def of(cls, taken: Iterable[Shot], frames: FrameSource) -> "Observations":
+        """What passes took, in the order of its keys; the lamp-off frame of an exposure time is the newest one."""
+        shots = sorted(taken, key=lambda shot: (shot.key.pass_number, shot.key.number))
+        darks = {shot.exposure_s: shot for shot in shots if shot.kind == "dark"}
+        again = [shot for shot in shots if shot.kind == "reference"]
+        older = [shot for shot in shots if shot.kind == "dark" and shot is not darks[shot.exposure_s]]
+        return cls([shot for shot in shots if shot.kind == "light"], darks, frames, [*again, *older])
 
 
 # -------------------------------------------------------------------------------------------------------------- results

@@ -52,11 +52,8 @@ class Wish:
 def observations(record: Record, folder: Path, last_pass: int | None = None) -> Observations:
     """All images so far, or those up to a pass; the lamp-off frame of each exposure time is the newest one."""
     passes = record.passes if last_pass is None else record.passes[: last_pass + 1]
-    shots = [work.shots[number] for work in passes for number in sorted(work.shots)]
-    darks = {time_s: shot for work in passes for time_s, shot in work.darks.items()}
-    older = [shot for work in passes for time_s, shot in sorted(work.darks.items()) if shot is not darks[time_s]]
-    repeats = [*(shot for work in passes for shot in work.references), *older]
-    return Observations(shots, darks, FolderFrames(folder), repeats)
+    taken = (shot for work in passes for shot in (*work.shots.values(), *work.darks.values(), *work.references))
+    return Observations.of(taken, FolderFrames(folder))
 
 
 def enter(store: Store, wish: Wish, origin: str, summary: ResultSummary, seconds: float, cell: CellConfig) -> None:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from acquisition import config, jobs, lamp_pose, normals, pilot, plan, region
 from acquisition.capture import check, exposure
 from acquisition.measured import FrameQuality, FrameRef, NormalMap, Observations, Shot, ShotKey, SolveSettings
+from acquisition.session import REFERENCES_FROM
 from acquisition.types import LightPlan, Recipe, Waypoint
 from acquisition.waypoints import kinematics
 from acquisition.waypoints.reach import ReachMap, reach
@@ -50,7 +51,7 @@ class Session:
         self._calibration = world.calibration
         self._region = region.keep_out(CELL, world.calibration)
         self._frames = Frames()
-        self._taken = Observations([], {}, self._frames)
+        self._shots: list[Shot] = []
 
     def run(self) -> NormalMap:
         """The session's last normal map."""
@@ -66,6 +67,10 @@ class Session:
         self._take(1, chosen.model_copy(update={"levels_per_s": levels}))
         return self._solved()
 
+    @property
+    def _taken(self) -> Observations:
+        return Observations.of(self._shots, self._frames)
+
     def _solved(self) -> NormalMap:
         return normals.solve(
             self._taken,
@@ -77,7 +82,7 @@ class Session:
         )
 
     def _take(self, number: int, chosen: LightPlan) -> None:
-        """The images of a pass in the order of its route, then the lamp-off frames, at home."""
+        """The images of a pass in the order of its route, a repetition, then the lamp-off frames, at home."""
         way = route(chosen.lights, CELL.arm.home, CELL, self._calibration)
         shots: dict[int, Shot] = {}
         level = exposure.first_level(CELL, self._calibration)
@@ -86,12 +91,19 @@ class Session:
                 level = chosen.levels_per_s[light]
             shots[light] = self._lit(ShotKey(pass_number=number, number=light), waypoint, level)
             level = shots[light].quality.bright_level / shots[light].exposure_s
-        darks = {
-            exposure_s: self._shot(ShotKey(pass_number=number, number=len(shots) + dark), CELL.arm.home, exposure_s)
+        if number == 0:
+            self._repeat(next(iter(shots.values())), way.waypoints[0])
+        darks = [
+            self._shot(ShotKey(pass_number=number, number=len(shots) + dark), CELL.arm.home, exposure_s, number)
             for dark, exposure_s in enumerate(sorted({shot.exposure_s for shot in shots.values()}))
-        }
-        everything = [*self._taken.shots, *(shots[light] for light in sorted(shots))]
-        self._taken = Observations(everything, {**self._taken.darks, **darks}, self._frames)
+        ]
+        self._shots += [*shots.values(), *darks]
+
+    def _repeat(self, first: Shot, waypoint: Waypoint) -> None:
+        """The first pass, whose images nothing foretells, ends with its first image again."""
+        key = ShotKey(pass_number=0, number=REFERENCES_FROM)
+        again = self._shot(key, waypoint.joints, first.exposure_s, first.attempt + 1, lit=True)
+        self._shots.append(again.model_copy(update={"kind": "reference", "repeats": first.key}))
 
     def _lit(self, key: ShotKey, waypoint: Waypoint, level: float) -> Shot:
         wanted, camera = self._recipe.exposure, CELL.camera

@@ -37,17 +37,8 @@ class SessionCapture:
 
     def observations(self, last_pass: int) -> Observations:
         """The images of the passes up to `last_pass`, in the order and with the lamp-off frames of its solve."""
-        taken = sorted(self.shots, key=lambda shot: (shot.key.pass_number, shot.key.number))
-        used = [shot for shot in taken if shot.key.pass_number <= last_pass]
-        darks = [shot for shot in used if shot.kind == "dark"]
-        newest = {shot.exposure_s: shot for shot in darks}
-        older = [shot for shot in darks if shot is not newest[shot.exposure_s]]
-        return Observations(
-            [shot for shot in used if shot.kind == "light"],
-            newest,
-            FolderFrames(self.folder),
-            [*(shot for shot in used if shot.kind == "reference"), *older],
-        )
+        used = (shot for shot in self.shots if shot.key.pass_number <= last_pass)
+        return Observations.of(used, FolderFrames(self.folder))
 
 
 def read(folder: Path) -> SessionCapture:
