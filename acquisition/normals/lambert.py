@@ -111,14 +111,11 @@ def _largest(ratio: Float32Array | FloatArray, clipped: BoolArray) -> Float32Arr
     return np.max(np.where(clipped, 0, ratio), axis=0)
 
 
-def brightness(
-    pixels: Pixels, values: Float32Array, depth_m: Float32Array, lamp: Float32Array, calibration: Calibration
-) -> float:
-    """The median over pixels at a depth (N,) of their largest y/|s|, from values (F, N): what a pixel's albedo is held
-    to be a fifth of at least before anything is solved."""
-    light = photometry.light_vectors(photometry.points(pixels.ray, depth_m), lamp, calibration)
-    strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
-    return float(np.median(_largest(values / np.maximum(strength, np.float32(1e-9)), pixels.clipped)))
+def brightness(found: Estimate, values: Float32Array, clipped: BoolArray) -> float:
+    """The median over solved pixels of their largest y/|s|, from values (F, N) that may be `clipped` (F, N): what a
+    pixel's albedo is held to be a fifth of at least before anything is solved."""
+    strength = np.sqrt(np.einsum("fcn,fcn->fn", found.light, found.light))
+    return float(np.median(_largest(values / np.maximum(strength, np.float32(1e-9)), clipped)))
 
 
 def solve(

@@ -57,9 +57,11 @@ class Model:
 
 @dataclass(frozen=True)
 class _Final:
-    """The last solve: the estimate, what it was solved from (F, N), and what indirect light was taken out (F, N)."""
+    """The last solve: the estimate, the light of nominal lamps (F, N), what of it was solved from (F, N), and what
+    indirect light was taken out (F, N)."""
 
     estimate: Estimate
+    measured: Float32Array
     values: Float32Array
     extra: Float32Array
     indirect: Float32Array | None
@@ -87,13 +89,13 @@ def with_noise_of(few: Pixels, refined: Refined, model: Model) -> Model:
     """The model with the noise of single pixels, as a sample of them shows it once everything else is known."""
     along = photometry.ray_directions(few.ray)
     noise = replace(model.noise, intensity=refined.noise.intensity, direction=refined.noise.direction)
+    typical = None
     for _ in range(2):
         final = _last(few, refined, replace(model, noise=noise))
         noise = residuals.estimate(
             final.estimate, final.values, noise, model.noise, along, model.lamp, refine.OFFSET_SIGMA_M, final.extra
         )
-    measured = refine.divided(few.values, refined.log_intensity)
-    typical = lambert.brightness(few, measured, refined.depth_m, model.lamp, model.calibration)
+        typical = lambert.brightness(final.estimate, final.measured, few.clipped)
     return replace(model, noise=noise, typical=typical)
 
 
@@ -126,7 +128,7 @@ def solve(seen: Seen, gathered: Gathered, refined: Refined, model: Model, size: 
             matrices.append(found.matrices)
         before = after
     del windows
-    neighbours.lean(maps["normals"][place], maps["sigma_deg"][place], maps["mask"][place])
+    neighbours.lean(maps["normals"][place], maps["sigma_deg"][place])
     depth = integrate.depth(
         maps["normals"][place].transpose(2, 0, 1), seen.mask, seen.ray, surface.pop("certainty"), surface.pop("start"),
         whole=surface.pop("whole", None), keep_steps=model.settings.keep_steps,
@@ -139,13 +141,7 @@ def solve(seen: Seen, gathered: Gathered, refined: Refined, model: Model, size: 
     window_rows, window_columns = np.unravel_index(np.concatenate(numbers), shape)
     noise = model.noise
     return NormalMap(
-        normals=maps["normals"],
-        albedo=maps["albedo"],
-        depth=maps["depth"],
-        sigma_deg=maps["sigma_deg"],
-        residual=maps["residual"],
-        mask=maps["mask"],
-        silhouette=maps["silhouette"],
+        **maps,
         flags=flags,
         intensity_factors=np.exp(refined.log_intensity),
         information=Information(
@@ -153,8 +149,6 @@ def solve(seen: Seen, gathered: Gathered, refined: Refined, model: Model, size: 
             columns=window_columns.astype(np.int64) + images.columns.start,
             matrices=np.concatenate(matrices),
         ),
-        indirect=maps["indirect"],
-        doubtful=maps["doubtful"],
         noise={"intensity": noise.intensity, "direction": noise.direction, "shot": float(np.mean(noise.shot))},
         notes={
             "shift_m": refined.shift_m,
@@ -195,9 +189,8 @@ def _block(
     used = np.count_nonzero(final.usable, axis=0)
     solved = used >= 2
     sigma = np.degrees(np.sqrt(final.variance + here.shared_variance)).astype(np.float32)
-    measured = refine.divided(pixels.values, refined.log_intensity)
-    bounced = np.zeros_like(measured) if last.indirect is None else last.indirect
-    light, indirect = np.maximum(np.sum(measured, axis=0), 1e-6), np.sum(bounced, axis=0)
+    bounced = np.zeros_like(last.measured) if last.indirect is None else last.indirect
+    light, indirect = np.maximum(np.sum(last.measured, axis=0), 1e-6), np.sum(bounced, axis=0)
     share = (indirect / light).astype(np.float32)
     maps = {
         "normals": lambert.facing(final.normals, along).T,
@@ -215,7 +208,7 @@ def _block(
     told = chosen[solved[own][chosen]]
     return _Block(
         maps={name: values[own] for name, values in maps.items()},
-        flags=_flags(final, measured, bounced, pixels.clipped, model.noise)[:, own],
+        flags=_flags(final, last.measured, bounced, pixels.clipped, model.noise)[:, own],
         light=float(np.sum(light[own], dtype=np.float64)),
         indirect=float(np.sum(indirect[own], dtype=np.float64)),
         told=told,
@@ -254,7 +247,7 @@ def _last(pixels: Pixels, refined: Refined, model: Model) -> _Final:
             values = values - indirect
             extra = extra + np.square(np.float32(BOUNCE_SIGMA) * indirect)
         found = once(values, extra, rounds, gloss)
-    return _Final(found, values, extra, indirect)
+    return _Final(found, measured, values, extra, indirect)
 
 
 def _flags(

@@ -10,7 +10,7 @@ import numpy as np
 
 from acquisition.errors import ErrorCode, RigError
 from acquisition.measured import Calibration, NormalMap, SensorModel, SolveSettings
-from acquisition.normals import observe
+from acquisition.normals import observe, silhouette
 from acquisition.normals.distant import blocks, point_lights
 from acquisition.normals.distant.solve import refuse_unusable, whole
 from acquisition.normals.image_set import ImageSet, NearLights, check
@@ -79,8 +79,7 @@ def stack(images: ImageSet) -> Images:
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE, "near light needs the lamps' positions, these lights are directions"
         )
-    there = [np.flatnonzero(np.any(images.mask, axis=axis)) for axis in (1, 0)]
-    rows, columns = (slice(int(places[0]), int(places[-1]) + 1) for places in there)
+    rows, columns = silhouette.window(images.mask)
     step = 1 / images.full_scale if images.full_scale > 1 else 0.0  # floats have no steps
     floor = ((READ_NOISE_E / FULL_WELL_E) ** 2 + step**2 / 12) / lights.intensity**2 / images.channels
     middle = np.array([0.0, 0.0, -float(np.mean(images.rough_depth_m or 1.0))])

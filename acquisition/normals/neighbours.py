@@ -9,7 +9,7 @@ fine relief whole.
 import cv2
 import numpy as np
 
-from acquisition.types import BoolArray, Float32Array
+from acquisition.types import Float32Array
 
 UNSURE_DEG = 4.0
 """σ from which a pixel listens to its neighbours: of simulated parts and figures under eight lights 0.5–1 % of the
@@ -23,43 +23,42 @@ LEAST_LENGTH = 0.5
 """Length of the mean of unit normals below which they point anywhere."""
 
 
-def lean(normals: Float32Array, sigma_deg: Float32Array, mask: BoolArray) -> None:
+def lean(normals: Float32Array, sigma_deg: Float32Array) -> None:
     """Turns the unsure ones of the unit normals (H, W, 3) towards their neighbours, in place, and lowers their σ.
 
-    `sigma_deg` (H, W) is 1 σ over both tangential directions, as in NormalMap; `mask` (H, W) says where normals are.
-    All neighbours count with what they were before.
+    `sigma_deg` (H, W) is 1 σ over both tangential directions, as in NormalMap, NaN where there is no normal. All
+    neighbours count with what they were before.
     """
-    height = len(mask)
-    above = slice(0, 0)
-    kept = normals[above].copy(), sigma_deg[above].copy()
+    height = len(sigma_deg)
+    above = normals[:0].copy(), sigma_deg[:0].copy()
     for start in range(0, height, ROWS):
         stop, after = min(start + ROWS, height), min(start + ROWS + 1, height)
-        own = slice(len(kept[0]), len(kept[0]) + stop - start)
-        before = np.concatenate([kept[0], normals[start:after]])
-        sigma = np.concatenate([kept[1], sigma_deg[start:after]])
-        kept = normals[stop - 1 : stop].copy(), sigma_deg[stop - 1 : stop].copy()
-        leant, told = _leant(before, sigma, mask[start - own.start : after])
-        normals[start:stop], sigma_deg[start:stop] = leant[own], told[own]
+        strip = np.concatenate([above[0], normals[start:after]]), np.concatenate([above[1], sigma_deg[start:after]])
+        first = len(above[0])
+        above = normals[stop - 1 : stop].copy(), sigma_deg[stop - 1 : stop].copy()
+        rows, columns = np.nonzero(strip[1][first : first + stop - start] > UNSURE_DEG)
+        if len(rows):
+            leant = _leant(*strip, (rows + first, columns))
+            normals[rows + start, columns], sigma_deg[rows + start, columns] = leant
 
 
-def _leant(normals: Float32Array, sigma_deg: Float32Array, mask: BoolArray) -> tuple[Float32Array, Float32Array]:
-    """Normals and σ of a strip whose first and last rows only lend themselves to others."""
-    there = mask & np.isfinite(sigma_deg)
-    variance = np.where(there, np.radians(sigma_deg, where=there, out=np.ones_like(sigma_deg)) ** 2, 1)
-    weight = np.where(there, 1 / variance, 0).astype(np.float32)
-    total = _round(weight)
-    mean = np.dstack([_round(weight * normals[..., axis]) for axis in range(3)])
-    mean /= np.maximum(total, 1e-9)[..., None]
-    length = np.sqrt(np.sum(mean * mean, axis=-1))
-    unsure = there & (variance > np.radians(UNSURE_DEG) ** 2) & (length > LEAST_LENGTH)
-    own, length, mean = variance[unsure], length[unsure], mean[unsure]
-    scatter = np.maximum(1 - length**2, 0)
-    theirs = scatter + 1 / total[unsure] + np.radians(CURVED_DEG) ** 2
-    both = normals[unsure] / own[:, None] + mean / (length * theirs)[:, None]
-    leant, sigma = normals.copy(), sigma_deg.copy()
-    leant[unsure] = both / np.sqrt(np.sum(both * both, axis=-1, keepdims=True))
-    sigma[unsure] = np.degrees(np.sqrt(1 / (1 / own + 1 / theirs)))
-    return leant, sigma
+def _leant(
+    normals: Float32Array, sigma_deg: Float32Array, unsure: tuple[np.ndarray, np.ndarray]
+) -> tuple[Float32Array, Float32Array]:
+    """Normals (K, 3) and σ (K) of the `unsure` pixels of a strip, given by rows (K,) and columns (K,)."""
+    variance = np.radians(sigma_deg) ** 2
+    weight = np.nan_to_num(1 / variance).astype(np.float32)
+    total = _round(weight)[unsure]
+    mean = np.column_stack([_round(weight * normals[..., axis])[unsure] for axis in range(3)])
+    mean /= np.maximum(total, 1e-9)[:, None]
+    length = np.sqrt(np.sum(mean * mean, axis=1))
+    own, before = variance[unsure], normals[unsure]
+    theirs = np.maximum(1 - length**2, 0) + 1 / np.maximum(total, 1e-9) + np.radians(CURVED_DEG) ** 2
+    both = before / own[:, None] + mean / (np.maximum(length, LEAST_LENGTH) * theirs)[:, None]
+    both /= np.sqrt(np.sum(both * both, axis=1, keepdims=True))
+    sigma = np.degrees(np.sqrt(1 / (1 / own + 1 / theirs)))
+    pointing = length > LEAST_LENGTH
+    return np.where(pointing[:, None], both, before), np.where(pointing, sigma, sigma_deg[unsure])
 
 
 def _round(values: Float32Array) -> Float32Array:

@@ -120,8 +120,7 @@ def read(observations: Observations, calibration: Calibration, rows: slice, colu
 
     Raises RigError normals.infeasible when a frame's size is not the calibration's or a lamp-off frame is missing.
     """
-    shots = [shot for shot, _ in lit_shots(observations)]
-    lights = tuple(light for _, light in lit_shots(observations))
+    shots, lights = zip(*lit_shots(observations), strict=True)
     darks = {shot.exposure_s: _dark(observations, shot) for shot in shots}
     for shot in (*shots, *darks.values()):
         _refuse_other_size(shot, calibration)

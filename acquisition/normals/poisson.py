@@ -13,6 +13,7 @@ import numba
 import numpy as np
 from scipy.fft import dctn, idctn, next_fast_len
 
+from acquisition.normals import silhouette
 from acquisition.types import BoolArray, Float32Array
 
 ITERATIONS = 60
@@ -37,14 +38,12 @@ class Poisson:
     cosine transforms are fast at."""
 
     def __init__(self, mask: BoolArray) -> None:
-        there = [np.flatnonzero(np.any(mask, axis=axis)) for axis in (1, 0)]
-        low = [int(one[0]) if len(one) else 0 for one in there]
-        high = [int(one[-1]) + 1 if len(one) else 1 for one in there]
-        self._window = (slice(low[0], high[0]), slice(low[1], high[1]))
-        size = [next_fast_len(stop - start, real=True) for start, stop in zip(low, high, strict=True)]
+        self._window = silhouette.window(mask)
+        inside = mask[self._window]
+        size = [next_fast_len(length, real=True) for length in inside.shape]
         self._shape = (size[0], size[1])
         self._inside = np.zeros(self._shape, np.bool_)
-        self._inside[: high[0] - low[0], : high[1] - low[1]] = mask[self._window]
+        self._inside[: inside.shape[0], : inside.shape[1]] = inside
         along = [(2 - 2 * np.cos(np.pi * np.arange(length) / length)).astype(np.float32) for length in size]
         self._along = (along[0], along[1])
 

@@ -20,6 +20,13 @@ TABLE_SCATTER = 6.0
 TABLE_MARGIN = 1.35
 
 
+def window(mask: BoolArray) -> tuple[slice, slice]:
+    """The rows and columns of a mask's bounding box; an empty mask's is its first pixel."""
+    there = [np.flatnonzero(np.any(mask, axis=axis)) for axis in (1, 0)]
+    rows, columns = (slice(int(places[0]), int(places[-1]) + 1) if len(places) else slice(0, 1) for places in there)
+    return rows, columns
+
+
 def largest_part(mask: BoolArray) -> BoolArray:
     """The largest connected part of a mask, its holes filled."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)

@@ -38,8 +38,8 @@ def solve(
     `initial_depth_m` is the object's rough depth along OpenCV's z (a number or an (H, W) map; 30 mm off is fine);
     `region` (H, W) is where the object can be, none: the whole image; `table_depth_m` (H, W) is the depth of the table
     it stands on, none: it stands on nothing that sends light. The sensor's noise is that of the images themselves where
-    they tell it, else the calibration's. Raises RigError normals.infeasible when fewer
-    than three lights are usable, the lights are parallel or in one plane, or nothing is lit.
+    they tell it, else the calibration's. Raises RigError normals.infeasible when fewer than three lights are usable,
+    the lights are parallel or in one plane, or nothing is lit.
     """
     rows, columns = _window(region, calibration.height, calibration.width)
     shown = sensor.shown(observations, calibration, rows, columns)
@@ -115,8 +115,7 @@ def _window(region: BoolArray | None, height: int, width: int) -> tuple[slice, s
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE, "the region is empty or not of the image's size: draw it round the object"
         )
-    rows, columns = np.flatnonzero(np.any(region, axis=1)), np.flatnonzero(np.any(region, axis=0))
-    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+    return silhouette.window(region)
 
 
 def _middle(seen: Seen, depth_m: Float32Array) -> Float32Array:

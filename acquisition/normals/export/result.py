@@ -86,11 +86,7 @@ def read(folder: Path) -> NormalMap:
             }
             shape = maps["depth"].shape
             return NormalMap(
-                normals=maps["normals"],
-                albedo=maps["albedo"],
-                depth=maps["depth"],
-                sigma_deg=maps["sigma_deg"],
-                residual=maps["residual"],
+                **maps,
                 mask=_unpacked(stored["mask"], shape),
                 silhouette=_unpacked(stored["silhouette"], shape),
                 flags=stored["flags"],
@@ -100,8 +96,6 @@ def read(folder: Path) -> NormalMap:
                     columns=stored["information_columns"],
                     matrices=stored["information_matrices"],
                 ),
-                indirect=maps.get("indirect"),
-                albedo_rgb=maps.get("albedo_rgb"),
                 doubtful=_unpacked(stored["doubtful"], shape) if "doubtful" in stored else None,
                 noise=json.loads(str(stored["noise"])),
                 notes=json.loads(str(stored["notes"])),

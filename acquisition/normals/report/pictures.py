@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from acquisition.measured import LIT, SATURATED, NormalMap
-from acquisition.normals import large
+from acquisition.normals import large, silhouette
 from acquisition.normals.export import lights_used
 from acquisition.types import BoolArray, Float32Array
 
@@ -38,9 +38,9 @@ class Small:
 
 def reduced(found: NormalMap) -> Small:
     """The object's window of a result, at most `LONGEST` pixels along a side."""
-    silhouette = found.silhouette | found.mask
-    rows, columns = _window(silhouette)
-    inside = silhouette[rows, columns]
+    shown = found.silhouette | found.mask
+    rows, columns = _window(shown)
+    inside = shown[rows, columns]
     solved = found.mask[rows, columns]
     height, width = inside.shape
     scale = min(1.0, LONGEST / max(height, width))
@@ -116,11 +116,11 @@ def shares(found: NormalMap) -> dict[str, list[float]]:
 def _window(mask: BoolArray) -> tuple[slice, slice]:
     if not np.any(mask):
         return slice(0, mask.shape[0]), slice(0, mask.shape[1])
-    rows, columns = np.flatnonzero(np.any(mask, axis=1)), np.flatnonzero(np.any(mask, axis=0))
-    more = 1 + round(MARGIN * max(np.ptp(rows), np.ptp(columns)))
+    rows, columns = silhouette.window(mask)
+    more = 1 + round(MARGIN * (max(rows.stop - rows.start, columns.stop - columns.start) - 1))
     return (
-        slice(max(0, int(rows[0]) - more), min(mask.shape[0], int(rows[-1]) + 1 + more)),
-        slice(max(0, int(columns[0]) - more), min(mask.shape[1], int(columns[-1]) + 1 + more)),
+        slice(max(0, rows.start - more), min(mask.shape[0], rows.stop + more)),
+        slice(max(0, columns.start - more), min(mask.shape[1], columns.stop + more)),
     )
 
 
