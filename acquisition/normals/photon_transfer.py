@@ -38,12 +38,14 @@ STARTED_FROM = 2000
 
 GAUSSIAN_MAD = 0.67449
 MISFIT = 0.01
-"""1 σ of a bin's variance beside chance: of tails that are not quite Gaussian, and rounding."""
+"""1 σ of a bin's variance beside chance, as a share of it: of tails that are not quite Gaussian."""
+
+ROUNDING = 0.06
+"""The same of clipping values that are rounded to steps, times the squared step over the variance."""
 
 PATTERN_SHARE = 0.001
 """1 σ of what two frames differ by from pixel to pixel in proportion to brightness, where a lamp came back beside its
 place: a term in its square, which would else be taken for photons."""
-
 
 DOUBTED = 4.0
 """σ off the line from which a point is no longer believed."""
@@ -53,11 +55,11 @@ ROUNDS = 8
 
 @dataclass(frozen=True)
 class Points:
-    """A photon-transfer curve: mean brightness (B,), variance (B,) of one frame's values there, and from how many."""
+    """A photon-transfer curve: mean brightness (B,), variance (B,) of one frame's values there, its relative 1 σ."""
 
     level: FloatArray
     variance: FloatArray
-    count: FloatArray
+    relative: FloatArray
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,9 @@ def points(level: np.ndarray, difference: np.ndarray, top: float, step: float) -
             mean = float(np.mean(level[start:stop], dtype=np.float64))
             variance = _middle_variance(here, step)
             if variance > LEAST_STEPS * step**2:
-                found.append((mean, variance, float(stop - start)))
+                chance = 2.3 / (stop - start)  # clipping costs a little of the efficiency
+                relative = np.sqrt(chance + MISFIT**2 + (ROUNDING * step**2 / variance) ** 2)
+                found.append((mean, variance, float(relative)))
     rows = np.array(found).reshape(-1, 3)
     return Points(rows[:, 0], rows[:, 1], rows[:, 2])
 
@@ -95,7 +99,7 @@ def points(level: np.ndarray, difference: np.ndarray, top: float, step: float) -
 def joined(curves: list[Points]) -> Points:
     """The points of several curves of one sensor."""
     return Points(
-        *(np.concatenate([getattr(curve, name) for curve in curves]) for name in ("level", "variance", "count"))
+        *(np.concatenate([getattr(curve, name) for curve in curves]) for name in ("level", "variance", "relative"))
     )
 
 
@@ -107,20 +111,19 @@ def line(curve: Points) -> Line | None:
     """
     if len(curve.level) < 3:
         return None
-    relative = np.sqrt(2.3 / curve.count + MISFIT**2)  # clipping costs a little of the efficiency
     design = np.stack([curve.level, np.ones_like(curve.level), curve.level**2], axis=1)
     prior = np.diag([0.0, 0.0, PATTERN_SHARE**-4])
     expected = np.maximum(curve.variance, 1e-30)
     belief = np.ones_like(expected)
     solution, inverse, off = np.zeros(3), np.zeros((3, 3)), np.zeros_like(expected)
     for _ in range(ROUNDS):
-        weight = belief / (relative * expected) ** 2
+        weight = belief / (curve.relative * expected) ** 2
         scale = 1 / np.sqrt(np.maximum(np.sum(weight[:, None] * design**2, axis=0), 1e-300))
         normal = (design * weight[:, None]).T @ design + prior
         inverse = np.linalg.pinv(normal * np.outer(scale, scale), rcond=1e-12) * np.outer(scale, scale)
         solution = inverse @ (design.T @ (weight * curve.variance))
         expected = np.maximum(design @ solution, 0.2 * expected)
-        off = (curve.variance - design @ solution) / (relative * expected)
+        off = (curve.variance - design @ solution) / (curve.relative * expected)
         belief = 1 / (1 + (off / DOUBTED) ** 2) ** 2
     misfit = np.sum(belief * off**2) / max(float(np.sum(belief)) - 2, 1.0)
     larger = np.sqrt(max(1.0, float(misfit)))
