@@ -29,6 +29,9 @@ SHARPNESS = 100.0
 
 LEAST_LEANING = 1e-3
 
+SURE = np.float32(np.radians(3.0))
+"""1 σ of normals that count half."""
+
 STRIP = 128
 """Rows that are worked on at once where each pixel takes many helpers."""
 
@@ -52,6 +55,15 @@ def depth(
     pitch = float(np.median(np.abs(np.diff(ray[0], axis=1)))) if keep_steps and mask.shape[1] > 1 else 1.0
     solution = _integrated(edges, log_start, mask, pitch if keep_steps else None)
     return np.exp(solution, out=solution)
+
+
+def certainty(variance: Float32Array) -> Float32Array:
+    """How far normals are to be believed, 0–1; replaces their variance, rad² over both tangential directions."""
+    variance /= SURE * SURE
+    variance += 1
+    np.divide(1, variance, out=variance)
+    variance += np.float32(1e-3)
+    return variance
 
 
 def relief(

@@ -201,7 +201,7 @@ def _block(
         "mask": solved,
         "silhouette": np.ones_like(solved),
         "doubtful": solved & ((used < 3) | (share > LARGEST_SHARE)),
-        "certainty": refine.certainty(final),
+        "certainty": integrate.certainty(final.variance.copy()),
         "start": here.depth_m,
         "whole": here.whole,
     }

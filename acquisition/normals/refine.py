@@ -155,7 +155,7 @@ def refine(
             cauchy_scale=known.cauchy_scale, extra=(np.float32(gloss.SIGMA) * highlight) ** 2,
         )  # fmt: skip
         normals = lambert.facing(found.normals, along)
-        sure = certainty(found)
+        sure = integrate.certainty(found.variance.copy())
         start = coarse.image(depth, float(np.mean(depth)))
         smooth = coarse.take(integrate.depth(coarse.image(normals), mask, ray, coarse.image(sure), start))
         levelled = None
@@ -263,8 +263,3 @@ def _calibrated(
         if calibrate:
             covariance = step.covariance
     return _Shared(log_intensity, covariance, shift, noise)
-
-
-def certainty(found: Estimate) -> Float32Array:
-    """How far a pixel's normal is to be believed in integration, 0–1."""
-    return (1.0 / (1.0 + found.variance / np.radians(3.0) ** 2)).astype(np.float32) + np.float32(1e-3)

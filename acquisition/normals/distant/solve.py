@@ -130,12 +130,9 @@ def _depth(
 
 def _certainty(solved: BoolArray, sigma: Float32Array) -> Float32Array:
     """How far each normal is to be believed in integration (H, W), 0–1; kept by nobody else, since memory counts."""
-    certainty = np.nan_to_num(sigma, nan=90.0)
-    certainty /= 3
-    certainty *= certainty
-    certainty += 1
-    np.divide(1, certainty, out=certainty)
-    certainty += np.float32(1e-3)
+    variance = np.radians(np.nan_to_num(sigma, nan=90.0))
+    variance *= variance
+    certainty = integrate.certainty(variance)
     certainty[~solved] = 0
     return certainty
 

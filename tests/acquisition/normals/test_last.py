@@ -151,3 +151,19 @@ def test_light_from_other_surfaces_is_no_highlight(cushion: scenes.Scene) -> Non
     ]
     assert shares[0] > 0.3
     assert shares[1] < 0.03
+
+
+def test_pixels_with_two_lights_lean_on_those_round_them(cushion: scenes.Scene) -> None:
+    stack, whole = images(cushion), slice(0, SIZE)
+    assert isinstance(stack, Stack)
+    lone = np.zeros((SIZE, SIZE), np.bool_)
+    lone[2::6, 2::6] = cushion.graded[2::6, 2::6]
+    values = stack.values.copy()
+    values[2:, lone] = 0
+    seen = Seen(replace(stack, values=values), cushion.mask, photometry.rays(cushion.calibration, whole, whole))
+    gathered = seen.gathered(FACTOR, last.sample(int(np.count_nonzero(cushion.mask))), None)
+    known = model(cushion.calibration, stack)
+    start = replace(refined(gathered, known.noise, NONE, 0.0), log_intensity=np.zeros(len(LIGHTS)))
+    found = last.solve(seen, gathered, start, known, (SIZE, SIZE))
+    assert np.max(found.sigma_deg[lone]) < 12  # alone, none is under 20
+    assert np.mean(cushion.error_deg(found.normals)[lone[cushion.graded]]) < 4
