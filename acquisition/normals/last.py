@@ -4,8 +4,8 @@ unknown.
 Blocks of rows are solved one after another and put into maps of the whole frame. A pixel's solve knows of its
 neighbours only which of them are in shadow, once for each turn in which light is taken out, so a block solved with so
 many rows more comes out as if it had been solved with all. A pixel with fewer than two usable lights gets no normal;
-one with two gets one that leans on the prior, and a σ that says so. At last, pixels that are unsure lean on those round
-them.
+one with two gets one that leans on the prior, and a σ that says so. At last the normals are made those of a surface,
+and pixels that are unsure lean on those round them.
 """
 
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ from acquisition.measured import (
     NormalMap,
     SolveSettings,
 )
-from acquisition.normals import integrate, interreflection, lambert, large, lobe, neighbours, refine
+from acquisition.normals import integrable, integrate, interreflection, lambert, large, lobe, neighbours, refine
 from acquisition.normals import noise as residuals
 from acquisition.normals.blocks import Gathered, Seen
 from acquisition.normals.lambert import Estimate, Pixels
@@ -128,10 +128,12 @@ def solve(seen: Seen, gathered: Gathered, refined: Refined, model: Model, size: 
             matrices.append(found.matrices)
         before = after
     del windows
-    neighbours.lean(maps["normals"][place], maps["sigma_deg"][place])
+    settled = maps["normals"][place], maps["sigma_deg"][place]
+    integrable.settle(*settled, surface["variance"], seen.ray)
+    neighbours.lean(*settled)
     depth = integrate.depth(
-        maps["normals"][place].transpose(2, 0, 1), seen.mask, seen.ray, surface.pop("certainty"), surface.pop("start"),
-        whole=surface.pop("whole", None), keep_steps=model.settings.keep_steps,
+        maps["normals"][place].transpose(2, 0, 1), seen.mask, seen.ray, integrate.certainty(surface.pop("variance")),
+        surface.pop("start"), whole=surface.pop("whole", None), keep_steps=model.settings.keep_steps,
     )  # fmt: skip
     unsolved = ~maps["mask"]
     maps["normals"][unsolved] = 0
@@ -169,8 +171,9 @@ def _outside(size: tuple[int, int]) -> dict[str, np.ndarray]:
 
 
 def _surface(shape: tuple[int, int], *, stepped: bool) -> dict[str, np.ndarray]:
-    """What integration wants to know of the window (h, w) beside the normals, as it is outside of the object."""
-    maps = {"certainty": np.zeros(shape, np.float32), "start": np.ones(shape, np.float32)}
+    """What is wanted of the window (h, w) beside the normals to join and to integrate them, as it is outside of the
+    object."""
+    maps = {"variance": np.zeros(shape, np.float32), "start": np.ones(shape, np.float32)}
     return maps | ({"whole": np.ones(shape, np.float32)} if stepped else {})
 
 
@@ -201,7 +204,7 @@ def _block(
         "mask": solved,
         "silhouette": np.ones_like(solved),
         "doubtful": solved & ((used < 3) | (share > LARGEST_SHARE)),
-        "certainty": integrate.certainty(final.variance.copy()),
+        "variance": final.variance,
         "start": here.depth_m,
         "whole": here.whole,
     }

@@ -7,7 +7,7 @@ import pytest
 
 from acquisition import normals, photometry
 from acquisition.measured import HIGHLIGHT, LIT, Calibration, NormalMap, SolveSettings
-from acquisition.normals import blocks, last, observe
+from acquisition.normals import blocks, integrable, last, observe
 from acquisition.normals.blocks import Gathered, Seen
 from acquisition.normals.last import Model
 from acquisition.normals.lobe import NONE, Lobe
@@ -167,3 +167,20 @@ def test_pixels_with_two_lights_lean_on_those_round_them(cushion: scenes.Scene) 
     found = last.solve(seen, gathered, start, known, (SIZE, SIZE))
     assert np.max(found.sigma_deg[lone]) < 12  # alone, none is under 20
     assert np.mean(cushion.error_deg(found.normals)[lone[cushion.graded]]) < 4
+
+
+def test_normals_are_those_of_a_surface(cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    stack, whole = images(cushion), slice(0, SIZE)
+    seen = Seen(stack, cushion.mask, photometry.rays(cushion.calibration, whole, whole))
+    gathered = seen.gathered(FACTOR, last.sample(int(np.count_nonzero(cushion.mask))), None)
+    known = model(cushion.calibration, stack)
+    start = replace(refined(gathered, known.noise, NONE, 0.0), log_intensity=np.zeros(len(LIGHTS)))
+
+    def median_deg() -> float:
+        found = last.solve(seen, gathered, start, known, (SIZE, SIZE))
+        return float(np.median(cushion.error_deg(found.normals)))
+
+    settled = median_deg()
+    monkeypatch.setattr(integrable, "ROUNDS", 0)
+    single = median_deg()
+    assert settled < 0.95 * single

@@ -1,0 +1,114 @@
+"""Half of the noise goes, σ with it; relief of a surface stays as it is, and nothing is pulled across a step."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.normals import integrable
+
+PITCH = 0.001
+
+
+def rays(height: int, width: int) -> np.ndarray:
+    """Rays (2, H, W) of an undistorted camera."""
+    y, x = np.mgrid[:height, :width]
+    return (PITCH * np.stack([x - width / 2, y - height / 2])).astype(np.float32)
+
+
+def normals(log_depth: np.ndarray, ray: np.ndarray) -> np.ndarray:
+    """Normals (H, W, 3), view frame, of the surface whose log depth is given at the pixels' corners (H + 1, W + 1)."""
+    across = np.diff(log_depth, axis=1)
+    down = np.diff(log_depth, axis=0)
+    p, q = (across[1:] + across[:-1]) / 2 / PITCH, (down[:, 1:] + down[:, :-1]) / 2 / PITCH
+    out = np.dstack([p, -q, 1 + p * ray[0] + q * ray[1]])
+    return (out / np.linalg.norm(out, axis=-1, keepdims=True)).astype(np.float32)
+
+
+def bumpy(height: int, width: int, seed: int, slope: float = 0.3) -> np.ndarray:
+    """A surface (H + 1, W + 1) whose normals are as rough as pixels can be."""
+    return PITCH * slope * np.random.default_rng(seed).normal(size=(height + 1, width + 1))
+
+
+def shaken(true: np.ndarray, sigma_deg: float, seed: int) -> np.ndarray:
+    """The normals with errors of σ over both tangential directions."""
+    noise = np.random.default_rng(seed).normal(size=true.shape) * np.radians(sigma_deg) / np.sqrt(2)
+    noise -= np.sum(noise * true, axis=-1, keepdims=True) * true
+    out = true + noise
+    return (out / np.linalg.norm(out, axis=-1, keepdims=True)).astype(np.float32)
+
+
+def error_deg(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return np.degrees(2 * np.arcsin(np.linalg.norm(one - other, axis=-1) / 2))
+
+
+def settled(found: np.ndarray, sigma_deg: float, ray: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Normals, σ in degrees and the variance of what pixels do not share, where all of σ is that at first."""
+    out, sigma = found.copy(), np.full(found.shape[:2], sigma_deg, np.float32)
+    variance = np.radians(sigma) ** 2
+    integrable.settle(out, sigma, variance, ray)
+    return out, sigma, variance
+
+
+@pytest.mark.parametrize("relief", [0.0, 0.05])
+def test_half_of_the_variance_goes_however_rough_the_surface_and_sigma_says_so(relief: float) -> None:
+    ray = rays(300, 80)
+    true = normals(bumpy(300, 80, 1, relief), ray)
+    found, sigma, _ = settled(shaken(true, 1.0, 2), 1.0, ray)
+    left = np.mean(error_deg(found, true) ** 2)
+    assert left == pytest.approx(0.5, abs=0.03)
+    assert np.mean(sigma**2) == pytest.approx(left, rel=0.06)
+
+
+@given(seed=st.integers(0, 1000), height=st.integers(1, 40), width=st.integers(1, 12))
+@settings(max_examples=25)
+def test_a_surface_stays_as_it_is(seed: int, height: int, width: int) -> None:
+    ray = rays(height, width)
+    true = normals(bumpy(height, width, seed), ray)
+    found, sigma, variance = settled(true, 2.0, ray)
+    assert np.max(error_deg(found, true)) < 0.02
+    assert np.all((sigma <= 2.0 + 1e-5) & (sigma >= 1.41))
+    np.testing.assert_allclose(np.radians(sigma) ** 2, variance, rtol=1e-4)
+
+
+def test_what_pixels_share_stays_in_sigma() -> None:
+    ray = rays(30, 30)
+    sigma = np.full((30, 30), 2.0, np.float32)
+    variance = np.radians(np.full_like(sigma, 1.0)) ** 2
+    integrable.settle(shaken(normals(bumpy(30, 30, 3, 0.05), ray), 1.0, 4), sigma, variance, ray)
+    assert np.median(sigma) == pytest.approx(np.sqrt(3.5), rel=0.02)
+
+
+def test_pixels_without_a_normal_are_left_out() -> None:
+    ray = rays(30, 30)
+    before = shaken(normals(bumpy(30, 30, 5), ray), 1.0, 6)
+    out, sigma = before.copy(), np.ones((30, 30), np.float32)
+    holes = np.random.default_rng(7).random(sigma.shape) < 0.3
+    out[holes], sigma[holes] = 0, np.nan
+    variance = np.radians(np.nan_to_num(sigma, nan=50.0)) ** 2
+    integrable.settle(out, sigma, variance, ray)
+    assert not np.any(out[holes])
+    assert np.all(np.isnan(sigma[holes]))
+    np.testing.assert_allclose(np.linalg.norm(out[~holes], axis=-1), 1, atol=1e-5)
+
+
+def test_two_surfaces_that_meet_at_a_limb_keep_their_normals() -> None:
+    """One rises towards the limb, the other runs along it: no one surface has both."""
+    ray = rays(60, 60)
+    y, x = np.mgrid[:61, :61] * PITCH
+    one, other = normals(-np.sqrt(0.04**2 - (x - 0.03) ** 2) * 2, ray), normals(1.2 * y, ray)
+    true = np.where(np.arange(60)[None, :, None] < 40, one, other)
+    found, _, _ = settled(shaken(true, 0.5, 8), 0.5, ray)
+    beside = slice(37, 43)
+    assert np.mean(error_deg(found, true)[:, beside]) < 0.5
+    assert np.max(error_deg(found, true)) < 2.5
+
+
+def test_strips_of_rows_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    ray = rays(120, 20)
+    shown = shaken(normals(bumpy(120, 20, 9), ray), 1.0, 10)
+    whole, sigma, _ = settled(shown, 1.0, ray)
+    monkeypatch.setattr(integrable, "ROWS", 25)
+    parts, sigma_of_parts, _ = settled(shown, 1.0, ray)
+    assert np.max(error_deg(whole, parts)) < 0.01
+    np.testing.assert_allclose(sigma, sigma_of_parts, rtol=1e-3)
