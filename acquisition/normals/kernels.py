@@ -11,7 +11,7 @@ is an order of magnitude faster than the obvious order. Kernels compile at impor
 import numba
 import numpy as np
 
-from acquisition.types import Float32Array
+from acquisition.types import Float32Array, FloatArray
 
 BLOCK = 512
 
@@ -224,4 +224,57 @@ def estimate(  # noqa: PLR0915 - one fused kernel is the point
             residual[start + p] = np.sqrt(b[0, p] / max(b[1, p], one))
 
 
-KERNELS = (estimate,)
+@numba.njit(
+    "void(float32[:,:,::1], float32[:,::1], float32[:,::1], float32[:,::1], float32[:,:,::1])",
+    cache=True,
+    parallel=True,
+    fastmath=True,
+    error_model="numpy",
+)
+def derivative(
+    light: Float32Array,  # (F, 3, N)
+    point: Float32Array,  # (3, N)
+    along: Float32Array,  # (3, N) ∂x/∂Z
+    lamp: Float32Array,  # (F, 6)
+    out: Float32Array,  # (F, 3, N) ∂s/∂Z = −|s|/r (a − 3 d̂ (d̂·a)), d̂ = s/|s|
+) -> None:
+    """How light vectors change with depth."""
+    for block in numba.prange((light.shape[2] + BLOCK - 1) // BLOCK):
+        start = block * BLOCK
+        stop = min(start + BLOCK, light.shape[2])
+        for f in range(light.shape[0]):
+            for n in range(start, stop):
+                sx, sy, sz = light[f, 0, n], light[f, 1, n], light[f, 2, n]
+                rx, ry, rz = lamp[f, 0] - point[0, n], lamp[f, 1] - point[1, n], lamp[f, 2] - point[2, n]
+                ax, ay, az = along[0, n], along[1, n], along[2, n]
+                s2 = sx * sx + sy * sy + sz * sz
+                scale = -np.sqrt(s2 / (rx * rx + ry * ry + rz * rz))
+                dot = np.float32(3.0) * (sx * ax + sy * ay + sz * az) / (s2 + np.float32(1e-24))
+                out[f, 0, n] = scale * (ax - sx * dot)
+                out[f, 1, n] = scale * (ay - sy * dot)
+                out[f, 2, n] = scale * (az - sz * dot)
+
+
+@numba.njit("void(float64[:,::1])", cache=True, error_model="numpy")
+def cholesky(matrix: FloatArray) -> None:
+    """Replaces the lower triangle of a small positive definite matrix (M, M) by L with L Lᵀ = the matrix."""
+    for i in range(len(matrix)):
+        for j in range(i + 1):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = np.sqrt(total) if i == j else total / matrix[j, j]
+
+
+@numba.njit("void(float64[:,::1], float64[:,::1])", cache=True, error_model="numpy")
+def forward(lower: FloatArray, columns: FloatArray) -> None:
+    """Replaces columns (M, K) by L⁻¹ of them, L (M, M) a lower triangle."""
+    for i in range(len(lower)):
+        for k in range(columns.shape[1]):
+            total = columns[i, k]
+            for j in range(i):
+                total -= lower[i, j] * columns[j, k]
+            columns[i, k] = total / lower[i, i]
+
+
+KERNELS = (estimate, derivative, cholesky, forward)

@@ -84,11 +84,11 @@ class Estimate:
 
 def derivative(light: Float32Array, point: Float32Array, along: Float32Array, lamp: Float32Array) -> Float32Array:
     """∂s/∂Z (F, 3, N): how light vectors `light` (F, 3, N) change with depth; `point`, `along` (3, N), lamps (F, 6)."""
-    strength = np.sqrt(np.sum(light * light, axis=1, keepdims=True))
-    unit = light / np.maximum(strength, np.float32(1e-12))
-    distance = np.sqrt(np.sum((lamp[:, :3, None] - point[None]) ** 2, axis=1, keepdims=True))
-    turning = np.sum(unit * along[None], axis=1, keepdims=True)
-    return -strength / distance * (along[None] - 3 * unit * turning)
+    out = np.empty(light.shape, np.float32)
+    kernels.derivative(
+        np.ascontiguousarray(light, np.float32), np.ascontiguousarray(point), np.ascontiguousarray(along), lamp, out
+    )
+    return out
 
 
 def measurements(

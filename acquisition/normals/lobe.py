@@ -5,17 +5,20 @@ y = g·s + k|s|(n·h)^α, h half way between lamp and camera, each pixel's g is 
 so that k is a quotient of two sums for each α of a grid, and the α of least residual is taken (Blinn's lobe; it also
 serves for microfacet gloss, since only its width and height matter). Highlights are not outliers here: the weights come
 from a solve that hardly rejects.
+
+Kernels compile at import, into numba's cache.
 """
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from acquisition.measured import Calibration
-from acquisition.normals import lambert
+from acquisition.normals import kernels, lambert
 from acquisition.normals.lambert import Estimate, Pixels
 from acquisition.photometry import Noise
-from acquisition.types import Float32Array
+from acquisition.types import BoolArray, Float32Array, FloatArray
 
 EXPONENTS = (12.0, 18.0, 25.0, 35.0, 50.0, 80.0, 120.0)
 SIGMA = 0.2
@@ -111,33 +114,87 @@ def _strength(values: Float32Array, found: Estimate, along: Float32Array, lamp: 
     enough = np.count_nonzero(found.weights > 0, axis=0) >= LEAST_LIGHTS
     if np.count_nonzero(enough) < LEAST_PIXELS:
         return NONE, 0.0
-    root = np.sqrt(found.weights[:, enough].astype(np.float64)).T  # (K, F)
-    light = found.light[:, :, enough]
-    own = light.transpose(2, 0, 1) * root[:, :, None]  # (K, F, 3)
-    matrix = own.transpose(0, 2, 1) @ own
-    matrix += 1e-6 * np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(3)
-    inner = np.linalg.inv(matrix)
-
-    def rest(rows: np.ndarray) -> np.ndarray:
-        return rows - np.einsum("kfa,ka->kf", own, np.einsum("kab,kb->ka", inner, np.einsum("kfa,kf->ka", own, rows)))
-
-    measured = rest(root * values[:, enough].T)
-    normals, along = found.normals[:, enough], along[:, enough]
-    change = lambert.derivative(light, found.point[:, enough], along, lamp)
-    shift = rest(root * np.einsum("fck,ck->kf", change, found.g[:, enough]))
-    shift /= max(float(np.linalg.norm(shift)), 1e-12)
-    measured = measured - shift * float(np.sum(shift * measured))
-    whole = float(np.sum(measured * measured))
+    change = lambert.derivative(found.light, found.point, along, lamp)
+    half, length = _half_way(found.light, along)
+    gram = np.zeros((2 + len(EXPONENTS), 2 + len(EXPONENTS)))
+    _products(
+        found.weights,
+        found.light,
+        np.ascontiguousarray(values, np.float32),
+        np.einsum("fck,ck->fk", change, found.g),
+        np.einsum("fck,ck->fk", half, found.normals),
+        length,
+        np.array(EXPONENTS),
+        enough,
+        gram,
+    )
+    gram -= np.outer(gram[:, 1], gram[1]) / max(float(gram[1, 1]), 1e-24)  # the shift projected out
+    whole = float(gram[0, 0])
     best, least = NONE, whole
-    for exponent in EXPONENTS:
-        column = rest(root * _shape(light, normals, along, exponent).T)
-        column -= shift * float(np.sum(shift * column))
-        length = float(np.sum(column * column))
-        strength = float(np.sum(column * measured)) / max(length, 1e-12)
-        left = whole - strength**2 * length
+    for exponent, along_lobe, squared in zip(EXPONENTS, gram[2:, 0], np.diag(gram)[2:], strict=True):
+        strength = float(along_lobe) / max(float(squared), 1e-12)
+        left = whole - strength**2 * float(squared)
         if strength > 0 and left < least:
             best, least = Lobe(strength, exponent), left
     return best, 1 - least / max(whole, 1e-12)
+
+
+@numba.njit(
+    "void(float32[:,::1], float32[:,:,::1], float32[:,::1], float32[:,::1], float32[:,::1], float32[:,::1],"
+    " float64[::1], boolean[::1], float64[:,::1])",
+    cache=True,
+    error_model="numpy",
+)
+def _products(  # noqa: PLR0912 - one fused kernel is the point
+    weights: Float32Array,  # (F, K)
+    light: Float32Array,  # (F, 3, K)
+    values: Float32Array,  # (F, K)
+    shift: Float32Array,  # (F, K): how values change when the object is shifted
+    cosine: Float32Array,  # (F, K): n·h
+    strength: Float32Array,  # (F, K): |s|
+    exponents: FloatArray,  # (E,)
+    enough: BoolArray,  # (K,): the pixels that count
+    out: FloatArray,  # (2 + E, 2 + E)
+) -> None:
+    """Adds the scalar products of values, shift and lobes over all pixels, each pixel's g projected out of them."""
+    count, size = len(weights), len(out)
+    own, columns = np.empty((count, 3)), np.empty((count, size))
+    inner, across = np.empty((3, 3)), np.empty((3, size))
+    for p in range(weights.shape[1]):
+        if not enough[p]:
+            continue
+        for f in range(count):
+            root = np.sqrt(np.float64(weights[f, p]))
+            for c in range(3):
+                own[f, c] = root * light[f, c, p]
+            columns[f, 0], columns[f, 1] = root * values[f, p], root * shift[f, p]
+            level = np.log(min(max(np.float64(cosine[f, p]), 1e-30), 1.0))
+            for e in range(len(exponents)):
+                columns[f, 2 + e] = root * strength[f, p] * np.exp(exponents[e] * level)
+        trace = 0.0
+        for i in range(3):
+            for j in range(3):
+                inner[i, j] = 0.0
+                for f in range(count):
+                    inner[i, j] += own[f, i] * own[f, j]
+            trace += inner[i, i]
+            for k in range(size):
+                across[i, k] = 0.0
+                for f in range(count):
+                    across[i, k] += own[f, i] * columns[f, k]
+        for i in range(3):
+            inner[i, i] += 1e-6 * trace
+        kernels.cholesky(inner)
+        kernels.forward(inner, across)
+        for a in range(size):
+            for b in range(a, size if a < 2 else a + 1):  # no two lobes are asked for together
+                total = 0.0
+                for f in range(count):
+                    total += columns[f, a] * columns[f, b]
+                for i in range(3):
+                    total -= across[i, a] * across[i, b]
+                out[a, b] += total
+                out[b, a] = out[a, b]
 
 
 def _shape(light: Float32Array, normals: Float32Array, along: Float32Array, exponent: float) -> Float32Array:
@@ -154,3 +211,6 @@ def _half_way(light: Float32Array, along: Float32Array) -> tuple[Float32Array, F
     half = light / np.maximum(strength, np.float32(1e-9))[:, None] + view
     length = np.sqrt(np.einsum("fcn,fcn->fn", half, half))
     return half / np.maximum(length, np.float32(1e-6))[:, None], strength
+
+
+KERNELS = (_products,)

@@ -4,13 +4,16 @@ Two shares of the noise cannot be known beforehand: an error c in proportion to 
 model) and one in proportion to ρ|s| (directions of the light). A residual's spread is √(v (1 − h)), h the leverage of
 its measurement in the pixel's own solve with the depth column; c is set so that the median of the whitened bright
 residuals is that of a Gaussian, and σ_d likewise by grazing ones. Medians, because a few per cent are half in shadow.
+
+Kernels compile at import, into numba's cache.
 """
 
 from dataclasses import replace
 
+import numba
 import numpy as np
 
-from acquisition.normals import lambert
+from acquisition.normals import kernels, lambert
 from acquisition.normals.lambert import Estimate
 from acquisition.photometry import Noise
 from acquisition.types import Float32Array, FloatArray
@@ -30,7 +33,6 @@ believed less for it."""
 INTENSITY_RANGE = (0.001, 0.1)
 DIRECTION_RANGE = (0.001, 0.05)
 ROUNDS = 2
-STEPS = 14
 
 
 def estimate(
@@ -50,8 +52,8 @@ def estimate(
     slope = np.einsum("fck,ck->fk", change, g)
     bent = light + change * found.offset_m[enough]
     predicted = np.einsum("fck,ck->fk", bent, g)
-    rows = np.concatenate([bent, slope[:, None]], axis=1).transpose(2, 0, 1)  # (K, F, 4)
-    ridge = np.diag([1e-6, 1e-6, 1e-6, offset_sigma_m**-2])
+    rows = np.ascontiguousarray(np.concatenate([bent, slope[:, None]], axis=1))  # (F, 4, K)
+    leverage = np.empty(y.shape)
     strength = np.sqrt(np.einsum("fck,fck->fk", light, light)) * np.sqrt(np.sum(g * g, axis=0))
     cosine = predicted / np.maximum(strength, 1e-9)
     used = found.weights[:, enough] > 0
@@ -59,9 +61,7 @@ def estimate(
     added = extra[:, enough]
     for _ in range(ROUNDS):
         variance = noise.variance(np.maximum(y, 0), strength) + added
-        weight = np.where(used, 1 / variance, 0).T
-        inner = np.linalg.inv(np.einsum("kfa,kf,kfb->kab", rows, weight, rows, optimize=True) + ridge)
-        leverage = (np.einsum("kfa,kab,kfb->kf", rows, inner, rows, optimize=True) * weight).T
+        _leverage(rows, np.ascontiguousarray(np.where(used, 1 / variance, 0)), offset_sigma_m, leverage)
         told = used & (leverage < LARGEST_LEVERAGE)
         left = residual**2 / np.maximum(1 - leverage, 0.05)
         bright, grazing = told & (cosine > BRIGHT), told & (cosine < GRAZING)
@@ -81,13 +81,31 @@ def _fitted(
     if np.count_nonzero(where) < LEAST_EVIDENCE or np.mean(np.any(where, axis=0)) < LEAST_SHARE:
         return None
     squares, rest, by = squares[where], rest[where], by[where]
-    low, high = np.log(within[0]), np.log(within[1])
-    if float(np.median(squares / (rest + within[0] ** 2 * by))) <= GAUSSIAN_MEDIAN**2:
-        return within[0]
-    for _ in range(STEPS):
-        middle = (low + high) / 2
-        if float(np.median(squares / (rest + np.exp(2 * middle) * by))) > GAUSSIAN_MEDIAN**2:
-            low = middle
-        else:
-            high = middle
-    return float(np.exp((low + high) / 2))
+    # squares / (rest + q² by) is above the Gaussian's median where q² is below this.
+    return float(np.clip(np.sqrt(max(float(np.median((squares / GAUSSIAN_MEDIAN**2 - rest) / by)), 0.0)), *within))
+
+
+@numba.njit("void(float64[:,:,::1], float64[:,::1], float64, float64[:,::1])", cache=True, error_model="numpy")
+def _leverage(rows: FloatArray, weight: FloatArray, offset_sigma_m: float, out: FloatArray) -> None:
+    """Each measurement's leverage (F, K) in its pixel's solve, of rows (F, 4, K) that have weights (F, K)."""
+    count = len(rows)
+    inner, across = np.empty((4, 4)), np.empty((4, count))
+    for p in range(rows.shape[2]):
+        for i in range(4):
+            for j in range(4):
+                inner[i, j] = 0.0
+                for f in range(count):
+                    inner[i, j] += weight[f, p] * rows[f, i, p] * rows[f, j, p]
+            inner[i, i] += 1e-6 if i < 3 else offset_sigma_m**-2
+            for f in range(count):
+                across[i, f] = rows[f, i, p]
+        kernels.cholesky(inner)
+        kernels.forward(inner, across)
+        for f in range(count):
+            total = 0.0
+            for i in range(4):
+                total += across[i, f] * across[i, f]
+            out[f, p] = weight[f, p] * total
+
+
+KERNELS = (_leverage,)

@@ -4,16 +4,19 @@ Each pixel with more than four usable lights has measurements to spare. Its own 
 offset) are projected out; what is left is linear in the few unknowns that all pixels share. The depth column in the
 projection keeps wrong depth at steps from being taken for wrong intensities. Model errors of neighbouring pixels go
 together, so the pixels' evidence is divided by `CORRELATED` before it meets the priors.
+
+Kernels compile at import, into numba's cache.
 """
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
-from acquisition.normals import lambert
+from acquisition.normals import kernels, lambert
 from acquisition.normals.lambert import Estimate
 from acquisition.normals.lobe import Change
-from acquisition.types import Float32Array, FloatArray
+from acquisition.types import BoolArray, Float32Array, FloatArray
 
 CORRELATED = 20.0
 """Pixels whose model errors go together, errors of the lamps' positions included, which all pixels of an image share:
@@ -68,41 +71,31 @@ def step(
     enough = np.count_nonzero(weights > 0, axis=0) >= LEAST_LIGHTS
     if np.count_nonzero(enough) < LEAST_PIXELS:
         return Shared(np.zeros(count), 0.0, intensity_sigma**2 * np.eye(count))
-    s = light[:, :, enough].astype(np.float64)
-    d = derivative[:, :, enough].astype(np.float64)
-    normal = g[:, enough].astype(np.float64)
-    root = np.sqrt(weights[:, enough].astype(np.float64))
-    slope = np.einsum("fck,ck->fk", d, normal)
-    shaded = np.einsum("fck,ck->fk", s, normal) + slope * offset_m[enough]
-    lobe = np.zeros((count, 0, len(slope[0])))
-    whole = shaded
-    if gloss is not None:
-        s = s + gloss.by_g[:, :, enough]
-        lobe = gloss.by_lobe[:, :, enough].astype(np.float64)
-        whole = shaded + gloss.highlight[:, enough]
-    own = np.concatenate([s + d * offset_m[enough], slope[:, None, :]], axis=1) * root[:, None, :]
-    own = own.transpose(2, 0, 1)  # (K, F, 4)
-    ridge = np.diag([1e-6, 1e-6, 1e-6, offset_sigma_m**-2])
-    inner = np.linalg.inv(own.transpose(0, 2, 1) @ own + ridge)
-    projector = np.eye(count) - own @ inner @ own.transpose(0, 2, 1)
-    columns = np.zeros((own.shape[0], count, count + 1 + lobe.shape[1]))
-    columns[:, np.arange(count), np.arange(count)] = (root * whole).T
-    columns[:, :, count] = (root * slope).T
-    columns[:, :, count + 1 :] = (root[:, None] * lobe).transpose(2, 0, 1)
-    left = (root * (values[:, enough] - shaded)).T
-    # The offset's prior pulls it to zero: its pseudo-observation enters the residual's projection.
-    projected = np.einsum("kfg,kg->kf", projector, left)
-    pull = own @ inner[:, :, 3:] * (offset_m[enough] * offset_sigma_m**-2)[:, None, None]
-    projected += pull[:, :, 0]
-    matrix = np.einsum("kfa,kfg,kgb->ab", columns, projector, columns, optimize=True) / CORRELATED
-    right = np.einsum("kfa,kf->a", columns, projected) / CORRELATED
-    present = np.concatenate([log_intensity, [shift_m], np.zeros(lobe.shape[1])])
-    others = np.array([shift_sigma_m] + [LOBE_SIGMA] * lobe.shape[1])
+    lobes = 0 if gloss is None else gloss.by_lobe.shape[1]
+    matrix, right = np.zeros((count + 1 + lobes, count + 1 + lobes)), np.zeros(count + 1 + lobes)
+    nothing = np.zeros((count, 0, 0), np.float32)
+    _normal_equations(
+        light,
+        derivative,
+        np.ascontiguousarray(values, np.float32),
+        g,
+        offset_m,
+        weights,
+        nothing if gloss is None else np.ascontiguousarray(gloss.by_g, np.float32),
+        nothing if gloss is None else np.ascontiguousarray(gloss.by_lobe, np.float32),
+        enough,
+        offset_sigma_m,
+        matrix,
+        right,
+    )
+    matrix, right = matrix / CORRELATED, right / CORRELATED
+    present = np.concatenate([log_intensity, [shift_m], np.zeros(lobes)])
+    others = np.array([shift_sigma_m] + [LOBE_SIGMA] * lobes)
     if intensity_sigma > 0:
         intensity_sigma = likely(matrix, right + matrix @ present, _precision(others), intensity_sigma)
     held = np.concatenate([np.full(count, intensity_sigma), others])
     prior = _precision(held)
-    covariance = np.linalg.inv(matrix + np.diag(prior))
+    covariance = np.asarray(np.linalg.inv(matrix + np.diag(prior)), np.float64)
     change = covariance @ (right - prior * np.where(held > 0, present, 0.0))
     return Shared(change[:count], float(change[count]), covariance[:count, :count])
 
@@ -140,3 +133,89 @@ def spread(found: Estimate, covariance: FloatArray) -> Float32Array:
     shaded = found.weights * np.einsum("fcn,cn->fn", found.light, found.g)
     moved = lambert.turned(found, np.einsum("fn,fan->naf", shaded, found.light).astype(np.float64))
     return np.einsum("naf,fg,nag->n", moved, covariance, moved, optimize=True).astype(np.float32)
+
+
+@numba.njit(
+    "void(float32[:,:,::1], float32[:,:,::1], float32[:,::1], float32[:,::1], float32[::1], float32[:,::1],"
+    " float32[:,:,::1], float32[:,:,::1], boolean[::1], float64, float64[:,::1], float64[::1])",
+    cache=True,
+    error_model="numpy",
+)
+def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
+    light: Float32Array,  # (F, 3, K)
+    derivative: Float32Array,  # (F, 3, K)
+    values: Float32Array,  # (F, K)
+    g: Float32Array,  # (3, K)
+    offset_m: Float32Array,  # (K,)
+    weights: Float32Array,  # (F, K)
+    by_g: Float32Array,  # (F, 3, K), or empty without a lobe
+    by_lobe: Float32Array,  # (F, L, K)
+    enough: BoolArray,  # (K,): the pixels that count
+    offset_sigma_m: float,
+    matrix: FloatArray,  # (M, M), M = F + 1 + L
+    right: FloatArray,  # (M,)
+) -> None:
+    """Adds the normal equations of the shared unknowns, from which each pixel's own are eliminated.
+
+    With a pixel's whitened rows O (F, 4) of its own unknowns, C (F, M) of the shared ones and residuals r, these are
+    CᵀC − CᵀO (OᵀO + prior)⁻¹ OᵀC and Cᵀr − CᵀO (OᵀO + prior)⁻¹ (Oᵀr − the offset's pull towards its prior's zero).
+    """
+    count, lobes = light.shape[0], by_lobe.shape[1]
+    size = count + 1 + lobes
+    own, inner = np.empty((count, 4)), np.empty((4, 4))
+    columns, across = np.empty((count, lobes + 2)), np.empty((4, size + 1))  # the last column is r
+    shaded = np.empty(count)
+    for p in range(light.shape[2]):
+        if not enough[p]:
+            continue
+        offset = np.float64(offset_m[p])
+        for f in range(count):
+            root = np.sqrt(np.float64(weights[f, p]))
+            slope, direct = 0.0, 0.0
+            for c in range(3):
+                slope += derivative[f, c, p] * np.float64(g[c, p])
+                direct += light[f, c, p] * np.float64(g[c, p])
+                bent = light[f, c, p] + derivative[f, c, p] * offset
+                own[f, c] = root * (bent + by_g[f, c, p] if lobes else bent)
+            direct += slope * offset
+            own[f, 3] = columns[f, 0] = root * slope
+            for one in range(lobes):
+                columns[f, 1 + one] = root * by_lobe[f, one, p]
+            columns[f, lobes + 1] = root * (values[f, p] - direct)
+            shaded[f] = root * (direct + by_lobe[f, 0, p] if lobes else direct)
+        for i in range(4):
+            for j in range(4):
+                inner[i, j] = 0.0
+                for f in range(count):
+                    inner[i, j] += own[f, i] * own[f, j]
+            inner[i, i] += 1e-6 if i < 3 else offset_sigma_m**-2
+            for f in range(count):
+                across[i, f] = own[f, i] * shaded[f]
+            for one in range(lobes + 2):
+                across[i, count + one] = 0.0
+                for f in range(count):
+                    across[i, count + one] += own[f, i] * columns[f, one]
+        across[3, size] -= offset * offset_sigma_m**-2
+        kernels.cholesky(inner)
+        kernels.forward(inner, across)
+        for a in range(size):
+            for b in range(size + 1):
+                if a < count and b < count:
+                    total = shaded[a] * shaded[a] if a == b else 0.0
+                elif a < count:
+                    total = shaded[a] * columns[a, b - count]
+                elif b < count:
+                    total = shaded[b] * columns[b, a - count]
+                else:
+                    total = 0.0
+                    for f in range(count):
+                        total += columns[f, a - count] * columns[f, b - count]
+                for i in range(4):
+                    total -= across[i, a] * across[i, b]
+                if b < size:
+                    matrix[a, b] += total
+                else:
+                    right[a] += total
+
+
+KERNELS = (_normal_equations,)
