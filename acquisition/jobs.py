@@ -22,7 +22,7 @@ from acquisition.measured import Calibration, NormalMap, Observations, ResultSum
 from acquisition.normals import export, report, solve
 from acquisition.normals.export import lights as light_files
 from acquisition.normals.folders import session as session_images
-from acquisition.plan import baselines, explain
+from acquisition.plan import baselines, explain, visibility
 from acquisition.types import BoolArray, FloatArray, JointPath, Light, LightPlan, Recipe, Route, Vector3
 from acquisition.waypoints import reach as reaching
 from acquisition.waypoints import rejoin, sketch
@@ -129,10 +129,13 @@ def _drawn(mask: Path | None, calibration: Calibration) -> BoolArray | None:
 
 
 def expected_levels(normal_map: NormalMap, lights: list[Light], calibration: Calibration) -> list[float]:
-    """For each light the 99.5th percentile of the signal over the solved pixels, fraction of full scale per second."""
+    """For each light the 99.5th percentile of the signal over the solved pixels, fraction of full scale per second;
+    pixels that the object itself shades count as dark."""
     rows, columns = np.nonzero(normal_map.mask)
     step = max(1, len(rows) // 20_000)
-    signal = _signal(normal_map, lights, calibration, (rows[::step], columns[::step]))
+    pixels = rows[::step], columns[::step]
+    signal = _signal(normal_map, lights, calibration, pixels)
+    signal = np.where(visibility.shaded(normal_map, lights, calibration, pixels), 0.0, signal)
     return [float(value) for value in np.percentile(signal, check.BRIGHT_PERCENTILE, axis=1)]
 
 

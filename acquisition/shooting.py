@@ -181,7 +181,7 @@ class Shooting:
         wanted, camera = record.recipe.exposure, self._rig.cell.camera
         work = record.passes[step.key.pass_number]
         if work.plan is not None and work.plan.levels_per_s is not None:
-            return exposure.of_level(work.plan.levels_per_s[step.key.number], wanted, camera)
+            return exposure.of_foretold(work.plan.levels_per_s[step.key.number], wanted, camera)
         seen = [shot.quality.bright_level / shot.exposure_s for shot in work.shots.values()]
         level = seen[-1] if seen else exposure.first_level(self._rig.cell, self._calibration)
         return exposure.of_level(level, wanted, camera)

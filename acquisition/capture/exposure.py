@@ -14,6 +14,9 @@ STEP = 2.0 ** (1 / 3)
 EXPECTED_ALBEDO = 0.6
 """Of the brightest parts of an object that nobody has seen yet; the first frames correct it."""
 
+MOST_FORETOLD = 0.9
+"""Of full scale: what is foretold is found within a few per cent, and must not be clipped."""
+
 
 def first_level(cell: CellConfig, calibration: Calibration) -> float:
     """The signal to expect of an object that nobody has seen, fraction of full scale per second."""
@@ -25,6 +28,15 @@ def of_level(level_per_s: float, wanted: Exposure, camera: CameraConfig) -> floa
     if wanted.seconds is not None:
         return in_range(wanted.seconds, camera)
     return series(wanted.target / max(level_per_s, 1e-9), camera)
+
+
+def of_foretold(level_per_s: float, wanted: Exposure, camera: CameraConfig) -> float:
+    """The exposure time (s) of the series that brings a level, in full scales per second, nearest to the target.
+
+    For lights whose level is known by a normal map: half a step above the target is a tenth, and clips nothing.
+    """
+    most = max(wanted.target, min(wanted.target * STEP**0.5, MOST_FORETOLD))
+    return of_level(level_per_s, wanted.model_copy(update={"target": most}), camera)
 
 
 def series(exposure_s: float, camera: CameraConfig) -> float:

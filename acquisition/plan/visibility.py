@@ -4,6 +4,7 @@ The depth map is resampled to a grid of undistorted rays, coarse enough to be qu
 there is no object it is far away. A ray's clearance is the least slope at which it passes over the surface.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -12,7 +13,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.measured import Calibration, NormalMap
 from acquisition.plan import kernels
-from acquisition.types import Float32Array
+from acquisition.types import BoolArray, Float32Array, Light
 
 MAP_SIZE = 192
 
@@ -69,6 +70,15 @@ def surface(normal_map: NormalMap, calibration: Calibration) -> Surface:
         filled, pixels[..., 0], pixels[..., 1], cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=far
     )
     return Surface(np.ascontiguousarray(depth, np.float32), float(first[0]), float(first[1]), pitch, nearest)
+
+
+def shaded(
+    normal_map: NormalMap, lights: Sequence[Light], calibration: Calibration, pixels: tuple[np.ndarray, np.ndarray]
+) -> BoolArray:
+    """At which pixels, rows and columns (K,), the object stands in the way of lights: (F, K)."""
+    rows, columns = pixels
+    point = photometry.points(rays_at(calibration, rows, columns), normal_map.depth[rows, columns])
+    return surface(normal_map, calibration).clearance(point, photometry.lamps(list(lights))) < 0
 
 
 def rays_at(calibration: Calibration, rows: np.ndarray, columns: np.ndarray) -> Float32Array:

@@ -86,10 +86,13 @@ class Session:
         way = route(chosen.lights, CELL.arm.home, CELL, self._calibration)
         shots: dict[int, Shot] = {}
         level = exposure.first_level(CELL, self._calibration)
+        wanted, camera = self._recipe.exposure, CELL.camera
         for light, waypoint in zip(way.light_numbers, way.waypoints, strict=True):
+            key = ShotKey(pass_number=number, number=light)
+            exposure_s = exposure.of_level(level, wanted, camera)
             if chosen.levels_per_s is not None:
-                level = chosen.levels_per_s[light]
-            shots[light] = self._lit(ShotKey(pass_number=number, number=light), waypoint, level)
+                exposure_s = exposure.of_foretold(chosen.levels_per_s[light], wanted, camera)
+            shots[light] = self._lit(key, waypoint, exposure_s)
             level = shots[light].quality.bright_level / shots[light].exposure_s
         if number == 0:
             self._repeat(next(iter(shots.values())), way.waypoints[0])
@@ -105,9 +108,8 @@ class Session:
         again = self._shot(key, waypoint.joints, first.exposure_s, first.attempt + 1, lit=True)
         self._shots.append(again.model_copy(update={"kind": "reference", "repeats": first.key}))
 
-    def _lit(self, key: ShotKey, waypoint: Waypoint, level: float) -> Shot:
-        wanted, camera = self._recipe.exposure, CELL.camera
-        exposure_s, attempt = exposure.of_level(level, wanted, camera), 0
+    def _lit(self, key: ShotKey, waypoint: Waypoint, exposure_s: float) -> Shot:
+        wanted, camera, attempt = self._recipe.exposure, CELL.camera, 0
         while True:
             shot = self._shot(key, waypoint.joints, exposure_s, attempt, lit=True)
             pixels = self._frames.pixels[shot.frame.path]

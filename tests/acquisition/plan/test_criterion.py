@@ -169,6 +169,9 @@ def test_a_light_behind_the_wall_gets_no_credit_and_one_before_it_all() -> None:
     assert np.mean(sides["left"][0] < 0.1) > 0.97
     assert np.mean(sides["right"][0] > 0.9) > 0.97
     assert sides["left"][1] < 0.02 * sides["right"][1]
+    shaded = visibility.shaded(normal_map, [light], true.calibration, (rows, columns))[0]
+    assert np.mean(shaded[left]) > 0.97
+    assert np.mean(shaded[right]) < 0.03
 
 
 def test_surface_turned_away_gets_no_credit(cushion: scenes.Scene) -> None:
