@@ -21,7 +21,7 @@ from acquisition.types import Float32Array
 MISMATCH = 2.5
 """Whitened sum of the slopes round four pixels beyond which it is no noise."""
 
-BENT = 0.03
+BENT = 0.05
 """1 σ of that sum, as a share of how much slopes differ among the four: pixels are not points."""
 
 LEAST_COSINE = 0.05
