@@ -227,9 +227,12 @@ def _half_way(sample: Samples, there: _Shading) -> Float32Array:
     return np.clip(aligned / np.sqrt(np.einsum("fcp,fcp->fp", half, half)), 0, 1)
 
 
-def reweighed(sample: Samples, normal_map: NormalMap, observations: Observations, calibration: Calibration) -> Samples:
+def reweighed(
+    sample: Samples, normal_map: NormalMap, observations: Observations, calibration: Calibration, *,
+    cautious: bool = False,
+) -> Samples:  # fmt: skip
     """The samples with the information of the images so far scaled, pixel by pixel, from the noise that the solver
-    assumed to the noise that is expected of the final solve."""
+    assumed to the noise that is expected of the final solve; or that is assumed, `cautious`, to choose by."""
     shots = [shot for shot in observations.shots if shot.kind == "light" and shot.light is not None]
     if not shots or len(shots) != len(normal_map.flags):
         return sample
@@ -240,7 +243,9 @@ def reweighed(sample: Samples, normal_map: NormalMap, observations: Observations
     assumed = noise.solved_variance(
         there.value, strength, float(np.mean(there.distance)), level, calibration, normal_map
     )
-    expected = noise.variance(there.value, there.cosine, strength, there.distance, level, calibration)
+    expected = noise.variance(
+        there.value, there.cosine, strength, there.distance, level, calibration, cautious=cautious
+    )
     lit = normal_map.flags[:, sample.row, sample.column] & LIT > 0
     before = np.sum(np.where(lit, there.strength**2 / assumed, 0.0), axis=0)
     after = np.sum(np.where(lit, there.strength**2 / expected, 0.0), axis=0)

@@ -244,7 +244,7 @@ def _problem(
         calibration=calibration,
         recipe=recipe,
         reach=reach,
-        known=known,
+        known=criterion.reweighed(known, normal_map, observations, calibration, cautious=True),
         fresh=criterion.reweighed(fresh, normal_map, observations, calibration),
         positions=reach.candidates[thin],
         units=units[thin],

@@ -98,11 +98,12 @@ def shot_of(light: Light, number: int) -> Shot:
 
 
 def told(
-    samples: Samples, lights: list[Light], normal_map: NormalMap, known: Calibration, recipe: Recipe | None = None
-) -> Candidates:
+    samples: Samples, lights: list[Light], normal_map: NormalMap, known: Calibration, recipe: Recipe | None = None,
+    *, cautious: bool = False,
+) -> Candidates:  # fmt: skip
     """What lights would tell sample pixels of a normal map."""
     surface = visibility.surface(normal_map, known)
-    return criterion.candidates(samples, lights, surface, known, recipe or Recipe())
+    return criterion.candidates(samples, lights, surface, known, recipe or Recipe(), cautious=cautious)
 
 
 def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: int = 3) -> NormalMap:
@@ -157,7 +158,7 @@ def noise_by_hand(
     electrons = sensor.gain_e_per_dn * sensor.full_scale_dn * level
     aside = known.lamp_position_sigma_m / distance
     share = noise.AFTER_SELF_CALIBRATION**2 * (known.intensity_sigma**2 + (2 * aside) ** 2)
-    share += photometry.FLAT_FIELD_SIGMA**2
     turn = aside**2 * (1 - cosine**2)
     floor = 2 * (sensor.read_noise_e**2 + sensor.gain_e_per_dn**2 / 12) / electrons**2
-    return value / electrons + floor + share * value**2 + turn * strength**2
+    own = value / electrons + floor + photometry.FLAT_FIELD_SIGMA**2 * value**2
+    return noise.OWN_LEFT * own + share * value**2 + turn * strength**2

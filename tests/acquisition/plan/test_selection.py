@@ -224,7 +224,7 @@ def test_a_region_without_object_or_of_another_size_is_refused(
 
 
 def test_each_objective_is_best_at_what_it_asks_for(cushion: scenes.Scene, reach: scenes.Dome) -> None:
-    """After a single ring of high lights, on all pixels: no other objective does better at its own figure."""
+    """After a ring of high lights, on all pixels, by the noise that is chosen by: none does better at another's."""
     lights = scenes.ring(3, 20.0)
     normal_map = cases.known_map(cushion, lights, step=1)
     sample = criterion.samples(normal_map, cushion.calibration, criterion.usable(normal_map, cushion.calibration))
@@ -234,7 +234,8 @@ def test_each_objective_is_best_at_what_it_asks_for(cushion: scenes.Scene, reach
         chosen = plan.choose(
             normal_map, cases.NOTHING_TAKEN, Recipe(objective=name), reach, cushion.calibration, 3, certify=False
         )
-        there = criterion.expect(sample, cases.told(sample, chosen.lights, normal_map, cushion.calibration))
+        told = cases.told(sample, chosen.lights, normal_map, cushion.calibration, cautious=True)
+        there = criterion.expect(sample, told)
         figures[name] = {
             "capped": CAPPED.of(there),
             "mean": float(np.mean(there.sigma_deg)),
