@@ -1,20 +1,21 @@
 """Near-light images of any source for the session's own solver: values in units of a white surface, a camera, a guess.
 
-A folder says nothing of the sensor, nor of how well its lights are known. Both are guessed on the cautious side, and
-the solver finds the rest in the residuals. Colour images are solved by the mean of their channels.
+A folder says nothing of the sensor, nor of how well its lights are known. The sensor's noise is found in how neighbours
+differ, else guessed; how wrong the lights are is guessed, and found by the solver in the residuals. Colour images are
+solved by the mean of their channels.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acquisition.errors import ErrorCode, RigError
 from acquisition.measured import Calibration, NormalMap, SensorModel, SolveSettings
-from acquisition.normals import observe, silhouette
+from acquisition.normals import observe, pixel_noise, silhouette
 from acquisition.normals.distant import blocks, point_lights
 from acquisition.normals.distant.solve import refuse_unusable, whole
 from acquisition.normals.image_set import ImageSet, NearLights, check
-from acquisition.normals.observe import Images, Stored, Values
+from acquisition.normals.observe import Stack, Stored, Values
 from acquisition.normals.solve import solve_stack
 from acquisition.types import FloatArray, Light
 
@@ -40,13 +41,18 @@ def solve(images: ImageSet, settings: SolveSettings) -> NormalMap:
     depth = images.rough_depth_m
     if depth is None:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs the object's rough depth: give depth_mm")
-    return solve_stack(
-        stack(images),
+    window = stack(images)
+    place = (window.rows, window.columns)
+    rough = np.broadcast_to(np.asarray(depth, np.float32), images.mask.shape)[place]
+    shown = pixel_noise.shown(window, images.mask[place], rough, calibration, _step(images))
+    found = solve_stack(
+        shown.images,
         calibration,
         settings,
         initial_depth_m=depth,
         object_mask=None if np.all(images.mask) else images.mask,
     )
+    return replace(found, notes=found.notes | {"sensor": shown.note})
 
 
 def solve_plain(images: ImageSet, *, keep_steps: bool = False) -> NormalMap:
@@ -72,16 +78,11 @@ def solve_plain(images: ImageSet, *, keep_steps: bool = False) -> NormalMap:
     return solved()
 
 
-def stack(images: ImageSet) -> Images:
+def stack(images: ImageSet) -> Stack | Stored:
     """The images within the mask's window as values y: 1 is a white surface facing the lamp at its reference."""
-    lights = images.lights
-    if not isinstance(lights, NearLights):
-        raise RigError(
-            ErrorCode.NORMALS_INFEASIBLE, "near light needs the lamps' positions, these lights are directions"
-        )
+    lights = _lights(images)
     rows, columns = silhouette.window(images.mask)
-    step = 1 / images.full_scale if images.full_scale > 1 else 0.0  # floats have no steps
-    floor = ((READ_NOISE_E / FULL_WELL_E) ** 2 + step**2 / 12) / lights.intensity**2 / images.channels
+    floor = ((READ_NOISE_E / FULL_WELL_E / lights.intensity) ** 2 + _step(images) ** 2 / 12) / images.channels
     middle = np.array([0.0, 0.0, -float(np.mean(images.rough_depth_m or 1.0))])
     return observe.kept(
         Stored(
@@ -93,6 +94,20 @@ def stack(images: ImageSet) -> Images:
             floor=floor,
         )
     )
+
+
+def _lights(images: ImageSet) -> NearLights:
+    if not isinstance(images.lights, NearLights):
+        raise RigError(
+            ErrorCode.NORMALS_INFEASIBLE, "near light needs the lamps' positions, these lights are directions"
+        )
+    return images.lights
+
+
+def _step(images: ImageSet) -> FloatArray:
+    """The rounding (F,) of each image's values; floats have none."""
+    intensity = _lights(images).intensity
+    return np.zeros_like(intensity) if images.full_scale <= 1 else 1 / (images.full_scale * intensity)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,113 @@
+"""The noise of single pixels in images of which none was taken twice: how residuals differ among neighbours.
+
+Each pixel's images are more than its normal needs, so what they leave over has their noise in it. It has the errors of
+lamps and model in it too, but these are nearly the same at neighbouring pixels, and proportional to their albedo: in
+the difference of four neighbours' residuals, each divided by its albedo, they cancel. Its variance at each brightness
+is a photon-transfer curve, like those of a session's repeated frames. Neighbours whose colours were interpolated from
+one another, or compressed together, differ by less than their noise.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acquisition import photometry
+from acquisition.measured import Calibration
+from acquisition.normals import lambert, photon_transfer
+from acquisition.normals.blocks import Seen
+from acquisition.normals.lambert import Pixels
+from acquisition.normals.observe import Stack, Stored
+from acquisition.types import BoolArray, Float32Array, FloatArray
+
+KNOWN = 0.15
+"""1 σ of shot noise, as a fraction, up to which what neighbours show is taken."""
+
+LEAST_LIGHTS = 5
+THRESHOLD = 0.15
+"""Share of a pixel's largest normalised value from which it is lit: grazing light is where the model errs."""
+
+LEAST_LEFT = 0.2
+"""Share of a measurement's variance that its residual has at least."""
+
+STRIPS = 16
+MOST_PRODUCTS = 2_000_000
+"""Pixels that are looked at, times the square of the number of lights: more tells nothing more."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The images with the noise that they show, and in words where it is from."""
+
+    images: Stack | Stored
+    note: str
+
+
+def shown(
+    images: Stack | Stored, mask: BoolArray, depth_m: Float32Array, calibration: Calibration, steps: FloatArray
+) -> Shown:
+    """The images with the shot and read noise that the object's pixels in their window show.
+
+    `images` have a guess of it, by which electrons are counted; `mask` and the rough `depth_m` are (h, w), `steps` (F,)
+    the rounding of values, 0 for none. What too few pixels tell stays as it was guessed.
+    """
+    if len(images.lights) < LEAST_LIGHTS:
+        return Shown(images, f"guessed: {len(images.lights)} lights leave nothing over")
+    lamp = photometry.lamps(images.lights)
+    step = float(np.max(steps / images.shot))
+    seen = Seen(images, mask, photometry.rays(calibration, images.rows, images.columns))
+    found = [
+        _differences(seen.pixels(rows), depth_m[rows][mask[rows]], lamp, calibration, images.shot, images.floor)
+        for rows in _strips(seen)
+    ]
+    level, apart = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    line = photon_transfer.line(photon_transfer.points(level, apart, float(np.max(1 / images.shot)), step))
+    if line is None or line.slope <= 0 or line.slope_sigma > KNOWN * line.slope:
+        return Shown(images, "guessed: too few pixels tell")
+    # Few lit pixels are dark, so the floor is hardly known by itself; with the slope it gives the noise of lit ones.
+    shot, floor = images.shot * line.slope, np.maximum(line.floor * images.shot**2, images.floor)
+    note = f"noise found in how neighbours differ: {1 / np.median(shot):.3g} electrons at a white surface's value"
+    return Shown(replace(images, shot=shot, floor=floor), note)
+
+
+def _strips(seen: Seen) -> list[slice]:
+    """Pairs of rows all over the window, as many as may be looked at."""
+    height, width = seen.mask.shape
+    pairs = max(1, MOST_PRODUCTS // (2 * width * len(seen.images.lights) ** 2))
+    each = 2 * -(-pairs // STRIPS)
+    starts = np.unique(np.linspace(0, max(height - each, 0), min(STRIPS, pairs)).astype(int))
+    return [slice(int(start), min(int(start) + each, height)) for start in starts]
+
+
+def _differences(
+    pixels: Pixels, depth_m: Float32Array, lamp: Float32Array, calibration: Calibration, shot: FloatArray,
+    floor: FloatArray,
+) -> tuple[Float32Array, Float32Array]:  # fmt: skip
+    """Brightness (K,), and differences (K,) that scatter as one measurement of it, both in electrons as guessed."""
+    light = photometry.light_vectors(photometry.points(pixels.ray, depth_m), lamp, calibration)
+    strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
+    usable, _, _ = lambert.measurements(pixels, pixels.values, strength, THRESHOLD)
+    weighted = light * (usable / np.maximum(strength, np.float32(1e-9)) ** 2)[:, None]
+    inner = np.einsum("fan,fbn->nab", weighted, light, optimize=True) + 1e-6 * np.eye(3)
+    solver = np.linalg.solve(inner, weighted.transpose(2, 1, 0))  # (N, 3, F): g from values
+    albedo = np.linalg.norm(np.einsum("nak,kn->na", solver, pixels.values, optimize=True), axis=1)
+    left = np.eye(len(lamp)) - np.einsum("fan,nak->nfk", light, solver, optimize=True)
+    residual = np.einsum("nfk,kn->fn", left, pixels.values, optimize=True) / np.maximum(albedo, 1e-9)
+    variance = np.where(usable, np.maximum(pixels.values, 0) * shot[:, None] + floor[:, None], 0)
+    share = np.einsum("nfk,kn->fn", left**2, variance, optimize=True) / np.maximum(variance, 1e-30)
+
+    one, right, below, across = four = _fours(pixels)
+    alike = np.logical_and.reduce([np.all(usable[:, one] == usable[:, other], axis=0) for other in four])
+    good = usable[:, one] & alike & (np.min([share[:, at] for at in four], axis=0) > LEAST_LEFT)
+    level, spread, bright = (np.mean([all_[..., at] for at in four], axis=0) for all_ in (pixels.values, share, albedo))
+    apart = (residual[:, one] - residual[:, right] - residual[:, below] + residual[:, across]) / 2
+    apart = apart * bright / np.sqrt(np.maximum(spread, LEAST_LEFT)) / shot[:, None]
+    return (level / shot[:, None])[good].astype(np.float32), apart[good].astype(np.float32)
+
+
+def _fours(pixels: Pixels) -> tuple[np.ndarray, ...]:
+    """Numbers (K,) of the four pixels of each square of two by two that are all there."""
+    place = pixels.image(np.arange(1, len(pixels.index) + 1))
+    height, width = (length // 2 * 2 for length in pixels.shape)
+    four = [place[row:height:2, column:width:2].ravel() for row in (0, 1) for column in (0, 1)]
+    there = np.logical_and.reduce([one > 0 for one in four])
+    return tuple(one[there] - 1 for one in four)

@@ -1,0 +1,72 @@
+"""Noise as neighbours show it, of a textured cushion under lamps that are not quite where they are said to be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition.normals import pixel_noise
+from acquisition.normals.observe import Stack
+from acquisition.types import Light
+from tests.acquisition import scenes
+
+SIZE, INTENSITY, GUESSED = 160, 0.8, 10_000
+LIGHTS = [*scenes.ring(4, 30.0), *scenes.ring(4, 55.0, turn=0.4)]
+
+
+@pytest.fixture(scope="module")
+def cushion() -> scenes.Scene:
+    true = scenes.scene(scenes.bumps, scenes.calibration(SIZE, lobe_exponent=0.0))
+    dots = np.random.default_rng(9).random(true.albedo.shape) < 0.5
+    return replace(true, albedo=true.albedo * np.where(dots, 1.0, 0.7))
+
+
+@pytest.fixture(scope="module")
+def light(cushion: scenes.Scene) -> np.ndarray:
+    """What falls on the sensor (F, H, W), with errors of 1 mm and 1 % that nobody knows of."""
+    rng = np.random.default_rng(4)
+    moved = [
+        Light(position=tuple(np.array(one.position) + rng.normal(0, 1e-3, 3)), axis=one.axis)  # pyright: ignore[reportArgumentType]
+        for one in LIGHTS
+    ]
+    return np.stack([scenes.lit(cushion, one) * (1 + rng.normal(0, 0.01)) for one in moved])
+
+
+def taken(light: np.ndarray, full_well: float, read_e: float, bits: int) -> tuple[Stack, np.ndarray]:
+    """Images of a sensor, with noise that is guessed, and the steps of their values (F,)."""
+    rng = np.random.default_rng(1)
+    electrons = rng.poisson(light * INTENSITY * full_well) + rng.normal(0, read_e, light.shape)
+    top = 2**bits - 1
+    values = (np.clip(np.round(electrons / full_well * top), 0, top) / top / INTENSITY).astype(np.float32)
+    count, whole = len(light), slice(0, SIZE)
+    shot = np.full(count, 1 / (GUESSED * INTENSITY))
+    floor = np.full(count, (5 / GUESSED / INTENSITY) ** 2)
+    stack = Stack(values, values >= 1 / INTENSITY, tuple(LIGHTS[:count]), whole, whole, shot, floor)
+    return stack, np.full(count, 1 / top / INTENSITY)
+
+
+def shown(cushion: scenes.Scene, stack: Stack, steps: np.ndarray, mask: np.ndarray) -> pixel_noise.Shown:
+    return pixel_noise.shown(stack, mask, np.full(mask.shape, 0.87, np.float32), cushion.calibration, steps)
+
+
+@pytest.mark.parametrize(("full_well", "read_e", "bits"), [(2000, 8, 12), (10_000, 5, 8), (40_000, 10, 16)])
+def test_noise_is_found_whatever_was_guessed(
+    cushion: scenes.Scene, light: np.ndarray, full_well: float, read_e: float, bits: int
+) -> None:
+    found = shown(cushion, *taken(light, full_well, read_e, bits), cushion.mask)
+    values = np.array([0.1, 0.2, 0.4])
+    variance = found.images.shot[:, None] * values + found.images.floor[:, None]
+    electrons2 = values * INTENSITY * full_well + read_e**2 + (full_well / (2**bits - 1)) ** 2 / 12
+    np.testing.assert_allclose(variance, np.tile(electrons2 / (full_well * INTENSITY) ** 2, (8, 1)), rtol=0.2)
+    assert found.note.startswith("noise found")
+
+
+def test_where_too_little_tells_the_guess_stays_and_that_is_said(cushion: scenes.Scene, light: np.ndarray) -> None:
+    four, steps = taken(light[:4], 2000, 8, 12)
+    all_lights, all_steps = taken(light, 2000, 8, 12)
+    corner = np.zeros_like(cushion.mask)
+    corner[70:76, 70:76] = True
+    for stack, step, mask in ((four, steps, cushion.mask), (all_lights, all_steps, corner)):
+        found = shown(cushion, stack, step, mask)
+        assert found.images is stack
+        assert found.note.startswith("guessed: ")
