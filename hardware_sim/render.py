@@ -151,16 +151,30 @@ def lit(
     return facing
 
 
-def direct(view: View, scene: SceneObject, tracer: Tracer, lamp: Lamp) -> Float32Array:
-    """The picture (H, W) under the lamp alone, without light bounced between surfaces."""
+def reached(view: View, scene: SceneObject, tracer: Tracer, lamp: Lamp) -> tuple[BoolArray, BoolArray]:
+    """Which samples of the surface and of the table a lamp shines on."""
+    surface, table = (
+        lit(samples.points, samples.normals, lamp.position, tracer, scene) for samples in (view.surface, view.table)
+    )
+    return surface, table
+
+
+def direct(
+    view: View, scene: SceneObject, tracer: Tracer, lamp: Lamp, free: tuple[BoolArray, BoolArray] | None = None
+) -> Float32Array:
+    """The picture (H, W) under the lamp alone, without light bounced between surfaces.
+
+    `free` is what `reached` says, where that is known already.
+    """
     image = np.zeros(view.lens.width * view.lens.height, dtype=np.float32)
-    for samples, gloss in ((view.surface, scene.gloss), (view.table, 0.0)):
+    on_surface, on_table = reached(view, scene, tracer, lamp) if free is None else free
+    for samples, where, gloss in ((view.surface, on_surface, scene.gloss), (view.table, on_table, 0.0)):
         _shade(
             samples.points,
             samples.normals,
             samples.albedo,
             samples.pixels,
-            lit(samples.points, samples.normals, lamp.position, tracer, scene),
+            where,
             lamp.position.astype(np.float32),
             lamp.axis.astype(np.float32),
             np.float32(lamp.lobe_exponent),

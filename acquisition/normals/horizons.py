@@ -13,7 +13,6 @@ import numpy as np
 
 from acquisition.types import BoolArray, Float32Array
 
-AZIMUTHS = 24
 LEVELS = 3
 """Parts of a wall's height that have a radiosity of their own."""
 

@@ -22,6 +22,9 @@ from acquisition.normals import horizons, lambert
 from acquisition.normals.lambert import Estimate, Pixels
 from acquisition.types import BoolArray, Float32Array
 
+AZIMUTHS, WALL_AZIMUTHS = 24, 12
+"""Planes in which light is gathered; for what walls send on of it fewer will do."""
+
 WALL_BOUNCES = 1
 NOTHING = 2.0
 """Where there is no table, nothing stands within so many times the object's depth."""
@@ -69,11 +72,12 @@ class _Walls:
 
 def received(
     pixels: Pixels, values: Float32Array, found: Estimate, depth_m: Float32Array, normals: Float32Array,
-    table: Table | None, lamp: Float32Array, calibration: Calibration,
+    table: Table | None, lamp: Float32Array, calibration: Calibration, every: int = 1,
 ) -> Float32Array:  # fmt: skip
     """What each pixel receives from other surfaces: irradiance (F, N) in the units of y, from images `values` (F, N).
 
-    `depth_m` (N,) and `normals` (3, N) are the present shape. Without a table nothing surrounds the object.
+    `depth_m` (N,) and `normals` (3, N) are the present shape. Without a table nothing surrounds the object. Only one
+    of `every` so many pixels is worked out, the others are zero.
     """
     height, width = pixels.shape
     inside = pixels.image(np.ones(len(pixels.index), np.bool_))
@@ -90,13 +94,14 @@ def received(
     affine = np.array([*columns, *rows])
     walls = _walls(point, inside, albedo)
     sent = _walls_radiosity(walls, point, radiosity, lamp, calibration, affine)
-    out = np.empty((len(pixels.index), len(values)), np.float32)
-    cells = np.stack(np.unravel_index(pixels.index, pixels.shape), axis=1).astype(np.int32)
-    own = np.ascontiguousarray(point.reshape(-1, 3)[pixels.index])
-    horizons.gather(
-        point, own, np.ascontiguousarray(normals.T), cells, radiosity, walls.number, sent, horizons.AZIMUTHS, out
-    )
-    return np.ascontiguousarray(out.T)
+    chosen = pixels.index[::every]
+    cells = np.stack(np.unravel_index(chosen, pixels.shape), axis=1).astype(np.int32)
+    facing = np.ascontiguousarray(normals[:, ::every].T)
+    own = np.empty((len(chosen), len(values)), np.float32)
+    horizons.gather(point, point.reshape(-1, 3)[chosen], facing, cells, radiosity, walls.number, sent, AZIMUTHS, own)
+    out = np.zeros(values.shape, np.float32)
+    out[:, ::every] = own.T
+    return out
 
 
 def sent_on(received: Float32Array, values: Float32Array, direct: Float32Array, albedo: Float32Array) -> Float32Array:
@@ -191,7 +196,7 @@ def _walls_radiosity(
         bounced = np.empty_like(direct)
         horizons.gather(
             point, walls.point, walls.normal, walls.cell, radiosity, walls.number, sent.reshape(shape),
-            horizons.AZIMUTHS, bounced,
+            WALL_AZIMUTHS, bounced,
         )  # fmt: skip
         sent = np.ascontiguousarray(direct + walls.albedo[:, None] * bounced, np.float32)
     return sent.reshape(shape)

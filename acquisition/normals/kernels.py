@@ -4,8 +4,10 @@ State of a pixel: g = albedo × normal (3) and a depth offset ζ in units of its
 (s_i + z ∂s_i/∂Z, σ_z g·∂s_i/∂Z), so that light which would need another depth to be explained does not bend the normal.
 Rounds are Gauss–Newton steps and Cauchy reweighting at once. A tiny σ_z switches the depth offset off.
 
-Pixels are the inner loops and images the outer ones, in blocks that stay in the cache: compilers vectorise that, and it
-is an order of magnitude faster than the obvious order. Kernels compile at import, into numba's cache.
+Pixels are the inner loops and images the outer ones, in blocks that stay in the cache. What a block needs is copied
+into two arrays of known width first: compilers vectorise loops over these, where among a dozen arrays they give up to
+prove that none overlaps another. Both together are an order of magnitude faster than the obvious order. Kernels
+compile at import, into numba's cache.
 """
 
 import numba
@@ -13,7 +15,7 @@ import numpy as np
 
 from acquisition.types import Float32Array, FloatArray
 
-BLOCK = 512
+BLOCK = 128
 
 
 @numba.njit(
@@ -25,7 +27,7 @@ BLOCK = 512
     fastmath=True,
     error_model="numpy",
 )
-def estimate(  # noqa: PLR0915 - one fused kernel is the point
+def estimate(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     values: Float32Array,  # (F, N)
     light: Float32Array,  # (F, 3, N)
     usable: np.ndarray,  # (F, N) uint8
@@ -58,106 +60,109 @@ def estimate(  # noqa: PLR0915 - one fused kernel is the point
     for block in numba.prange((pixels + BLOCK - 1) // BLOCK):
         start = block * BLOCK
         size = min(BLOCK, pixels - start)
-        m = np.empty((10, size), dtype=np.float32)  # 00 01 02 11 12 22 03 13 23 33
-        b = np.empty((4, size), dtype=np.float32)
-        g = np.empty((4, size), dtype=np.float32)  # g and ζ
-        albedo2 = np.empty(size, dtype=np.float32)
+        # Of images: s 0–2, σ_z ∂s/∂Z 3–5, y 6, its variance but for directions 7, |s|² 8, usable 9, what w starts from
+        # 10, w 11
+        image = np.empty((count, 12, BLOCK), dtype=np.float32)
+        # Of pixels: M 0–9 (00 01 02 11 12 22 03 13 23 33), b 10–13, g 14–16, ζ 17, ρ² 18, prior 19–21 and its precision
+        # 22, ∂x/∂Z 23–25, x 26–28, variance 29, residual 30
+        pixel = np.empty((31, BLOCK), dtype=np.float32)
         for p in range(size):
-            g[0, p] = prior[0, start + p]
-            g[1, p] = prior[1, start + p]
-            g[2, p] = prior[2, start + p]
-            g[3, p] = zero
-            albedo2[p] = g[0, p] * g[0, p] + g[1, p] * g[1, p] + g[2, p] * g[2, p]
-        for turn in range(rounds):
-            # Residuals against the prior say nothing, so the first round is least squares; it counts bright
-            # measurements most, because those left over in shadow by bounced light are dark.
-            tail = zero if turn == 0 else inverse_cauchy2
-            first = one if turn == 0 and inverse_cauchy2 > zero else zero
+            pixel[22, p] = precision[start + p]
+        for c in range(3):
             for p in range(size):
-                w = precision[start + p]
-                m[0, p] = w
-                m[1, p] = zero
-                m[2, p] = zero
-                m[3, p] = w
-                m[4, p] = zero
-                m[5, p] = w
-                m[6, p] = zero
-                m[7, p] = zero
-                m[8, p] = zero
-                m[9, p] = one
-                b[0, p] = w * prior[0, start + p]
-                b[1, p] = w * prior[1, start + p]
-                b[2, p] = w * prior[2, start + p]
-                b[3, p] = zero
-            for f in range(count):
-                lx = lamp[f, 0]
-                ly = lamp[f, 1]
-                lz = lamp[f, 2]
-                shot_f = shot[f]
-                floor_f = floor[f]
+                pixel[19 + c, p] = prior[c, start + p]
+            for p in range(size):
+                pixel[23 + c, p] = along[c, start + p]
+            for p in range(size):
+                pixel[26 + c, p] = point[c, start + p]
+        for p in range(size):
+            gx, gy, gz = pixel[19, p], pixel[20, p], pixel[21, p]
+            pixel[14, p], pixel[15, p], pixel[16, p] = gx, gy, gz
+            pixel[17, p] = zero
+            pixel[18, p] = gx * gx + gy * gy + gz * gz
+        for f in range(count):
+            for c in range(3):
                 for p in range(size):
-                    n = start + p
-                    sx = light[f, 0, n]
-                    sy = light[f, 1, n]
-                    sz = light[f, 2, n]
-                    y = values[f, n]
-                    ax = along[0, n]
-                    ay = along[1, n]
-                    az = along[2, n]
-                    rx = lx - point[0, n]
-                    ry = ly - point[1, n]
-                    rz = lz - point[2, n]
-                    r2 = rx * rx + ry * ry + rz * rz
-                    s2 = sx * sx + sy * sy + sz * sz
-                    strength = np.sqrt(s2)
-                    # ∂s/∂Z = −|s|/r (a − 3 d̂ (d̂·a)), d̂ = s/|s|
-                    scale = -strength * (one / np.sqrt(r2)) * sigma_z
-                    dot = np.float32(3.0) * (sx * ax + sy * ay + sz * az) / (s2 + tiny)
-                    dx = scale * (ax - sx * dot)
-                    dy = scale * (ay - sy * dot)
-                    dz = scale * (az - sz * dot)
-                    h = g[0, p] * dx + g[1, p] * dy + g[2, p] * dz
-                    zeta = g[3, p]
-                    sx += zeta * dx
-                    sy += zeta * dy
-                    sz += zeta * dz
-                    difference = y - (g[0, p] * sx + g[1, p] * sy + g[2, p] * sz)
-                    v = extra[f, n] + shot_f * max(y, zero) + floor_f + c2 * y * y + d2 * albedo2[p] * s2
-                    w = np.float32(usable[f, n]) / (v + difference * difference * tail)
-                    share = max(y, zero) * max(y, zero) / (albedo2[p] * s2 + tiny)
-                    w *= one + first * (share * share - one)
-                    weights[f, n] = w
+                    image[f, c, p] = light[f, c, start + p]
+            for p in range(size):
+                image[f, 6, p] = values[f, start + p]
+            for p in range(size):
+                image[f, 7, p] = extra[f, start + p]
+            for p in range(size):
+                image[f, 9, p] = np.float32(usable[f, start + p])
+            lx, ly, lz = lamp[f, 0], lamp[f, 1], lamp[f, 2]
+            shot_f, floor_f = shot[f], floor[f]
+            for p in range(size):
+                sx, sy, sz = image[f, 0, p], image[f, 1, p], image[f, 2, p]
+                ax, ay, az = pixel[23, p], pixel[24, p], pixel[25, p]
+                rx, ry, rz = lx - pixel[26, p], ly - pixel[27, p], lz - pixel[28, p]
+                y = image[f, 6, p]
+                lit = max(y, zero)
+                s2 = sx * sx + sy * sy + sz * sz
+                # ∂s/∂Z = −|s|/r (a − 3 d̂ (d̂·a)), d̂ = s/|s|
+                scale = -np.sqrt(s2 / (rx * rx + ry * ry + rz * rz)) * sigma_z
+                dot = np.float32(3.0) * (sx * ax + sy * ay + sz * az) / (s2 + tiny)
+                image[f, 3, p] = scale * (ax - sx * dot)
+                image[f, 4, p] = scale * (ay - sy * dot)
+                image[f, 5, p] = scale * (az - sz * dot)
+                image[f, 7, p] += shot_f * lit + floor_f + c2 * y * y
+                image[f, 8, p] = s2
+                # Residuals against the prior say nothing, so the first round is least squares; it counts bright
+                # measurements most, because those left over in shadow by bounced light are dark.
+                share = lit * lit / (pixel[18, p] * s2 + tiny)
+                image[f, 10, p] = image[f, 9, p] * (share * share if inverse_cauchy2 > zero else one)
+        for turn in range(rounds):
+            tail = zero if turn == 0 else inverse_cauchy2
+            for p in range(size):
+                w = pixel[22, p]
+                pixel[0, p], pixel[1, p], pixel[2, p] = w, zero, zero
+                pixel[3, p], pixel[4, p], pixel[5, p] = w, zero, w
+                pixel[6, p], pixel[7, p], pixel[8, p], pixel[9, p] = zero, zero, zero, one
+                pixel[10, p], pixel[11, p] = w * pixel[19, p], w * pixel[20, p]
+                pixel[12, p], pixel[13, p] = w * pixel[21, p], zero
+            for f in range(count):
+                for p in range(size):
+                    gx, gy, gz, zeta = pixel[14, p], pixel[15, p], pixel[16, p], pixel[17, p]
+                    dx, dy, dz = image[f, 3, p], image[f, 4, p], image[f, 5, p]
+                    y = image[f, 6, p]
+                    h = gx * dx + gy * dy + gz * dz
+                    sx, sy, sz = image[f, 0, p] + zeta * dx, image[f, 1, p] + zeta * dy, image[f, 2, p] + zeta * dz
+                    difference = y - (gx * sx + gy * sy + gz * sz)
+                    v = image[f, 7, p] + d2 * pixel[18, p] * image[f, 8, p]
+                    w = image[f, 10, p] / (v + difference * difference * tail)
+                    image[f, 11, p] = w
                     target = w * (y + h * zeta)
-                    wx = w * sx
-                    wy = w * sy
-                    wz = w * sz
-                    wh = w * h
-                    m[0, p] += wx * sx
-                    m[1, p] += wx * sy
-                    m[2, p] += wx * sz
-                    m[3, p] += wy * sy
-                    m[4, p] += wy * sz
-                    m[5, p] += wz * sz
-                    m[6, p] += wx * h
-                    m[7, p] += wy * h
-                    m[8, p] += wz * h
-                    m[9, p] += wh * h
-                    b[0, p] += target * sx
-                    b[1, p] += target * sy
-                    b[2, p] += target * sz
-                    b[3, p] += target * h
+                    wx, wy, wz, wh = w * sx, w * sy, w * sz, w * h
+                    pixel[0, p] += wx * sx
+                    pixel[1, p] += wx * sy
+                    pixel[2, p] += wx * sz
+                    pixel[3, p] += wy * sy
+                    pixel[4, p] += wy * sz
+                    pixel[5, p] += wz * sz
+                    pixel[6, p] += wx * h
+                    pixel[7, p] += wy * h
+                    pixel[8, p] += wz * h
+                    pixel[9, p] += wh * h
+                    pixel[10, p] += target * sx
+                    pixel[11, p] += target * sy
+                    pixel[12, p] += target * sz
+                    pixel[13, p] += target * h
+                if turn == 0:
+                    for p in range(size):
+                        image[f, 10, p] = image[f, 9, p]
             for p in range(size):
                 # ζ eliminated, then LDLᵀ of the 3 × 3 that remains
-                e = one / m[9, p]
-                m0 = m[0, p] - m[6, p] * m[6, p] * e
-                m1 = m[1, p] - m[6, p] * m[7, p] * e
-                m2 = m[2, p] - m[6, p] * m[8, p] * e
-                m3 = m[3, p] - m[7, p] * m[7, p] * e
-                m4 = m[4, p] - m[7, p] * m[8, p] * e
-                m5 = m[5, p] - m[8, p] * m[8, p] * e
-                b0 = b[0, p] - m[6, p] * b[3, p] * e
-                b1 = b[1, p] - m[7, p] * b[3, p] * e
-                b2 = b[2, p] - m[8, p] * b[3, p] * e
+                e = one / pixel[9, p]
+                m6, m7, m8, b3 = pixel[6, p], pixel[7, p], pixel[8, p], pixel[13, p]
+                m0 = pixel[0, p] - m6 * m6 * e
+                m1 = pixel[1, p] - m6 * m7 * e
+                m2 = pixel[2, p] - m6 * m8 * e
+                m3 = pixel[3, p] - m7 * m7 * e
+                m4 = pixel[4, p] - m7 * m8 * e
+                m5 = pixel[5, p] - m8 * m8 * e
+                b0 = pixel[10, p] - m6 * b3 * e
+                b1 = pixel[11, p] - m7 * b3 * e
+                b2 = pixel[12, p] - m8 * b3 * e
                 i0 = one / m0
                 l1 = m1 * i0
                 l2 = m2 * i0
@@ -169,12 +174,11 @@ def estimate(  # noqa: PLR0915 - one fused kernel is the point
                 z = u2 * i2
                 yy = u1 * i1 - l3 * z
                 x = b0 * i0 - l1 * yy - l2 * z
-                g[0, p] = x
-                g[1, p] = yy
-                g[2, p] = z
-                zeta = (b[3, p] - m[6, p] * x - m[7, p] * yy - m[8, p] * z) * e
-                g[3, p] = min(max(zeta, np.float32(-4.0)), np.float32(4.0))
-                albedo2[p] = x * x + yy * yy + z * z
+                pixel[14, p], pixel[15, p], pixel[16, p] = x, yy, z
+                zeta = (b3 - m6 * x - m7 * yy - m8 * z) * e
+                pixel[17, p] = min(max(zeta, np.float32(-4.0)), np.float32(4.0))
+                albedo2 = x * x + yy * yy + z * z
+                pixel[18, p] = albedo2
                 # Inverse of LDLᵀ; its trace and its part along the normal
                 c22 = i2
                 c12 = -l3 * c22
@@ -190,38 +194,32 @@ def estimate(  # noqa: PLR0915 - one fused kernel is the point
                     + c22 * z * z
                     + np.float32(2.0) * (c01 * x * yy + c02 * x * z + c12 * yy * z)
                 )
-                inverse = one / (albedo2[p] + tiny)
-                variance[start + p] = max(trace - inner * inverse, tiny) * inverse
+                inverse = one / (albedo2 + tiny)
+                pixel[29, p] = max(trace - inner * inverse, tiny) * inverse
         for p in range(size):
-            b[0, p] = zero
-            b[1, p] = zero
-            out[0, start + p] = g[0, p]
-            out[1, start + p] = g[1, p]
-            out[2, start + p] = g[2, p]
-            offset[start + p] = g[3, p] * sigma_z
+            pixel[0, p] = zero
+            pixel[1, p] = zero
         for f in range(count):
             for p in range(size):
-                n = start + p
-                sx = light[f, 0, n]
-                sy = light[f, 1, n]
-                sz = light[f, 2, n]
-                s2 = sx * sx + sy * sy + sz * sz
-                y = values[f, n]
-                rx = lamp[f, 0] - point[0, n]
-                ry = lamp[f, 1] - point[1, n]
-                rz = lamp[f, 2] - point[2, n]
-                scale = -np.sqrt(s2 / (rx * rx + ry * ry + rz * rz)) * offset[n]
-                dot = np.float32(3.0) * (sx * along[0, n] + sy * along[1, n] + sz * along[2, n]) / (s2 + tiny)
-                sx += scale * (along[0, n] - sx * dot)
-                sy += scale * (along[1, n] - sy * dot)
-                sz += scale * (along[2, n] - sz * dot)
-                difference = y - (g[0, p] * sx + g[1, p] * sy + g[2, p] * sz)
-                v = extra[f, n] + shot[f] * max(y, zero) + floor[f] + c2 * y * y + d2 * albedo2[p] * s2
-                used = np.float32(usable[f, n])
-                b[0, p] += used * difference * difference / v
-                b[1, p] += used
+                zeta = pixel[17, p]
+                sx = image[f, 0, p] + zeta * image[f, 3, p]
+                sy = image[f, 1, p] + zeta * image[f, 4, p]
+                sz = image[f, 2, p] + zeta * image[f, 5, p]
+                difference = image[f, 6, p] - (pixel[14, p] * sx + pixel[15, p] * sy + pixel[16, p] * sz)
+                v = image[f, 7, p] + d2 * pixel[18, p] * image[f, 8, p]
+                pixel[0, p] += image[f, 9, p] * difference * difference / v
+                pixel[1, p] += image[f, 9, p]
+            for p in range(size):
+                weights[f, start + p] = image[f, 11, p]
         for p in range(size):
-            residual[start + p] = np.sqrt(b[0, p] / max(b[1, p], one))
+            residual[start + p] = np.sqrt(pixel[0, p] / max(pixel[1, p], one))
+        for c in range(3):
+            for p in range(size):
+                out[c, start + p] = pixel[14 + c, p]
+        for p in range(size):
+            offset[start + p] = pixel[17, p] * sigma_z
+        for p in range(size):
+            variance[start + p] = pixel[29, p]
 
 
 @numba.njit(

@@ -143,6 +143,7 @@ def _strength(values: Float32Array, found: Estimate, along: Float32Array, lamp: 
     "void(float32[:,::1], float32[:,:,::1], float32[:,::1], float32[:,::1], float32[:,::1], float32[:,::1],"
     " float64[::1], boolean[::1], float64[:,::1])",
     cache=True,
+    fastmath=True,
     error_model="numpy",
 )
 def _products(  # noqa: PLR0912 - one fused kernel is the point
@@ -158,7 +159,7 @@ def _products(  # noqa: PLR0912 - one fused kernel is the point
 ) -> None:
     """Adds the scalar products of values, shift and lobes over all pixels, each pixel's g projected out of them."""
     count, size = len(weights), len(out)
-    own, columns = np.empty((count, 3)), np.empty((count, size))
+    own, columns = np.empty((3, count)), np.empty((size, count))
     inner, across = np.empty((3, 3)), np.empty((3, size))
     for p in range(weights.shape[1]):
         if not enough[p]:
@@ -166,22 +167,24 @@ def _products(  # noqa: PLR0912 - one fused kernel is the point
         for f in range(count):
             root = np.sqrt(np.float64(weights[f, p]))
             for c in range(3):
-                own[f, c] = root * light[f, c, p]
-            columns[f, 0], columns[f, 1] = root * values[f, p], root * shift[f, p]
+                own[c, f] = root * light[f, c, p]
+            columns[0, f], columns[1, f] = root * values[f, p], root * shift[f, p]
             level = np.log(min(max(np.float64(cosine[f, p]), 1e-30), 1.0))
             for e in range(len(exponents)):
-                columns[f, 2 + e] = root * strength[f, p] * np.exp(exponents[e] * level)
+                columns[2 + e, f] = root * strength[f, p] * np.exp(exponents[e] * level)
         trace = 0.0
         for i in range(3):
-            for j in range(3):
-                inner[i, j] = 0.0
+            for j in range(i + 1):
+                total = 0.0
                 for f in range(count):
-                    inner[i, j] += own[f, i] * own[f, j]
+                    total += own[i, f] * own[j, f]
+                inner[i, j] = total
             trace += inner[i, i]
             for k in range(size):
-                across[i, k] = 0.0
+                total = 0.0
                 for f in range(count):
-                    across[i, k] += own[f, i] * columns[f, k]
+                    total += own[i, f] * columns[k, f]
+                across[i, k] = total
         for i in range(3):
             inner[i, i] += 1e-6 * trace
         kernels.cholesky(inner)
@@ -190,7 +193,7 @@ def _products(  # noqa: PLR0912 - one fused kernel is the point
             for b in range(a, size if a < 2 else a + 1):  # no two lobes are asked for together
                 total = 0.0
                 for f in range(count):
-                    total += columns[f, a] * columns[f, b]
+                    total += columns[a, f] * columns[b, f]
                 for i in range(3):
                     total -= across[i, a] * across[i, b]
                 out[a, b] += total

@@ -85,27 +85,32 @@ def _fitted(
     return float(np.clip(np.sqrt(max(float(np.median((squares / GAUSSIAN_MEDIAN**2 - rest) / by)), 0.0)), *within))
 
 
-@numba.njit("void(float64[:,:,::1], float64[:,::1], float64, float64[:,::1])", cache=True, error_model="numpy")
+@numba.njit(
+    "void(float64[:,:,::1], float64[:,::1], float64, float64[:,::1])", cache=True, fastmath=True, error_model="numpy"
+)
 def _leverage(rows: FloatArray, weight: FloatArray, offset_sigma_m: float, out: FloatArray) -> None:
     """Each measurement's leverage (F, K) in its pixel's solve, of rows (F, 4, K) that have weights (F, K)."""
     count = len(rows)
-    inner, across = np.empty((4, 4)), np.empty((4, count))
+    inner, own = np.empty((4, 4)), np.empty((4, count))
     for p in range(rows.shape[2]):
+        for f in range(count):
+            root = np.sqrt(weight[f, p])
+            for i in range(4):
+                own[i, f] = root * rows[f, i, p]
         for i in range(4):
-            for j in range(4):
-                inner[i, j] = 0.0
+            for j in range(i + 1):
+                total = 0.0
                 for f in range(count):
-                    inner[i, j] += weight[f, p] * rows[f, i, p] * rows[f, j, p]
+                    total += own[i, f] * own[j, f]
+                inner[i, j] = total
             inner[i, i] += 1e-6 if i < 3 else offset_sigma_m**-2
-            for f in range(count):
-                across[i, f] = rows[f, i, p]
         kernels.cholesky(inner)
-        kernels.forward(inner, across)
+        kernels.forward(inner, own)
         for f in range(count):
             total = 0.0
             for i in range(4):
-                total += across[i, f] * across[i, f]
-            out[f, p] = weight[f, p] * total
+                total += own[i, f] * own[i, f]
+            out[f, p] = total
 
 
 KERNELS = (_leverage,)

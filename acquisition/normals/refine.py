@@ -42,8 +42,14 @@ SAMPLES = 2500
 MORE_ROUNDS = 2
 """Rounds more where bounced light or gloss matters."""
 
+STILL_DEG = 0.5
+"""Mean turn of the normals from one round to the next below which no more follows: it would be a fifth of that."""
+
 FIRST_CUTS = 4
 """Times that the surface is cut at its steps at first; later rounds start from what they find cut."""
+
+PROBED = 1000
+"""Pixels that are asked whether light bounces at all."""
 
 BOUNCE_MATTERS = 0.012
 """Share of bounced light, at the pixels that have most of it, below which it is left alone: smooth shapes of albedo
@@ -143,6 +149,7 @@ def refine(
     lobe = gloss.NONE
     bounced: _Bounced | None = None
     found: Estimate | None = None
+    normals = np.zeros_like(along)
     indirect, highlight = np.zeros_like(coarse.values), np.zeros_like(coarse.values)
     threshold = FIRST_THRESHOLD
     whole, stepped = np.ones_like(depth), True
@@ -154,7 +161,7 @@ def refine(
             coarse, values, depth, lamp, calibration, shared.noise, threshold=threshold,
             cauchy_scale=known.cauchy_scale, extra=(np.float32(gloss.SIGMA) * highlight) ** 2,
         )  # fmt: skip
-        normals = lambert.facing(found.normals, along)
+        last, normals = normals, lambert.facing(found.normals, along)
         sure = integrate.certainty(found.variance.copy())
         start = coarse.image(depth, float(np.mean(depth)))
         smooth = coarse.take(integrate.depth(coarse.image(normals), mask, ray, coarse.image(sure), start))
@@ -170,7 +177,10 @@ def refine(
             FIRST_THRESHOLD, lobe,
         )  # fmt: skip
         highlight = lobe.highlight(found, along)
-        bounced = _bounced(coarse, measured - highlight, values, found, depth, normals, around, lamp, calibration)
+        bounced = _bounced(
+            coarse, measured - highlight, values, found, depth, normals, around, lamp, calibration,
+            expected=bounced is not None and bounced.matters,
+        )  # fmt: skip
         indirect = bounced.indirect
         plain = not bounced.matters and lobe.strength == 0
 
@@ -181,7 +191,8 @@ def refine(
         calibrated += not hold
         depth = depth + np.float32(shared.shift_m - before)
         threshold = settings.shadow_threshold
-        if plain and calibrated >= settings.depth_rounds:
+        still = turn >= settings.depth_rounds and _turn_deg(last, normals) < STILL_DEG
+        if still or (plain and calibrated >= settings.depth_rounds):
             break
     spread = np.zeros_like(depth) if found is None else _spread(found, shared, indirect)
     return Refined(
@@ -197,19 +208,36 @@ def refine(
     )
 
 
+def _turn_deg(before: Float32Array, normals: Float32Array) -> float:
+    """Mean angle between unit normals (3, N)."""
+    return float(np.degrees(np.mean(np.arccos(np.clip(np.sum(before * normals, axis=0), -1, 1)))))
+
+
 def _bounced(
     coarse: Pixels, matt: Float32Array, direct: Float32Array, found: Estimate, depth_m: Float32Array,
-    normals: Float32Array, table: Table | None, lamp: Float32Array, calibration: Calibration,
+    normals: Float32Array, table: Table | None, lamp: Float32Array, calibration: Calibration, *, expected: bool,
 ) -> _Bounced:  # fmt: skip
-    """The light that surfaces send one another, from images (F, N) without highlights, and what `found` is from."""
-    received = interreflection.received(coarse, matt, found, depth_m, normals, table, lamp, calibration)
-    indirect = interreflection.sent_on(received, matt, direct, found.albedo)
-    scale = interreflection.scale(coarse, matt, indirect, found)
-    indirect = (np.float32(scale) * indirect).astype(np.float32)
-    share = np.sum(indirect, axis=0) / np.maximum(np.sum(matt, axis=0), 1e-6)
-    matters = float(np.quantile(share, 0.98)) > BOUNCE_MATTERS
-    received = np.float32(scale) * received
-    return _Bounced(received, indirect if matters else np.zeros_like(indirect), scale, matters)
+    """The light that surfaces send one another, from images (F, N) without highlights, and what `found` is from.
+
+    Unless it is `expected`, some pixels tell first whether it matters.
+    """
+
+    def predicted(every: int) -> _Bounced:
+        received = interreflection.received(coarse, matt, found, depth_m, normals, table, lamp, calibration, every)
+        indirect = interreflection.sent_on(received, matt, direct, found.albedo)
+        scale = interreflection.scale(coarse, matt, indirect, found)
+        indirect = (np.float32(scale) * indirect).astype(np.float32)
+        share = np.sum(indirect[:, ::every], axis=0) / np.maximum(np.sum(matt[:, ::every], axis=0), 1e-6)
+        matters = float(np.quantile(share, 0.98)) > BOUNCE_MATTERS
+        received = np.float32(scale) * received
+        return _Bounced(received, indirect if matters else np.zeros_like(indirect), scale, matters)
+
+    every = len(coarse.index) // PROBED
+    if every > 1 and not expected:
+        probe = predicted(every)
+        if not probe.matters:
+            return probe
+    return predicted(1)
 
 
 def _spread(found: Estimate, shared: _Shared, indirect: Float32Array) -> Float32Array:

@@ -139,6 +139,7 @@ def spread(found: Estimate, covariance: FloatArray) -> Float32Array:
     "void(float32[:,:,::1], float32[:,:,::1], float32[:,::1], float32[:,::1], float32[::1], float32[:,::1],"
     " float32[:,:,::1], float32[:,:,::1], boolean[::1], float64, float64[:,::1], float64[::1])",
     cache=True,
+    fastmath=True,
     error_model="numpy",
 )
 def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
@@ -155,15 +156,15 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
     matrix: FloatArray,  # (M, M), M = F + 1 + L
     right: FloatArray,  # (M,)
 ) -> None:
-    """Adds the normal equations of the shared unknowns, from which each pixel's own are eliminated.
+    """Adds up the normal equations of the shared unknowns, from which each pixel's own are eliminated.
 
     With a pixel's whitened rows O (F, 4) of its own unknowns, C (F, M) of the shared ones and residuals r, these are
     CᵀC − CᵀO (OᵀO + prior)⁻¹ OᵀC and Cᵀr − CᵀO (OᵀO + prior)⁻¹ (Oᵀr − the offset's pull towards its prior's zero).
     """
     count, lobes = light.shape[0], by_lobe.shape[1]
     size = count + 1 + lobes
-    own, inner = np.empty((count, 4)), np.empty((4, 4))
-    columns, across = np.empty((count, lobes + 2)), np.empty((4, size + 1))  # the last column is r
+    own, inner = np.empty((4, count)), np.empty((4, 4))
+    columns, across = np.empty((lobes + 2, count)), np.empty((4, size + 1))  # the last column is r
     shaded = np.empty(count)
     for p in range(light.shape[2]):
         if not enough[p]:
@@ -176,46 +177,49 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
                 slope += derivative[f, c, p] * np.float64(g[c, p])
                 direct += light[f, c, p] * np.float64(g[c, p])
                 bent = light[f, c, p] + derivative[f, c, p] * offset
-                own[f, c] = root * (bent + by_g[f, c, p] if lobes else bent)
+                own[c, f] = root * (bent + by_g[f, c, p] if lobes else bent)
             direct += slope * offset
-            own[f, 3] = columns[f, 0] = root * slope
+            own[3, f] = columns[0, f] = root * slope
             for one in range(lobes):
-                columns[f, 1 + one] = root * by_lobe[f, one, p]
-            columns[f, lobes + 1] = root * (values[f, p] - direct)
+                columns[1 + one, f] = root * by_lobe[f, one, p]
+            columns[lobes + 1, f] = root * (values[f, p] - direct)
             shaded[f] = root * (direct + by_lobe[f, 0, p] if lobes else direct)
         for i in range(4):
-            for j in range(4):
-                inner[i, j] = 0.0
+            for j in range(i + 1):
+                total = 0.0
                 for f in range(count):
-                    inner[i, j] += own[f, i] * own[f, j]
+                    total += own[i, f] * own[j, f]
+                inner[i, j] = total
             inner[i, i] += 1e-6 if i < 3 else offset_sigma_m**-2
             for f in range(count):
-                across[i, f] = own[f, i] * shaded[f]
+                across[i, f] = own[i, f] * shaded[f]
             for one in range(lobes + 2):
-                across[i, count + one] = 0.0
+                total = 0.0
                 for f in range(count):
-                    across[i, count + one] += own[f, i] * columns[f, one]
+                    total += own[i, f] * columns[one, f]
+                across[i, count + one] = total
         across[3, size] -= offset * offset_sigma_m**-2
         kernels.cholesky(inner)
         kernels.forward(inner, across)
         for a in range(size):
-            for b in range(size + 1):
-                if a < count and b < count:
+            for b in range(a, size + 1):
+                if b < count:
                     total = shaded[a] * shaded[a] if a == b else 0.0
                 elif a < count:
-                    total = shaded[a] * columns[a, b - count]
-                elif b < count:
-                    total = shaded[b] * columns[b, a - count]
+                    total = shaded[a] * columns[b - count, a]
                 else:
                     total = 0.0
                     for f in range(count):
-                        total += columns[f, a - count] * columns[f, b - count]
+                        total += columns[a - count, f] * columns[b - count, f]
                 for i in range(4):
                     total -= across[i, a] * across[i, b]
                 if b < size:
                     matrix[a, b] += total
                 else:
                     right[a] += total
+    for a in range(size):
+        for b in range(a):
+            matrix[a, b] = matrix[b, a]
 
 
 KERNELS = (_normal_equations,)

@@ -5,7 +5,8 @@ of a session in the simulated cell. One seed is one draw: it makes the object (i
 errors of every image, which are keyed by where the lamp stands. So methods that choose the same light share its image,
 draws are independent, and no result depends on the order of calls.
 
-A picture is rendered once for each light; the table, which nobody looks at, with one sample for each pixel.
+A picture is rendered once for each light, its shadows once for matt and glossy ones; the table, which nobody looks at,
+with one sample for each pixel.
 """
 
 import hashlib
@@ -122,6 +123,7 @@ class Geometry:
         self.calibration = nominal.calibration(pixels)
         self.glossy = objects.build(f"{shape}-glossy", seed)
         self.tracer = Tracer(self.glossy.mesh)
+        self._reached: dict[tuple[object, ...], list[npt.NDArray[np.uint8]]] = {}
         keep_out = self.cell.object.keep_out
         self.object_from_base = geometry.inverse(keep_out.base_from_object.matrix)
         known = self.calibration
@@ -158,6 +160,18 @@ class Geometry:
             replace(fine, table=_only(fine.table, near)),
             replace(coarse, surface=nothing, table=_only(coarse.table, self.region & ~near)),
         )
+
+    def reached(self, key: tuple[object, ...], lamp: Lamp) -> list[tuple[BoolArray, BoolArray]]:
+        """What `render.reached` says of each view; kept under the lamp's key, a bit for each sample."""
+        if key not in self._reached:
+            told = [render.reached(view, self.glossy, self.tracer, lamp) for view in self.views]
+            self._reached[key] = [np.packbits(one) for pair in told for one in pair]
+        counts = [len(samples.pixels) for view in self.views for samples in (view.surface, view.table)]
+        free = [
+            np.unpackbits(one, count=count).view(np.bool_)
+            for one, count in zip(self._reached[key], counts, strict=True)
+        ]
+        return [(free[0], free[1]), (free[2], free[3])]
 
     @cached_property
     def centres(self) -> render.Samples:
@@ -308,9 +322,12 @@ class Scene:
                 known.reference_m,
                 known.lobe_exponent,
             )
-            fine, coarse = self.geometry.views
-            picture = render.direct(fine, self.surface, self.geometry.tracer, lamp)
-            self._pictures[key] = picture + render.direct(coarse, self.surface, self.geometry.tracer, lamp)
+            shared = self.geometry
+            fine, coarse = (
+                render.direct(view, self.surface, shared.tracer, lamp, free)
+                for view, free in zip(shared.views, shared.reached(key, lamp), strict=True)
+            )
+            self._pictures[key] = fine + coarse
         return self._pictures[key]
 
     def _random(self, *key: object) -> np.random.Generator:

@@ -76,3 +76,27 @@ def test_black_shadows_say_that_nothing_bounces_and_a_few_wrong_ones_do_not() ->
     assert interreflection.scale(made.pixels, values, predicted, estimate) == 0
     some = np.where(dark & (np.arange(values.shape[1]) % 2 == 0), predicted, values).astype(np.float32)
     assert interreflection.scale(made.pixels, some, predicted, estimate) == 1
+
+
+def test_a_tilted_pixel_receives_what_the_plane_below_it_sends() -> None:
+    """A plane fills (1 − cos β) / 2 of the view, weighted by cosines, of a surface that is tilted against it by β."""
+    made = shared_scene.measured(size=60)
+    slant = 0.5
+    normals = np.tile(np.array([[np.sin(slant)], [0.0], [np.cos(slant)]], np.float32), (1, made.depth_m.size))
+    found = lambert.solve(
+        made.pixels, made.values, made.depth_m, made.lamp, made.calibration, made.noise, threshold=0.05
+    )
+    bright = np.ones_like(made.values)
+
+    def light(every: int) -> np.ndarray:
+        return interreflection.received(
+            made.pixels, bright, found, made.depth_m, normals, None, made.lamp, made.calibration, every
+        )
+
+    every_one = light(1)
+    middle = 30 * 60 + 30
+    assert every_one[0, middle] == pytest.approx((1 - np.cos(slant)) / 2, rel=0.02)
+    some = light(7)
+    np.testing.assert_array_equal(some[:, ::7], every_one[:, ::7])
+    some[:, ::7] = 0
+    assert not np.any(some)

@@ -67,3 +67,41 @@ def test_intensities_of_a_flat_glossy_surface_are_found() -> None:
         ).log_intensity  # fmt: skip
     left = log_intensity - wrong
     assert np.std(left) < 0.3 * np.std(wrong)
+
+
+def test_a_step_is_that_of_all_unknowns_at_once() -> None:
+    """Pixels' own unknowns are eliminated one pixel after another; the whole system, solved densely, says the same."""
+    scene, rng, offset_sigma, shift_sigma = measured(size=9), np.random.default_rng(2), 0.003, 0.03
+    values = (scene.values * (1 + rng.normal(0, 0.001, scene.values.shape))).astype(np.float32)
+    found = lambert.solve(
+        scene.pixels, values, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.08,
+        offset_sigma_m=offset_sigma,
+    )  # fmt: skip
+    change = lambert.derivative(found.light, found.point, scene.along, scene.lamp)
+    start, shift = rng.normal(0, 0.001, 8), 0.002
+    step = self_calibration.step(
+        found.light, change, values, found.g, found.offset_m, found.weights, start, shift, STATED, shift_sigma,
+        offset_sigma,
+    )  # fmt: skip
+    count = values.shape[1]
+    s, d, g = (one.astype(float) for one in (found.light, change, found.g))
+    slope = np.einsum("fck,ck->fk", d, g)
+    bent = s + d * found.offset_m
+    predicted = np.einsum("fck,ck->fk", bent, g)
+    root = np.sqrt(found.weights)
+    rows = np.zeros((8, count, 9 + 4 * count))
+    for pixel in range(count):
+        rows[:, pixel, :8] = np.diag(predicted[:, pixel])
+        own = slice(9 + 4 * pixel, 13 + 4 * pixel)
+        rows[:, pixel, 8] = slope[:, pixel]
+        rows[:, pixel, own] = np.concatenate([bent[:, :, pixel], slope[:, None, pixel]], axis=1)
+    rows = (rows * root[:, :, None]).reshape(8 * count, -1)
+    told = np.concatenate([np.full(8, STATED**-2), [shift_sigma**-2], np.tile([1e-6] * 3 + [offset_sigma**-2], count)])
+    held = np.concatenate([start, [shift], np.stack([*np.zeros((3, count)), found.offset_m], axis=1).ravel()])
+    # Evidence of pixels counts a twentieth, with their own priors, against the priors of what they share.
+    told[9:] /= self_calibration.CORRELATED
+    matrix = rows.T @ rows / self_calibration.CORRELATED + np.diag(told)
+    right = rows.T @ (root * (values - predicted)).ravel() / self_calibration.CORRELATED - told * held
+    dense = np.linalg.solve(matrix, right)
+    np.testing.assert_allclose(step.log_intensity, dense[:8], rtol=1e-4, atol=1e-8)
+    assert step.shift_m == pytest.approx(dense[8], rel=1e-4)

@@ -54,3 +54,15 @@ def test_an_image_depends_on_draw_and_place_only(shared: Geometry) -> None:
     twice = Scene(shared).capture([lights[0], lights[0]])
     first, second = (twice.frames.rows(shot.frame, 0, PIXELS).astype(float) for shot in twice.shots)
     assert np.std((first - second)[shared.truth.mask]) > 1  # a second image has errors of its own
+
+
+def test_shadows_are_those_of_each_finish(shared: Geometry) -> None:
+    """A glossy picture whose shadows the matt one had traced before is the one that it would be alone."""
+    lights = Scene(shared).run(scenes.recipe("ring", 3)).plan.lights
+    after = Scene(shared, glossy=True).capture(lights)
+    alone = Scene(Geometry("part", 3, PIXELS), glossy=True).capture(lights)
+    matt = Scene(shared).capture(lights)
+    for shot in after.shots:
+        frame = after.frames.rows(shot.frame, 0, PIXELS)
+        np.testing.assert_array_equal(frame, alone.frames.rows(shot.frame, 0, PIXELS))
+        assert np.any(frame != matt.frames.rows(shot.frame, 0, PIXELS))
