@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 from scipy.sparse import coo_array
-from scipy.sparse.linalg import spsolve
+from scipy.sparse.linalg import splu
 
 from acquisition import photometry
 from acquisition.normals.integrate import LEAST_COSINE
@@ -184,7 +184,9 @@ def _solve(p: np.ndarray, q: np.ndarray, step: np.ndarray, weight: np.ndarray, s
     data = np.concatenate([weight, weight, -weight, -weight, weak])
     matrix = coo_array((data, (rows, columns)), shape=(count, count)).tocsc()
     right = np.bincount(q, weight * step, count) - np.bincount(p, weight * step, count) + weak * start
-    solution = np.asarray(spsolve(matrix, right, permc_spec="MMD_AT_PLUS_A"))
+    # Symmetric and positive definite: nothing is to be pivoted, which halves the time.
+    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    solution = np.asarray(factors.solve(right))
     return solution + np.mean(start - solution)
 
 

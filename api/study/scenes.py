@@ -163,15 +163,39 @@ class Geometry:
 
     def reached(self, key: tuple[object, ...], lamp: Lamp) -> list[tuple[BoolArray, BoolArray]]:
         """What `render.reached` says of each view; kept under the lamp's key, a bit for each sample."""
+        fine, coarse = self.views
         if key not in self._reached:
-            told = [render.reached(view, self.glossy, self.tracer, lamp) for view in self.views]
-            self._reached[key] = [np.packbits(one) for pair in told for one in pair]
-        counts = [len(samples.pixels) for view in self.views for samples in (view.surface, view.table)]
+            told = [self._surface_reached(lamp)]
+            for samples in (fine.table, coarse.surface, coarse.table):
+                told.append(render.lit(samples.points, samples.normals, lamp.position, self.tracer, self.glossy))
+            self._reached[key] = [np.packbits(one) for one in told]
+        parts = (fine.surface, fine.table, coarse.surface, coarse.table)
         free = [
-            np.unpackbits(one, count=count).view(np.bool_)
-            for one, count in zip(self._reached[key], counts, strict=True)
+            np.unpackbits(one, count=len(samples.pixels)).view(np.bool_)
+            for one, samples in zip(self._reached[key], parts, strict=True)
         ]
         return [(free[0], free[1]), (free[2], free[3])]
+
+    def _surface_reached(self, lamp: Lamp) -> BoolArray:
+        """Which samples of the object a lamp shines on.
+
+        Shadow rays lead from all samples of a pixel only where those of its centre and of the centres round it do not
+        all say the same. Of all samples, one in ten thousand comes out otherwise, and a third of the time is enough.
+        """
+        shape = (self.lens.height, self.lens.width)
+        centres, samples = self.centres, self.views[0].surface
+        free = render.lit(centres.points, centres.normals, lamp.position, self.tracer, self.glossy)
+        lit, dark = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
+        lit.ravel()[centres.pixels] = free
+        dark.ravel()[centres.pixels] = ~free & _faces(centres, lamp)
+        round_it = np.ones((3, 3), np.uint8)
+        bright, shadowed = (cv2.erode(one, round_it).ravel()[samples.pixels] > 0 for one in (lit, dark))
+        out = bright & _faces(samples, lamp)
+        unsure = np.flatnonzero(~(bright | shadowed))
+        out[unsure] = render.lit(
+            samples.points[unsure], samples.normals[unsure], lamp.position, self.tracer, self.glossy
+        )
+        return out
 
     @cached_property
     def centres(self) -> render.Samples:
@@ -366,6 +390,12 @@ def recipe(method: str, lights: int, seed: int = 0) -> Recipe:
 def _place(light: Light) -> tuple[object, ...]:
     """A lamp's place to a hundredth of a millimetre, as a key."""
     return tuple(round(value / 1e-5) for value in light.position)
+
+
+def _faces(samples: render.Samples, lamp: Lamp) -> BoolArray:
+    """Which samples face a lamp."""
+    to_lamp = lamp.position.astype(np.float32) - samples.points
+    return np.einsum("ni,ni->n", to_lamp, samples.normals) > 0
 
 
 def _only(samples: render.Samples, where: BoolArray) -> render.Samples:
