@@ -1,0 +1,28 @@
+"""What a piece of the study costs: one draw of one object with the numbers of images that the bars are read at.
+
+The whole study is six such draws of six objects, and once all other numbers: about fifty times as much.
+"""
+
+import time
+
+import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from api.study import curves, whole
+from api.study.curves import Draws, Piece, Sample
+
+
+@pytest.mark.parametrize("shape", ["part", "figure"])
+def test_a_draw_of_an_object(benchmark: BenchmarkFixture, shape: str) -> None:
+    curves.work(Piece("sphere", 0, 0, whole.SMALL_PIXELS, Draws({3: 1}, {3: 1}, {3: 1}), None))  # kernels are loaded
+    (piece,) = (one for one in curves.pieces(1, whole.FULL) if (one.shape, one.draw) == (shape, 1))
+
+    def work() -> list[Sample]:
+        begun = time.process_time()
+        samples = curves.work(piece)
+        benchmark.extra_info["processor seconds"] = time.process_time() - begun
+        benchmark.extra_info["sessions"] = len(samples)
+        return samples
+
+    samples = benchmark.pedantic(work, rounds=1)
+    assert len(samples) > 10
