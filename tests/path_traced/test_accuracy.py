@@ -237,15 +237,17 @@ def test_the_surer_half_is_the_better_one(condition: Condition, intensity_sigma:
 @pytest.mark.parametrize(
     ("condition", "intensity_sigma"),
     [
-        *itertools.product(["direct", "gloss"], [0.003, 0.01]),
+        ("direct", 0.01),
+        *itertools.product(["gloss"], [0.003, 0.01]),
         *itertools.product(["bounces"], [0.003, 0.01, 0.03]),
+        literally("direct", 0.003, found="the groove, 1 draw of 50"),
         literally("direct", 0.03, found="the groove, 1 draw of 50"),
-        literally("gloss", 0.03, found="the groove, 3 draws of 50"),
+        literally("gloss", 0.03, found="the groove, 4 draws of 50"),
     ],
 )
 def test_the_surer_half_is_the_better_one_in_each_draw(condition: Condition, intensity_sigma: float) -> None:
-    """Large errors of the lamps that one draw has can turn the walls of a groove, which are the surer, by more than its
-    edges err."""
+    """Errors of the lamps that one draw has can turn the walls of a groove, which are the surer, by more than its edges
+    err: noise is halved where normals are made those of a surface, and these errors are not."""
     found = halves(condition, intensity_sigma)
     wrong = [(name, draw) for name, every in found.items() for draw, (sure, mean) in enumerate(every) if sure >= mean]
     show(f"{condition}, intensities {intensity_sigma:.1%}: draws in which the surer half is no better", len(wrong))
