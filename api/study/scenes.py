@@ -164,27 +164,25 @@ class Geometry:
     def reached(self, key: tuple[object, ...], lamp: Lamp) -> list[tuple[BoolArray, BoolArray]]:
         """What `render.reached` says of each view; kept under the lamp's key, a bit for each sample."""
         fine, coarse = self.views
-        if key not in self._reached:
-            told = [self._surface_reached(lamp)]
-            for samples in (fine.table, coarse.surface, coarse.table):
-                told.append(render.lit(samples.points, samples.normals, lamp.position, self.tracer, self.glossy))
-            self._reached[key] = [np.packbits(one) for one in told]
         parts = (fine.surface, fine.table, coarse.surface, coarse.table)
+        if key not in self._reached:
+            told = [self._surface_reached(lamp), *(self._lit(samples, lamp) for samples in parts[1:])]
+            self._reached[key] = [np.packbits(one) for one in told]
         free = [
             np.unpackbits(one, count=len(samples.pixels)).view(np.bool_)
             for one, samples in zip(self._reached[key], parts, strict=True)
         ]
         return [(free[0], free[1]), (free[2], free[3])]
 
-    def _surface_reached(self, lamp: Lamp) -> BoolArray:
-        """Which samples of the object a lamp shines on.
+    def _lit(self, samples: render.Samples, lamp: Lamp, chosen: np.ndarray | slice = slice(None)) -> BoolArray:
+        return render.lit(samples.points[chosen], samples.normals[chosen], lamp.position, self.tracer, self.glossy)
 
-        Shadow rays lead from all samples of a pixel only where those of its centre and of the centres round it do not
-        all say the same. Of all samples, one in ten thousand comes out otherwise, and a third of the time is enough.
-        """
+    def _surface_reached(self, lamp: Lamp) -> BoolArray:
+        """Which samples of the object a lamp shines on; shadow rays lead from all samples of a pixel only where those of
+        its centre and of the centres round it differ: one sample in ten thousand comes out otherwise."""
         shape = (self.lens.height, self.lens.width)
         centres, samples = self.centres, self.views[0].surface
-        free = render.lit(centres.points, centres.normals, lamp.position, self.tracer, self.glossy)
+        free = self._lit(centres, lamp)
         lit, dark = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
         lit.ravel()[centres.pixels] = free
         dark.ravel()[centres.pixels] = ~free & _faces(centres, lamp)
@@ -192,9 +190,7 @@ class Geometry:
         bright, shadowed = (cv2.erode(one, round_it).ravel()[samples.pixels] > 0 for one in (lit, dark))
         out = bright & _faces(samples, lamp)
         unsure = np.flatnonzero(~(bright | shadowed))
-        out[unsure] = render.lit(
-            samples.points[unsure], samples.normals[unsure], lamp.position, self.tracer, self.glossy
-        )
+        out[unsure] = self._lit(samples, lamp, unsure)
         return out
 
     @cached_property
