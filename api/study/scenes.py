@@ -178,8 +178,8 @@ class Geometry:
         return render.lit(samples.points[chosen], samples.normals[chosen], lamp.position, self.tracer, self.glossy)
 
     def _surface_reached(self, lamp: Lamp) -> BoolArray:
-        """Which samples of the object a lamp shines on; shadow rays lead from all samples of a pixel only where those of
-        its centre and of the centres round it differ: one sample in ten thousand comes out otherwise."""
+        """Which samples of the object a lamp shines on; shadow rays lead from all samples of a pixel only where those
+        of its centre and the centres round it differ: one sample in ten thousand comes out otherwise."""
         shape = (self.lens.height, self.lens.width)
         centres, samples = self.centres, self.views[0].surface
         free = self._lit(centres, lamp)
