@@ -242,7 +242,7 @@ class Scene:
         self.geometry, self.glossy = shared, glossy
         self.surface = shared.glossy if glossy else replace(shared.glossy, name=shared.shape, gloss=0.0)
         self._pictures: dict[tuple[object, ...], Float32Array] = {}
-        self._found: dict[tuple[Light, ...], Found] = {}
+        self._found: dict[tuple[int | None, tuple[Light, ...]], Found] = {}
 
     @property
     def calibration(self) -> Calibration:
@@ -264,8 +264,13 @@ class Scene:
         """Pixels (H, W) that are left out because they show two surfaces and so have no one normal."""
         return self.geometry.facing & ~self.geometry.one_surface
 
-    def capture(self, lights: Sequence[Light], wanted: Exposure = Exposure()) -> Observations:  # noqa: B008 - frozen
-        """One image for each light, exposed as a session would, and the lamp-off frames."""
+    def capture(self, lights: Sequence[Light], unforeseen: int | None = None) -> Observations:
+        """One image for each light, exposed as a session would, and the lamp-off frames.
+
+        So many first lights are `unforeseen`, none: all; the others are planned on a normal map that foretells how
+        bright they make the object.
+        """
+        wanted, camera = Exposure(), self.geometry.cell.camera
         frames: dict[str, npt.NDArray[np.uint16]] = {}
         shots: list[Shot] = []
         darks: dict[float, Shot] = {}
@@ -275,7 +280,8 @@ class Scene:
             repeat = before[key] = before.get(key, -1) + 1
             picture = self._picture(light, repeat)
             level = float(np.percentile(picture[self.geometry.region], check.BRIGHT_PERCENTILE))
-            seconds = exposure.of_level(level, wanted, self.geometry.cell.camera)
+            exposed = exposure.of_level if unforeseen is None or number < unforeseen else exposure.of_foretold
+            seconds = exposed(level, wanted, camera)
             random = self._random("noise", key, repeat, seconds)
             frames[f"{number}.tiff"] = sensor.expose(picture * np.float32(seconds), self.calibration.sensor, random)
             shots.append(self._shot(f"{number}.tiff", number, seconds, light))
@@ -286,14 +292,15 @@ class Scene:
                 darks[seconds] = self._shot(name, len(lights) + len(darks), seconds, None)
         return Observations(shots, darks, Frames(frames))
 
-    def found(self, lights: Sequence[Light]) -> Found:
+    def found(self, lights: Sequence[Light], unforeseen: int | None = None) -> Found:
         """What the final solver makes of the images under these lights; kept, because methods share them.
 
-        A pixel without a normal counts with the error of the viewing axis, which is what nothing known amounts to.
+        `unforeseen` as for `capture`. A pixel without a normal counts with the error of the viewing axis, which is what
+        nothing known amounts to.
         """
-        key = tuple(lights)
+        key = (None if unforeseen == len(lights) else unforeseen, tuple(lights))
         if key not in self._found:
-            taken = self.capture(lights)
+            taken = self.capture(lights, unforeseen)
             shared = self.geometry
             normal_map = normals.solve(
                 taken,
@@ -314,14 +321,15 @@ class Scene:
             chosen = plan.baseline(recipe.method, recipe.lights_total, recipe, self.dome)
             return Run(self.found(chosen.lights), chosen)
         lights = pilot.pattern(recipe, self.dome)
+        unforeseen = len(lights)
         chosen = LightPlan(lights=lights, method="pilot", reasons=["pilot"] * len(lights))
         for _ in range(passes_wanted(recipe) - 1):
-            known = self.found(lights)
+            known = self.found(lights, unforeseen)
             further = self._further(known, recipe)
             if not further.lights:
                 return Run(known, further)
             chosen, lights = further, [*lights, *further.lights]
-        return Run(self.found(lights), chosen)
+        return Run(self.found(lights, unforeseen), chosen)
 
     def _further(self, known: Found, recipe: Recipe) -> LightPlan:
         arguments = (known.normal_map, known.observations, recipe, self.dome, self.calibration)
