@@ -16,6 +16,7 @@ Kernels compile at import, into numba's cache.
 import numba
 import numpy as np
 
+from acquisition.normals.neighbours import UNSURE_DEG
 from acquisition.types import Float32Array
 
 MISMATCH = 2.5
@@ -36,6 +37,8 @@ ROWS, AROUND = 256, 12
 
 def settle(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array, ray: Float32Array) -> None:
     """Turns unit normals (H, W, 3), view frame, as little as makes them those of a surface, and lowers σ, in place.
+
+    Where σ is large it is not noise but what too few lights leave open, which neighbours share, and it stays.
 
     `sigma_deg` (H, W) is 1 σ over both tangential directions, as in NormalMap, NaN where there is no normal; `variance`
     (H, W) in rad² is the part of its square that comes from errors which pixels do not share, and is lowered as well;
@@ -58,7 +61,7 @@ def settle(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Arra
             continue
         left = _settled(strip, before, ray[:, start - first : below], pitch)[first:last]
         normals[start:stop] = strip[first:last]
-        gone = (1 - left) * before[first:last]
+        gone = np.where(sigma_deg[start:stop] > UNSURE_DEG, 0, (1 - left) * before[first:last])
         sigma_deg[start:stop] = np.degrees(np.sqrt(np.radians(sigma_deg[start:stop]) ** 2 - gone))
         variance[start:stop] -= gone
 

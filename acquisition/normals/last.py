@@ -4,8 +4,8 @@ unknown.
 Blocks of rows are solved one after another and put into maps of the whole frame. A pixel's solve knows of its
 neighbours only which of them are in shadow, once for each turn in which light is taken out, so a block solved with so
 many rows more comes out as if it had been solved with all. A pixel with fewer than two usable lights gets no normal;
-one with two gets one that leans on the prior, and a σ that says so. At last the normals are made those of a surface,
-and pixels that are unsure lean on those round them.
+one with two gets one that leans on the prior, and a σ that says so. At last pixels that are unsure lean on those round
+them, the normals are made those of a surface, and who is still unsure leans once more: neighbours are surer now.
 """
 
 from dataclasses import dataclass, replace
@@ -128,9 +128,7 @@ def solve(seen: Seen, gathered: Gathered, refined: Refined, model: Model, size: 
             matrices.append(found.matrices)
         before = after
     del windows
-    settled = maps["normals"][place], maps["sigma_deg"][place]
-    integrable.settle(*settled, surface["variance"], seen.ray)
-    neighbours.lean(*settled)
+    _agree(maps["normals"][place], maps["sigma_deg"][place], surface["variance"], seen.ray)
     depth = integrate.depth(
         maps["normals"][place].transpose(2, 0, 1), seen.mask, seen.ray, integrate.certainty(surface.pop("variance")),
         surface.pop("start"), whole=surface.pop("whole", None), keep_steps=model.settings.keep_steps,
@@ -159,6 +157,16 @@ def solve(seen: Seen, gathered: Gathered, refined: Refined, model: Model, size: 
             "lobe": {"strength": refined.lobe.strength, "exponent": refined.lobe.exponent},
         },
     )
+
+
+def _agree(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array, ray: Float32Array) -> None:
+    """Changes what pixels found alone, in place, by what those round them did; as for `integrable.settle`."""
+    neighbours.lean(normals, sigma_deg)
+    lowered = np.radians(sigma_deg)
+    lowered *= lowered
+    np.fmin(variance, lowered, out=variance)
+    integrable.settle(normals, sigma_deg, variance, ray)
+    neighbours.lean(normals, sigma_deg)
 
 
 def _outside(size: tuple[int, int]) -> dict[str, np.ndarray]:

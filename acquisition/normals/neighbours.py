@@ -3,7 +3,8 @@
 Beside a wall three or four lights are left, one of them perhaps at the edge of a shadow, and a pixel alone can err by
 thirty degrees. The pixels round it are one more measurement of its normal: their mean, as uncertain as they are and as
 far as they differ among themselves, so that next to an edge they say little. A sure pixel is left as it is, which keeps
-fine relief whole.
+fine relief whole, and unsure neighbours are not listened to: they err as the pixel itself does, for want of the same
+lights.
 """
 
 import cv2
@@ -47,7 +48,7 @@ def _leant(
 ) -> tuple[Float32Array, Float32Array]:
     """Normals (K, 3) and σ (K) of the `unsure` pixels of a strip, given by rows (K,) and columns (K,)."""
     variance = np.radians(sigma_deg) ** 2
-    weight = np.nan_to_num(1 / variance).astype(np.float32)
+    weight = np.where(sigma_deg <= UNSURE_DEG, 1 / variance, 0).astype(np.float32)
     total = _round(weight)[unsure]
     mean = np.column_stack([_round(weight * normals[..., axis])[unsure] for axis in range(3)])
     mean /= np.maximum(total, 1e-9)[:, None]
