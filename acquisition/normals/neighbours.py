@@ -14,7 +14,7 @@ from acquisition.types import Float32Array
 
 UNSURE_DEG = 4.0
 """σ from which a pixel listens to its neighbours: of simulated parts and figures under eight lights 0.5–1 % of the
-pixels, and a quarter of those that were more than 10° off then are not. With 2° pilots lose detail and plans suffer."""
+pixels. With 2° pilots lose detail and plans suffer."""
 
 CURVED_DEG = 1.0
 """1 σ of how far a pixel's normal is from its neighbours' mean where these agree."""

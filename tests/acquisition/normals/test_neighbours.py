@@ -79,3 +79,18 @@ def test_strips_of_rows_make_no_seam() -> None:
     neighbours.lean(cut, cut_sigma)
     np.testing.assert_allclose(normals[top : top + 10], cut[1:-1], atol=1e-6)
     np.testing.assert_allclose(sigma[top : top + 10], cut_sigma[1:-1], rtol=1e-5)
+
+
+def test_a_patch_that_is_unsure_as_a_whole_stays_so_but_for_its_border() -> None:
+    """Its pixels want the same lights and err alike."""
+    true = dome(20, 20)
+    sigma = np.full((20, 20), 1.0, np.float32)
+    patch, inner = (slice(5, 15),) * 2, (slice(6, 14),) * 2
+    sigma[patch] = 15.0
+    normals = true.copy()
+    normals[patch] = (0.0, 0.5, np.sqrt(0.75))
+    before = normals[inner].copy()
+    neighbours.lean(normals, sigma)
+    np.testing.assert_array_equal(normals[inner], before)
+    assert np.all(sigma[inner] == 15.0)
+    assert np.max(sigma[5, 5:15]) < 15.0
