@@ -1,9 +1,12 @@
 """Where the first lights go, before anything is known of the object.
 
-One light near the view axis and the others on a ring at 50°: the top light sees into everything the camera sees and so
-makes shadows, albedo and depth safe, the ring gives the normals their directions. A ring alone leaves up to half of the
-pixels with fewer than three lights. The ring turns as a whole to where the arm serves it best. Of three lights none can
-stand on top, or all would lie in one plane: they form a ring at 30°, which loses the fewest pixels to shadows.
+One light near the view axis and the others on a ring at 50°: the top light sees into nearly everything the camera sees
+and so makes shadows, albedo and depth safe, the ring gives the normals their directions. A ring alone leaves up to half
+of the pixels with fewer than three lights. The top light stands 20° off the axis, between two lights of the ring: from
+there it still tells something of the normals, and planned lights go on from it: path-traced, eight images are better by
+2 % in direct light and 5 % with bounces than from 8°. The pattern turns as a whole to where the arm serves it best. Of
+three lights none can stand on top, or all would lie in one plane: they form a ring at 30°, which loses the fewest
+pixels to shadows.
 
 Before: nothing. After: `waypoints`, `capture`, `normals`.
 """
@@ -14,37 +17,39 @@ from acquisition import dome, geometry
 from acquisition.errors import ErrorCode, RigError
 from acquisition.types import Light, Reach, Recipe
 
+TOP_SLANT_DEG = 20.0
 RING_SLANT_DEG = 50.0
 SLANT_OF_THREE_DEG = 30.0
 TURNS = 24
 WORST_MISS_DEG = 60.0
-"""A ring light further than this from its ideal place no longer stands on its side of the object."""
+"""A light further than this from its ideal place no longer stands on its side of the object."""
 
 
 def pattern(recipe: Recipe, reach: Reach) -> list[Light]:
-    """The pilot's lights, all distinct: one at the smallest reachable slant, the others at 50°; of three all at 30°.
+    """The pilot's lights, all distinct: one at 20° and the others at 50°, or of three all at 30°.
 
     Raises RigError plan.infeasible when there are too few reachable positions or all lie on one side of the object.
     """
     candidates = reach.candidates
     units = dome.directions(candidates, reach.center, recipe.pilot_lights)
-    top = [int(np.argmax(units[:, 2]))] if recipe.pilot_lights > 3 else []
-    slant_deg = RING_SLANT_DEG if top else SLANT_OF_THREE_DEG
-    free = np.ones(len(units), dtype=np.bool_)
-    free[top] = False
-    around = recipe.pilot_lights - len(top)
+    top = recipe.pilot_lights > 3
+    around = recipe.pilot_lights - top
     step = 2 * np.pi / around
-    rings = [
-        dome.nearest_distinct(geometry.direction(np.radians(slant_deg), turn + np.arange(around) * step), units, free)
+    slant_deg = RING_SLANT_DEG if top else SLANT_OF_THREE_DEG
+    slants = np.radians([*[TOP_SLANT_DEG] * top, *[slant_deg] * around])
+    azimuths = np.array([*[step / 2] * top, *np.arange(around) * step])
+    free = np.ones(len(units), dtype=np.bool_)
+    patterns = [
+        dome.nearest_distinct(geometry.direction(slants, turn + azimuths), units, free)
         for turn in np.arange(TURNS) * step / TURNS
     ]
-    chosen, miss = min(rings, key=lambda ring: float(np.sum(ring[1] ** 2)))
+    chosen, miss = min(patterns, key=lambda one: float(np.sum(one[1] ** 2)))
     worst_deg = float(np.degrees(np.max(miss)))
     if worst_deg > WORST_MISS_DEG:
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
-            f"the pilot's ring at {slant_deg:.0f}° cannot be formed: one light would stand {worst_deg:.0f}° from "
+            f"the pilot's lights at {slant_deg:.0f}° cannot be placed: one would stand {worst_deg:.0f}° from "
             "its place; free more of the dome, GET /v1/rig/reach says what refuses positions",
             worst_miss_deg=worst_deg,
         )
-    return [dome.light(candidates[index], reach.center) for index in (*top, *chosen)]
+    return [dome.light(candidates[index], reach.center) for index in chosen]

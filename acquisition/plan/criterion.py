@@ -31,6 +31,9 @@ SURE = 0.9
 ATTACHED_SIGMA = 0.06
 CAST_SIGMA = 0.04
 STEEPEST_DEG = 78.0
+LARGEST_SHARE = 0.5
+"""Share of bounced light in a pixel's images beyond which it is not believed."""
+
 DETERMINED_BY = 3
 """Lights that a pixel's normal takes."""
 
@@ -49,6 +52,7 @@ class Samples:
     information: FloatArray  # (P, 4, 4) of (g, ζ), weak prior included
     lit: Float32Array  # (P,) images so far that see the pixel
     unresolved: Float32Array  # (P,) rad², variance that no light removes
+    bounced: Float32Array  # (P,) y that other surfaces made, mean of the images so far
     taken: FloatArray  # (T, 3) unit directions of the lights of those images
 
     @cached_property
@@ -70,7 +74,7 @@ class Samples:
     def thinned(self, step: int) -> "Samples":
         """Every `step`-th pixel."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
-        over_first = ("row", "column", "albedo", "sigma", "information", "lit", "unresolved")
+        over_first = ("row", "column", "albedo", "sigma", "information", "lit", "unresolved", "bounced")
         thinned = {
             name: np.ascontiguousarray(value[::step] if name in over_first else value[:, ::step])
             for name, value in values.items()
@@ -134,6 +138,7 @@ def samples(
         information=information + _weak(albedo),
         lit=np.count_nonzero(normal_map.flags[:, rows, columns] & LIT, axis=0).astype(np.float32),
         unresolved=noise.unresolved(normal_map, rows, columns),
+        bounced=np.zeros_like(albedo),
         taken=directions(taken),
     )
 
@@ -207,7 +212,7 @@ def candidates(
 
     strength = sample.albedo * there.strength
     expected = noise.variance(
-        there.value, there.cosine, strength, there.distance, level, calibration, cautious=cautious
+        there.value, there.cosine, strength, there.distance, level, calibration, sample.bounced, cautious=cautious
     )
     if gloss.sigma > 0:
         expected = expected + (gloss.sigma * there.strength * _half_way(sample, there) ** gloss.exponent) ** 2
@@ -231,8 +236,9 @@ def reweighed(
     sample: Samples, normal_map: NormalMap, observations: Observations, calibration: Calibration, *,
     cautious: bool = False,
 ) -> Samples:  # fmt: skip
-    """The samples with the information of the images so far scaled, pixel by pixel, from the noise that the solver
-    assumed to the noise that is expected of the final solve; or that is assumed, `cautious`, to choose by."""
+    """The samples with what the images so far tell beside the normal map: how bright light from other surfaces is; and
+    with their information scaled, pixel by pixel, from the noise that the solver assumed to the noise that is expected
+    of the final solve; or that is assumed, `cautious`, to choose by."""
     shots = [shot for shot in observations.shots if shot.kind == "light" and shot.light is not None]
     if not shots or len(shots) != len(normal_map.flags):
         return sample
@@ -240,17 +246,22 @@ def reweighed(
     there = _shading(sample, lamp, calibration)
     level = np.array([shot.exposure_s for shot in shots]) * calibration.lamp_intensity
     strength = sample.albedo * there.strength
+    lit = normal_map.flags[:, sample.row, sample.column] & LIT > 0
+    bounced = np.zeros_like(sample.albedo)
+    if normal_map.indirect is not None:
+        share = np.clip(normal_map.indirect[sample.row, sample.column], 0, LARGEST_SHARE)
+        bounced = np.asarray(np.mean(np.where(lit, there.value, 0), axis=0) * share / (1 - share), np.float32)
     assumed = noise.solved_variance(
-        there.value, strength, float(np.mean(there.distance)), level, calibration, normal_map
+        there.value, strength, float(np.mean(there.distance)), level, calibration, normal_map, bounced
     )
     expected = noise.variance(
-        there.value, there.cosine, strength, there.distance, level, calibration, cautious=cautious
+        there.value, there.cosine, strength, there.distance, level, calibration, bounced, cautious=cautious
     )
-    lit = normal_map.flags[:, sample.row, sample.column] & LIT > 0
     before = np.sum(np.where(lit, there.strength**2 / assumed, 0.0), axis=0)
     after = np.sum(np.where(lit, there.strength**2 / expected, 0.0), axis=0)
     scale = np.divide(after, before, out=np.ones_like(before), where=before > 0)
-    return replace(sample, information=(sample.information - sample.weak) * scale[:, None, None] + sample.weak)
+    information = (sample.information - sample.weak) * scale[:, None, None] + sample.weak
+    return replace(sample, information=information, bounced=bounced)
 
 
 def unexplained_shadows(

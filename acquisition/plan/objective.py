@@ -20,7 +20,10 @@ from acquisition.plan import kernels, patterns
 from acquisition.plan.criterion import LEVELS, Candidates, Expectation, Samples
 from acquisition.types import Float32Array, FloatArray, Objective
 
-CAP_DEG = 10.0
+CAP_DEG = 3.0
+"""What is less certain counts hardly more. Errors of eight images are less by 2 % than at 5° and by 3 % than at 10° on
+simulated scenes, by 8 % than at 10° on path-traced ones; at 2° more pixels are left over 10°."""
+
 QUANTILE = 0.9
 WELL_BELOW, WELL_ABOVE = 0.6, 2.0
 LACKING = 10.0

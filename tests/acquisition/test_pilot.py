@@ -1,4 +1,4 @@
-"""Where the first lights go: one on top, the others round the object at 50°, wherever the arm allows it."""
+"""Where the first lights go: one near the axis, the others round the object at 50°, wherever the arm allows it."""
 
 import numpy as np
 import pytest
@@ -32,9 +32,11 @@ def test_one_on_top_and_an_even_ring_at_fifty_degrees(count: int) -> None:
     lights = pilot.pattern(Recipe(pilot_lights=count), reach)
     slant, azimuth = slants_azimuths(lights, reach)
     assert len(lights) == count
-    assert slant[0] == pytest.approx(8.0, abs=0.1)
+    assert slant[0] == pytest.approx(pilot.TOP_SLANT_DEG, abs=6)
     assert np.all(np.abs(slant[1:] - 50) < 6)
     assert np.all(np.abs(gaps(azimuth[1:]) - 360 / (count - 1)) < 14)
+    away = np.abs((azimuth[1:] - azimuth[0] + 180) % 360 - 180)
+    assert np.min(away) == pytest.approx(180 / (count - 1), abs=25)  # between two lights of the ring
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -88,6 +90,6 @@ def test_a_ring_light_on_the_wrong_side_is_refused() -> None:
     # A cap of 20° and two spots at 50°: some ring light always lands far from its place on a ring of ten.
     spots = geometry.direction(np.radians(50), np.array([0.0, np.pi]))
     reach.candidates = reach.candidates[(units[:, 2] > np.cos(0.2)) | (np.max(units @ spots.T, axis=1) > np.cos(0.12))]
-    with pytest.raises(RigError, match=r"(ring at 50° cannot be formed|reaches only)") as caught:
+    with pytest.raises(RigError, match=r"(lights at 50° cannot be placed|reaches only)") as caught:
         pilot.pattern(Recipe(pilot_lights=16), reach)
     assert caught.value.code == ErrorCode.PLAN_INFEASIBLE

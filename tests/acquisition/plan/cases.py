@@ -44,6 +44,7 @@ def random_case(seed: int, pixels: int = 20, lights: int = 6) -> tuple[Samples, 
         information=half @ half.transpose(0, 2, 1) + 5 * np.eye(4),
         lit=np.zeros(pixels, np.float32),
         unresolved=np.zeros(pixels, np.float32),
+        bounced=np.zeros(pixels, np.float32),
         taken=np.empty((0, 3)),
     )
     row = rng.normal(size=(lights, 4, pixels)) * 60
@@ -65,6 +66,7 @@ def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -
         information=np.tile(np.diag([1.0, 1.0, 1.0, 1.0]), (pixels, 1, 1)),
         lit=np.zeros(pixels, np.float32),
         unresolved=np.zeros(pixels, np.float32),
+        bounced=np.zeros(pixels, np.float32),
         taken=np.empty((0, 3)),
     )
     row = np.zeros((len(units), 4, pixels), np.float32)
