@@ -24,6 +24,10 @@ CAP_DEG = 3.0
 """What is less certain counts hardly more. Errors of eight images are less by 2 % than at 5° and by 3 % than at 10° on
 simulated scenes, by 8 % than at 10° on path-traced ones; at 2° more pixels are left over 10°."""
 
+CAP_TIMES = 4.0
+"""The cap is at least so many times the mean σ of two rings: where all pixels are less certain, between walls that
+light one another, a cap of 3° gives up half of them."""
+
 QUANTILE = 0.9
 WELL_BELOW, WELL_ABOVE = 0.6, 2.0
 LACKING = 10.0
@@ -84,7 +88,7 @@ VARIANCE = Loss(1.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def loss(objective: Objective, reference: Expectation) -> Loss:
-    """The loss of an objective; `reference` is what two rings would give, for the threshold of `quantile`."""
+    """The loss of an objective; `reference` is what two rings would give, for the cap, and the threshold of `quantile`."""
     if objective == "mean":
         return Loss(0.0, 1.0, 0.0, 0.0, 0.0, UNEVEN)
     if objective == "quantile":
@@ -93,4 +97,7 @@ def loss(objective: Objective, reference: Expectation) -> Loss:
         least = (WELL_BELOW * level) ** 2
         threshold = float(np.sqrt(least / (1 + least * inverse_cap)))
         return Loss(0.0, 1.0, threshold, inverse_cap, 0.0, UNEVEN)
-    return replace(CAPPED, lacking=LACKING if objective == "coverage" else 0.0, uneven=UNEVEN)
+    cap = max(np.radians(CAP_DEG), CAP_TIMES * float(np.mean(np.sqrt(reference.variance))))
+    return replace(
+        CAPPED, inverse_cap=1.0 / cap**2, lacking=LACKING if objective == "coverage" else 0.0, uneven=UNEVEN
+    )
