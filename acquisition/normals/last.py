@@ -143,7 +143,7 @@ def solve(seen: Seen, gathered: Gathered, refined: Refined, model: Model, size: 
     return NormalMap(
         **maps,
         flags=flags,
-        intensity_factors=np.exp(refined.log_intensity),
+        intensity_factors=np.exp(refined.shared.log_intensity),
         information=Information(
             rows=window_rows.astype(np.int64) + images.rows.start,
             columns=window_columns.astype(np.int64) + images.columns.start,
@@ -151,7 +151,8 @@ def solve(seen: Seen, gathered: Gathered, refined: Refined, model: Model, size: 
         ),
         noise={"intensity": noise.intensity, "direction": noise.direction, "shot": float(np.mean(noise.shot))},
         notes={
-            "shift_m": refined.shift_m,
+            "shift_m": refined.shared.shift_m,
+            "lamps_aside_m": refined.shared.aside_m.tolist(),
             "threshold": model.settings.shadow_threshold,
             "interreflection": {"share": indirect / light, "scale": refined.bounce_scale},
             "lobe": {"strength": refined.lobe.strength, "exponent": refined.lobe.exponent},
@@ -234,7 +235,7 @@ def _plain(refined: Refined) -> bool:
 
 def _last(pixels: Pixels, refined: Refined, model: Model) -> _Final:
     """Solves some pixels; bounced light needs the albedo and gloss the normals, so they are taken out in turns."""
-    measured = refine.divided(pixels.values, refined.log_intensity)
+    measured = refine.divided(pixels.values, refined.shared.log_intensity)
 
     def once(values: Float32Array, extra: Float32Array, rounds: int, gloss: lobe.Change | None = None) -> Estimate:
         return lambert.solve(

@@ -19,6 +19,7 @@ from acquisition.normals import noise as residuals
 from acquisition.normals.interreflection import Table
 from acquisition.normals.lambert import Estimate, Pixels
 from acquisition.normals.lobe import Lobe
+from acquisition.normals.self_calibration import Priors, Shared
 from acquisition.photometry import Noise
 from acquisition.types import Float32Array, FloatArray
 
@@ -60,17 +61,15 @@ BOUNCE_MATTERS = 0.012
 class Refined:
     """What the last solve takes over, at N pixels: the coarse ones that it was found at, or others.
 
-    Depth (N,) in m; how whole the surface is, 0–1 (N,); log intensity (F,); the variance (N,) in rad² that the normals
-    have of what pixels or images share: the intensities' uncertainty and that of the light from other surfaces; the
-    shift of the whole object in m; the light received from other surfaces (F, N) or none, and the scale of its
-    prediction; the lobe; the noise of coarse pixels.
+    Depth (N,) in m; how whole the surface is, 0–1 (N,); what all pixels share of lamps and shift; the variance (N,) in
+    rad² that the normals have of it, and of the light from other surfaces; the light received from other surfaces
+    (F, N) or none, and the scale of its prediction; the lobe; the noise of coarse pixels.
     """
 
     depth_m: Float32Array
     whole: Float32Array
-    log_intensity: FloatArray
+    shared: Shared
     shared_variance: Float32Array
-    shift_m: float
     received: Float32Array | None
     bounce_scale: float
     lobe: Lobe
@@ -104,16 +103,6 @@ class _Known:
 
 
 @dataclass(frozen=True)
-class _Shared:
-    """What all pixels share: log intensities (F,) and their covariance, the shift in m, the noise."""
-
-    log_intensity: FloatArray
-    covariance: FloatArray
-    shift_m: float
-    noise: Noise
-
-
-@dataclass(frozen=True)
 class _Bounced:
     """Light from other surfaces: received and sent on to the camera (F, N), scaled; zero where it does not matter."""
 
@@ -142,10 +131,9 @@ def refine(
     along = photometry.ray_directions(coarse.ray)
     depth = depth_m
     chosen = np.sort(np.random.default_rng(0).permutation(len(coarse.index))[:SAMPLES])
-    count = len(lamp)
     finest = replace(noise, shot=noise.shot / factor**2, floor=noise.floor / factor**2)
     known = _Known(coarse.subset(chosen), along[:, chosen], lamp, calibration, finest, settings)
-    shared = _Shared(np.zeros(count), np.zeros((count, count)), 0.0, finest)
+    shared, left, there = Shared.as_told(len(lamp)), finest, lamp
     lobe = gloss.NONE
     bounced: _Bounced | None = None
     found: Estimate | None = None
@@ -158,7 +146,7 @@ def refine(
         measured = divided(coarse.values, shared.log_intensity)
         values = measured - indirect - highlight
         found = lambert.solve(
-            coarse, values, depth, lamp, calibration, shared.noise, threshold=threshold,
+            coarse, values, depth, there, calibration, left, threshold=threshold,
             cauchy_scale=known.cauchy_scale, extra=(np.float32(gloss.SIGMA) * highlight) ** 2,
         )  # fmt: skip
         last, normals = normals, lambert.facing(found.normals, along)
@@ -168,17 +156,17 @@ def refine(
         levelled = None
         if stepped:
             cuts = FIRST_CUTS if turn == 0 else 1
-            levelled = steps.depth(coarse, measured - highlight, found, normals, sure, depth, smooth, lamp, cuts)
+            levelled = steps.depth(coarse, measured - highlight, found, normals, sure, depth, smooth, there, cuts)
         stepped = levelled is not None
         depth, whole = (smooth, np.ones_like(smooth)) if levelled is None else levelled
 
         lobe = gloss.fit(
-            known.pixels, (measured - indirect)[:, chosen], depth[chosen], known.along, lamp, calibration, shared.noise,
+            known.pixels, (measured - indirect)[:, chosen], depth[chosen], known.along, there, calibration, left,
             FIRST_THRESHOLD, lobe,
         )  # fmt: skip
         highlight = lobe.highlight(found, along)
         bounced = _bounced(
-            coarse, measured - highlight, values, found, depth, normals, around, lamp, calibration,
+            coarse, measured - highlight, values, found, depth, normals, around, there, calibration,
             expected=bounced is not None and bounced.matters,
         )  # fmt: skip
         indirect = bounced.indirect
@@ -187,24 +175,23 @@ def refine(
         values = (measured - indirect)[:, chosen]
         before = shared.shift_m
         hold = turn == 0 and not plain
-        shared = _calibrated(known, values, highlight[:, chosen], lobe, depth[chosen], shared, hold=hold)
+        shared, left = _calibrated(known, values, highlight[:, chosen], lobe, depth[chosen], shared, left, hold=hold)
         calibrated += not hold
-        depth = depth + np.float32(shared.shift_m - before)
+        depth, there = depth + np.float32(shared.shift_m - before), shared.lamps(lamp)
         threshold = settings.shadow_threshold
         still = turn >= settings.depth_rounds and _turn_deg(last, normals) < STILL_DEG
         if still or (plain and calibrated >= settings.depth_rounds):
             break
-    spread = np.zeros_like(depth) if found is None else _spread(found, shared, indirect)
+    spread = np.zeros_like(depth) if found is None else _spread(found, shared, there, indirect)
     return Refined(
         depth_m=depth,
         whole=whole,
-        log_intensity=shared.log_intensity,
+        shared=shared,
         shared_variance=spread,
-        shift_m=shared.shift_m,
         received=bounced.received if bounced and bounced.matters else None,
         bounce_scale=bounced.scale if bounced else 0.0,
         lobe=lobe,
-        noise=shared.noise,
+        noise=left,
     )
 
 
@@ -240,9 +227,9 @@ def _bounced(
     return predicted(1)
 
 
-def _spread(found: Estimate, shared: _Shared, indirect: Float32Array) -> Float32Array:
+def _spread(found: Estimate, shared: Shared, lamp: Float32Array, indirect: Float32Array) -> Float32Array:
     """Variance (N,) in rad² of the normals from errors that pixels or images share."""
-    return self_calibration.spread(found, shared.covariance) + interreflection.spread(found, indirect)
+    return self_calibration.spread(found, lamp, shared.covariance) + interreflection.spread(found, indirect)
 
 
 def divided(values: Float32Array, log_intensity: FloatArray) -> Float32Array:
@@ -251,43 +238,45 @@ def divided(values: Float32Array, log_intensity: FloatArray) -> Float32Array:
 
 
 def _calibrated(
-    known: _Known, values: Float32Array, highlight: Float32Array, lobe: Lobe, depth_m: Float32Array, shared: _Shared,
-    *, hold: bool,
-) -> _Shared:  # fmt: skip
+    known: _Known, values: Float32Array, highlight: Float32Array, lobe: Lobe, depth_m: Float32Array, before: Shared,
+    noise: Noise, *, hold: bool,
+) -> tuple[Shared, Noise]:  # fmt: skip
     """The shared unknowns after three Gauss–Newton steps on a sample of pixels, and the noise that is left.
 
-    `values` (F, K), with the `highlight` (F, K) of `lobe` in them, are already divided by the present intensities;
-    `hold` leaves these as they are.
+    `values` (F, K), with the `highlight` (F, K) of `lobe` in them, and depth are those of what was known `before`;
+    `hold` leaves the lamps as they are.
     """
     if len(known.lamp) < LEAST_IMAGES_TO_PLACE:
-        return shared
+        return before, noise
     calibrate = not hold and len(known.lamp) >= LEAST_IMAGES_TO_CALIBRATE
-    log_intensity, covariance, shift = shared.log_intensity, shared.covariance, shared.shift_m
-    sigma = known.calibration.intensity_sigma if calibrate else 0.0
-    noise = shared.noise
+    stated = known.calibration
+    lamps = (stated.intensity_sigma, stated.lamp_position_sigma_m) if calibrate else (0.0, 0.0)
+    priors, now = Priors(*lamps, SHIFT_SIGMA_M), before
     for turn in range(4):
-        whole = divided(values, log_intensity - shared.log_intensity)
-        now, extra = whole - highlight, (np.float32(gloss.SIGMA) * highlight) ** 2
+        lamp = now.lamps(known.lamp)
+        whole = divided(values, now.log_intensity - before.log_intensity)
+        matt, extra = whole - highlight, (np.float32(gloss.SIGMA) * highlight) ** 2
         found = lambert.solve(
-            known.pixels, now, depth_m + np.float32(shift - shared.shift_m), known.lamp, known.calibration, noise,
+            known.pixels, matt, depth_m + np.float32(now.shift_m - before.shift_m), lamp, stated, noise,
             threshold=known.settings.shadow_threshold, offset_sigma_m=DEPTH_SIGMA_M, cauchy_scale=known.cauchy_scale,
             extra=extra,
         )  # fmt: skip
         if turn in (0, 3):
-            noise = residuals.estimate(found, now, noise, known.stated, known.along, known.lamp, DEPTH_SIGMA_M, extra)
+            noise = residuals.estimate(found, matt, noise, known.stated, known.along, lamp, DEPTH_SIGMA_M, extra)
         if turn == 3:
             break
-        change = lambert.derivative(found.light, found.point, known.along, known.lamp)
+        change = lambert.derivative(found.light, found.point, known.along, lamp)
         glossy = lobe.change(found, known.along)
         if glossy is not None:
             highlight = glossy.highlight
         step = self_calibration.step(
-            found.light, change, whole - highlight, found.g, found.offset_m, found.weights, log_intensity, shift,
-            sigma, SHIFT_SIGMA_M, DEPTH_SIGMA_M, glossy,
+            found, change, whole - highlight, lamp, now, priors, DEPTH_SIGMA_M, glossy
         )  # fmt: skip
         move = float(np.clip(step.shift_m, -LARGEST_STEP_M, LARGEST_STEP_M))
-        shift = float(np.clip(shift + move, -LARGEST_SHIFT_M, LARGEST_SHIFT_M))
-        log_intensity = log_intensity + step.log_intensity
-        if calibrate:
-            covariance = step.covariance
-    return _Shared(log_intensity, covariance, shift, noise)
+        now = Shared(
+            log_intensity=now.log_intensity + step.log_intensity,
+            aside_m=now.aside_m + step.aside_m,
+            shift_m=float(np.clip(now.shift_m + move, -LARGEST_SHIFT_M, LARGEST_SHIFT_M)),
+            covariance=step.covariance if calibrate else now.covariance,
+        )
+    return now, noise

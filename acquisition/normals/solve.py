@@ -93,7 +93,7 @@ def solve_stack(
     if factor > 1:
         start = np.full(len(gathered.coarse.index), np.mean(start), np.float32)
     refined = refine.refine(gathered.coarse, factor, start, lamp, calibration, noise, settings, gathered.table)
-    model = Model(lamp, calibration, noise, settings)
+    model = Model(refined.shared.lamps(lamp), calibration, noise, settings)
     model = last.with_noise_of(gathered.few, refined.at(gathered.at_few), model)
     return last.solve(seen, gathered, refined, model, size)
 

@@ -88,7 +88,7 @@ VARIANCE = Loss(1.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def loss(objective: Objective, reference: Expectation) -> Loss:
-    """The loss of an objective; `reference` is what two rings would give, for the cap, and the threshold of `quantile`."""
+    """The loss of an objective; `reference` is what two rings would give, for the cap and the threshold."""
     if objective == "mean":
         return Loss(0.0, 1.0, 0.0, 0.0, 0.0, UNEVEN)
     if objective == "quantile":
@@ -98,6 +98,4 @@ def loss(objective: Objective, reference: Expectation) -> Loss:
         threshold = float(np.sqrt(least / (1 + least * inverse_cap)))
         return Loss(0.0, 1.0, threshold, inverse_cap, 0.0, UNEVEN)
     cap = max(np.radians(CAP_DEG), CAP_TIMES * float(np.mean(np.sqrt(reference.variance))))
-    return replace(
-        CAPPED, inverse_cap=1.0 / cap**2, lacking=LACKING if objective == "coverage" else 0.0, uneven=UNEVEN
-    )
+    return replace(CAPPED, inverse_cap=1.0 / cap**2, lacking=LACKING if objective == "coverage" else 0.0, uneven=UNEVEN)

@@ -13,6 +13,7 @@ from acquisition.normals.last import Model
 from acquisition.normals.lobe import NONE, Lobe
 from acquisition.normals.observe import Stack, Stored
 from acquisition.normals.refine import Refined
+from acquisition.normals.self_calibration import Shared
 from tests.acquisition import scenes
 
 SIZE = 96
@@ -44,9 +45,8 @@ def refined(gathered: Gathered, noise: photometry.Noise, lobe: Lobe, received: f
     return Refined(
         depth_m=wave.astype(np.float32),
         whole=np.where(wave > 0.862, 0.5, 1).astype(np.float32),
-        log_intensity=np.linspace(-0.01, 0.01, lights),
+        shared=replace(Shared.as_told(lights), log_intensity=np.linspace(-0.01, 0.01, lights)),
         shared_variance=np.full(count, 1e-5, np.float32),
-        shift_m=0.0,
         received=None if light is None else light.astype(np.float32),
         bounce_scale=1.0,
         lobe=lobe,

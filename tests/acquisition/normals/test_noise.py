@@ -61,17 +61,18 @@ def test_directions_are_not_judged_by_the_few_pixels_that_light_grazes(largest_s
         assert told.direction == scene.noise.direction
 
 
-def test_shared_intensity_errors_move_normals_as_predicted() -> None:
+def test_errors_of_lamps_move_normals_as_predicted() -> None:
     """The variance is that of many draws of errors that all pixels of one draw share."""
     scene = measured(largest_slant=0.4)
     rng = np.random.default_rng(2)
-    covariance = 0.01**2 * np.eye(8)
+    covariance = np.diag([0.01**2] * 8 + [0.001**2] * 24)
     quiet = Noise(np.full(8, 1e-6), np.full(8, 1e-7), 0.001, 0.001)
     moved = []
     for _ in range(60):
         factors = np.exp(rng.normal(0, 0.01, 8))[:, None]
+        lamp = scene.lamp + np.pad(rng.normal(0, 0.001, (8, 3)), ((0, 0), (0, 3))).astype(np.float32)
         found = lambert.solve(
-            scene.pixels, (scene.values * factors).astype(np.float32), scene.depth_m, scene.lamp, scene.calibration,
+            scene.pixels, (scene.values * factors).astype(np.float32), scene.depth_m, lamp, scene.calibration,
             quiet, threshold=0.08, cauchy_scale=None,
         )  # fmt: skip
         moved.append(np.sum((found.normals - scene.normals) ** 2, axis=0))
@@ -79,5 +80,5 @@ def test_shared_intensity_errors_move_normals_as_predicted() -> None:
         scene.pixels, scene.values, scene.depth_m, scene.lamp, scene.calibration, quiet, threshold=0.08,
         cauchy_scale=None,
     )  # fmt: skip
-    predicted = self_calibration.spread(exact, covariance)
+    predicted = self_calibration.spread(exact, scene.lamp, covariance)
     assert np.median(np.mean(moved, axis=0) / predicted) == pytest.approx(1, abs=0.25)

@@ -1,10 +1,14 @@
-"""How wrong the lamps' intensities are, as a calibration finds and shows it."""
+"""How wrong the lamps' intensities and positions are, as a calibration finds and shows it."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from acquisition import photometry
 from acquisition.normals import lambert, lobe, self_calibration
 from acquisition.normals.lobe import Lobe
+from acquisition.normals.self_calibration import Priors, Shared
 from tests.acquisition.normals.shared_scene import measured
 
 STATED = 0.01
@@ -61,10 +65,13 @@ def test_intensities_of_a_flat_glossy_surface_are_found() -> None:
         assert glossy is not None
         highlight = glossy.highlight
         change = lambert.derivative(found.light, found.point, scene.along, scene.lamp)
-        log_intensity = log_intensity + self_calibration.step(
-            found.light, change, whole - highlight, found.g, found.offset_m, found.weights, log_intensity, 0.0,
-            STATED, 0.0, 0.003, glossy,
-        ).log_intensity  # fmt: skip
+        present = replace(Shared.as_told(8), log_intensity=log_intensity)
+        log_intensity = (
+            log_intensity
+            + self_calibration.step(
+                found, change, whole - highlight, scene.lamp, present, Priors(STATED, 0.0, 0.0), 0.003, glossy
+            ).log_intensity
+        )
     left = log_intensity - wrong
     assert np.std(left) < 0.3 * np.std(wrong)
 
@@ -78,30 +85,82 @@ def test_a_step_is_that_of_all_unknowns_at_once() -> None:
         offset_sigma_m=offset_sigma,
     )  # fmt: skip
     change = lambert.derivative(found.light, found.point, scene.along, scene.lamp)
-    start, shift = rng.normal(0, 0.001, 8), 0.002
+    start, aside, shift = rng.normal(0, 0.001, 8), rng.normal(0, 0.001, (8, 3)), 0.002
+    present = Shared(start, aside, shift, np.zeros((32, 32)))
     step = self_calibration.step(
-        found.light, change, values, found.g, found.offset_m, found.weights, start, shift, STATED, shift_sigma,
-        offset_sigma,
-    )  # fmt: skip
+        found, change, values, scene.lamp, present, Priors(STATED, 0.001, shift_sigma), offset_sigma
+    )
     count = values.shape[1]
     s, d, g = (one.astype(float) for one in (found.light, change, found.g))
     slope = np.einsum("fck,ck->fk", d, g)
     bent = s + d * found.offset_m
     predicted = np.einsum("fck,ck->fk", bent, g)
+    by_position = self_calibration.by_position(found, scene.lamp)
     root = np.sqrt(found.weights)
-    rows = np.zeros((8, count, 9 + 4 * count))
+    rows = np.zeros((8, count, 33 + 4 * count))
     for pixel in range(count):
         rows[:, pixel, :8] = np.diag(predicted[:, pixel])
-        own = slice(9 + 4 * pixel, 13 + 4 * pixel)
-        rows[:, pixel, 8] = slope[:, pixel]
+        for axis in range(3):
+            rows[:, pixel, 8 + 8 * axis : 16 + 8 * axis] = np.diag(by_position[:, axis, pixel])
+        own = slice(33 + 4 * pixel, 37 + 4 * pixel)
+        rows[:, pixel, 32] = slope[:, pixel]
         rows[:, pixel, own] = np.concatenate([bent[:, :, pixel], slope[:, None, pixel]], axis=1)
     rows = (rows * root[:, :, None]).reshape(8 * count, -1)
-    told = np.concatenate([np.full(8, STATED**-2), [shift_sigma**-2], np.tile([1e-6] * 3 + [offset_sigma**-2], count)])
-    held = np.concatenate([start, [shift], np.stack([*np.zeros((3, count)), found.offset_m], axis=1).ravel()])
+    shared = [np.full(8, STATED**-2), np.full(24, 0.001**-2), [shift_sigma**-2]]
+    told = np.concatenate([*shared, np.tile([1e-6] * 3 + [offset_sigma**-2], count)])
+    offsets = np.stack([*np.zeros((3, count)), found.offset_m], axis=1).ravel()
+    held = np.concatenate([start, aside.T.ravel(), [shift], offsets])
     # Evidence of pixels counts a twentieth, with their own priors, against the priors of what they share.
-    told[9:] /= self_calibration.CORRELATED
+    told[33:] /= self_calibration.CORRELATED
     matrix = rows.T @ rows / self_calibration.CORRELATED + np.diag(told)
     right = rows.T @ (root * (values - predicted)).ravel() / self_calibration.CORRELATED - told * held
     dense = np.linalg.solve(matrix, right)
     np.testing.assert_allclose(step.log_intensity, dense[:8], rtol=1e-4, atol=1e-8)
-    assert step.shift_m == pytest.approx(dense[8], rel=1e-4)
+    np.testing.assert_allclose(step.aside_m, dense[8:32].reshape(3, 8).T, rtol=1e-4, atol=1e-8)
+    assert step.shift_m == pytest.approx(dense[32], rel=1e-4)
+
+
+def test_values_change_with_the_lamps_positions_as_told() -> None:
+    scene, by = measured(size=9), 1e-4
+    found = lambert.solve(
+        scene.pixels, scene.values, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.08
+    )
+    told = self_calibration.by_position(found, scene.lamp)
+    for axis in range(3):
+        value = []
+        for sign in (-1, 1):
+            lamp = scene.lamp.copy()
+            lamp[:, axis] += sign * by
+            light = photometry.light_vectors(found.point, lamp, scene.calibration)
+            value.append(np.einsum("fck,ck->fk", light.astype(float), found.g))
+        np.testing.assert_allclose(told[:, axis], (value[1] - value[0]) / (2 * by), atol=0.02)
+
+
+def test_lamps_that_stand_aside_are_found_and_their_doubt_is_honest() -> None:
+    """What the images cannot tell, such as all lamps and the object moved together, stays with the prior."""
+    asides, left, said = [], [], []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        scene = measured(size=60)
+        wrong = rng.normal(0, 0.001, (8, 3))
+        lamp = scene.lamp.copy()
+        lamp[:, :3] -= wrong.astype(np.float32)
+        images = (scene.values + rng.normal(0, 0.002, scene.values.shape)).astype(np.float32)
+        present = Shared.as_told(8)
+        for _ in range(4):
+            there = present.lamps(lamp)
+            found = lambert.solve(
+                scene.pixels, images / np.exp(present.log_intensity)[:, None].astype(np.float32), scene.depth_m, there,
+                scene.calibration, scene.noise, threshold=0.08,
+            )  # fmt: skip
+            change = lambert.derivative(found.light, found.point, scene.along, there)
+            values = (images / np.exp(present.log_intensity)[:, None]).astype(np.float32)
+            step = self_calibration.step(found, change, values, there, present, Priors(STATED, 0.001, 0.0), 0.003)
+            present = Shared(
+                present.log_intensity + step.log_intensity, present.aside_m + step.aside_m, 0.0, step.covariance
+            )
+        asides.append(wrong)
+        left.append(present.aside_m - wrong)
+        said.append(np.sqrt(np.diag(present.covariance)[8:]))
+    assert np.std(left) < 0.85 * np.std(asides)
+    assert np.std(left) == pytest.approx(np.sqrt(np.mean(np.square(said))), rel=0.2)
