@@ -139,7 +139,7 @@ def test_light_from_other_surfaces_is_no_highlight(cushion: scenes.Scene) -> Non
     seen = Seen(lit, cushion.mask, photometry.rays(cushion.calibration, whole, whole))
     gathered = seen.gathered(FACTOR, last.sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, lit)
-    found = replace(refined(gathered, known.noise, NONE, 0.0), log_intensity=np.zeros(len(LIGHTS)))
+    found = replace(refined(gathered, known.noise, NONE, 0.0), shared=Shared.as_told(len(LIGHTS)))
     received = np.repeat(falling[:, None], gathered.coarse.values.shape[1], axis=1)
     shares = [
         np.mean(
@@ -163,7 +163,7 @@ def test_pixels_with_two_lights_lean_on_those_round_them(cushion: scenes.Scene) 
     seen = Seen(replace(stack, values=values), cushion.mask, photometry.rays(cushion.calibration, whole, whole))
     gathered = seen.gathered(FACTOR, last.sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, stack)
-    start = replace(refined(gathered, known.noise, NONE, 0.0), log_intensity=np.zeros(len(LIGHTS)))
+    start = replace(refined(gathered, known.noise, NONE, 0.0), shared=Shared.as_told(len(LIGHTS)))
     found = last.solve(seen, gathered, start, known, (SIZE, SIZE))
     assert np.max(found.sigma_deg[lone]) < 12  # alone, none is under 20
     assert np.mean(cushion.error_deg(found.normals)[lone[cushion.graded]]) < 4
@@ -174,7 +174,7 @@ def test_normals_are_those_of_a_surface(cushion: scenes.Scene, monkeypatch: pyte
     seen = Seen(stack, cushion.mask, photometry.rays(cushion.calibration, whole, whole))
     gathered = seen.gathered(FACTOR, last.sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, stack)
-    start = replace(refined(gathered, known.noise, NONE, 0.0), log_intensity=np.zeros(len(LIGHTS)))
+    start = replace(refined(gathered, known.noise, NONE, 0.0), shared=Shared.as_told(len(LIGHTS)))
 
     def median_deg() -> float:
         found = last.solve(seen, gathered, start, known, (SIZE, SIZE))
