@@ -1,8 +1,9 @@
-"""Through the arm: ours against two rings with eight images, the six objects, three draws, both profiles.
+"""Through the arm: ours against two rings with eight images, the six objects, six draws, both profiles.
 
 The bars are read off sessions in one process, a few seconds each; a session over HTTP in a simulated cell, a minute,
-finds the same to the last digit, and that is a test of its own. As in the study, pixels that straddle two surfaces have
-no one true normal and are not graded; the ratios of all pixels are printed beside.
+finds the same to the last digit, and that is a test of its own, of three draws. A draw of a smooth object scatters by a
+tenth, so that three tell its ratio to 0.08 and six to 0.06; what the first three alone say is printed beside. As in the
+study, pixels that straddle two surfaces have no one true normal and are not graded; their ratios are printed as well.
 
 All figures are kept in `build/rings-<commit>/`, the commit that last changed what they depend on, so that an
 interrupted series goes on where it was: `pytest -m long -s tests/end_to_end/test_ours_against_two_rings.py`, or parts
@@ -29,7 +30,9 @@ from tests.end_to_end.one_process import CELL, Session
 
 ROOT = Path(__file__).parents[2]
 OBJECTS = ("sphere", "vase", "relief", "part", "bumps", "figure")
-SEEDS = (1, 2, 3)
+SEEDS = (1, 2, 3, 4, 5, 6)
+FEW_SEEDS = SEEDS[:3]
+"""Of sessions that take a minute."""
 PROFILES: tuple[ProfileName, ...] = ("direct", "realistic")
 METHODS = ("optimal", "two-rings")
 PIXELS = 256
@@ -106,7 +109,7 @@ def test_both_methods_take_eight_images_of_the_whole_object(profile: ProfileName
         assert found["coverage"] >= 0.95
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", FEW_SEEDS)
 @pytest.mark.parametrize("name", OBJECTS)
 @pytest.mark.parametrize("profile", PROFILES)
 def test_a_session_over_http_finds_what_its_stages_find(profile: ProfileName, name: str, seed: int) -> None:
@@ -129,7 +132,7 @@ def test_no_object_is_much_worse(profile: ProfileName, name: str) -> None:
     assert ours <= 1.05 * rings
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", FEW_SEEDS)
 def test_fine_pixels_of_limbs_are_not_taken_for_a_shift_of_the_object(seed: int) -> None:
     """With sixteen times as many pixels, errors that these share weigh more: once 1.5 times the error of two rings."""
     ours, rings = (figures("direct", "figure", seed, method, 1024) for method in METHODS)
@@ -141,14 +144,14 @@ def test_fine_pixels_of_limbs_are_not_taken_for_a_shift_of_the_object(seed: int)
 def compared(profile: ProfileName, objects: tuple[str, ...]) -> tuple[float, float]:
     """Mean errors in degrees with our lights and with two rings; says them."""
 
-    def mean(method: str, figure: str) -> float:
-        return statistics.mean(figures(profile, name, seed, method)[figure] for name in objects for seed in SEEDS)
+    def mean(method: str, figure: str, seeds: tuple[int, ...] = SEEDS) -> float:
+        return statistics.mean(figures(profile, name, seed, method)[figure] for name in objects for seed in seeds)
 
-    (ours, rings), (ours_all, rings_all) = (
-        tuple(mean(method, figure) for method in METHODS) for figure in ("single_mean_deg", "mean_deg")
-    )
+    ours, rings = (mean(method, "single_mean_deg") for method in METHODS)
+    ours_all, rings_all = (mean(method, "mean_deg") for method in METHODS)
+    ours_few, rings_few = (mean(method, "single_mean_deg", FEW_SEEDS) for method in METHODS)
     print(
-        f"\n{profile} {'+'.join(objects)}: {ours:.3f}/{rings:.3f} = {ours / rings:.3f}"
-        f" (all pixels {ours_all:.3f}/{rings_all:.3f} = {ours_all / rings_all:.3f})"
+        f"\n{profile} {'+'.join(objects)}: {ours:.3f}/{rings:.3f} = {ours / rings:.3f} (first three draws"
+        f" {ours_few / rings_few:.3f}; all pixels {ours_all:.3f}/{rings_all:.3f} = {ours_all / rings_all:.3f})"
     )
     return ours, rings

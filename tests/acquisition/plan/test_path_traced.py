@@ -117,10 +117,7 @@ def test_both_methods_find_the_object(name: str, draw: int, bounces: bool) -> No
 
 @pytest.mark.parametrize(
     ("bounces", "bar"),
-    [
-        pytest.param(False, 0.92, id="direct"),
-        pytest.param(True, 1.0, id="bounces", marks=pytest.mark.xfail(reason="found 1.011: the rabbit 1.10")),
-    ],
+    [pytest.param(False, 0.92, id="direct"), pytest.param(True, 1.0, id="bounces")],
 )
 def test_planned_lights_are_better_than_two_rings(bounces: bool, bar: float) -> None:
     ours, rings = (
