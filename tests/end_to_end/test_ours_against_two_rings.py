@@ -136,7 +136,23 @@ def test_fine_pixels_of_limbs_are_not_taken_for_a_shift_of_the_object() -> None:
     """With sixteen times as many pixels, errors that these share weigh more: once 1.5 times the error of two rings."""
     found = [[figures("direct", "figure", seed, method, 1024) for method in METHODS] for seed in FEW_SEEDS]
     ours, rings = (np.array([one[number]["mean_deg"] for one in found]) for number in (0, 1))
-    print("\ndirect figure, 1024 pixels:", ", ".join(f"{one:.3f}/{other:.3f}" for one, other in zip(ours, rings)))
+    print("\ndirect figure, 1024 pixels, ours and two rings:", ours, rings)
     assert np.mean(ours) <= 1.05 * np.mean(rings)
     assert np.all(ours <= 1.2 * rings)
     assert all(one["within_sigma"] >= 0.55 for one, _ in found)
+
+
+def compared(profile: ProfileName, objects: tuple[str, ...]) -> tuple[float, float]:
+    """Mean errors in degrees with our lights and with two rings; says them."""
+
+    def mean(method: str, figure: str, seeds: tuple[int, ...] = SEEDS) -> float:
+        return statistics.mean(figures(profile, name, seed, method)[figure] for name in objects for seed in seeds)
+
+    ours, rings = (mean(method, "single_mean_deg") for method in METHODS)
+    ours_all, rings_all = (mean(method, "mean_deg") for method in METHODS)
+    ours_few, rings_few = (mean(method, "single_mean_deg", FEW_SEEDS) for method in METHODS)
+    print(
+        f"\n{profile} {'+'.join(objects)}: {ours:.3f}/{rings:.3f} = {ours / rings:.3f} (first three draws"
+        f" {ours_few / rings_few:.3f}; all pixels {ours_all:.3f}/{rings_all:.3f} = {ours_all / rings_all:.3f})"
+    )
+    return ours, rings
