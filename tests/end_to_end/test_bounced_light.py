@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from acquisition import config, lamp_pose, pilot, region
+from acquisition import config, lamp_pose, plan, region
 from acquisition.capture import exposure
 from acquisition.measured import FrameQuality, FrameRef, NormalMap, Observations, Shot, ShotKey, SolveSettings
 from acquisition.normals import interreflection, solve
@@ -37,7 +37,7 @@ class Frames:
 @cache
 def stations() -> tuple[tuple[float, ...], ...]:
     """Joints of eight lights that the arm reaches."""
-    lights = pilot.pattern(Recipe(pilot_lights=8, planned_lights=0), reach(CELL, CALIBRATION))
+    lights = plan.baseline("two-rings", 8, Recipe(), reach(CELL, CALIBRATION)).lights
     return tuple(waypoint.joints for waypoint in route(lights, CELL.arm.home, CELL, CALIBRATION).waypoints)
 
 
