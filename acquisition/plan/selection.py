@@ -30,7 +30,7 @@ FORECAST_EVERY = 2
 CERTIFICATE_PIXELS = 300
 LEAST_PIXELS = 20
 BLIND_FROM = 0.25
-"""Share of pixels lit by fewer than three lights so far that a person should know of; a usual pilot leaves up to 17 %."""
+"""Share of pixels lit by fewer than three lights so far that a person should know of; a usual pilot leaves 0–17 %."""
 
 MOST_CANDIDATES = 300
 
