@@ -89,7 +89,7 @@ def step(
         held = np.concatenate([np.full(count, priors.intensity), others[: 3 * count]])
         return replace(Shared.as_told(count), covariance=np.diag(held**2))
     size = count + len(others)
-    matrix, right = np.zeros((size, size)), np.zeros(size)
+    sums = np.zeros((size + 1, size + 1))
     nothing = np.zeros((count, 0, 0), np.float32)
     _normal_equations(
         found.light,
@@ -103,10 +103,9 @@ def step(
         nothing if gloss is None else np.ascontiguousarray(gloss.by_lobe, np.float32),
         enough,
         offset_sigma_m,
-        matrix,
-        right,
+        sums,
     )
-    matrix, right = matrix / CORRELATED, right / CORRELATED
+    matrix, right = sums[:-1, :-1] / CORRELATED, sums[:-1, -1] / CORRELATED
     before = np.concatenate([present.log_intensity, present.aside_m.T.ravel(), [present.shift_m], np.zeros(lobes)])
     intensity_sigma = priors.intensity
     if intensity_sigma > 0:
@@ -170,7 +169,7 @@ def spread(found: Estimate, lamp: Float32Array, covariance: FloatArray) -> Float
 
 @numba.njit(
     "void(float32[:,:,::1], float32[:,:,::1], float32[:,:,::1], float32[:,::1], float32[:,::1], float32[::1],"
-    " float32[:,::1], float32[:,:,::1], float32[:,:,::1], boolean[::1], float64, float64[:,::1], float64[::1])",
+    " float32[:,::1], float32[:,:,::1], float32[:,:,::1], boolean[::1], float64, float64[:,::1])",
     cache=True,
     fastmath=True,
     error_model="numpy",
@@ -187,21 +186,20 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
     by_lobe: Float32Array,  # (F, L, K)
     enough: BoolArray,  # (K,): the pixels that count
     offset_sigma_m: float,
-    matrix: FloatArray,  # (M, M), M = 4F + 1 + L: intensities, positions along x, y, z, shift, lobe
-    right: FloatArray,  # (M,)
+    sums: FloatArray,  # (M + 1, M + 1), M = 4F + 1 + L: intensities, positions along x, y, z, shift, lobe; residuals
 ) -> None:
     """Adds up the normal equations of the shared unknowns, from which each pixel's own are eliminated.
 
-    With a pixel's whitened rows O (F, 4) of its own unknowns, C (F, M) of the shared ones and residuals r, these are
-    CᵀC − CᵀO (OᵀO + prior)⁻¹ OᵀC and Cᵀr − CᵀO (OᵀO + prior)⁻¹ (Oᵀr − the offset's pull towards its prior's zero).
-    Only its own row has anything in a lamp's column.
+    With a pixel's whitened rows O (F, 4) of its own unknowns and C (F, M + 1) of the shared ones and, last, of the
+    residuals, these are CᵀC − CᵀO (OᵀO + prior)⁻¹ OᵀC, where the offset's pull towards its prior's zero is taken from
+    the residuals' OᵀC. Only its own row has anything in a lamp's columns, so that CᵀC is kept lamp by lamp until the
+    end.
     """
-    count, lobes = light.shape[0], by_lobe.shape[1]
-    lamps = 4 * count
-    size = lamps + 1 + lobes
+    count, lobes, size = light.shape[0], by_lobe.shape[1], len(sums)
+    lamps, wide = 4 * count, 6 + lobes  # columns of the lamps; columns of one of them, and those of all
     own, inner = np.empty((4, count)), np.empty((4, 4))
-    columns, across = np.empty((lobes + 2, count)), np.empty((4, size + 1))  # the last column is r
-    single = np.empty(lamps)
+    columns, by_lamp = np.empty((wide, count)), np.zeros((wide, wide, count))
+    across = np.empty((4, size))
     for p in range(light.shape[2]):
         if not enough[p]:
             continue
@@ -214,14 +212,17 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
                 direct += light[f, c, p] * np.float64(g[c, p])
                 bent = light[f, c, p] + derivative[f, c, p] * offset
                 own[c, f] = root * (bent + by_g[f, c, p] if lobes else bent)
+                columns[1 + c, f] = root * aside[f, c, p]
             direct += slope * offset
-            own[3, f] = columns[0, f] = root * slope
+            columns[0, f] = root * (direct + by_lobe[f, 0, p] if lobes else direct)
+            own[3, f] = columns[4, f] = root * slope
             for one in range(lobes):
-                columns[1 + one, f] = root * by_lobe[f, one, p]
-            columns[lobes + 1, f] = root * (values[f, p] - direct)
-            single[f] = root * (direct + by_lobe[f, 0, p] if lobes else direct)
-            for c in range(3):
-                single[(c + 1) * count + f] = root * aside[f, c, p]
+                columns[5 + one, f] = root * by_lobe[f, one, p]
+            columns[wide - 1, f] = root * (values[f, p] - direct)
+        for a in range(wide):
+            for b in range(wide):
+                for f in range(count):
+                    by_lamp[a, b, f] += columns[a, f] * columns[b, f]
         for i in range(4):
             for j in range(i + 1):
                 total = 0.0
@@ -229,35 +230,33 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
                     total += own[i, f] * own[j, f]
                 inner[i, j] = total
             inner[i, i] += 1e-6 if i < 3 else offset_sigma_m**-2
-            for a in range(lamps):
-                across[i, a] = own[i, a % count] * single[a]
-            for one in range(lobes + 2):
+        kernels.cholesky(inner)
+        kernels.forward(inner, own)
+        for i in range(4):
+            for a in range(4):
+                for f in range(count):
+                    across[i, a * count + f] = own[i, f] * columns[a, f]
+            for a in range(4, wide):
                 total = 0.0
                 for f in range(count):
-                    total += own[i, f] * columns[one, f]
-                across[i, lamps + one] = total
-        across[3, size] -= offset * offset_sigma_m**-2
-        kernels.cholesky(inner)
-        kernels.forward(inner, across)
+                    total += own[i, f] * columns[a, f]
+                across[i, lamps + a - 4] = total
+        across[3, size - 1] -= offset * offset_sigma_m**-2 / inner[3, 3]
         for a in range(size):
-            for b in range(a, size + 1):
-                if b < lamps:
-                    total = single[a] * single[b] if a % count == b % count else 0.0
-                elif a < lamps:
-                    total = single[a] * columns[b - lamps, a % count]
-                else:
-                    total = 0.0
-                    for f in range(count):
-                        total += columns[a - lamps, f] * columns[b - lamps, f]
-                for i in range(4):
-                    total -= across[i, a] * across[i, b]
-                if b < size:
-                    matrix[a, b] += total
-                else:
-                    right[a] += total
+            first, second, third, fourth = across[0, a], across[1, a], across[2, a], across[3, a]
+            for b in range(a + 1):  # most of the time goes here: from zero and without branches, it is vectorised
+                sums[a, b] -= (
+                    first * across[0, b] + second * across[1, b] + third * across[2, b] + fourth * across[3, b]
+                )
     for a in range(size):
         for b in range(a):
-            matrix[a, b] = matrix[b, a]
+            sums[b, a] = sums[a, b]
+    for a in range(wide):
+        for b in range(wide):
+            for f in range(count):
+                row = a * count + f if a < 4 else lamps + a - 4
+                column = b * count + f if b < 4 else lamps + b - 4
+                sums[row, column] += by_lamp[a, b, f]
 
 
 KERNELS = (_normal_equations,)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from acquisition import photometry
-from acquisition.normals import lambert, lobe, self_calibration
-from acquisition.normals.lobe import Lobe
+from acquisition.normals import lambert, lobe, refine, self_calibration
+from acquisition.normals.lambert import Estimate
+from acquisition.normals.lobe import Change, Lobe
 from acquisition.normals.self_calibration import Priors, Shared
 from tests.acquisition.normals.shared_scene import measured
 
@@ -56,7 +57,7 @@ def test_intensities_of_a_flat_glossy_surface_are_found() -> None:
     images = (images + rng.normal(0, 0.002, images.shape)).astype(np.float32)
     log_intensity, highlight = np.zeros(8), np.zeros_like(images)
     for _ in range(10):
-        whole = (images / np.exp(log_intensity)[:, None]).astype(np.float32)
+        whole = refine.divided(images, log_intensity)
         found = lambert.solve(
             scene.pixels, whole - highlight, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.08,
             extra=(np.float32(lobe.SIGMA) * highlight) ** 2,
@@ -120,6 +121,57 @@ def test_a_step_is_that_of_all_unknowns_at_once() -> None:
     assert step.shift_m == pytest.approx(dense[32], rel=1e-4)
 
 
+@pytest.mark.parametrize("glossy", [False, True])
+@pytest.mark.parametrize("count", [5, 8, 21])
+def test_a_step_adds_up_what_each_pixel_tells(count: int, *, glossy: bool) -> None:
+    """Random pixels lit by some of the lamps, with a lobe and without: dense matrices of each pixel say the same."""
+    rng, pixels, offset_sigma = np.random.default_rng(count), 90, 0.003
+    lobes = 2 if glossy else 0
+
+    def random(*shape: int) -> np.ndarray:
+        return rng.normal(size=shape).astype(np.float32)
+
+    lamp = random(count, 6)
+    weights = rng.uniform(0, 1e4, (count, pixels)) * (rng.random((count, pixels)) < 0.8)
+    found = Estimate(
+        g=random(3, pixels), offset_m=random(pixels) * np.float32(0.003),
+        variance=random(pixels), residual=random(pixels), weights=weights.astype(np.float32), usable=weights > 0,
+        light=random(count, 3, pixels), point=random(3, pixels) - np.array([[0], [0], [5]], np.float32),
+    )  # fmt: skip
+    change, values = random(count, 3, pixels), random(count, pixels)
+    gloss = Change(random(count, 3, pixels), random(count, 2, pixels)) if glossy else None
+    present = Shared(random(count).astype(float), random(count, 3).astype(float), 0.7, np.zeros((0, 0)))
+    step = self_calibration.step(found, change, values, lamp, present, Priors(9.0, 5.0, 3.0), offset_sigma, gloss)
+
+    size = 4 * count + 1 + lobes
+    matrix, right = np.zeros((size, size)), np.zeros(size)
+    aside = self_calibration.by_position(found, lamp).astype(float)
+    told = np.diag([1e-6] * 3 + [offset_sigma**-2])
+    for p in np.flatnonzero(np.count_nonzero(weights, axis=0) >= 4):
+        g, offset = found.g[:, p].astype(float), float(found.offset_m[p])
+        root = np.sqrt(found.weights[:, p].astype(float))
+        slope, bent = change[:, :, p] @ g, found.light[:, :, p] + offset * change[:, :, p].astype(float)
+        predicted = bent @ g
+        bright = predicted if gloss is None else predicted + gloss.by_lobe[:, 0, p]
+        turning = bent if gloss is None else bent + gloss.by_g[:, :, p]
+        own = np.column_stack([turning, slope])
+        each = [np.diag(bright), *(np.diag(along) for along in aside[:, :, p].T)]
+        shared = np.column_stack([*each, slope, *([] if gloss is None else gloss.by_lobe[:, :, p].T)])
+        own, shared, left = root[:, None] * own, root[:, None] * shared, root * (values[:, p] - predicted)
+        inner = np.linalg.inv(own.T @ own + told)
+        matrix += shared.T @ shared - shared.T @ own @ inner @ own.T @ shared
+        right += shared.T @ left - shared.T @ own @ inner @ (own.T @ left - told @ [0, 0, 0, offset])
+    prior = np.array([9.0**-2] * count + [5.0**-2] * 3 * count + [3.0**-2] + [self_calibration.LOBE_SIGMA**-2] * lobes)
+    before = np.concatenate([present.log_intensity, present.aside_m.T.ravel(), [present.shift_m], np.zeros(lobes)])
+    covariance = np.linalg.inv(matrix / self_calibration.CORRELATED + np.diag(prior))
+    dense = covariance @ (right / self_calibration.CORRELATED - prior * before)
+    scale = np.sqrt(np.diag(covariance))[: 4 * count + 1]
+    moved = np.concatenate([step.log_intensity, step.aside_m.T.ravel(), [step.shift_m]])
+    np.testing.assert_allclose(moved / scale, dense[: 4 * count + 1] / scale, atol=1e-7)
+    lamps = np.outer(scale, scale)[:-1, :-1]
+    np.testing.assert_allclose(step.covariance / lamps, covariance[: 4 * count, : 4 * count] / lamps, atol=1e-7)
+
+
 def test_values_change_with_the_lamps_positions_as_told() -> None:
     scene, by = measured(size=9), 1e-4
     found = lambert.solve(
@@ -149,12 +201,11 @@ def test_lamps_that_stand_aside_are_found_and_their_doubt_is_honest() -> None:
         present = Shared.as_told(8)
         for _ in range(4):
             there = present.lamps(lamp)
+            values = refine.divided(images, present.log_intensity)
             found = lambert.solve(
-                scene.pixels, images / np.exp(present.log_intensity)[:, None].astype(np.float32), scene.depth_m, there,
-                scene.calibration, scene.noise, threshold=0.08,
-            )  # fmt: skip
+                scene.pixels, values, scene.depth_m, there, scene.calibration, scene.noise, threshold=0.08
+            )
             change = lambert.derivative(found.light, found.point, scene.along, there)
-            values = (images / np.exp(present.log_intensity)[:, None]).astype(np.float32)
             step = self_calibration.step(found, change, values, there, present, Priors(STATED, 0.001, 0.0), 0.003)
             present = Shared(
                 present.log_intensity + step.log_intensity, present.aside_m + step.aside_m, 0.0, step.covariance
