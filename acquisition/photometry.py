@@ -36,6 +36,13 @@ DEPTH_SIGMA_M = 0.0015
 FLAT_FIELD_SIGMA = 0.005
 """1 σ of what remains of the flat field and of the lobe, as a fraction."""
 
+PREDICTED_BOUNCE_SIGMA = 0.1
+"""1 σ of the predicted bounced light, as a share of it, that differs from light to light: what measurements are
+weighed by."""
+
+PREDICTED_HIGHLIGHT_SIGMA = 0.2
+"""1 σ of the predicted highlight, once the lobe has been found, as a share of it."""
+
 SATURATED_FROM = 0.985
 """Share of the clipping level above which a value is taken as clipped."""
 

@@ -31,9 +31,6 @@ from acquisition.normals.lambert import Estimate, Pixels
 from acquisition.normals.refine import Refined
 from acquisition.types import BoolArray, Float32Array, FloatArray
 
-BOUNCE_SIGMA = 0.1
-"""1 σ of the predicted bounced light, as a share of it, that differs from light to light."""
-
 LARGEST_SHARE = 0.3
 """Share of indirect light in a pixel's images above which its σ is said to mean nothing."""
 
@@ -257,7 +254,7 @@ def _last(pixels: Pixels, refined: Refined, model: Model) -> _Final:
         if refined.received is not None:
             indirect = interreflection.sent_on(refined.received, values, direct, found.albedo)
             values = values - indirect
-            extra = extra + np.square(np.float32(BOUNCE_SIGMA) * indirect)
+            extra = extra + np.square(np.float32(photometry.PREDICTED_BOUNCE_SIGMA) * indirect)
         found = once(values, extra, rounds, gloss)
     return _Final(found, measured, values, extra, indirect)
 
@@ -281,7 +278,7 @@ def _flags(
             + np.float32(scale[1][number])
             + np.float32(noise.intensity) * np.abs(predicted)
             + np.float32(noise.direction) * strength
-            + np.float32(BOUNCE_SIGMA) * indirect[number]
+            + np.float32(photometry.PREDICTED_BOUNCE_SIGMA) * indirect[number]
         )
         excess = measured[number] - indirect[number] - predicted
         highlight = usable & (excess > np.maximum(4 * spread, np.float32(0.03) * strength))

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from acquisition import photometry
 from acquisition.measured import Calibration
 from acquisition.normals import kernels, lambert
 from acquisition.normals.lambert import Estimate, Pixels
@@ -21,8 +22,7 @@ from acquisition.photometry import Noise
 from acquisition.types import BoolArray, Float32Array, FloatArray
 
 EXPONENTS = (12.0, 18.0, 25.0, 35.0, 50.0, 80.0, 120.0)
-SIGMA = 0.2
-"""1 σ of the predicted highlight, as a share of it."""
+SIGMA = photometry.PREDICTED_HIGHLIGHT_SIGMA
 
 WIDE_CAUCHY = 10.0
 ROUNDS = 4

@@ -31,7 +31,7 @@ SURE = 0.9
 ATTACHED_SIGMA = 0.06
 CAST_SIGMA = 0.04
 STEEPEST_DEG = 78.0
-LARGEST_SHARE = 0.5
+LARGEST_BELIEVED_SHARE = 0.5
 """Share of bounced light in a pixel's images beyond which it is not believed."""
 
 DETERMINED_BY = 3
@@ -249,7 +249,7 @@ def reweighed(
     lit = normal_map.flags[:, sample.row, sample.column] & LIT > 0
     bounced = np.zeros_like(sample.albedo)
     if normal_map.indirect is not None:
-        share = np.clip(normal_map.indirect[sample.row, sample.column], 0, LARGEST_SHARE)
+        share = np.clip(normal_map.indirect[sample.row, sample.column], 0, LARGEST_BELIEVED_SHARE)
         bounced = np.asarray(np.mean(np.where(lit, there.value, 0), axis=0) * share / (1 - share), np.float32)
     assumed = noise.solved_variance(
         there.value, strength, float(np.mean(there.distance)), level, calibration, normal_map, bounced

@@ -43,21 +43,15 @@ NOISE_OF_BEND = float(np.radians(3.0))
 NOISE_OF_SIGMA = 3.0
 """Second differences of the first size, or of the second in units of the pixel's own σ, are the pilot's own noise."""
 
-
 BOUNCED_SIGMA = 0.4
-"""1 σ of what is left of bounced light, as a share of it, for each light. Of single lights a tenth is left, but what is
-missed under all lights alike, a fifth and more, also turns normals least where they see many lights well: eight images
+"""1 σ of what is left of bounced light, as a share of it, for each light: not only what differs from light to light, by
+which the solver weighs (`photometry.PREDICTED_BOUNCE_SIGMA`). Of single lights a tenth is left, but what is missed
+under all lights alike, a fifth and more, also turns normals least where they see many lights well: eight images
 path-traced with 0.4 come out at 0.98–0.99 times the error of two rings, without it at 1.03."""
-
-SOLVED_BOUNCED_SIGMA = 0.1
-"""What the solver takes it for when it weighs measurements."""
 
 GLOSSY_FROM = 0.03
 """Share of pixels with a highlight in some image above which a surface is glossy: 0.5–2 % on matt ones, 4–13 % on
 slightly glossy ones."""
-
-LOBE_SIGMA = 0.2
-"""1 σ of what is left of a highlight whose lobe has been found, as a share of it."""
 
 USUAL_STRENGTH, USUAL_EXPONENT = 0.15, 30.0
 """The lobe where nothing but the presence of highlights is known, its strength in units of albedo. What is planned for
@@ -78,11 +72,11 @@ MATT = Gloss()
 
 def gloss(normal_map: NormalMap) -> Gloss:
     """What is to be expected of highlights: by the lobe that the solver found, or by those that the images show."""
-    lobe = normal_map.notes.get("lobe")
+    sigma, lobe = photometry.PREDICTED_HIGHLIGHT_SIGMA, normal_map.notes.get("lobe")
     if lobe is not None and lobe["strength"] > 0:
-        return Gloss(LOBE_SIGMA * float(lobe["strength"]), float(lobe["exponent"]))
+        return Gloss(sigma * float(lobe["strength"]), float(lobe["exponent"]))
     shown = np.any(normal_map.flags[:, normal_map.mask] & HIGHLIGHT, axis=0)
-    return Gloss(LOBE_SIGMA * USUAL_STRENGTH) if shown.size and np.mean(shown) > GLOSSY_FROM else MATT
+    return Gloss(sigma * USUAL_STRENGTH) if shown.size and np.mean(shown) > GLOSSY_FROM else MATT
 
 
 def variance(
@@ -118,7 +112,8 @@ def solved_variance(
     intensity = normal_map.noise.get("intensity", assumed.intensity)
     direction = normal_map.noise.get("direction", assumed.direction)
     lamps = (intensity * value) ** 2 + (direction * strength) ** 2
-    return assumed.shot[:, None] * value + assumed.floor[:, None] + lamps + (SOLVED_BOUNCED_SIGMA * bounced) ** 2
+    predicted = (photometry.PREDICTED_BOUNCE_SIGMA * bounced) ** 2
+    return assumed.shot[:, None] * value + assumed.floor[:, None] + lamps + predicted
 
 
 def unresolved(normal_map: NormalMap, rows: np.ndarray, columns: np.ndarray) -> Float32Array:
