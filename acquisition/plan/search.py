@@ -24,6 +24,11 @@ RANDOM_LIGHTS = 80
 """Random starts have this many lights together, so that few lights, which have more local minima, get more starts. One
 start of eight finds the best set, and two passes of exchange are enough to see it."""
 
+QUICK_RANDOM_LIGHTS = 40
+"""As many in a quick search: on one cushion seen by sixteen domes of candidates, the σ of four lights is within 1.1 %
+of what the whole search finds, of eight within 2.6 %. With 24, sets are found whose σ is 4 % larger at a loss that is
+hardly larger."""
+
 SHORTLIST = 4
 PAIRS = 12
 STEPS_DEG = (4.0, 2.0, 1.0, 0.5)
@@ -38,24 +43,26 @@ WORTH_MOVING = 1e-4
 
 def search(
     sample: Samples, options: Candidates, loss: Loss, patterns: Sequence[list[int]], count: int, seed: int,
-    until: Deadline,
+    until: Deadline, *, quick: bool = False,
 ) -> list[int]:  # fmt: skip
     """Numbers of the best set of `count` options found: short searches on few pixels from all starts, then exchange on
-    all pixels, from whichever set is best there, the patterns included."""
+    all pixels, from whichever set is best there, the patterns included; `quick` for what is forecast, not driven to."""
     step = max(1, len(sample.albedo) // FEW_PIXELS)
     few, few_options = sample.thinned(step), options.thinned(step)
     rng = np.random.default_rng(seed)
     starts = [greedy(few, few_options, loss, count, until)]
     starts += [min(patterns, key=lambda chosen: value(few, few_options, loss, chosen))] if patterns else []
-    for _ in range(max(2, RANDOM_LIGHTS // count) if count > 1 else 0):  # a single light has been scanned already
+    random_starts = QUICK_RANDOM_LIGHTS // count if quick else max(2, RANDOM_LIGHTS // count)
+    for _ in range(random_starts if count > 1 else 0):  # a single light has been scanned already
         starts.append([int(index) for index in rng.permutation(len(options.row))[:count]])
     found = [exchange(few, few_options, loss, start, until, passes=2) for start in starts]
-    found.sort(key=lambda chosen: value(few, few_options, loss, chosen))
-    found = [exchange(few, few_options, loss, chosen, until, passes=4) for chosen in found[:SHORTLIST]]
-    found.sort(key=lambda chosen: value(few, few_options, loss, chosen))
-    found.append(pair_exchange(few, few_options, loss, found[0], rng, until))
+    if not quick:
+        found.sort(key=lambda chosen: value(few, few_options, loss, chosen))
+        found = [exchange(few, few_options, loss, chosen, until, passes=4) for chosen in found[:SHORTLIST]]
+        found.sort(key=lambda chosen: value(few, few_options, loss, chosen))
+        found.append(pair_exchange(few, few_options, loss, found[0], rng, until))
     best = min([*found, *patterns], key=lambda chosen: value(sample, options, loss, chosen))
-    return exchange(sample, options, loss, best, until, passes=5)
+    return exchange(sample, options, loss, best, until, passes=2 if quick else 5)
 
 
 def value(sample: Samples, options: Candidates, loss: Loss, chosen: list[int]) -> float:

@@ -24,9 +24,6 @@ SAMPLE_PIXELS = 900
 REFINE_EVERY = 2
 """Every so many sample pixels are asked when lights leave the candidates' grid, where most shadow rays are cast."""
 
-FORECAST_EVERY = 2
-"""Every so many sample pixels choose the sets of a curve that only tells what more lights would bring."""
-
 CERTIFICATE_PIXELS = 300
 LEAST_PIXELS = 20
 BLIND_FROM = 0.25
@@ -115,7 +112,7 @@ def choose(
     if wanted == 0:
         return _described([], [], [], before_deg, ["all lights of the recipe have been taken"])
     options = problem.candidates(problem.positions)
-    loss, sets = _judged(problem, problem.known, options, wanted)
+    loss, sets = _judged(problem, options, wanted)
     chosen = search.search(problem.known, options, loss, sets, wanted, recipe.seed, until)
     few = problem.known.thinned(REFINE_EVERY)
     positions = search.refine(
@@ -159,7 +156,7 @@ def choose(
     reasons, gains = _worth(problem.fresh, there, (positions - reach.center))
     plan = _described(problem.lights(positions), reasons, gains, sigma_deg, notes)
     within_reach = [further for further in forecast_counts if further <= len(problem.positions)]
-    curve = _curve(problem, options.thinned(FORECAST_EVERY), taken, within_reach, FORECAST_EVERY)
+    curve = _curve(problem, options, taken, within_reach)
     plan = plan.model_copy(update={"fallback": fallback, "forecast": curve})
     if certify:
         plan = plan.model_copy(update=_certificate(problem, options, positions, sets[0], until))
@@ -185,19 +182,15 @@ def forecast(
     return _curve(problem, problem.candidates(problem.positions), taken, counts)
 
 
-def _curve(
-    problem: Problem, options: Candidates, taken: int, counts: Sequence[int], every: int = 1
-) -> list[Expected]:  # fmt: skip
-    """What is expected after each of `counts` further lights; `options` are of `every` so many known pixels."""
-    few, never = problem.known.thinned(every), Deadline()
+def _curve(problem: Problem, options: Candidates, taken: int, counts: Sequence[int]) -> list[Expected]:
+    """What is expected after each of `counts` further lights, found by a quick search among `options`."""
     points: list[Expected] = []
     for count in counts:
         chosen: list[int] = []
         if count:
-            loss, sets = _judged(problem, few, options, count)
-            starts = [search.greedy(few, options, loss, count, never), sets[0]]
-            found = [search.exchange(few, options, loss, start, never, passes=2) for start in starts]
-            chosen = min(found, key=lambda some: search.value(few, options, loss, some))
+            loss, sets = _judged(problem, options, count)
+            seed = problem.recipe.seed
+            chosen = search.search(problem.known, options, loss, sets, count, seed, Deadline(), quick=True)
         sigma_deg = float(np.mean(problem.expected(problem.positions[chosen]).sigma_deg))
         points.append(Expected(added=count, lights=taken + count, sigma_deg=sigma_deg))
     return points
@@ -251,13 +244,11 @@ def _problem(
     )
 
 
-def _judged(
-    problem: Problem, sample: Samples, options: Candidates, count: int
-) -> tuple[Loss, list[list[int]]]:  # fmt: skip
-    """The recipe's loss, by what rings give the sample, and two-ring completions of the lights taken, the best balanced
-    first."""
+def _judged(problem: Problem, options: Candidates, count: int) -> tuple[Loss, list[list[int]]]:
+    """The recipe's loss, by what rings give the known pixels, and two-ring completions of the lights taken, the best
+    balanced first."""
     sets = patterns.completions(problem.taken, problem.units, count)
-    rings = criterion.expect(sample, options.only(sets[0]))
+    rings = criterion.expect(problem.known, options.only(sets[0]))
     return objective.loss(problem.recipe.objective, rings), sets
 
 

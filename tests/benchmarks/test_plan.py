@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from acquisition import pilot, plan
+from acquisition import jobs, pilot, plan
 from acquisition.plan import selection
 from acquisition.types import Recipe
 from tests.acquisition import scenes
@@ -15,24 +15,25 @@ from tests.acquisition.plan import cases
 
 
 @pytest.mark.parametrize(
-    ("pixels", "candidates", "lights", "samples", "certify"),
+    ("pixels", "candidates", "lights", "samples", "certify", "counts"),
     [
-        (1000, 300, 8, 900, False),
-        (1000, 300, 8, 900, True),
-        (1000, 300, 20, 900, False),
-        (1000, 300, 20, 900, True),
-        (1000, 300, 4, 900, False),
-        (1000, 300, 16, 900, False),
-        (1000, 75, 8, 900, False),
-        (1000, 150, 8, 900, False),
-        (1000, 300, 8, 300, False),
-        (160, 300, 8, 900, False),
-        (500, 300, 8, 900, False),
+        (1000, 300, 8, 900, False, ()),
+        (1000, 300, 8, 900, True, ()),
+        (1000, 300, 8, 900, True, jobs.FORECAST_COUNTS),  # as a session asks
+        (1000, 300, 20, 900, False, ()),
+        (1000, 300, 20, 900, True, ()),
+        (1000, 300, 4, 900, False, ()),
+        (1000, 300, 16, 900, False, ()),
+        (1000, 75, 8, 900, False, ()),
+        (1000, 150, 8, 900, False, ()),
+        (1000, 300, 8, 300, False, ()),
+        (160, 300, 8, 900, False, ()),
+        (500, 300, 8, 900, False, ()),
     ],
 )
 def test_plan(
     benchmark: BenchmarkFixture, monkeypatch: pytest.MonkeyPatch, pixels: int, candidates: int, lights: int,
-    samples: int, certify: bool,
+    samples: int, certify: bool, counts: tuple[int, ...],
 ) -> None:  # fmt: skip
     true = scenes.scene(scenes.bumps, scenes.calibration(pixels))
     reach = scenes.Dome(refused=0, count=candidates)
@@ -43,7 +44,7 @@ def test_plan(
 
     def choose() -> float | None:
         arguments = (normal_map, cases.NOTHING_TAKEN, Recipe(), reach, true.calibration, lights)
-        return plan.choose(*arguments, certify=certify).predicted_sigma_deg
+        return plan.choose(*arguments, certify=certify, forecast_counts=counts).predicted_sigma_deg
 
     predicted = benchmark.pedantic(choose, rounds=3, warmup_rounds=1)
     benchmark.extra_info["predicted mean σ in degrees"] = round(predicted or np.nan, 3)
