@@ -7,11 +7,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from acquisition import config, lamp_pose, plan, region
+from acquisition import config, dome, geometry, lamp_pose, region
 from acquisition.capture import exposure
 from acquisition.measured import FrameQuality, FrameRef, NormalMap, Observations, Shot, ShotKey, SolveSettings
 from acquisition.normals import interreflection, solve
-from acquisition.types import Recipe
 from acquisition.waypoints import kinematics
 from acquisition.waypoints.reach import reach
 from acquisition.waypoints.route import route
@@ -36,8 +35,18 @@ class Frames:
 
 @cache
 def stations() -> tuple[tuple[float, ...], ...]:
-    """Joints of eight lights that the arm reaches."""
-    lights = plan.baseline("two-rings", 8, Recipe(), reach(CELL, CALIBRATION)).lights
+    """Joints of the light nearest the view axis that the arm reaches, and of seven others on a ring at 50°."""
+    within = reach(CELL, CALIBRATION)
+    units = dome.directions(within.candidates, within.center, 8)
+    top = int(np.argmax(units[:, 2]))
+    free = np.arange(len(units)) != top
+    ring, step = np.arange(7) * 2 * np.pi / 7, 2 * np.pi / 7
+    turned = [
+        dome.nearest_distinct(geometry.direction(np.radians(50), turn + ring), units, free)
+        for turn in np.arange(24) * step / 24
+    ]
+    nearest, _ = min(turned, key=lambda one: float(np.sum(one[1] ** 2)))
+    lights = [dome.light(within.candidates[index], within.center) for index in (top, *nearest)]
     return tuple(waypoint.joints for waypoint in route(lights, CELL.arm.home, CELL, CALIBRATION).waypoints)
 
 
