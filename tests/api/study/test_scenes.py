@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from acquisition import config, geometry
-from acquisition.types import Recipe
+from acquisition.capture import check, exposure
+from acquisition.measured import Observations
+from acquisition.types import Exposure, FloatArray, Recipe
 from api.study import scenes
 from api.study.scenes import Geometry, Scene
 from hardware_sim import nominal, render
@@ -54,6 +56,41 @@ def test_an_image_depends_on_draw_and_place_only(shared: Geometry) -> None:
     twice = Scene(shared).capture([lights[0], lights[0]])
     first, second = (twice.frames.rows(shot.frame, 0, PIXELS).astype(float) for shot in twice.shots)
     assert np.std((first - second)[shared.truth.mask]) > 1  # a second image has errors of its own
+
+
+def levels(scene: Scene, taken: Observations) -> FloatArray:
+    """How bright each image (F,) is, as a share of what was wanted."""
+    known, region = scene.calibration, scene.geometry.region
+    frames = [taken.frames.rows(shot.frame, 0, PIXELS)[region] for shot in taken.shots]
+    bright = np.array([np.percentile(frame, check.BRIGHT_PERCENTILE) for frame in frames])
+    return (bright - known.sensor.black_level_dn) / known.sensor.full_scale_dn / Exposure().target
+
+
+def test_images_that_nothing_foretells_stay_below_their_target_and_others_are_nearest_to_it(shared: Geometry) -> None:
+    scene, step, noise = Scene(shared), exposure.STEP, 1.01
+    pattern = scene.run(scenes.recipe("two-rings", 8))
+    lights = pattern.plan.lights
+    images = {8: pattern.found.observations} | {count: scene.capture(lights, count) for count in (None, 3, 0)}
+    for unforeseen, taken in images.items():
+        found = levels(scene, taken)
+        first, later = found[:unforeseen], found[len(found) if unforeseen is None else unforeseen :]
+        assert np.all((first > 1 / step / noise) & (first < noise))
+        assert np.all((later > step**-0.5 / noise) & (later < step**0.5 * noise))
+        # Some images would have been exposed otherwise had they been the other kind.
+        assert not len(first) or np.min(first) < step**-0.5 / noise
+        assert not len(later) or np.max(later) > noise
+
+
+def test_of_a_planned_run_only_the_pilot_is_unforeseen(shared: Geometry) -> None:
+    scene, step, noise = Scene(shared), exposure.STEP, 1.01
+    taken = scene.run(scenes.recipe("optimal", 7)).found.observations
+    found = levels(scene, taken)
+    assert np.all((found[:4] > 1 / step / noise) & (found[:4] < noise))
+    assert np.all((found[4:] > step**-0.5 / noise) & (found[4:] < step**0.5 * noise))
+    lights = [shot.light for shot in taken.shots if shot.light is not None]
+    times = [shot.exposure_s for shot in taken.shots]
+    for others in (None, 0):
+        assert times != [shot.exposure_s for shot in scene.capture(lights, others).shots]
 
 
 def test_few_shadow_rays_say_what_all_would(shared: Geometry) -> None:
