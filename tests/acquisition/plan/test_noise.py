@@ -112,3 +112,57 @@ def test_information_is_scaled_to_the_expected_noise(ball: scenes.Scene) -> None
         told[times] = np.trace(anew.information - anew.weak, axis1=1, axis2=2)
         np.testing.assert_array_equal(sample.weak, anew.weak)
     np.testing.assert_allclose(told[10.0] / told[1.0], 100.0, rtol=0.05)
+
+
+@pytest.mark.parametrize("cautious", [False, True])
+def test_bounced_light_adds_two_fifths_of_itself_whatever_the_lamp_gives(ball: scenes.Scene, *, cautious: bool) -> None:
+    value, cosine, strength, distance = np.random.default_rng(3).uniform(0.1, 0.9, (4, 2, 3))
+    bounced = np.array([0.0, 0.05, 0.5], np.float32)
+    with_it, without = (
+        noise.variance(
+            value, cosine, strength, distance, np.array([0.4, 0.8]), ball.calibration, light, cautious=cautious
+        )
+        for light in (bounced, np.zeros(3, np.float32))
+    )
+    np.testing.assert_allclose(with_it - without, np.tile([0.0, 0.0004, 0.04], (2, 1)), rtol=1e-5, atol=1e-12)
+
+
+def test_a_solver_weighs_by_a_tenth_of_bounced_light(ball: scenes.Scene) -> None:
+    value, strength = np.random.default_rng(3).uniform(0.1, 0.9, (2, 2, 3)).astype(np.float32)
+    bounced = np.array([0.0, 0.05, 0.5], np.float32)
+    with_it, without = (
+        noise.solved_variance(value, strength, 0.45, np.array([0.4, 0.8]), ball.calibration, piloted(ball), light)
+        for light in (bounced, np.zeros(3, np.float32))
+    )
+    np.testing.assert_allclose(with_it - without, np.tile([0.0, 0.000025, 0.0025], (2, 1)), rtol=1e-4, atol=1e-12)
+
+
+def test_how_bright_bounced_light_is_follows_from_its_share_of_the_images(ball: scenes.Scene) -> None:
+    """What share i of all light is, is i / (1 − i) of what the lamps gave; more than half is not believed."""
+    lights = pilot.pattern(Recipe(), scenes.Dome(refused=0))
+    normal_map = piloted(ball)
+    normal_map.flags[2] = 0  # the third light reaches nothing
+    share = np.zeros(ball.mask.shape, np.float32)
+    share[:, 50:64], share[:, 64:80], share[:, 80:] = 0.2, 0.5, 0.9
+    found = replace(normal_map, indirect=share)
+    sample = criterion.samples(found, ball.calibration, np.arange(len(found.information.rows)))
+    taken = scenes.capture(ball, lights)
+    told = criterion.reweighed(sample, found, taken, ball.calibration)
+    plain = criterion.reweighed(sample, normal_map, taken, ball.calibration)
+    np.testing.assert_array_equal(plain.bounced, 0)
+
+    rows, columns = sample.row, sample.column
+    given = np.zeros(len(rows))
+    for number in (0, 1, 3):
+        s = cases.vectors_by_hand(ball, lights[number], rows, columns)
+        cosine = np.sum(s * sample.normal, axis=0) / np.linalg.norm(s, axis=0)
+        given += sample.albedo * np.linalg.norm(s, axis=0) * np.maximum(cosine, criterion.LEAST_COSINE) / 4
+    times = np.select([columns < 50, columns < 64], [0.0, 0.25], 1.0)
+    assert set(times) == {0.0, 0.25, 1.0}
+    np.testing.assert_allclose(told.bounced, times * given, rtol=1e-3)
+
+    # Where it is as bright as what the lamps give, it decides: four tenths of it are left where a tenth was weighed.
+    left = np.trace(told.information - told.weak, axis1=1, axis2=2)
+    left /= np.trace(sample.information - sample.weak, axis1=1, axis2=2)
+    np.testing.assert_allclose(left[times == 1], 1 / 16, rtol=0.25)
+    np.testing.assert_array_equal(told.information[times == 0], plain.information[times == 0])
