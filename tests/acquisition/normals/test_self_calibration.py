@@ -5,11 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition import photometry
+from acquisition import normals, photometry
+from acquisition.measured import Observations, SolveSettings
 from acquisition.normals import lambert, lobe, refine, self_calibration
 from acquisition.normals.lambert import Estimate
 from acquisition.normals.lobe import Change, Lobe
 from acquisition.normals.self_calibration import Priors, Shared
+from acquisition.types import Light
+from tests.acquisition import scenes
 from tests.acquisition.normals.shared_scene import measured
 
 STATED = 0.01
@@ -215,3 +218,35 @@ def test_lamps_that_stand_aside_are_found_and_their_doubt_is_honest() -> None:
         said.append(np.sqrt(np.diag(present.covariance)[8:]))
     assert np.std(left) < 0.85 * np.std(asides)
     assert np.std(left) == pytest.approx(np.sqrt(np.mean(np.square(said))), rel=0.2)
+
+
+def taken_aside(true: scenes.Scene, told: list[Light], aside_m: np.ndarray, seed: int) -> Observations:
+    """Images of lamps that stand `aside_m` (F, 3) of where the records say that they do."""
+    there = [
+        Light(position=tuple((np.array(light.position) + by).tolist()), axis=light.axis)
+        for light, by in zip(told, aside_m, strict=True)
+    ]
+    taken = scenes.capture(true, there, seed, intensity_sigma=0, position_sigma_m=0)
+    shots = [shot.model_copy(update={"light": light}) for shot, light in zip(taken.shots, told, strict=True)]
+    return replace(taken, shots=shots)
+
+
+def test_the_whole_solve_puts_lamps_where_they_stand_and_normals_gain_by_it() -> None:
+    """Against a calibration that is sure of where its lamps are, with images whose intensities are right."""
+    true = scenes.scene(scenes.sphere, scenes.calibration(96))
+    told, aside_sigma = [*scenes.ring(6, 30.0), *scenes.ring(6, 55.0, 0.3)], 0.004
+    asides, found, error = [], [], {"sought": [], "held": []}
+    for seed in range(3):
+        asides.append(np.random.default_rng(seed).normal(0, aside_sigma, (len(told), 3)))
+        taken = taken_aside(true, told, asides[-1], seed)
+        for name, sigma in (("sought", aside_sigma), ("held", 1e-6)):
+            known = scenes.calibration(96, lamp_position_sigma_m=sigma)
+            normal_map = normals.solve(taken, known, SolveSettings(), initial_depth_m=0.87, region=true.mask)
+            error[name].append(np.mean(true.error_deg(normal_map.normals)))
+            if name == "sought":
+                found.append(normal_map.notes["lamps_aside_m"])
+            else:
+                assert np.max(np.abs(normal_map.notes["lamps_aside_m"])) < 1e-6
+    assert np.corrcoef(np.ravel(found), np.ravel(asides))[0, 1] > 0.7
+    assert np.std(np.array(found) - asides) < 0.75 * np.std(asides)
+    assert np.mean(error["sought"]) < 0.9 * np.mean(error["held"])
