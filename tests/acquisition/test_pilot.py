@@ -32,11 +32,11 @@ def test_one_on_top_and_an_even_ring_at_fifty_degrees(count: int) -> None:
     lights = pilot.pattern(Recipe(pilot_lights=count), reach)
     slant, azimuth = slants_azimuths(lights, reach)
     assert len(lights) == count
-    assert slant[0] == pytest.approx(pilot.TOP_SLANT_DEG, abs=6)
+    assert slant[0] == pytest.approx(20, abs=6)
     assert np.all(np.abs(slant[1:] - 50) < 6)
     assert np.all(np.abs(gaps(azimuth[1:]) - 360 / (count - 1)) < 14)
     away = np.abs((azimuth[1:] - azimuth[0] + 180) % 360 - 180)
-    assert np.min(away) == pytest.approx(180 / (count - 1), abs=25)  # between two lights of the ring
+    assert np.min(away) > 90 / (count - 1)  # between two lights of the ring, no nearer to one than half of half a step
 
 
 @pytest.mark.parametrize("seed", range(6))
