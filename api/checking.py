@@ -28,7 +28,7 @@ def check(cell_file: Path, *, offline: bool, data: Path | None = None) -> bool:
 
     Moves nothing.
     """
-    console = Console(highlight=False, soft_wrap=True)
+    console = Console(highlight=False, markup=False, soft_wrap=True)
     found: list[bool] = []
     if data is not None:
         found.append(_told(console, lambda: _data(console, data)))
@@ -138,8 +138,8 @@ def _as_built(console: Console, cell: CellConfig) -> bool:
         console.print("kinematics = [")
         for joint in told:
             numbers = ", ".join(f"{name} = {value!r}" for name, value in joint.model_dump().items())
-            console.print(f"  {{ {numbers} }},", markup=False)
-        console.print("]", markup=False)
+            console.print(f"  {{ {numbers} }},")
+        console.print("]")
         return not wrong
     return True
 

@@ -72,4 +72,5 @@ def test_an_arm_that_is_another_one_is_named_with_what_differs(
     assert "ok    arm: UR10" in said
     assert "The arm is a UR10, the cell file says ur5e." in said
     assert "the cell file says 12345." in said
+    assert "for [arm] in the cell file:\nkinematics = [\n" in said
     assert "camera.unreachable" in said
