@@ -67,7 +67,7 @@ def settle(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Arra
 
 
 def _settled(normals: Float32Array, variance: Float32Array, ray: Float32Array, pitch: np.float32) -> Float32Array:
-    """Turns the normals (h, w, 3) of a strip, in place; the share (h, w) of their variance that is left, ½ to 1.
+    """Turns the normals (h, w, 3) of a strip, in place; the share (h, w) of their variance that is left.
 
     A variance of zero says that there is no normal.
     """
@@ -201,7 +201,11 @@ def _turn(
     normals: Float32Array, rays: Float32Array, slope: Float32Array, change: Float32Array, loose: Float32Array,
     inverse: Float32Array, left: Float32Array,
 ) -> None:  # fmt: skip
-    """Normals of the slopes less their changes, and the share of the variance that this leaves."""
+    """Normals of the slopes less their changes, and the share of the variance that this leaves.
+
+    Each four pixels are a measurement of a pixel's slopes, as uncertain as the other three together; that they are
+    measured themselves meanwhile makes two thirds of it, which for pixels that are equally sure gives the exact half.
+    """
     height, width = left.shape
     for i in numba.prange(height):
         for j in range(width):
@@ -215,10 +219,17 @@ def _turn(
             nx, ny, nz = vy * uz - vz * uy, vz * ux - vx * uz, vx * uy - vy * ux
             length = np.sqrt(nx * nx + ny * ny + nz * nz)
             normals[i, j, 0], normals[i, j, 1], normals[i, j, 2] = nx / length, ny / length, nz / length
+            told = np.float32(0)  # by those round the pixel, in units of what it knows itself
             for a in range(2):
                 for b in range(2):
-                    joined = 1 - loose[i + a, j + b] * inverse[i + a, j + b]
-                    left[i, j] -= np.float32(0.125) * joined if inverse[i + a, j + b] > 0 else np.float32(0)
+                    if inverse[i + a, j + b] <= 0:
+                        continue
+                    mixed = -slope[3, i, j] if a == b else slope[3, i, j]
+                    own = np.float32(0.25) * (slope[2, i, j] + slope[4, i, j]) + np.float32(0.5) * mixed
+                    held = loose[i + a, j + b]
+                    others = 1 / inverse[i + a, j + b] - held - own
+                    told += np.float32(0.5) * own / (np.float32(2 / 3) * others + held)
+            left[i, j] = 1 / (1 + told)
 
 
 KERNELS = (_slopes, _sums, _changes, _misses, _turn)

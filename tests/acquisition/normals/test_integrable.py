@@ -60,6 +60,18 @@ def test_half_of_the_variance_goes_however_rough_the_surface_and_sigma_says_so(r
     assert np.mean(sigma**2) == pytest.approx(left, rel=0.06)
 
 
+def test_sure_neighbours_tell_an_unsure_pixel_more_than_it_tells_them() -> None:
+    ray = rays(400, 200)
+    true = normals(bumpy(400, 200, 1, 0.02), ray)
+    unsure = np.random.default_rng(3).random(ray.shape[1:]) < 0.2
+    found, sigma = np.where(unsure[..., None], shaken(true, 2.0, 4), shaken(true, 0.5, 5)), np.where(unsure, 2.0, 0.5)
+    sigma = sigma.astype(np.float32)
+    integrable.settle(found, sigma, np.radians(sigma) ** 2, ray)
+    for some in (unsure, ~unsure):
+        left = np.sqrt(np.mean(error_deg(found, true)[some] ** 2))
+        assert np.sqrt(np.mean(sigma[some] ** 2)) == pytest.approx(left, rel=0.2)
+
+
 @given(seed=st.integers(0, 1000), height=st.integers(1, 40), width=st.integers(1, 12))
 @settings(max_examples=25)
 def test_a_surface_stays_as_it_is(seed: int, height: int, width: int) -> None:
