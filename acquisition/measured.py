@@ -188,7 +188,9 @@ class ResultSummary(Value):
     images: int
     object_pixels: int
     solved_pixels: int
-    mean_sigma_deg: float = Field(description="Over the solved pixels that are seen no more than 78° from their normal")
+    mean_sigma_deg: float = Field(
+        description="Over the solved pixels inside the silhouette that are seen no more than 78° from their normal"
+    )
     median_sigma_deg: float
     region_sigma_deg: float | None = Field(
         default=None, description="The mean over those in the region of interest; none: no region is drawn"
