@@ -4,6 +4,7 @@ The forecast says how the mean σ falls with the number of lights. The first num
 planned and captured: forecasts are cautious, and a light too many cannot be taken back, while a light that lacks can be
 added. Then the images themselves decide: while their solved σ is above the target, lights are added, as many as a new
 forecast asks for, which is scaled by what the images so far have been found to give over what they were expected to.
+Where even all lights allowed would not meet the target, the last of them are spared that bring next to nothing.
 Nothing but the images is remembered between the passes, so that a session which was cut off goes on as if nothing had
 happened.
 
@@ -25,11 +26,18 @@ from acquisition.types import BoolArray, Expected, LightPlan, Reach, Recipe
 
 COUNTS = (1, 2, 3, 4, 6, 8, 11, 15, 20, 28, 40, 76)
 """Numbers of further lights for which the forecast is made; between them σ follows a straight line in logarithms."""
-FIRST_SLACK = 0.12
-"""Share by which the first forecast may miss the target; forecasts from the pilot are found 5–14 % too large."""
+TOLERANCE = 0.03
+"""Share by which the mean σ may be above the target that it meets. The errors found scatter by more round it, and where
+a target is hardly within reach, a light lowers it by a hundredth: the last per cent would cost as many lights again."""
 
-LEAST_GAIN = 0.005
-"""Share by which all lights that are still allowed must lower the mean σ to be worth taking."""
+FIRST_SLACK, LATER_SLACK = 0.2, 0.03
+"""Shares by which the first forecast and later ones may miss the target: a light that lacks costs a pass, one too many
+is taken for nothing, and forecasts from the pilot are found 5–14 % too large. By the first the pilot itself must keep
+below the target: too few images to find the lamps by say little of their own errors (0.9–1.5 of what they say)."""
+
+WORTH = 0.05
+"""Where even all lights allowed do not meet the target, the last ones are not taken that lower the mean σ by less than
+this share together."""
 
 
 def approach(
@@ -52,21 +60,26 @@ def approach(
     taken = sum(shot.kind == "light" for shot in observations.shots)
     reached = reached_deg(normal_map, calibration, region)
     state = f"mean σ {reached:.2f}°"
-    if reached <= target:
-        return _concluded(f"target met with {taken} images: {state} ≤ {target:.3g}°")
     allowed = recipe.max_lights - taken
+    first = taken <= recipe.pilot_lights and allowed > 0
+    if reached <= (target / (1 + FIRST_SLACK) if first else target * (1 + TOLERANCE)):
+        return _concluded(f"target met with {taken} images: {state}, wanted {target:.3g}°")
     if allowed <= 0:
         return _concluded(f"the most lights allowed were taken ({taken}): {state} > {target:.3g}°")
     counts = [count for count in COUNTS if count < allowed] + [allowed]
     now, *curve = selection.forecast(normal_map, observations, recipe, reach, calibration, [0, *counts], region=region)
-    slack = 1 + FIRST_SLACK
-    if taken > recipe.pilot_lights:
+    slack = FIRST_SLACK
+    if not first:
         curve = [point.model_copy(update={"sigma_deg": point.sigma_deg * reached / now.sigma_deg}) for point in curve]
-        slack = 1.0
+        slack = LATER_SLACK
     least = min(point.sigma_deg for point in curve)
-    if least > (1 - LEAST_GAIN) * reached:
-        return _concluded(f"no light that the arm can reach brings {state} below {least:.2f}°; wanted {target:.3g}°")
-    wanted = _first_that_meets(curve, slack * target)
+    aim = target if least <= target else (1 + WORTH) * least
+    if least > target and reached <= aim:
+        return _concluded(
+            f"no light is worth taking after {taken} images: {state}, with all {recipe.max_lights} lights allowed "
+            f"{least:.2f}° would be expected; wanted {target:.3g}°"
+        )
+    wanted = _first_that_meets(curve, (1 + slack) * aim)
     chosen = selection.choose(normal_map, observations, recipe, reach, calibration, wanted, region=region)
     notes = [f"{state} with {taken} images; {target:.3g}° is wanted"]
     if least > target:

@@ -23,6 +23,7 @@ MATT = ("sphere", "vase", "relief", "bumps", "figure", "part")
 Errors = tuple[float, float]
 """Mean errors in degrees: over the pixels that the mean σ is over, those that straddle two surfaces included, and over
 the others."""
+ALL, ONE_SURFACE = 0, 1
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(3600)]
 
@@ -66,16 +67,21 @@ def test_each_run_says_why_it_stopped(shape: str, draw: int) -> None:
 def test_targets_are_met() -> None:
     """The stepped part is left out: beside its steps there are errors that no variance knows of."""
     told = all_runs()
-    missed = late(told, 0)
-    print(f"\n{len(told)} runs: {len(told) - len(missed)} within a tenth of what was wanted")
+    missed, beside = late(told, ALL), late(told, ONE_SURFACE)
+    print(
+        f"\n{len(told)} runs: {len(told) - len(missed)} within a tenth of what was wanted"
+        f" ({len(told) - len(beside)} where pixels see one surface)"
+    )
     assert len(missed) <= 0.1 * len(told), missed
 
 
-@pytest.mark.xfail(reason="found 70 of 90, bar 81: near 0.5° the error of relief is flat in the number of images")
 def test_hardly_an_image_is_taken_more_than_needed() -> None:
     told = all_runs()
-    wasteful = lavish(told, 0)
-    print(f"\n{len(told)} runs: {len(told) - len(wasteful)} with at most an image more than the fewest that do")
+    wasteful, beside = lavish(told, ALL), lavish(told, ONE_SURFACE)
+    print(
+        f"\n{len(told)} runs: {len(told) - len(wasteful)} with at most an image more than the fewest that do"
+        f" ({len(told) - len(beside)} where pixels see one surface)"
+    )
     assert len(wasteful) <= 0.1 * len(told), wasteful
 
 
@@ -84,10 +90,10 @@ def all_runs() -> list[dict[str, Any]]:
 
 
 def late(told: list[dict[str, Any]], which: int) -> list[dict[str, Any]]:
-    """The runs that miss what was wanted by more than a tenth."""
+    """The runs that miss what was wanted by more than a tenth, by the errors `which`."""
     return [run for run in told if run["found_deg"][which] > 1.1 * run["wanted_deg"]]
 
 
 def lavish(told: list[dict[str, Any]], which: int) -> list[dict[str, Any]]:
-    """The runs that take at least two images more than a fixed number that meets what was wanted."""
+    """The runs that take at least two images more than a fixed number that meets what was wanted, by those errors."""
     return [run for run in told if any(error[which] <= run["wanted_deg"] for error in run["fixed_deg"].values())]
