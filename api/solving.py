@@ -19,9 +19,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from acquisition import region
+from acquisition import photometry, region
 from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import NormalMap, SolveSettings
+from acquisition.measured import Calibration, NormalMap, SolveSettings
 from acquisition.normals import distant, export, folders, near_light, report
 from acquisition.normals import solve as solve_session
 from acquisition.normals.export import lights
@@ -51,12 +51,14 @@ class Wishes:
 
 @dataclass(frozen=True)
 class Solved:
-    """A result, the images it was solved from, and how."""
+    """A result, the images it was solved from, how, and its mean σ."""
 
     found: NormalMap
     images: ImageSet
     solver: str
     why: str
+    sigma_mean_deg: float | None
+    """Of a session as its summary has it, over the facing pixels; of others over all solved ones; none without σ."""
 
 
 def wishes(
@@ -97,7 +99,7 @@ def run(asked: Wishes) -> dict[str, Any]:
     begun = time.monotonic()
     _refuse(asked)
     seconds: dict[str, float] = {}
-    console = Console(stderr=True)
+    console = Console(stderr=True, markup=False)
     with _bar(console) as bar, _scratch(asked.out) as scratch:
         solved = _solved(asked, scratch, bar, seconds)
         graded = grade(solved.found, solved.images)
@@ -125,16 +127,20 @@ def replay(folder: Path, number: int | None = None) -> dict[str, Any]:
         )
     stored = export.read(folder / "results" / str(chosen))
     settings = _settings_of(folder / "results" / str(chosen) / session.MANIFEST)
-    console = Console(stderr=True)
+    console = Console(stderr=True, markup=False)
     seconds: dict[str, float] = {}
     with _bar(console) as bar, _timed(seconds, "solve"), _step(bar, "solving"):
         found = _solve_session(capture, len(stored.flags), settings)
-    outcome = _compared(stored, found) | {"result": chosen, "images": len(found.flags), "seconds": seconds["solve"]}
+    outcome = _compared(stored, found, capture.calibration) | {
+        "result": chosen,
+        "images": len(found.flags),
+        "seconds": seconds["solve"],
+    }
     table = Table(title=f"Result {chosen} of {folder.name}, solved again")
     for column in ("", "stored", "again"):
         table.add_column(column, justify="right" if column else "left")
     table.add_row("normals", str(np.count_nonzero(stored.mask)), str(np.count_nonzero(found.mask)))
-    table.add_row("mean σ", *(_degrees(outcome[name]) for name in ("sigma_before_deg", "sigma_deg")))
+    table.add_row("mean σ", *(f"{outcome[name]:.3f}°" for name in ("sigma_before_deg", "sigma_deg")))
     console.print(table)
     verdict = "the same" if outcome["same"] else "different"
     console.print(
@@ -156,7 +162,8 @@ def _solved(asked: Wishes, scratch: Path, bar: Progress, seconds: dict[str, floa
             found = _solve_session(capture, None, _settings(asked))
         last = len(capture.plans) - 1
         images = session.images(capture.observations(last), capture.calibration, found.silhouette)
-        return Solved(found, images, *_chosen(found, asked.solver))
+        sigma_deg = photometry.mean_sigma_deg(found, capture.calibration)
+        return Solved(found, images, *_chosen(found, asked.solver), sigma_deg)
     with _timed(seconds, "read"):
         task = bar.add_task("reading", total=None)
         images = folders.read(
@@ -179,7 +186,8 @@ def _solved(asked: Wishes, scratch: Path, bar: Progress, seconds: dict[str, floa
             found = near_light.solve_plain(images, keep_steps=asked.keep_steps)
         else:
             found = near_light.solve(images, _settings(asked))
-    return Solved(found, images, *_chosen(found, asked.solver))
+    sigma = found.sigma_deg[found.mask & np.isfinite(found.sigma_deg)]
+    return Solved(found, images, *_chosen(found, asked.solver), float(np.mean(sigma)) if sigma.size else None)
 
 
 def _solve_session(capture: SessionCapture, count: int | None, settings: SolveSettings) -> NormalMap:
@@ -297,15 +305,15 @@ def _outcome(
         "format": solved.images.notes["format"],
         "images": solved.images.count,
         "normals": int(np.count_nonzero(solved.found.mask)),
-        "sigma_mean_deg": _mean(solved.found.sigma_deg[solved.found.mask]),
+        "sigma_mean_deg": solved.sigma_mean_deg,
         "seconds_of": {name: round(value, 3) for name, value in seconds.items()},
         "out": None if asked.out is None else str(asked.out),
         "warnings": list(solved.images.notes["warnings"]),
     }
 
 
-def _compared(before: NormalMap, after: NormalMap) -> dict[str, Any]:
-    """How two results of the same images differ, degrees over the pixels that both have."""
+def _compared(before: NormalMap, after: NormalMap, calibration: Calibration) -> dict[str, Any]:
+    """How two results of the same images differ, degrees over the pixels that both have; σ as the summary has it."""
     both = before.mask & after.mask
     one, two = before.normals[both].astype(np.float64), after.normals[both].astype(np.float64)
     angle = np.degrees(np.arctan2(np.linalg.norm(np.cross(one, two), axis=-1), np.sum(one * two, axis=-1)))
@@ -319,18 +327,9 @@ def _compared(before: NormalMap, after: NormalMap) -> dict[str, Any]:
         "pixels": int(np.count_nonzero(both)),
         "pixels_before": int(np.count_nonzero(before.mask)),
         "pixels_after": int(np.count_nonzero(after.mask)),
-        "sigma_before_deg": _mean(before.sigma_deg[before.mask]),
-        "sigma_deg": _mean(after.sigma_deg[after.mask]),
+        "sigma_before_deg": photometry.mean_sigma_deg(before, calibration),
+        "sigma_deg": photometry.mean_sigma_deg(after, calibration),
     }
-
-
-def _degrees(value: float | None) -> str:
-    return "none" if value is None else f"{value:.3f}°"
-
-
-def _mean(values: np.ndarray) -> float | None:
-    known = values[np.isfinite(values)]
-    return float(np.mean(known)) if known.size else None
 
 
 def _show(console: Console, outcome: dict[str, Any], warnings: list[str]) -> None:
@@ -339,7 +338,7 @@ def _show(console: Console, outcome: dict[str, Any], warnings: list[str]) -> Non
     table.add_row("normals", str(outcome["normals"]))
     table.add_row("solver", outcome["solver"] + (f" ({outcome['why']})" if outcome["why"] else ""))
     if outcome["sigma_mean_deg"] is not None:
-        table.add_row("mean σ", f"{outcome['sigma_mean_deg']:.2f}°")
+        table.add_row("mean σ", f"{outcome['sigma_mean_deg']:.3f}°")
     if outcome["mean_deg"] is not None:
         table.add_row(
             "error",

@@ -10,13 +10,17 @@ import numpy as np
 import pytest
 import tifffile
 
+from acquisition import jobs
 from acquisition.errors import ErrorCode, RigError
+from acquisition.measured import SolveSettings
 from acquisition.normals import export
+from acquisition.normals.folders.session import read as read_session
 from api import solving
 from tests.acquisition import session_folder
 from tests.acquisition.normals.folders import small
 
 ROOT = Path(__file__).parents[2]
+RECORDED = ROOT / "tests/data/release_0.1/sessions/20261121-190041-de2be6"
 
 
 def wishes(folder: Path, **more: object) -> solving.Wishes:
@@ -192,6 +196,25 @@ def test_a_replay_finds_what_was_stored(number: int | None, images: int, session
     assert outcome["max_deg"] < solving.SAME_DEG
     assert outcome["sigma_deg"] == pytest.approx(outcome["sigma_before_deg"], rel=1e-3)
     assert sorted(session.rglob("*")) == before
+
+
+def test_solve_replay_and_summary_say_the_same_mean_sigma(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Over the facing pixels; over all that are solved it is another figure, which tells the two apart."""
+    folder = tmp_path / "a [b]"  # which is no markup
+    shutil.copytree(RECORDED, folder)
+    shutil.rmtree(folder / "results")
+    taken, result = read_session(folder), folder / "results" / "1"
+    summary = jobs.solve_normals(
+        taken.observations(1), taken.cell, taken.calibration, SolveSettings(), None, None, result
+    )
+    replayed, solved = solving.replay(folder), solving.run(wishes(folder))
+    assert replayed["sigma_before_deg"] == summary.mean_sigma_deg
+    assert solved["sigma_mean_deg"] == replayed["sigma_deg"] == pytest.approx(summary.mean_sigma_deg, rel=1e-6)
+    stored = export.read(result)
+    assert np.mean(stored.sigma_deg[stored.mask]) != pytest.approx(summary.mean_sigma_deg, rel=1e-5)
+    said = capsys.readouterr().err
+    assert "a [b]" in said
+    assert said.count(f"{summary.mean_sigma_deg:.3f}°") == 3
 
 
 def test_a_replay_sees_a_difference(session: Path, tmp_path: Path) -> None:
