@@ -57,7 +57,8 @@ def demo(
     planned: Annotated[int, typer.Option(help="Planned lights")] = 4,
     method: Annotated[str, typer.Option(help="How lights are chosen: see `method` of the recipe")] = "optimal",
     lights: Annotated[
-        Path | None, typer.Option(help="Positions for method `user`: x y z in m on each line, or JSON; view frame")
+        Path | None,
+        typer.Option(help="Positions for method `user`: x y z on each line, m, view frame; JSON; a session's folder"),
     ] = None,
     profile: Profile = Profile.REALISTIC,
     random: Annotated[bool, typer.Option(help="Compare with as many random lights")] = True,

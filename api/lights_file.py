@@ -1,7 +1,8 @@
 """Positions of lights from a file, for method `user`.
 
-Either JSON (a list of [x, y, z], or a `plan.json` of a session, whose lights are taken again) or text, three numbers
-on each line; metres, view frame (origin at the camera, x right, y up, z to the camera).
+JSON (a list of [x, y, z], or the `plan.json` of one pass), text (three numbers on each line), or a session's folder,
+the lights of all whose passes are taken again; metres, view frame (origin at the camera, x right, y up, z to the
+camera).
 """
 
 import json
@@ -15,7 +16,12 @@ from acquisition.types import Vector3
 
 
 def read(path: Path) -> list[Vector3]:
-    """The positions in a file. Raises RigError request.invalid naming the file and the place in it."""
+    """The positions in a file or a session's folder. Raises RigError request.invalid naming file and place in it."""
+    if path.is_dir():
+        plans = sorted(path.glob("passes/*/plan.json"), key=lambda plan: int(plan.parent.name))
+        if not plans:
+            raise RigError(ErrorCode.REQUEST_INVALID, f"{path}: is no session's folder: no passes/0/plan.json is there")
+        return [position for plan in plans for position in read(plan)]
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

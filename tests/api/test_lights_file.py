@@ -24,6 +24,19 @@ def test_text_json_and_an_earlier_plan_are_read(tmp_path: Path) -> None:
     assert lights_file.read(text) == lights_file.read(listed) == lights_file.read(plan) == POSITIONS
 
 
+def test_a_session_folder_gives_the_lights_of_all_its_passes_in_order(tmp_path: Path) -> None:
+    many = [(0.01 * number, 0.2, -0.5) for number in range(11)]
+    for number, position in enumerate(many):  # of which 10 comes after 9, not after 1
+        folder = tmp_path / "passes" / str(number)
+        folder.mkdir(parents=True)
+        plan = LightPlan(lights=[Light(position=position, axis=(0.0, 0.0, -1.0))], method="optimal", reasons=[""])
+        (folder / "plan.json").write_text(plan.model_dump_json(), encoding="utf-8")
+
+    assert lights_file.read(tmp_path) == many
+    with pytest.raises(RigError, match="no session's folder"):
+        lights_file.read(tmp_path / "passes")
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [
