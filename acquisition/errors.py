@@ -146,7 +146,9 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         "Clear the danger, release the button, power on at the pendant, acknowledge.",
     ),
     ErrorCode.ARM_NOT_READY: Problem(
-        503, "The arm is not powered on and running", "Power it on and release the brakes at the pendant."
+        503,
+        "The arm is not ready to move",
+        "If it is off, power it on and release the brakes at the pendant; then resume, which connects again.",
     ),
     ErrorCode.ARM_MOVE_FAILED: Problem(
         503, "A move did not end where it should", "Look at the cell; resume plans again from where the arm is."
@@ -173,12 +175,12 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         409, "The controller did not do this", "See the detail: what the controller answered; or do it at the pendant."
     ),
     ErrorCode.DEVICE_DISCONNECTED: Problem(
-        503, "The link to a device is lost", "Check the cable and the device; then resume."
+        503, "The link to a device is lost", "Check the cable and the device, acknowledge; then resume."
     ),
     ErrorCode.DRIVER_LOST: Problem(
         503,
         "The arm's driver process ended or does not answer",
-        "Look at the cell; then resume, which starts it again.",
+        "Look at the cell, acknowledge; then resume, which starts it again.",
     ),
     ErrorCode.LAMP_NOT_CONFIRMED: Problem(
         503, "The lamp's output did not follow", "Check the lamp's output number and wiring; then resume."
