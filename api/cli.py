@@ -255,8 +255,8 @@ def solve_folder(
         list[str] | None,
         typer.Option(
             "--export",
-            help="With --out, also: normals_directx.png, maps.exr, mesh.ply, lights.lp, lights.dome, diligent, "
-            "integration, or all; may be repeated",
+            help="With --out, also: normals_directx.png, maps.exr, mesh.ply, lights.lp and lights.dome (lights without "
+            "their images), diligent (with them), integration, or all; may be repeated",
         ),
     ] = None,
     sphere: Annotated[str | None, typer.Option(help="cx,cy,r: a sphere in the image that the errors are for")] = None,
