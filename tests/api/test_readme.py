@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from acquisition.session import State
+from api.schemas import OwnLights
 from tests.model.quick_rig import quick_service
 
 ROOT = Path(__file__).parents[2]
@@ -44,3 +45,8 @@ def test_the_session_in_python_and_in_the_shell(tmp_path: Path) -> None:
         assert (tmp_path / "normals.png").read_bytes() == b"normals"
         states = [row.state for row in server.service.store.journal.sessions(10)]
     assert states == [State.COMPLETED] * 2
+
+
+def test_the_body_of_a_person_s_own_lights_is_what_the_service_takes() -> None:
+    (body,) = re.findall(r"passes/1/plan .* -d '(.*)'", README)
+    assert len(OwnLights.model_validate_json(body).lights) == 2
