@@ -106,7 +106,7 @@ def _figures(found: NormalMap, facts: Facts) -> str:
         ("normals", f"{pixels:,}".replace(",", " ") + f" ({pixels / whole:.1%} of the object)"),
     ]
     if sigma.size:
-        rows.append(("σ", f"mean {np.mean(sigma):.2f}°, median {np.median(sigma):.2f}°"))
+        rows.append(("σ of all solved pixels", f"mean {np.mean(sigma):.2f}°, median {np.median(sigma):.2f}°"))
         rows.append(("error to expect", f"mean {0.886 * np.mean(sigma):.2f}°, median {0.833 * np.median(sigma):.2f}°"))
     if facts.predicted_sigma_deg is not None:
         rows.append(("mean σ that the plan predicted", f"{facts.predicted_sigma_deg:.2f}°"))
