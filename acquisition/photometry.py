@@ -190,14 +190,17 @@ def facing(normal_map: NormalMap, calibration: Calibration) -> BoolArray:
     """The solved pixels (H, W) inside the silhouette whose normal lies within `GRADED_SLANT_DEG` of the viewing ray:
     those that errors count.
 
-    The silhouette's own pixels show the table too, and the rim beyond that slant is seen edge-on: few pixels of large
-    σ, which no light helps.
+    The rim beyond that slant is seen edge-on by few pixels of large σ, which no light helps.
     """
-    inside = cv2.erode(normal_map.silhouette.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
     ray = rays(calibration, slice(0, calibration.height), slice(0, calibration.width))
     along = ray_directions(ray)
     cosine = -np.einsum("hwc,chw->hw", normal_map.normals, along) / np.sqrt(np.einsum("chw,chw->hw", along, along))
-    return normal_map.mask & inside & (cosine > np.cos(np.radians(GRADED_SLANT_DEG)))
+    return normal_map.mask & inside(normal_map) & (cosine > np.cos(np.radians(GRADED_SLANT_DEG)))
+
+
+def inside(normal_map: NormalMap) -> BoolArray:
+    """The object's pixels (H, W) but those of the silhouette itself, which show the table too."""
+    return cv2.erode(normal_map.silhouette.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
 
 
 def mean_sigma_deg(normal_map: NormalMap, calibration: Calibration, region: BoolArray | None = None) -> float:

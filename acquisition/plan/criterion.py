@@ -30,7 +30,6 @@ LEAST_COSINE = 0.08
 SURE = 0.9
 ATTACHED_SIGMA = 0.06
 CAST_SIGMA = 0.04
-STEEPEST_DEG = 78.0
 LARGEST_BELIEVED_SHARE = 0.5
 """Share of bounced light in a pixel's images beyond which it is not believed."""
 
@@ -151,7 +150,7 @@ def _weak(albedo: Float32Array) -> FloatArray:
 
 
 def usable(normal_map: NormalMap, calibration: Calibration) -> np.ndarray:
-    """Numbers of the information's pixels that a plan can reason about: finite, and not seen edge-on."""
+    """Numbers of the information's pixels that a plan can reason about: finite, and among those that errors count."""
     information = normal_map.information
     rows, columns = information.rows, information.columns
     if not len(rows):
@@ -166,7 +165,8 @@ def usable(normal_map: NormalMap, calibration: Calibration) -> np.ndarray:
         & np.isfinite(normal_map.albedo[rows, columns])
         & (normal_map.depth[rows, columns] > 0)
     )
-    return np.flatnonzero(finite & (cosine > np.cos(np.radians(STEEPEST_DEG))))
+    counted = photometry.inside(normal_map)[rows, columns] & (cosine > np.cos(np.radians(photometry.GRADED_SLANT_DEG)))
+    return np.flatnonzero(finite & counted)
 
 
 @dataclass(frozen=True)

@@ -93,10 +93,12 @@ def test_a_target_out_of_reach_is_not_worth_the_last_lights(known: tuple[NormalM
 
 def test_bends_within_pixels_count_and_no_light_removes_them(known: tuple[NormalMap, Observations]) -> None:
     normal_map, _ = known
-    sharp = normal_map.normals.copy()
+    true = np.where(normal_map.mask[..., None], TRUE.normals, 0).astype(np.float32)
+    sharp = true.copy()
     sharp[::2, ::2, 0] += 1.0
     sharp /= np.maximum(np.linalg.norm(sharp, axis=-1, keepdims=True), 1e-9)
-    certain = replace(normal_map, sigma_deg=np.where(normal_map.mask, 0.2, np.nan).astype(np.float32))
+    sigma = np.where(normal_map.mask, 0.2, np.nan).astype(np.float32)
+    certain = replace(normal_map, normals=true, sigma_deg=sigma)
     rough = replace(certain, normals=np.where(normal_map.mask[..., None], sharp, 0).astype(np.float32))
     assert photometry.mean_sigma_deg(certain, TRUE.calibration) == pytest.approx(0.2, abs=1e-3)
     assert 0.2 <= target.reached_deg(certain, TRUE.calibration) < 0.3
