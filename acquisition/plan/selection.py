@@ -26,8 +26,8 @@ REFINE_EVERY = 2
 
 CERTIFICATE_PIXELS = 300
 LEAST_PIXELS = 20
-BLIND_FROM = 0.25
-"""Share of pixels lit by fewer than three lights so far that a person should know of; a usual pilot leaves 0–17 %."""
+BLIND_FROM = 0.35
+"""Share of pixels lit by fewer than three lights so far that a person should know of; a usual pilot leaves 1–26 %."""
 
 MOST_CANDIDATES = 300
 
