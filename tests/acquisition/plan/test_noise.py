@@ -70,9 +70,9 @@ def test_a_flat_surface_mirrors_one_lamp_nearly_everywhere_and_a_ball_in_a_spot(
 
 
 def test_two_rings_are_taken_where_a_plan_is_not_to_be_trusted() -> None:
-    assert Doubts(unexplained=0.02, mirrored=0.1, gain=0.1).fallback is None
+    assert Doubts(unexplained=0.004, mirrored=0.1, gain=0.1).fallback is None
     for doubts, why in (
-        (Doubts(0.2, 0.1, 0.1), "steps"), (Doubts(0.02, 0.8, 0.1), "mirrors"), (Doubts(0.02, 0.1, 0.0), "only"),
+        (Doubts(0.006, 0.1, 0.1), "steps"), (Doubts(0.004, 0.8, 0.1), "mirrors"), (Doubts(0.004, 0.1, 0.0), "only"),
     ):  # fmt: skip
         assert why in (doubts.fallback or "")
 
