@@ -1,13 +1,13 @@
 """Where the first lights go, before anything is known of the object.
 
-One light near the view axis and the others on a ring at 55°: the top light sees into nearly everything the camera sees
-and so makes shadows, albedo and depth safe, the ring gives the normals their directions. A ring alone leaves up to half
-of the pixels with fewer than three lights. Both stand where planned lights, and two rings that are completed, go on
-from them. The top light is 20° off the axis, between two lights of the ring, and still tells something of the normals
-there: path-traced, eight images are better by 2 % in direct light and 5 % with bounces than from 8°. The ring is where
-two rings have their outer one: simulated, eight images are better by 2 % than from 50°, through the arm and without.
-The pattern turns as a whole to where the arm serves it best. Of three lights none can stand on top, or all would lie in
-one plane: they form a ring at 30°, which loses the fewest pixels to shadows.
+One light near the view axis and the others on a ring at 52.5°: the top light sees into nearly everything the camera
+sees and so makes shadows, albedo and depth safe, the ring gives the normals their directions. A ring alone leaves up to
+half of the pixels with fewer than three lights. Both stand where planned lights, and two rings that are completed, go
+on from them. The top light is 20° off the axis, between two lights of the ring, and still tells something of the
+normals there: path-traced, eight images are better by 2 % in direct light and 5 % with bounces than from 8°. The ring
+is hardly inside the outer one of two: through the arm, eight images are better by 3 % than from 50°, and from 55° where
+light bounces they are worse by 6 %. The pattern turns as a whole to where the arm serves it best. Of three lights none
+can stand on top, or all would lie in one plane: they form a ring at 30°, which loses the fewest pixels to shadows.
 
 Before: nothing. After: `waypoints`, `capture`, `normals`.
 """
@@ -19,7 +19,7 @@ from acquisition.errors import ErrorCode, RigError
 from acquisition.types import Light, Reach, Recipe
 
 TOP_SLANT_DEG = 20.0
-RING_SLANT_DEG = 55.0
+RING_SLANT_DEG = 52.5
 SLANT_OF_THREE_DEG = 30.0
 TURNS = 24
 WORST_MISS_DEG = 60.0
@@ -27,7 +27,7 @@ WORST_MISS_DEG = 60.0
 
 
 def pattern(recipe: Recipe, reach: Reach) -> list[Light]:
-    """The pilot's lights, all distinct: one at 20° and the others at 55°, or of three all at 30°.
+    """The pilot's lights, all distinct: one at 20° and the others at 52.5°, or of three all at 30°.
 
     Raises RigError plan.infeasible when there are too few reachable positions or all lie on one side of the object.
     """
@@ -49,7 +49,7 @@ def pattern(recipe: Recipe, reach: Reach) -> list[Light]:
     if worst_deg > WORST_MISS_DEG:
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
-            f"the pilot's lights at {slant_deg:.0f}° cannot be placed: one would stand {worst_deg:.0f}° from "
+            f"the pilot's lights at {slant_deg:g}° cannot be placed: one would stand {worst_deg:.0f}° from "
             "its place; free more of the dome, GET /v1/rig/reach says what refuses positions",
             worst_miss_deg=worst_deg,
         )

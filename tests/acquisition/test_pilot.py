@@ -1,4 +1,4 @@
-"""Where the first lights go: one near the axis, the others round the object at 55°, wherever the arm allows it."""
+"""Where the first lights go: one near the axis, the others round the object at 52.5°, wherever the arm allows it."""
 
 import numpy as np
 import pytest
@@ -27,13 +27,13 @@ def test_three_lights_do_not_lie_in_one_plane() -> None:
 
 
 @pytest.mark.parametrize("count", [4, 5, 8, 16])
-def test_one_on_top_and_an_even_ring_at_fifty_five_degrees(count: int) -> None:
+def test_one_on_top_and_an_even_ring_at_fifty_two_and_a_half_degrees(count: int) -> None:
     reach = Dome(refused=0)
     lights = pilot.pattern(Recipe(pilot_lights=count), reach)
     slant, azimuth = slants_azimuths(lights, reach)
     assert len(lights) == count
     assert slant[0] == pytest.approx(20, abs=6)
-    assert np.all(np.abs(slant[1:] - 55) < 6)
+    assert np.all(np.abs(slant[1:] - 52.5) < 6)
     assert np.all(np.abs(gaps(azimuth[1:]) - 360 / (count - 1)) < 14)
     away = np.abs((azimuth[1:] - azimuth[0] + 180) % 360 - 180)
     assert np.min(away) > 90 / (count - 1)  # between two lights of the ring, no nearer to one than half of half a step
@@ -48,7 +48,7 @@ def test_all_lights_are_distinct_candidates_with_holes_in_the_reach(seed: int) -
     assert np.all(distance.min(axis=1) < 1e-12)
     assert len(set(distance.argmin(axis=1))) == 4
     slant, azimuth = slants_azimuths(lights, reach)
-    assert np.all(np.abs(slant[1:] - 55) < 15)
+    assert np.all(np.abs(slant[1:] - 52.5) < 15)
     assert np.all(gaps(azimuth[1:]) > 80)
 
 
@@ -87,9 +87,9 @@ def test_a_reach_on_one_side_is_named() -> None:
 def test_a_ring_light_on_the_wrong_side_is_refused() -> None:
     reach = Dome(refused=0, min_slant_deg=2)
     units = (reach.candidates - reach.center) / reach.radius_m
-    # A cap of 20° and two spots at 55°: some ring light always lands far from its place on a ring of ten.
+    # A cap of 20° and two spots at 52.5°: some ring light always lands far from its place on a ring of ten.
     spots = geometry.direction(np.radians(50), np.array([0.0, np.pi]))
     reach.candidates = reach.candidates[(units[:, 2] > np.cos(0.2)) | (np.max(units @ spots.T, axis=1) > np.cos(0.12))]
-    with pytest.raises(RigError, match=r"(lights at 55° cannot be placed|reaches only)") as caught:
+    with pytest.raises(RigError, match=r"(lights at 52.5° cannot be placed|reaches only)") as caught:
         pilot.pattern(Recipe(pilot_lights=16), reach)
     assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
