@@ -73,8 +73,9 @@ def approach(
         curve = [point.model_copy(update={"sigma_deg": point.sigma_deg * reached / now.sigma_deg}) for point in curve]
         slack = LATER_SLACK
     least = min(point.sigma_deg for point in curve)
-    aim = target if least <= target else (1 + WORTH) * least
-    if least > target and reached <= aim:
+    beyond = least > target
+    aim = (1 + WORTH) * least if beyond else target
+    if beyond and reached <= aim:
         return _concluded(
             f"no light is worth taking after {taken} images: {state}, with all {recipe.max_lights} lights allowed "
             f"{least:.2f}° would be expected; wanted {target:.3g}°"
@@ -82,7 +83,7 @@ def approach(
     wanted = _first_that_meets(curve, (1 + slack) * aim)
     chosen = selection.choose(normal_map, observations, recipe, reach, calibration, wanted, region=region)
     notes = [f"{state} with {taken} images; {target:.3g}° is wanted"]
-    if least > target:
+    if beyond:
         notes.append(f"the target may not be met: {least:.2f}° is expected with all {recipe.max_lights} lights allowed")
     return chosen.model_copy(update={"notes": [*notes, *chosen.notes], "forecast": curve})
 
