@@ -32,7 +32,7 @@ check: setup
 	$(BIN)/pip check
 
 openapi: setup
-	$(BIN)/python -m api.openapi > api/openapi.json
+	$(BIN)/python -m api.rest.openapi > api/openapi.json
 
 clean:
 	rm -rf .venv build dist *.egg-info

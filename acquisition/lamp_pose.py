@@ -1,14 +1,90 @@
-"""From tool poses to lights and back: where the lamp is when the arm says where its tool is.
+"""Lamp poses: lights on the dome of reachable positions, and the tool poses that bring the lamp there.
 
-Lives below the stages because two of them need it: capture logs the light that was measured, waypoints looks for the
-tool pose that puts the lamp where the plan wants it.
+Below the stages, because several need it: capture logs the light that was measured, waypoints looks for the tool pose
+that puts the lamp where the plan wants it, pilot and planner choose among the dome's candidates. Ideal patterns of
+lights are given by directions, the arm serves some positions only: each ideal direction gets its own nearest reachable
+candidate, and a set of candidates that cannot surround the object is refused before anything moves.
 """
 
 import numpy as np
 
 from acquisition import geometry
-from acquisition.measured import Calibration
-from acquisition.types import FloatArray, Light
+from acquisition.models.base import BoolArray, FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import Light
+
+LEAST_SUPPORT = 0.05
+"""Candidates must lean by this much (sine of the slant) to every side, else they lie in one half-plane."""
+
+
+def light_at(position: FloatArray, center: FloatArray) -> Light:
+    """The lamp at `position` looking at `center`, both (3,) m, view frame."""
+    axis = (center - position) / np.linalg.norm(center - position)
+    x, y, z = (float(value) for value in position)
+    a, b, c = (float(value) for value in axis)
+    return Light(position=(x, y, z), axis=(a, b, c))
+
+
+def directions(candidates: FloatArray, center: FloatArray, count: int) -> FloatArray:
+    """Unit directions (K, 3) from `center` to the candidates (K, 3), once they are known to allow `count` lights.
+
+    Raises RigError plan.infeasible when there are fewer than `count`, when a position is not a number, or when all lie
+    in one half-plane as the camera sees them, where the lights could not surround the object.
+    """
+    if not np.all(np.isfinite(candidates)) or not np.all(np.isfinite(center)):
+        raise RigError(
+            ErrorCode.PLAN_INFEASIBLE,
+            "a reachable position is not a number: check base_from_camera and the cell's dome",
+        )
+    if len(candidates) < max(count, 3):
+        raise RigError(
+            ErrorCode.PLAN_INFEASIBLE,
+            f"{count} lights are wanted, but the arm reaches only {len(candidates)} positions: ask for fewer lights, "
+            "or widen the reach (GET /v1/rig/reach says why positions are refused)",
+            reachable=len(candidates),
+            wanted=count,
+        )
+    offsets = candidates - center
+    units = offsets / np.linalg.norm(offsets, axis=-1, keepdims=True)
+    around = np.arange(72) * 2 * np.pi / 72
+    support = np.max(units[:, :2] @ np.stack([np.cos(around), np.sin(around)]), axis=0)
+    if np.min(support) < LEAST_SUPPORT:
+        side = int(np.degrees(around[np.argmin(support)]))
+        raise RigError(
+            ErrorCode.PLAN_INFEASIBLE,
+            f"all reachable positions lie on one side of the object (none towards azimuth {side}°, view frame): lights "
+            "must surround it; GET /v1/rig/reach says what refuses the others",
+            empty_azimuth_deg=side,
+        )
+    return units
+
+
+def nearest_distinct(ideal: FloatArray, units: FloatArray, free: BoolArray) -> tuple[list[int], FloatArray]:
+    """For each ideal unit direction (M, 3) its own candidate among `units` (K, 3) where `free` (K,) holds.
+
+    Returns indices (M) and the angles missed (M,), rad. The nearest pairs are settled first. Raises RigError
+    plan.infeasible when fewer than M candidates are free.
+    """
+    if np.count_nonzero(free) < len(ideal):
+        raise RigError(
+            ErrorCode.PLAN_INFEASIBLE,
+            f"{len(ideal)} places of a pattern are to be filled from {np.count_nonzero(free)} reachable positions: "
+            "ask for fewer lights, or widen the reach (GET /v1/rig/reach says why positions are refused)",
+            reachable=int(np.count_nonzero(free)),
+            wanted=len(ideal),
+        )
+    angles = np.arccos(np.clip(ideal @ units.T, -1.0, 1.0))
+    angles[:, ~free] = np.inf
+    chosen = [-1] * len(ideal)
+    miss = np.zeros(len(ideal))
+    for _ in range(len(ideal)):
+        row, column = (int(index) for index in np.unravel_index(np.argmin(angles), angles.shape))
+        chosen[row] = column
+        miss[row] = angles[row, column]
+        angles[row, :] = np.inf
+        angles[:, column] = np.inf
+    return chosen, miss
 
 
 def light_from_tool(base_from_tool: FloatArray, calibration: Calibration) -> Light:

@@ -25,10 +25,12 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.errors import ErrorCode, RigError
 from acquisition.geometry import VIEW_FROM_CAMERA
-from acquisition.measured import Calibration, NormalMap, SensorModel
-from acquisition.types import BoolArray, Float32Array, FloatArray, Light
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.calibration import Calibration, SensorModel
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import Light
+from acquisition.models.result import NormalMap
 
 DEPTH_SIGMA_M = 0.0015
 """1 σ of a pixel's depth after integration that the direction term allows for; larger errors are the depth column's."""

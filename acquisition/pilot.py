@@ -14,9 +14,11 @@ Before: nothing. After: `waypoints`, `capture`, `normals`.
 
 import numpy as np
 
-from acquisition import dome, geometry
-from acquisition.errors import ErrorCode, RigError
-from acquisition.types import Light, Reach, Recipe
+from acquisition import geometry, lamp_pose
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import Light
+from acquisition.models.recipe import Recipe
+from acquisition.models.route import Reach
 
 TOP_SLANT_DEG = 20.0
 RING_SLANT_DEG = 52.5
@@ -32,7 +34,7 @@ def pattern(recipe: Recipe, reach: Reach) -> list[Light]:
     Raises RigError plan.infeasible when there are too few reachable positions or all lie on one side of the object.
     """
     candidates = reach.candidates
-    units = dome.directions(candidates, reach.center, recipe.pilot_lights)
+    units = lamp_pose.directions(candidates, reach.center, recipe.pilot_lights)
     top = recipe.pilot_lights > 3
     around = recipe.pilot_lights - top
     step = 2 * np.pi / around
@@ -41,7 +43,7 @@ def pattern(recipe: Recipe, reach: Reach) -> list[Light]:
     azimuths = np.array([*[step / 2] * top, *np.arange(around) * step])
     free = np.ones(len(units), dtype=np.bool_)
     patterns = [
-        dome.nearest_distinct(geometry.direction(slants, turn + azimuths), units, free)
+        lamp_pose.nearest_distinct(geometry.direction(slants, turn + azimuths), units, free)
         for turn in np.arange(TURNS) * step / TURNS
     ]
     chosen, miss = min(patterns, key=lambda one: float(np.sum(one[1] ** 2)))
@@ -53,4 +55,4 @@ def pattern(recipe: Recipe, reach: Reach) -> list[Light]:
             "its place; free more of the dome, GET /v1/rig/reach says what refuses positions",
             worst_miss_deg=worst_deg,
         )
-    return [dome.light(candidates[index], reach.center) for index in chosen]
+    return [lamp_pose.light_at(candidates[index], reach.center) for index in chosen]

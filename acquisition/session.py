@@ -11,8 +11,10 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import assert_never
 
-from acquisition.measured import Shot, ShotKey
-from acquisition.types import LightPlan, Recipe, Route, Waypoint
+from acquisition.models.light_plan import LightPlan
+from acquisition.models.recipe import Recipe
+from acquisition.models.route import Route, Waypoint
+from acquisition.models.shot import Shot, ShotKey
 
 SAME_PLACE_RAD = 2e-3
 """Joints closer than this are the same place; a move ends within half of it."""

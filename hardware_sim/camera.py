@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.config import SimCameraConfig
-from acquisition.errors import RigError
-from acquisition.measured import Calibration
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import SimCameraConfig
+from acquisition.models.errors import RigError
 from hardware_sim import shutter
 from hardware_sim.shutter import Moment, StateSource
 

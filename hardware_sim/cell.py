@@ -16,7 +16,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, get_args
 
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import nominal, objects
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.process import ControllerProcess

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from acquisition import geometry
-from acquisition.config import CellConfig
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim.world import Moment, World
 
 Disturbances = dict[str, Any]

@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 import tifffile
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import Calibration
-from acquisition.types import BoolArray, Float32Array, FloatArray
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim.truth import Truth
 
 GREATEST_SLANT_DEG = 78.0

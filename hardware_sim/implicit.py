@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from acquisition.types import FloatArray
+from acquisition.models.base import FloatArray
 from hardware_sim import sheets
 
 Field = Callable[[FloatArray], FloatArray]

@@ -7,7 +7,7 @@ brightness; a patch sees as much of it as object and table leave free.
 import cv2
 import numpy as np
 
-from acquisition.types import Float32Array, FloatArray
+from acquisition.models.base import Float32Array, FloatArray
 from hardware_sim import radiosity
 from hardware_sim.objects import SceneObject
 from hardware_sim.render import TABLE_ALBEDO, Lamp, View, lit

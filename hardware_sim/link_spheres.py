@@ -20,7 +20,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import KDTree
 
-from acquisition.types import FloatArray
+from acquisition.models.base import FloatArray
 from hardware_sim.controller.kinematics import MODELS
 
 OUT_M = 0.001

@@ -7,10 +7,10 @@ import json
 import re
 from pathlib import Path
 
-from acquisition import config
-from acquisition.config import CellConfig
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import Calibration
+from acquisition.models import cell_config
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, RigError
 
 FULL_PIXELS = 1024
 
@@ -65,12 +65,12 @@ def write(folder: Path, address: str, pixels: int, cell_file: Path) -> CellConfi
     Raises RigError config.invalid.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    config.load(cell_file)
+    cell_config.load(cell_file)
     text = cell_file.read_text(encoding="utf-8")
     text = re.sub(r"^address\s*=.*$", f"address = {json.dumps(address)}", text, flags=re.MULTILINE)
     text = re.sub(r"^calibration\s*=.*$", 'calibration = "calibration.json"', text, flags=re.MULTILINE)
     written = folder / "cell.toml"
     written.write_text(text, encoding="utf-8")
     (folder / "calibration.json").write_text(calibration(pixels).model_dump_json(indent=2) + "\n", encoding="utf-8")
-    config.load_calibration(folder / "calibration.json")
-    return config.load(written)
+    cell_config.load_calibration(folder / "calibration.json")
+    return cell_config.load(written)

@@ -12,8 +12,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.types import Float32Array, FloatArray
+from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import shapes
 from hardware_sim.sheets import Mesh
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from acquisition.types import BoolArray, FloatArray
+from acquisition.models.base import BoolArray, FloatArray
 from hardware_sim.sheets import Mesh
 from hardware_sim.tracing import START_M, Tracer
 

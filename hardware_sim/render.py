@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from acquisition import geometry
-from acquisition.types import BoolArray, Float32Array, FloatArray
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from hardware_sim.objects import SceneObject
 from hardware_sim.tracing import START_M, Tracer
 

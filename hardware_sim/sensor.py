@@ -3,8 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.measured import SensorModel
-from acquisition.types import Float32Array
+from acquisition.models.base import Float32Array
+from acquisition.models.calibration import SensorModel
 
 
 def expose(signal: Float32Array, sensor: SensorModel, random: np.random.Generator | None) -> npt.NDArray[np.uint16]:

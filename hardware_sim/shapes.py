@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from acquisition.types import FloatArray
+from acquisition.models.base import FloatArray
 from hardware_sim import implicit, sheets
 from hardware_sim.sheets import Mesh
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.types import FloatArray
+from acquisition.models.base import FloatArray
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from acquisition import geometry
-from acquisition.config import Box, Capsule, CapsuleShape, CellConfig, Cone, ConvexMesh, HalfSpace
-from acquisition.types import FloatArray
+from acquisition.models.base import FloatArray
+from acquisition.models.cell_config import Box, Capsule, CapsuleShape, CellConfig, Cone, ConvexMesh, HalfSpace
 from hardware_sim.controller.surroundings import OBJECT_SPACING_M, Surroundings
 from hardware_sim.sheets import Mesh
 

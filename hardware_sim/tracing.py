@@ -7,7 +7,7 @@ import numpy.typing as npt
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from acquisition.types import BoolArray, Float32Array, FloatArray
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from hardware_sim.sheets import Mesh
 
 START_M = 3e-5

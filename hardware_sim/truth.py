@@ -6,8 +6,8 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.types import BoolArray, Float32Array
+from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.errors import ErrorCode, RigError
 
 
 @dataclass(frozen=True)

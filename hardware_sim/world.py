@@ -18,10 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from acquisition import geometry
-from acquisition.config import CellConfig
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import Calibration
-from acquisition.types import BoolArray, Float32Array, FloatArray
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import objects, render, sensor
 from hardware_sim.controller import kinematics
 from hardware_sim.controller.calibration import calibrated

@@ -14,9 +14,10 @@ from typing import cast
 
 import cv2
 
-from acquisition import config, priority
-from acquisition.config import CellConfig
-from acquisition.errors import ErrorCode, RigError
+from acquisition.devices import process_priority
+from acquisition.models import cell_config
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import solids
 from hardware_sim.camera import CameraServer
 from hardware_sim.controller.control import ControlClient
@@ -63,12 +64,14 @@ class ControllerState:
 def main(folder: Path, object_name: str, seed: int, profile: ProfileName) -> None:
     """Serves one world until standard input ends."""
     cv2.setNumThreads(1)  # the other core belongs to the service
-    priority.take(priority.BACKGROUND)  # rendering waits for the controller's tick, never the other way round
+    process_priority.take(
+        process_priority.BACKGROUND
+    )  # rendering waits for the controller's tick, never the other way round
     try:
-        cell = config.load(folder / "cell.toml")
-        if not isinstance(cell.camera, config.SimCameraConfig):
+        cell = cell_config.load(folder / "cell.toml")
+        if not isinstance(cell.camera, cell_config.SimCameraConfig):
             raise RigError(ErrorCode.CONFIG_INVALID, "A simulated cell needs a camera of kind 'sim'.")
-        calibration = config.load_calibration(folder / cell.calibration)
+        calibration = cell_config.load_calibration(folder / cell.calibration)
         source = ControllerState(cell.arm.address, cell.lamp.output)
 
         def make(cell: CellConfig) -> World:

@@ -17,8 +17,8 @@ import numpy.typing as npt
 import trimesh
 import ur_analytic_ik
 
-from acquisition.config import Box, Capsule, CapsuleShape, CellConfig, Cone, ConvexMesh, HalfSpace, Obstacle
-from acquisition.measured import Calibration
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import Box, Capsule, CapsuleShape, CellConfig, Cone, ConvexMesh, HalfSpace, Obstacle
 
 MESHES = Path(__file__).resolve().parents[2] / "shared" / "meshes"
 NO_MESHES = f"the link meshes are not at {MESHES.parent.name}/{MESHES.name} beside the checkout"

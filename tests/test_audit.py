@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from acquisition.config import Capsule
+from acquisition.models.cell_config import Capsule
 from tests import audit
 from tests.acquisition.waypoints.cells import simulated_cell
 

@@ -13,9 +13,11 @@ import numpy.typing as npt
 
 from acquisition.capture import exposure
 from acquisition.capture.expected import displacement
-from acquisition.config import CameraConfig
-from acquisition.measured import FrameQuality, SensorModel
-from acquisition.types import BoolArray, Exposure, FloatArray
+from acquisition.models.base import BoolArray, FloatArray
+from acquisition.models.calibration import SensorModel
+from acquisition.models.cell_config import CameraConfig
+from acquisition.models.recipe import Exposure
+from acquisition.models.shot import FrameQuality
 
 BRIGHT_PERCENTILE = 99.5
 MOST_SATURATED = 0.01

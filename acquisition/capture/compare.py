@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from acquisition.capture.check import BRIGHT_PERCENTILE
-from acquisition.measured import SensorModel
-from acquisition.types import BoolArray, FloatArray
+from acquisition.models.base import BoolArray, FloatArray
+from acquisition.models.calibration import SensorModel
 
 COARSE_CYCLES_PER_PIXEL = 0.12
 MOVED_PX, MOVED_OF_WIDTH = 0.5, 1 / 1024

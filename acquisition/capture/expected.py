@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.types import BoolArray, FloatArray
+from acquisition.models.base import BoolArray, FloatArray
+from acquisition.models.errors import ErrorCode, RigError
 
 WIDEST_PX = 256
 """Pictures are compared at this width: a shift that matters is seen there, and it takes a few milliseconds."""

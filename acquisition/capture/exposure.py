@@ -5,9 +5,9 @@ Steps of ∛2 lose at most an eighth of a stop of light on average and let most 
 
 import math
 
-from acquisition.config import CameraConfig, CellConfig
-from acquisition.measured import Calibration
-from acquisition.types import Exposure
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CameraConfig, CellConfig
+from acquisition.models.recipe import Exposure
 
 STEP = 2.0 ** (1 / 3)
 

@@ -7,9 +7,9 @@ was measured to be while the frame was exposed.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from acquisition.config import CellConfig
 from acquisition.devices import ArmReading, Frame, MotionLimits, Rig, StopToken
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, RigError
 
 STILL_RAD = 5e-4
 """An arm that moved further than this during an exposure spoils the frame (0.5 mm at 1 m)."""

@@ -14,9 +14,9 @@ from typing import Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.config import CellConfig
-from acquisition.errors import Halted
-from acquisition.types import FloatArray
+from acquisition.models.base import FloatArray
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import Halted
 
 RecoveryStep = Literal["unlock", "power", "brakes"]
 """Unlock a protective stop, switch the power on, release the brakes."""

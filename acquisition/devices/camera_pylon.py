@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.config import PylonCameraConfig
 from acquisition.devices import Frame, StopToken
-from acquisition.errors import ErrorCode, Halted, RigError
+from acquisition.models.cell_config import PylonCameraConfig
+from acquisition.models.errors import ErrorCode, Halted, RigError
 
 POLL_MS = 50  # a stop token is seen within this
 READY_S = 2.0  # a camera that is not ready for its trigger by then is stuck

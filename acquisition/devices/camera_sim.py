@@ -13,9 +13,9 @@ from typing import Any, NoReturn, cast
 
 import numpy as np
 
-from acquisition.config import SimCameraConfig
 from acquisition.devices import Frame, StopToken
-from acquisition.errors import ErrorCode, Halted, RigError
+from acquisition.models.cell_config import SimCameraConfig
+from acquisition.models.errors import ErrorCode, Halted, RigError
 
 CONNECT_S = 1.0
 INFO_S = 1.5  # together with CONNECT_S under the 3 s in which an absent camera is reported

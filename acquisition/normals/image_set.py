@@ -11,8 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.types import BoolArray, Float32Array, FloatArray
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.errors import ErrorCode, RigError
 
 LEAST_SPREAD = 0.02
 """Smallest singular value of the light directions (scaled by √F): below, they lie in one plane."""

@@ -17,10 +17,10 @@ import cv2
 import numpy as np
 
 from acquisition import photometry
-from acquisition.measured import Calibration
-from acquisition.normals import horizons, lambert
-from acquisition.normals.lambert import Estimate, Pixels
-from acquisition.types import BoolArray, Float32Array
+from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.calibration import Calibration
+from acquisition.normals import interreflection_kernels, pixel_solve
+from acquisition.normals.pixel_solve import Estimate, Pixels
 
 AZIMUTHS, WALL_AZIMUTHS = 24, 12
 """Planes in which light is gathered; for what walls send on of it fewer will do."""
@@ -98,7 +98,9 @@ def received(
     cells = np.stack(np.unravel_index(chosen, pixels.shape), axis=1).astype(np.int32)
     facing = np.ascontiguousarray(normals[:, ::every].T)
     own = np.empty((len(chosen), len(values)), np.float32)
-    horizons.gather(point, point.reshape(-1, 3)[chosen], facing, cells, radiosity, walls.number, sent, AZIMUTHS, own)
+    interreflection_kernels.gather(
+        point, point.reshape(-1, 3)[chosen], facing, cells, radiosity, walls.number, sent, AZIMUTHS, own
+    )
     out = np.zeros(values.shape, np.float32)
     out[:, ::every] = own.T
     return out
@@ -130,7 +132,7 @@ def spread(found: Estimate, indirect: Float32Array) -> Float32Array:
     """Variance (N,) in rad² of the normals, both tangential directions, if a pixel's indirect light (F, N) is off by
     one factor under all lights: what prediction misses, a surface that nobody sees, it misses under each of them."""
     right = np.einsum("fn,fn,fan->na", found.weights, indirect, found.light, optimize=True).astype(np.float64)
-    moved = lambert.turned(found, right[:, :, None])
+    moved = pixel_solve.turned(found, right[:, :, None])
     return (TOGETHER**2 * np.sum(moved * moved, axis=(1, 2))).astype(np.float32)
 
 
@@ -161,19 +163,21 @@ def _linear_rays(pixels: Pixels) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _walls(point: Float32Array, inside: BoolArray, albedo: Float32Array) -> _Walls:
-    number, cell, normal, top = horizons.find_walls(point, inside)
+    number, cell, normal, top = interreflection_kernels.find_walls(point, inside)
     foot = point[cell[:, 0], cell[:, 1]]
-    middle = np.repeat(foot[:, None], horizons.LEVELS, axis=1)
-    middle[:, :, 2] += (np.arange(horizons.LEVELS) + 0.5) / horizons.LEVELS * (top - foot[:, 2])[:, None]
+    middle = np.repeat(foot[:, None], interreflection_kernels.LEVELS, axis=1)
+    middle[:, :, 2] += (
+        (np.arange(interreflection_kernels.LEVELS) + 0.5) / interreflection_kernels.LEVELS * (top - foot[:, 2])[:, None]
+    )
     # The albedo of a wall that nobody sees is that of its surroundings.
     weight = inside.astype(np.float32)
     around = cv2.blur(albedo * weight, (5, 5)) / np.maximum(cv2.blur(weight, (5, 5)), np.float32(1e-6))
     return _Walls(
         number=number,
         point=np.ascontiguousarray(middle.reshape(-1, 3), np.float32),
-        normal=np.repeat(normal, horizons.LEVELS, axis=0),
-        cell=np.repeat(cell, horizons.LEVELS, axis=0),
-        albedo=np.repeat(np.asarray(around, np.float32)[cell[:, 0], cell[:, 1]], horizons.LEVELS),
+        normal=np.repeat(normal, interreflection_kernels.LEVELS, axis=0),
+        cell=np.repeat(cell, interreflection_kernels.LEVELS, axis=0),
+        albedo=np.repeat(np.asarray(around, np.float32)[cell[:, 0], cell[:, 1]], interreflection_kernels.LEVELS),
     )
 
 
@@ -183,18 +187,18 @@ def _walls_radiosity(
 ) -> Float32Array:  # fmt: skip
     """What each wall sends at each level and light (W, LEVELS, F): the lamp's light where it is free, and bounces."""
     count = len(lamp)
-    shape = (len(walls.point) // horizons.LEVELS, horizons.LEVELS, count)
+    shape = (len(walls.point) // interreflection_kernels.LEVELS, interreflection_kernels.LEVELS, count)
     if shape[0] == 0:
-        return np.zeros((0, horizons.LEVELS, count), np.float32)
+        return np.zeros((0, interreflection_kernels.LEVELS, count), np.float32)
     free = np.empty((len(walls.point), count), np.float32)
-    horizons.lit(point, walls.point, walls.normal, lamp, affine, free)
+    interreflection_kernels.lit(point, walls.point, walls.normal, lamp, affine, free)
     light = photometry.light_vectors(np.ascontiguousarray(walls.point.T), lamp, calibration)
     falling = np.clip(np.einsum("fcn,nc->nf", light, walls.normal), 0, None) * free
     direct = np.ascontiguousarray(walls.albedo[:, None] * falling, np.float32)  # einsum may answer by columns
     sent = direct
     for _ in range(WALL_BOUNCES):
         bounced = np.empty_like(direct)
-        horizons.gather(
+        interreflection_kernels.gather(
             point, walls.point, walls.normal, walls.cell, radiosity, walls.number, sent.reshape(shape),
             WALL_AZIMUTHS, bounced,
         )  # fmt: skip

@@ -9,15 +9,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import Calibration, NormalMap, SensorModel, SolveSettings
-from acquisition.normals import observe, pixel_noise, silhouette
-from acquisition.normals.distant import blocks, point_lights
-from acquisition.normals.distant.solve import refuse_unusable, whole
+from acquisition.models.base import FloatArray
+from acquisition.models.calibration import Calibration, SensorModel
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import Light
+from acquisition.models.result import NormalMap, SolveSettings
+from acquisition.normals import pixel_noise, session_images, silhouette
+from acquisition.normals.distant import pixel_blocks, point_lights
+from acquisition.normals.distant.distant_solve import refuse_unusable, whole
 from acquisition.normals.image_set import ImageSet, NearLights, check
-from acquisition.normals.observe import Stack, Stored, Values
+from acquisition.normals.session_images import Stack, Stored, Values
 from acquisition.normals.solve import solve_stack
-from acquisition.types import FloatArray, Light
 
 FULL_WELL_E = 10_000.0
 """Electrons at full scale that shot noise is reckoned with: those of a small pixel."""
@@ -64,7 +66,7 @@ def solve_plain(images: ImageSet, *, keep_steps: bool = False) -> NormalMap:
     check(images)
     if images.rough_depth_m is None:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs the object's rough depth: give depth_mm")
-    refuse_unusable(images, *blocks.sample(images, SAMPLE))
+    refuse_unusable(images, *pixel_blocks.sample(images, SAMPLE))
     depth = np.broadcast_to(np.asarray(images.rough_depth_m, np.float32), (images.height, images.width))
     notes = {"solver": "ls", "why": "as asked"}
 
@@ -84,7 +86,7 @@ def stack(images: ImageSet) -> Stack | Stored:
     rows, columns = silhouette.window(images.mask)
     floor = ((READ_NOISE_E / FULL_WELL_E / lights.intensity) ** 2 + _step(images) ** 2 / 12) / images.channels
     middle = np.array([0.0, 0.0, -float(np.mean(images.rough_depth_m or 1.0))])
-    return observe.kept(
+    return session_images.kept(
         Stored(
             read=_Rows(images, lights.intensity, rows, columns),
             lights=tuple(_light(place, middle) for place in lights.positions_m),

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.types import FloatArray
+from acquisition.models.base import FloatArray
 
 BINS = 24
 """Bins of brightness, of equal width in its root, as noise is; each many times as wide as noise, which would else sort

@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acquisition import photometry
-from acquisition.measured import Calibration
-from acquisition.normals import lambert, photon_transfer
-from acquisition.normals.blocks import Seen
-from acquisition.normals.lambert import Pixels
-from acquisition.normals.observe import Stack, Stored
-from acquisition.types import BoolArray, Float32Array, FloatArray
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.normals import photon_transfer, pixel_solve
+from acquisition.normals.pixel_solve import Pixels
+from acquisition.normals.pyramid import Seen
+from acquisition.normals.session_images import Stack, Stored
 
 KNOWN = 0.15
 """1 σ of shot noise, as a fraction, up to which what neighbours show is taken."""
@@ -85,7 +85,7 @@ def _differences(
     """Brightness (K,), and differences (K,) that scatter as one measurement of it, both in electrons as guessed."""
     light = photometry.light_vectors(photometry.points(pixels.ray, depth_m), lamp, calibration)
     strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
-    usable, _, _ = lambert.measurements(pixels, pixels.values, strength, THRESHOLD)
+    usable, _, _ = pixel_solve.measurements(pixels, pixels.values, strength, THRESHOLD)
     weighted = light * (usable / np.maximum(strength, np.float32(1e-9)) ** 2)[:, None]
     inner = np.einsum("fan,fbn->nab", weighted, light, optimize=True) + 1e-6 * np.eye(3)
     solver = np.linalg.solve(inner, weighted.transpose(2, 1, 0))  # (N, 3, F): g from values

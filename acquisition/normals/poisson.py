@@ -13,8 +13,8 @@ import numba
 import numpy as np
 from scipy.fft import dctn, idctn, next_fast_len
 
+from acquisition.models.base import BoolArray, Float32Array
 from acquisition.normals import silhouette
-from acquisition.types import BoolArray, Float32Array
 
 ITERATIONS = 60
 TOLERANCE = 1e-4

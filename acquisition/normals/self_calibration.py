@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 import numba
 import numpy as np
 
-from acquisition.normals import kernels, lambert
-from acquisition.normals.lambert import Estimate
-from acquisition.normals.lobe import Change
-from acquisition.types import BoolArray, Float32Array, FloatArray
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.normals import pixel_solve, pixel_solve_kernels
+from acquisition.normals.pixel_solve import Estimate
+from acquisition.normals.specular import Change
 
 CORRELATED = 20.0
 """Pixels whose model errors go together, errors of the lamps' positions included, which all pixels of an image share:
@@ -163,7 +163,7 @@ def spread(found: Estimate, lamp: Float32Array, covariance: FloatArray) -> Float
     share, with `covariance` (4F, 4F) as in `Shared`."""
     kinds = [np.einsum("fcn,cn->fn", found.light, found.g), *by_position(found, lamp).transpose(1, 0, 2)]
     right = [np.einsum("fn,fan->naf", found.weights * kind, found.light) for kind in kinds]
-    moved = lambert.turned(found, np.concatenate(right, axis=2).astype(np.float64))
+    moved = pixel_solve.turned(found, np.concatenate(right, axis=2).astype(np.float64))
     return np.einsum("naf,fg,nag->n", moved, covariance, moved, optimize=True).astype(np.float32)
 
 
@@ -230,8 +230,8 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
                     total += own[i, f] * own[j, f]
                 inner[i, j] = total
             inner[i, i] += 1e-6 if i < 3 else offset_sigma_m**-2
-        kernels.cholesky(inner)
-        kernels.forward(inner, own)
+        pixel_solve_kernels.cholesky(inner)
+        pixel_solve_kernels.forward(inner, own)
         for i in range(4):
             for a in range(4):
                 for f in range(count):

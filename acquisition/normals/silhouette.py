@@ -10,8 +10,8 @@ connected part with its holes filled is the silhouette: steep walls and dark spo
 import cv2
 import numpy as np
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.types import BoolArray, Float32Array
+from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.errors import ErrorCode, RigError
 
 LEAST_CONTRAST = 1.5
 """Object and table must differ by this factor, else the region is taken to hold nothing but the object."""

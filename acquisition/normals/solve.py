@@ -10,13 +10,15 @@ from dataclasses import replace
 import numpy as np
 
 from acquisition import photometry
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import Calibration, NormalMap, Observations, SolveSettings
-from acquisition.normals import blocks, last, observe, refine, sensor, silhouette
-from acquisition.normals.blocks import Seen
-from acquisition.normals.last import Model
-from acquisition.normals.observe import Images
-from acquisition.types import BoolArray, Float32Array
+from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.calibration import Calibration
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.result import NormalMap, SolveSettings
+from acquisition.models.shot import Observations
+from acquisition.normals import alternation, final_solve, pyramid, sensor_estimate, session_images, silhouette
+from acquisition.normals.final_solve import Model
+from acquisition.normals.pyramid import Seen
+from acquisition.normals.session_images import Images
 
 LEAST_SPREAD = 0.05
 """Smallest singular value of the unit light directions (scaled by √F): below, they lie in one plane."""
@@ -42,8 +44,8 @@ def solve(
     the lights are parallel or in one plane, or nothing is lit.
     """
     rows, columns = _window(region, calibration.height, calibration.width)
-    shown = sensor.shown(observations, calibration, rows, columns)
-    images = observe.read(observations, shown.calibration, rows, columns)
+    shown = sensor_estimate.shown(observations, calibration, rows, columns)
+    images = session_images.read(observations, shown.calibration, rows, columns)
     found = solve_stack(
         images, shown.calibration, settings, initial_depth_m=initial_depth_m, region=region,
         table_depth_m=table_depth_m,
@@ -81,21 +83,21 @@ def solve_stack(
     noise = photometry.model_noise(calibration, images.shot, images.floor, distance)
 
     if known is None:
-        found = silhouette.find(blocks.brightest(seen, rough, lamp, calibration), inside)
+        found = silhouette.find(pyramid.brightest(seen, rough, lamp, calibration), inside)
         seen = Seen(images, found, seen.ray)
     count = int(np.count_nonzero(seen.mask))
     if count < LEAST_PIXELS:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no object was found in the region: check where it stands")
-    factor = refine.coarseness(count)
+    factor = alternation.coarseness(count)
     table = None if table_depth_m is None else table_depth_m[rows, columns]
-    gathered = seen.gathered(factor, last.sample(count), table)
+    gathered = seen.gathered(factor, final_solve.sample(count), table)
     start = rough[seen.mask]
     if factor > 1:
         start = np.full(len(gathered.coarse.index), np.mean(start), np.float32)
-    refined = refine.refine(gathered.coarse, factor, start, lamp, calibration, noise, settings, gathered.table)
+    refined = alternation.refine(gathered.coarse, factor, start, lamp, calibration, noise, settings, gathered.table)
     model = Model(refined.shared.lamps(lamp), calibration, noise, settings)
-    model = last.with_noise_of(gathered.few, refined.at(gathered.at_few), model)
-    return last.solve(seen, gathered, refined, model, size)
+    model = final_solve.with_noise_of(gathered.few, refined.at(gathered.at_few), model)
+    return final_solve.solve(seen, gathered, refined, model, size)
 
 
 def _refuse_few(images: Images) -> None:

@@ -6,7 +6,7 @@ Before: `normals`, whose normal map, albedo, depth, σ and information per pixel
 """
 
 from acquisition.plan.baselines import baseline
-from acquisition.plan.selection import choose, forecast
-from acquisition.plan.target import approach
+from acquisition.plan.planner import choose, forecast
+from acquisition.plan.stopping_rule import approach
 
 __all__ = ["approach", "baseline", "choose", "forecast"]

@@ -6,9 +6,12 @@ session. The rival that matters is `two-rings`: a third of the lights at 25° an
 
 import numpy as np
 
-from acquisition import dome, geometry
-from acquisition.errors import ErrorCode, RigError
-from acquisition.types import FloatArray, LightPlan, Method, Reach, Recipe
+from acquisition import geometry, lamp_pose
+from acquisition.models.base import FloatArray
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import LightPlan
+from acquisition.models.recipe import Method, Recipe
+from acquisition.models.route import Reach
 
 INNER_SLANT_DEG, OUTER_SLANT_DEG = 25.0, 55.0
 DRBOHLAV_SLANT_DEG = 54.74
@@ -29,7 +32,7 @@ def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightP
     """
     if method == "user":
         return _user(recipe, reach)
-    units = dome.directions(reach.candidates, reach.center, count)
+    units = lamp_pose.directions(reach.candidates, reach.center, count)
     rng = np.random.default_rng(recipe.seed)
     free = np.ones(len(units), dtype=np.bool_)
     if method == "random":
@@ -44,7 +47,7 @@ def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightP
     else:
         ideals = [_rings(method, count, recipe.slant_deg, turn) for turn in np.arange(TURNS) / TURNS]
         why = f"its place in the pattern {method}"
-    options = [dome.nearest_distinct(ideal, units, free) for ideal in ideals]
+    options = [lamp_pose.nearest_distinct(ideal, units, free) for ideal in ideals]
     chosen, miss = min(options, key=lambda option: float(np.sum(option[1] ** 2)))
     reasons = [f"{why}, missed by {np.degrees(angle):.0f}°" for angle in miss]
     notes = []
@@ -134,7 +137,7 @@ def _plan(
     method: Method, chosen: list[int], units: FloatArray, reach: Reach, reasons: list[str], notes: list[str]
 ) -> LightPlan:
     return LightPlan(
-        lights=[dome.light(reach.candidates[index], reach.center) for index in chosen],
+        lights=[lamp_pose.light_at(reach.candidates[index], reach.center) for index in chosen],
         method=method,
         reasons=[f"{place(units[index])}: {reason}" for index, reason in zip(chosen, reasons, strict=True)],
         notes=notes,
@@ -159,7 +162,7 @@ def _user(recipe: Recipe, reach: Reach) -> LightPlan:
             lights=sorted(refusals),
         )
     return LightPlan(
-        lights=[dome.light(position, reach.center) for position in positions],
+        lights=[lamp_pose.light_at(position, reach.center) for position in positions],
         method="user",
         reasons=["given by the user"] * len(positions),
     )

@@ -17,11 +17,15 @@ import numpy.typing as npt
 from scipy.special import ndtr
 
 from acquisition import photometry
-from acquisition.measured import ATTACHED, CAST, LIT, Calibration, NormalMap, Observations
-from acquisition.plan import kernels, noise, visibility
-from acquisition.plan.noise import Gloss
+from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.light_plan import Light
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import ATTACHED, CAST, LIT, NormalMap
+from acquisition.models.shot import Observations
+from acquisition.plan import criterion_kernels, planned_noise, visibility
+from acquisition.plan.planned_noise import Gloss
 from acquisition.plan.visibility import Surface
-from acquisition.types import Float32Array, FloatArray, Light, Recipe
 
 LEVELS = (1 / 6, 1 / 2, 5 / 6)
 OFFSET_SIGMA_M = 0.003
@@ -136,7 +140,7 @@ def samples(
         sigma=np.radians(np.nan_to_num(normal_map.sigma_deg[rows, columns], nan=40.0)).astype(np.float32),
         information=information + _weak(albedo),
         lit=np.count_nonzero(normal_map.flags[:, rows, columns] & LIT, axis=0).astype(np.float32),
-        unresolved=noise.unresolved(normal_map, rows, columns),
+        unresolved=planned_noise.unresolved(normal_map, rows, columns),
         bounced=np.zeros_like(albedo),
         taken=directions(taken),
     )
@@ -190,7 +194,7 @@ def _shading(sample: Samples, lamp: Float32Array, calibration: Calibration) -> _
 
 def candidates(
     sample: Samples, lights: list[Light], surface: Surface, calibration: Calibration, recipe: Recipe,
-    gloss: Gloss = noise.MATT, *, cautious: bool = False,
+    gloss: Gloss = planned_noise.MATT, *, cautious: bool = False,
 ) -> Candidates:  # fmt: skip
     """Rows and visibilities of lights at the sample pixels, with the exposure that each light would get; with the noise
     that is expected, or `cautious`, to choose by."""
@@ -211,7 +215,7 @@ def candidates(
     seen = np.where(there.value * level[:, None] > clipping, 0.0, seen)
 
     strength = sample.albedo * there.strength
-    expected = noise.variance(
+    expected = planned_noise.variance(
         there.value, there.cosine, strength, there.distance, level, calibration, sample.bounced, cautious=cautious
     )
     if gloss.sigma > 0:
@@ -251,10 +255,10 @@ def reweighed(
     if normal_map.indirect is not None:
         share = np.clip(normal_map.indirect[sample.row, sample.column], 0, LARGEST_BELIEVED_SHARE)
         bounced = np.asarray(np.mean(np.where(lit, there.value, 0), axis=0) * share / (1 - share), np.float32)
-    assumed = noise.solved_variance(
+    assumed = planned_noise.solved_variance(
         there.value, strength, float(np.mean(there.distance)), level, calibration, normal_map, bounced
     )
-    expected = noise.variance(
+    expected = planned_noise.variance(
         there.value, there.cosine, strength, there.distance, level, calibration, bounced, cautious=cautious
     )
     before = np.sum(np.where(lit, there.strength**2 / assumed, 0.0), axis=0)
@@ -324,7 +328,7 @@ def expect(sample: Samples, lights: Candidates, weight: FloatArray | None = None
         np.empty(shape, dtype=np.float32),
         np.concatenate([sample.taken, lights.unit]),
     )
-    kernels.expect(
+    criterion_kernels.expect(
         sample.packed,
         lights.row,
         lights.visibility,

@@ -11,9 +11,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import KDTree
 
-from acquisition.measured import Calibration, NormalMap, Observations
-from acquisition.plan import criterion, noise, visibility
-from acquisition.types import BoolArray, FloatArray, Light, Recipe
+from acquisition.models.base import BoolArray, FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.light_plan import Light
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import NormalMap
+from acquisition.models.shot import Observations
+from acquisition.plan import criterion, planned_noise, visibility
 
 PICTURE_PX = 160
 """Longer side of a picture of the object."""
@@ -44,7 +48,7 @@ def gains(
     sample = criterion.samples(normal_map, calibration, usable)
     sample = criterion.reweighed(sample, normal_map, observations, calibration)
     surface = visibility.surface(normal_map, calibration)
-    there = criterion.candidates(sample, lights, surface, calibration, recipe, noise.gloss(normal_map))
+    there = criterion.candidates(sample, lights, surface, calibration, recipe, planned_noise.gloss(normal_map))
     with_all = criterion.expect(sample, there).sigma_deg
     every = np.arange(len(lights))
     gain = [criterion.expect(sample, there.only(np.delete(every, light))).sigma_deg - with_all for light in every]

@@ -16,9 +16,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition.plan import kernels, patterns
+from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.recipe import Objective
+from acquisition.plan import criterion_kernels, two_ring_pattern
 from acquisition.plan.criterion import LEVELS, Candidates, Expectation, Samples
-from acquisition.types import Float32Array, FloatArray, Objective
 
 CAP_DEG = 3.0
 """What is less certain counts hardly more. Errors of eight images are less by 2 % than at 5° and by 3 % than at 10° on
@@ -55,13 +56,13 @@ class Loss:
         capped = expectation.variance / (1 + expectation.variance * self.inverse_cap)
         loss = self.of_variance * capped + self.of_sigma * np.maximum(np.sqrt(capped) - self.threshold, 0)
         lacked = np.maximum(3 - expectation.lit, 0) if self.lacking > 0 else np.zeros(1)
-        uneven = self.uneven * patterns.imbalance(expectation.units) ** 2
+        uneven = self.uneven * two_ring_pattern.imbalance(expectation.units) ** 2
         return float(np.mean(loss) * (1 + uneven) + self.lacking * np.mean(lacked))
 
     def scan(self, sample: Samples, present: Expectation, lights: Candidates) -> FloatArray:
         """The mean loss (K,) with each one of `lights` added to what is present."""
         out, deficit = np.empty(len(lights.row)), np.empty(len(lights.row))
-        kernels.scan(
+        criterion_kernels.scan(
             present.covariance,
             present.variance.astype(np.float32),
             present.lit,
@@ -74,7 +75,7 @@ class Loss:
             out,
             deficit,
         )
-        out *= 1 + self.uneven * patterns.imbalance_with_each(present.units, lights.unit) ** 2
+        out *= 1 + self.uneven * two_ring_pattern.imbalance_with_each(present.units, lights.unit) ** 2
         return out + self.lacking * deficit
 
     @property

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.plan import criterion, kernels
+from acquisition.models.base import FloatArray
+from acquisition.plan import criterion, criterion_kernels
 from acquisition.plan.criterion import LEVELS, Candidates, Samples
 from acquisition.plan.deadline import Deadline
-from acquisition.types import FloatArray
 
 LARGEST_GAP = 0.001
 MOST_ROUNDS = 400
@@ -69,7 +69,7 @@ def _value(sample: Samples, options: Candidates, shares: FloatArray) -> tuple[fl
     used = np.flatnonzero(shares)
     there = criterion.expect(sample, options.only(used), shares[used])
     slope = np.empty(len(shares))
-    kernels.gradient(
+    criterion_kernels.gradient(
         there.covariance,
         options.row,
         options.visibility,

@@ -11,9 +11,11 @@ import cv2
 import numpy as np
 
 from acquisition import photometry
-from acquisition.measured import Calibration, NormalMap
-from acquisition.plan import kernels
-from acquisition.types import BoolArray, Float32Array, Light
+from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.calibration import Calibration
+from acquisition.models.light_plan import Light
+from acquisition.models.result import NormalMap
+from acquisition.plan import criterion_kernels
 
 MAP_SIZE = 192
 
@@ -34,7 +36,7 @@ class Surface:
         both in m, view frame."""
         sign = np.array([1.0, -1.0, -1.0], np.float32)
         out = np.empty((len(lamp), point.shape[1]), np.float32)
-        kernels.clearance(
+        criterion_kernels.clearance(
             self.depth,
             self.ray_x,
             self.ray_y,

@@ -9,8 +9,8 @@ import os
 import shutil
 from pathlib import Path
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.frames import FolderFrames
+from acquisition.formats.frames import FolderFrames
+from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import Record
 from acquisition.store.journal import Journal
 from acquisition.store.rows import Action, Artifact, Event, SessionRow

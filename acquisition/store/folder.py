@@ -18,9 +18,9 @@ import numpy as np
 import numpy.typing as npt
 import tifffile
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import FrameRef
-from acquisition.types import Value
+from acquisition.models.base import Value
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.shot import FrameRef
 
 KEPT_FREE_BYTES = 32 << 20
 """Never used for images and results: what the journal needs to tell that the disk is full, and to go on for a while."""

@@ -11,12 +11,14 @@ import time
 from pathlib import Path
 from typing import Any
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import Shot, ShotKey
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import LightPlan
+from acquisition.models.recipe import Recipe
+from acquisition.models.route import Route
+from acquisition.models.shot import Shot, ShotKey
 from acquisition.session import ENDED, HOLDS_THE_RIG, Actor, PassRecord, Record, State, Trigger, after, allowed
 from acquisition.store.database import Database, marks
 from acquisition.store.rows import Action, Artifact, SessionRow, session_of
-from acquisition.types import LightPlan, Recipe, Route
 
 REVIEWED, SENT = "plan.reviewed", "arm.sent"
 """Events that are read again: a resumed session asks them what a person has let pass, and where the arm went."""

@@ -9,7 +9,7 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import ENDED
 from acquisition.store.journal import Journal
 

@@ -5,8 +5,8 @@ import sqlite3
 from dataclasses import dataclass
 from typing import Any
 
+from acquisition.models.recipe import Recipe
 from acquisition.session import State
-from acquisition.types import Recipe
 
 
 @dataclass(frozen=True)

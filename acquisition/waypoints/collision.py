@@ -18,9 +18,9 @@ import numpy.typing as npt
 from scipy.spatial import ConvexHull
 
 from acquisition import geometry
-from acquisition.config import Box, Capsule, CellConfig, Cone, HalfSpace, Obstacle
-from acquisition.measured import Calibration
-from acquisition.types import BoolArray, FloatArray
+from acquisition.models.base import BoolArray, FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import Box, Capsule, CellConfig, Cone, HalfSpace, Obstacle
 from acquisition.waypoints import collision_kernels as kernels
 from acquisition.waypoints import shape_kernels as shapes
 from acquisition.waypoints.hull_kernels import hull_distance

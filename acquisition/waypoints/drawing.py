@@ -8,9 +8,10 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from acquisition import geometry, lamp_pose
-from acquisition.config import Box, Capsule, CapsuleShape, CellConfig, Cone, HalfSpace, Obstacle
-from acquisition.measured import Calibration
-from acquisition.types import FloatArray, Route
+from acquisition.models.base import FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import Box, Capsule, CapsuleShape, CellConfig, Cone, HalfSpace, Obstacle
+from acquisition.models.route import Route
 from acquisition.waypoints.kinematics import arm_model, forward
 from acquisition.waypoints.reach import ReachMap
 

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.types import FloatArray
+from acquisition.models.base import FloatArray
+from acquisition.models.errors import ErrorCode, RigError
 
 TURN = 2.0 * np.pi
 JOINT_LIMIT = TURN - 0.05

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.config import ArmConfig
-from acquisition.types import FloatArray
+from acquisition.models.base import FloatArray
+from acquisition.models.cell_config import ArmConfig
 from acquisition.waypoints import motion_kernels
 from acquisition.waypoints.kinematics import arm_model
 

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
 
 from acquisition import geometry
-from acquisition.config import CellConfig
-from acquisition.measured import Calibration
-from acquisition.types import Route
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.route import Route
 from acquisition.waypoints import drawing
 from acquisition.waypoints.drawing import Mark
 from acquisition.waypoints.reach import ReachMap

@@ -9,10 +9,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from acquisition import dome, geometry
-from acquisition.config import CellConfig
-from acquisition.measured import Calibration
-from acquisition.types import FloatArray, Joints, Light, Refusal, Value, Vector3
+from acquisition import geometry, lamp_pose
+from acquisition.models.base import FloatArray, Joints, Value, Vector3
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.light_plan import Light
+from acquisition.models.route import Refusal
 from acquisition.waypoints.roadmap import connected_stations, dome_center, dome_lights
 
 
@@ -49,7 +51,7 @@ class ReachMap(Value):
 
     def allows(self, position: FloatArray) -> Refusal | None:
         """None when the lamp can be brought to `position` (3,), facing the centre, and back home, else why not."""
-        return refusals([dome.light(np.asarray(position, dtype=float), self.center)], self.cell, self.calibration)[0]
+        return refusals([lamp_pose.light_at(np.asarray(position, dtype=float), self.center)], self.cell, self.calibration)[0]
 
 
 def reach(cell: CellConfig, calibration: Calibration) -> ReachMap:

@@ -6,9 +6,10 @@ ones that it would have taken. The legs in between were certified when the route
 
 from collections.abc import Sequence
 
-from acquisition.config import CellConfig
-from acquisition.measured import Calibration
-from acquisition.types import Route, Waypoint, as_joints
+from acquisition.models.base import as_joints
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.route import Route, Waypoint
 from acquisition.waypoints.route import way
 
 

@@ -17,15 +17,17 @@ import numpy.typing as npt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from acquisition import dome, geometry, lamp_pose
-from acquisition.config import ArmConfig, CellConfig
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import Calibration
-from acquisition.types import BoolArray, FloatArray, Light, Refusal
+from acquisition import geometry, lamp_pose
+from acquisition.models.base import BoolArray, FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import ArmConfig, CellConfig
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import Light
+from acquisition.models.route import Refusal
 from acquisition.waypoints.collision import Scene, scene
+from acquisition.waypoints.ik_solutions import FINE_ROLLS, Station, stations
 from acquisition.waypoints.kinematics import ELBOW_LIMIT, JOINT_LIMIT
 from acquisition.waypoints.motion import legs
-from acquisition.waypoints.stations import FINE_ROLLS, Station, stations
 from acquisition.waypoints.tree_kernels import way_to_any
 
 CONFIGURATIONS = 24
@@ -119,7 +121,7 @@ def dome_lights(cell: CellConfig, calibration: Calibration, count: int) -> list[
     number = np.arange(count)
     slants = np.arccos(top - (top - rim) * (number + 0.5) / count)
     return [
-        dome.light(center + cell.dome.radius_m * direction, center)
+        lamp_pose.light_at(center + cell.dome.radius_m * direction, center)
         for direction in geometry.direction(slants, number * GOLDEN_ANGLE)
     ]
 

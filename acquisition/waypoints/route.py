@@ -17,15 +17,17 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.config import ArmConfig, CellConfig
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import Calibration
-from acquisition.types import FloatArray, JointPath, Joints, Light, Route, Waypoint
+from acquisition.models.base import FloatArray, Joints
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import ArmConfig, CellConfig
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import Light
+from acquisition.models.route import JointPath, Route, Waypoint
 from acquisition.waypoints import order_kernels
 from acquisition.waypoints.collision import Scene, scene
+from acquisition.waypoints.ik_solutions import Station
 from acquisition.waypoints.motion import legs
 from acquisition.waypoints.roadmap import Roadmap, connected_stations, roadmap
-from acquisition.waypoints.stations import Station
 
 _EXACT_STOPS = 12
 _TOURS = 12

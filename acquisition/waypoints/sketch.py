@@ -9,9 +9,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from acquisition.config import CellConfig
-from acquisition.measured import Calibration
-from acquisition.types import FloatArray, Route
+from acquisition.models.base import FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.route import Route
 from acquisition.waypoints import drawing
 from acquisition.waypoints.drawing import Mark
 

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from types import FrameType
 
-from acquisition import priority
+from acquisition.devices import process_priority
 from hardware_sim.controller.calibration import TYPICAL_ERROR_M
 from hardware_sim.controller.kinematics import JOINT_LIMIT, MODELS
 from hardware_sim.controller.server import serve
@@ -57,7 +57,7 @@ def main() -> int:
     if not 0.0 < options.calibration_error_m <= 0.02:
         parser.error("--calibration-error-m must be above 0 and at most 0.02")
     logging.basicConfig(level=options.log, stream=sys.stderr, format="%(asctime)s %(name)s %(message)s")
-    priority.take(priority.DRIVER)  # a real controller has a machine of its own
+    process_priority.take(process_priority.DRIVER)  # a real controller has a machine of its own
     ended = False
 
     def end(number: int, frame: FrameType | None) -> None:

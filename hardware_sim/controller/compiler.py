@@ -15,7 +15,7 @@ from functools import lru_cache
 from types import CodeType
 
 from hardware_sim.controller.syntax import ScriptSyntaxError, parse
-from hardware_sim.controller.tree import (
+from hardware_sim.controller.syntax_tree import (
     Assign,
     Binary,
     Call,

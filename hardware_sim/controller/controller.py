@@ -11,19 +11,19 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-from hardware_sim.controller import loaded, publication
+from hardware_sim.controller import program_store, publication
 from hardware_sim.controller.arm import Arm
 from hardware_sim.controller.collisions import Collisions
 from hardware_sim.controller.compiler import CompiledProgram, compile_program
 from hardware_sim.controller.disturbances import Disturbances
 from hardware_sim.controller.functions import VOCABULARY, table
-from hardware_sim.controller.hand import HandMove
+from hardware_sim.controller.hand_guiding import HandMove
 from hardware_sim.controller.kinematics import ArmModel
-from hardware_sim.controller.loaded import LoadedProgram
 from hardware_sim.controller.modes import RobotMode, RuntimeState, SafetyMode
 from hardware_sim.controller.motion import Motion, MotionError
 from hardware_sim.controller.outputs import DIGITAL_OUTPUTS, Outputs
 from hardware_sim.controller.program import Program, ScriptError
+from hardware_sim.controller.program_store import LoadedProgram
 from hardware_sim.controller.registers import Registers
 from hardware_sim.controller.safety import Safety
 from hardware_sim.controller.script_values import STEP_TIME
@@ -167,7 +167,7 @@ class Controller:
 
     def load_file(self, name: str) -> bool:
         """Loads a program from the folder of programs, in place of the running one; False where there is none."""
-        found = loaded.find(self._programs, name)
+        found = program_store.find(self._programs, name)
         if found is None:
             return False
         self.stop_program(f"{name} is loaded")

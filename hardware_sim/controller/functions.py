@@ -9,10 +9,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from hardware_sim.controller.compiler import Vocabulary
-from hardware_sim.controller.meaning import ScriptError
 from hardware_sim.controller.motion_functions import MotionFunctions
 from hardware_sim.controller.register_functions import RegisterFunctions
 from hardware_sim.controller.script_values import Bound
+from hardware_sim.controller.semantics import ScriptError
 from hardware_sim.controller.state_functions import StateFunctions
 from hardware_sim.controller.value_functions import Arithmetic, Strings
 

@@ -13,11 +13,11 @@ from hardware_sim.controller import kinematics, limits, poses
 from hardware_sim.controller.arm import Corner
 from hardware_sim.controller.curves import Curve
 from hardware_sim.controller.guiding import Guiding
-from hardware_sim.controller.meaning import Pose, ScriptError
 from hardware_sim.controller.motion import Motion, MotionError
 from hardware_sim.controller.moves import ProgrammedMove
 from hardware_sim.controller.poses import Frame
 from hardware_sim.controller.script_values import STEP_TIME, Bound, frame, not_negative, numbers, positive
+from hardware_sim.controller.semantics import Pose, ScriptError
 from hardware_sim.controller.steering import JointServo, JointSpeed, ToolSpeed
 
 Waiting = Generator[None, None, None]

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim.controller.calibration import TYPICAL_ERROR_M
 from hardware_sim.controller.control import ControlClient
 

@@ -9,9 +9,9 @@ from collections.abc import Callable, Generator, Mapping
 from types import GeneratorType
 from typing import Any
 
-from hardware_sim.controller import meaning
+from hardware_sim.controller import semantics
 from hardware_sim.controller.compiler import NAMES_OF_OPERATIONS, TURN_BUDGET, CompiledProgram
-from hardware_sim.controller.meaning import ScriptError
+from hardware_sim.controller.semantics import ScriptError
 
 _MAX_THREADS = 64
 _MEANINGS = ("copy_of", "pose", "truth", "item", "put", "member", "put_member", "negative", "positive")
@@ -42,9 +42,9 @@ class Program:
         self._budget = 0
         namespace: dict[str, Any] = {f"b_{name}": function for name, function in functions.items()}
         namespace |= {
-            "Struct": meaning.Struct,
-            **{name: getattr(meaning, name) for name in _MEANINGS},
-            **{name: meaning.OPERATIONS[sign] for sign, name in NAMES_OF_OPERATIONS.items()},
+            "Struct": semantics.Struct,
+            **{name: getattr(semantics, name) for name in _MEANINGS},
+            **{name: semantics.OPERATIONS[sign] for sign, name in NAMES_OF_OPERATIONS.items()},
             "run": self._run,
             "kill": self._kill,
             "join": self._join,

@@ -4,9 +4,9 @@ import logging
 from collections.abc import Generator
 from typing import Any
 
-from hardware_sim.controller.meaning import ScriptError, shown, truth
 from hardware_sim.controller.registers import BIT_REGISTERS, DOUBLE_IN, DOUBLE_OUT, INT_IN, INT_OUT, REGISTERS
 from hardware_sim.controller.script_values import STEP_TIME, Bound, not_negative, number, positive, whole
+from hardware_sim.controller.semantics import ScriptError, shown, truth
 
 LOG = logging.getLogger("hardware_sim.controller")
 Waiting = Generator[None, None, None]

@@ -4,8 +4,8 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from hardware_sim.controller import poses
-from hardware_sim.controller.meaning import ScriptError, shown
 from hardware_sim.controller.poses import Frame
+from hardware_sim.controller.semantics import ScriptError, shown
 
 if TYPE_CHECKING:
     from hardware_sim.controller.controller import Controller

@@ -12,9 +12,9 @@ import struct
 from collections.abc import Iterable
 
 from hardware_sim.controller.kinematics import ArmModel
+from hardware_sim.controller.program_loader import Uploads
 from hardware_sim.controller.sockets import Connection, LineConnection
 from hardware_sim.controller.syntax import depth_change
-from hardware_sim.controller.uploads import Uploads
 
 LOG = logging.getLogger("hardware_sim.controller")
 PRIMARY_PORT = 30001

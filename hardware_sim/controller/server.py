@@ -22,13 +22,13 @@ from hardware_sim.controller.controller import Controller
 from hardware_sim.controller.dashboard import DashboardConnection
 from hardware_sim.controller.delay import Delay
 from hardware_sim.controller.kinematics import MODELS
+from hardware_sim.controller.program_loader import Uploads
 from hardware_sim.controller.rtde import Owners, RtdeConnection
 from hardware_sim.controller.safety import BOOT_SECONDS
 from hardware_sim.controller.script_values import STEP_TIME
 from hardware_sim.controller.scripts import ScriptConnection
 from hardware_sim.controller.sockets import Connection, Port
 from hardware_sim.controller.trace import Recorder
-from hardware_sim.controller.uploads import Uploads
 
 LOG = logging.getLogger("hardware_sim.controller")
 _LONGEST_CATCH_UP = 1.0  # s

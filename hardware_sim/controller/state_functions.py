@@ -4,9 +4,9 @@ from typing import Any
 
 from hardware_sim.controller import kinematics, limits, poses
 from hardware_sim.controller.arm import HISTORY
-from hardware_sim.controller.meaning import Pose, ScriptError
 from hardware_sim.controller.moves import JointMove, ToolCourse
 from hardware_sim.controller.script_values import STEP_TIME, Bound, frame, number, numbers
+from hardware_sim.controller.semantics import Pose, ScriptError
 
 STEADY_AFTER = 0.5  # s of motion time at rest
 

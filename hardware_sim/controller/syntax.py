@@ -8,7 +8,7 @@ follows.
 import re
 from dataclasses import dataclass
 
-from hardware_sim.controller.tree import (
+from hardware_sim.controller.syntax_tree import (
     Assign,
     Binary,
     Call,

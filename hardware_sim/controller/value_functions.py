@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from hardware_sim.controller import poses
-from hardware_sim.controller.meaning import MOST_CHARACTERS, ScriptError, integer, shown, truth
 from hardware_sim.controller.script_values import Bound, frame, number, numbers, whole
+from hardware_sim.controller.semantics import MOST_CHARACTERS, ScriptError, integer, shown, truth
 
 if TYPE_CHECKING:
     from hardware_sim.controller.controller import Controller

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition import geometry
-from acquisition.measured import Calibration, FrameQuality, FrameRef, Observations, SensorModel, Shot, ShotKey
-from acquisition.types import Light, Refusal  # fmt: skip
+from acquisition.models.calibration import Calibration, SensorModel
+from acquisition.models.light_plan import Light  # fmt: skip
+from acquisition.models.route import Refusal
+from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
 
 TABLE_DEPTH = 0.9
 Height = Callable[[np.ndarray, np.ndarray], np.ndarray]

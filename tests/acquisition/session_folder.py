@@ -5,12 +5,15 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition import config, jobs
-from acquisition.config import CellConfig
-from acquisition.frames import FolderFrames
-from acquisition.measured import Observations, Shot, SolveSettings
+from acquisition.formats.frames import FolderFrames
+from acquisition.models import cell_config
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.light_plan import LightPlan
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import SolveSettings
+from acquisition.models.shot import Observations, Shot
+from acquisition.runner import jobs
 from acquisition.store.folder import write_frame, write_manifest, write_value
-from acquisition.types import LightPlan, Recipe
 from tests.acquisition import scenes
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
@@ -19,7 +22,7 @@ LIGHTS = [*scenes.ring(3, 20.0), *scenes.ring(3, 50.0, 0.5)]
 
 
 def cell() -> CellConfig:
-    return config.load(DEPLOY / "cell.sim.toml")
+    return cell_config.load(DEPLOY / "cell.sim.toml")
 
 
 def calibration():

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from acquisition import config
-from acquisition.compute import Compute, GaveWay
-from acquisition.errors import ErrorCode, Halted, RigError
-from acquisition.types import Route
+from acquisition.models import cell_config
+from acquisition.models.errors import ErrorCode, Halted, RigError
+from acquisition.models.route import Route
+from acquisition.runner.compute import Compute, GaveWay
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
-CELL = config.load(DEPLOY / "cell.sim.toml")
-CALIBRATION = config.load_calibration(DEPLOY / "calibration.sim.json")
+CELL = cell_config.load(DEPLOY / "cell.sim.toml")
+CALIBRATION = cell_config.load_calibration(DEPLOY / "calibration.sim.json")
 
 
 @pytest.fixture(scope="module")

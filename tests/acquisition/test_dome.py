@@ -5,20 +5,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition import dome, geometry
-from acquisition.errors import ErrorCode, RigError
+from acquisition import geometry, lamp_pose
+from acquisition.models.errors import ErrorCode, RigError
 from tests.acquisition.scenes import Dome
 
 
 def test_a_light_looks_at_the_center() -> None:
-    light = dome.light(np.array([0.3, -0.2, -0.5]), np.array([0.0, 0.1, -0.9]))
+    light = lamp_pose.light_at(np.array([0.3, -0.2, -0.5]), np.array([0.0, 0.1, -0.9]))
     offset = np.array([0.0, 0.1, -0.9]) - np.array(light.position)
     np.testing.assert_allclose(np.array(light.axis) * np.linalg.norm(offset), offset, atol=1e-12)
 
 
 def test_directions_are_unit_and_point_outwards() -> None:
     reach = Dome()
-    units = dome.directions(reach.candidates, reach.center, 8)
+    units = lamp_pose.directions(reach.candidates, reach.center, 8)
     np.testing.assert_allclose(reach.center + reach.radius_m * units, reach.candidates, atol=1e-12)
 
 
@@ -26,7 +26,7 @@ def test_directions_are_unit_and_point_outwards() -> None:
 def test_too_few_positions_are_refused_with_both_numbers(count: int) -> None:
     reach = Dome(count=100, refused=0)
     with pytest.raises(RigError) as caught:
-        dome.directions(reach.candidates[:count], reach.center, 8)
+        lamp_pose.directions(reach.candidates[:count], reach.center, 8)
     assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
     assert caught.value.context == {"reachable": count, "wanted": 8}
 
@@ -37,7 +37,7 @@ def test_one_half_plane_is_refused_and_the_empty_side_named(azimuth_deg: float) 
     toward = geometry.direction(np.pi / 2, np.radians(azimuth_deg))
     kept = reach.candidates[(reach.candidates - reach.center) @ toward < 0]
     with pytest.raises(RigError) as caught:
-        dome.directions(kept, reach.center, 4)
+        lamp_pose.directions(kept, reach.center, 4)
     assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
     away = abs((caught.value.context["empty_azimuth_deg"] - azimuth_deg + 180) % 360 - 180)
     assert away < 10
@@ -48,7 +48,7 @@ def test_a_position_that_is_no_number_is_refused() -> None:
     candidates = reach.candidates.copy()
     candidates[3, 1] = np.nan
     with pytest.raises(RigError, match=r"plan\.infeasible.*not a number"):
-        dome.directions(candidates, reach.center, 4)
+        lamp_pose.directions(candidates, reach.center, 4)
 
 
 @settings(max_examples=40, deadline=None)
@@ -61,7 +61,7 @@ def test_each_place_gets_its_own_free_candidate_and_the_miss_is_its_angle(count:
     ideal /= np.linalg.norm(ideal, axis=1, keepdims=True)
     free = rng.random(40) < 0.5
     free[:8] = True
-    chosen, miss = dome.nearest_distinct(ideal, units, free)
+    chosen, miss = lamp_pose.nearest_distinct(ideal, units, free)
     assert len(set(chosen)) == count
     assert free[chosen].all()
     np.testing.assert_allclose(np.cos(miss), np.sum(ideal * units[chosen], axis=1), atol=1e-9)
@@ -73,4 +73,4 @@ def test_a_pattern_larger_than_what_is_free_is_refused() -> None:
     units = geometry.direction(0.5, np.arange(5.0))
     free = np.array([True, True, False, False, False])
     with pytest.raises(RigError, match=r"3 places .* 2 reachable"):
-        dome.nearest_distinct(units[:3], units, free)
+        lamp_pose.nearest_distinct(units[:3], units, free)

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from acquisition import jobs
-from acquisition.config import CellConfig
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import NormalMap
-from acquisition.normals import export
-from acquisition.types import Recipe
+from acquisition.formats import export
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import NormalMap
+from acquisition.runner import jobs
 from tests.acquisition import scenes, session_folder
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.runner import Runner
+from acquisition.models.base import Joints
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.runner.runner import Runner
 from acquisition.session import same_place
 from acquisition.store import Store
-from acquisition.types import Joints
-from api import settings, wiring
+from api.rest import settings, wiring
 from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
 

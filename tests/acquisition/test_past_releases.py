@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition import config, session
-from acquisition.config import CellConfig
-from acquisition.normals import export
-from acquisition.results import observations
+from acquisition import session
+from acquisition.formats import export
+from acquisition.models import cell_config
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.recipe import Recipe
+from acquisition.runner.re_solve import observations
 from acquisition.session import State, Trigger
 from acquisition.store import Store
-from acquisition.types import Recipe
 
 RELEASES = sorted((Path(__file__).parents[1] / "data").glob("release_*"))
 
@@ -54,7 +55,7 @@ def test_its_files_are_what_the_manifest_says_and_can_be_solved_again(store: Sto
 
     for name, facts in manifest["files"].items():
         assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == facts["sha256"], name
-    calibration = config.load_calibration(folder / "calibration.json")
+    calibration = cell_config.load_calibration(folder / "calibration.json")
     taken = observations(store.record(completed.id), folder)
     for shot in (*taken.shots, *taken.darks.values()):
         assert taken.frames.rows(shot.frame, 0, shot.frame.height).shape == (calibration.height, calibration.width)

@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition import photometry
-from acquisition.measured import Calibration
-from acquisition.types import FloatArray, Light
+from acquisition.models.base import FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.light_plan import Light
 from tests.acquisition import scenes
 
 LENS = (-0.12, 0.07, 0.0015, -0.001, 0.01)

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from acquisition import geometry, pilot
-from acquisition.errors import ErrorCode, RigError
-from acquisition.types import FloatArray, Light, Recipe
+from acquisition.models.base import FloatArray
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import Light
+from acquisition.models.recipe import Recipe
 from tests.acquisition.scenes import Dome
 
 

@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
-from acquisition import config, results
-from acquisition.measured import Shot
-from acquisition.normals.folders.session import SessionCapture
+from acquisition.formats.folders.session import SessionCapture
+from acquisition.models import cell_config
+from acquisition.models.recipe import Recipe
+from acquisition.models.shot import Shot
+from acquisition.runner import re_solve
 from acquisition.session import PassRecord, Record, State
-from acquisition.types import Recipe
 from hardware_sim import nominal
 
 
@@ -30,14 +31,14 @@ def test_record_and_folder_tell_the_same_images_and_the_newest_lamp_off_frames()
         PassRecord(shots={0: lit[1]}, darks={0.08: other, 0.05: new}),
     )
     record = Record("small", Recipe(), State.COMPLETED, passes)
-    cell, calibration = config.load(nominal.default_cell_file()), nominal.calibration(8)
+    cell, calibration = cell_config.load(nominal.default_cell_file()), nominal.calibration(8)
     capture = SessionCapture(
         Path("small"), Recipe(), cell, calibration, (again, new, other, old, *lit), plans=(), results=()
     )
-    for told in (results.observations(record, Path("small")), capture.observations(1)):
+    for told in (re_solve.observations(record, Path("small")), capture.observations(1)):
         assert list(told.shots) == lit
         assert told.darks == {0.05: new, 0.08: other}
         assert list(told.repeats) == [again, old]
-    for told in (results.observations(record, Path("small"), 0), capture.observations(0)):
+    for told in (re_solve.observations(record, Path("small"), 0), capture.observations(0)):
         assert told.darks == {0.05: old}
         assert list(told.repeats) == [again]

@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.runner import Runner
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.recipe import Recipe
+from acquisition.runner.runner import Runner
 from acquisition.session import ENDED, State, Trigger
 from acquisition.store import Store
 from acquisition.store.folder import sha256_of
-from acquisition.types import Recipe
-from api import settings, wiring
+from api.rest import settings, wiring
 from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
 

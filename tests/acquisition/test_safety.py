@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from acquisition.devices import ArmIdentity, ArmReading, Finding, MotionLimits, RecoveryStep, StopToken
-from acquisition.errors import ErrorCode, RigError
-from acquisition.safety import Latch, SafetyMonitor, classify
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.runner.safety_monitor import Latch, SafetyMonitor, classify
 
 NORMAL = ArmReading(
     connected=True,

@@ -9,7 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from acquisition import session
-from acquisition.measured import FrameQuality, FrameRef, Shot, ShotKey
+from acquisition.models.light_plan import Light, LightPlan
+from acquisition.models.recipe import Recipe
+from acquisition.models.route import Route, Waypoint
+from acquisition.models.shot import FrameQuality, FrameRef, Shot, ShotKey
 from acquisition.session import (
     Actor,
     AwaitReview,
@@ -26,7 +29,6 @@ from acquisition.session import (
     TakeShot,
     Trigger,
 )  # fmt: skip
-from acquisition.types import Light, LightPlan, Recipe, Route, Waypoint
 
 HOME = (0.0,) * 6
 LIGHT = Light(position=(0.0, 0.0, -0.4), axis=(0.0, 0.0, -1.0))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from acquisition import config, stl
-from acquisition.config import ConvexMesh
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models import cell_config, stl
+from acquisition.models.cell_config import ConvexMesh
+from acquisition.models.errors import ErrorCode, RigError
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 MESH = trimesh.creation.box((0.1, 0.2, 0.3))
@@ -49,18 +49,18 @@ base_from_mesh = { position_m = [0.0, 0.6, 0.15] }
 
 def test_a_cell_holds_the_vertices_of_the_files_it_names(tmp_path: Path) -> None:
     MESH.export(tmp_path / "box.stl")
-    cell = config.load(cell_with(tmp_path, OBSTACLE))
+    cell = cell_config.load(cell_with(tmp_path, OBSTACLE))
     (lathe,) = cell.obstacles
     assert isinstance(lathe, ConvexMesh)
     assert len(lathe.vertices_m) == 8
     other = trimesh.creation.box((0.1, 0.2, 0.31))
     other.export(tmp_path / "box.stl")
-    assert config.load(tmp_path / "cell.toml").fingerprint != cell.fingerprint
+    assert cell_config.load(tmp_path / "cell.toml").fingerprint != cell.fingerprint
 
 
 def test_a_mesh_file_that_is_missing_is_named(tmp_path: Path) -> None:
     with pytest.raises(RigError) as caught:
-        config.load(cell_with(tmp_path, OBSTACLE))
+        cell_config.load(cell_with(tmp_path, OBSTACLE))
     assert caught.value.code == ErrorCode.CONFIG_INVALID
     assert "box.stl" in caught.value.detail
 
@@ -74,5 +74,5 @@ vertices_m = [[0.0, 0.0, 0.1], [0.2, 0.0, 0.1], [0.2, 0.3, 0.1], [0.0, 0.3, 0.1]
 base_from_mesh = { position_m = [0.0, 0.6, 0.15], rotation_vector_rad = [0.3, 0.0, 0.0] }
 """
     with pytest.raises(RigError, match="lie in a plane") as caught:
-        config.load(cell_with(tmp_path, flat))
+        cell_config.load(cell_with(tmp_path, flat))
     assert caught.value.code is ErrorCode.CONFIG_INVALID

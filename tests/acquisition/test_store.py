@@ -12,12 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import FrameQuality, Shot, ShotKey
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import LightPlan
+from acquisition.models.recipe import Recipe
+from acquisition.models.shot import FrameQuality, Shot, ShotKey
 from acquisition.session import State, Trigger
 from acquisition.store import FolderFrames, Store
 from acquisition.store.folder import sha256_of, write_bytes, write_frame, write_manifest
-from acquisition.types import LightPlan, Recipe
 
 
 @pytest.fixture

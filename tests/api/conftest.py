@@ -12,11 +12,11 @@ from pathlib import Path
 import httpx
 import pytest
 
-from api import server, settings
-from api.client import Client
-from api.server import Server
-from api.settings import Settings
-from api.wiring import Service
+from api.client.client import Client
+from api.rest import server, settings
+from api.rest.server import Server
+from api.rest.settings import Settings
+from api.rest.wiring import Service
 
 REPOSITORY = Path(__file__).parents[2]
 NOBODY = "127.0.4.1"

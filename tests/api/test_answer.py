@@ -4,11 +4,11 @@ from typing import Any
 
 import pytest
 
-from acquisition.errors import ErrorCode
-from acquisition.measured import ResultSummary
+from acquisition.models.errors import ErrorCode
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import ResultSummary
 from acquisition.store.folder import write_manifest
-from acquisition.types import Recipe
-from api.client import ProblemError
+from api.client.client import ProblemError
 
 SUMMARY = ResultSummary(
     images=4, object_pixels=10, solved_pixels=10, mean_sigma_deg=1.0, median_sigma_deg=1.0, predicted_sigma_deg=None,

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from acquisition.errors import RigError
+from acquisition.models.errors import RigError
+from acquisition.models.recipe import Recipe
 from acquisition.session import Trigger
 from acquisition.store import Journal, retention
-from acquisition.types import Recipe
-from api.answers import ProblemError
-from api.cli import app
+from api.cli.commands import app
+from api.client.responses import ProblemError
 
 DAY_S = 86_400.0
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from acquisition.errors import ErrorCode
+from acquisition.models.errors import ErrorCode
+from acquisition.models.recipe import Recipe
 from acquisition.session import State
-from acquisition.types import Recipe
-from api.answers import ProblemError
-from api.async_client import AsyncClient
-from api.client import Client
+from api.client.async_client import AsyncClient
+from api.client.client import Client
+from api.client.responses import ProblemError
 
 
 def test_both_clients_have_the_same_methods() -> None:

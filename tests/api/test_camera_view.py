@@ -16,14 +16,14 @@ import httpx
 import numpy as np
 import pytest
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import FrameQuality, Shot, ShotKey
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.recipe import Recipe
+from acquisition.models.shot import FrameQuality, Shot, ShotKey
 from acquisition.session import Trigger
 from acquisition.store.folder import write_frame
-from acquisition.types import Recipe
-from api import keys
-from api.keys import Role
-from api.preview import jpeg
+from api.rest import keys
+from api.rest.keys import Role
+from api.rest.preview import jpeg
 
 CAMERA = "127.0.15.1"
 SIDE = 64

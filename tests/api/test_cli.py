@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from acquisition.errors import ErrorCode
+from acquisition.models.errors import ErrorCode
+from acquisition.models.recipe import Recipe
 from acquisition.session import Trigger
 from acquisition.store import Store
-from acquisition.types import Recipe
-from api.cli import app
+from api.cli.commands import app
 
 ROOT = Path(__file__).parents[2]
 

@@ -17,10 +17,12 @@ from hypothesis import HealthCheck, given, settings
 from schemathesis.checks import CHECKS, load_all_checks
 from schemathesis.generation import GenerationMode
 
-from acquisition.measured import FrameQuality, ResultSummary, Shot, ShotKey
+from acquisition.models.light_plan import Light, LightPlan
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import ResultSummary
+from acquisition.models.shot import FrameQuality, Shot, ShotKey
 from acquisition.store.folder import write_frame, write_manifest, write_value
-from acquisition.types import Light, LightPlan, Recipe
-from api.app import description
+from api.rest.app import description
 
 CASES = int(os.environ.get("LIGHTPOSE_CASES", "200"))
 """Requests for each operation and kind in the long run."""

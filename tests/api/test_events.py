@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from api import events as events_module
+from api.rest import events as events_module
 
 
 def ids(found: list[Any]) -> list[int]:

@@ -10,8 +10,8 @@ from typing import Any
 import httpx
 import pytest
 
-from acquisition.errors import ErrorCode
-from api import connection, gate
+from acquisition.models.errors import ErrorCode
+from api.rest import connection, gate
 
 MEDIA_TYPE = "application/problem+json"
 

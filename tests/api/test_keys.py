@@ -11,13 +11,13 @@ import httpx
 import pytest
 from typer.testing import CliRunner
 
-from acquisition.errors import ErrorCode, RigError
-from api import keys
-from api.app import description
-from api.authentication import FAILURES
-from api.cli import app
-from api.client import Client, ProblemError
-from api.keys import KeyRing, Role
+from acquisition.models.errors import ErrorCode, RigError
+from api.cli.commands import app
+from api.client.client import Client, ProblemError
+from api.rest import keys
+from api.rest.app import description
+from api.rest.authentication import FAILURES
+from api.rest.keys import KeyRing, Role
 
 SECRETS = dict[Role, str]
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.types import Light, LightPlan
-from api import lights_file
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import Light, LightPlan
+from api.cli import lights_file
 
 POSITIONS = [(0.0, 0.25, -0.5), (0.1, -0.2, -0.45), (-0.125, 0.0, -1e-1)]
 

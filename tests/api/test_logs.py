@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from structlog.contextvars import bound_contextvars
 
-from api import logs, settings
+from api.rest import logs, settings
 
 JSON_KEYS = {"event", "level", "logger", "timestamp"}
 

@@ -7,15 +7,15 @@ import httpx
 import jsonschema_rs
 import pytest
 
-from acquisition.errors import PROBLEMS, ErrorCode
-from api.app import description
-from api.openapi import text
+from acquisition.models.errors import PROBLEMS, ErrorCode
+from api.rest.app import description
+from api.rest.openapi import text
 
 COMMITTED = Path(__file__).parents[2] / "api" / "openapi.json"
 
 
 def test_the_committed_description_is_up_to_date() -> None:
-    assert COMMITTED.read_text(encoding="utf-8") == text(), "run: python -m api.openapi > api/openapi.json"
+    assert COMMITTED.read_text(encoding="utf-8") == text(), "run: python -m api.rest.openapi > api/openapi.json"
 
 
 def test_every_route_declares_problems_and_says_what_it_is_for() -> None:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from acquisition.models.recipe import Recipe
 from acquisition.store.folder import write_value
-from acquisition.types import Recipe
 from acquisition.waypoints.roadmap import dome_lights
 from acquisition.waypoints.route import route
 from tests.api.conftest import running

@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 import pytest
 
+from acquisition.models.recipe import Method, Recipe
 from acquisition.session import State
-from acquisition.types import Method, Recipe
-from api import settings
-from api.client import Client
-from api.schemas import SessionResource
+from api.client.client import Client
+from api.rest import settings
+from api.rest.schemas import SessionResource
 from hardware_sim.cell import Cell
 from tests.api.test_region import png, square
 

@@ -7,7 +7,7 @@ from typing import Any
 import httpx
 import pytest
 
-from acquisition.errors import PROBLEMS, ErrorCode
+from acquisition.models.errors import PROBLEMS, ErrorCode
 
 JSON = {"Content-Type": "application/json"}
 

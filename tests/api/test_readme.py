@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from acquisition.session import State
-from api.schemas import OwnLights
+from api.rest.schemas import OwnLights
 from tests.model.quick_rig import quick_service
 
 ROOT = Path(__file__).parents[2]

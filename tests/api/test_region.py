@@ -8,10 +8,10 @@ import httpx
 import numpy as np
 import pytest
 
-from acquisition.errors import ErrorCode
+from acquisition.models.errors import ErrorCode
+from acquisition.models.recipe import Recipe
 from acquisition.session import Trigger
-from acquisition.types import Recipe
-from api.client import ProblemError
+from api.client.client import ProblemError
 
 SIZE = 1024  # of the simulated cell's calibration
 

@@ -18,15 +18,17 @@ import numpy as np
 import pytest
 import tifffile
 
-from acquisition import config
-from acquisition.errors import ErrorCode
-from acquisition.measured import Observations, Shot, SolveSettings
-from acquisition.results import ACCEPTED, EXPORTS, FAILED, READY
+from acquisition.models import cell_config
+from acquisition.models.errors import ErrorCode
+from acquisition.models.light_plan import LightPlan
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import SolveSettings
+from acquisition.models.shot import Observations, Shot
+from acquisition.runner.re_solve import ACCEPTED, EXPORTS, FAILED, READY
 from acquisition.session import State
 from acquisition.store.folder import write_frame, write_value
-from acquisition.types import LightPlan, Recipe
-from api import settings
-from api.client import ProblemError
+from api.client.client import ProblemError
+from api.rest import settings
 from tests.acquisition import scenes
 
 REPOSITORY = Path(__file__).parents[2]
@@ -41,7 +43,7 @@ def here(tmp_path_factory: pytest.TempPathFactory) -> settings.Settings:
     text = (REPOSITORY / "deploy" / "cell.sim.toml").read_text(encoding="utf-8")
     text = re.sub(r'^address = ".*"', 'address = "127.0.45.1"', text, flags=re.MULTILINE)
     (folder / "cell.toml").write_text(text, encoding="utf-8")
-    x, y, z = config.load(folder / "cell.toml").object.keep_out.base_from_object.position_m
+    x, y, z = cell_config.load(folder / "cell.toml").object.keep_out.base_from_object.position_m
     above = ((1.0, 0.0, 0.0, x), (0.0, -1.0, 0.0, y), (0.0, 0.0, -1.0, z + scenes.TABLE_DEPTH), (0.0, 0.0, 0.0, 1.0))
     known = scenes.calibration(SIZE, valid_days=36500.0, base_from_camera=above)
     (folder / "calibration.sim.json").write_text(known.model_dump_json(), encoding="utf-8")

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from acquisition import config
-from acquisition.errors import ErrorCode
+from acquisition.models import cell_config
+from acquisition.models.errors import ErrorCode
+from acquisition.models.recipe import Recipe
 from acquisition.store import Store
-from acquisition.types import Recipe
 
 ROOT = Path(__file__).parents[2]
 RUNBOOK = (ROOT / "deploy" / "runbook.md").read_text(encoding="utf-8")
@@ -28,7 +28,7 @@ def test_every_problem_code_has_its_cure() -> None:
 
 
 def test_the_example_cell_is_a_cell() -> None:
-    cell = config.load(ROOT / "deploy" / "cell.toml")
+    cell = cell_config.load(ROOT / "deploy" / "cell.toml")
 
     assert cell.camera.kind == "pylon"
     assert cell.obstacles[0].name == "camera stand"

@@ -13,8 +13,8 @@ from typing import Any
 import httpx
 import pytest
 
-from acquisition.errors import ErrorCode, RigError
-from api import server, settings
+from acquisition.models.errors import ErrorCode, RigError
+from api.rest import server, settings
 
 HEAVY = ("numba", "trimesh", "embreex", "matplotlib", "rtde_control", "rtde_receive", "hardware_sim")
 
@@ -136,7 +136,7 @@ def test_it_ends_in_good_order_although_somebody_listens(cell_file: Path, tmp_pa
 
 def test_the_service_imports_no_kernel_and_no_ray_tracer() -> None:
     code = (
-        "import sys, api.app, api.server, api.wiring, api.client; "
+        "import sys, api.rest.app, api.rest.server, api.rest.wiring, api.client; "
         f"print([name for name in {HEAVY!r} if name in sys.modules])"
     )
 

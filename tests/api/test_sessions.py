@@ -11,10 +11,10 @@ from typing import Any
 import httpx
 import pytest
 
-from acquisition.errors import ErrorCode
+from acquisition.models.errors import ErrorCode
+from acquisition.models.recipe import Recipe
 from acquisition.session import State, Trigger
-from acquisition.types import Recipe
-from api.client import ProblemError
+from api.client.client import ProblemError
 
 
 def test_an_empty_body_and_an_empty_object_are_good_sessions(shared: Any) -> None:

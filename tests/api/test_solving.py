@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import tifffile
 
-from acquisition import jobs
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import SolveSettings
-from acquisition.normals import export
-from acquisition.normals.folders.session import read as read_session
-from api import solving
+from acquisition.formats import export
+from acquisition.formats.folders.session import read as read_session
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.result import SolveSettings
+from acquisition.runner import jobs
+from api.cli import solving
 from tests.acquisition import session_folder
 from tests.acquisition.normals.folders import small
 

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 import tifffile
 
-from acquisition.errors import ErrorCode
+from acquisition.models.errors import ErrorCode
+from acquisition.models.recipe import Recipe
 from acquisition.session import Stage, State
 from acquisition.store import Store
-from acquisition.types import Recipe
-from api import settings
-from api.client import ProblemError
+from api.client.client import ProblemError
+from api.rest import settings
 from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
 

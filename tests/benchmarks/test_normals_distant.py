@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from acquisition.normals import distant, integrate
-from acquisition.normals.distant import kernels, point_lights
+from acquisition.normals import distant, integration
+from acquisition.normals.distant import least_squares_kernels, point_lights
 from acquisition.normals.image_set import DistantLights, ImageSet
 from tests.acquisition.normals.distant.gloss_scenes import Rows
 
@@ -61,7 +61,7 @@ def test_least_squares_of_twelve_megapixels(benchmark: BenchmarkFixture, stack: 
     """At most twice the copying; thrice without AVX-512."""
     inverse = np.ascontiguousarray(np.linalg.pinv(directions()) / 65535, dtype=np.float32)
     results = outputs(stack.shape[1])
-    benchmark.pedantic(kernels.least_squares, args=(stack, inverse, *results), rounds=7, warmup_rounds=1)
+    benchmark.pedantic(least_squares_kernels.least_squares, args=(stack, inverse, *results), rounds=7, warmup_rounds=1)
     told(benchmark, stack)
 
 
@@ -71,7 +71,7 @@ def test_shadow_masks_of_twelve_megapixels(benchmark: BenchmarkFixture, stack: n
     limits = np.array([65_000, 0.05, 0.1], np.float32)
     extra = [np.empty(stack.shape[1], np.float32) for _ in range(2)]
     arguments = (stack, scale, light, limits, *outputs(stack.shape[1]), *extra, np.empty(stack.shape, np.uint8))
-    benchmark.pedantic(kernels.weighted, args=arguments, rounds=7, warmup_rounds=1)
+    benchmark.pedantic(least_squares_kernels.weighted, args=arguments, rounds=7, warmup_rounds=1)
     told(benchmark, stack)
 
 
@@ -114,7 +114,7 @@ def test_integration_on_a_mask(benchmark: BenchmarkFixture, height: int, width: 
     normals = (normals / np.linalg.norm(normals, axis=0)).astype(np.float32)
     mask = (np.hypot(x / 1.2, y) < 0.46 + 0.03 * np.sin(7 * np.arctan2(y, x))) & (np.hypot(x - 0.1, y) > 0.06)
     arguments = (normals, mask, np.ones(mask.shape, np.float32))
-    found = benchmark.pedantic(integrate.relief, args=arguments, rounds=3, warmup_rounds=1)
+    found = benchmark.pedantic(integration.relief, args=arguments, rounds=3, warmup_rounds=1)
     true = -(0.05 * np.sin(9 * x) * np.cos(7 * y))[mask] * height
     benchmark.extra_info["megapixels in the mask"] = round(np.count_nonzero(mask) / 1e6, 2)
     benchmark.extra_info["rms error in pixels"] = round(float(np.std(found[mask] - true)), 4)

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from acquisition import jobs, pilot, plan
-from acquisition.plan import selection
-from acquisition.types import Recipe
+from acquisition import pilot, plan
+from acquisition.models.recipe import Recipe
+from acquisition.plan import planner
+from acquisition.runner import jobs
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -40,7 +41,7 @@ def test_plan(
     # Every so many pixels, so that as many as the solver keeps are informed of, 4000.
     step = max(1, int(np.count_nonzero(true.graded) // 4000))
     normal_map = cases.known_map(true, pilot.pattern(Recipe(), reach), step=step)
-    monkeypatch.setattr(selection, "SAMPLE_PIXELS", samples)
+    monkeypatch.setattr(planner, "SAMPLE_PIXELS", samples)
 
     def choose() -> float | None:
         arguments = (normal_map, cases.NOTHING_TAKEN, Recipe(), reach, true.calibration, lights)

@@ -6,7 +6,7 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from acquisition import normals
-from acquisition.measured import SolveSettings
+from acquisition.models.result import SolveSettings
 from tests.path_traced import bench
 
 

@@ -3,7 +3,7 @@
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from acquisition import config
+from acquisition.models import cell_config
 from hardware_sim import nominal
 from hardware_sim.world import Moment, World
 
@@ -12,7 +12,7 @@ LIT = (-2.6641, -0.9534, 1.6785, 2.607, 1.8307, 2.423)
 
 
 def world(name: str) -> World:
-    return World(config.load(nominal.default_cell_file()), nominal.calibration(1024), name, 1, "realistic")
+    return World(cell_config.load(nominal.default_cell_file()), nominal.calibration(1024), name, 1, "realistic")
 
 
 @pytest.mark.parametrize("name", ["relief", "figure"])

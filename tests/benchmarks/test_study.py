@@ -8,8 +8,8 @@ import time
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from api.study import curves, whole
-from api.study.curves import Draws, Piece, Sample
+from api.cli.study import curves, whole
+from api.cli.study.curves import Draws, Piece, Sample
 
 
 @pytest.mark.parametrize("shape", ["part", "figure"])

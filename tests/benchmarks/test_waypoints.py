@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from acquisition.config import CellConfig
-from acquisition.measured import Calibration
-from acquisition.types import Light, Route
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.light_plan import Light
+from acquisition.models.route import Route
 from acquisition.waypoints import reach as reach_module
 from acquisition.waypoints.motion import legs
 from acquisition.waypoints.roadmap import connected_stations, dome_lights, roadmap

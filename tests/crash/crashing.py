@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 import tifffile
 
+from acquisition.models.light_plan import LightPlan
+from acquisition.models.recipe import Recipe
 from acquisition.session import State
 from acquisition.store import Journal
-from acquisition.types import LightPlan, Recipe
-from api.client import Client, ProblemError
-from api.schemas import EventResource, SessionResource
+from api.client.client import Client, ProblemError
+from api.rest.schemas import EventResource, SessionResource
 from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
 from tests.end_to_end.processes import Service, fastest_joint, rests_after, serving

@@ -14,11 +14,11 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.errors import ErrorCode
+from acquisition.models.errors import ErrorCode
 from acquisition.session import State
 from acquisition.store.folder import KEPT_FREE_BYTES
-from api.client import Client, ProblemError
-from api.schemas import SessionResource
+from api.client.client import Client, ProblemError
+from api.rest.schemas import SessionResource
 from tests.crash.crashing import (
     RECIPE,
     Bench,

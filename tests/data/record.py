@@ -5,9 +5,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from acquisition.types import Recipe
-from api import settings
-from api.client import Client
+from acquisition.models.recipe import Recipe
+from api.client.client import Client
+from api.rest import settings
 from hardware_sim.cell import Cell
 from tests.api.conftest import serve
 

@@ -12,18 +12,23 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from acquisition import config, jobs, lamp_pose, normals, pilot, plan, region
-from acquisition.capture import check, exposure
-from acquisition.measured import FrameQuality, FrameRef, NormalMap, Observations, Shot, ShotKey, SolveSettings
+from acquisition import lamp_pose, normals, pilot, plan
+from acquisition.capture import check, exposure, region
+from acquisition.models import cell_config
+from acquisition.models.light_plan import LightPlan
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import NormalMap, SolveSettings
+from acquisition.models.route import Waypoint
+from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
+from acquisition.runner import jobs
 from acquisition.session import REFERENCES_FROM
-from acquisition.types import LightPlan, Recipe, Waypoint
 from acquisition.waypoints import kinematics
 from acquisition.waypoints.reach import ReachMap, reach
 from acquisition.waypoints.route import route
 from hardware_sim import nominal
 from hardware_sim.world import Moment, World
 
-CELL = config.load(nominal.default_cell_file())
+CELL = cell_config.load(nominal.default_cell_file())
 
 
 @dataclass(frozen=True)

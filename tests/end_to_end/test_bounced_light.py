@@ -7,9 +7,11 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from acquisition import config, dome, geometry, lamp_pose, region
-from acquisition.capture import exposure
-from acquisition.measured import FrameQuality, FrameRef, NormalMap, Observations, Shot, ShotKey, SolveSettings
+from acquisition import geometry, lamp_pose
+from acquisition.capture import exposure, region
+from acquisition.models import cell_config
+from acquisition.models.result import NormalMap, SolveSettings
+from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
 from acquisition.normals import interreflection, solve
 from acquisition.waypoints import kinematics
 from acquisition.waypoints.reach import reach
@@ -18,7 +20,7 @@ from hardware_sim import grade, nominal
 from hardware_sim.world import Moment, ProfileName, World
 
 PIXELS = 192
-CELL = config.load(nominal.default_cell_file())
+CELL = cell_config.load(nominal.default_cell_file())
 CALIBRATION = nominal.calibration(PIXELS)
 EXPOSURE_S = 0.03
 
@@ -37,16 +39,16 @@ class Frames:
 def stations() -> tuple[tuple[float, ...], ...]:
     """Joints of the light nearest the view axis that the arm reaches, and of seven others on a ring at 50°."""
     within = reach(CELL, CALIBRATION)
-    units = dome.directions(within.candidates, within.center, 8)
+    units = lamp_pose.directions(within.candidates, within.center, 8)
     top = int(np.argmax(units[:, 2]))
     free = np.arange(len(units)) != top
     ring, step = np.arange(7) * 2 * np.pi / 7, 2 * np.pi / 7
     turned = [
-        dome.nearest_distinct(geometry.direction(np.radians(50), turn + ring), units, free)
+        lamp_pose.nearest_distinct(geometry.direction(np.radians(50), turn + ring), units, free)
         for turn in np.arange(24) * step / 24
     ]
     nearest, _ = min(turned, key=lambda one: float(np.sum(one[1] ** 2)))
-    lights = [dome.light(within.candidates[index], within.center) for index in (top, *nearest)]
+    lights = [lamp_pose.light_at(within.candidates[index], within.center) for index in (top, *nearest)]
     return tuple(waypoint.joints for waypoint in route(lights, CELL.arm.home, CELL, CALIBRATION).waypoints)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from acquisition import config
+from acquisition.models import cell_config
 from hardware_sim.controller import trace
 from tests import audit
 
@@ -61,7 +61,7 @@ def figures(name: str, seed: int, profile: str, *options: str) -> dict[str, Any]
 
 def collisions(folder: Path) -> list[str]:
     """What the arm went through on the way, by meshes and kinematics that are not the planner's."""
-    cell = config.load(folder / "cell" / "cell.toml")
+    cell = cell_config.load(folder / "cell" / "cell.toml")
     joints = trace.read_trace(folder / "cell" / "ticks.record").joints
     return [str(hit) for hit in audit.audit(audit.thinned(joints), cell)]
 

@@ -22,8 +22,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.types import BoolArray, Recipe
-from api.study import footprint
+from acquisition.models.base import BoolArray
+from acquisition.models.recipe import Recipe
+from api.cli.study import footprint
 from hardware_sim import grade, nominal, render
 from hardware_sim.tracing import Tracer
 from hardware_sim.world import ProfileName, World

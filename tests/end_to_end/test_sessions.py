@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from acquisition import config
+from acquisition.models import cell_config
+from acquisition.models.recipe import Recipe
 from acquisition.session import State
-from acquisition.types import Recipe
-from api.client import Client
+from api.client.client import Client
 from hardware_sim import grade, truth
 from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
@@ -47,7 +47,7 @@ def quick_cell(folder: Path, address: str) -> Cell:
 
 def grades(running: Cell, data: Path, session_id: str) -> list[grade.Grade]:
     true = truth.load(running.cell_file.parent / "truth.npz")
-    calibration = config.load_calibration(running.cell_file.parent / "calibration.json")
+    calibration = cell_config.load_calibration(running.cell_file.parent / "calibration.json")
     results = data / "sessions" / session_id / "results"
     return [grade.grade_folder(folder, true, calibration) for folder in sorted(results.iterdir())]
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.config import SimCameraConfig
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models.cell_config import SimCameraConfig
+from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import nominal
 from hardware_sim.camera import CameraServer
 from hardware_sim.shutter import CellState, Moment

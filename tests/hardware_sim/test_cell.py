@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition import config
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models import cell_config
+from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import nominal, truth
 from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
@@ -63,9 +63,9 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
 
 
 def test_the_folder_tells_others_of_the_cell(cell: Cell) -> None:
-    written = config.load(cell.cell_file)
+    written = cell_config.load(cell.cell_file)
     assert written.arm.address == written.camera.address == "127.0.2.30"
-    calibration = config.load_calibration(cell.cell_file.parent / written.calibration)
+    calibration = cell_config.load_calibration(cell.cell_file.parent / written.calibration)
     assert calibration == nominal.calibration(PIXELS)
     true = truth.load(cell.truth_file)
     assert true.mask.shape == (PIXELS, PIXELS)

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 import trimesh
 
-from acquisition import config
-from acquisition.config import Cone, ConvexMesh, Pose
-from acquisition.types import FloatArray
+from acquisition.models import cell_config
+from acquisition.models.base import FloatArray
+from acquisition.models.cell_config import Cone, ConvexMesh, Pose
 from hardware_sim import link_spheres, nominal, objects, solids
 from hardware_sim.controller.contact import PARTS, ContactCheck
 from hardware_sim.controller.kinematics import MODELS
 from hardware_sim.controller.surroundings import Surroundings, load
 from tests import audit
 
-CELL = config.load(nominal.default_cell_file())
+CELL = cell_config.load(nominal.default_cell_file())
 HOME = np.array(CELL.arm.home)
 EARLY_M = link_spheres.OUT_M + 0.0002
 LATE_M = link_spheres.GAP_M + 0.0005

@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition import config
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models import cell_config
+from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import nominal
 from hardware_sim.controller.disturbances import Disturbances
 from hardware_sim.disturbed import DisturbedWorld, nudged
 from hardware_sim.world import Moment, World
 
-CELL = config.load(nominal.default_cell_file())
+CELL = cell_config.load(nominal.default_cell_file())
 CALIBRATION = nominal.calibration(48)
 LIT = (-2.6641, -0.9534, 1.6785, 2.607, 1.8307, 2.423)
 ON = [Moment(1.0, LIT, 1.0)]

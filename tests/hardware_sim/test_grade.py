@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 import tifffile
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import Calibration
+from acquisition.models.calibration import Calibration
+from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import grade, nominal
 from hardware_sim.truth import Truth
 

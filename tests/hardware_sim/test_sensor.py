@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from acquisition.measured import SensorModel
+from acquisition.models.calibration import SensorModel
 from hardware_sim import sensor
 
 MODEL = SensorModel(bits=12, gain_e_per_dn=2.5, read_noise_e=5.0, full_well_e=10077.5, black_level_dn=64.0)

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from acquisition import config, geometry
-from acquisition.config import CellConfig
-from acquisition.errors import ErrorCode, RigError
+from acquisition import geometry
+from acquisition.models import cell_config
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import nominal, render, truth, world
 from hardware_sim.controller import kinematics, poses
 from hardware_sim.controller.calibration import calibrated
@@ -21,7 +22,7 @@ JOINTS = (-2.6641, -0.9534, 1.6785, 2.607, 1.8307, 2.423)
 
 @pytest.fixture(scope="module")
 def cell() -> CellConfig:
-    return config.load(nominal.default_cell_file())
+    return cell_config.load(nominal.default_cell_file())
 
 
 @pytest.fixture(scope="module")
@@ -210,7 +211,7 @@ def test_an_object_that_does_not_fit_is_refused(cell: CellConfig) -> None:
 
 
 def test_the_calibration_in_the_repository_is_the_nominal_one() -> None:
-    deployed = config.load_calibration(nominal.default_cell_file().parent / "calibration.sim.json")
+    deployed = cell_config.load_calibration(nominal.default_cell_file().parent / "calibration.sim.json")
     assert deployed == nominal.calibration(1024)
 
 

@@ -21,11 +21,11 @@ import httpx
 import numpy as np
 import pytest
 
-from acquisition import config
+from acquisition.models import cell_config
+from acquisition.models.recipe import Recipe
 from acquisition.session import ENDED, State
-from acquisition.types import Recipe
-from api.client import Client, ProblemError
-from api.keys import Role
+from api.client.client import Client, ProblemError
+from api.rest.keys import Role
 from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.trace import MAGIC
@@ -78,7 +78,7 @@ def bench(folder: Path, address: str, speed: float) -> Generator[Loaded]:
         service = stack.enter_context(serving(cell, folder / "data"))
         client = stack.enter_context(Client(service.url))
         client.wait_ready(90)
-        yield Loaded(service, client, record, address, config.load(cell.cell_file).arm.stop_deceleration_rad_s2)
+        yield Loaded(service, client, record, address, cell_config.load(cell.cell_file).arm.stop_deceleration_rad_s2)
 
 
 class Crowd:

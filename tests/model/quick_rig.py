@@ -13,17 +13,20 @@ from typing import Any
 
 import numpy as np
 
-from acquisition import config
-from acquisition.compute import Compute
-from acquisition.config import CellConfig
 from acquisition.devices import ArmIdentity, ArmReading, Finding, Frame, MotionLimits, RecoveryStep, Rig, StopToken
-from acquisition.errors import ErrorCode, Halted, RigError
-from acquisition.measured import Calibration, ResultSummary
+from acquisition.models import cell_config
+from acquisition.models.base import as_joints
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, Halted, RigError
+from acquisition.models.light_plan import Light, LightPlan
+from acquisition.models.result import ResultSummary
+from acquisition.models.route import JointPath, Route, Waypoint
+from acquisition.runner.compute import Compute
 from acquisition.store import Store
-from acquisition.types import JointPath, Light, LightPlan, Route, Waypoint, as_joints
-from api import keys, server, settings, wiring
-from api.keys import KeyRing, Role
-from api.server import Server
+from api.rest import keys, server, settings, wiring
+from api.rest.keys import KeyRing, Role
+from api.rest.server import Server
 from hardware_sim import nominal
 
 PIXELS = 32
@@ -214,7 +217,7 @@ def quick_service(
 ) -> Generator[tuple[Server, QuickArm, str, dict[Role, str]]]:
     """A running service over a quick rig; with it its arm, its address, and a key for each role, if it asks for any."""
     cell_file = REPOSITORY / "deploy" / "cell.test.toml"
-    cell = config.load(cell_file)
+    cell = cell_config.load(cell_file)
     calibration = nominal.calibration(PIXELS)
     chosen = settings.read(cell=cell_file, data=folder / "data", host=host, port=0)
     secrets = {role: keys.add(keys.path_in(chosen.data), str(role), role) for role in Role if with_keys}

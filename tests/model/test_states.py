@@ -19,9 +19,9 @@ from hypothesis import HealthCheck, Phase, seed, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, rule, run_state_machine_as_test
 
-from acquisition import safety
+from acquisition.runner import safety_monitor
 from acquisition.session import ACTIONS, HOLDS_THE_RIG, TRANSITIONS, Actor, State, Trigger, after
-from api.keys import Role
+from api.rest.keys import Role
 from tests.model.quick_rig import quick_service
 
 HOST = "127.0.15.5"
@@ -181,7 +181,7 @@ class Machine(RuleBasedStateMachine):
     def teardown(self) -> None:
         """Nothing is stuck: what holds the rig can be stopped, and then another session runs to its end."""
         self.cell.arm.unlock()
-        time.sleep(3 * safety.PERIOD_S)  # what the monitor has seen is latched by now
+        time.sleep(3 * safety_monitor.PERIOD_S)  # what the monitor has seen is latched by now
         operator = self.cell.http[Role.OPERATOR]
         self.until(lambda: operator.post("/v1/rig/safety/acknowledgement").status_code == 200)
         for session_id in self.mine:

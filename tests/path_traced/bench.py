@@ -21,10 +21,11 @@ import mitsuba
 import numpy as np
 
 from acquisition import geometry
-from acquisition.measured import Calibration, NormalMap, SensorModel
+from acquisition.models.calibration import Calibration, SensorModel
+from acquisition.models.light_plan import Light
+from acquisition.models.result import NormalMap
 from acquisition.normals import Stack
 from acquisition.plan import baselines
-from acquisition.types import Light
 from hardware_sim.sheets import Mesh
 from hardware_sim.tracing import START_M, Tracer
 from tests.path_traced import objects

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from acquisition.types import FloatArray
+from acquisition.models.base import FloatArray
 from hardware_sim import implicit, sheets
 from hardware_sim.sheets import Mesh
 

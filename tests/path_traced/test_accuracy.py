@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from acquisition import normals
-from acquisition.measured import NormalMap, SolveSettings
+from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.normals import interreflection
-from acquisition.normals.lambert import Pixels
+from acquisition.normals.pixel_solve import Pixels
 from tests.path_traced import bench, objects
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from acquisition import normals
-from acquisition.measured import NormalMap, SolveSettings
+from acquisition.models.result import NormalMap, SolveSettings
 from tests.path_traced import bench
 
 PIXELS = 64

@@ -19,14 +19,14 @@ from multiprocessing.connection import Connection
 from typing import cast
 
 from acquisition import geometry
-from acquisition.config import ArmConfig, JointGeometry
 from acquisition.devices import ArmIdentity, ArmReading, Finding, MotionLimits, RecoveryStep, StopToken
 from acquisition.devices.ur import preflight, primary, protocol, states
 from acquisition.devices.ur.dashboard import ask, probe, recover
+from acquisition.devices.ur.dashboard_stop import SecondPath
 from acquisition.devices.ur.protocol import Board, Done, Failed, Inspection, Interrupted, Link, Sample, Word
-from acquisition.devices.ur.second_path import SecondPath
-from acquisition.errors import ErrorCode, Halted, RigError
-from acquisition.types import FloatArray
+from acquisition.models.base import FloatArray
+from acquisition.models.cell_config import ArmConfig, JointGeometry
+from acquisition.models.errors import ErrorCode, Halted, RigError
 
 OPEN_DEADLINE_S = 15.0  # starting Python and importing on a busy machine
 CONTROL_DEADLINE_S = 12.0  # ur-rtde waits up to 5 s for its program

@@ -16,7 +16,7 @@ from acquisition.devices.ur import protocol, states
 from acquisition.devices.ur.dashboard import refuse_foreign
 from acquisition.devices.ur.interfaces import Constructors, Control, Outputs, Receive
 from acquisition.devices.ur.protocol import Done, Link, Vector6
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError
 
 _log = logging.getLogger(__name__)
 

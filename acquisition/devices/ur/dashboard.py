@@ -13,7 +13,7 @@ import time
 from types import TracebackType
 
 from acquisition.devices import RecoveryStep
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError
 
 DASHBOARD_PORT = 29999
 SCRIPT_PORT = 30003

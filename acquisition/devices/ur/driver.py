@@ -24,12 +24,12 @@ import rtde_control
 import rtde_io
 import rtde_receive
 
-from acquisition import priority
+from acquisition.devices import process_priority
 from acquisition.devices.ur import protocol
 from acquisition.devices.ur.controller import Controller, Task
 from acquisition.devices.ur.interfaces import Constructors, Control, Outputs, Receive
 from acquisition.devices.ur.protocol import Board, Done, Failed, Interrupted, Link, Request, Word
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError
 
 _log = logging.getLogger(__name__)
 
@@ -186,7 +186,7 @@ def main() -> None:
     """`python -m acquisition.devices.ur.driver PIPE BOARD`, both inherited file descriptors."""
     logging.basicConfig(stream=sys.stderr, format="%(asctime)s %(name)s %(message)s")
     pipe, board = int(sys.argv[1]), int(sys.argv[2])
-    priority.take(priority.DRIVER)
+    process_priority.take(process_priority.DRIVER)
     controller = Controller(Constructors(control=_control, receive=_receive, outputs=_outputs))
     driver = Driver(Connection(socket.socket(fileno=pipe).detach()), Board(board), controller)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the service, which halts and then leaves

@@ -1,7 +1,7 @@
 """The lamp on a digital output of the arm's controller, switched by the arm's driver so that a halt puts it out."""
 
-from acquisition.config import LampConfig
 from acquisition.devices.ur.arm import UrArm
+from acquisition.models.cell_config import LampConfig
 
 
 class UrLamp:

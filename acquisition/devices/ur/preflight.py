@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition import geometry
-from acquisition.config import ArmConfig, JointGeometry
 from acquisition.devices import ArmIdentity, ArmReading, Finding
 from acquisition.devices.ur import states
 from acquisition.devices.ur.protocol import Inspection
-from acquisition.types import FloatArray
+from acquisition.models.base import FloatArray
+from acquisition.models.cell_config import ArmConfig, JointGeometry
 
 POSE_TOLERANCE = 1e-6  # m and rad; the controller keeps what it was given
 PAYLOAD_TOLERANCE = 1e-3  # kg and m

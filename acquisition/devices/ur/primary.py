@@ -9,9 +9,9 @@ import socket
 import struct
 import time
 
-from acquisition.config import JointGeometry
 from acquisition.devices.ur.dashboard import refuse_foreign
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models.cell_config import JointGeometry
+from acquisition.models.errors import ErrorCode, RigError
 
 PORT = 30001
 _HEADER = struct.Struct(">iB")  # size with this header, type

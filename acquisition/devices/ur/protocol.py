@@ -15,7 +15,7 @@ import zlib
 from dataclasses import dataclass
 from enum import IntEnum
 
-from acquisition.errors import RigError
+from acquisition.models.errors import RigError
 
 TICK_S = 0.004
 """The driver's loop: it looks for a halt this often (250 Hz)."""

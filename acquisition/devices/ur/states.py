@@ -6,7 +6,7 @@ and the safety monitor (which latches it) say the same of the same reading. Sour
 
 from dataclasses import dataclass
 
-from acquisition.errors import ErrorCode
+from acquisition.models.errors import ErrorCode
 
 ROBOT_RUNNING = 7
 PROGRAM_PLAYING = 2

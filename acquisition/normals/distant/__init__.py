@@ -4,7 +4,7 @@ Before: a reader of capture folders, which gives an ImageSet. After: exports and
 through one of the `methods`; `choice` picks it where nobody has.
 """
 
+from acquisition.normals.distant.distant_solve import solve
 from acquisition.normals.distant.methods import Solver
-from acquisition.normals.distant.solve import solve
 
 __all__ = ["Solver", "solve"]

@@ -3,8 +3,8 @@
 import numba
 import numpy as np
 
-from acquisition.normals.distant.kernels import BLOCK, signatures
-from acquisition.types import Float32Array
+from acquisition.models.base import Float32Array
+from acquisition.normals.distant.least_squares_kernels import BLOCK, signatures
 
 CLIPPED = 1e9
 """What a clipped measurement becomes, in units of white."""

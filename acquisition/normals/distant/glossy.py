@@ -10,8 +10,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.normals.distant import reflectance, robust
-from acquisition.types import BoolArray, Float32Array, FloatArray
 
 SHADOW = 0.15
 """Of a pixel's bright values (80th percentile): what is darker is left out, being lit by other surfaces if at all."""

@@ -10,11 +10,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
-from acquisition.normals.distant import glossy, kernels, robust
-from acquisition.normals.distant.blocks import Block
-from acquisition.types import BoolArray, Float32Array, FloatArray
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
+from acquisition.normals.distant import glossy, least_squares_kernels, robust
+from acquisition.normals.distant.pixel_blocks import Block
 
 Solver = Literal["auto", "ls", "weighted", "thresholded", "robust", "glossy"]
 
@@ -108,7 +108,7 @@ def _plain(directions: FloatArray) -> Method:
     def solve(block: Block, chosen: np.ndarray) -> Found:
         size = block.stack.shape[1]
         normals, albedo = np.empty((3, size), np.float32), np.empty(size, np.float32)
-        kernels.least_squares(
+        least_squares_kernels.least_squares(
             block.stack, np.ascontiguousarray(inverse * block.scale, dtype=np.float32), normals, albedo
         )
         normals, albedo = normals[:, chosen], albedo[chosen]
@@ -134,7 +134,7 @@ def _weighted(directions: FloatArray) -> Method:
         normals, flags = np.empty((3, size), np.float32), np.empty((count, size), np.uint8)
         albedo, loose, spread = (np.empty(size, np.float32) for _ in range(3))
         limits = np.array([block.clipped_from, SHADOW, EXCESS], np.float32)
-        kernels.weighted(block.stack, block.scale, light, limits, normals, albedo, loose, spread, flags)
+        least_squares_kernels.weighted(block.stack, block.scale, light, limits, normals, albedo, loose, spread, flags)
         picked = flags[:, chosen]
         used = np.count_nonzero(picked == LIT, axis=0).astype(np.float32)
         variance = angular_variance(spread[chosen], loose[chosen], albedo[chosen], used)

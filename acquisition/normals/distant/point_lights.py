@@ -8,14 +8,14 @@ import numba
 import numpy as np
 
 from acquisition import photometry
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import LIT, SATURATED
+from acquisition.models.base import Float32Array
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.result import LIT, SATURATED
 from acquisition.normals.distant import methods
-from acquisition.normals.distant.blocks import Block
-from acquisition.normals.distant.kernels import BLOCK, signatures, solve3
+from acquisition.normals.distant.least_squares_kernels import BLOCK, signatures, solve3
 from acquisition.normals.distant.methods import Found, Method
+from acquisition.normals.distant.pixel_blocks import Block
 from acquisition.normals.image_set import ImageSet, NearLights
-from acquisition.types import Float32Array
 
 CHUNK = 100_000
 """Pixels whose residuals are looked at at once: each takes some hundred bytes a light."""

@@ -13,7 +13,7 @@ alike. Its form (three numbers) is therefore shared by the whole object, see `gl
 import numba
 import numpy as np
 
-from acquisition.types import Float32Array, FloatArray
+from acquisition.models.base import Float32Array, FloatArray
 
 WIDTHS = np.array([0.08, 0.16, 0.32, 0.6])
 """GGX roughness α of the lobes."""

@@ -10,7 +10,7 @@ from itertools import combinations
 import numba
 import numpy as np
 
-from acquisition.types import Float32Array, FloatArray
+from acquisition.models.base import Float32Array, FloatArray
 
 MIDDLE = (0.25, 0.7)
 """Ranks, as shares of the lights, between which measurements count at first: highlights reach further down than shadows

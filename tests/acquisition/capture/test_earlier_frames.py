@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.capture import check, compare, expected
-from acquisition.measured import FrameQuality
+from acquisition.models.shot import FrameQuality
 from tests.acquisition import scenes
 
 KNOWN = scenes.calibration(128)

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition import config, region
-from acquisition.capture import check, exposure
-from acquisition.types import Exposure
+from acquisition.capture import check, exposure, region
+from acquisition.models import cell_config
+from acquisition.models.recipe import Exposure
 
 DEPLOY = Path(__file__).parents[3] / "deploy"
-CELL = config.load(DEPLOY / "cell.sim.toml")
-CALIBRATION = config.load_calibration(DEPLOY / "calibration.sim.json")
+CELL = cell_config.load(DEPLOY / "cell.sim.toml")
+CALIBRATION = cell_config.load_calibration(DEPLOY / "calibration.sim.json")
 SENSOR, CAMERA, WANTED = CALIBRATION.sensor, CELL.camera, Exposure()
 REGION = np.ones((40, 50), np.bool_)
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from acquisition import config
-from acquisition.config import ArmConfig, CellConfig
 from acquisition.devices import MotionLimits, StopToken
 from acquisition.devices.ur.arm import UrArm
+from acquisition.models import cell_config
+from acquisition.models.cell_config import ArmConfig, CellConfig
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.process import ControllerProcess
 
-CELL: CellConfig = config.load(Path(__file__).parents[3] / "deploy" / "cell.sim.toml")
+CELL: CellConfig = cell_config.load(Path(__file__).parents[3] / "deploy" / "cell.sim.toml")
 LIMITS = MotionLimits(1.05, 1.4)
 HOME = CELL.arm.home
 FAR = (HOME[0] + 2.0, *HOME[1:])  # over two seconds away

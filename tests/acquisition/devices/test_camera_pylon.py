@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from acquisition.config import PylonCameraConfig
 from acquisition.devices import StopToken
 from acquisition.devices.camera_pylon import PylonCamera
-from acquisition.errors import ErrorCode, Halted, RigError
+from acquisition.models.cell_config import PylonCameraConfig
+from acquisition.models.errors import ErrorCode, Halted, RigError
 
 EMULATED = PylonCameraConfig(kind="pylon", serial="0815-0000", pixel_format="Mono16", timeout_s=2.0)
 

@@ -13,15 +13,15 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from acquisition import config
-from acquisition.config import SimCameraConfig
 from acquisition.devices import StopToken
 from acquisition.devices.camera_sim import SimCamera
-from acquisition.errors import ErrorCode, Halted, RigError
+from acquisition.models import cell_config
+from acquisition.models.cell_config import SimCameraConfig
+from acquisition.models.errors import ErrorCode, Halted, RigError
 from hardware_sim.camera import CameraServer
 from hardware_sim.shutter import CellState
 
-CALIBRATION = config.load_calibration(Path(__file__).parents[3] / "deploy" / "calibration.sim.json").model_copy(
+CALIBRATION = cell_config.load_calibration(Path(__file__).parents[3] / "deploy" / "calibration.sim.json").model_copy(
     update={"width": 320, "height": 200}
 )
 HONEST = SimCameraConfig(address="127.0.3.10", timeout_s=5.0)

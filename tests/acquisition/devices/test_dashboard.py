@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 import pytest
 
 from acquisition.devices.ur import dashboard
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError
 
 ABSENT, SILENT, FOREIGN = "127.0.3.1", "127.0.3.2", "127.0.3.3"
 

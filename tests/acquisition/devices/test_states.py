@@ -3,7 +3,7 @@
 import pytest
 
 from acquisition.devices.ur import states
-from acquisition.errors import ErrorCode
+from acquisition.models.errors import ErrorCode
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ import rtde_control
 from acquisition.devices import MotionLimits, StopToken
 from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
-from acquisition.errors import ErrorCode, Halted, RigError
+from acquisition.models.errors import ErrorCode, Halted, RigError
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.process import ControllerProcess
 from tests.acquisition.devices.arm_scenes import (

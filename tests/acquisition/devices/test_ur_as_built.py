@@ -5,13 +5,14 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from acquisition import config, geometry, lamp_pose
-from acquisition.config import CellConfig
+from acquisition import geometry, lamp_pose
 from acquisition.devices import MotionLimits, StopToken
 from acquisition.devices.ur import primary
 from acquisition.devices.ur.arm import UrArm
-from acquisition.types import Light
-from acquisition.waypoints import as_built, kinematics
+from acquisition.models import cell_config
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.light_plan import Light
+from acquisition.waypoints import calibrated_kinematics, kinematics
 from acquisition.waypoints.reach import refusals
 from acquisition.waypoints.roadmap import dome_lights
 from acquisition.waypoints.route import route
@@ -23,7 +24,7 @@ from tests.acquisition.waypoints.cells import DEPLOY
 ADDRESS = "127.0.13.10"
 SEED = 7
 ERROR_M = 0.004  # rms over all poses; at the lights of the route it is 3.3 mm
-CALIBRATION = config.load_calibration(DEPLOY / CELL.calibration)
+CALIBRATION = cell_config.load_calibration(DEPLOY / CELL.calibration)
 OBJECT_CENTER_M = np.array([0.0, 0.0, CELL.object.keep_out.height_m / 2])
 
 
@@ -95,10 +96,10 @@ def test_another_arm_than_the_calibrated_one_is_found(cell: CellConfig, control:
     assert told is not None
     others = [told[0].model_copy(update={"a_m": told[0].a_m + 0.001}), *told[1:]]
     arm = UrArm(cell.arm.model_copy(update={"kinematics": others}), cell.lamp.output)
-    chain = as_built.chain(others)
+    chain = calibrated_kinematics.chain(others)
 
     def expected(joints: tuple[float, ...]) -> np.ndarray:
-        return as_built.forward(chain, np.array([joints]))[0, 6] @ cell.arm.flange_from_tool.matrix
+        return calibrated_kinematics.forward(chain, np.array([joints]))[0, 6] @ cell.arm.flange_from_tool.matrix
 
     arm.expected_pose = expected
     with connected(arm):

@@ -20,8 +20,8 @@ import pytest
 from acquisition.devices import StopToken
 from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
-from acquisition.errors import ErrorCode, Halted, RigError
-from acquisition.safety import SafetyMonitor
+from acquisition.models.errors import ErrorCode, Halted, RigError
+from acquisition.runner.safety_monitor import SafetyMonitor
 from acquisition.session import same_place
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.process import ControllerProcess

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition import photometry
-from acquisition.measured import Calibration
-from acquisition.normals.lambert import Pixels
+from acquisition.models.calibration import Calibration
+from acquisition.normals.pixel_solve import Pixels
 from acquisition.photometry import Noise
 from tests.acquisition import scenes
 from tests.path_traced import bench

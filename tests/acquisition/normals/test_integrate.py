@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from acquisition import photometry
-from acquisition.normals import integrate
-from acquisition.types import Float32Array
+from acquisition.models.base import Float32Array
+from acquisition.normals import integration
 from tests.acquisition import scenes
 
 SIZE = 160
@@ -32,7 +32,7 @@ def surface(tilt: float = 0.0, wave_m: float = 0.004, distortion: float = 0.0):
 
 def integrated(normal: Float32Array, mask: np.ndarray, ray: Float32Array, depth: np.ndarray) -> np.ndarray:
     start = np.where(mask, np.exp(np.mean(np.log(depth[mask]))), 0.9).astype(np.float32)
-    return integrate.depth(normal, mask, ray, np.ones(mask.shape, np.float32), start)
+    return integration.depth(normal, mask, ray, np.ones(mask.shape, np.float32), start)
 
 
 def rms_mm(found: np.ndarray, depth: np.ndarray, mask: np.ndarray) -> float:
@@ -73,7 +73,7 @@ def test_parts_that_do_not_touch_each_keep_their_own_depth() -> None:
     for columns, shift in ((slice(10, 60), 1.0), (slice(90, 150), 1.02)):
         part = depth[20:140, columns]
         start[20:140, columns] = shift * np.exp(np.mean(np.log(part)))
-    found = integrate.depth(normal, mask, ray, np.ones(mask.shape, np.float32), start)
+    found = integration.depth(normal, mask, ray, np.ones(mask.shape, np.float32), start)
     for columns, shift in ((slice(12, 58), 1.0), (slice(92, 148), 1.02)):
         ratio = found[25:135, columns] / depth[25:135, columns]
         np.testing.assert_allclose(ratio, shift, atol=3e-4)
@@ -86,9 +86,9 @@ def test_uncertain_pixels_yield_to_certain_ones() -> None:
     wrong[:, 70:90, 70:90] = np.array([0.6, 0.0, 0.8], np.float32)[:, None, None]
     certainty = np.ones(mask.shape, np.float32)
     start = np.full(depth.shape, np.exp(np.mean(np.log(depth))), np.float32)
-    believed = integrate.depth(wrong, mask, ray, certainty, start)
+    believed = integration.depth(wrong, mask, ray, certainty, start)
     certainty[70:90, 70:90] = 1e-3
-    doubted = integrate.depth(wrong, mask, ray, certainty, start)
+    doubted = integration.depth(wrong, mask, ray, certainty, start)
     outside = mask.copy()
     outside[68:92, 68:92] = False
     assert rms_mm(doubted, depth, outside) < 0.15
@@ -114,7 +114,7 @@ def slab(size: int = 128) -> tuple[np.ndarray, Float32Array, np.ndarray]:
 def test_an_orthographic_surface_comes_back_in_pixels() -> None:
     depth, normal, mask = slab()
     smooth = mask & (np.mgrid[:128, :128][1] < 70)
-    found = integrate.relief(normal, smooth, np.ones(mask.shape, np.float32))
+    found = integration.relief(normal, smooth, np.ones(mask.shape, np.float32))
     error = (found - depth)[smooth]
     assert np.std(error) < 0.01
     assert abs(float(np.mean(found[smooth]))) < 1e-3
@@ -126,7 +126,7 @@ def test_steps_are_kept_where_asked() -> None:
     certainty = np.ones(mask.shape, np.float32)
 
     def error(keep_steps: bool) -> np.ndarray:
-        off = (integrate.relief(normal, mask, certainty, keep_steps=keep_steps) - depth)[mask]
+        off = (integration.relief(normal, mask, certainty, keep_steps=keep_steps) - depth)[mask]
         return np.abs(off - np.median(off))
 
     smeared, kept = error(False), error(True)
@@ -138,5 +138,5 @@ def test_keeping_steps_costs_a_smooth_surface_little() -> None:
     depth, normal, ray = surface(0.2)
     mask = np.ones(depth.shape, np.bool_)
     start = np.full(mask.shape, np.exp(np.mean(np.log(depth))), np.float32)
-    found = integrate.depth(normal, mask, ray, np.ones(mask.shape, np.float32), start, keep_steps=True)
+    found = integration.depth(normal, mask, ray, np.ones(mask.shape, np.float32), start, keep_steps=True)
     assert rms_mm(found, depth, mask) < 0.1

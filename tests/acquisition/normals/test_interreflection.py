@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition import photometry
-from acquisition.normals import interreflection, lambert
+from acquisition.normals import interreflection, pixel_solve
 from tests.acquisition.normals import shared_scene
 
 
@@ -39,8 +39,8 @@ def test_nothing_sends_more_than_it_receives() -> None:
 def test_normals_turn_as_far_as_said_where_indirect_light_is_off_by_a_factor() -> None:
     made = shared_scene.measured()
 
-    def solved(values: np.ndarray) -> lambert.Estimate:
-        return lambert.solve(
+    def solved(values: np.ndarray) -> pixel_solve.Estimate:
+        return pixel_solve.solve(
             made.pixels, values, made.depth_m, made.lamp, made.calibration, made.noise, threshold=0.0,
             cauchy_scale=None,
         )  # fmt: skip
@@ -58,7 +58,7 @@ def test_normals_turn_as_far_as_said_where_indirect_light_is_off_by_a_factor() -
 def test_black_shadows_say_that_nothing_bounces_and_a_few_wrong_ones_do_not() -> None:
     """A prediction is believed when a quarter of it is found where no lamp shines."""
     made = shared_scene.measured(size=60, largest_slant=1.3)
-    found = lambert.solve(
+    found = pixel_solve.solve(
         made.pixels, made.values, made.depth_m, made.lamp, made.calibration, made.noise, threshold=0.05
     )
     light = photometry.light_vectors(
@@ -67,7 +67,7 @@ def test_black_shadows_say_that_nothing_bounces_and_a_few_wrong_ones_do_not() ->
     away = np.einsum("fcn,cn->fn", light, made.normals) < 0
     # Pixels side by side face anywhere in this scene; shadows are asked for in areas.
     order = np.argsort(made.normals[0] + 1e-3 * made.normals[1])
-    estimate = lambert.Estimate(
+    estimate = pixel_solve.Estimate(
         **{name: np.ascontiguousarray(getattr(found, name)[..., order]) for name in vars(found)}
     )
     values, dark = made.values[:, order], away[:, order]
@@ -83,7 +83,7 @@ def test_a_tilted_pixel_receives_what_the_plane_below_it_sends() -> None:
     made = shared_scene.measured(size=60)
     slant = 0.5
     normals = np.tile(np.array([[np.sin(slant)], [0.0], [np.cos(slant)]], np.float32), (1, made.depth_m.size))
-    found = lambert.solve(
+    found = pixel_solve.solve(
         made.pixels, made.values, made.depth_m, made.lamp, made.calibration, made.noise, threshold=0.05
     )
     bright = np.ones_like(made.values)

@@ -5,18 +5,18 @@ import mmap
 import numpy as np
 import pytest
 
-from acquisition.normals import large
+from acquisition.normals import memory_mapped
 
 
 @pytest.mark.parametrize("in_file", [False, True])
 def test_what_was_written_is_there_after_memory_was_let_go(in_file: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(large, "LARGE_BYTES", 1 if in_file else 1 << 30)
-    array = large.zeros((3, 50, 1000))
+    monkeypatch.setattr(memory_mapped, "LARGE_BYTES", 1 if in_file else 1 << 30)
+    array = memory_mapped.zeros((3, 50, 1000))
     assert isinstance(array.base, mmap.mmap) == in_file
     assert not np.any(array)
     array[1:, 10:20] = 7
-    large.let_go(array)
+    memory_mapped.let_go(array)
     expected = np.zeros((3, 50, 1000), np.uint8)
     expected[1:, 10:20] = 7
     np.testing.assert_array_equal(array, expected)
-    np.testing.assert_array_equal(list(large.each(array)), expected)
+    np.testing.assert_array_equal(list(memory_mapped.each(array)), expected)

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from acquisition import normals, photometry
-from acquisition.measured import HIGHLIGHT, LIT, Calibration, NormalMap, SolveSettings
-from acquisition.normals import blocks, integrable, last, observe
-from acquisition.normals.blocks import Gathered, Seen
-from acquisition.normals.last import Model
-from acquisition.normals.lobe import NONE, Lobe
-from acquisition.normals.observe import Stack, Stored
-from acquisition.normals.refine import Refined
+from acquisition.models.calibration import Calibration
+from acquisition.models.result import HIGHLIGHT, LIT, NormalMap, SolveSettings
+from acquisition.normals import final_solve, integrability, pyramid, session_images
+from acquisition.normals.alternation import Refined
+from acquisition.normals.final_solve import Model
+from acquisition.normals.pyramid import Gathered, Seen
 from acquisition.normals.self_calibration import Shared
+from acquisition.normals.session_images import Stack, Stored
+from acquisition.normals.specular import NONE, Lobe
 from tests.acquisition import scenes
 
 SIZE = 96
@@ -28,7 +29,7 @@ def cushion() -> scenes.Scene:
 
 def images(true: scenes.Scene) -> Stack | Stored:
     whole = slice(0, SIZE)
-    return observe.read(scenes.capture(true, LIGHTS, seed=1), true.calibration, whole, whole)
+    return session_images.read(scenes.capture(true, LIGHTS, seed=1), true.calibration, whole, whole)
 
 
 def model(known: Calibration, stack: Stack | Stored) -> Model:
@@ -76,13 +77,13 @@ def test_blocks_of_rows_are_solved_as_all_rows_together(
     known = model(cushion.calibration, stack)
 
     def solved() -> NormalMap:
-        gathered = seen.gathered(FACTOR, last.sample(int(np.count_nonzero(cushion.mask))), None)
-        return last.solve(seen, gathered, refined(gathered, known.noise, lobe, received), known, (SIZE, SIZE))
+        gathered = seen.gathered(FACTOR, final_solve.sample(int(np.count_nonzero(cushion.mask))), None)
+        return final_solve.solve(seen, gathered, refined(gathered, known.noise, lobe, received), known, (SIZE, SIZE))
 
     together = solved()
     assert np.count_nonzero(together.flags == LIT) < 0.95 * len(LIGHTS) * np.count_nonzero(cushion.mask)  # shadows
-    monkeypatch.setattr(blocks, "BLOCK_VALUES", 1)
-    monkeypatch.setattr(blocks, "LEAST_ROWS", 5)
+    monkeypatch.setattr(pyramid, "BLOCK_VALUES", 1)
+    monkeypatch.setattr(pyramid, "LEAST_ROWS", 5)
     assert len(list(seen.blocks())) > 15
     same(together, solved())
 
@@ -97,9 +98,9 @@ def test_images_that_are_read_again_give_the_same_map(cushion: scenes.Scene, mon
         )
 
     together = solved()
-    monkeypatch.setattr(blocks, "BLOCK_VALUES", 1)
-    monkeypatch.setattr(blocks, "LEAST_ROWS", 20)
-    monkeypatch.setattr(observe, "HELD_BYTES", 0)
+    monkeypatch.setattr(pyramid, "BLOCK_VALUES", 1)
+    monkeypatch.setattr(pyramid, "LEAST_ROWS", 20)
+    monkeypatch.setattr(session_images, "HELD_BYTES", 0)
     assert isinstance(images(cushion), Stored)
     same(together, solved())
 
@@ -109,11 +110,11 @@ def test_a_coarse_grid_gathered_in_blocks_is_that_of_all_rows(
 ) -> None:
     stack = images(cushion)
     seen = Seen(stack, cushion.mask, photometry.rays(cushion.calibration, slice(0, SIZE), slice(0, SIZE)))
-    chosen = last.sample(int(np.count_nonzero(cushion.mask)))
+    chosen = final_solve.sample(int(np.count_nonzero(cushion.mask)))
     table = scenes.TABLE_DEPTH + np.random.default_rng(0).random((SIZE, SIZE), np.float32)
     whole = seen.gathered(7, chosen, table)
-    monkeypatch.setattr(blocks, "BLOCK_VALUES", 1)
-    monkeypatch.setattr(blocks, "LEAST_ROWS", 10)
+    monkeypatch.setattr(pyramid, "BLOCK_VALUES", 1)
+    monkeypatch.setattr(pyramid, "LEAST_ROWS", 10)
     parts = seen.gathered(7, chosen, table)
     assert len(parts.parts) > len(whole.parts)
     for one, two in ((whole.coarse, parts.coarse), (whole.few, parts.few)):
@@ -137,13 +138,15 @@ def test_light_from_other_surfaces_is_no_highlight(cushion: scenes.Scene) -> Non
     falling = np.where(np.arange(len(LIGHTS)) == 0, 0.3, 0).astype(np.float32)
     lit = replace(stack, values=stack.values + (0.5 * falling)[:, None, None])
     seen = Seen(lit, cushion.mask, photometry.rays(cushion.calibration, whole, whole))
-    gathered = seen.gathered(FACTOR, last.sample(int(np.count_nonzero(cushion.mask))), None)
+    gathered = seen.gathered(FACTOR, final_solve.sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, lit)
     found = replace(refined(gathered, known.noise, NONE, 0.0), shared=Shared.as_told(len(LIGHTS)))
     received = np.repeat(falling[:, None], gathered.coarse.values.shape[1], axis=1)
     shares = [
         np.mean(
-            last.solve(seen, gathered, replace(found, received=one), known, (SIZE, SIZE)).flags[0, cushion.graded]
+            final_solve.solve(seen, gathered, replace(found, received=one), known, (SIZE, SIZE)).flags[
+                0, cushion.graded
+            ]
             & HIGHLIGHT
             > 0
         )
@@ -161,10 +164,10 @@ def test_pixels_with_two_lights_lean_on_those_round_them(cushion: scenes.Scene) 
     values = stack.values.copy()
     values[2:, lone] = 0
     seen = Seen(replace(stack, values=values), cushion.mask, photometry.rays(cushion.calibration, whole, whole))
-    gathered = seen.gathered(FACTOR, last.sample(int(np.count_nonzero(cushion.mask))), None)
+    gathered = seen.gathered(FACTOR, final_solve.sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, stack)
     start = replace(refined(gathered, known.noise, NONE, 0.0), shared=Shared.as_told(len(LIGHTS)))
-    found = last.solve(seen, gathered, start, known, (SIZE, SIZE))
+    found = final_solve.solve(seen, gathered, start, known, (SIZE, SIZE))
     assert np.max(found.sigma_deg[lone]) < 12  # alone, none is under 20
     assert np.mean(cushion.error_deg(found.normals)[lone[cushion.graded]]) < 4
 
@@ -172,15 +175,15 @@ def test_pixels_with_two_lights_lean_on_those_round_them(cushion: scenes.Scene) 
 def test_normals_are_those_of_a_surface(cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     stack, whole = images(cushion), slice(0, SIZE)
     seen = Seen(stack, cushion.mask, photometry.rays(cushion.calibration, whole, whole))
-    gathered = seen.gathered(FACTOR, last.sample(int(np.count_nonzero(cushion.mask))), None)
+    gathered = seen.gathered(FACTOR, final_solve.sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, stack)
     start = replace(refined(gathered, known.noise, NONE, 0.0), shared=Shared.as_told(len(LIGHTS)))
 
     def median_deg() -> float:
-        found = last.solve(seen, gathered, start, known, (SIZE, SIZE))
+        found = final_solve.solve(seen, gathered, start, known, (SIZE, SIZE))
         return float(np.median(cushion.error_deg(found.normals)))
 
     settled = median_deg()
-    monkeypatch.setattr(integrable, "ROUNDS", 0)
+    monkeypatch.setattr(integrability, "ROUNDS", 0)
     single = median_deg()
     assert settled < 0.95 * single

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.normals import lambert, lobe
-from acquisition.normals.lambert import Estimate
-from acquisition.normals.lobe import Lobe
+from acquisition.normals import pixel_solve, specular
+from acquisition.normals.pixel_solve import Estimate
+from acquisition.normals.specular import Lobe
 from tests.acquisition.normals.shared_scene import Measured, measured
 
 
@@ -23,9 +23,9 @@ def blinn(scene: Measured, strength: float, exponent: float) -> np.ndarray:
 def fitted(scene: Measured, values: np.ndarray, off_m: float = 0.0) -> Lobe:
     noisy = values + np.random.default_rng(0).normal(0, 0.003, values.shape)
     depth_m = scene.depth_m + np.float32(off_m)
-    return lobe.fit(
+    return specular.fit(
         scene.pixels, noisy.astype(np.float32), depth_m, scene.along, scene.lamp, scene.calibration, scene.noise, 0.15,
-        lobe.NONE,
+        specular.NONE,
     )  # fmt: skip
 
 
@@ -47,18 +47,18 @@ def test_the_lobe_of_a_flat_surface_is_found_although_its_depth_is_wrong(off_m: 
 
 def test_a_matt_surface_gets_none() -> None:
     scene = measured()
-    assert fitted(scene, scene.values) == lobe.NONE
+    assert fitted(scene, scene.values) == specular.NONE
 
 
 def test_four_lights_cannot_tell() -> None:
     scene = measured(count=4)
-    assert fitted(scene, scene.values + blinn(scene, 0.2, 35.0)) == lobe.NONE
+    assert fitted(scene, scene.values + blinn(scene, 0.2, 35.0)) == specular.NONE
 
 
 def test_the_highlight_changes_as_it_is_said_to() -> None:
     """Against differences over a small turn of g and small changes of the lobe."""
     scene, gloss = measured(), Lobe(0.2, 30.0)
-    found = lambert.solve(
+    found = pixel_solve.solve(
         scene.pixels, scene.values, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.15
     )
     said = gloss.change(found, scene.along)
@@ -81,7 +81,7 @@ def test_a_strong_highlight_is_taken_out_with_the_normal_that_it_depends_on() ->
 
     def error(*, together: bool) -> float:
         def solved(values: np.ndarray, highlight_by_g: np.ndarray | None) -> Estimate:
-            return lambert.solve(
+            return pixel_solve.solve(
                 scene.pixels, values, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.08,
                 highlight_by_g=highlight_by_g,
             )  # fmt: skip

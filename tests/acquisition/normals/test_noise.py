@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.normals import lambert, noise, self_calibration
-from acquisition.normals.lambert import Estimate
+from acquisition.normals import pixel_solve, residual_noise, self_calibration
+from acquisition.normals.pixel_solve import Estimate
 from acquisition.photometry import Noise
 from tests.acquisition.normals.shared_scene import Measured, measured
 
@@ -14,7 +14,7 @@ OFFSET_M = 0.003
 
 
 def solved(scene: Measured, values: np.ndarray, assumed: Noise) -> Estimate:
-    return lambert.solve(
+    return pixel_solve.solve(
         scene.pixels, values, scene.depth_m, scene.lamp, scene.calibration, assumed, threshold=0.08,
         offset_sigma_m=OFFSET_M,
     )  # fmt: skip
@@ -30,7 +30,9 @@ def test_the_share_of_intensity_errors_is_found(true: float, assumed: float) -> 
     model = stated = Noise(scene.noise.shot, scene.noise.floor, assumed, 0.001)
     for _ in range(3):
         found = solved(scene, values, model)
-        model = noise.estimate(found, values, model, stated, scene.along, scene.lamp, OFFSET_M, np.zeros_like(values))
+        model = residual_noise.estimate(
+            found, values, model, stated, scene.along, scene.lamp, OFFSET_M, np.zeros_like(values)
+        )
     assert model.intensity == pytest.approx(true, rel=0.2)
 
 
@@ -38,7 +40,7 @@ def test_what_too_few_lights_tell_is_not_believed() -> None:
     scene = measured(count=4)
     found = solved(scene, scene.values, scene.noise)
     before = replace(scene.noise, intensity=0.02, direction=0.04)
-    told = noise.estimate(
+    told = residual_noise.estimate(
         found, scene.values, before, scene.noise, scene.along, scene.lamp, OFFSET_M, np.zeros_like(scene.values)
     )
     assert told == scene.noise
@@ -52,7 +54,7 @@ def test_directions_are_not_judged_by_the_few_pixels_that_light_grazes(largest_s
     told = scene.noise
     for _ in range(3):
         found = solved(scene, values, told)
-        told = noise.estimate(
+        told = residual_noise.estimate(
             found, values, told, scene.noise, scene.along, scene.lamp, OFFSET_M, np.zeros_like(values)
         )
     if believed:
@@ -71,12 +73,12 @@ def test_errors_of_lamps_move_normals_as_predicted() -> None:
     for _ in range(60):
         factors = np.exp(rng.normal(0, 0.01, 8))[:, None]
         lamp = scene.lamp + np.pad(rng.normal(0, 0.001, (8, 3)), ((0, 0), (0, 3))).astype(np.float32)
-        found = lambert.solve(
+        found = pixel_solve.solve(
             scene.pixels, (scene.values * factors).astype(np.float32), scene.depth_m, lamp, scene.calibration,
             quiet, threshold=0.08, cauchy_scale=None,
         )  # fmt: skip
         moved.append(np.sum((found.normals - scene.normals) ** 2, axis=0))
-    exact = lambert.solve(
+    exact = pixel_solve.solve(
         scene.pixels, scene.values, scene.depth_m, scene.lamp, scene.calibration, quiet, threshold=0.08,
         cauchy_scale=None,
     )  # fmt: skip

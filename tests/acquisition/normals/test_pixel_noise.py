@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from acquisition.models.light_plan import Light
 from acquisition.normals import pixel_noise
-from acquisition.normals.observe import Stack
-from acquisition.types import Light
+from acquisition.normals.session_images import Stack
 from tests.acquisition import scenes
 
 SIZE, INTENSITY, GUESSED = 160, 0.8, 10_000

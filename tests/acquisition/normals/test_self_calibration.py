@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from acquisition import normals, photometry
-from acquisition.measured import Observations, SolveSettings
-from acquisition.normals import lambert, lobe, refine, self_calibration
-from acquisition.normals.lambert import Estimate
-from acquisition.normals.lobe import Change, Lobe
+from acquisition.models.light_plan import Light
+from acquisition.models.result import SolveSettings
+from acquisition.models.shot import Observations
+from acquisition.normals import alternation, pixel_solve, self_calibration, specular
+from acquisition.normals.pixel_solve import Estimate
 from acquisition.normals.self_calibration import Priors, Shared
-from acquisition.types import Light
+from acquisition.normals.specular import Change, Lobe
 from tests.acquisition import scenes
 from tests.acquisition.normals.shared_scene import measured
 
@@ -53,22 +54,22 @@ def test_intensities_of_a_flat_glossy_surface_are_found() -> None:
     rng = np.random.default_rng(5)
     wrong = rng.normal(0, 0.03, 8)
     gloss = Lobe(0.2, 30.0)
-    exact = lambert.solve(
+    exact = pixel_solve.solve(
         scene.pixels, scene.values, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.08
     )
     images = (scene.values + gloss.highlight(exact, scene.along)) * np.exp(wrong)[:, None]
     images = (images + rng.normal(0, 0.002, images.shape)).astype(np.float32)
     log_intensity, highlight = np.zeros(8), np.zeros_like(images)
     for _ in range(10):
-        whole = refine.divided(images, log_intensity)
-        found = lambert.solve(
+        whole = alternation.divided(images, log_intensity)
+        found = pixel_solve.solve(
             scene.pixels, whole - highlight, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.08,
-            extra=(np.float32(lobe.SIGMA) * highlight) ** 2,
+            extra=(np.float32(specular.SIGMA) * highlight) ** 2,
         )  # fmt: skip
         glossy = gloss.change(found, scene.along)
         assert glossy is not None
         highlight = glossy.highlight
-        change = lambert.derivative(found.light, found.point, scene.along, scene.lamp)
+        change = pixel_solve.derivative(found.light, found.point, scene.along, scene.lamp)
         present = replace(Shared.as_told(8), log_intensity=log_intensity)
         log_intensity = (
             log_intensity
@@ -84,11 +85,11 @@ def test_a_step_is_that_of_all_unknowns_at_once() -> None:
     """Pixels' own unknowns are eliminated one pixel after another; the whole system, solved densely, says the same."""
     scene, rng, offset_sigma, shift_sigma = measured(size=9), np.random.default_rng(2), 0.003, 0.03
     values = (scene.values * (1 + rng.normal(0, 0.001, scene.values.shape))).astype(np.float32)
-    found = lambert.solve(
+    found = pixel_solve.solve(
         scene.pixels, values, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.08,
         offset_sigma_m=offset_sigma,
     )  # fmt: skip
-    change = lambert.derivative(found.light, found.point, scene.along, scene.lamp)
+    change = pixel_solve.derivative(found.light, found.point, scene.along, scene.lamp)
     start, aside, shift = rng.normal(0, 0.001, 8), rng.normal(0, 0.001, (8, 3)), 0.002
     present = Shared(start, aside, shift, np.zeros((32, 32)))
     step = self_calibration.step(
@@ -177,7 +178,7 @@ def test_a_step_adds_up_what_each_pixel_tells(count: int, *, glossy: bool) -> No
 
 def test_values_change_with_the_lamps_positions_as_told() -> None:
     scene, by = measured(size=9), 1e-4
-    found = lambert.solve(
+    found = pixel_solve.solve(
         scene.pixels, scene.values, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.08
     )
     told = self_calibration.by_position(found, scene.lamp)
@@ -204,11 +205,11 @@ def test_lamps_that_stand_aside_are_found_and_their_doubt_is_honest() -> None:
         present = Shared.as_told(8)
         for _ in range(4):
             there = present.lamps(lamp)
-            values = refine.divided(images, present.log_intensity)
-            found = lambert.solve(
+            values = alternation.divided(images, present.log_intensity)
+            found = pixel_solve.solve(
                 scene.pixels, values, scene.depth_m, there, scene.calibration, scene.noise, threshold=0.08
             )
-            change = lambert.derivative(found.light, found.point, scene.along, there)
+            change = pixel_solve.derivative(found.light, found.point, scene.along, there)
             step = self_calibration.step(found, change, values, there, present, Priors(STATED, 0.001, 0.0), 0.003)
             present = Shared(
                 present.log_intensity + step.log_intensity, present.aside_m + step.aside_m, 0.0, step.covariance

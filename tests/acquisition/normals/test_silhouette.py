@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError
 from acquisition.normals import silhouette
 from tests.acquisition import scenes
 

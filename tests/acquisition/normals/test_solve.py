@@ -6,20 +6,12 @@ import numpy as np
 import pytest
 
 from acquisition import normals
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import (
-    ATTACHED,
-    CAST,
-    LIT,
-    SATURATED,
-    Calibration,
-    NormalMap,
-    Observations,
-    Shot,
-    SolveSettings,
-)
+from acquisition.models.calibration import Calibration
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import Light
+from acquisition.models.result import ATTACHED, CAST, LIT, SATURATED, NormalMap, SolveSettings
+from acquisition.models.shot import Observations, Shot
 from acquisition.plan import baselines
-from acquisition.types import Light
 from tests.acquisition import scenes
 
 SIZE = 112

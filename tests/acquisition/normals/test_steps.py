@@ -3,9 +3,9 @@
 import numpy as np
 
 from acquisition import normals
-from acquisition.measured import SolveSettings
+from acquisition.models.light_plan import Light
+from acquisition.models.result import SolveSettings
 from acquisition.plan import baselines
-from acquisition.types import Light
 from tests.acquisition import scenes
 
 SIZE = 128

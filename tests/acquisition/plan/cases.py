@@ -3,19 +3,14 @@
 import numpy as np
 
 from acquisition import photometry
-from acquisition.measured import (
-    Calibration,
-    FrameQuality,
-    FrameRef,
-    Information,
-    NormalMap,
-    Observations,
-    Shot,
-    ShotKey,
-)
-from acquisition.plan import criterion, noise, visibility
+from acquisition.models.base import FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.light_plan import Light
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import Information, NormalMap
+from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
+from acquisition.plan import criterion, planned_noise, visibility
 from acquisition.plan.criterion import Candidates, Samples
-from acquisition.types import FloatArray, Light, Recipe
 from tests.acquisition.scenes import Frames, Scene
 
 NOTHING_TAKEN = Observations(shots=[], darks={}, frames=Frames())
@@ -159,8 +154,8 @@ def noise_by_hand(
     known, sensor = true.calibration, true.calibration.sensor
     electrons = sensor.gain_e_per_dn * sensor.full_scale_dn * level
     aside = known.lamp_position_sigma_m / distance
-    share = noise.AFTER_SELF_CALIBRATION**2 * (known.intensity_sigma**2 + (2 * aside) ** 2)
+    share = planned_noise.AFTER_SELF_CALIBRATION**2 * (known.intensity_sigma**2 + (2 * aside) ** 2)
     turn = aside**2 * (1 - cosine**2)
     floor = 2 * (sensor.read_noise_e**2 + sensor.gain_e_per_dn**2 / 12) / electrons**2
     own = value / electrons + floor + photometry.FLAT_FIELD_SIGMA**2 * value**2
-    return noise.OWN_LEFT * own + share * value**2 + turn * strength**2
+    return planned_noise.OWN_LEFT * own + share * value**2 + turn * strength**2

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from acquisition import geometry, plan
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models.base import FloatArray
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import LightPlan
+from acquisition.models.recipe import Method, Recipe
 from acquisition.plan import baselines
-from acquisition.types import FloatArray, LightPlan, Method, Recipe
 from tests.acquisition.scenes import Dome
 
 PATTERNS: list[Method] = ["two-rings", "ring", "drbohlav", "max-distance", "paper", "random"]

@@ -8,11 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition import geometry
-from acquisition.measured import CAST, LIT
-from acquisition.plan import criterion, patterns, visibility
+from acquisition.models.base import FloatArray
+from acquisition.models.light_plan import Light
+from acquisition.models.recipe import Exposure, Recipe
+from acquisition.models.result import CAST, LIT
+from acquisition.plan import criterion, two_ring_pattern, visibility
 from acquisition.plan.criterion import LEVELS, Candidates, Samples
 from acquisition.plan.objective import CAP_DEG, CAPPED
-from acquisition.types import Exposure, FloatArray, Light, Recipe
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -90,17 +92,17 @@ def test_uneven_lights_cost_what_their_imbalance_says(seed: int, present: int) -
     plain, dear = (loss.scan(sample, before, lights) for loss in (CAPPED, uneven))
     for light in range(len(lights.row)):
         units = np.concatenate([lights.unit[:present], lights.unit[light : light + 1]])
-        assert dear[light] / plain[light] == pytest.approx(1 + 3 * patterns.imbalance(units) ** 2, rel=1e-6)
+        assert dear[light] / plain[light] == pytest.approx(1 + 3 * two_ring_pattern.imbalance(units) ** 2, rel=1e-6)
     assert uneven.of(before) == pytest.approx(
-        CAPPED.of(before) * (1 + 3 * patterns.imbalance(before.units) ** 2), rel=1e-6
+        CAPPED.of(before) * (1 + 3 * two_ring_pattern.imbalance(before.units) ** 2), rel=1e-6
     )
 
 
 def test_imbalance_is_nothing_for_even_rings_and_much_for_one_side() -> None:
     even = np.concatenate([geometry.direction(0.4, np.arange(3) * 2 * np.pi / 3), geometry.direction(0.0, np.zeros(1))])
-    assert patterns.imbalance(even) == pytest.approx(0, abs=1e-12)
-    assert patterns.imbalance(geometry.direction(1.0, np.linspace(-0.3, 0.3, 4))) > 0.8
-    assert patterns.imbalance(np.empty((0, 3))) == 0
+    assert two_ring_pattern.imbalance(even) == pytest.approx(0, abs=1e-12)
+    assert two_ring_pattern.imbalance(geometry.direction(1.0, np.linspace(-0.3, 0.3, 4))) > 0.8
+    assert two_ring_pattern.imbalance(np.empty((0, 3))) == 0
 
 
 # ------------------------------------------------------------------------------------------------ from a normal map

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from acquisition import pilot
+from acquisition.models.recipe import Recipe
 from acquisition.plan import explain
 from acquisition.plan.explain import Gains
-from acquisition.types import Recipe
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 

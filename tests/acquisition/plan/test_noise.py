@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from acquisition import pilot
-from acquisition.measured import HIGHLIGHT, LIT, NormalMap
-from acquisition.plan import criterion, noise, visibility
-from acquisition.plan.trust import Doubts
-from acquisition.types import Recipe
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import HIGHLIGHT, LIT, NormalMap
+from acquisition.plan import criterion, planned_noise, visibility
+from acquisition.plan.fallback import Doubts
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -32,10 +32,13 @@ def test_highlights_in_some_images_make_a_surface_glossy_and_a_few_do_not(ball: 
         flags = normal_map.flags.copy()
         some = slice(0, int(share * len(rows)))
         flags[1, rows[some], columns[some]] |= HIGHLIGHT
-        assert (noise.gloss(replace(normal_map, flags=flags)).sigma > 0) == glossy
+        assert (planned_noise.gloss(replace(normal_map, flags=flags)).sigma > 0) == glossy
     lobe = {"lobe": {"strength": 0.15, "exponent": 35.0}}
-    assert noise.gloss(replace(normal_map, notes=lobe)) == noise.Gloss(0.2 * 0.15, 35.0)
-    assert noise.gloss(replace(normal_map, notes={"lobe": {"strength": 0.0, "exponent": 120.0}})) == noise.MATT
+    assert planned_noise.gloss(replace(normal_map, notes=lobe)) == planned_noise.Gloss(0.2 * 0.15, 35.0)
+    assert (
+        planned_noise.gloss(replace(normal_map, notes={"lobe": {"strength": 0.0, "exponent": 120.0}}))
+        == planned_noise.MATT
+    )
 
 
 def test_gloss_takes_the_worth_of_a_light_where_its_highlight_falls(ball: scenes.Scene) -> None:
@@ -45,7 +48,7 @@ def test_gloss_takes_the_worth_of_a_light_where_its_highlight_falls(ball: scenes
     light = scenes.ring(1, 40.0)
     matt, glossy = (
         np.sum(criterion.candidates(sample, light, surface, ball.calibration, Recipe(), gloss).row[0, :3] ** 2, axis=0)
-        for gloss in (noise.MATT, noise.Gloss(0.1, 30.0))
+        for gloss in (planned_noise.MATT, planned_noise.Gloss(0.1, 30.0))
     )
     half = np.array([np.sin(np.radians(20)), 0.0, np.cos(np.radians(20))])  # camera on +z, light at 40° towards +x
     near = half @ sample.normal > np.cos(np.radians(6))
@@ -56,7 +59,7 @@ def test_gloss_takes_the_worth_of_a_light_where_its_highlight_falls(ball: scenes
 
 
 def test_a_flat_surface_mirrors_one_lamp_nearly_everywhere_and_a_ball_in_a_spot(ball: scenes.Scene) -> None:
-    gloss = noise.Gloss(0.03, 30.0)
+    gloss = planned_noise.Gloss(0.03, 30.0)
     plate = scenes.scene(lambda x, y: np.where(np.hypot(x, y) < 0.06, 0.01, 0.0), scenes.calibration(64))
     shares: dict[str, float] = {}
     for name, true in {"ball": ball, "plate": plate}.items():
@@ -64,7 +67,7 @@ def test_a_flat_surface_mirrors_one_lamp_nearly_everywhere_and_a_ball_in_a_spot(
         sample = criterion.samples(normal_map, true.calibration, np.arange(len(normal_map.information.rows)))
         units = criterion.directions(scenes.ring(12, 15.0))
         shares[name] = criterion.mirrored(sample, units, gloss)
-        assert criterion.mirrored(sample, units, noise.MATT) == 0
+        assert criterion.mirrored(sample, units, planned_noise.MATT) == 0
     assert shares["plate"] > 0.5
     assert 0 < shares["ball"] < 0.2
 
@@ -80,15 +83,15 @@ def test_two_rings_are_taken_where_a_plan_is_not_to_be_trusted() -> None:
 def test_only_surface_that_bends_keeps_a_variance_and_by_how_far_it_bends(ball: scenes.Scene) -> None:
     normal_map = piloted(ball)
     rows, columns = np.nonzero(ball.graded)
-    assert np.quantile(noise.unresolved(normal_map, rows, columns), 0.95) < np.radians(0.1) ** 2
+    assert np.quantile(planned_noise.unresolved(normal_map, rows, columns), 0.95) < np.radians(0.1) ** 2
     bent = normal_map.normals.copy()
     turn = np.radians(20.0)
     bent[60:68, 64] = [np.sin(turn), 0, np.cos(turn)]  # a column of pixels on the ball's top that leans by 20°
-    kept = noise.unresolved(replace(normal_map, normals=bent), np.array([64]), np.array([64]))
+    kept = planned_noise.unresolved(replace(normal_map, normals=bent), np.array([64]), np.array([64]))
     # The second difference across is twice the step of 2 sin 10°, along it is nothing.
-    square = (2 * 2 * np.sin(turn / 2)) ** 2 / 2 - noise.NOISE_OF_BEND**2
-    square -= (noise.NOISE_OF_SIGMA * np.radians(1.0)) ** 2  # σ is 1° in this map
-    np.testing.assert_allclose(kept, noise.MIXED**2 * square, rtol=0.15)
+    square = (2 * 2 * np.sin(turn / 2)) ** 2 / 2 - planned_noise.NOISE_OF_BEND**2
+    square -= (planned_noise.NOISE_OF_SIGMA * np.radians(1.0)) ** 2  # σ is 1° in this map
+    np.testing.assert_allclose(kept, planned_noise.MIXED**2 * square, rtol=0.15)
 
 
 def test_pixels_at_the_edge_of_image_and_object_or_not_numbers_are_no_trouble(ball: scenes.Scene) -> None:
@@ -96,7 +99,7 @@ def test_pixels_at_the_edge_of_image_and_object_or_not_numbers_are_no_trouble(ba
     normal_map.normals[63, 64] = np.nan
     everywhere = replace(normal_map, mask=np.ones_like(normal_map.mask))
     rows, columns = np.array([0, 0, 127, 127, 64]), np.array([0, 127, 0, 127, 64])
-    assert np.all(np.isfinite(noise.unresolved(everywhere, rows, columns)))
+    assert np.all(np.isfinite(planned_noise.unresolved(everywhere, rows, columns)))
 
 
 def test_information_is_scaled_to_the_expected_noise(ball: scenes.Scene) -> None:
@@ -119,7 +122,7 @@ def test_bounced_light_adds_two_fifths_of_itself_whatever_the_lamp_gives(ball: s
     value, cosine, strength, distance = np.random.default_rng(3).uniform(0.1, 0.9, (4, 2, 3))
     bounced = np.array([0.0, 0.05, 0.5], np.float32)
     with_it, without = (
-        noise.variance(
+        planned_noise.variance(
             value, cosine, strength, distance, np.array([0.4, 0.8]), ball.calibration, light, cautious=cautious
         )
         for light in (bounced, np.zeros(3, np.float32))
@@ -131,7 +134,9 @@ def test_a_solver_weighs_by_a_tenth_of_bounced_light(ball: scenes.Scene) -> None
     value, strength = np.random.default_rng(3).uniform(0.1, 0.9, (2, 2, 3)).astype(np.float32)
     bounced = np.array([0.0, 0.05, 0.5], np.float32)
     with_it, without = (
-        noise.solved_variance(value, strength, 0.45, np.array([0.4, 0.8]), ball.calibration, piloted(ball), light)
+        planned_noise.solved_variance(
+            value, strength, 0.45, np.array([0.4, 0.8]), ball.calibration, piloted(ball), light
+        )
         for light in (bounced, np.zeros(3, np.float32))
     )
     np.testing.assert_allclose(with_it - without, np.tile([0.0, 0.000025, 0.0025], (2, 1)), rtol=1e-4, atol=1e-12)

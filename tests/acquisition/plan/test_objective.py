@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from acquisition.models.recipe import Objective
 from acquisition.plan import objective
 from acquisition.plan.criterion import Expectation
-from acquisition.types import Objective
 
 
 def of_sigmas(*sigma_deg: float) -> Expectation:

@@ -14,9 +14,11 @@ import numpy as np
 import pytest
 
 from acquisition import normals, pilot, plan
-from acquisition.measured import NormalMap, Observations, SolveSettings
+from acquisition.models.light_plan import Light
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import NormalMap, SolveSettings
+from acquisition.models.shot import Observations
 from acquisition.normals import Stack
-from acquisition.types import Light, Recipe
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 from tests.path_traced import bench

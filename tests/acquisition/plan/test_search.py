@@ -5,12 +5,12 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from acquisition import dome, geometry
-from acquisition.plan import criterion, patterns, relaxation, search
+from acquisition import geometry, lamp_pose
+from acquisition.models.base import FloatArray
+from acquisition.plan import criterion, optimise, relaxation, two_ring_pattern
 from acquisition.plan.baselines import two_rings
 from acquisition.plan.deadline import Deadline
 from acquisition.plan.objective import CAPPED, VARIANCE
-from acquisition.types import FloatArray
 from tests.acquisition.plan import cases
 
 NEVER = Deadline()
@@ -22,16 +22,16 @@ def dome_units(count: int, lowest_cosine: float = 0.0) -> FloatArray:
 
 
 def rings(units: FloatArray, count: int) -> list[list[int]]:
-    return patterns.completions(np.empty((0, 3)), units, count)
+    return two_ring_pattern.completions(np.empty((0, 3)), units, count)
 
 
 @pytest.mark.parametrize("quick", [False, True])
 @pytest.mark.parametrize("seed", range(12))
 def test_the_search_is_within_five_per_cent_of_exhaustive_search(seed: int, quick: bool) -> None:
     sample, options = cases.random_case(seed, pixels=24, lights=11)
-    chosen = search.search(sample, options, CAPPED, rings(dome_units(11, 0.3), 3), 3, seed, NEVER, quick=quick)
-    found = search.value(sample, options, CAPPED, chosen)
-    best = min(search.value(sample, options, CAPPED, list(some)) for some in combinations(range(11), 3))
+    chosen = optimise.search(sample, options, CAPPED, rings(dome_units(11, 0.3), 3), 3, seed, NEVER, quick=quick)
+    found = optimise.value(sample, options, CAPPED, chosen)
+    best = min(optimise.value(sample, options, CAPPED, list(some)) for some in combinations(range(11), 3))
     assert len(set(chosen)) == 3
     assert best * (1 - 1e-9) <= found <= 1.05 * best
 
@@ -41,7 +41,7 @@ def test_no_choice_at_all_beats_the_bound(seed: int) -> None:
     sample, options = cases.random_case(seed, pixels=6, lights=8)
     count = 1 + seed % 4
     found = relaxation.bound(sample, options, count, NEVER)
-    best = min(search.value(sample, options, VARIANCE, list(some)) for some in combinations(range(8), count))
+    best = min(optimise.value(sample, options, VARIANCE, list(some)) for some in combinations(range(8), count))
     assert found.variance <= best * (1 + 1e-6)
     assert found.gap <= 0.001
     assert np.sum(found.shares) == pytest.approx(count, rel=1e-3)
@@ -55,10 +55,10 @@ def test_distant_unshadowed_lights_reach_the_closed_form(count: int) -> None:
     closed = np.sum(np.sqrt(np.linalg.eigvalsh(mean))) ** 2 / count
     units = dome_units(300)
     sample, options = cases.distant_case(normal, units, scale=80.0)
-    chosen = search.search(sample, options, VARIANCE, rings(units, count), count, 0, NEVER)
-    on_grid = search.value(sample, options, VARIANCE, chosen) * 80.0**2
+    chosen = optimise.search(sample, options, VARIANCE, rings(units, count), count, 0, NEVER)
+    on_grid = optimise.value(sample, options, VARIANCE, chosen) * 80.0**2
     assert closed * (1 - 3e-4) <= on_grid <= 1.005 * closed
-    positions = search.refine(
+    positions = optimise.refine(
         sample, units[chosen], np.zeros(3), VARIANCE, lambda places: cases.distant_case(normal, places, 80.0)[1],
         lambda place: bool(place[2] >= 0), NEVER,
     )  # fmt: skip
@@ -76,9 +76,9 @@ def test_never_worse_than_any_pattern_it_starts_from(seed: int, count: int) -> N
     units = dome_units(60, 0.3)
     sample, options = cases.random_case(seed, pixels=500, lights=60)
     starts = rings(units, count)
-    chosen = search.search(sample, options, CAPPED, starts, count, seed, NEVER)
-    found = search.value(sample, options, CAPPED, chosen)
-    assert all(found <= search.value(sample, options, CAPPED, start) * (1 + 1e-6) for start in starts)
+    chosen = optimise.search(sample, options, CAPPED, starts, count, seed, NEVER)
+    found = optimise.value(sample, options, CAPPED, chosen)
+    assert all(found <= optimise.value(sample, options, CAPPED, start) * (1 + 1e-6) for start in starts)
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 5))])
@@ -86,26 +86,26 @@ def test_never_worse_than_any_pattern_it_starts_from(seed: int, count: int) -> N
 def test_within_one_per_cent_of_the_best_of_fifty_starts(seed: int, count: int) -> None:
     units = dome_units(80, 0.3)
     sample, options = cases.lit_case(seed, units)
-    chosen = search.search(sample, options, CAPPED, rings(units, count), count, seed, NEVER)
+    chosen = optimise.search(sample, options, CAPPED, rings(units, count), count, seed, NEVER)
     rng = np.random.default_rng(seed + 1000)
     starts = [[int(index) for index in rng.permutation(len(units))[:count]] for _ in range(50)]
     best = min(
-        search.value(sample, options, CAPPED, search.exchange(sample, options, CAPPED, start, NEVER, passes=8))
+        optimise.value(sample, options, CAPPED, optimise.exchange(sample, options, CAPPED, start, NEVER, passes=8))
         for start in starts
     )
-    assert search.value(sample, options, CAPPED, chosen) <= 1.01 * best
+    assert optimise.value(sample, options, CAPPED, chosen) <= 1.01 * best
 
 
 def test_a_deadline_gives_the_best_so_far() -> None:
     units = dome_units(60, 0.3)
     sample, options = cases.random_case(0, pixels=500, lights=60)
     starts = rings(units, 6)
-    chosen = search.search(sample, options, CAPPED, starts, 6, 0, Deadline.within(0.0))
+    chosen = optimise.search(sample, options, CAPPED, starts, 6, 0, Deadline.within(0.0))
     assert len(set(chosen)) == 6
-    found = search.value(sample, options, CAPPED, chosen)
-    assert all(found <= search.value(sample, options, CAPPED, start) * (1 + 1e-6) for start in starts)
+    found = optimise.value(sample, options, CAPPED, chosen)
+    assert all(found <= optimise.value(sample, options, CAPPED, start) * (1 + 1e-6) for start in starts)
     bound = relaxation.bound(sample, options, 6, Deadline.within(0.0))
-    assert 0 <= bound.variance <= search.value(sample, options, VARIANCE, chosen)
+    assert 0 <= bound.variance <= optimise.value(sample, options, VARIANCE, chosen)
     assert bound.gap > 0.001
 
 
@@ -115,17 +115,17 @@ def test_lights_taken_already_fill_their_places_of_the_pattern() -> None:
     taken = whole[[0, 4, 6]]
     best = max(
         (np.min(np.max(units[added] @ whole[[1, 2, 3, 5, 7]].T, axis=0)), added)
-        for added in patterns.completions(taken, units, 5)
+        for added in two_ring_pattern.completions(taken, units, 5)
     )
     assert best[0] > np.cos(0.15)
-    assert len(dome.nearest_distinct(whole, units, np.ones(400, dtype=np.bool_))[0]) == 8
+    assert len(lamp_pose.nearest_distinct(whole, units, np.ones(400, dtype=np.bool_))[0]) == 8
 
 
 def test_rings_taken_instead_of_a_plan_are_steeper_where_there_are_lights_enough() -> None:
     units = dome_units(400, 0.2)
     taken = geometry.direction(np.radians([8.0, 50.0, 50.0, 50.0]), np.arange(4) * 2 * np.pi / 3)
     for count, slant_deg in ((4, 60.0), (8, 65.0)):
-        slant = np.degrees(geometry.slant_azimuth(units[patterns.instead(taken, units, count)])[0])
+        slant = np.degrees(geometry.slant_azimuth(units[two_ring_pattern.instead(taken, units, count)])[0])
         outer = slant[slant > 40]
         assert len(outer) >= count // 2
         np.testing.assert_allclose(outer, slant_deg, atol=5)

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from acquisition import pilot, plan
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import CAST, LIT, Information, NormalMap, Observations
-from acquisition.plan import criterion, patterns
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import LightPlan
+from acquisition.models.recipe import Objective, Recipe
+from acquisition.models.result import CAST, LIT, Information, NormalMap
+from acquisition.models.shot import Observations
+from acquisition.plan import criterion, two_ring_pattern
 from acquisition.plan.objective import CAPPED
-from acquisition.types import LightPlan, Objective, Recipe
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -175,7 +177,7 @@ def test_steps_that_the_depth_map_lacks_are_answered_by_two_rings(
         assert any("two rings instead of planned lights" in note for note in chosen.notes)
         pilots = np.array([shot.light.position for shot in taken.shots if shot.light is not None]) - reach.center
         added = np.array([light.position for light in chosen.lights]) - reach.center
-        assert patterns.imbalance(np.concatenate([pilots, added]) / reach.radius_m) < 0.08
+        assert two_ring_pattern.imbalance(np.concatenate([pilots, added]) / reach.radius_m) < 0.08
 
 
 def test_little_to_gain_is_answered_by_two_rings(cushion: scenes.Scene, reach: scenes.Dome) -> None:

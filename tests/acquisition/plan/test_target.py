@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from acquisition import normals, photometry, pilot, plan
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import NormalMap, Observations, SolveSettings
-from acquisition.plan import target
-from acquisition.types import Expected, LightPlan, Recipe
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import Expected, LightPlan
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import NormalMap, SolveSettings
+from acquisition.models.shot import Observations
+from acquisition.plan import stopping_rule
 from tests.acquisition import scenes
 
 TRUE = scenes.scene(scenes.bumps, scenes.calibration(72))
@@ -32,9 +34,11 @@ def approach(known: tuple[NormalMap, Observations], **order: object) -> LightPla
 
 
 def test_as_many_lights_as_the_forecast_asks_for(known: tuple[NormalMap, Observations]) -> None:
-    reached = target.reached_deg(known[0], TRUE.calibration)
+    reached = stopping_rule.reached_deg(known[0], TRUE.calibration)
     curve = plan.forecast(*known, Recipe(), REACH, TRUE.calibration, [2, 3, 4])
-    chosen = approach(known, target_sigma_deg=curve[1].sigma_deg / (1 + target.FIRST_SLACK) * 1.0001, max_lights=12)
+    chosen = approach(
+        known, target_sigma_deg=curve[1].sigma_deg / (1 + stopping_rule.FIRST_SLACK) * 1.0001, max_lights=12
+    )
     assert len(chosen.lights) == 3
     assert chosen.conclusion is None
     assert chosen.forecast[0].lights == 5
@@ -44,7 +48,7 @@ def test_as_many_lights_as_the_forecast_asks_for(known: tuple[NormalMap, Observa
 
 
 def test_nothing_more_once_it_is_met(known: tuple[NormalMap, Observations]) -> None:
-    reached = target.reached_deg(known[0], TRUE.calibration)
+    reached = stopping_rule.reached_deg(known[0], TRUE.calibration)
     for wanted in (reached, reached / 1.029):
         chosen = approach(known, target_sigma_deg=wanted, pilot_lights=3)
         assert chosen.lights == []
@@ -53,7 +57,7 @@ def test_nothing_more_once_it_is_met(known: tuple[NormalMap, Observations]) -> N
 
 
 def test_a_pilot_alone_meets_a_target_with_something_to_spare(known: tuple[NormalMap, Observations]) -> None:
-    reached = target.reached_deg(known[0], TRUE.calibration)
+    reached = stopping_rule.reached_deg(known[0], TRUE.calibration)
     assert len(approach(known, target_sigma_deg=reached * 1.19).lights) == 1
     assert approach(known, target_sigma_deg=reached * 1.21).lights == []
 
@@ -72,7 +76,7 @@ def test_lights_that_bring_nothing_are_not_taken(known: tuple[NormalMap, Observa
     order = Recipe(target_sigma_deg=0.1, max_lights=5)
     conclusion = plan.approach(sure, observations, order, REACH, TRUE.calibration).conclusion
     assert conclusion is not None
-    left = target.reached_deg(sure, TRUE.calibration)
+    left = stopping_rule.reached_deg(sure, TRUE.calibration)
     assert conclusion.startswith(f"no light is worth taking after 4 images: mean σ {left:.2f}°, with all 5 lights")
 
 
@@ -88,7 +92,7 @@ def test_a_target_out_of_reach_is_not_worth_the_last_lights(known: tuple[NormalM
     least = min(point.sigma_deg for point in chosen.forecast)
     taken = next(point for point in chosen.forecast if point.added >= len(chosen.lights))
     assert len(chosen.lights) < 36
-    assert taken.sigma_deg <= (1 + target.WORTH) * (1 + target.FIRST_SLACK) * least
+    assert taken.sigma_deg <= (1 + stopping_rule.WORTH) * (1 + stopping_rule.FIRST_SLACK) * least
 
 
 def test_bends_within_pixels_count_and_no_light_removes_them(known: tuple[NormalMap, Observations]) -> None:
@@ -101,8 +105,8 @@ def test_bends_within_pixels_count_and_no_light_removes_them(known: tuple[Normal
     certain = replace(normal_map, normals=true, sigma_deg=sigma)
     rough = replace(certain, normals=np.where(normal_map.mask[..., None], sharp, 0).astype(np.float32))
     assert photometry.mean_sigma_deg(certain, TRUE.calibration) == pytest.approx(0.2, abs=1e-3)
-    assert 0.2 <= target.reached_deg(certain, TRUE.calibration) < 0.3
-    assert target.reached_deg(rough, TRUE.calibration) > 1.0
+    assert 0.2 <= stopping_rule.reached_deg(certain, TRUE.calibration) < 0.3
+    assert stopping_rule.reached_deg(rough, TRUE.calibration) > 1.0
 
 
 def test_the_first_forecast_may_miss_the_target_a_little_and_later_ones_are_scaled_by_what_was_found(
@@ -115,7 +119,7 @@ def test_the_first_forecast_may_miss_the_target_a_little_and_later_ones_are_scal
     # The same images in a session whose pilot is over.
     later = approach(known, target_sigma_deg=between, pilot_lights=3)
     now = plan.forecast(*known, Recipe(), REACH, TRUE.calibration, [0])[0].sigma_deg
-    factor = target.reached_deg(known[0], TRUE.calibration) / now
+    factor = stopping_rule.reached_deg(known[0], TRUE.calibration) / now
     assert later.forecast[2].sigma_deg == pytest.approx(curve[1].sigma_deg * factor, rel=1e-6)
 
 
@@ -123,8 +127,8 @@ def test_only_the_region_of_interest_counts(known: tuple[NormalMap, Observations
     normal_map, observations = known
     sigma = np.where(normal_map.mask, normal_map.sigma_deg, np.nan)
     easy = normal_map.mask & (sigma < np.nanquantile(sigma, 0.3))
-    inside = target.reached_deg(normal_map, TRUE.calibration, easy)
-    assert inside < 0.8 * target.reached_deg(normal_map, TRUE.calibration)
+    inside = stopping_rule.reached_deg(normal_map, TRUE.calibration, easy)
+    assert inside < 0.8 * stopping_rule.reached_deg(normal_map, TRUE.calibration)
     order = Recipe(target_sigma_deg=inside * 1.21, max_lights=5)
     met = plan.approach(normal_map, observations, order, REACH, TRUE.calibration, region=easy)
     assert met.conclusion is not None
@@ -136,7 +140,7 @@ def test_only_the_region_of_interest_counts(known: tuple[NormalMap, Observations
 
 def test_between_the_counts_of_the_curve_the_number_is_interpolated() -> None:
     curve = [Expected(added=added, lights=4 + added, sigma_deg=2 / (4 + added)) for added in (1, 4, 8)]
-    first = target._first_that_meets  # pyright: ignore[reportPrivateUsage]
+    first = stopping_rule._first_that_meets  # pyright: ignore[reportPrivateUsage]
     assert first(curve, 2 / 5) == 1
     assert first(curve, 2 / 6) == 2
     assert first(curve, 2 / 6.5) == 3

@@ -5,8 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition import config, geometry
-from acquisition.config import (
+from acquisition import geometry
+from acquisition.models import cell_config
+from acquisition.models.base import Joints
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import (
     Box,
     Capsule,
     CapsuleShape,
@@ -19,8 +22,6 @@ from acquisition.config import (
     Obstacle,
     Pose,
 )
-from acquisition.measured import Calibration
-from acquisition.types import Joints
 from acquisition.waypoints.collision import scene
 
 DEPLOY = Path(__file__).resolve().parents[3] / "deploy"
@@ -30,8 +31,8 @@ SIZE = {"ur3e": 0.55, "ur5e": 1.0, "ur10e": 1.4, "ur16e": 1.05}
 
 def simulated_cell() -> tuple[CellConfig, Calibration]:
     """The default cell and its calibration."""
-    cell = config.load(DEPLOY / "cell.sim.toml")
-    return cell, config.load_calibration(DEPLOY / cell.calibration)
+    cell = cell_config.load(DEPLOY / "cell.sim.toml")
+    return cell, cell_config.load_calibration(DEPLOY / cell.calibration)
 
 
 def random_cell(seed: int) -> tuple[CellConfig, Calibration]:

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from acquisition.config import JointGeometry
-from acquisition.waypoints import as_built
+from acquisition.models.cell_config import JointGeometry
+from acquisition.waypoints import calibrated_kinematics
 from acquisition.waypoints.kinematics import arm_model, inverse
 from acquisition.waypoints.kinematics import forward as nominal_forward
 from hardware_sim.controller import kinematics as independent
@@ -19,7 +19,7 @@ MODELS = ("ur3e", "ur5e", "ur10e", "ur16e")
 def chain_of(name: str, seed: int) -> np.ndarray:
     """A calibration drawn by the simulated controller."""
     links = calibrated(independent.MODELS[name], seed).links
-    return as_built.chain(
+    return calibrated_kinematics.chain(
         [
             JointGeometry(
                 theta_rad=link.offset,
@@ -37,20 +37,20 @@ def test_the_chain_is_the_controllers(name: str) -> None:
     joints = np.random.default_rng(1).uniform(-3, 3, (50, 6))
     arm = calibrated(independent.MODELS[name], 4)
     theirs = [poses.matrix(independent.forward(arm, row)) for row in joints.tolist()]
-    assert np.allclose(as_built.forward(chain_of(name, 4), joints)[:, 6], theirs, atol=1e-12)
+    assert np.allclose(calibrated_kinematics.forward(chain_of(name, 4), joints)[:, 6], theirs, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_nearly_all_branches_are_brought_to_the_arm_as_built(name: str) -> None:
     model, chain = arm_model(name), chain_of(name, 5)
     joints = np.random.default_rng(2).uniform(-3, 3, (500, 6))
-    flange = as_built.forward(chain, joints)[:, 6]
+    flange = calibrated_kinematics.forward(chain, joints)[:, 6]
     branches = inverse(model, flange)
     pose, branch = np.nonzero(~np.isnan(branches[..., 0]))
-    found = as_built.refined(chain, branches[pose, branch], flange[pose])
+    found = calibrated_kinematics.refined(chain, branches[pose, branch], flange[pose])
     arrived = ~np.isnan(found[:, 0])
     assert arrived.mean() > 0.97
-    assert np.allclose(as_built.forward(chain, found[arrived])[:, 6], flange[pose[arrived]], atol=1e-6)
+    assert np.allclose(calibrated_kinematics.forward(chain, found[arrived])[:, 6], flange[pose[arrived]], atol=1e-6)
     unrefined = nominal_forward(model, found[arrived])[:, 6, :3, 3] - flange[pose[arrived], :3, 3]
     assert np.linalg.norm(unrefined, axis=1).mean() > 1e-3, "the closed form alone is off by millimetres"
 
@@ -58,4 +58,4 @@ def test_nearly_all_branches_are_brought_to_the_arm_as_built(name: str) -> None:
 def test_a_pose_that_no_step_leads_to_is_given_up() -> None:
     far = np.eye(4)
     far[0, 3] = 5.0
-    assert np.isnan(as_built.refined(chain_of("ur5e", 1), np.zeros((1, 6)), far[None])).all()
+    assert np.isnan(calibrated_kinematics.refined(chain_of("ur5e", 1), np.zeros((1, 6)), far[None])).all()

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition import geometry, lamp_pose
-from acquisition.config import Capsule, HalfSpace
+from acquisition.models.cell_config import Capsule, HalfSpace
 from acquisition.waypoints import collision_kernels as kernels
 from acquisition.waypoints import shape_kernels as shapes
 from acquisition.waypoints.collision import NODE_SLACK_M, scene

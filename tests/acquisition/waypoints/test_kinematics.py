@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import ur_analytic_ik
 
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError
 from acquisition.waypoints.kinematics import ELBOW_LIMIT, JOINT_LIMIT, arm_model, forward, inverse, unwrap
 
 MODELS = ("ur3e", "ur5e", "ur10e", "ur16e")

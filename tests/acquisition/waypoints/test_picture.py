@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from acquisition import dome, geometry, lamp_pose
-from acquisition.types import Route
+from acquisition import geometry, lamp_pose
+from acquisition.models.route import Route
 from acquisition.waypoints import drawing, picture
 from acquisition.waypoints.reach import ReachMap, reach
 from acquisition.waypoints.route import route
@@ -21,7 +21,7 @@ def reach_map() -> ReachMap:
 
 @pytest.fixture(scope="module")
 def planned(reach_map: ReachMap) -> Route:
-    lights = [dome.light(position, reach_map.center) for position in reach_map.candidates[:3]]
+    lights = [lamp_pose.light_at(position, reach_map.center) for position in reach_map.candidates[:3]]
     return route(lights, reach_map.home, reach_map.cell, reach_map.calibration)
 
 

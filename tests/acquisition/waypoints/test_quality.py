@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from acquisition.config import CellConfig
-from acquisition.measured import Calibration
-from acquisition.types import FloatArray, Light
+from acquisition.models.base import FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.light_plan import Light
+from acquisition.waypoints import ik_solutions as stations_module
 from acquisition.waypoints import roadmap as roadmap_module
-from acquisition.waypoints import stations as stations_module
 from acquisition.waypoints.collision import Scene, scene
 from acquisition.waypoints.kinematics import ELBOW_LIMIT, JOINT_LIMIT
 from acquisition.waypoints.reach import refusals

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from acquisition import geometry
-from acquisition.config import Capsule
-from acquisition.errors import ErrorCode, RigError
-from acquisition.types import Reach
+from acquisition.models.cell_config import Capsule
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.route import Reach
 from acquisition.waypoints.reach import ReachMap, reach
 from tests.acquisition.waypoints.cells import random_cell, simulated_cell
 

@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition import lamp_pose
-from acquisition.config import Capsule, CellConfig
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import Calibration
-from acquisition.types import JointPath, Light, Refusal, Route
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import Capsule, CellConfig
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import Light
+from acquisition.models.route import JointPath, Refusal, Route
 from acquisition.waypoints import order_kernels
 from acquisition.waypoints import roadmap as roadmap_module
 from acquisition.waypoints.motion import trapezoid_seconds

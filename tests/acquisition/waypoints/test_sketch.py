@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from acquisition import geometry, lamp_pose
-from acquisition.types import Route
+from acquisition.models.route import Route
 from acquisition.waypoints import sketch
 from acquisition.waypoints.reach import refusals
 from acquisition.waypoints.roadmap import dome_lights

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from api.study import curves, page, paper, three, whole
-from api.study.curves import Draws, Sample
-from api.study.found import Study
+from api.cli.study import curves, page, paper, three, whole
+from api.cli.study.curves import Draws, Sample
+from api.cli.study.found import Study
 
 WHO = Sample("sphere", 0, False, "optimal", 8, 0.6, 0.5, 0.0, 0.05, 0.9, 0.02, 0.7, 0.65, None)
 

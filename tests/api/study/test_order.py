@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.types import Recipe
-from api.study import scenes
+from acquisition.models.recipe import Recipe
+from api.cli.study import scenes
 
 ROOT = Path(__file__).parents[3]
 WANTED_DEG = (1.0, 0.65, 0.5)

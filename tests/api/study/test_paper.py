@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from api.study import paper
+from api.cli.study import paper
 
 
 def projector(seed: int, flat: float = 1.0) -> np.ndarray:

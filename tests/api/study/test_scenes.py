@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from acquisition import config, geometry
+from acquisition import geometry
 from acquisition.capture import check, exposure
-from acquisition.measured import Observations
-from acquisition.types import Exposure, FloatArray, Recipe
-from api.study import scenes
-from api.study.scenes import Geometry, Scene
+from acquisition.models import cell_config
+from acquisition.models.base import FloatArray
+from acquisition.models.recipe import Exposure, Recipe
+from acquisition.models.shot import Observations
+from api.cli.study import scenes
+from api.cli.study.scenes import Geometry, Scene
 from hardware_sim import nominal, render
 from hardware_sim.render import Lamp
 from hardware_sim.world import World
@@ -23,7 +25,7 @@ def shared() -> Geometry:
 
 def test_pictures_and_truth_are_those_of_the_simulated_cell(shared: Geometry) -> None:
     scene = Scene(shared)
-    cell, known = config.load(nominal.default_cell_file()), nominal.calibration(PIXELS)
+    cell, known = cell_config.load(nominal.default_cell_file()), nominal.calibration(PIXELS)
     world = World(cell, known, "part", 3, "direct")
     true = world.truth()
     np.testing.assert_array_equal(shared.truth.mask, true.mask)

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from acquisition.errors import RigError
+from acquisition.models.errors import RigError
 from hardware_sim.controller.process import ControllerProcess
 
 HOME = [0.0, -1.9, 1.9, -1.57, -1.57, 0.0]

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from acquisition import config
+from acquisition.models import cell_config
 from hardware_sim import nominal, objects, solids
 from hardware_sim.controller.trace import read_trace
 from tests.hardware_sim.controller.cells import Cell, connect, restart_program, wait_until
 
-CELL = config.load(nominal.default_cell_file())
+CELL = cell_config.load(nominal.default_cell_file())
 HOME = list(CELL.arm.home)
 OVER_OBJECT = [2.901, -1.285, 1.882, -2.168, -1.571, -1.811]
 """The tool hangs over the object."""

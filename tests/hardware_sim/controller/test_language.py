@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hardware_sim.controller import meaning
+from hardware_sim.controller import semantics
 from hardware_sim.controller.controller import Controller
 from hardware_sim.controller.functions import REFUSED
 from hardware_sim.controller.kinematics import MODELS
-from hardware_sim.controller.meaning import ScriptError
 from hardware_sim.controller.modes import RuntimeState
+from hardware_sim.controller.semantics import ScriptError
 from tests.hardware_sim.controller.programs import HOME
 
 
@@ -110,9 +110,9 @@ def test_builtins(expression: str, expected: float) -> None:
 
 
 def test_strings_are_written_as_the_controller_writes_them() -> None:
-    assert meaning.shown(2.123456123456) == "2.12346"
-    assert meaning.shown(meaning.Pose([1.0, 2, 3, 4, 5, 6])) == "p[1, 2, 3, 4, 5, 6]"
-    assert meaning.shown([True, 1, "a"]) == "[True, 1, a]"
+    assert semantics.shown(2.123456123456) == "2.12346"
+    assert semantics.shown(semantics.Pose([1.0, 2, 3, 4, 5, 6])) == "p[1, 2, 3, 4, 5, 6]"
+    assert semantics.shown([True, 1, "a"]) == "[True, 1, a]"
 
 
 def test_random_numbers_are_the_same_in_every_run() -> None:
@@ -243,9 +243,9 @@ numbers = st.one_of(st.integers(-1000, 1000), st.floats(-1e3, 1e3, allow_nan=Fal
 
 
 @settings(max_examples=200, deadline=None)
-@given(numbers, numbers, st.sampled_from(sorted(meaning.OPERATIONS)))
+@given(numbers, numbers, st.sampled_from(sorted(semantics.OPERATIONS)))
 def test_operators_agree_with_arithmetic(a: float, b: float, sign: str) -> None:
-    operation = meaning.OPERATIONS[sign]
+    operation = semantics.OPERATIONS[sign]
     if sign in "/%" and b == 0:
         with pytest.raises(ScriptError, match="division by zero"):
             operation(a, b)
@@ -262,7 +262,7 @@ def test_operators_agree_with_arithmetic(a: float, b: float, sign: str) -> None:
 values = st.recursive(
     st.one_of(st.integers(), st.booleans(), st.text(max_size=3)),
     lambda inner: st.one_of(
-        st.lists(inner, max_size=4), st.dictionaries(st.text(max_size=3), inner, max_size=3).map(meaning.Struct)
+        st.lists(inner, max_size=4), st.dictionaries(st.text(max_size=3), inner, max_size=3).map(semantics.Struct)
     ),
     max_leaves=12,
 )
@@ -276,7 +276,7 @@ def test_copies_are_equal_and_share_nothing(original: object) -> None:
         own = [id(value)] if isinstance(value, list | dict) else []
         return own + [number for element in inner for number in containers(element)]
 
-    copy = meaning.copy_of(original)
+    copy = semantics.copy_of(original)
     assert copy == original
     assert type(copy) is type(original)
     assert not set(containers(copy)) & set(containers(original))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.errors import ErrorCode, RigError
+from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.faults import FAULTS
 from hardware_sim.controller.process import ControllerProcess

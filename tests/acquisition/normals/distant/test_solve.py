@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
 from acquisition.normals import distant
-from acquisition.normals.distant import blocks, glossy, methods, point_lights
+from acquisition.normals.distant import glossy, methods, pixel_blocks, point_lights
 from acquisition.normals.image_set import DistantLights, ImageSet
 from tests.acquisition.normals.distant import gloss_scenes
 from tests.acquisition.normals.distant.gloss_scenes import REFLECTANCES, Rows, lights
@@ -285,7 +285,7 @@ def test_blocks_of_any_height_give_the_same(monkeypatch: pytest.MonkeyPatch) -> 
     normals, mask = ball()
     images = image_set(lambert(normals, few_lights()), few_lights(), mask)
     whole = distant.solve(images, "weighted")
-    monkeypatch.setattr(blocks, "BLOCK_BYTES", 8 * SIZE * 2 * 7)
+    monkeypatch.setattr(pixel_blocks, "BLOCK_BYTES", 8 * SIZE * 2 * 7)
     parts = distant.solve(images, "weighted")
     np.testing.assert_array_equal(whole.normals, parts.normals)
     np.testing.assert_array_equal(whole.flags, parts.flags)

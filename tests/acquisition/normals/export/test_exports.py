@@ -12,9 +12,9 @@ import pytest
 import tifffile
 import trimesh
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import LIT, Information, NormalMap
-from acquisition.normals import export, folders
+from acquisition.formats import export, folders
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.result import LIT, Information, NormalMap
 from acquisition.normals.image_set import ImageSet
 from tests.acquisition.normals.folders import small
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import tifffile
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.measured import CAST, LIT, Information, NormalMap
-from acquisition.normals import export
+from acquisition.formats import export
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.result import CAST, LIT, Information, NormalMap
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import tifffile
 
-from acquisition.errors import ErrorCode, RigError
-from acquisition.normals import folders
+from acquisition.formats import folders
+from acquisition.models.errors import ErrorCode, RigError
 from tests.acquisition.normals.folders import small
 
 Damage = Callable[[Path], object]

@@ -11,8 +11,9 @@ import pytest
 import tifffile
 from scipy.io import savemat
 
-from acquisition.normals import folders, near_light
-from acquisition.normals.folders import pixels, truth
+from acquisition.formats import folders
+from acquisition.formats.folders import pixels, truth
+from acquisition.normals import near_light
 from acquisition.normals.image_set import Camera, DistantLights, ImageSet, NearLights
 from tests.acquisition.normals.folders import small
 

@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 import pytest
 
-from acquisition.measured import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, Information, NormalMap
-from acquisition.normals import report
-from acquisition.normals.report import advice, pictures
+from acquisition import report
+from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, Information, NormalMap
+from acquisition.report import advice, pictures
 
 SIZE, LIGHTS = 90, 6
 AZIMUTHS = np.radians(np.arange(LIGHTS) * 60.0)

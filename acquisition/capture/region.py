@@ -1,0 +1,95 @@
+"""Parts of the image: where the object can be as the camera sees it, and the region of interest that a person drew.
+
+Lives below the stages because several ask: capture checks a frame's exposure in the keep-out cylinder, normals look for
+the object's silhouette there and start from the depth of its middle, and the plan serves the region of interest.
+"""
+
+import struct
+
+import cv2
+import numpy as np
+
+from acquisition import geometry
+from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, RigError
+
+_CIRCLE_POINTS = 96
+_PNG_START = b"\x89PNG\r\n\x1a\n"
+
+
+def keep_out(cell: CellConfig, calibration: Calibration) -> BoolArray:
+    """The pixels (H, W) that see into the keep-out cylinder, by the calibrated camera with its distortion."""
+    cylinder = cell.object.keep_out
+    around = np.linspace(0, 2 * np.pi, _CIRCLE_POINTS, endpoint=False)
+    circle = np.stack([cylinder.radius_m * np.cos(around), cylinder.radius_m * np.sin(around)], axis=-1)
+    points = np.concatenate(
+        [np.column_stack([circle, np.full(len(circle), height)]) for height in (0.0, cylinder.height_m)]
+    )
+    base_points = geometry.transform(cylinder.base_from_object.matrix, points)
+    camera_points = geometry.transform(geometry.inverse(np.array(calibration.base_from_camera)), base_points)
+    pixels, _ = cv2.projectPoints(
+        camera_points,
+        np.zeros(3),
+        np.zeros(3),
+        np.array(calibration.camera_matrix),
+        np.array(calibration.distortion),
+    )
+    # The outline of a convex body is convex but for the distortion, which the eighth of a pixel of `shift` outlives.
+    outline = cv2.convexHull(np.round(pixels[:, 0] * 8).astype(np.int32))
+    image = np.zeros((calibration.height, calibration.width), np.uint8)
+    cv2.fillConvexPoly(image, outline, 1, shift=3)
+    return image.astype(np.bool_)
+
+
+def decoded(content: bytes, calibration: Calibration) -> BoolArray:
+    """The mask (H, W) in a PNG of the camera's size: a pixel that is not black belongs to it.
+
+    Raises RigError request.invalid when it is no PNG, of another size, or all black.
+    """
+    wanted = (calibration.width, calibration.height)
+    # The header's size is looked at before anything is unpacked: a small file can hold a huge image.
+    size = struct.unpack(">II", content[16:24]) if content.startswith(_PNG_START) and len(content) > 24 else None
+    if size is not None and size != wanted:
+        raise RigError(
+            ErrorCode.REQUEST_INVALID,
+            f"the mask is {size[0]} × {size[1]} pixels and the camera's images are {wanted[0]} × {wanted[1]}: draw it "
+            "on an image of this camera",
+        )
+    image = None if size is None else cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise RigError(ErrorCode.REQUEST_INVALID, "the mask is not a PNG image, or a damaged one: send a PNG file")
+    mask = np.any(np.asarray(image) > 0, axis=-1)
+    if not np.any(mask):
+        raise RigError(ErrorCode.REQUEST_INVALID, "the mask is all black: paint the region of interest in white")
+    return mask
+
+
+def encoded(mask: BoolArray) -> bytes:
+    """A mask (H, W) as a PNG, black and white."""
+    return cv2.imencode(".png", mask.astype(np.uint8) * 255)[1].tobytes()
+
+
+def middle_depth_m(cell: CellConfig, calibration: Calibration) -> float:
+    """Depth along the camera's z of the keep-out cylinder's centre: a first guess of where the object's surface is."""
+    cylinder = cell.object.keep_out
+    center = geometry.transform(cylinder.base_from_object.matrix, [0.0, 0.0, cylinder.height_m / 2])
+    return float(geometry.transform(geometry.inverse(np.array(calibration.base_from_camera)), center)[2])
+
+
+def table_depth_m(cell: CellConfig, calibration: Calibration) -> Float32Array:
+    """Depth (H, W) along the camera's z of the cell's table; infinite where a pixel looks past it."""
+    camera_from_base = geometry.inverse(np.array(calibration.base_from_camera))
+    point = geometry.transform(camera_from_base, cell.table.point_m)
+    normal = geometry.rotate(camera_from_base, cell.table.normal)
+    rows, columns = np.mgrid[0 : calibration.height, 0 : calibration.width].astype(float)
+    ray = cv2.undistortPoints(
+        np.stack([columns, rows], axis=-1).reshape(-1, 1, 2),
+        np.array(calibration.camera_matrix),
+        np.array(calibration.distortion),
+    ).reshape(*rows.shape, 2)
+    falling = ray @ normal[:2] + normal[2]
+    depth = np.full(falling.shape, np.inf)
+    np.divide(normal @ point, falling, out=depth, where=falling * (normal @ point) > 0)
+    return depth.astype(np.float32)

@@ -1,0 +1,1 @@
+"""File formats: folders of images in, exports of results out."""

@@ -1,0 +1,14 @@
+"""A normal map as files: a result's own folder, which reads back exactly, and what other programs read.
+
+Pictures are for people and for normal-integration tools: normals as (n + 1)/2 in 16 bits (8 bits would cost 0.17°),
+OpenGL green (+Y up) unless the name says DirectX. Each file carries its convention in its own metadata.
+"""
+
+from acquisition.formats.export.catalogue import FILES, FOLDERS, Source, make
+from acquisition.formats.export.result import ARCHIVE, lights_used, read, write, write_into, write_maps
+from acquisition.formats.export.whole import refuse_foreign, whole_folder
+
+__all__ = [
+    "ARCHIVE", "FILES", "FOLDERS", "Source", "lights_used", "make", "read", "refuse_foreign", "whole_folder", "write",
+    "write_into", "write_maps",
+]  # fmt: skip

@@ -1,0 +1,112 @@
+"""The exports by name: each makes one file, or one folder, from a result and the images it was solved from.
+
+They can all be made again from these two, so a service makes them when they are first asked for.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from acquisition import photometry
+from acquisition.formats.export import diligent, exr, lights, mesh
+from acquisition.formats.export import images as pictures
+from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.result import NormalMap
+from acquisition.normals.image_set import ImageSet
+
+
+@dataclass(frozen=True)
+class Source:
+    """What an export is made from."""
+
+    normal_map: NormalMap
+    images: ImageSet
+
+    @property
+    def points(self) -> Float32Array:
+        """The surface (3, H, W), view frame, in the depth's unit: that of an orthographic view is the pixel."""
+        return self._points(slice(0, len(self.normal_map.depth)))
+
+    @property
+    def centre(self) -> FloatArray:
+        """The middle (3,) of the solved surface, view frame, in the unit of `points`."""
+        mask, total = self.normal_map.mask, np.zeros(3)
+        for start in range(0, len(mask), pictures.STRIP):
+            rows = slice(start, min(start + pictures.STRIP, len(mask)))
+            total += self._points(rows)[:, mask[rows]].sum(axis=1, dtype=np.float64)
+        return total / max(np.count_nonzero(mask), 1)
+
+    def _points(self, rows: slice) -> Float32Array:
+        """Some rows of the surface."""
+        depth, camera = self.normal_map.depth[rows], self.images.camera
+        columns = slice(0, depth.shape[1])
+        if camera is None:
+            row, column = np.mgrid[rows, columns].astype(np.float32)
+            return np.stack([column, -row, -depth])
+        return photometry.points(photometry.camera_rays(camera.matrix, camera.distortion, rows, columns), depth)
+
+    @property
+    def width_m(self) -> float | None:
+        """How much the image's width shows at the object; none where that is not known."""
+        camera = self.images.camera
+        return (
+            None
+            if camera is None or pictures.depth_unit(self.normal_map) != "m"
+            else float(-self.centre[2] * self.images.width / camera.matrix[0, 0])
+        )
+
+
+def _directx(source: Source, path: Path) -> None:
+    pictures.normals_png(path, source.normal_map.normals, source.normal_map.mask, "directx")
+
+
+def _exr(source: Source, path: Path) -> None:
+    exr.write(path, source.normal_map)
+
+
+def _mesh(source: Source, path: Path) -> None:
+    found = source.normal_map
+    mesh.write(path, source.points, found.normals, found.mask, pictures.depth_unit(found))
+
+
+def _lp(source: Source, path: Path) -> None:
+    lights.write_lp(path, source.images.names, lights.directions(source.images, source.centre))
+
+
+def _dome(source: Source, path: Path) -> None:
+    lights.write_dome(path, source.images, source.centre, source.width_m)
+
+
+def _diligent(source: Source, path: Path) -> None:
+    path.mkdir()
+    diligent.write(path, source.images, source.centre)
+
+
+def _integration(source: Source, path: Path) -> None:
+    """normal_map.png, mask.png and, where the camera is calibrated, K.txt, as normal-integration tools read them."""
+    path.mkdir()
+    found = source.normal_map
+    pictures.normals_png(path / "normal_map.png", found.normals, found.mask)
+    pictures.png(path / "mask.png", found.mask.astype(np.uint8) * 255)
+    if source.images.camera is not None:
+        np.savetxt(path / "K.txt", source.images.camera.matrix, fmt="%.9g")
+
+
+FILES: dict[str, Callable[[Source, Path], None]] = {
+    "normals_directx.png": _directx,
+    "maps.exr": _exr,
+    "mesh.ply": _mesh,
+    "lights.lp": _lp,
+    "lights.dome": _dome,
+}
+"""Exports that are one file."""
+
+FOLDERS: dict[str, Callable[[Source, Path], None]] = {"diligent": _diligent, "integration": _integration}
+"""Exports that are a folder; over HTTP they are zip files of the same name."""
+
+
+def make(name: str, source: Source, folder: Path) -> None:
+    """Makes one export of `FILES` or `FOLDERS` under its name in an existing folder."""
+    (FILES | FOLDERS)[name](source, folder / name)

@@ -1,0 +1,72 @@
+"""Pictures and float maps with their convention written into them, so that a file that left home still says what it is.
+
+OpenCV writes no text into PNG files; a tEXt chunk put in behind the header does.
+"""
+
+import zlib
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+import tifffile
+
+from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.result import NormalMap
+
+Green = Literal["opengl", "directx"]
+STRIP = 256
+"""Rows that are made into colours at once, so that large maps need no large helpers."""
+
+FRAME = "view frame: x right, y up, z to the camera; row 0 at the top"
+COLOURS = {
+    "opengl": f"colour = (n + 1) / 2, OpenGL green (+Y up); {FRAME}",
+    "directx": f"colour = (n + 1) / 2 with y turned round, DirectX green (+Y down); {FRAME}",
+}
+
+
+def depth_unit(normal_map: NormalMap) -> str:
+    """The unit of a result's depth, as its solver noted it: m, pixel, or relative where no scale is known."""
+    return str(normal_map.notes.get("depth_unit", "m"))
+
+
+def normals_png(path: Path, normals: Float32Array, mask: BoolArray, green: Green = "opengl") -> None:
+    """A 16-bit RGB normal map of normals (H, W, 3), black outside the mask (H, W)."""
+    scale = np.array([32767.5, 32767.5 if green == "opengl" else -32767.5, 32767.5], np.float32)
+    colours = np.empty(normals.shape, np.uint16)
+    for start in range(0, len(normals), STRIP):
+        here = slice(start, start + STRIP)
+        shown = np.clip(normals[here] * scale + np.float32(32768.0), 0, 65535)  # truncation after + ½ rounds
+        colours[here] = shown[..., ::-1]  # OpenCV's order, B G R
+    colours[~mask] = 0
+    _write(path, colours, COLOURS[green])
+
+
+def png(path: Path, pixels: np.ndarray, description: str = "") -> None:
+    """An 8- or 16-bit PNG, (H, W) or (H, W, 3) RGB, with a description (Latin-1) where one is given."""
+    _write(path, cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR) if pixels.ndim == 3 else pixels, description)
+
+
+def _write(path: Path, pixels: np.ndarray, description: str) -> None:
+    """A PNG of pixels in OpenCV's order."""
+    encoded, content = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    if not encoded:
+        raise OSError(f"{path} could not be encoded")
+    behind_header = 8 + 25  # signature, and IHDR with its 13 bytes
+    with path.open("wb") as file:
+        file.write(content.data[:behind_header])
+        if description:
+            file.write(_text(description))
+        file.write(content.data[behind_header:])
+
+
+def _text(description: str) -> bytes:
+    """A tEXt chunk of a PNG file that says `Description`."""
+    body = b"tEXtDescription\0" + description.encode("latin-1")
+    return (len(body) - 4).to_bytes(4, "big") + body + zlib.crc32(body).to_bytes(4, "big")
+
+
+def float_tiff(path: Path, values: Float32Array, description: str) -> None:
+    """A float32 TIFF, (H, W) or (H, W, 3), uncompressed."""
+    kind = "rgb" if values.ndim == 3 else "minisblack"
+    tifffile.imwrite(path, values, photometric=kind, description=description.encode(), metadata=None)

@@ -1,0 +1,69 @@
+"""Lights for other programs: `.lp` (directions) and Relight's `.dome` (positions in mm about the object).
+
+Programs match `.lp` rows by order and by name, so rows stand in the images' order. Both are seen from the object, so a
+near light's direction is the one at `centre`: that is what these formats can say.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.models.base import FloatArray
+from acquisition.normals.image_set import DistantLights, ImageSet
+
+DISTANT_MM = 10_000.0
+
+
+def directions(images: ImageSet, centre_m: FloatArray) -> FloatArray:
+    """Unit directions (F, 3), view frame, from the point `centre_m` (3,) to the lights."""
+    lights = images.lights
+    offsets = lights.directions if isinstance(lights, DistantLights) else lights.positions_m - centre_m
+    return offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
+
+
+def intensities(images: ImageSet, centre_m: FloatArray) -> FloatArray:
+    """What a white surface facing each light at `centre_m` would give (F, C), as a fraction of full scale."""
+    lights = images.lights
+    if isinstance(lights, DistantLights):
+        return lights.intensities
+    distance = np.linalg.norm(lights.positions_m - centre_m, axis=1)
+    falloff = lights.intensity * (lights.reference_m / distance) ** 2
+    return np.repeat(falloff[:, None], images.channels, axis=1)
+
+
+def write_lp(path: Path, names: tuple[str, ...], units: FloatArray) -> None:
+    """Writes the count and `name x y z` for each image; x right, y up, z to the camera."""
+    rows = [f"{name} {x:.7f} {y:.7f} {z:.7f}" for name, (x, y, z) in zip(names, units, strict=True)]
+    path.write_text("\n".join([str(len(rows)), *rows]) + "\n", encoding="utf-8")
+
+
+def write_dome(path: Path, images: ImageSet, centre_m: FloatArray, width_m: float | None) -> None:
+    """Writes a `.dome`: positions in mm with the origin at `centre_m`, x right, y up, z to the camera.
+
+    `width_m` is the width of what the image shows at the object; none: unknown, and distant lights stand 10 m away.
+    """
+    units = directions(images, centre_m)
+    lights = images.lights
+    near = not isinstance(lights, DistantLights)
+    places = (lights.positions_m - centre_m) * 1000 if not isinstance(lights, DistantLights) else units * DISTANT_MM
+    power = intensities(images, centre_m).mean(axis=1)
+    adjust = power.mean() / power
+    content = {
+        "label": "lightpose",
+        "notes": "Positions in mm, x right, y up, z to the camera; origin: the object's centre.",
+        "imageWidth": 0.0 if width_m is None else width_m * 1000,
+        "domeDiameter": float(2 * np.mean(np.linalg.norm(places, axis=1))),
+        "verticalOffset": 0.0,
+        "lightConfiguration": "lights3d" if near else "directional",
+        "directions": [_vector(row) for row in units],
+        "positionsSphere": [],
+        "positions3d": [_vector(row) for row in places] if near else [],
+        "ledAdjust": [{"r": value, "g": value, "b": value} for value in adjust.tolist()],
+    }
+    path.write_text(json.dumps(content, indent=1), encoding="utf-8")
+
+
+def _vector(row: FloatArray) -> dict[str, float]:
+    x, y, z = (round(float(value), 6) for value in row)
+    return {"x": x, "y": y, "z": z}

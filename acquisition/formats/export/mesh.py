@@ -1,0 +1,62 @@
+"""The surface as a PLY mesh: one vertex for each solved pixel, with its normal; triangles where four neighbours meet.
+
+Triangles that stand nearly along the viewing ray join what only happens to be seen side by side: they are left out.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.formats.export import images
+from acquisition.models.base import BoolArray, Float32Array
+
+STEEPEST = 8.0
+"""Greatest depth step between neighbouring vertices, as a multiple of the width of a pixel there: 83°."""
+
+
+def write(path: Path, points: Float32Array, normals: Float32Array, mask: BoolArray, unit: str) -> None:
+    """Writes points (3, H, W) and normals (H, W, 3), both in the view frame, where `mask` (H, W), as binary PLY."""
+    vertex = np.empty((np.count_nonzero(mask), 6), "<f4")
+    vertex[:, :3] = points[:, mask].T
+    vertex[:, 3:] = normals[mask]
+    corners = _triangles(points, mask)
+    face = np.empty(len(corners), [("count", "u1"), ("corners", "<i4", 3)])
+    face["count"], face["corners"] = 3, corners
+    header = "\n".join(
+        [
+            "ply",
+            "format binary_little_endian 1.0",
+            f"comment {images.FRAME}; unit {unit}",
+            f"element vertex {len(vertex)}",
+            *[f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")],
+            f"element face {len(face)}",
+            "property list uchar int vertex_indices",
+            "end_header\n",
+        ]
+    )
+    with path.open("wb") as file:
+        file.write(header.encode("ascii"))
+        file.write(vertex.data)
+        file.write(face.data)
+
+
+def _triangles(points: Float32Array, mask: BoolArray) -> np.ndarray:
+    """Corners (T, 3) as numbers of vertices, counter-clockwise as the camera sees them."""
+    number = np.cumsum(mask.ravel(), dtype=np.int32).reshape(mask.shape) - 1
+    near = STEEPEST * _pixel(points, mask)
+    z = points[2]
+    upper, lower, left, right = slice(None, -1), slice(1, None), slice(None, -1), slice(1, None)
+    a, b, c, d = (upper, left), (upper, right), (lower, left), (lower, right)
+    found: list[np.ndarray] = []
+    for one, two, three in ((a, c, b), (b, c, d)):
+        depths = np.stack([z[one], z[two], z[three]])
+        whole = mask[one] & mask[two] & mask[three] & (np.ptp(depths, axis=0) < near)
+        found.append(np.stack([number[one][whole], number[two][whole], number[three][whole]], axis=1))
+    return np.concatenate(found)
+
+
+def _pixel(points: Float32Array, mask: BoolArray) -> float:
+    """The width of a pixel on the surface: the median distance between neighbours along a row."""
+    both = mask[:, 1:] & mask[:, :-1]
+    steps = np.abs(np.diff(points[0], axis=1))[both]
+    return float(np.median(steps)) if steps.size else 0.0

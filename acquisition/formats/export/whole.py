@@ -1,0 +1,39 @@
+"""Folders that appear whole or not at all: written beside their place under a hidden name, then renamed."""
+
+import shutil
+import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from acquisition.models.errors import ErrorCode, RigError
+
+
+def refuse_foreign(folder: Path, sign: str) -> None:
+    """Refuses a folder that holds files but not the file `sign`, by which our own are known; nobody loses theirs.
+
+    Raises RigError folder.invalid.
+    """
+    if folder.exists() and (not folder.is_dir() or (any(folder.iterdir()) and not (folder / sign).is_file())):
+        raise RigError(
+            ErrorCode.FOLDER_INVALID, f"{folder}: holds other files: name a new folder, or empty it", file=str(folder)
+        )
+
+
+@contextmanager
+def whole_folder(folder: Path) -> Generator[Path]:
+    """Gives a hidden folder to write into; it takes the name `folder` when the block ends, and is gone when it fails.
+
+    What stood there before is replaced as a whole.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    partial = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    try:
+        yield partial
+        partial.chmod(0o755)
+        if folder.exists():
+            shutil.rmtree(folder)
+        partial.rename(folder)
+    except BaseException:
+        shutil.rmtree(partial, ignore_errors=True)
+        raise

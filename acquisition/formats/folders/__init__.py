@@ -1,0 +1,86 @@
+"""Capture folders of the field, recognised by what is in them: DiLiGenT-style, `.lp`, near light, our own sessions.
+
+Each reader gives the same value, an `ImageSet`, and knows nothing of solvers; session folders give what the session's
+own solver took. Whatever is wrong with a folder is found here, before anything is solved or written, and said with the
+file's name. Before: any capture. After: `distant`, or `solve` for near light.
+"""
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from acquisition.formats.folders import diligent, lp, near, session, truth
+from acquisition.formats.folders.pixels import Progress
+from acquisition.formats.folders.refusal import refusal
+from acquisition.formats.folders.session import SessionCapture
+from acquisition.formats.folders.truth import Sphere
+from acquisition.models.errors import RigError
+from acquisition.normals.image_set import ImageSet, check
+
+__all__ = ["Kind", "Progress", "SessionCapture", "Sphere", "kind_of", "read"]
+
+Kind = Literal["diligent", "lp", "near", "session"]
+READERS: dict[Kind, tuple[str, Callable[[Path, Path, Progress | None], ImageSet]]] = {
+    "diligent": (diligent.DIRECTIONS, diligent.read),
+    "near": (near.LIGHTS, near.read),
+}
+
+
+def kind_of(folder: Path) -> Kind:
+    """Which format a folder (or an `.lp` file) has. Raises RigError folder.invalid when it has none of them."""
+    if folder.suffix.lower() == ".lp" and folder.is_file():
+        return "lp"
+    if not folder.is_dir():
+        raise refusal(folder, "is no folder: name the folder that holds the images")
+    if (folder / near.LIGHTS).is_file():
+        return "near"
+    if (folder / session.RECIPE).is_file() and (folder / session.CALIBRATION).is_file():
+        return "session"
+    if any((folder / name).is_file() for name in (diligent.DIRECTIONS, diligent.NAMES, diligent.INTENSITIES)):
+        return "diligent"
+    if list(folder.glob("*.lp")):
+        return "lp"
+    raise refusal(
+        folder,
+        f"holds neither {diligent.DIRECTIONS} nor an .lp file nor {near.LIGHTS} nor a session: add the lights' file",
+    )
+
+
+def read(folder: Path, scratch: Path, *, sphere: Sphere | None = None, progress: Progress | None = None) -> ImageSet:
+    """Reads a DiLiGenT-style, `.lp` or near-light folder, with what is known to be true of it.
+
+    `scratch` is an existing folder for images that decode only as a whole; it has to live as long as the result.
+    `sphere` is a sphere in the image, whose normals are the truth. Raises RigError folder.invalid naming the file, and
+    normals.infeasible for lights that no solver can use.
+    """
+    kind = kind_of(folder)
+    if kind == "session":
+        raise refusal(folder, "is a session's folder: read it as one")
+    own = Path(tempfile.mkdtemp(dir=scratch))  # so that one scratch folder serves several reads
+    lights, images = _images(folder, kind, own, progress)
+    try:
+        check(images)
+    except RigError as error:
+        raise RigError(error.code, f"{lights}: {error.detail}", **{"file": str(lights), **error.context}) from error
+    if sphere is None:
+        return replace(images, truth=truth.read(lights.parent, images.height, images.width))
+    normals, inside = truth.sphere_normals(sphere, images.height, images.width, images.camera)
+    graded = inside & (images.mask if images.evaluation_mask is None else images.evaluation_mask)
+    if not np.any(graded):
+        raise refusal(folder, f"the sphere {tuple(sphere)} has no pixel of the mask: give column, row and radius")
+    return replace(images, truth=normals, evaluation_mask=graded)
+
+
+def _images(folder: Path, kind: Kind, scratch: Path, progress: Progress | None) -> tuple[Path, ImageSet]:
+    """The file that lists the lights, and the images."""
+    if kind in READERS:
+        name, reader = READERS[kind]
+        return folder / name, reader(folder, scratch, progress)
+    found = [folder] if folder.is_file() else sorted(folder.glob("*.lp"))
+    if len(found) > 1:
+        raise refusal(folder, f"holds {', '.join(one.name for one in found)}: name the one to solve")
+    return found[0], lp.read(found[0], scratch, progress)

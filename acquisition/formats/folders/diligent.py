@@ -1,0 +1,40 @@
+"""DiLiGenT-style folders: `filenames.txt`, light directions and RGB intensities, `mask.png`, 16-bit PNG images.
+
+Directions are in the field's frame already (x right, y up, z to the camera). Each channel is divided by its own
+intensity; grey images are divided by the mean of the three.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.formats.folders import image_sets, masks, pixels, table
+from acquisition.formats.folders.pixels import Progress
+from acquisition.formats.folders.refusal import refusal
+from acquisition.normals.image_set import DistantLights, ImageSet
+
+NAMES, DIRECTIONS, INTENSITIES = "filenames.txt", "light_directions.txt", "light_intensities.txt"
+
+
+def read(folder: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
+    """Reads the folder. Raises RigError folder.invalid naming the file that is wrong."""
+    names = tuple(table.lines(folder / NAMES))
+    if not names:
+        raise refusal(folder / NAMES, "names no images: write one file name a line")
+    directions = table.rows(folder / DIRECTIONS, (3,), len(names), NAMES)
+    intensities = table.rows(folder / INTENSITIES, (1, 3), len(names), NAMES)
+    if np.any(intensities <= 0):
+        row = 1 + int(np.argmax(np.any(intensities <= 0, axis=1)))
+        raise refusal(folder / INTENSITIES, f"line {row} is not positive: correct it, or take the image out")
+    paths = [table.beside(folder, name) for name in names]
+    stored = pixels.store(paths, scratch, progress=progress)
+    warnings: list[str] = []
+    if stored.channels == 1 and intensities.shape[1] == 3:
+        if not np.allclose(intensities, intensities[:, :1]):
+            warnings.append("Grey images with three intensities each: the mean of the three is used.")
+        intensities = intensities.mean(axis=1, keepdims=True)
+    elif stored.channels == 3 and intensities.shape[1] == 1:
+        intensities = np.repeat(intensities, 3, axis=1)
+    mask = pixels.mask(folder / masks.MASK, stored.height, stored.width)
+    lights = DistantLights(directions, intensities)
+    return image_sets.made(folder, names, paths, stored, lights, mask, kind="DiLiGenT", warnings=warnings)

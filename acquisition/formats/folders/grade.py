@@ -1,0 +1,54 @@
+"""What was found against what a folder knows to be true."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.result import NormalMap
+from acquisition.normals.image_set import ImageSet
+
+MEDIAN_OF_RAYLEIGH = 0.833
+"""Median error for σ = 1."""
+
+
+@dataclass(frozen=True)
+class Grade:
+    """Angular errors in degrees over `pixels` graded pixels; `coverage` is their share of those that could be graded.
+
+    `sigma_ratio` is the median error over the median that σ predicts (1 is right), none where there is no σ.
+    """
+
+    mean_deg: float
+    median_deg: float
+    p95_deg: float
+    pixels: int
+    coverage: float
+    sigma_ratio: float | None
+
+
+def grade(found: NormalMap, images: ImageSet) -> Grade | None:
+    """Grades a result on the evaluation mask (default: the mask) where the truth is known; none without truth.
+
+    Raises RigError normals.infeasible when no such pixel has a normal.
+    """
+    if images.truth is None:
+        return None
+    asked = images.mask if images.evaluation_mask is None else images.evaluation_mask
+    known = asked & (np.linalg.norm(images.truth, axis=-1) > 0.5)
+    graded = known & found.mask
+    if not np.any(graded):
+        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no pixel of the evaluation mask has a normal: check the masks")
+    one, two = found.normals[graded].astype(np.float64), images.truth[graded].astype(np.float64)
+    # The arctangent is exact for small angles, where the arccosine is not.
+    error = np.degrees(np.arctan2(np.linalg.norm(np.cross(one, two), axis=-1), np.sum(one * two, axis=-1)))
+    sigma = found.sigma_deg[graded]
+    predicted = MEDIAN_OF_RAYLEIGH * float(np.median(sigma[np.isfinite(sigma)])) if np.any(np.isfinite(sigma)) else 0.0
+    return Grade(
+        mean_deg=float(np.mean(error)),
+        median_deg=float(np.median(error)),
+        p95_deg=float(np.percentile(error, 95)),
+        pixels=int(np.count_nonzero(graded)),
+        coverage=float(np.count_nonzero(graded) / np.count_nonzero(known)),
+        sigma_ratio=float(np.median(error)) / predicted if predicted > 0 else None,
+    )

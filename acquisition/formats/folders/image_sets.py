@@ -1,0 +1,41 @@
+"""The image set that every reader ends with: stored pixels, lights and masks, looked at once before any solve."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from acquisition.formats.folders import masks, pixels
+from acquisition.formats.folders.pixels import Stored
+from acquisition.models.base import BoolArray
+from acquisition.normals.image_set import DistantLights, ImageSet, NearLights
+
+SATURATED_FROM = 0.985
+"""Share of full scale from which a value counts as clipped."""
+
+NEVER = 1e30
+"""The same for floating-point images that hold larger values than 1, such as merged exposures: nothing is clipped."""
+
+
+def made(
+    folder: Path, names: Sequence[str], paths: Sequence[Path], stored: Stored, lights: DistantLights | NearLights,
+    mask: BoolArray, *, kind: str, warnings: Sequence[str],
+) -> ImageSet:  # fmt: skip
+    """The images of a folder, `paths` in the order of `lights`, solved in `mask` (H, W); `kind` is the format's name.
+
+    Raises RigError folder.invalid naming an image that is black or overexposed, or an evaluation mask that is wrong.
+    """
+    merged = stored.dtype == "float32" and pixels.exceeds(stored, 1.0)
+    clipped_from = NEVER if merged else SATURATED_FROM
+    pixels.look(stored, paths, mask, clipped_from)
+    return ImageSet(
+        names=tuple(names),
+        height=stored.height,
+        width=stored.width,
+        channels=stored.channels,
+        rows=stored.rows,
+        full_scale=stored.full_scale,
+        saturated_from=clipped_from,
+        lights=lights,
+        mask=mask,
+        evaluation_mask=masks.evaluation(folder, stored.height, stored.width),
+        notes={"format": kind, "warnings": [*warnings, *masks.depth_warning(stored)]},
+    )

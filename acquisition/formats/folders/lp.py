@@ -1,0 +1,47 @@
+"""`.lp` folders: a text file with the number of images and `name x y z` for each, the images beside it.
+
+The format says nothing of intensities: all lights count as equally bright. Names may hold spaces or the folders of the
+machine that wrote them; the last part of the name is looked for beside the file then.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.formats.folders import image_sets, masks, pixels, table
+from acquisition.formats.folders.pixels import Progress
+from acquisition.formats.folders.refusal import refusal
+from acquisition.normals.image_set import DistantLights, ImageSet
+
+
+def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
+    """Reads an `.lp` file and its images. Raises RigError folder.invalid naming the file that is wrong."""
+    first, *rest = table.lines(path) or [""]
+    if not first.isdigit():
+        raise refusal(path, f"line 1 is {first[:40]!r}: write the number of images there")
+    if int(first) != len(rest):
+        raise refusal(path, f"line 1 says {first} images and {len(rest)} rows follow: give one `name x y z` for each")
+    names: list[str] = []
+    directions: list[list[float]] = []
+    for line, row in enumerate(rest, start=2):
+        words = row.rsplit(maxsplit=3)
+        if len(words) != 4:
+            raise refusal(path, f"line {line} is {row[:60]!r}: write `name x y z`")
+        names.append(words[0])
+        directions.append(table.numbers(path, line, words[1:]))
+        if not np.any(directions[-1]):
+            raise refusal(path, f"line {line} has a direction of length zero: correct it, or take the image out")
+    if not names:
+        raise refusal(path, "names no images: write `name x y z` for each")
+    folder = path.parent
+    paths = [table.beside(folder, name) for name in names]
+    stored = pixels.store(paths, scratch, progress=progress)
+    found = masks.solving(folder, stored.height, stored.width)
+    warnings = ["All lights are taken as equally bright: an .lp file does not say."]
+    if found is None:
+        warnings.append(f"There is no {masks.MASK}: every pixel is solved.")
+    if any(one.suffix.lower() in masks.LOSSY for one in paths):
+        warnings.append("JPEG images are compressed and mostly gamma-encoded: normals will lean and flatten.")
+    mask = np.ones((stored.height, stored.width), np.bool_) if found is None else found
+    lights = DistantLights(np.array(directions), np.ones((len(names), stored.channels)))
+    return image_sets.made(folder, names, paths, stored, lights, mask, kind=".lp", warnings=warnings)

@@ -1,0 +1,117 @@
+"""Near-light folders: `lights.json` with lamp positions in the camera's frame, a calibrated camera, images beside it.
+
+Positions are in OpenCV's camera frame (x right, y down, z forward) in `unit` (mm, cm or m) and become the view frame in
+m here; lengths whose names end in `_mm` are in mm always.
+`intensity` is what a perfectly white matt surface facing the lamp at `reference_mm` would give, as a fraction of full
+scale, so albedo is absolute. `black_level` (stored values, the same for all images) is optional and zero if absent.
+Fields of other names are not used, and a warning says so.
+"""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import ConfigDict, Field, ValidationError
+
+from acquisition.formats.folders import image_sets, masks, pixels, table
+from acquisition.formats.folders.pixels import Progress
+from acquisition.formats.folders.refusal import refusal, text
+from acquisition.geometry import VIEW_FROM_CAMERA
+from acquisition.models.base import Value, Vector3
+from acquisition.normals.image_set import Camera, ImageSet, NearLights
+
+LIGHTS = "lights.json"
+METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+MOST_OFF_AXIS_DEG = 70.0
+"""Off the optical axis beyond which the middle of the images is not believed: an image cut out of a larger one may not
+hold the axis at all."""
+
+
+class _Given(Value):
+    """Values of somebody else's file, which may hold more than is asked for."""
+
+    model_config = ConfigDict(extra="allow")
+
+    def unknown(self, where: str = "") -> list[str]:
+        """The names of fields that are not used."""
+        return [where + name for name in self.model_extra or ()]
+
+
+class _Camera(_Given):
+    K: Annotated[tuple[Vector3, Vector3, Vector3], Field(strict=False)]
+    distortion: list[float] = Field(default_factory=list[float])
+
+
+class _Light(_Given):
+    file: str
+    position: Vector3
+    intensity: float = Field(gt=0)
+
+
+class _Lights(_Given):
+    unit: Literal["mm", "cm", "m"]
+    reference_mm: float = Field(gt=0)
+    camera: _Camera
+    lights: list[_Light] = Field(min_length=1)
+    depth_mm: float = Field(gt=0)
+    black_level: int = Field(default=0, ge=0)
+
+
+def read(folder: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
+    """Reads the folder. Raises RigError folder.invalid naming the file, and the field in `lights.json`."""
+    path = folder / LIGHTS
+    given = _lights(path)
+    matrix = np.array(given.camera.K)
+    if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or not np.allclose(matrix[2], (0, 0, 1)):
+        raise refusal(path, "camera.K is no camera matrix: give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels")
+    told = np.array(given.camera.distortion)
+    if np.any(told[5:]):
+        raise refusal(path, "camera.distortion holds more than k1 k2 p1 p2 k3: undistort the images with the rest")
+    distortion = np.zeros(5)
+    distortion[: min(len(told), 5)] = told[:5]
+    paths = [table.beside(folder, light.file) for light in given.lights]
+    stored = pixels.store(paths, scratch, given.black_level, progress)
+    middle = np.array([stored.width / 2, stored.height / 2])
+    off_axis = np.degrees(np.arctan(np.linalg.norm((middle - matrix[:2, 2]) / matrix[[0, 1], [0, 1]])))
+    if off_axis > MOST_OFF_AXIS_DEG:
+        raise refusal(
+            path,
+            f"camera.K has its centre far outside the {stored.width} × {stored.height} images, whose middle would be "
+            f"{off_axis:.0f}° off the axis: correct it",
+        )
+    warnings: list[str] = []
+    unused = [*given.unknown(), *given.camera.unknown("camera."), *given.lights[0].unknown("lights.")]
+    if unused:
+        warnings.append(f"{LIGHTS} holds {', '.join(unused)}, which is not used.")
+    if "black_level" not in given.model_fields_set:
+        warnings.append("No black level is given: it is taken as zero. Give `black_level` where the camera has one.")
+    found = masks.solving(folder, stored.height, stored.width)
+    if found is None:
+        warnings.append(f"There is no {masks.MASK}: the object is looked for in the images.")
+    mask = np.ones((stored.height, stored.width), np.bool_) if found is None else found
+    lights = NearLights(
+        np.array([light.position for light in given.lights]) @ VIEW_FROM_CAMERA[:3, :3].T * METRES[given.unit],
+        np.array([light.intensity for light in given.lights]),
+        given.reference_mm / 1000,
+    )
+    names = [light.file for light in given.lights]
+    images = image_sets.made(folder, names, paths, stored, lights, mask, kind="near light", warnings=warnings)
+    return replace(
+        images,
+        saturated_from=images.saturated_from - given.black_level / stored.full_scale,
+        camera=Camera(matrix, distortion),
+        rough_depth_m=given.depth_mm / 1000,
+    )
+
+
+def _lights(path: Path) -> _Lights:
+    try:
+        return _Lights.model_validate_json(text(path))
+    except ValidationError as error:
+        worst = error.errors(include_url=False)[0]
+        field = ".".join(str(part) for part in worst["loc"]) or "the file"
+        raise refusal(path, f"{field}: {worst['msg']} ({len(error.errors())} in all): correct it") from error
+    except json.JSONDecodeError as error:
+        raise refusal(path, f"is no JSON: {error}") from error

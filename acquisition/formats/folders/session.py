@@ -1,0 +1,124 @@
+"""Our own session folders, read as plain files: the journal is not needed, so a folder can leave home.
+
+`manifest.json` lists the shots as they were measured; recipe, cell and calibration stand beside it.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from pydantic import ValidationError
+
+from acquisition import photometry
+from acquisition.formats.folders.refusal import refusal, text
+from acquisition.formats.frames import FolderFrames
+from acquisition.models.base import BoolArray, Value
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.light_plan import LightPlan
+from acquisition.models.recipe import Recipe
+from acquisition.models.shot import FrameRef, FrameSource, Observations, Shot
+from acquisition.normals.image_set import Camera, ImageSet, NearLights, Raw
+
+RECIPE, CELL, CALIBRATION, MANIFEST = "recipe.json", "cell.json", "calibration.json", "manifest.json"
+ValueT = TypeVar("ValueT", bound=Value)
+
+
+@dataclass(frozen=True)
+class SessionCapture:
+    """What a session took, and which of its results are in the folder."""
+
+    folder: Path
+    recipe: Recipe
+    cell: CellConfig
+    calibration: Calibration
+    shots: tuple[Shot, ...]
+    plans: tuple[LightPlan, ...]
+    results: tuple[int, ...]
+
+    def observations(self, last_pass: int) -> Observations:
+        """The images of the passes up to `last_pass`, in the order and with the lamp-off frames of its solve."""
+        used = (shot for shot in self.shots if shot.key.pass_number <= last_pass)
+        return Observations.of(used, FolderFrames(self.folder))
+
+
+def read(folder: Path) -> SessionCapture:
+    """Reads a session's folder. Raises RigError folder.invalid naming the file that is missing or damaged."""
+    shots = _shots(folder / MANIFEST)
+    passes = 1 + max((shot.key.pass_number for shot in shots), default=0)
+    results = [int(path.parent.name) for path in folder.glob("results/*/normals.tiff") if path.parent.name.isdigit()]
+    return SessionCapture(
+        folder=folder,
+        recipe=_value(folder / RECIPE, Recipe),
+        cell=_value(folder / CELL, CellConfig),
+        calibration=_value(folder / CALIBRATION, Calibration),
+        shots=shots,
+        plans=tuple(_value(folder / f"passes/{number}/plan.json", LightPlan) for number in range(passes)),
+        results=tuple(sorted(results)),
+    )
+
+
+@dataclass(frozen=True)
+class SessionRows:
+    """The lit frames of a session less their lamp-off frames, as a RowReader; picklable."""
+
+    frames: FrameSource
+    lit: tuple[FrameRef, ...]
+    dark: tuple[FrameRef, ...]
+
+    def __call__(self, image: int, start: int, stop: int) -> Raw:
+        """Rows [start, stop) of one image, uint16, never below zero."""
+        lit, dark = (self.frames.rows(frames[image], start, stop) for frames in (self.lit, self.dark))
+        return np.maximum(lit, dark) - dark
+
+
+def images(observations: Observations, calibration: Calibration, mask: BoolArray) -> ImageSet:
+    """A session's images as any other set: near lights, each exposure in its intensity; `mask` (H, W) is the object.
+
+    Raises RigError folder.invalid when a lamp-off frame is missing.
+    """
+    sensor = calibration.sensor
+    lit = [(shot, shot.light) for shot in observations.shots if shot.light is not None]
+    for shot, _ in lit:
+        if shot.exposure_s not in observations.darks:
+            raise refusal(Path(shot.frame.path), "has no lamp-off frame of its exposure time: take one")
+    return ImageSet(
+        names=tuple(shot.frame.path for shot, _ in lit),
+        height=calibration.height,
+        width=calibration.width,
+        channels=1,
+        rows=SessionRows(
+            observations.frames,
+            tuple(shot.frame for shot, _ in lit),
+            tuple(observations.darks[shot.exposure_s].frame for shot, _ in lit),
+        ),
+        full_scale=sensor.full_scale_dn,
+        saturated_from=(photometry.clipping_dn(sensor) - sensor.black_level_dn) / sensor.full_scale_dn,
+        lights=NearLights(
+            np.array([light.position for _, light in lit]),
+            np.array([shot.exposure_s * calibration.lamp_intensity for shot, _ in lit]),
+            calibration.reference_m,
+        ),
+        mask=mask,
+        camera=Camera(np.array(calibration.camera_matrix), np.array(calibration.distortion)),
+        notes={"format": "session", "warnings": []},
+    )
+
+
+def _shots(manifest: Path) -> tuple[Shot, ...]:
+    try:
+        listed = json.loads(text(manifest))["shots"]
+        return tuple(Shot.model_validate_json(json.dumps(shot)) for shot in listed)
+    except (ValueError, KeyError, TypeError) as error:
+        raise refusal(manifest, f"does not list the session's shots: {error}; was the session completed?") from error
+
+
+def _value(path: Path, kind: type[ValueT]) -> ValueT:
+    try:
+        return kind.model_validate_json(text(path))
+    except ValidationError as error:
+        worst = error.errors(include_url=False)[0]
+        field = ".".join(str(part) for part in worst["loc"])
+        raise refusal(path, f"{field}: {worst['msg']}; restore the file") from error

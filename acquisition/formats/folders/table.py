@@ -1,0 +1,47 @@
+"""Tables in text files: one row for each image, and every complaint with its line."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.formats.folders.refusal import refusal, text
+from acquisition.models.base import FloatArray
+
+
+def lines(path: Path) -> list[str]:
+    """The lines that are not blank, without white space around them. Raises RigError folder.invalid."""
+    return [line.strip() for line in text(path).splitlines() if line.strip()]
+
+
+def numbers(path: Path, line: int, words: list[str]) -> list[float]:
+    """The finite numbers of one line. Raises RigError folder.invalid naming the line."""
+    try:
+        found = [float(word) for word in words]
+    except ValueError as error:
+        raise refusal(path, f"line {line}: {error}: write numbers") from error
+    if not all(math.isfinite(value) for value in found):
+        raise refusal(path, f"line {line}: {' '.join(words)} is not finite: correct it, or take the image out")
+    return found
+
+
+def rows(path: Path, columns: tuple[int, ...], count: int, listing: str) -> FloatArray:
+    """A table of `count` rows with one of the allowed numbers of `columns`; `listing` names the file it belongs to.
+
+    Raises RigError folder.invalid naming what is wrong.
+    """
+    found = lines(path)
+    table = [numbers(path, number, line.replace(",", " ").split()) for number, line in enumerate(found, start=1)]
+    for number, row in enumerate(table, start=1):
+        if len(row) not in columns or len(row) != len(table[0]):
+            wanted = " or ".join(str(one) for one in columns)
+            raise refusal(path, f"line {number} has {len(row)} numbers: each line needs {wanted}, all the same")
+    if len(table) != count:
+        raise refusal(path, f"has {len(table)} rows, {listing} names {count} images: give one row for each image")
+    return np.array(table, dtype=np.float64)
+
+
+def beside(folder: Path, name: str) -> Path:
+    """The file that a list in `folder` names; lists that another machine wrote may name its folders too."""
+    named = folder / name
+    return named if named.is_file() else folder / name.replace("\\", "/").rsplit("/", maxsplit=1)[-1]

@@ -1,0 +1,47 @@
+"""Array types, fixed-size tuples and the base class of all values that cross HTTP or disk.
+
+Whatever crosses HTTP or disk is a frozen pydantic model that refuses unknown fields, NaN and infinity; whatever holds
+images or dense arrays is a frozen dataclass. Positions and directions are in the `view` frame (origin at the camera, x
+right, y up, z to the camera) unless a name says otherwise; lengths m, angles rad, times s.
+"""
+
+from collections.abc import Sequence
+from typing import Annotated, cast
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field
+
+FloatArray = npt.NDArray[np.float64]
+Float32Array = npt.NDArray[np.float32]
+BoolArray = npt.NDArray[np.bool_]
+# JSON has lists only; these three are lists there and tuples here.
+Vector3 = Annotated[tuple[float, float, float], Field(strict=False)]
+Joints = Annotated[tuple[float, float, float, float, float, float], Field(strict=False)]
+Matrix4 = Annotated[
+    tuple[
+        Annotated[tuple[float, float, float, float], Field(strict=False)],
+        Annotated[tuple[float, float, float, float], Field(strict=False)],
+        Annotated[tuple[float, float, float, float], Field(strict=False)],
+        Annotated[tuple[float, float, float, float], Field(strict=False)],
+    ],
+    Field(strict=False),
+]
+
+
+def as_joints(values: Sequence[float]) -> tuple[float, float, float, float, float, float]:
+    """Six joint angles as the tuple that values hold."""
+    one, two, three, four, five, six = (float(value) for value in values)
+    return (one, two, three, four, five, six)
+
+
+def as_matrix4(matrix: FloatArray) -> Matrix4:
+    """A (4, 4) pose as the tuple that values hold."""
+    rows = [tuple(float(value) for value in row) for row in matrix]
+    return cast(Matrix4, tuple(rows))
+
+
+class Value(BaseModel):
+    """Base of all values that cross HTTP or disk: frozen, strict, no unknown fields, no NaN."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, ser_json_inf_nan="null")

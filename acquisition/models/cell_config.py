@@ -1,0 +1,304 @@
+"""The cell file: what a cell is. Frozen models read from TOML, refused as a whole when anything is unknown or missing.
+
+Where the service runs (host, port, data folder) is no property of the cell and comes from the environment.
+"""
+
+import hashlib
+import json
+import math
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal, cast
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag, ValidationError, field_validator
+
+from acquisition import geometry
+from acquisition.models import stl
+from acquisition.models.base import Joints, Value, Vector3
+from acquisition.models.calibration import Calibration
+from acquisition.models.errors import ErrorCode, RigError
+
+
+class Pose(Value):
+    """A pose in TOML: position in m, rotation vector in rad."""
+
+    position_m: Vector3
+    rotation_vector_rad: Vector3 = (0.0, 0.0, 0.0)
+
+    @property
+    def matrix(self) -> geometry.FloatArray:
+        """The pose as (4, 4)."""
+        return geometry.pose(self.position_m, self.rotation_vector_rad)
+
+
+class CapsuleShape(Value):
+    """All points within `radius_m` of the segment from `start_m` to `end_m`."""
+
+    start_m: Vector3
+    end_m: Vector3
+    radius_m: float = Field(gt=0)
+
+
+class JointGeometry(Value):
+    """One joint of the arm as it was built: the four Denavit–Hartenberg numbers from the factory's calibration."""
+
+    theta_rad: float
+    a_m: float
+    d_m: float
+    alpha_rad: float
+
+
+class ArmConfig(Value):
+    """The arm, its tool and its limits."""
+
+    kind: Literal["ur"] = "ur"
+    model: Literal["ur3e", "ur5e", "ur10e", "ur16e"]
+    address: str
+    serial: str | None = Field(default=None, description="Checked at connection when given")
+    flange_from_tool: Pose = Field(description="The controller's TCP: origin at the emitter, +z the lamp's axis")
+    payload_kg: float = Field(gt=0)
+    payload_center_m: Vector3
+    tool_capsules: list[CapsuleShape] = Field(description="Bracket and lamp, in the flange frame")
+    cable_allowance_m: float = Field(default=0.0, ge=0, description="Kept for cables all round the last wrist and tool")
+    home: Joints
+    max_joint_speed_rad_s: float = Field(default=1.05, gt=0, le=math.pi)
+    max_joint_acceleration_rad_s2: float = Field(default=1.4, gt=0, le=40)
+    max_tool_speed_m_s: float = Field(default=0.25, gt=0, le=3)
+    max_elbow_speed_m_s: float = Field(default=0.5, gt=0, le=3)
+    stop_deceleration_rad_s2: float = Field(
+        default=6.0,
+        gt=0,
+        le=40,
+        description="Must stop the arm from its highest speed within 0.2 s, the watchdog's patience",
+    )
+    settle_s: float = Field(default=0.25, ge=0)
+    remote_recovery: bool = Field(
+        default=False, description="Whether an operator may unlock, power on and release brakes over HTTP"
+    )
+    nominal_kinematics_tolerance_m: float = Field(default=0.003, gt=0)
+    kinematics: list[JointGeometry] | None = Field(
+        default=None,
+        min_length=6,
+        max_length=6,
+        description="The arm as built, for poses that are right to a tenth of a millimetre; `lightpose check` tells it",
+    )
+
+
+class LampConfig(Value):
+    """The lamp's switch: a digital output of the controller (0–7 standard, 8–15 configurable, 16–17 tool)."""
+
+    kind: Literal["ur-output"] = "ur-output"
+    output: int = Field(ge=0, le=17)
+    rise_s: float = Field(default=0.02, ge=0, description="Wait between the confirmed output and the exposure")
+
+
+class CameraConfig(Value):
+    """What every camera has."""
+
+    min_exposure_s: float = Field(default=1e-4, gt=0)
+    max_exposure_s: float = Field(default=1.0, gt=0)
+    timeout_s: float = Field(default=30.0, gt=0)
+
+    def require_exposure(self, exposure_s: float) -> None:
+        """Raises RigError request.invalid for an exposure time beyond the limits."""
+        if not self.min_exposure_s <= exposure_s <= self.max_exposure_s:
+            raise RigError(
+                ErrorCode.REQUEST_INVALID,
+                f"Exposure {exposure_s} s is not within {self.min_exposure_s} to {self.max_exposure_s} s",
+            )
+
+
+class SimCameraConfig(CameraConfig):
+    """The simulated cell's camera, a port at `address`."""
+
+    kind: Literal["sim"] = "sim"
+    address: str
+    port: int = Field(default=30100, gt=0, lt=65536)
+
+
+class PylonCameraConfig(CameraConfig):
+    """A Basler camera (GigE or USB3) by its serial number; needs the extra `basler`."""
+
+    kind: Literal["pylon"]
+    serial: str = Field(min_length=1)
+    pixel_format: Literal["Mono8", "Mono10", "Mono12", "Mono16"] = "Mono12"
+    gain: float | None = Field(default=None, ge=0, description="dB or the model's unit; its least if absent")
+
+
+def _camera_kind(camera: object) -> str:
+    kind = camera.get("kind", "sim") if isinstance(camera, dict) else getattr(camera, "kind", "sim")
+    return str(cast(object, kind))
+
+
+AnyCamera = Annotated[
+    Annotated[SimCameraConfig, Tag("sim")] | Annotated[PylonCameraConfig, Tag("pylon")], Discriminator(_camera_kind)
+]
+
+
+class KeepOut(Value):
+    """A cylinder that holds the object, standing on the origin of its frame, axis +z; nothing shrinks it."""
+
+    radius_m: float = Field(gt=0)
+    height_m: float = Field(gt=0)
+    base_from_object: Pose
+
+
+class ObjectConfig(Value):
+    """Where the object is."""
+
+    keep_out: KeepOut
+
+
+class DomeConfig(Value):
+    """Where lights may be: a sphere's cap round `center_m` (object frame), slants measured from the view axis."""
+
+    center_m: Vector3 = (0.0, 0.0, 0.03)
+    radius_m: float = Field(default=0.45, gt=0)
+    min_slant_deg: float = Field(default=8.0, ge=0)
+    max_slant_deg: float = Field(default=75.0, gt=0, le=89)
+    candidates: int = Field(default=300, ge=12, le=2000)
+
+
+class ObstacleBase(Value):
+    """What all obstacles have."""
+
+    name: str
+    clearance_m: float | None = Field(default=None, gt=0, description="Least distance; not given: that of `clearances`")
+
+
+class HalfSpace(ObstacleBase):
+    """Everything on the far side of a plane: points x with normal · (x − point) < 0, base frame."""
+
+    kind: Literal["half-space"] = "half-space"
+    point_m: Vector3
+    normal: Vector3
+
+
+class Box(ObstacleBase):
+    """A box with half extents, base frame."""
+
+    kind: Literal["box"] = "box"
+    base_from_box: Pose
+    half_extents_m: Vector3
+
+
+class Capsule(ObstacleBase):
+    """A capsule, base frame."""
+
+    kind: Literal["capsule"] = "capsule"
+    start_m: Vector3
+    end_m: Vector3
+    radius_m: float = Field(gt=0)
+
+
+class Cone(ObstacleBase):
+    """A cone or its stump: round, from a foot of one radius along +z of its frame to a top of another; base frame."""
+
+    kind: Literal["cone"] = "cone"
+    base_from_cone: Pose
+    foot_radius_m: float = Field(ge=0)
+    top_radius_m: float = Field(default=0.0, ge=0)
+    height_m: float = Field(gt=0)
+
+
+FLAT_M = 1e-6
+"""Vertices whose rms distances from a plane sum up to less have no hull that could be told from rounding."""
+
+
+class ConvexMesh(ObstacleBase):
+    """The convex hull of vertices in a frame of its own.
+
+    A cell file may name an STL file (`file`, relative to it, in m) instead of the vertices: they are read when the cell
+    is, so that a cell says all that it is by itself.
+    """
+
+    kind: Literal["convex-mesh"] = "convex-mesh"
+    base_from_mesh: Pose
+    vertices_m: list[Vector3] = Field(min_length=4, max_length=20_000)
+
+    @field_validator("vertices_m")
+    @classmethod
+    def _has_a_volume(cls, vertices_m: list[Vector3]) -> list[Vector3]:
+        spread = np.array(vertices_m) - np.mean(vertices_m, axis=0)
+        if np.linalg.svd(spread, compute_uv=False)[-1] < FLAT_M:
+            raise ValueError("the vertices lie in a plane and enclose nothing: use a thin box instead")
+        return vertices_m
+
+
+Obstacle = Annotated[HalfSpace | Box | Capsule | Cone | ConvexMesh, Field(discriminator="kind")]
+
+
+class Clearances(Value):
+    """Least distances kept."""
+
+    table_m: float = Field(default=0.02, gt=0)
+    object_m: float = Field(default=0.03, gt=0)
+    obstacle_m: float = Field(default=0.03, gt=0)
+    self_m: float = Field(default=0.01, gt=0)
+
+
+class CellConfig(Value):
+    """A whole cell; `load` reads it from TOML."""
+
+    name: str
+    calibration: str = Field(description="Path of calibration.json, relative to the cell file")
+    arm: ArmConfig
+    lamp: LampConfig
+    camera: AnyCamera
+    object: ObjectConfig
+    dome: DomeConfig = DomeConfig()
+    table: HalfSpace
+    camera_body: list[Capsule] = Field(description="The camera and its lens, base frame")
+    obstacles: list[Obstacle] = Field(default_factory=list[HalfSpace | Box | Capsule | Cone | ConvexMesh])
+    clearances: Clearances = Clearances()
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 of the cell as values, so that comments and spaces in the file do not matter."""
+        return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
+
+
+def load(path: Path) -> CellConfig:
+    """Reads a cell file. Raises RigError config.invalid naming the file and each bad field."""
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        _read_meshes(content, path)
+        return CellConfig.model_validate_json(json.dumps(content))
+    except OSError as error:
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: cannot be read: {error.strerror}", file=str(path)) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: is not TOML: {error}", file=str(path)) from error
+    except ValidationError as error:
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: {_fields(error)}", file=str(path)) from error
+
+
+def _read_meshes(content: dict[str, Any], cell_file: Path) -> None:
+    """Puts the vertices of the mesh files that obstacles name in the place of the names."""
+    obstacles = content.get("obstacles")
+    for item in obstacles if isinstance(obstacles, list) else []:
+        if isinstance(item, dict) and "file" in item:
+            mesh = cell_file.parent / str(item.pop("file"))
+            try:
+                item["vertices_m"] = stl.vertices(mesh).tolist()
+            except (OSError, ValueError) as error:
+                raise RigError(ErrorCode.CONFIG_INVALID, f"{mesh}: {error}", file=str(mesh)) from error
+
+
+def load_calibration(path: Path) -> Calibration:
+    """Reads `calibration.json`. Raises RigError config.invalid naming the file and each bad field."""
+    try:
+        calibration = Calibration.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: cannot be read: {error.strerror}", file=str(path)) from error
+    except ValidationError as error:
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: {_fields(error)}", file=str(path)) from error
+    for name in ("base_from_camera", "tool_from_lamp"):
+        rotation = np.array(getattr(calibration, name))[:3, :3]
+        if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6):
+            raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: {name} is not a rigid transform", file=str(path))
+    return calibration
+
+
+def _fields(error: ValidationError) -> str:
+    return "; ".join(f"{'.'.join(map(str, item['loc']))}: {item['msg']}" for item in error.errors())

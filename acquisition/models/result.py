@@ -1,0 +1,86 @@
+"""Results of a solve: the normal map with its uncertainty, its summary, and the settings that made it."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from acquisition.models.base import BoolArray, Float32Array, FloatArray, Value
+
+LIT, ATTACHED, CAST, SATURATED, HIGHLIGHT = 1, 2, 4, 8, 16
+"""Bits of NormalMap.flags, per light and pixel."""
+
+
+@dataclass(frozen=True)
+class Information:
+    """What the images say of K sample pixels, the only part of a normal map that the planner's criterion reads.
+
+    `matrices` is the Fisher information of (g, z), g = albedo × normal (3) in units of absolute albedo and z the depth
+    in m, from the images alone (no prior), with the weights that the solver used.
+    """
+
+    rows: npt.NDArray[np.int64]  # (K,)
+    columns: npt.NDArray[np.int64]  # (K,)
+    matrices: FloatArray  # (K, 4, 4)
+
+
+@dataclass(frozen=True)
+class NormalMap:
+    """What the solver found for each pixel; arrays are zero (σ: NaN) outside `mask`.
+
+    `sigma_deg`: √ of the variance summed over both tangential directions, so that the angular error is Rayleigh with
+    mean 0.886 σ, median 0.833 σ, P(e < σ) = 0.632. Where `doubtful` is true σ means nothing: fewer than three lights,
+    or a larger share of `indirect` light (thrown by other surfaces) than its prediction can be trusted with.
+    """
+
+    normals: Float32Array  # (H, W, 3) view frame
+    albedo: Float32Array  # (H, W) absolute
+    depth: Float32Array  # (H, W) m along OpenCV's z
+    sigma_deg: Float32Array  # (H, W)
+    residual: Float32Array  # (H, W) rms of whitened residuals
+    mask: BoolArray  # (H, W) pixels with a normal
+    silhouette: BoolArray  # (H, W) pixels of the object, solved or not
+    flags: npt.NDArray[np.uint8]  # (F, H, W)
+    intensity_factors: FloatArray  # (F,)
+    information: Information
+    indirect: Float32Array | None = None  # (H, W) share of all light that other surfaces threw; none: not predicted
+    doubtful: BoolArray | None = None  # (H, W)
+    albedo_rgb: Float32Array | None = None  # (H, W, 3) of each channel; none: grey images
+    noise: dict[str, float] = field(default_factory=dict[str, float])  # names of parameters → values used
+    notes: dict[str, Any] = field(default_factory=dict[str, Any])
+
+
+class ResultSummary(Value):
+    """The figures of one result that a person reads first."""
+
+    images: int
+    object_pixels: int
+    solved_pixels: int
+    mean_sigma_deg: float = Field(
+        description="Over the solved pixels inside the silhouette that are seen no more than 78° from their normal"
+    )
+    median_sigma_deg: float
+    region_sigma_deg: float | None = Field(
+        default=None, description="The mean over those in the region of interest; none: no region is drawn"
+    )
+    predicted_sigma_deg: float | None
+    predicted_median_deg: float | None
+    fewer_than_three_lights: float
+    intensity_factors: list[float]
+    noise: dict[str, float]
+
+
+class SolveSettings(Value):
+    """How normals are solved."""
+
+    depth_rounds: int = Field(
+        default=2, ge=0, le=10, description="Times that depth is integrated and the solve repeated"
+    )
+    shadow_threshold: float = Field(default=0.08, ge=0, lt=0.5, description="Of the pixel's largest normalised value")
+    robust: bool = True
+    keep_steps: bool = Field(
+        default=False,
+        description="Let depth jump where normals disagree with their neighbours; elsewhere it is a little less exact",
+    )

@@ -1,0 +1,92 @@
+"""Captured images: what was measured while each was exposed, and the set of all that a session has taken."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from acquisition.models.base import Joints, Matrix4, Value
+from acquisition.models.light_plan import Light
+
+
+class ShotKey(Value):
+    """Which image of a session: pass and number within the pass."""
+
+    pass_number: int = Field(ge=0)
+    number: int = Field(ge=0)
+
+
+class FrameRef(Value):
+    """A frame's file, relative to the session folder; linear 16-bit, row 0 at the top."""
+
+    path: str
+    width: int
+    height: int
+    sha256: str
+
+
+class FrameQuality(Value):
+    """What the check of a frame found, as shares of the object's pixels (or of the frame where no mask is known)."""
+
+    saturated: float
+    bright_level: float = Field(description="99.5th percentile above black, fraction of full scale")
+    sharpness: float | None = Field(
+        default=None, description="Share of the finest detail in all detail; blur takes it away; none: not measured"
+    )
+    shift_px: float | None = Field(
+        default=None, description="How far the object seems to have moved since it was first seen; none: not measured"
+    )
+    accepted: bool
+    reason: str = ""
+
+
+class Shot(Value):
+    """One image and what was measured while it was exposed."""
+
+    key: ShotKey
+    kind: Literal["light", "dark", "reference"]
+    frame: FrameRef
+    exposure_s: float
+    light_number: int | None = None
+    repeats: ShotKey | None = Field(default=None, description="The image that this one was taken again of")
+    light: Light | None = Field(
+        default=None, description="From the measured tool pose, never from where the arm was sent"
+    )
+    joints: Joints | None = None
+    base_from_tool: Matrix4 | None = None
+    lamp_on: bool = False
+    attempt: int = 0
+    arm_time_s: float | None = None
+    taken_at: float = Field(description="Seconds since 1970, UTC")
+    quality: FrameQuality
+
+
+class FrameSource(Protocol):
+    """Reads rows of stored frames, so that a stack need not fit into memory; picklable."""
+
+    def rows(self, frame: FrameRef, start: int, stop: int) -> npt.NDArray[np.uint16]:
+        """Rows [start, stop) of a frame, (rows, W) uint16 linear."""
+        ...
+
+
+@dataclass(frozen=True)
+class Observations:
+    """All images taken so far: lit shots, the lamp-off frame for each exposure time, and where to read them; `repeats`
+    are lit shots and lamp-off frames that were taken twice, which tell of noise only."""
+
+    shots: Sequence[Shot]
+    darks: dict[float, Shot]
+    frames: FrameSource
+    repeats: Sequence[Shot] = ()
+
+    @classmethod
+    def of(cls, taken: Iterable[Shot], frames: FrameSource) -> "Observations":
+        """What passes took, in the order of its keys; the lamp-off frame of an exposure time is the newest one."""
+        shots = sorted(taken, key=lambda shot: (shot.key.pass_number, shot.key.number))
+        darks = {shot.exposure_s: shot for shot in shots if shot.kind == "dark"}
+        again = [shot for shot in shots if shot.kind == "reference"]
+        older = [shot for shot in shots if shot.kind == "dark" and shot is not darks[shot.exposure_s]]
+        return cls([shot for shot in shots if shot.kind == "light"], darks, frames, [*again, *older])

@@ -1,0 +1,143 @@
+"""Images under distant lights to a normal map: one block of rows after another, with the solver that was asked for.
+
+`auto` lets the residuals choose: each solver explains lights that it was not shown, on a sample of pixels, and the one
+that does so best solves them all. Nothing holds the whole stack; what is known of every pixel is the result.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from acquisition import photometry
+from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.result import HIGHLIGHT, LIT, Information, NormalMap
+from acquisition.normals import integration, memory_mapped
+from acquisition.normals.distant import method_selection, methods, pixel_blocks
+from acquisition.normals.distant.methods import Solver
+from acquisition.normals.image_set import DistantLights, ImageSet, check
+
+SAMPLE = 900
+USELESS = 0.95
+"""Share of clipped pixels from which an image tells nothing."""
+
+
+def solve(images: ImageSet, solver: Solver = "auto", *, with_depth: bool = True, keep_steps: bool = False) -> NormalMap:
+    """Solves images with DistantLights; `notes` say which solver did it and why.
+
+    `keep_steps` lets depth jump where normals disagree with their neighbours, see `integrate`. Depth is in m where a
+    camera and a rough depth are known, else relative (`notes["depth_unit"]`). Raises RigError normals.infeasible as
+    `image_set.check` does, and naming the file where an image is black, clipped or not finite.
+    """
+    check(images)
+    if not isinstance(images.lights, DistantLights):
+        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "these lights are near: solve them as near lights")
+    directions = pixel_blocks.directions(images)
+    values, clipped = pixel_blocks.sample(images, SAMPLE)
+    refuse_unusable(images, values, clipped)
+    chosen, why = (solver, "as asked")
+    if solver == "auto":
+        chosen, why = method_selection.best(values, clipped, directions)
+    method, notes = methods.prepare(chosen, values, clipped, directions)
+    notes = {"solver": chosen, "why": why} | notes
+    return whole(images, method, luma=chosen == "ls", notes=notes, with_depth=with_depth, keep_steps=keep_steps)
+
+
+def refuse_unusable(images: ImageSet, values: Float32Array, clipped: BoolArray) -> None:
+    """Raises RigError normals.infeasible naming an image that is not finite, black or clipped at a sample (K, F)."""
+    for index, name in enumerate(images.names):
+        column, full = values[:, index], clipped[:, index]
+        if not np.all(np.isfinite(column)):
+            what = "has values that are not finite: write it again"
+        elif np.mean(full) > USELESS:
+            what = "is clipped all over the object: expose it for a shorter time"
+        elif not np.any(column > 0):
+            what = "is black all over the object: was the lamp on? Leave it out or take it again"
+        else:
+            continue
+        raise RigError(ErrorCode.NORMALS_INFEASIBLE, f"{name} {what}", file=name)
+
+
+def whole(
+    images: ImageSet, method: methods.Method, *, luma: bool, notes: dict[str, Any], with_depth: bool = True,
+    keep_steps: bool = False,
+) -> NormalMap:  # fmt: skip
+    """All blocks, one after another, into a normal map; `luma` and `notes` as in `blocks.read` and NormalMap."""
+    size = (images.height, images.width)
+    normals = np.zeros((*size, 3), np.float32)
+    albedo, residual = np.zeros(size, np.float32), np.zeros(size, np.float32)
+    colour = np.zeros((*size, 3), np.float32) if images.channels == 3 else None
+    sigma = np.full(size, np.nan, np.float32)
+    solved, doubtful = np.zeros(size, np.bool_), np.zeros(size, np.bool_)
+    flags = memory_mapped.zeros((images.count, *size))
+    for block in pixel_blocks.every(images, luma=luma):
+        rows = slice(block.start, block.stop)
+        chosen = np.flatnonzero(images.mask[rows])
+        found = method(block, chosen)
+        good = (found.albedo > 0) & np.all(np.isfinite(found.normals), axis=0)
+
+        def place(target: np.ndarray, values: np.ndarray, rows: slice = rows, chosen: np.ndarray = chosen) -> None:
+            part = target[rows].reshape(-1, *target.shape[2:])
+            part[chosen] = values
+
+        place(solved, good)
+        place(normals, np.where(good[:, None], found.normals.T, 0))
+        place(albedo, np.where(good, found.albedo, 0))
+        place(residual, np.where(good, found.residual, 0))
+        place(sigma, np.where(good, np.degrees(np.sqrt(found.variance)), np.nan))
+        place(doubtful, np.count_nonzero(found.flags & (LIT | HIGHLIGHT), axis=0) < 3)
+        if colour is not None and block.colour is not None:
+            place(colour, np.where(good[:, None], found.albedo[:, None] * block.colour[chosen], 0))
+        part = flags[:, rows].reshape(images.count, -1)
+        part[:, chosen] = found.flags
+        flags[:, rows] = part.reshape(images.count, rows.stop - rows.start, images.width)
+        memory_mapped.let_go(flags)
+    depth, unit = np.zeros(size, np.float32), "none"
+    if with_depth:
+        depth, unit = _depth(images, normals, solved, sigma, keep_steps)
+    return NormalMap(
+        normals=normals,
+        albedo=albedo,
+        depth=depth,
+        sigma_deg=sigma,
+        residual=residual,
+        mask=solved,
+        silhouette=images.mask,
+        flags=flags,
+        intensity_factors=np.ones(images.count),
+        information=_no_information(),
+        doubtful=doubtful & solved,
+        albedo_rgb=colour,
+        notes=notes | {"depth_unit": unit},
+    )
+
+
+def _depth(
+    images: ImageSet, normals: Float32Array, solved: BoolArray, sigma: Float32Array, keep_steps: bool
+) -> tuple[Float32Array, str]:
+    """Depth and its unit: m, share of the rough depth that is unknown (`relative`), or pixels where orthographic."""
+    planar = normals.transpose(2, 0, 1)  # no copy: it is read twice only
+    if images.camera is None:
+        return integration.relief(planar, solved, _certainty(solved, sigma), keep_steps=keep_steps), "pixel"
+    rows, columns = slice(0, images.height), slice(0, images.width)
+    ray = photometry.camera_rays(images.camera.matrix, images.camera.distortion, rows, columns)
+    rough = images.rough_depth_m
+    start = np.broadcast_to(np.asarray(1.0 if rough is None else rough, np.float32), solved.shape)
+    found = integration.depth(planar, solved, ray, _certainty(solved, sigma), start, keep_steps=keep_steps)
+    found[~solved] = 0
+    return found, "relative" if rough is None else "m"
+
+
+def _certainty(solved: BoolArray, sigma: Float32Array) -> Float32Array:
+    """How far each normal is to be believed in integration (H, W), 0–1; kept by nobody else, since memory counts."""
+    variance = np.radians(np.nan_to_num(sigma, nan=90.0))
+    variance *= variance
+    certainty = integration.certainty(variance)
+    certainty[~solved] = 0
+    return certainty
+
+
+def _no_information() -> Information:
+    """No planner reads a result of distant light."""
+    none = np.empty(0, np.int64)
+    return Information(none, none, np.empty((0, 4, 4)))

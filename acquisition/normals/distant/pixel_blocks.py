@@ -1,0 +1,119 @@
+"""Blocks of rows of an image set as planar stacks (F, N) of one brightness per pixel, whatever is stored.
+
+Grey images pass in the type they are stored in, without a copy beyond the reader's. Colours are divided by the light's
+intensity channel by channel and mixed to one grey: by fixed weights where figures are to be compared (the luma of ITU-R
+BT.601, as the field's plain least squares uses), else by the pixel's own colour, which is the best unbiased mix for a
+matt surface and lets coloured paint outweigh its white gloss; channels of faint light count less.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.normals.distant import colour
+from acquisition.normals.image_set import DistantLights, ImageSet
+
+LUMA = np.array([0.2989, 0.5870, 0.1140], np.float32)
+DIM = 0.25
+"""Of the strongest channel's light: channels with less drown in noise once they are divided by their intensity."""
+
+BLOCK_BYTES = 8_000_000
+"""Of stored values held at once; what solvers make of them takes five to ten times as much."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows [start, stop) as `stack` (F, N) stored values; times `scale` (F,) they are brightness per unit of light.
+
+    `clipped_from` is the stored value from which a measurement is clipped; `colour` (N, 3) the ratio of each channel's
+    brightness to the mix, none for grey images.
+    """
+
+    start: int
+    stop: int
+    stack: np.ndarray
+    scale: Float32Array
+    clipped_from: float
+    colour: Float32Array | None
+
+    def pixels(self, chosen: np.ndarray) -> tuple[Float32Array, BoolArray]:
+        """Brightness and whether clipped, of some pixels (K) by their number, both (K, F)."""
+        picked = self.stack[:, chosen]
+        values = picked.T.astype(np.float32) * self.scale
+        clipped = picked >= self.clipped_from
+        return np.ascontiguousarray(values), np.ascontiguousarray(clipped.T)
+
+
+def directions(images: ImageSet) -> FloatArray:
+    """Unit light directions (F, 3)."""
+    lights = images.lights
+    assert isinstance(lights, DistantLights)  # noqa: S101 - `solve` has refused anything else
+    return lights.directions / np.linalg.norm(lights.directions, axis=1, keepdims=True)
+
+
+def intensities(images: ImageSet) -> FloatArray:
+    """What stored values (as shares of full scale) are divided by, (F, C): for point lights, their intensity at 1 m."""
+    lights = images.lights
+    if isinstance(lights, DistantLights):
+        return lights.intensities
+    return np.repeat((lights.intensity * lights.reference_m**2)[:, None], images.channels, axis=1)
+
+
+def rows_at_once(images: ImageSet) -> int:
+    """Rows of a block that stays small."""
+    size = 2 if images.channels == 1 else 4 * 4
+    return max(1, min(images.height, BLOCK_BYTES // (images.count * images.width * size)))
+
+
+def read(images: ImageSet, start: int, stop: int, *, luma: bool) -> Block:
+    """One block of rows; `luma` mixes colours by fixed weights."""
+    strength = intensities(images)
+    size = (stop - start) * images.width
+    first = images.rows(0, start, stop)
+    # The kernels take sixteen bits; eight are widened.
+    kind = np.uint16 if first.dtype == np.uint8 else first.dtype
+    stored = np.empty((images.count, *first.shape), kind)
+    stored[0] = first
+    for image in range(1, images.count):
+        stored[image] = images.rows(image, start, stop)
+    gain = (1.0 / (images.full_scale * strength)).astype(np.float32)
+    clipped_from = images.saturated_from * images.full_scale
+    if images.channels == 1:
+        return Block(start, stop, stored.reshape(images.count, size), gain[:, 0].copy(), clipped_from, None)
+    stack, tint = np.empty((images.count, size), np.float32), np.empty((size, 3), np.float32)
+    colour.mix(stored.reshape(images.count, size, 3), gain, clipped_from, LUMA, _trust(strength), luma, stack, tint)
+    return Block(start, stop, stack, np.ones(images.count, np.float32), colour.CLIPPED / 2, tint)
+
+
+def _trust(strength: FloatArray) -> Float32Array:
+    """How much of each channel (C,) to believe, 0–1, for lights of `strength` (F, C)."""
+    share = np.mean(strength, axis=0) / np.max(np.mean(strength, axis=0))
+    return (share**2 / (share**2 + DIM**2)).astype(np.float32)
+
+
+def every(images: ImageSet, *, luma: bool) -> Iterator[Block]:
+    """All blocks that hold pixels of the mask."""
+    step = rows_at_once(images)
+    for start in range(0, images.height, step):
+        stop = min(start + step, images.height)
+        if np.any(images.mask[start:stop]):
+            yield read(images, start, stop, luma=luma)
+
+
+def sample(images: ImageSet, count: int, *, luma: bool = False) -> tuple[Float32Array, BoolArray]:
+    """About `count` pixels of the mask from rows all over it: brightness and whether clipped, both (K, F)."""
+    rng = np.random.default_rng(0)
+    there = np.flatnonzero(np.any(images.mask, axis=1))
+    rows = np.unique(there[np.linspace(0, len(there) - 1, min(len(there), 48)).astype(int)])
+    values: list[Float32Array] = []
+    clipped: list[BoolArray] = []
+    share = -(-count // len(rows))
+    for row in rows:
+        columns = np.flatnonzero(images.mask[row])
+        chosen = np.sort(rng.permutation(columns)[:share])
+        picked, full = read(images, int(row), int(row) + 1, luma=luma).pixels(chosen)
+        values.append(picked)
+        clipped.append(full)
+    return np.concatenate(values), np.concatenate(clipped)

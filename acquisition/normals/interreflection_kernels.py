@@ -1,0 +1,249 @@
+"""Kernels over a height field that the camera sees: what light arrives from above horizons, walls, and shadows.
+
+In a plane through the camera's ray, walking outwards from a receiver, each surface that rises above the horizon so far
+fills the angle between, and the cosine-weighted integral over that angle, from α₁ to α₂, is that of
+(a cos α + b sin α) cos α, with a and b the normal's parts across the ray and along it. What is walked over is the same
+for all receivers, so it is laid down once.
+
+Kernels compile at import, into numba's cache.
+"""
+
+import numba
+import numpy as np
+
+from acquisition.models.base import BoolArray, Float32Array
+
+LEVELS = 3
+"""Parts of a wall's height that have a radiosity of their own."""
+
+WALL_SLOPE = 2.5
+SHADOW_CLEARANCE_M = 0.0003
+BEYOND_PICTURE = 0.5
+"""Radiosity of the table beyond the picture, as a share of what its border sends."""
+
+
+@numba.njit("Tuple((float32[:,::1], int64[:,:,::1], float32[:,::1]))(int64, int64)", cache=True, error_model="numpy")
+def _ways(azimuths: int, longest: int) -> tuple[Float32Array, np.ndarray, Float32Array]:
+    """The cells that lie on the way from a cell in each direction, as far as `longest` cells.
+
+    The directions in the picture (A, 2). At each step the way passes between two cells that are neighbours in a row
+    or, where the direction is nearer to that of rows, in a column: row and column of the upper or left one, from those
+    of the first cell (A, steps, 2), and the other one's share (A, steps).
+    """
+    steps = 0
+    gone, stride = 0.0, 1.0
+    while gone < longest:
+        gone, steps = gone + stride, steps + 1
+        if gone > 8:
+            stride = min(np.floor(gone / 6.0), 6.0)
+    directions = np.empty((azimuths, 2), np.float32)
+    cells = np.empty((azimuths, steps, 2), np.int64)
+    shares = np.empty((azimuths, steps), np.float32)
+    for k in range(azimuths):
+        azimuth = 2.0 * np.pi * (k + 0.5) / azimuths
+        across, down = np.cos(azimuth), np.sin(azimuth)
+        directions[k, 0], directions[k, 1] = across, down
+        major = max(abs(across), abs(down))
+        gone, stride = 0.0, 1.0
+        for n in range(steps):
+            gone += stride
+            u, v = gone * across / major, gone * down / major
+            if abs(across) >= abs(down):
+                cells[k, n, 0], cells[k, n, 1] = np.floor(v), np.round(u)
+                shares[k, n] = v - np.floor(v)
+            else:
+                cells[k, n, 0], cells[k, n, 1] = np.round(v), np.floor(u)
+                shares[k, n] = u - np.floor(u)
+            if gone > 8:
+                stride = min(np.floor(gone / 6.0), 6.0)
+    return directions, cells, shares
+
+
+@numba.njit(
+    "void(float32[:,:,::1], float32[:,::1], float32[:,::1], int32[:,::1], float32[:,:,::1], int32[:,::1],"
+    " float32[:,:,::1], int64, float32[:,::1])",
+    cache=True,
+    parallel=True,
+    fastmath=True,
+    error_model="numpy",
+)
+def gather(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
+    point: Float32Array,  # (h, w, 3)
+    place: Float32Array,  # (K, 3) receivers
+    normal: Float32Array,  # (K, 3)
+    cell: np.ndarray,  # (K, 2)
+    radiosity: Float32Array,  # (h, w, F)
+    wall_number: np.ndarray,  # (h, w)
+    wall_sent: Float32Array,  # (W, LEVELS, F)
+    azimuths: int,
+    out: Float32Array,  # (K, F)
+) -> None:
+    height, width, count = radiosity.shape
+    zero, one, half, steep = np.float32(0), np.float32(1), np.float32(0.5), np.float32(WALL_SLOPE)
+    share_of_one, far = np.float32(2.0 / azimuths), np.float32(1e6)
+    directions, cells, shares = _ways(azimuths, max(height, width))
+    # Unsigned places in flat arrays: numba has nothing to check there.
+    points, numbers = point.reshape(height * width, 3), wall_number.reshape(height * width)
+    sent = radiosity.reshape(height * width, count)
+    # Between two cells the surface is interpolated, except across a step: to the right, and down.
+    broken = np.zeros((2, height * width), np.bool_)
+    for v in numba.prange(height):
+        for u in range(width):
+            for side in range(2):
+                v1, u1 = v + side, u + 1 - side
+                if v1 < height and u1 < width:
+                    apart = abs(point[v1, u1, 0] - point[v, u, 0]) + abs(point[v1, u1, 1] - point[v, u, 1])
+                    broken[side, v * width + u] = abs(point[v1, u1, 2] - point[v, u, 2]) > steep * apart
+    for i in numba.prange(place.shape[0]):
+        px, py, pz = place[i, 0], place[i, 1], place[i, 2]
+        nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+        inverse = one / np.sqrt(px * px + py * py + pz * pz)
+        vx, vy, vz = -px * inverse, -py * inverse, -pz * inverse  # to the camera
+        b = nx * vx + ny * vy + nz * vz
+        for f in range(count):
+            out[i, f] = zero
+        for k in range(azimuths):
+            across, down = directions[k, 0], directions[k, 1]
+            side = 1 if abs(across) >= abs(down) else 0
+            beside = np.uintp(width if side else 1)
+            rows, columns = np.uintp(height - side), np.uintp(width - 1 + side)
+            # the unit vector across the camera's ray, towards that side of the picture
+            dot = across * vx - down * vy
+            tx, ty, tz = across - dot * vx, -down - dot * vy, -dot * vz
+            inverse = one / np.sqrt(tx * tx + ty * ty + tz * tz)
+            tx, ty, tz = tx * inverse, ty * inverse, tz * inverse
+            a = nx * tx + ny * ty + nz * tz
+            # Only directions before the tangent plane receive, a cos α + b sin α > 0: from where tan α is `lowest`.
+            steepest = far
+            if b >= 0:
+                square = np.float32(1) / (a * a + b * b)
+                below = (b * a * a * square - a * (np.arctan2(a, b) + a * b * square)) * half
+                lowest = max(-a / max(b, np.float32(1e-6)), -far)
+            elif a > 0:
+                steepest = -a / b
+                lowest, below = -far, (b - np.float32(0.5 * np.pi) * a) * half
+            else:
+                continue
+            near = np.uintp(cell[i, 0] * width + cell[i, 1])
+            lx, ly, lz = points[near, 0], points[near, 1], points[near, 2]
+            for n in range(cells.shape[1]):
+                row, column = np.uintp(cell[i, 0] + cells[k, n, 0]), np.uintp(cell[i, 1] + cells[k, n, 1])
+                if row >= rows or column >= columns:  # a negative one is very large
+                    break
+                first = row * np.uintp(width) + column
+                second = first + beside
+                share = shares[k, n]
+                before, near = near, first if share < half else second
+                if broken[side, first]:
+                    share = zero if share < half else one
+                rest = one - share
+                x = rest * points[first, 0] + share * points[second, 0]
+                y = rest * points[first, 1] + share * points[second, 1]
+                z = rest * points[first, 2] + share * points[second, 2]
+                ex, ey, ez = x - px, y - py, z - pz
+                wall, rise = numbers[before], z - lz
+                jump = False
+                if wall >= 0:
+                    jump = rise > steep * np.sqrt((x - lx) ** 2 + (y - ly) ** 2)
+                    if jump:  # the edge stands between the two cells
+                        ex, ey = (x + lx) * half - px, (y + ly) * half - py
+                outward = ex * tx + ey * ty + ez * tz
+                upward = ex * vx + ey * vy + ez * vz
+                if outward > 0 and upward > lowest * outward:
+                    slope = min(upward / outward, steepest)
+                    square = one / (one + slope * slope)
+                    above = (a * (np.arctan(slope) + slope * square) + b * slope * slope * square) * half
+                    weight = (above - below) * share_of_one
+                    if jump:
+                        middle = pz + (slope + max(lowest, (lz - pz) / outward)) * half * outward
+                        level = int(min(max((middle - lz) / rise, zero), np.float32(0.999)) * LEVELS)
+                        for f in range(count):
+                            out[i, f] += weight * wall_sent[wall, level, f]
+                    else:
+                        for f in range(count):
+                            out[i, f] += weight * sent[near, f]
+                    lowest, below = slope, above
+                lx, ly, lz = x, y, z
+            if lowest < 0:
+                weight = np.float32(BEYOND_PICTURE) * -below * share_of_one
+                for f in range(count):
+                    out[i, f] += weight * sent[near, f]
+
+
+@numba.njit(
+    "Tuple((int32[:,::1], int32[:,::1], float32[:,::1], float32[::1]))(float32[:,:,::1], boolean[:,::1])",
+    cache=True,
+    error_model="numpy",
+)
+def find_walls(point: Float32Array, inside: BoolArray) -> tuple[np.ndarray, np.ndarray, Float32Array, Float32Array]:
+    """Cells at the foot of a step: numbers (h, w), cells (W, 2), the wall's normals (W, 3) and its edge's z (W,)."""
+    height, width = inside.shape
+    number = np.full((height, width), -1, np.int32)
+    cell = np.empty((height * width, 2), np.int32)
+    normal = np.zeros((height * width, 3), np.float32)
+    top = np.empty(height * width, np.float32)
+    found = 0
+    for v in range(1, height - 1):
+        for u in range(1, width - 1):
+            x, y, z = point[v, u, 0], point[v, u, 1], point[v, u, 2]
+            across, up, highest = 0.0, 0.0, 0.0
+            for dv in range(-1, 2):
+                for du in range(-1, 2):
+                    if (dv == 0 and du == 0) or not inside[v + dv, u + du]:
+                        continue
+                    dx, dy = point[v + dv, u + du, 0] - x, point[v + dv, u + du, 1] - y
+                    rise = point[v + dv, u + du, 2] - z
+                    run = np.sqrt(dx * dx + dy * dy)
+                    if rise > WALL_SLOPE * run:
+                        across -= dx / run * rise
+                        up -= dy / run * rise
+                        highest = max(highest, rise)
+            length = np.sqrt(across * across + up * up)
+            if highest > 0 and length > 0:
+                number[v, u] = found
+                cell[found, 0], cell[found, 1] = v, u
+                normal[found, 0], normal[found, 1] = across / length, up / length
+                top[found] = z + highest
+                found += 1
+    return number, cell[:found].copy(), normal[:found].copy(), top[:found].copy()
+
+
+@numba.njit(
+    "void(float32[:,:,::1], float32[:,::1], float32[:,::1], float32[:,::1], float64[::1], float32[:,::1])",
+    cache=True,
+    parallel=True,
+    fastmath=True,
+    error_model="numpy",
+)
+def lit(
+    point: Float32Array,  # (h, w, 3)
+    place: Float32Array,  # (K, 3)
+    normal: Float32Array,  # (K, 3)
+    lamp: Float32Array,  # (F, 6)
+    affine: np.ndarray,  # column and row as factor and offset of the rays
+    out: Float32Array,  # (K, F): 1 where the way to the lamp is free
+) -> None:
+    height, width = point.shape[0], point.shape[1]
+    for i in numba.prange(place.shape[0]):
+        for f in range(lamp.shape[0]):
+            dx, dy, dz = lamp[f, 0] - place[i, 0], lamp[f, 1] - place[i, 1], lamp[f, 2] - place[i, 2]
+            out[i, f] = 0.0
+            if dx * normal[i, 0] + dy * normal[i, 1] + dz * normal[i, 2] <= 0:
+                continue
+            out[i, f] = 1.0
+            pace = abs(place[i, 2] / affine[0]) / (np.sqrt(dx * dx + dy * dy) + 1e-6)
+            for n in range(1, 1024):
+                t = n * pace
+                if t > 0.5:
+                    break
+                x, y, z = place[i, 0] + t * dx, place[i, 1] + t * dy, place[i, 2] + t * dz
+                u = int(np.round(-x / z * affine[0] + affine[1]))
+                v = int(np.round(y / z * affine[2] + affine[3]))
+                if u < 0 or v < 0 or u >= width or v >= height:
+                    break
+                if point[v, u, 2] > z + SHADOW_CLEARANCE_M:
+                    out[i, f] = 0.0
+                    break
+
+
+KERNELS = (_ways, gather, find_walls, lit)

@@ -1,0 +1,81 @@
+"""Between the full grid of pixels and a coarse one: means over blocks one way, interpolation the other.
+
+Only object pixels enter the means, and values are carried over the object's border before they are interpolated, so
+that the table's never mix in.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from acquisition.models.base import Float32Array
+from acquisition.normals.pixel_solve import Pixels
+
+CARRY = 5
+
+
+def coarser(pixels: Pixels, factor: int) -> Pixels:
+    """Means over blocks of factor × factor pixels, object pixels only; a block with a clipped pixel is clipped."""
+    if factor == 1:
+        return pixels
+    height, width = -(-pixels.shape[0] // factor), -(-pixels.shape[1] // factor)
+    row, column = np.unravel_index(pixels.index, pixels.shape)
+    block = (row // factor) * width + column // factor
+    index, inverse = np.unique(block, return_inverse=True)
+    share = 1.0 / np.bincount(inverse)
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return np.stack([np.bincount(inverse, one) * share for one in values])
+
+    return replace(
+        pixels,
+        shape=(height, width),
+        index=index,
+        ray=mean(pixels.ray).astype(np.float32),
+        values=mean(pixels.values).astype(np.float32),
+        clipped=mean(pixels.clipped) > 0,
+    )
+
+
+def means(image: Float32Array, factor: int) -> Float32Array:
+    """Means over blocks of an image (..., h, w); blocks that reach over the border repeat its last pixels."""
+    rows, columns = -image.shape[-2] % factor, -image.shape[-1] % factor
+    padded = np.pad(image, [(0, 0)] * (image.ndim - 2) + [(0, rows), (0, columns)], mode="edge")
+    height, width = padded.shape[-2] // factor, padded.shape[-1] // factor
+    return padded.reshape(*image.shape[:-2], height, factor, width, factor).mean(axis=(-3, -1))
+
+
+def joined(parts: Sequence[Pixels]) -> Pixels:
+    """Pixels of windows that lie one below the other, as those of the window that they make up."""
+    above = np.cumsum([0, *(part.shape[0] for part in parts)])
+    width = parts[0].shape[1]
+    return Pixels(
+        shape=(int(above[-1]), width),
+        index=np.concatenate([part.index + width * top for part, top in zip(parts, above[:-1], strict=True)]),
+        ray=np.concatenate([part.ray for part in parts], axis=1),
+        values=np.concatenate([part.values for part in parts], axis=1),
+        clipped=np.concatenate([part.clipped for part in parts], axis=1),
+    )
+
+
+def finer(values: Float32Array, coarse: Pixels, factor: int, pixels: Pixels, top: int = 0) -> Float32Array:
+    """Values (..., M) of the coarse pixels at the full ones (..., N), bilinear.
+
+    The window of `pixels` begins `top` rows below that of `coarse`.
+    """
+    weight = coarse.image(np.ones(len(coarse.index), np.float32))
+    around = cv2.blur(weight, (CARRY, CARRY))
+    height, width = coarse.shape
+    rows, columns = pixels.shape
+    # With a coarse row more on either side, interpolation does not know that there are others.
+    first, last = max(top // factor - 1, 0), min(-(-(top + rows) // factor) + 1, height)
+    size, skipped = (width * factor, (last - first) * factor), top - first * factor
+    out = np.empty((*values.shape[:-1], len(pixels.index)), np.float32)
+    for place in np.ndindex(*values.shape[:-1]):
+        image = coarse.image(values[place])
+        carried = np.where(weight > 0, image, cv2.blur(image, (CARRY, CARRY)) / np.maximum(around, 1e-6))
+        full = cv2.resize(carried[first:last].astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
+        out[place] = pixels.take(np.asarray(full, np.float32)[skipped : skipped + rows, :columns])
+    return out

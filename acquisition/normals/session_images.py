@@ -1,0 +1,184 @@
+"""Frames to values: the images of a session, normalised, within a window, block of rows by block of rows.
+
+The lamp-off frame of the same exposure time takes ambient light, black level and dark current out at once. What a
+solver is given are `Images`, which it may read as often as it likes: a small stack is read once and kept, a large one
+is read again for each look, since a file costs less time than the memory that would hold it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from acquisition import photometry
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import Light
+from acquisition.models.shot import Observations, Shot
+
+HELD_BYTES = 1 << 28
+"""Stacks of values and clipped pixels up to this size are kept in memory."""
+
+BYTES_PER_VALUE = 5
+ROWS_AT_ONCE = 64
+
+Values = tuple[Float32Array, BoolArray]
+"""Values y and clipped pixels (F, n, w) of n rows of a window."""
+
+
+class Images(Protocol):
+    """Images in a window of the frame, from whatever source, and what made them.
+
+    `shot` and `floor` (F,) are the sensor's part of the variance of y, shot·y + floor; where nothing is known of the
+    sensor they are zero and the rounding, and the rest is found in the residuals.
+    """
+
+    @property
+    def lights(self) -> tuple[Light, ...]:
+        """The light of each image (F)."""
+        ...
+
+    @property
+    def rows(self) -> slice:
+        """The window's rows in the frame."""
+        ...
+
+    @property
+    def columns(self) -> slice:
+        """The window's columns in the frame."""
+        ...
+
+    @property
+    def shot(self) -> FloatArray: ...
+
+    @property
+    def floor(self) -> FloatArray: ...
+
+    def read(self, start: int, stop: int, /) -> Values:
+        """The rows [start, stop), counted from the window's first."""
+        ...
+
+
+@dataclass(frozen=True)
+class Stack:
+    """`Images` in memory: values y and clipped pixels (F, h, w)."""
+
+    values: Float32Array
+    clipped: BoolArray
+    lights: tuple[Light, ...]
+    rows: slice
+    columns: slice
+    shot: FloatArray
+    floor: FloatArray
+
+    def read(self, start: int, stop: int) -> Values:
+        """The rows [start, stop)."""
+        return self.values[:, start:stop], self.clipped[:, start:stop]
+
+
+@dataclass(frozen=True)
+class Stored:
+    """`Images` that are read from where they are stored, each time."""
+
+    read: Callable[[int, int], Values]
+    lights: tuple[Light, ...]
+    rows: slice
+    columns: slice
+    shot: FloatArray
+    floor: FloatArray
+
+
+def kept(images: Stored) -> Stack | Stored:
+    """The images in memory if they are small, else as they are."""
+    count, height, width = len(images.lights), _length(images.rows), _length(images.columns)
+    if BYTES_PER_VALUE * count * height * width > HELD_BYTES:
+        return images
+    values, clipped = np.empty((count, height, width), np.float32), np.empty((count, height, width), np.bool_)
+    for start in range(0, height, ROWS_AT_ONCE):
+        here = slice(start, min(start + ROWS_AT_ONCE, height))
+        values[:, here], clipped[:, here] = images.read(here.start, here.stop)
+    return Stack(values, clipped, images.lights, images.rows, images.columns, images.shot, images.floor)
+
+
+def lit_shots(observations: Observations) -> list[tuple[Shot, Light]]:
+    """The shots that carry a light, with it. Raises RigError normals.infeasible when there are fewer than three."""
+    shots = [(shot, shot.light) for shot in observations.shots if shot.kind == "light" and shot.light is not None]
+    if len(shots) < 3:
+        raise RigError(
+            ErrorCode.NORMALS_INFEASIBLE,
+            f"there are {len(shots)} lit images and at least three are needed: take more lights",
+            lights=len(shots),
+        )
+    positions = np.array([light.position for _, light in shots])
+    if not np.all(np.isfinite(positions)):
+        raise RigError(ErrorCode.NORMALS_INFEASIBLE, "a light's position is not a number: measure the pose again")
+    return shots
+
+
+def read(observations: Observations, calibration: Calibration, rows: slice, columns: slice) -> Stack | Stored:
+    """All lit images within a window of rows and columns.
+
+    Raises RigError normals.infeasible when a frame's size is not the calibration's or a lamp-off frame is missing.
+    """
+    shots, lights = zip(*lit_shots(observations), strict=True)
+    darks = {shot.exposure_s: _dark(observations, shot) for shot in shots}
+    for shot in (*shots, *darks.values()):
+        _refuse_other_size(shot, calibration)
+
+    def block(start: int, stop: int) -> Values:
+        lines = rows.start + start, rows.start + stop
+
+        def window(shot: Shot) -> np.ndarray:
+            return observations.frames.rows(shot.frame, *lines)[:, columns]
+
+        dark = {seconds: window(shot) for seconds, shot in darks.items()}
+        size = (len(shots), stop - start, _length(columns))
+        values, clipped = np.empty(size, np.float32), np.empty(size, np.bool_)
+        for index, shot in enumerate(shots):
+            frame = window(shot)
+            values[index] = photometry.normalised(frame, dark[shot.exposure_s], shot.exposure_s, calibration)
+            clipped[index] = photometry.saturated(frame, calibration.sensor)
+        return values, clipped
+
+    black = calibration.sensor.black_level_dn
+    ambient = {seconds: _mean(observations, dark, rows, columns) - black for seconds, dark in darks.items()}
+    seconds = [shot.exposure_s for shot in shots]
+    photons, floor = photometry.sensor_noise(calibration, seconds, [ambient[one] for one in seconds])
+    return kept(Stored(block, lights, rows, columns, photons, floor))
+
+
+def _length(part: slice) -> int:
+    return int(part.stop - part.start)
+
+
+def _mean(observations: Observations, shot: Shot, rows: slice, columns: slice) -> float:
+    """The mean of a frame's window."""
+    total = 0.0
+    for start in range(rows.start, rows.stop, ROWS_AT_ONCE):
+        stop = min(start + ROWS_AT_ONCE, rows.stop)
+        total += float(np.sum(observations.frames.rows(shot.frame, start, stop)[:, columns], dtype=np.float64))
+    return total / (_length(rows) * _length(columns))
+
+
+def _dark(observations: Observations, shot: Shot) -> Shot:
+    try:
+        return observations.darks[shot.exposure_s]
+    except KeyError:
+        raise RigError(
+            ErrorCode.NORMALS_INFEASIBLE,
+            f"there is no lamp-off frame for the exposure time {shot.exposure_s:.6g} s of {shot.frame.path}: take one",
+            file=shot.frame.path,
+        ) from None
+
+
+def _refuse_other_size(shot: Shot, calibration: Calibration) -> None:
+    frame = shot.frame
+    if (frame.width, frame.height) != (calibration.width, calibration.height):
+        raise RigError(
+            ErrorCode.NORMALS_INFEASIBLE,
+            f"{frame.path} is {frame.width} × {frame.height} pixels, the calibration {calibration.width} × "
+            f"{calibration.height}: use the images and the calibration of one camera",
+            file=frame.path,
+        )

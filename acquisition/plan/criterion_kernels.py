@@ -1,0 +1,266 @@
+"""The planner's hot loops: covariances, scanning candidates, the relaxation's gradient, and marching shadow rays.
+
+Symmetric 4 × 4 matrices are held as their ten upper entries, pixels last, in the order 00 01 02 03 11 12 13 22 23 33.
+Kernels compile at import, into numba's cache.
+"""
+
+import numba
+import numpy as np
+
+from acquisition.models.base import Float32Array, FloatArray
+
+BLOCK = 256
+HIDDEN = -2.0
+"""Slope by which a ray passes below the surface that no doubt of the shape makes good: a march ends there."""
+
+
+@numba.njit(inline="always")
+def _invert(m: FloatArray, p: int) -> tuple[float, float, float, float, float, float, float, float, float, float]:
+    """Inverse of the p-th positive definite matrix of (10, P): the depth eliminated, the rest by its adjugate."""
+    d = 1.0 / m[9, p]
+    e0, e1, e2 = m[3, p] * d, m[6, p] * d, m[8, p] * d
+    a00 = m[0, p] - e0 * m[3, p]
+    a01 = m[1, p] - e0 * m[6, p]
+    a02 = m[2, p] - e0 * m[8, p]
+    a11 = m[4, p] - e1 * m[6, p]
+    a12 = m[5, p] - e1 * m[8, p]
+    a22 = m[7, p] - e2 * m[8, p]
+    k00 = a11 * a22 - a12 * a12
+    k01 = a02 * a12 - a01 * a22
+    k02 = a01 * a12 - a02 * a11
+    inverse = 1.0 / (a00 * k00 + a01 * k01 + a02 * k02)
+    c00, c01, c02 = k00 * inverse, k01 * inverse, k02 * inverse
+    c11 = (a00 * a22 - a02 * a02) * inverse
+    c12 = (a01 * a02 - a00 * a12) * inverse
+    c22 = (a00 * a11 - a01 * a01) * inverse
+    c03 = -(c00 * e0 + c01 * e1 + c02 * e2)
+    c13 = -(c01 * e0 + c11 * e1 + c12 * e2)
+    c23 = -(c02 * e0 + c12 * e1 + c22 * e2)
+    return c00, c01, c02, c03, c11, c12, c13, c22, c23, d - (c03 * e0 + c13 * e1 + c23 * e2)
+
+
+@numba.njit(
+    "void(float64[:,::1], float32[:,:,::1], float32[:,::1], float64[::1], float32[::1], float32[:,::1], float32[::1],"
+    " float32[:,:,::1], float64[:,::1], float32[:,::1])",
+    cache=True,
+    parallel=True,
+    fastmath=True,
+    error_model="numpy",
+)
+def expect(
+    prior: FloatArray,  # (10, P) information of (g, ζ) before
+    row: Float32Array,  # (K, 4, P)
+    visibility: Float32Array,  # (K, P)
+    weight: FloatArray,  # (K,) how often each light is added; mostly 1
+    level: Float32Array,  # (S,)
+    normal: Float32Array,  # (3, P)
+    inverse_albedo2: Float32Array,  # (P,)
+    covariance: Float32Array,  # out (S, 10, P)
+    variance: FloatArray,  # out (S, P) rad²
+    lit: Float32Array,  # out (S, P) weight of the lights that are seen
+) -> None:
+    """Covariance and angular variance after adding weighted lights, in all scenarios."""
+    scenarios = len(level)
+    pixels = prior.shape[1]
+    blocks = (pixels + BLOCK - 1) // BLOCK
+    for task in numba.prange(scenarios * blocks):
+        s = task // blocks
+        start = (task % blocks) * BLOCK
+        size = min(BLOCK, pixels - start)
+        m = np.empty((10, size))
+        count = np.zeros(size)
+        for i in range(10):
+            for p in range(size):
+                m[i, p] = prior[i, start + p]
+        for k in range(row.shape[0]):
+            for p in range(size):
+                n = start + p
+                w = weight[k] if visibility[k, n] > level[s] else 0.0
+                count[p] += w
+                a0, a1, a2, a3 = row[k, 0, n], row[k, 1, n], row[k, 2, n], row[k, 3, n]
+                m[0, p] += w * a0 * a0
+                m[1, p] += w * a0 * a1
+                m[2, p] += w * a0 * a2
+                m[3, p] += w * a0 * a3
+                m[4, p] += w * a1 * a1
+                m[5, p] += w * a1 * a2
+                m[6, p] += w * a1 * a3
+                m[7, p] += w * a2 * a2
+                m[8, p] += w * a2 * a3
+                m[9, p] += w * a3 * a3
+        for p in range(size):
+            n = start + p
+            c00, c01, c02, c03, c11, c12, c13, c22, c23, c33 = _invert(m, p)
+            x, y, z = normal[0, n], normal[1, n], normal[2, n]
+            inner = c00 * x * x + c11 * y * y + c22 * z * z + 2.0 * (c01 * x * y + c02 * x * z + c12 * y * z)
+            variance[s, n] = max(c00 + c11 + c22 - inner, 1e-12) * inverse_albedo2[n]
+            lit[s, n] = count[p]
+            covariance[s, 0, n] = c00
+            covariance[s, 1, n] = c01
+            covariance[s, 2, n] = c02
+            covariance[s, 3, n] = c03
+            covariance[s, 4, n] = c11
+            covariance[s, 5, n] = c12
+            covariance[s, 6, n] = c13
+            covariance[s, 7, n] = c22
+            covariance[s, 8, n] = c23
+            covariance[s, 9, n] = c33
+
+
+@numba.njit(
+    "void(float32[:,:,::1], float32[:,::1], float32[:,::1], float32[:,:,::1], float32[:,::1], float32[:,::1],"
+    " float32[::1], float32[::1], float32[::1], float64[::1], float64[::1])",
+    cache=True,
+    parallel=True,
+    fastmath=True,
+    error_model="numpy",
+)
+def scan(
+    covariance: Float32Array,  # (S, 10, P)
+    variance: Float32Array,  # (S, P) rad²
+    lit: Float32Array,  # (S, P)
+    row: Float32Array,  # (K, 4, P)
+    visibility: Float32Array,  # (K, P)
+    normal: Float32Array,  # (3, P)
+    inverse_albedo2: Float32Array,  # (P,)
+    level: Float32Array,  # (S,)
+    loss: Float32Array,  # (4,): share of capped variance, share of σ above a threshold, that threshold, 1/cap²
+    out: FloatArray,  # (K,) mean loss with the candidate added
+    deficit: FloatArray,  # (K,) mean number of lights that a pixel then lacks of three
+) -> None:
+    """What the objective would be with each candidate added (Sherman and Morrison)."""
+    scenarios, pixels = variance.shape
+    zero, one, three = np.float32(0.0), np.float32(1.0), np.float32(3.0)
+    of_variance, of_sigma, threshold, inverse_cap = loss[0], loss[1], loss[2], loss[3]
+    for k in numba.prange(row.shape[0]):
+        total, lacking = 0.0, 0.0
+        for s in range(scenarios):
+            part, few = zero, zero
+            u = level[s]
+            for p in range(pixels):
+                a0 = row[k, 0, p]
+                a1 = row[k, 1, p]
+                a2 = row[k, 2, p]
+                a3 = row[k, 3, p]
+                c01 = covariance[s, 1, p]
+                c02 = covariance[s, 2, p]
+                c03 = covariance[s, 3, p]
+                c12 = covariance[s, 5, p]
+                c13 = covariance[s, 6, p]
+                c23 = covariance[s, 8, p]
+                u0 = covariance[s, 0, p] * a0 + c01 * a1 + c02 * a2 + c03 * a3
+                u1 = c01 * a0 + covariance[s, 4, p] * a1 + c12 * a2 + c13 * a3
+                u2 = c02 * a0 + c12 * a1 + covariance[s, 7, p] * a2 + c23 * a3
+                u3 = c03 * a0 + c13 * a1 + c23 * a2 + covariance[s, 9, p] * a3
+                along = normal[0, p] * u0 + normal[1, p] * u1 + normal[2, p] * u2
+                gain = (u0 * u0 + u1 * u1 + u2 * u2 - along * along) * inverse_albedo2[p]
+                gain /= one + a0 * u0 + a1 * u1 + a2 * u2 + a3 * u3
+                seen = one if visibility[k, p] > u else zero
+                v = max(variance[s, p] - gain * seen, zero)
+                capped = v / (one + v * inverse_cap)
+                part += of_variance * capped + of_sigma * max(np.sqrt(capped) - threshold, zero)
+                few += max(three - lit[s, p] - seen, zero)
+            total += part
+            lacking += few
+        out[k] = total / (scenarios * pixels)
+        deficit[k] = lacking / (scenarios * pixels)
+
+
+@numba.njit(
+    "void(float32[:,:,::1], float32[:,:,::1], float32[:,::1], float32[:,::1], float32[::1], float32[::1],"
+    " float64[::1])",
+    cache=True,
+    parallel=True,
+    fastmath=True,
+    error_model="numpy",
+)
+def gradient(
+    covariance: Float32Array,  # (S, 10, P)
+    row: Float32Array,  # (K, 4, P)
+    visibility: Float32Array,  # (K, P)
+    normal: Float32Array,  # (3, P)
+    inverse_albedo2: Float32Array,  # (P,)
+    level: Float32Array,  # (S,)
+    out: FloatArray,  # (K,)
+) -> None:
+    """How fast the mean variance changes with each light's weight: −mean |P C a|²/ρ²."""
+    scenarios, pixels = covariance.shape[0], covariance.shape[2]
+    zero = np.float32(0.0)
+    for k in numba.prange(row.shape[0]):
+        total = 0.0
+        for s in range(scenarios):
+            part = zero
+            u = level[s]
+            for p in range(pixels):
+                a0 = row[k, 0, p]
+                a1 = row[k, 1, p]
+                a2 = row[k, 2, p]
+                a3 = row[k, 3, p]
+                c01 = covariance[s, 1, p]
+                c02 = covariance[s, 2, p]
+                c12 = covariance[s, 5, p]
+                u0 = covariance[s, 0, p] * a0 + c01 * a1 + c02 * a2 + covariance[s, 3, p] * a3
+                u1 = c01 * a0 + covariance[s, 4, p] * a1 + c12 * a2 + covariance[s, 6, p] * a3
+                u2 = c02 * a0 + c12 * a1 + covariance[s, 7, p] * a2 + covariance[s, 8, p] * a3
+                along = normal[0, p] * u0 + normal[1, p] * u1 + normal[2, p] * u2
+                gain = (u0 * u0 + u1 * u1 + u2 * u2 - along * along) * inverse_albedo2[p]
+                part += gain if visibility[k, p] > u else zero
+            total += part
+        out[k] = -total / (scenarios * pixels)
+
+
+@numba.njit(
+    "void(float32[:,::1], float64, float64, float64, float32[:,::1], float32[:,::1], float64, float64, float32[:,::1])",
+    cache=True,
+    parallel=True,
+    error_model="numpy",
+)
+def clearance(
+    depth: Float32Array,  # (h, w) m on a grid of undistorted rays; far where there is no object
+    ray_x: float,  # ray of the grid's first column
+    ray_y: float,  # and row, OpenCV camera frame
+    pitch: float,  # step of the grid in rays
+    point: Float32Array,  # (3, P) m, OpenCV camera frame
+    lamp: Float32Array,  # (K, 3)
+    nearest: float,  # m, the object's least depth
+    start: float,  # m, where a march begins
+    out: Float32Array,  # (K, P)
+) -> None:
+    """Least slope by which the light's ray clears the surface: clearance in depth over distance gone sideways; of a ray
+    that is surely hidden, some slope below HIDDEN."""
+    height, width = depth.shape
+    per_pitch = 1.0 / pitch
+    first_column, first_row = ray_x * per_pitch, ray_y * per_pitch
+    for k in numba.prange(lamp.shape[0]):
+        for p in range(point.shape[1]):
+            x, y, z = point[0, p], point[1, p], point[2, p]
+            dx, dy, dz = lamp[k, 0] - x, lamp[k, 1] - y, lamp[k, 2] - z
+            sideways = np.sqrt(dx * dx + dy * dy)
+            least = 10.0
+            if sideways > 1e-6 and dz < 0.0:
+                step = pitch * z / sideways
+                t = start / sideways
+                while t < 1.0:
+                    pz = z + t * dz
+                    if pz < nearest:
+                        break
+                    scale = per_pitch / pz
+                    column = (x + t * dx) * scale - first_column
+                    row = (y + t * dy) * scale - first_row
+                    if column < 0.0 or row < 0.0 or column >= width - 1 or row >= height - 1:
+                        break
+                    i, j = int(row), int(column)
+                    fi, fj = row - i, column - j
+                    surface = (1 - fi) * ((1 - fj) * depth[i, j] + fj * depth[i, j + 1]) + fi * (
+                        (1 - fj) * depth[i + 1, j] + fj * depth[i + 1, j + 1]
+                    )
+                    least = min(least, (surface - pz) / (t * sideways))
+                    if least < HIDDEN:
+                        break
+                    t += step
+            elif dz >= 0.0:
+                least = -10.0
+            out[k, p] = least
+
+
+KERNELS = (expect, scan, gradient, clearance)

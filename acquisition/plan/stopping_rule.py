@@ -1,0 +1,124 @@
+"""Accuracy on order: how many lights a wished-for certainty takes, and when to take no more.
+
+The forecast says how the mean σ falls with the number of lights. The first number that all but meets the target is
+planned and captured: forecasts are cautious, and a light too many cannot be taken back, while a light that lacks can be
+added. Then the images themselves decide: while their solved σ is above the target, lights are added, as many as a new
+forecast asks for, which is scaled by what the images so far have been found to give over what they were expected to.
+Where even all lights allowed would not meet the target, the last of them are spared that bring next to nothing.
+Nothing but the images is remembered between the passes, so that a session which was cut off goes on as if nothing had
+happened.
+
+The σ that counts has the variance in it that pixels keep where the surface bends within them: no light removes it, and
+fine relief has more of it than of all the rest.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from acquisition import photometry
+from acquisition.models.base import BoolArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import Expected, LightPlan
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import NormalMap
+from acquisition.models.route import Reach
+from acquisition.models.shot import Observations
+from acquisition.plan import planned_noise, planner
+
+COUNTS = (1, 2, 3, 4, 6, 8, 11, 15, 20, 28, 40, 76)
+"""Numbers of further lights for which the forecast is made; between them σ follows a straight line in logarithms."""
+TOLERANCE = 0.03
+"""Share by which the mean σ may be above the target that it meets. The errors found scatter by more round it, and where
+a target is hardly within reach, a light lowers it by a hundredth: the last per cent would cost as many lights again."""
+
+FIRST_SLACK, LATER_SLACK = 0.2, 0.03
+"""Shares by which the first forecast and later ones may miss the target: a light that lacks costs a pass, one too many
+is taken for nothing, and forecasts from the pilot are found 5–14 % too large. By the first the pilot itself must keep
+below the target: too few images to find the lamps by say little of their own errors (0.9–1.5 of what they say)."""
+
+WORTH = 0.05
+"""Where even all lights allowed do not meet the target, the last ones are not taken that lower the mean σ by less than
+this share together."""
+
+
+def approach(
+    normal_map: NormalMap,
+    observations: Observations,
+    recipe: Recipe,
+    reach: Reach,
+    calibration: Calibration,
+    *,
+    region: BoolArray | None = None,
+) -> LightPlan:
+    """The lights to take next for the recipe's `target_sigma_deg`, or an empty plan whose `conclusion` says why none.
+
+    `region` (H, W) is the part of the image whose mean σ counts, none: the whole object. Raises RigError
+    request.invalid when the recipe has no target, plan.infeasible as `choose` does.
+    """
+    target = recipe.target_sigma_deg
+    if target is None:
+        raise RigError(ErrorCode.REQUEST_INVALID, "the recipe has no target_sigma_deg")
+    taken = sum(shot.kind == "light" for shot in observations.shots)
+    reached = reached_deg(normal_map, calibration, region)
+    state = f"mean σ {reached:.2f}°"
+    allowed = recipe.max_lights - taken
+    first = taken <= recipe.pilot_lights and allowed > 0
+    if reached <= (target / (1 + FIRST_SLACK) if first else target * (1 + TOLERANCE)):
+        return _concluded(f"target met with {taken} images: {state}, wanted {target:.3g}°")
+    if allowed <= 0:
+        return _concluded(f"the most lights allowed were taken ({taken}): {state} > {target:.3g}°")
+    counts = [count for count in COUNTS if count < allowed] + [allowed]
+    now, *curve = planner.forecast(normal_map, observations, recipe, reach, calibration, [0, *counts], region=region)
+    slack = FIRST_SLACK
+    if not first:
+        curve = [point.model_copy(update={"sigma_deg": point.sigma_deg * reached / now.sigma_deg}) for point in curve]
+        slack = LATER_SLACK
+    least = min(point.sigma_deg for point in curve)
+    beyond = least > target
+    aim = (1 + WORTH) * least if beyond else target
+    if beyond and reached <= aim:
+        return _concluded(
+            f"no light is worth taking after {taken} images: {state}, with all {recipe.max_lights} lights allowed "
+            f"{least:.2f}° would be expected; wanted {target:.3g}°"
+        )
+    wanted = _first_that_meets(curve, (1 + slack) * aim)
+    chosen = planner.choose(normal_map, observations, recipe, reach, calibration, wanted, region=region)
+    notes = [f"{state} with {taken} images; {target:.3g}° is wanted"]
+    if beyond:
+        notes.append(f"the target may not be met: {least:.2f}° is expected with all {recipe.max_lights} lights allowed")
+    return chosen.model_copy(update={"notes": [*notes, *chosen.notes], "forecast": curve})
+
+
+def reached_deg(normal_map: NormalMap, calibration: Calibration, region: BoolArray | None = None) -> float:
+    """Mean σ in degrees over the facing pixels, of `region` (H, W) where one is given, with what bends leave in it.
+
+    Raises RigError normals.infeasible when there are none.
+    """
+    rows, columns = np.nonzero(normal_map.mask)
+    sigma = normal_map.sigma_deg.copy()
+    left = np.degrees(np.sqrt(planned_noise.unresolved(normal_map, rows, columns)))
+    sigma[rows, columns] = np.hypot(sigma[rows, columns], left)
+    return photometry.mean_sigma_deg(replace(normal_map, sigma_deg=sigma), calibration, region)
+
+
+def _first_that_meets(curve: Sequence[Expected], target_deg: float) -> int:
+    """The least number of further lights whose expected σ meets the target; the last number of the curve if none."""
+    if curve[0].sigma_deg <= target_deg:
+        return curve[0].added
+    for before, after in pairwise(curve):
+        if after.sigma_deg > target_deg:
+            continue
+        added = np.arange(before.added, after.added + 1)
+        taken = after.lights - after.added
+        places = np.log([taken + before.added, taken + after.added])
+        sigma = np.exp(np.interp(np.log(taken + added), places, np.log([before.sigma_deg, after.sigma_deg])))
+        return int(added[np.argmax(sigma <= target_deg * (1 + 1e-9))])
+    return curve[-1].added
+
+
+def _concluded(why: str) -> LightPlan:
+    return LightPlan(lights=[], method="optimal", reasons=[], conclusion=why, notes=[why])

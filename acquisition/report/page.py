@@ -1,0 +1,209 @@
+"""The report as one page that needs no network, and as one picture.
+
+A person has a minute: figures first, then what is wrong and what to do, then the maps, and a light to move by hand.
+"""
+
+import base64
+import html
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from acquisition.models.base import BoolArray
+from acquisition.models.result import NormalMap
+from acquisition.report import advice, pictures
+from acquisition.report.facts import Facts
+from acquisition.report.pictures import Small
+
+PAGE, PICTURE = "report.html", "report.png"
+DOME_PX = 300
+
+
+def write(found: NormalMap, facts: Facts, folder: Path) -> None:
+    """Writes report.html and report.png into an existing folder."""
+    small = pictures.reduced(found)
+    maps = _maps(small)
+    (folder / PICTURE).write_bytes(_still(maps))
+    (folder / PAGE).write_text(_page(found, facts, small, maps), encoding="utf-8")
+
+
+def _page(found: NormalMap, facts: Facts, small: Small, maps: list["_Map"]) -> str:
+    warnings = advice.sentences(found, facts)
+    parts = {
+        "TITLE": html.escape(facts.title),
+        "FIGURES": _figures(found, facts),
+        "WARNINGS": "".join(f"<li>{html.escape(sentence)}" for sentence in warnings)
+        or "<li class=good>Nothing to complain of.",
+        "MAPS": "".join(_figure(one) for one in maps),
+        "DOME": _dome(facts),
+        "DRAWINGS": "".join(
+            f"<figure>{svg}<figcaption>{html.escape(what)}</figcaption></figure>" for what, svg in facts.drawings
+        ),
+        "LIGHTS": _lights(found, facts),
+        "SECONDS": ", ".join(f"{html.escape(name)} {value:.2f} s" for name, value in facts.seconds.items()),
+        "NORMALS_DATA": _data(pictures.normals(small), ".png"),
+        "ALBEDO_DATA": _data(_albedo(small), ".png"),
+    }
+    page = resources.files("acquisition.report").joinpath("template.html").read_text(encoding="utf-8")
+    for name, value in parts.items():
+        page = page.replace(f"@{name}@", value)
+    return page
+
+
+@dataclass(frozen=True)
+class _Map:
+    """One map as a picture (h, w, 3) with its name, what it means, and the ends of its scale."""
+
+    name: str
+    meaning: str
+    picture: np.ndarray
+    scale: tuple[str, str] | None = None
+
+
+def _maps(small: Small) -> list[_Map]:
+    white = float(np.quantile(small.albedo[small.solved], 0.995)) if np.any(small.solved) else 1.0
+    sigma_top = pictures.top_of(small.sigma_deg, small.solved, 0.1)
+    residual_top = pictures.top_of(small.residual, small.solved, 1.0)
+    most = float(max(1.0, np.ceil(np.max(small.lights, initial=1.0))))
+    found = [
+        _Map("Normals", "(n + 1)/2: red right, green up, blue to the camera", pictures.normals(small)),
+        _Map("Albedo", f"white is {white:.2f}", pictures.seen(small.albedo, small.solved, white)),
+        _Map(
+            "Uncertainty σ",
+            "degrees; the mean error is 0.89 σ; hatched: σ means nothing",
+            _hatched(pictures.coloured(small.sigma_deg, small.solved, sigma_top), small.doubtful > 0.5),
+            ("0°", f"{sigma_top:g}°"),
+        ),
+        _Map(
+            "Lights used",
+            "how many images each normal rests on",
+            pictures.coloured(small.lights, small.mask, most),
+            ("0", f"{most:.0f}"),
+        ),
+        _Map(
+            "Residual",
+            "misfit over what noise explains: 1 is right",
+            pictures.coloured(small.residual, small.solved, residual_top),
+            ("0", f"{residual_top:g}"),
+        ),
+    ]
+    if small.indirect is not None:
+        top = pictures.top_of(small.indirect, small.solved, 0.01)
+        picture = pictures.coloured(small.indirect, small.solved, top)
+        found.append(_Map("Light from other surfaces", "share I/y, taken out", picture, ("0", f"{top:.0%}")))
+    return found
+
+
+def _figures(found: NormalMap, facts: Facts) -> str:
+    sigma = found.sigma_deg[found.mask]
+    sigma = sigma[np.isfinite(sigma)]
+    pixels, whole = np.count_nonzero(found.mask), max(1, np.count_nonzero(found.silhouette))
+    rows = [
+        ("images", f"{len(found.flags)}"),
+        ("normals", f"{pixels:,}".replace(",", " ") + f" ({pixels / whole:.1%} of the object)"),
+    ]
+    if sigma.size:
+        rows.append(("σ of all solved pixels", f"mean {np.mean(sigma):.2f}°, median {np.median(sigma):.2f}°"))
+        rows.append(("error to expect", f"mean {0.886 * np.mean(sigma):.2f}°, median {0.833 * np.median(sigma):.2f}°"))
+    if facts.predicted_sigma_deg is not None:
+        rows.append(("mean σ that the plan predicted", f"{facts.predicted_sigma_deg:.2f}°"))
+    if facts.error_deg:
+        rows.append(("error against the truth", ", ".join(f"{k} {v:.2f}°" for k, v in facts.error_deg.items())))
+    if facts.solver:
+        rows.append(("solver", facts.solver + (f": {facts.why}" if facts.why else "")))
+    if "sensor" in found.notes:
+        rows.append(("sensor", str(found.notes["sensor"])))
+    return "".join(f"<tr><th>{html.escape(name)}<td>{html.escape(value)}" for name, value in rows)
+
+
+def _figure(one: _Map) -> str:
+    scale = ""
+    if one.scale is not None:
+        stops = ",".join(pictures.scale_colours())
+        bar = f'<i style="background:linear-gradient(90deg,{stops})"></i>'
+        scale = f"<span class=scale>{one.scale[0]}{bar}{one.scale[1]}</span>"
+    return (
+        f'<figure><img alt="{html.escape(one.name)}" src="{_data(one.picture, ".png")}">'
+        f"<figcaption><b>{html.escape(one.name)}</b> {html.escape(one.meaning)} {scale}</figcaption></figure>"
+    )
+
+
+def _dome(facts: Facts) -> str:
+    """The lights as seen from the camera: rings are 30°, 60° and 90° off the viewing axis."""
+    middle, radius = DOME_PX / 2, DOME_PX / 2 - 18
+    parts = [
+        f'<circle cx="{middle}" cy="{middle}" r="{radius * slant / 90:.1f}" class=ring />'
+        f'<text x="{middle + 3}" y="{middle - radius * slant / 90 - 2:.1f}" class=tick>{slant}°</text>'
+        for slant in (30, 60, 90)
+    ]
+    kinds = sorted(set(facts.groups))
+    for number, (x, y, z) in enumerate(facts.directions.tolist()):
+        off_axis = np.degrees(np.arctan2(np.hypot(x, y), z)) / 90
+        length = max(np.hypot(x, y), 1e-9)
+        column, row = middle + radius * off_axis * x / length, middle - radius * off_axis * y / length
+        kind = kinds.index(facts.groups[number]) if facts.groups else 0
+        parts.append(
+            f'<g class="light kind{kind}"><circle cx="{column:.1f}" cy="{row:.1f}" r="8" />'
+            f'<text x="{column:.1f}" y="{row + 3.5:.1f}">{number}</text></g>'
+        )
+    legend = "".join(f'<span class="key kind{number}">{html.escape(kind)}</span> ' for number, kind in enumerate(kinds))
+    view = f'<svg viewBox="0 0 {DOME_PX} {DOME_PX}" role=img aria-label="light positions">{"".join(parts)}</svg>'
+    return f"{view}<figcaption><b>Lights</b> as the camera sees them. {legend}</figcaption>"
+
+
+def _lights(found: NormalMap, facts: Facts) -> str:
+    shares = pictures.shares(found)
+    rows: list[str] = []
+    for number, (name, (x, y, z)) in enumerate(zip(facts.names, facts.directions.tolist(), strict=True)):
+        rows.append(
+            f"<tr><td>{number}<td>{html.escape(name)}<td>{np.degrees(np.arctan2(np.hypot(x, y), z)):.0f}°"
+            f"<td>{np.degrees(np.arctan2(y, x)):.0f}°<td>{found.intensity_factors[number]:.3f}"
+            f"<td>{shares['used'][number]:.0%}<td>{shares['saturated'][number]:.1%}"
+        )
+    return "".join(rows)
+
+
+def _albedo(small: Small) -> np.ndarray:
+    """Albedo for relighting, 8 bits linear with its brightest as white, and the mask as blue."""
+    grey = small.albedo if small.albedo.ndim == 2 else small.albedo.mean(axis=-1)
+    top = float(np.quantile(grey[small.solved], 0.995)) if np.any(small.solved) else 1.0
+    level = np.round(np.clip(grey / max(top, 1e-9), 0, 1) * 255)
+    return np.stack([level, level, small.solved * 255.0], axis=-1).astype(np.uint8)
+
+
+def _hatched(picture: np.ndarray, where: BoolArray) -> np.ndarray:
+    row, column = np.indices(where.shape)
+    out = picture.copy()
+    out[where & ((row + column) % 6 < 2)] = (230, 60, 60)
+    return out
+
+
+def _encoded(pixels: np.ndarray, suffix: str) -> bytes:
+    worked, content = cv2.imencode(suffix, np.ascontiguousarray(pixels[..., ::-1]), [cv2.IMWRITE_PNG_COMPRESSION, 3])
+    if not worked:
+        raise OSError(f"a picture of the report could not be encoded as {suffix}")
+    return content.tobytes()
+
+
+def _data(pixels: np.ndarray, suffix: str) -> str:
+    return f"data:image/{suffix[1:]};base64,{base64.b64encode(_encoded(pixels, suffix)).decode('ascii')}"
+
+
+def _still(maps: list[_Map]) -> bytes:
+    """All maps side by side with their names, three in a row."""
+    label = 26
+    tiles: list[np.ndarray] = []
+    for one in maps:
+        title = one.name.replace("σ", "sigma") + ("" if one.scale is None else f"  {one.scale[0]} - {one.scale[1]}")
+        tile = np.full((one.picture.shape[0] + label, max(one.picture.shape[1], 260), 3), 255, np.uint8)
+        tile[label:, : one.picture.shape[1]] = one.picture
+        title = title.replace("°", " deg")
+        cv2.putText(tile, title, (4, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (0, 0, 0), 1, cv2.LINE_AA)
+        tiles.append(tile)
+    blank = np.full_like(tiles[0], 255)
+    tiles += [blank] * (-len(tiles) % 3)
+    rows = [np.concatenate(tiles[start : start + 3], axis=1) for start in range(0, len(tiles), 3)]
+    return _encoded(np.concatenate(rows, axis=0), ".png")

@@ -1,0 +1,130 @@
+"""Maps as small pictures: the object's part of each, averaged over the pixels that belong to it.
+
+A report is looked at on a screen, so maps are reduced before anything else is done with them, whatever their size.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from acquisition.formats.export import lights_used
+from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.result import LIT, SATURATED, NormalMap
+from acquisition.normals import memory_mapped, silhouette
+
+LONGEST = 460
+"""Pixels of the longer side."""
+
+MARGIN = 0.03
+GROUND = (238, 238, 236)
+"""Grey around the object, R G B."""
+
+
+@dataclass(frozen=True)
+class Small:
+    """A result reduced to the size of a report; maps (h, w), normals (h, w, 3)."""
+
+    normals: Float32Array
+    albedo: Float32Array  # (h, w) or (h, w, 3)
+    sigma_deg: Float32Array
+    residual: Float32Array
+    lights: Float32Array
+    indirect: Float32Array | None
+    doubtful: Float32Array
+    mask: BoolArray
+    solved: BoolArray
+
+
+def reduced(found: NormalMap) -> Small:
+    """The object's window of a result, at most `LONGEST` pixels along a side."""
+    shown = found.silhouette | found.mask
+    rows, columns = _window(shown)
+    inside = shown[rows, columns]
+    solved = found.mask[rows, columns]
+    height, width = inside.shape
+    scale = min(1.0, LONGEST / max(height, width))
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+
+    def small(values: np.ndarray, where: BoolArray) -> Float32Array:
+        if values.ndim == 3:
+            return np.stack([small(values[..., channel], where) for channel in range(values.shape[2])], axis=-1)
+        kept = np.where(where, values, 0).astype(np.float32, copy=False)
+        np.nan_to_num(kept, copy=False)
+        if scale == 1.0:
+            return kept
+        share = np.asarray(cv2.resize(where.astype(np.float32), size, interpolation=cv2.INTER_AREA))
+        mean = np.asarray(cv2.resize(kept, size, interpolation=cv2.INTER_AREA))
+        return np.asarray(mean / np.maximum(share, 1e-6), np.float32)
+
+    normals = small(found.normals[rows, columns], solved)
+    doubtful = np.zeros_like(inside) if found.doubtful is None else found.doubtful[rows, columns]
+    everywhere = np.ones_like(inside)
+    return Small(
+        normals=np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-6), np.float32),
+        albedo=small((found.albedo if found.albedo_rgb is None else found.albedo_rgb)[rows, columns], solved),
+        sigma_deg=small(found.sigma_deg[rows, columns], solved),
+        residual=small(found.residual[rows, columns], solved),
+        lights=small(lights_used(found)[rows, columns], inside),
+        indirect=None if found.indirect is None else small(found.indirect[rows, columns], solved),
+        doubtful=small(doubtful, inside),
+        mask=small(inside, everywhere) > 0.5,
+        solved=small(solved, everywhere) > 0.5,
+    )
+
+
+def normals(small: Small) -> np.ndarray:
+    """Normals as colours (n + 1)/2, OpenGL green, 8 bits (h, w, 3) RGB."""
+    return _on_ground(np.round((small.normals + 1) * 127.5), small.solved)
+
+
+def seen(values: Float32Array, mask: BoolArray, top: float) -> np.ndarray:
+    """Linear values, grey (h, w) or colour (h, w, 3), as a screen shows them, `top` as white; (h, w, 3)."""
+    shown = np.round(np.clip(values / max(top, 1e-9), 0, 1) ** (1 / 2.2) * 255)
+    return _on_ground(shown if shown.ndim == 3 else np.repeat(shown[..., None], 3, axis=-1), mask)
+
+
+def coloured(values: Float32Array, mask: BoolArray, top: float) -> np.ndarray:
+    """Values from 0 to `top` in the colours of `scale`; (h, w, 3) RGB."""
+    level = np.clip(values / max(top, 1e-9), 0, 1)
+    bgr = np.asarray(cv2.applyColorMap(np.round(level * 255).astype(np.uint8), cv2.COLORMAP_VIRIDIS))
+    return _on_ground(bgr[..., ::-1], mask)
+
+
+def scale_colours(steps: int = 16) -> list[str]:
+    """The colours of `coloured` from 0 to the top, as CSS."""
+    bar = np.linspace(0, 255, steps).astype(np.uint8)[None]
+    return [f"rgb({r},{g},{b})" for b, g, r in np.asarray(cv2.applyColorMap(bar, cv2.COLORMAP_VIRIDIS))[0].tolist()]
+
+
+def top_of(values: Float32Array, mask: BoolArray, least: float) -> float:
+    """A round upper end for a map's scale: its 98th percentile, rounded up to one digit and a half."""
+    high = max(float(np.quantile(values[mask], 0.98)) if np.any(mask) else 0.0, least)
+    step = 10.0 ** np.floor(np.log10(high)) / 2
+    return float(np.ceil(high / step) * step)
+
+
+def shares(found: NormalMap) -> dict[str, list[float]]:
+    """For each image the shares of the object's pixels that were used and that were clipped."""
+    count = max(1, np.count_nonzero(found.silhouette))
+    return {
+        name: [
+            float(np.count_nonzero(flags[found.silhouette] & bit)) / count for flags in memory_mapped.each(found.flags)
+        ]
+        for name, bit in (("used", LIT), ("saturated", SATURATED))
+    }
+
+
+def _window(mask: BoolArray) -> tuple[slice, slice]:
+    if not np.any(mask):
+        return slice(0, mask.shape[0]), slice(0, mask.shape[1])
+    rows, columns = silhouette.window(mask)
+    more = 1 + round(MARGIN * (max(rows.stop - rows.start, columns.stop - columns.start) - 1))
+    return (
+        slice(max(0, rows.start - more), min(mask.shape[0], rows.stop + more)),
+        slice(max(0, columns.start - more), min(mask.shape[1], columns.stop + more)),
+    )
+
+
+def _on_ground(colours: np.ndarray, mask: BoolArray) -> np.ndarray:
+    return np.where(mask[..., None], colours, GROUND).astype(np.uint8)

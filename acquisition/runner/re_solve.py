@@ -1,0 +1,246 @@
+"""Results: entered when a solve ends, solved again when a person asks, exported when somebody fetches an export.
+
+Solving again touches no device and waits for whoever does: it begins only while no session runs, in the one compute
+process, and gives way to a session's next step, to begin anew later. What was asked for stands in the journal's events
+until its result or its failure does, so a service that was restarted takes it up.
+"""
+
+import json
+import logging
+import queue
+import shutil
+import threading
+import time
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+from structlog.contextvars import bound_contextvars
+
+from acquisition import session
+from acquisition.formats.frames import FolderFrames
+from acquisition.models import cell_config
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, Halted, RigError, problem
+from acquisition.models.light_plan import LightPlan
+from acquisition.models.result import ResultSummary, SolveSettings
+from acquisition.models.shot import Observations
+from acquisition.runner.compute import Compute, GaveWay
+from acquisition.session import ENDED, Record, State
+from acquisition.store import Store
+from acquisition.store.folder import write_manifest
+
+_log = logging.getLogger(__name__)
+
+ACCEPTED, FAILED, READY = "resolve.accepted", "resolve.failed", "normals.ready"
+EXPORTS = (
+    "normals_directx.png", "maps.exr", "mesh.ply", "lights.lp", "lights.dome", "diligent.zip", "integration.zip",
+)  # fmt: skip
+"""Files that are made of a result when they are first asked for."""
+
+LOOK_EVERY_S = 0.5
+
+
+@dataclass(frozen=True)
+class Wish:
+    """One solve: its number among the session's results, and the last pass whose images it uses."""
+
+    session_id: str
+    number: int
+    settings: SolveSettings
+    last_pass: int
+
+
+def observations(record: Record, folder: Path, last_pass: int | None = None) -> Observations:
+    """All images so far, or those up to a pass; the lamp-off frame of each exposure time is the newest one."""
+    passes = record.passes if last_pass is None else record.passes[: last_pass + 1]
+    taken = (shot for work in passes for shot in (*work.shots.values(), *work.darks.values(), *work.references))
+    return Observations.of(taken, FolderFrames(folder))
+
+
+def enter(store: Store, wish: Wish, origin: str, summary: ResultSummary, seconds: float, cell: CellConfig) -> None:
+    """Enters a result whose files are in its folder: manifest first, then row and event."""
+    name = f"results/{wish.number}"
+    more = {
+        "origin": origin,
+        "passes": list(range(wish.last_pass + 1)),
+        "settings": wish.settings.model_dump(mode="json"),
+        "seconds": round(seconds, 3),
+    }
+    facts = {
+        "session_id": wish.session_id,
+        "number": wish.number,
+        **more,
+        "software": {"lightpose": version("lightpose")},
+        "cell_fingerprint": cell.fingerprint,
+        "convention": "view frame: x right, y up, z to the camera; colours (n + 1) / 2, OpenGL green (+Y)",
+        "summary": summary.model_dump(mode="json"),
+    }
+    digest = write_manifest(store.folder(wish.session_id) / name, facts)
+    body = {**summary.model_dump(mode="json"), **more}
+    store.journal.add_artifact(wish.session_id, "result", wish.number, f"{name}/manifest.json", digest, body, READY)
+
+
+class Resolving:
+    """Solves sessions again, one at a time, in a thread of its own; any thread may ask."""
+
+    def __init__(self, store: Store, compute: Compute) -> None:
+        self._store = store
+        self._compute = compute
+        self._wishes: queue.Queue[Wish] = queue.Queue()
+        self._numbering = threading.Lock()
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._serve, name="resolving", daemon=True)
+
+    def open(self) -> None:
+        """Takes up what was asked for before the service ended, and starts the thread."""
+        for wish in self._asked(None):
+            self._wishes.put(wish)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Ends the thread; a solve that is not finished is begun anew by the next service."""
+        self._closing.set()
+        if self._thread.is_alive():
+            self._thread.join(10)
+
+    def ask(self, session_id: str, settings: SolveSettings, last_pass: int | None, actor: str) -> Wish:
+        """Accepts a solve of a session that has ended; `last_pass` None: all its images.
+
+        Raises RigError session.not_found, session.action_not_allowed while the session may still take images,
+        normals.infeasible with fewer than three of them.
+        """
+        with self._numbering:
+            row = self._store.journal.session(session_id)
+            if row.state not in ENDED:
+                raise RigError(
+                    ErrorCode.SESSION_ACTION_NOT_ALLOWED,
+                    f"A session that is {row.state} may still take images: solve it again when it has ended",
+                    state=row.state,
+                    allowed=[str(action) for action in session.allowed(row.state)],
+                )
+            record = self._store.record(session_id)
+            taken = [number for number, work in enumerate(record.passes) if work.shots]
+            last = max(taken, default=0) if last_pass is None else last_pass
+            shots = observations(record, self._store.folder(session_id), last).shots
+            if len(shots) < 3 or last not in taken:
+                raise RigError(
+                    ErrorCode.NORMALS_INFEASIBLE,
+                    f"Session {session_id} has {len(shots)} images up to pass {last}: three are the least",
+                    passes=taken,
+                )
+            used = [item.number for item in self._store.journal.artifacts(session_id, "result")]
+            used += [wish.number for wish in self._asked(session_id, settled=True)]
+            wish = Wish(session_id, max([*used, len(record.passes) - 1]) + 1, settings, last)
+            body = {"number": wish.number, "last_pass": last, "settings": settings.model_dump(mode="json"), "by": actor}
+            self._store.journal.record_action(session_id, "solve", actor, f"result {wish.number}")
+            self._store.journal.announce(session_id, ACCEPTED, body)
+        self._wishes.put(wish)
+        return wish
+
+    def refuse_unready(self, session_id: str, number: int) -> None:
+        """Raises what became of a result that was asked for and is not there: result.not_ready, or why it failed."""
+        if number not in [wish.number for wish in self._asked(session_id, settled=True)]:
+            return
+        for event in self._store.journal.events(0, 10_000, session_id, (FAILED,)):
+            if event.body["number"] == number:
+                reason = event.body["problem"]
+                raise RigError(ErrorCode(reason["code"]), reason["detail"])
+        raise RigError(ErrorCode.RESULT_NOT_READY, f"Result {number} of session {session_id} is being solved")
+
+    def make_export(self, session_id: str, number: int, name: str) -> Path:
+        """The file of one of `EXPORTS`, made unless it is there. Raises RigError rig.busy while a session runs."""
+        folder = self._store.folder(session_id)
+        made = folder / "results" / str(number) / "exports" / name
+        if made.exists():
+            return made
+        wanted = [item for item in self._store.journal.artifacts(session_id, "result") if item.number == number]
+        last = wanted[-1].body.get("passes", [number])[-1]
+        taken = observations(self._store.record(session_id), folder, last)
+        busy = RigError(ErrorCode.RIG_BUSY, f"{name} is made when no session runs: ask again later")
+        if self._session_runs():
+            raise busy
+        try:
+            self._compute.run(
+                self._closing, "make_export", taken, _calibration(folder), made.parents[1], name, yields=True
+            )
+        except (GaveWay, Halted) as error:
+            raise busy from error
+        return made
+
+    # -------------------------------------------------------------------------------------------------------- internals
+
+    def _asked(self, session_id: str | None, *, settled: bool = False) -> list[Wish]:
+        """The solves that were asked for, of one session or of all; unless `settled`, those without an outcome."""
+        journal = self._store.journal
+        asked: dict[tuple[str, int], Wish] = {}
+        last = 0
+        while events := journal.events(last, 500, session_id, (ACCEPTED, FAILED, READY)):
+            last = events[-1].id
+            for event in events:
+                key = (event.session_id or "", event.body["number"])
+                if event.type == ACCEPTED:
+                    settings = SolveSettings.model_validate_json(json.dumps(event.body["settings"]))
+                    asked[key] = Wish(*key, settings, event.body["last_pass"])
+                elif not settled:
+                    asked.pop(key, None)
+        return list(asked.values())
+
+    def _serve(self) -> None:
+        while not self._closing.is_set():
+            try:
+                wish = self._wishes.get(timeout=LOOK_EVERY_S)
+            except queue.Empty:
+                continue
+            try:
+                with bound_contextvars(session_id=wish.session_id):
+                    self._solve(wish)
+            except Halted:
+                return
+            except RigError as error:
+                self._fail(wish, error)
+            except Exception as error:  # noqa: BLE001 - the thread must live on; the event tells what failed
+                _log.exception("solving session %s again", wish.session_id)
+                self._fail(wish, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
+
+    def _solve(self, wish: Wish) -> None:
+        record = self._store.record(wish.session_id)
+        folder = self._store.folder(wish.session_id)
+        result = folder / "results" / str(wish.number)
+        cell = CellConfig.model_validate_json(self._store.journal.session(wish.session_id).cell)
+        forecast: LightPlan | None = record.passes[wish.last_pass].plan
+        regions = self._store.journal.artifacts(wish.session_id, "region")
+        drawn = folder / regions[-1].path if regions else None
+        while True:
+            while self._session_runs():
+                if self._closing.wait(LOOK_EVERY_S):
+                    raise Halted
+            shutil.rmtree(result, ignore_errors=True)  # left by a crash before its entry: nobody was told of it
+            begun = time.monotonic()
+            try:
+                summary: ResultSummary = self._compute.run(
+                    self._closing, "solve_normals", observations(record, folder, wish.last_pass), cell,
+                    _calibration(folder), wish.settings, forecast, drawn, result, yields=True,
+                )  # fmt: skip
+            except GaveWay:
+                continue
+            enter(self._store, wish, "resolve", summary, time.monotonic() - begun, cell)
+            return
+
+    def _fail(self, wish: Wish, error: RigError) -> None:
+        _log.error("solving session %s again: %s", wish.session_id, error)
+        try:
+            self._store.journal.session(wish.session_id)
+        except RigError:
+            return  # deleted meanwhile
+        reason = problem(error.code, error.detail)
+        self._store.journal.announce(wish.session_id, FAILED, {"number": wish.number, "problem": reason})
+
+    def _session_runs(self) -> bool:
+        holder = self._store.journal.holder()
+        return holder is not None and holder.state in (State.RUNNING, State.PAUSING, State.STOPPING)
+
+
+def _calibration(folder: Path) -> Calibration:
+    return cell_config.load_calibration(folder / "calibration.json")

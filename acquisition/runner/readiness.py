@@ -1,0 +1,70 @@
+"""Whether the devices are there and as the cell file says; connecting them moves nothing.
+
+Connecting is tried again and again while nothing runs, so that the service starts without a device and says which is
+missing; making ready is the explicit step before a session, which also compares the arm with the cell file.
+"""
+
+from typing import Any
+
+from acquisition.devices import ArmIdentity, Rig
+from acquisition.models.errors import ErrorCode, RigError, problem
+
+
+class Readiness:
+    """Connects the devices of a rig, in the runner's thread; the three attributes may be read by any."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._rig = rig
+        self.identity: ArmIdentity | None = None
+        self.camera_ready = False
+        self.troubles: list[dict[str, Any]] = [
+            problem(ErrorCode.RIG_NOT_READY, "The devices have not been connected yet")
+        ]
+
+    def make_ready(self) -> ArmIdentity:
+        """Connects what is not connected, takes control of the arm, and compares it with the cell file.
+
+        Raises RigError arm.unreachable, arm.in_use, arm.preflight (with `findings`), camera.unreachable and others.
+        """
+        try:
+            identity = self._rig.arm.connect()
+            if not self._rig.arm.reading.program_running:  # connecting has not taken control: this says why it cannot
+                self._rig.arm.prepare()
+            findings = self._rig.arm.preflight()
+            if findings:
+                raise RigError(
+                    ErrorCode.ARM_PREFLIGHT,
+                    " ".join(finding.what for finding in findings),
+                    findings=[{"what": finding.what, "remedy": finding.remedy} for finding in findings],
+                )
+            self._rig.lamp.connect()
+            self._rig.camera.connect()
+        except RigError as error:
+            self.identity, self.camera_ready = None, False
+            self.troubles = [_told(error)]
+            raise
+        self.identity, self.camera_ready, self.troubles = identity, True, []
+        return identity
+
+    def look(self) -> bool:
+        """Connects what is missing, and says of each device why it is; True when that has made the rig complete."""
+        if not self.troubles and self._rig.arm.reading.connected:
+            return False
+        troubles: list[dict[str, Any]] = []
+        try:
+            self.identity = self._rig.arm.connect()
+        except RigError as error:
+            self.identity = None
+            troubles.append(_told(error))
+        try:
+            if not self.camera_ready:
+                self._rig.camera.connect()
+                self.camera_ready = True
+        except RigError as error:
+            troubles.append(_told(error))
+        self.troubles = troubles
+        return not troubles
+
+
+def _told(error: RigError) -> dict[str, Any]:
+    return problem(error.code, error.detail, **error.context)

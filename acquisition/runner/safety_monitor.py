@@ -1,0 +1,143 @@
+"""Watches the arm, latches what stops it, and demands that a person looks before anything moves again.
+
+A fault that has come and gone leaves its latch: the service never decides by itself that a cell is clear. The latch is
+opened by `acknowledge`, refused while the controller still reports the stop. A lost link or driver is latched as well;
+it may be acknowledged while it lasts, because the explicit reconnection that follows tests it again.
+"""
+
+import logging
+import math
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from acquisition.devices import Arm, ArmReading
+from acquisition.devices.ur import states
+from acquisition.models.errors import ErrorCode, RigError
+
+_log = logging.getLogger(__name__)
+
+PERIOD_S = 0.02
+
+
+@dataclass(frozen=True)
+class Latch:
+    """A fault that nobody has acknowledged yet."""
+
+    code: ErrorCode
+    detail: str
+    since: float  # seconds since 1970, UTC
+
+
+def classify(reading: ArmReading) -> states.Fault | None:
+    """What in this reading forbids motion until a person has looked; None when nothing does.
+
+    An arm that is merely not powered on or not under program control is not a fault; moves refuse it by themselves.
+    """
+    if not reading.connected:
+        why = f": {reading.lost}" if reading.lost else ""
+        return states.Fault(ErrorCode.DEVICE_DISCONNECTED, f"The link to the arm, or its driver, is lost{why}.")
+    return states.safety_fault(reading.safety_bits)
+
+
+class SafetyMonitor:
+    """Polls `arm.reading` from a thread of its own and keeps the latch.
+
+    `on_change` is called with the new latch, or None, after every change: from the monitor's thread when a fault
+    appears, from the caller's of `acknowledge`. It must be quick; it may call `arm.halt`.
+    """
+
+    def __init__(self, arm: Arm, on_change: Callable[[Latch | None], None], latched: Latch | None = None) -> None:
+        """`latched` is a latch that outlived the last service."""
+        self._arm = arm
+        self._on_change = on_change
+        self._latch = latched
+        self._told_clear: dict[str, float] = {}  # who said so, and when (time.monotonic)
+        self._was_connected = False  # a link is lost only after it was there
+        self._changing = threading.Lock()
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="safety-monitor", daemon=True)
+
+    def start(self) -> None:
+        """Begins to watch."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Ends watching."""
+        self._ending.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    @property
+    def latch(self) -> Latch | None:
+        """The fault that awaits acknowledgement; any thread, no lock."""
+        return self._latch
+
+    def clear(self) -> None:
+        """Returns when motion is allowed: nothing stops the arm now and nothing awaits acknowledgement.
+
+        Raises RigError with the present fault's code, or safety.not_acknowledged.
+        """
+        fault = self._present_fault()
+        if fault is not None:
+            raise RigError(fault.code, fault.detail)
+        latch = self._latch
+        if latch is not None:
+            raise RigError(
+                ErrorCode.SAFETY_NOT_ACKNOWLEDGED,
+                f"Nobody has acknowledged: {latch.detail}",
+                fault=str(latch.code),
+                since=latch.since,
+            )
+
+    def acknowledge(self, actor: str) -> Latch | None:
+        """`actor` has looked and finds the cell clear; returns the latch that this opened, None when there was none.
+
+        That somebody looked is remembered even where the latch stays. Raises RigError safety.still_faulted while the
+        controller reports a stop.
+        """
+        self._told_clear[actor] = time.monotonic()
+        fault = self._present_fault()
+        if fault is not None and fault.code != ErrorCode.DEVICE_DISCONNECTED:
+            raise RigError(ErrorCode.SAFETY_STILL_FAULTED, fault.detail, fault=str(fault.code))
+        with self._changing:
+            opened, self._latch = self._latch, None
+            if fault is not None:
+                self._was_connected = False
+        if opened is not None:
+            _log.warning("%s acknowledged: %s", actor, opened.detail)
+            self._on_change(None)
+        return opened
+
+    def was_told_clear(self, actor: str, within_s: float) -> bool:
+        """Whether `actor` has said within this time that the cell is clear."""
+        return time.monotonic() - self._told_clear.get(actor, -math.inf) <= within_s
+
+    def look(self) -> None:
+        """Takes one look at the arm; the thread does so every PERIOD_S."""
+        fault = self._present_fault()
+        if fault is None:
+            return
+        with self._changing:
+            if self._latch is not None:
+                return
+            latch = self._latch = Latch(fault.code, fault.detail.removesuffix("."), time.time())
+        _log.error("%s: %s", latch.code, latch.detail)
+        self._on_change(latch)
+
+    def _present_fault(self) -> states.Fault | None:
+        reading = self._arm.reading
+        fault = classify(reading)
+        if reading.connected:
+            self._was_connected = True
+        elif not self._was_connected:
+            return None
+        return fault
+
+    def _run(self) -> None:
+        while not self._ending.wait(PERIOD_S):
+            try:
+                self.look()
+            except RigError:
+                _log.exception("the latch is set, but its entry failed")

@@ -1,0 +1,67 @@
+"""The arm as it was built: its factory calibration, and joints that are right for it.
+
+A real arm's axes are never quite parallel, so the closed form of `kinematics` is off by millimetres at the lamp. It
+still says which branches there are and nearly where: from each of them a few Newton steps on the calibrated chain lead
+to the pose. What the steps do not bring there (a branch at the edge of a singularity) is given up.
+"""
+
+import numpy as np
+
+from acquisition.models.base import FloatArray
+from acquisition.models.cell_config import JointGeometry
+from acquisition.waypoints.kinematics import TURN
+
+_STEPS = 5
+_CLOSE = 1e-7
+"""m and rad from the pose; reached in three steps but near singularities."""
+_LONGEST_WAY_RAD = 0.3
+"""Further from the closed form's branch, the steps have gone to another one."""
+
+
+def chain(joints: list[JointGeometry]) -> FloatArray:
+    """The calibration as rows (6, 4): θ, a, d, α."""
+    return np.array([[joint.theta_rad, joint.a_m, joint.d_m, joint.alpha_rad] for joint in joints])
+
+
+def forward(chain: FloatArray, joints: FloatArray) -> FloatArray:
+    """Link frames (N, 7, 4, 4), base from link 0 … 6 (6: the flange), of joints (N, 6) in rad."""
+    frames = np.empty((len(joints), 7, 4, 4))
+    frames[:, 0] = np.eye(4)
+    for number, (offset, a, d, twist) in enumerate(chain):
+        angle = joints[:, number] + offset
+        cosine, sine = np.cos(angle), np.sin(angle)
+        matrix = np.zeros((len(joints), 4, 4))
+        matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 0, 2] = cosine, -sine * np.cos(twist), sine * np.sin(twist)
+        matrix[:, 1, 0], matrix[:, 1, 1], matrix[:, 1, 2] = sine, cosine * np.cos(twist), -cosine * np.sin(twist)
+        matrix[:, 2, 1], matrix[:, 2, 2] = np.sin(twist), np.cos(twist)
+        matrix[:, 0, 3], matrix[:, 1, 3], matrix[:, 2, 3] = a * cosine, a * sine, d
+        matrix[:, 3, 3] = 1.0
+        frames[:, number + 1] = frames[:, number] @ matrix
+    return frames
+
+
+def refined(chain: FloatArray, joints: FloatArray, base_from_flange: FloatArray) -> FloatArray:
+    """Joints (N, 6) near the given ones that bring the flange of the arm as built to poses (N, 4, 4); NaN where not."""
+    result = joints.copy()
+    for _ in range(_STEPS):
+        frames = forward(chain, result)
+        away = _away(frames[:, 6], base_from_flange)
+        axes, origins = frames[:, :6, :3, 2], frames[:, :6, :3, 3]
+        levers = np.cross(axes, frames[:, 6:7, :3, 3] - origins)
+        jacobian = np.concatenate([levers, axes], axis=2)  # (N, joint, 6): transposed
+        # Damped by next to nothing, so that a singular branch is no error but does not arrive.
+        square = jacobian @ jacobian.transpose(0, 2, 1) + 1e-12 * np.eye(6)
+        result += np.linalg.solve(square, jacobian @ away[..., None])[..., 0]
+    missed = np.abs(_away(forward(chain, result)[:, 6], base_from_flange)).max(axis=1) > _CLOSE
+    turned = np.abs(np.mod(result - joints + np.pi, TURN) - np.pi).max(axis=1) > _LONGEST_WAY_RAD
+    result[missed | turned] = np.nan
+    return result
+
+
+def _away(here: FloatArray, there: FloatArray) -> FloatArray:
+    """Shift in m and turn in rad (N, 6), in base, from poses (N, 4, 4) to others near them."""
+    turn = there[:, :3, :3] @ here[:, :3, :3].transpose(0, 2, 1)
+    vector = np.stack(
+        [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], axis=1
+    )
+    return np.concatenate([there[:, :3, 3] - here[:, :3, 3], vector / 2], axis=1)

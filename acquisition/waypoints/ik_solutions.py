@@ -1,0 +1,125 @@
+"""The configurations in which the arm can take one light, or the reason why there is none.
+
+Every roll of the lamp about its axis and every branch of the inverse kinematics is looked at, then sieved: joint
+limits, collisions, the view cone, the light cone. The reason of a refusal is the sieve that the last ones did not pass.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition import geometry, lamp_pose
+from acquisition.models.base import FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.light_plan import Light
+from acquisition.models.route import Refusal
+from acquisition.waypoints import calibrated_kinematics, collision_kernels, kinematics
+from acquisition.waypoints.collision import Scene
+
+ROLLS = 36
+FINE_ROLLS = 180
+"""So many rolls are looked at for the lights that none of the usual ones serves: few, so that it costs little."""
+
+_BATCH = 64
+
+
+@dataclass(frozen=True)
+class Station:
+    """A light's configurations (M, 6), free and with both cones clear; where there are none, why."""
+
+    joints: FloatArray
+    refusal: Refusal | None
+
+
+def stations(
+    lights: Sequence[Light], cell: CellConfig, calibration: Calibration, scene: Scene, rolls: int = ROLLS
+) -> list[Station]:
+    """For each light (view frame) the configurations that take it."""
+    result: list[Station] = []
+    step = _BATCH * ROLLS // rolls
+    for start in range(0, len(lights), step):  # 64 lights × 288 configurations at a time keep memory small
+        result += _batch(lights[start : start + step], cell, calibration, scene, rolls)
+    return result
+
+
+def _batch(
+    lights: Sequence[Light], cell: CellConfig, calibration: Calibration, scene: Scene, rolls: int
+) -> list[Station]:
+    base_from_view = lamp_pose.base_from_view(calibration)
+    positions = geometry.transform(base_from_view, np.array([light.position for light in lights]))
+    axes = geometry.rotate(base_from_view, np.array([light.axis for light in lights]))
+    base_from_tool = lamp_pose.tool_poses(positions, axes, rolls, calibration)
+    base_from_flange = base_from_tool @ geometry.inverse(cell.arm.flange_from_tool.matrix)
+    flange = base_from_flange.reshape(-1, 4, 4)
+    solved = kinematics.inverse(scene.model, flange)
+    if cell.arm.kinematics is not None:
+        pose, branch = np.nonzero(~np.isnan(solved[..., 0]))
+        solved[pose, branch] = calibrated_kinematics.refined(
+            calibrated_kinematics.chain(cell.arm.kinematics), solved[pose, branch], flange[pose]
+        )
+    solved = solved.reshape(len(lights), -1, 6)
+    within = kinematics.unwrap(solved, np.array(cell.arm.home))
+
+    # Flat lists of what is left after each sieve, with the number of the light each belongs to.
+    owner, rows = np.nonzero(~np.isnan(within[..., 0]))
+    joints = within[owner, rows]
+    violations = scene.violations(joints)
+    free = violations < 0
+    hit_owner, hit = owner[~free], violations[~free]
+    owner, joints = owner[free], joints[free]
+    blocked = scene.blocked_cones(joints, positions[owner])
+    clear = blocked < 0
+
+    result: list[Station] = []
+    for number in range(len(lights)):
+        own = owner == number
+        between = scene.in_the_light(positions[number])
+        if between >= 0:
+            detail = f"{scene.names[between]} stands between the lamp and the object"
+            result.append(Station(joints[:0], Refusal(reason="shadows-object", detail=detail)))
+            continue
+        usable = joints[own & clear]
+        refusal = None
+        if not len(usable):
+            refusal = _refusal(
+                solutions=int((~np.isnan(solved[number, :, 0])).sum()),
+                hits=hit[hit_owner == number],
+                blocked=blocked[own],
+                distance_m=float(np.linalg.norm(positions[number])),
+                scene=scene,
+            )
+        result.append(Station(usable, refusal))
+    return result
+
+
+def _refusal(
+    solutions: int, hits: np.ndarray[tuple[int], np.dtype[np.int64]],
+    blocked: np.ndarray[tuple[int], np.dtype[np.int64]], distance_m: float, scene: Scene,
+) -> Refusal:  # fmt: skip
+    if len(blocked):
+        views = int((blocked == collision_kernels.VIEW_BLOCKED).sum())
+        if views * 2 >= len(blocked):
+            return Refusal(
+                reason="blocks-view",
+                detail=f"the arm would stand between lens and object in {views} of {len(blocked)} free configurations",
+            )
+        return Refusal(
+            reason="shadows-object",
+            detail=f"the arm would shadow the object in {len(blocked) - views} of {len(blocked)} free configurations",
+        )
+    if len(hits):
+        word, name = scene.worst(hits)
+        return Refusal(
+            reason=word,
+            detail=f"none of {len(hits)} configurations is free of collision; most often in the way: {name}",
+        )
+    if solutions:
+        return Refusal(
+            reason="joint-limit",
+            detail=f"all {solutions} configurations are beyond a joint's limit or half a turn from home",
+        )
+    return Refusal(
+        reason="too-far", detail=f"the arm cannot bring the lamp there: {distance_m:.2f} m from its base at any roll"
+    )

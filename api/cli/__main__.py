@@ -1,0 +1,5 @@
+"""Runs the command line as `python -m api.cli`."""
+
+from api.cli.commands import main
+
+main()

@@ -1,0 +1,150 @@
+"""What `lightpose check` says of a cell before anything moves: each thing that is wrong, with its remedy.
+
+It goes on after a finding, so that one visit to the cell mends all: files, calibration's age, reach and route, arm
+(and each setting in which it differs from the cell file), camera. Beside a running service the arm is in use, and is
+told so.
+"""
+
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from rich.console import Console
+
+from acquisition.devices.ur import primary
+from acquisition.models import cell_config
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
+from acquisition.models.recipe import Recipe
+from acquisition.runner import jobs
+from acquisition.store.folder import require_space
+from acquisition.waypoints.reach import ReachMap
+from api.rest import keys, wiring
+
+
+def check(cell_file: Path, *, offline: bool, data: Path | None = None) -> bool:
+    """Checks a cell, and where given the service's data folder, and prints what it finds; True when nothing is wrong.
+
+    Moves nothing.
+    """
+    console = Console(highlight=False, markup=False, soft_wrap=True)
+    found: list[bool] = []
+    if data is not None:
+        found.append(_told(console, lambda: _data(console, data)))
+    try:
+        cell = cell_config.load(cell_file)
+    except RigError as error:
+        _tell(console, error)
+        return False
+    console.print(
+        f"ok    cell '{cell.name}': {cell.arm.model} at {cell.arm.address}, fingerprint {cell.fingerprint[:12]}"
+    )
+    found.append(_told(console, lambda: _reckoned(console, cell, cell_file)))
+    if not offline:
+        found.append(_told(console, lambda: _arm(console, cell)))
+        found.append(_told(console, lambda: _as_built(console, cell)))
+        found.append(_told(console, lambda: _camera(console, cell)))
+    return all(found)
+
+
+def _told(console: Console, part: Callable[[], bool]) -> bool:
+    """Whether a part of the check finds nothing wrong; what it raises is told."""
+    try:
+        return part()
+    except RigError as error:
+        _tell(console, error)
+        return False
+
+
+def _data(console: Console, data: Path) -> bool:
+    """Whether the data folder's keys can be read, and room for a session."""
+    content = keys.read(keys.path_in(data))
+    if content is None:
+        console.print("ok    no keys: only this machine may call, and whoever is on it is an operator")
+    else:
+        console.print(f"ok    {len(content.keys)} keys may call")
+    there = next(folder for folder in (data, *data.resolve().parents) if folder.is_dir())
+    require_space(there, 0)
+    console.print(f"ok    data folder {data}")
+    return True
+
+
+def _reckoned(console: Console, cell: CellConfig, cell_file: Path) -> bool:
+    """All that can be said without devices: the calibration, its age, and what the arm can reach."""
+    calibration = cell_config.load_calibration(cell_file.parent / cell.calibration)
+    console.print(f"ok    calibration of {calibration.made_at}: {calibration.width} × {calibration.height} pixels")
+    valid_until = datetime.fromisoformat(calibration.made_at) + timedelta(days=calibration.valid_days)
+    good = datetime.now().astimezone() < valid_until
+    if not good:
+        console.print(f"WRONG {ErrorCode.RIG_NOT_READY}: the calibration is out of date since {valid_until:%Y-%m-%d}")
+        console.print("        what to do: calibrate again; no session starts before.")
+    _motions(console, cell, calibration)
+    return good
+
+
+def _motions(console: Console, cell: CellConfig, calibration: Calibration) -> None:
+    """Reach, pilot and route, as the service would make them."""
+    with TemporaryDirectory() as folder:
+        cache = Path(folder) / "reach.json"
+        jobs.make_reach(cell, calibration, cache)
+        reach = ReachMap.model_validate_json(cache.read_bytes())
+        pilot = jobs.first_lights(Recipe(), cell, calibration, cache)
+    refused = [refusal.reason for refusal in reach.refusals if refusal is not None]
+    console.print(f"ok    reach: {len(reach.candidates)} of {len(reach.points)} positions on the dome")
+    for reason in sorted(set(refused)):
+        console.print(f"        {refused.count(reason)} refused: {reason}")
+    for reason in pilot.reasons + pilot.notes:
+        console.print(f"        {reason}")
+    route = jobs.plan_route(pilot.lights, cell.arm.home, cell, calibration)
+    console.print(f"ok    route of the pilot: {route.seconds:.1f} s of moves, at best {route.lower_bound_s:.1f} s")
+
+
+def _arm(console: Console, cell: CellConfig) -> bool:
+    """Whether the arm answers and is as the cell file says."""
+    arm = wiring.build_arm(cell)
+    try:
+        identity = arm.connect()
+        console.print(f"ok    arm: {identity.model}, serial number {identity.serial}, software {identity.software}")
+        findings = arm.preflight()
+    finally:
+        arm.close()
+    for finding in findings:
+        console.print(f"WRONG {ErrorCode.ARM_PREFLIGHT}: {finding.what}")
+        console.print(f"        what to do: {finding.remedy}")
+    return not findings
+
+
+def _camera(console: Console, cell: CellConfig) -> bool:
+    camera = wiring.build_camera(cell.camera)
+    try:
+        camera.connect()
+    finally:
+        camera.close()
+    console.print(f"ok    camera of kind '{cell.camera.kind}' answers")
+    return True
+
+
+def _as_built(console: Console, cell: CellConfig) -> bool:
+    """The arm as built: told as lines for the cell file where they are not in it."""
+    told = primary.kinematics(cell.arm.address)
+    if told is None:
+        console.print("      the controller does not tell the arm's factory calibration")
+    elif told == cell.arm.kinematics:
+        console.print("ok    the arm's factory calibration is the cell file's")
+    else:
+        wrong = cell.arm.kinematics is not None
+        console.print(f"{'WRONG' if wrong else '     '} the arm's factory calibration; for [arm] in the cell file:")
+        console.print("kinematics = [")
+        for joint in told:
+            numbers = ", ".join(f"{name} = {value!r}" for name, value in joint.model_dump().items())
+            console.print(f"  {{ {numbers} }},")
+        console.print("]")
+        return not wrong
+    return True
+
+
+def _tell(console: Console, error: RigError) -> None:
+    console.print(f"WRONG {error.code}: {error.detail}")
+    console.print(f"        what to do: {PROBLEMS[error.code].remedy}")

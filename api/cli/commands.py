@@ -1,0 +1,343 @@
+"""The command line: `lightpose demo | sim | serve | check | solve | replay | …`.
+
+Each command imports what it needs when it runs, so that `lightpose --help` answers at once and loads no numerical
+kernel.
+"""
+
+import json
+import sys
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, NoReturn, TypeVar
+
+import typer
+
+from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
+
+T = TypeVar("T")
+
+app = typer.Typer(
+    no_args_is_help=True, add_completion=False, help="Photometric stereo with planned lights.", rich_markup_mode=None
+)
+
+
+class Profile(StrEnum):
+    """What the simulated world does that the calibration does not know."""
+
+    IDEAL = "ideal"
+    DIRECT = "direct"
+    REALISTIC = "realistic"
+
+
+class LogForm(StrEnum):
+    """What an entry of the log looks like."""
+
+    TEXT = "text"
+    JSON = "json"
+
+
+ObjectName = Annotated[
+    str,
+    typer.Option(
+        "--object", help="sphere, vase, relief, part, bumps or figure; -textured or -glossy after it for its versions"
+    ),
+]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of object, errors and noise")]
+Speed = Annotated[float, typer.Option(help="How many times faster than life the simulated arm moves")]
+Pixels = Annotated[int, typer.Option(help="Width and height of the simulated image")]
+CellFile = Annotated[Path, typer.Option(help="The cell file")]
+
+
+@app.command()
+def demo(
+    object_name: ObjectName = "vase",
+    seed: Seed = 1,
+    pilot: Annotated[int, typer.Option(help="Pilot lights")] = 4,
+    planned: Annotated[int, typer.Option(help="Planned lights")] = 4,
+    method: Annotated[str, typer.Option(help="How lights are chosen: see `method` of the recipe")] = "optimal",
+    lights: Annotated[
+        Path | None,
+        typer.Option(help="Positions for method `user`: x y z on each line, m, view frame; JSON; a session's folder"),
+    ] = None,
+    profile: Profile = Profile.REALISTIC,
+    random: Annotated[bool, typer.Option(help="Compare with as many random lights")] = True,
+    speed: Speed = 8.0,
+    pixels: Pixels = 1024,
+    data: Annotated[Path, typer.Option(help="Folder for the cell and the results")] = Path("demo"),
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
+) -> None:
+    """Runs a whole session in a simulated cell, over HTTP, and grades the normals that it finds."""
+    from api.cli import demo as demonstration
+
+    wishes = demonstration.Wishes(
+        object_name=object_name,
+        seed=seed,
+        pilot_lights=pilot,
+        planned_lights=planned,
+        method=method,
+        profile=profile.value,
+        compare_random=random,
+        speed=speed,
+        pixels=pixels,
+        data=data,
+        lights=lights,
+    )
+    outcome = _told(lambda: demonstration.run(wishes))
+    if as_json:
+        print(json.dumps(outcome), flush=True)
+
+
+@app.command()
+def sim(
+    address: Annotated[str, typer.Option(help="A loopback address; one cell each")] = "127.0.0.1",
+    object_name: ObjectName = "vase",
+    seed: Seed = 1,
+    profile: Profile = Profile.REALISTIC,
+    speed: Speed = 1.0,
+    pixels: Pixels = 1024,
+    folder: Annotated[Path | None, typer.Option(help="Where cell file, calibration and truth are written")] = None,
+    cell: Annotated[
+        Path | None, typer.Option(help="The cell file to stand in for; default: the simulated cell")
+    ] = None,
+    calibration_seed: Annotated[
+        int | None, typer.Option(help="An arm that differs from its drawings by millimetres, as real ones do")
+    ] = None,
+    record: Annotated[Path | None, typer.Option(help="Write every tick of the controller to this file")] = None,
+    programs: Annotated[
+        Path | None, typer.Option(help="Folder of programs (NAME.urp) that the dashboard loads")
+    ] = None,
+    json_status: Annotated[bool, typer.Option("--json-status", help="A JSON line at each change of the arm")] = False,
+) -> None:
+    """Runs a simulated cell until interrupted; prints a line `ready …` when it can be connected to."""
+    from hardware_sim import cell as simulation
+
+    _told(
+        lambda: simulation.run(
+            address,
+            object_name,
+            seed,
+            profile.value,
+            speed,
+            folder=folder,
+            pixels=pixels,
+            cell_file=cell,
+            calibration_seed=calibration_seed,
+            record=record,
+            programs=programs,
+            json_status=json_status,
+            say=lambda line: print(line, flush=True),
+        )
+    )
+
+
+@app.command()
+def serve(
+    cell: Annotated[Path | None, typer.Option(help="The cell file; default: LIGHTPOSE_CELL")] = None,
+    data: Annotated[
+        Path | None, typer.Option(help="Folder of journal and sessions; default: LIGHTPOSE_DATA, else data")
+    ] = None,
+    host: Annotated[str | None, typer.Option(help="Default: LIGHTPOSE_HOST, else 127.0.0.1")] = None,
+    port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="0: any free port; default: LIGHTPOSE_PORT, else 8000")
+    ] = None,
+    log: Annotated[
+        LogForm | None, typer.Option(help="Lines for people or JSON objects; default: LIGHTPOSE_LOG, else text")
+    ] = None,
+) -> None:
+    """Runs the service for one cell."""
+    from api.rest import server, settings
+
+    given = {"cell": cell, "data": data, "host": host, "port": port, "log": None if log is None else log.value}
+    wanted = {name: value for name, value in given.items() if value is not None}
+    _told(lambda: server.serve(settings.read(**wanted)))
+
+
+@app.command()
+def check(
+    cell: CellFile = Path("deploy/cell.sim.toml"),
+    offline: Annotated[bool, typer.Option(help="Leave out whether arm and camera answer")] = False,
+    data: Annotated[Path | None, typer.Option(help="The service's data folder: its keys and space too")] = None,
+) -> None:
+    """Checks cell file, calibration, reach, pilot and route, and the devices; names each problem; moves nothing."""
+    from api.cli import checking
+
+    if not _told(lambda: checking.check(cell, offline=offline, data=data)):
+        raise typer.Exit(1)
+
+
+keys_app = typer.Typer(no_args_is_help=True, help="API keys: who may call the service, and what they may do.")
+app.add_typer(keys_app, name="keys")
+Data = Annotated[Path, typer.Option(help="The service's data folder")]
+
+
+@keys_app.command("add")
+def add_key(
+    name: str,
+    role: Annotated[
+        str, typer.Option(help="viewer looks, operator moves the arm, admin deletes sessions too")
+    ] = "operator",
+    data: Data = Path("data"),
+) -> None:
+    """Makes a key and prints its secret, this once."""
+    from api.rest import keys
+
+    roles = [str(item) for item in keys.Role]
+    if role not in roles:
+        raise typer.BadParameter(f"choose of {', '.join(roles)}", param_hint="--role")
+    print(_told(lambda: keys.add(keys.path_in(data), name, keys.Role(role))))
+
+
+@keys_app.command("revoke")
+def revoke_key(name: str, data: Data = Path("data")) -> None:
+    """Removes a key; a running service refuses it within a second."""
+    from api.rest import keys
+
+    _told(lambda: keys.revoke(keys.path_in(data), name))
+
+
+@keys_app.command("list")
+def list_keys(data: Data = Path("data")) -> None:
+    """Names and roles of the keys; secrets are not kept."""
+    from datetime import UTC, datetime
+
+    from api.rest import keys
+
+    content = _told(lambda: keys.read(keys.path_in(data)))
+    for key in content.keys if content is not None else ():
+        print(f"{key.name}\t{key.role}\tmade {datetime.fromtimestamp(key.created_at, UTC):%Y-%m-%d}")
+
+
+@app.command()
+def prune(
+    older_than: Annotated[float, typer.Option(min=0, help="Days since a session ended")] = 30,
+    keep: Annotated[int, typer.Option(min=0, help="So many of the newest ended sessions stay in any case")] = 10,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be removed")] = False,
+    data: Data = Path("data"),
+) -> None:
+    """Removes old ended sessions with their files; what holds the rig or has not ended stays."""
+    import time
+    from datetime import UTC, datetime
+
+    from acquisition.store import retention
+
+    found = _told(
+        lambda: retention.prune(data, older_than_days=older_than, keep=keep, now=time.time(), pretend=dry_run)
+    )
+    for item in found:
+        print(
+            f"{item.session_id}\tended {datetime.fromtimestamp(item.ended_at, UTC):%Y-%m-%d}\t{item.bytes / 1e6:.1f} MB"
+        )
+    print(
+        f"{'would remove' if dry_run else 'removed'} {len(found)} sessions, {sum(i.bytes for i in found) / 1e6:.1f} MB"
+    )
+
+
+class Solver(StrEnum):
+    """How a folder is solved."""
+
+    AUTO = "auto"
+    LEAST_SQUARES = "ls"
+    WEIGHTED = "weighted"
+    ROBUST = "robust"
+    GLOSSY = "glossy"
+
+
+@app.command("solve")
+def solve_folder(
+    folder: Annotated[
+        Path, typer.Argument(help="DiLiGenT-style, .lp with images, near light (lights.json), or a session's folder")
+    ],
+    solver: Annotated[Solver, typer.Option(help="auto chooses by the residuals and says why")] = Solver.AUTO,
+    near: Annotated[bool, typer.Option("--near", help="Insist on the near-light model")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for maps and report; it appears whole or not at all")] = None,
+    exports: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--export",
+            help="With --out, also: normals_directx.png, maps.exr, mesh.ply, lights.lp and lights.dome (lights without "
+            "their images), diligent (with them), integration, or all; may be repeated",
+        ),
+    ] = None,
+    sphere: Annotated[str | None, typer.Option(help="cx,cy,r: a sphere in the image that the errors are for")] = None,
+    keep_steps: Annotated[
+        bool, typer.Option("--keep-steps", help="Let depth jump where normals disagree with their neighbours")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
+) -> None:
+    """Solves a folder of images to normals with an uncertainty for each pixel, and grades them where truth is known."""
+    from api.cli import solving
+
+    outcome = _told(
+        lambda: solving.run(solving.wishes(folder, solver.value, near, out, sphere, exports or [], keep_steps))
+    )
+    if as_json:
+        print(json.dumps(outcome), flush=True)
+
+
+@app.command()
+def replay(
+    folder: Annotated[Path, typer.Argument(help="A session's folder")],
+    result: Annotated[int | None, typer.Option(min=0, help="Which result to compare with; default: the last")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
+) -> None:
+    """Solves a session's images again and compares with its stored result; writes nothing."""
+    from api.cli import solving
+
+    outcome = _told(lambda: solving.replay(folder, result))
+    if as_json:
+        print(json.dumps(outcome), flush=True)
+
+
+@app.command()
+def study(
+    quick: Annotated[bool, typer.Option("--quick", help="Few draws: within a minute")] = False,
+    seed: Seed = 1,
+    out: Annotated[Path, typer.Option(help="Folder for study.html and study.json")] = Path("study"),
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
+) -> None:
+    """Compares ways of placing lights, and checks the paper's figures, as one page and JSON; moves nothing."""
+    from api.cli.study import whole
+
+    told = _told(lambda: whole.run(seed, out, quick=quick))
+    print(out / "study.html")
+    if as_json:
+        print(json.dumps(told), flush=True)
+
+
+@app.command()
+def warm() -> None:
+    """Compiles the numerical kernels into their cache, so that no session waits for it."""
+    import importlib
+
+    for module in (
+        "acquisition.runner.jobs",
+        "acquisition.normals.distant",
+        "acquisition.normals.near_light",
+        "hardware_sim.world",
+    ):
+        importlib.import_module(module)
+    print("kernels are compiled")
+
+
+def main() -> None:
+    """Entry point of the `lightpose` command."""
+    app()
+
+
+def _told(work: Callable[[], T]) -> T:
+    """Runs a command and tells a person what went wrong and what to do."""
+    from api.client.client import ProblemError
+
+    try:
+        return work()
+    except RigError as error:
+        _explain(error.code, error.detail)
+    except ProblemError as error:
+        _explain(error.code, error.detail)
+
+
+def _explain(code: ErrorCode, detail: str) -> NoReturn:
+    print(f"{code}: {detail}", file=sys.stderr)
+    print(f"  What to do: {PROBLEMS[code].remedy}", file=sys.stderr)
+    raise typer.Exit(2)

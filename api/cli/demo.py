@@ -1,0 +1,260 @@
+"""One whole session in a simulated cell, as a user would run it, and what came of it against the truth.
+
+Cell and service are processes of their own and the session goes over HTTP by the client that scripts use; only the
+grading looks at the cell's truth.
+"""
+
+import contextlib
+import os
+import re
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Generator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from acquisition.models import cell_config
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.recipe import Recipe
+from acquisition.store import Store
+from api.cli import lights_file
+from api.client.client import Client
+from hardware_sim import grade, truth
+
+READY_WITHIN_S = 90.0
+END_WITHIN_S = 15.0
+CELL_PORTS = (29999, 30001, 30002, 30003, 30004, 30100, 30200)
+STAGES = ("pilot", "waypoints", "capture", "normals", "plan")
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the demonstration shall show."""
+
+    object_name: str
+    seed: int
+    pilot_lights: int
+    planned_lights: int
+    method: str
+    profile: str
+    compare_random: bool
+    speed: float
+    pixels: int
+    data: Path
+    lights: Path | None = None
+
+
+def run(wishes: Wishes) -> dict[str, Any]:
+    """Runs the demonstration and returns its figures; prints progress and a table on the way.
+
+    Raises RigError when cell, service or session fail.
+    """
+    console = Console(stderr=False)
+    recipe = _recipe(wishes, wishes.method)
+    folder = wishes.data.resolve()
+    (folder / "log").mkdir(parents=True, exist_ok=True)
+    Store(folder / "data").close()  # in use, it raises before the cell in use, which is graded against, is overwritten
+    begun = time.monotonic()
+    with _cell(wishes, folder) as cell_file, _service(cell_file, folder) as url, Client(url) as client:
+        started = time.monotonic() - begun
+        console.print(f"Service at {url}, simulated cell with the object '{wishes.object_name}', seed {wishes.seed}")
+        _end_what_was_left(client)
+        session_id = _capture(client, recipe)
+        grades = _grades(folder, cell_file, session_id)
+        stages = _seconds(client, session_id)
+        predicted = client.results(session_id)[-1].summary.predicted_median_deg
+        random_grade = None
+        if wishes.compare_random and wishes.method != "random":
+            other = _capture(client, _recipe(wishes, "random"))
+            random_grade = _grades(folder, cell_file, other)[-1]
+    final, results = grades[-1], folder / "data" / "sessions" / session_id / "results" / str(len(grades) - 1)
+    outcome = {
+        "session_id": session_id,
+        "object": wishes.object_name,
+        "seed": wishes.seed,
+        "method": wishes.method,
+        "profile": wishes.profile,
+        "lights_total": recipe.lights_total,
+        "mean_deg": final.mean_deg,
+        "median_deg": final.median_deg,
+        "p95_deg": final.p95_deg,
+        "pilot_mean_deg": grades[0].mean_deg if len(grades) > 1 else None,
+        "pilot_median_deg": grades[0].median_deg if len(grades) > 1 else None,
+        "random_mean_deg": None if random_grade is None else random_grade.mean_deg,
+        "random_median_deg": None if random_grade is None else random_grade.median_deg,
+        "predicted_median_deg": predicted,
+        "sigma_median_deg": final.predicted_median_deg,
+        "within_sigma": final.within_sigma,
+        "coverage": final.coverage,
+        "graded_pixels": final.graded_pixels,
+        "seconds": {"connect": round(started, 2), **stages, "total": round(time.monotonic() - begun, 2)},
+        "results": str(results),
+    }
+    _show(console, wishes, grades, random_grade, outcome)
+    return outcome
+
+
+def _recipe(wishes: Wishes, method: str) -> Recipe:
+    given: dict[str, Any] = {
+        "method": method,
+        "pilot_lights": wishes.pilot_lights,
+        "planned_lights": wishes.planned_lights,
+        "seed": wishes.seed,
+        "label": f"{wishes.object_name}, {method}",
+    }
+    if method == "user" and wishes.lights is not None:
+        given["user_lights"] = lights_file.read(wishes.lights)
+    try:
+        return Recipe.model_validate(given)
+    except ValueError as error:
+        raise RigError(ErrorCode.REQUEST_INVALID, str(error)) from error
+
+
+def _end_what_was_left(client: Client) -> None:
+    """Stops the session of a demonstration that was broken off, and acknowledges what its end has latched: the cell in
+    which it ran is gone, and nobody stands in the simulated one.
+    """
+    holder = client.rig().holder
+    if holder is not None:
+        client.stop(holder)
+    if not client.safety().clear:
+        client.acknowledge()
+
+
+def _capture(client: Client, recipe: Recipe) -> str:
+    """Runs one session to its end; gives its id. Raises ProblemError when it does not complete."""
+    return client.capture(recipe, progress=True).id
+
+
+def _grades(folder: Path, cell_file: Path, session_id: str) -> list[grade.Grade]:
+    """Each result of a session against the truth, the pilot's first."""
+    true = truth.load(cell_file.parent / "truth.npz")
+    calibration = cell_config.load_calibration(cell_file.parent / "calibration.json")
+    results = sorted((folder / "data" / "sessions" / session_id / "results").iterdir(), key=lambda path: int(path.name))
+    return [grade.grade_folder(result, true, calibration) for result in results]
+
+
+def _seconds(client: Client, session_id: str) -> dict[str, float]:
+    """Seconds in each stage, from the times of the events."""
+    spent = dict.fromkeys(STAGES, 0.0)
+    stage, since = None, 0.0
+    for event in client.past_events(session_id):
+        if stage in spent:
+            spent[stage] += event.at.timestamp() - since
+        if event.type == "session.stage":
+            stage = event.body["stage"]
+        since = event.at.timestamp()
+    return {name: round(seconds, 2) for name, seconds in spent.items()}
+
+
+def _show(
+    console: Console,
+    wishes: Wishes,
+    grades: list[grade.Grade],
+    random_grade: grade.Grade | None,
+    outcome: dict[str, Any],
+) -> None:
+    table = Table(
+        title="Angular error of the normals, degrees",
+        caption="over the pixels whose true normal is within 78° of the viewing ray, object's mask eroded by one pixel",
+    )
+    for column in ("lights", "images", "mean", "median", "95 %", "coverage"):
+        table.add_column(column, justify="left" if column == "lights" else "right")
+    rows = [(wishes.method, outcome["lights_total"], grades[-1])]
+    if len(grades) > 1:
+        rows.insert(0, ("pilot", wishes.pilot_lights, grades[0]))
+    if random_grade is not None:
+        rows.append(("random", outcome["lights_total"], random_grade))
+    for name, images, row in rows:
+        table.add_row(
+            name,
+            str(images),
+            f"{row.mean_deg:.2f}",
+            f"{row.median_deg:.2f}",
+            f"{row.p95_deg:.2f}",
+            f"{100 * row.coverage:.1f} %",
+        )
+    console.print(table)
+    forecast = outcome["predicted_median_deg"]
+    told = "none for fixed patterns" if forecast is None else f"{forecast:.2f}°"
+    sigma = outcome["sigma_median_deg"]
+    said = "" if sigma is None else f", by the result's own σ {sigma:.2f}°"
+    console.print(f"Median error: predicted before the capture {told}{said}, found {outcome['median_deg']:.2f}°")
+    console.print(
+        "Seconds: " + ", ".join(f"{name} {seconds:g}" for name, seconds in outcome["seconds"].items()), highlight=False
+    )
+    console.print(f"Results: {outcome['results']}", soft_wrap=True, highlight=False)
+    console.print("  normals.png, normals.tiff, depth.tiff, sigma_deg.tiff, albedo.tiff, mask.png, manifest.json")
+
+
+@contextlib.contextmanager
+def _cell(wishes: Wishes, folder: Path) -> Generator[Path]:
+    """The simulated cell as a process of its own; gives its cell file."""
+    arguments = [
+        "sim", "--address", _free_address(), "--object", wishes.object_name, "--seed", str(wishes.seed),
+        "--profile", wishes.profile, "--speed", str(wishes.speed), "--pixels", str(wishes.pixels),
+        "--folder", str(folder / "cell"), "--record", str(folder / "cell" / "ticks.record"),
+    ]  # fmt: skip
+    (folder / "cell").mkdir(exist_ok=True)
+    with _process(arguments, folder / "log" / "sim.log", r"^ready ") as _:
+        yield folder / "cell" / "cell.toml"
+
+
+@contextlib.contextmanager
+def _service(cell_file: Path, folder: Path) -> Generator[str]:
+    """The service as a process of its own; gives its address."""
+    arguments = ["serve", "--cell", str(cell_file), "--data", str(folder / "data"), "--port", "0"]
+    with _process(arguments, folder / "log" / "serve.log", r"(http://[\d.]+:\d+)") as match:
+        yield match.group(1)
+
+
+@contextlib.contextmanager
+def _process(arguments: list[str], log: Path, ready: str) -> Generator[re.Match[str]]:
+    """A lightpose command as a process, from the line that says it is ready until it is no longer wanted."""
+    with log.open("w", encoding="utf-8") as file:
+        process = subprocess.Popen(  # noqa: S603 - our own command
+            [sys.executable, "-m", "api.cli", *arguments], stdout=file, stderr=subprocess.STDOUT
+        )
+    try:
+        yield _await(process, log, ready)
+    finally:
+        process.terminate()
+        try:
+            process.wait(END_WITHIN_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def _await(process: "subprocess.Popen[bytes]", log: Path, ready: str) -> re.Match[str]:
+    deadline = time.monotonic() + READY_WITHIN_S
+    while time.monotonic() < deadline:
+        text = log.read_text(encoding="utf-8", errors="replace")
+        match = re.search(ready, text, re.MULTILINE)
+        if match is not None:
+            return match
+        if process.poll() is not None:
+            raise RigError(ErrorCode.SERVICE_FAULT, f"a process of the demonstration ended: {text[-800:].strip()}")
+        time.sleep(0.05)
+    raise RigError(ErrorCode.SERVICE_FAULT, f"not ready within {READY_WITHIN_S:g} s; see {log}")
+
+
+def _free_address() -> str:
+    """A loopback address whose controller ports nobody uses."""
+    first = os.getpid() % 250  # two demonstrations that start at once look at different addresses
+    for number in range(250):
+        address = f"127.0.7.{2 + (first + number) % 250}"
+        try:
+            for port in CELL_PORTS:
+                with socket.socket() as probe:
+                    probe.bind((address, port))
+        except OSError:
+            continue
+        return address
+    raise RigError(ErrorCode.SERVICE_FAULT, "no free loopback address for a simulated cell")

@@ -1,0 +1,390 @@
+"""`lightpose solve` and `lightpose replay`: folders to normals, without a service, a cell or a journal.
+
+Reading finds all that is wrong before anything is solved; writing goes to a hidden folder that takes its name at the
+end. Progress is for people, on the error stream; what programs read is one JSON object as the last line of the output.
+"""
+
+import json
+import tempfile
+import time
+from collections.abc import Generator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any, cast, get_args
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from acquisition import photometry, report
+from acquisition.capture import region
+from acquisition.formats import export, folders
+from acquisition.formats.export import lights
+from acquisition.formats.folders import Sphere, session
+from acquisition.formats.folders.grade import Grade, grade
+from acquisition.formats.folders.session import SessionCapture
+from acquisition.models.calibration import Calibration
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.result import NormalMap, SolveSettings
+from acquisition.normals import distant, near_light
+from acquisition.normals import solve as solve_session
+from acquisition.normals.image_set import DistantLights, ImageSet
+
+SUMMARY = "summary.json"
+WRITERS = 2
+SAME_DEG = 0.01
+"""Two normal maps whose normals differ by less everywhere are the same."""
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What a person asked for; `exports` are names of `export.FILES` and `export.FOLDERS`."""
+
+    folder: Path
+    solver: distant.Solver = "auto"
+    near: bool = False
+    out: Path | None = None
+    sphere: Sphere | None = None
+    exports: tuple[str, ...] = ()
+    keep_steps: bool = False
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A result, the images it was solved from, how, and its mean σ."""
+
+    found: NormalMap
+    images: ImageSet
+    solver: str
+    why: str
+    sigma_mean_deg: float | None
+    """Of a session as its summary has it, over the facing pixels; of others over all solved ones; none without σ."""
+
+
+def wishes(
+    folder: Path, solver: str, near: bool, out: Path | None, sphere: str | None, exports: Sequence[str],
+    keep_steps: bool = False,
+) -> Wishes:  # fmt: skip
+    """The wishes of a command line: `sphere` as `cx,cy,r`, `exports` by name, `all` for all of them.
+
+    Raises RigError request.invalid.
+    """
+    known = tuple(export.FILES | export.FOLDERS)
+    unknown = set(exports) - {*known, "all"}
+    if unknown:
+        raise RigError(
+            ErrorCode.REQUEST_INVALID, f"--export {', '.join(sorted(unknown))}: choose of {', '.join(known)}, all"
+        )
+    if solver not in get_args(distant.Solver):
+        raise RigError(ErrorCode.REQUEST_INVALID, f"--solver {solver}: choose of {', '.join(get_args(distant.Solver))}")
+    chosen = known if "all" in exports else tuple(name for name in known if name in exports)
+    ball = None if sphere is None else _sphere(sphere)
+    return Wishes(folder, cast(distant.Solver, solver), near, out, ball, chosen, keep_steps)
+
+
+def _sphere(text: str) -> Sphere:
+    try:
+        column, row, radius = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise RigError(
+            ErrorCode.REQUEST_INVALID, f"--sphere {text}: give cx,cy,r in pixels, such as 320,240,180"
+        ) from error
+    if not (np.isfinite([column, row, radius]).all() and radius > 0):
+        raise RigError(ErrorCode.REQUEST_INVALID, f"--sphere {text}: the radius must be positive")
+    return Sphere(column, row, radius)
+
+
+def run(asked: Wishes) -> dict[str, Any]:
+    """Reads, solves, grades and writes one folder; prints a table for people and returns what programs read."""
+    begun = time.monotonic()
+    _refuse(asked)
+    seconds: dict[str, float] = {}
+    console = Console(stderr=True, markup=False)
+    with _bar(console) as bar, _scratch(asked.out) as scratch:
+        solved = _solved(asked, scratch, bar, seconds)
+        graded = grade(solved.found, solved.images)
+        if asked.out is not None:
+            with _timed(seconds, "write"), _step(bar, "writing"):
+                _write(asked, solved, graded, seconds, asked.out)
+    outcome = _outcome(asked, solved, graded, seconds, time.monotonic() - begun)
+    _show(console, outcome, report.sentences(solved.found, _facts(asked, solved, graded, seconds)))
+    return outcome
+
+
+def replay(folder: Path, number: int | None = None) -> dict[str, Any]:
+    """Solves a session's images again, as its stored result (default: the last) was, and compares; writes nothing.
+
+    Raises RigError folder.invalid when the folder holds no such result, or does not say how it was solved.
+    """
+    capture = session.read(folder)
+    chosen = number if number is not None else max(capture.results, default=-1)
+    if chosen not in capture.results:
+        have = ", ".join(str(one) for one in capture.results) or "none"
+        raise RigError(
+            ErrorCode.FOLDER_INVALID,
+            f"{folder}: has no result {chosen}, only {have}: name one of them",
+            file=str(folder),
+        )
+    stored = export.read(folder / "results" / str(chosen))
+    settings = _settings_of(folder / "results" / str(chosen) / session.MANIFEST)
+    console = Console(stderr=True, markup=False)
+    seconds: dict[str, float] = {}
+    with _bar(console) as bar, _timed(seconds, "solve"), _step(bar, "solving"):
+        found = _solve_session(capture, len(stored.flags), settings)
+    outcome = _compared(stored, found, capture.calibration) | {
+        "result": chosen,
+        "images": len(found.flags),
+        "seconds": seconds["solve"],
+    }
+    table = Table(title=f"Result {chosen} of {folder.name}, solved again")
+    for column in ("", "stored", "again"):
+        table.add_column(column, justify="right" if column else "left")
+    table.add_row("normals", str(np.count_nonzero(stored.mask)), str(np.count_nonzero(found.mask)))
+    table.add_row("mean σ", *(f"{outcome[name]:.3f}°" for name in ("sigma_before_deg", "sigma_deg")))
+    console.print(table)
+    verdict = "the same" if outcome["same"] else "different"
+    console.print(
+        f"The normals are {verdict}: mean {outcome['mean_deg']:.4f}°, 95 % {outcome['p95_deg']:.4f}°, "
+        f"largest {outcome['max_deg']:.4f}°."
+    )
+    return outcome
+
+
+# ------------------------------------------------------------------------------------------------------------- solving
+
+
+def _solved(asked: Wishes, scratch: Path, bar: Progress, seconds: dict[str, float]) -> Solved:
+    kind = folders.kind_of(asked.folder)
+    if kind == "session":
+        with _timed(seconds, "read"):
+            capture = session.read(asked.folder)
+        with _timed(seconds, "solve"), _step(bar, "solving"):
+            found = _solve_session(capture, None, _settings(asked))
+        last = len(capture.plans) - 1
+        images = session.images(capture.observations(last), capture.calibration, found.silhouette)
+        sigma_deg = photometry.mean_sigma_deg(found, capture.calibration)
+        return Solved(found, images, *_chosen(found, asked.solver), sigma_deg)
+    with _timed(seconds, "read"):
+        task = bar.add_task("reading", total=None)
+        images = folders.read(
+            asked.folder,
+            scratch,
+            sphere=asked.sphere,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    distant_lights = isinstance(images.lights, DistantLights)
+    if asked.near and distant_lights:
+        raise RigError(
+            ErrorCode.FOLDER_INVALID,
+            f"{asked.folder}: gives directions, not positions: --near needs a folder with lights.json",
+            file=str(asked.folder),
+        )
+    with _timed(seconds, "solve"), _step(bar, "solving"):
+        if distant_lights:
+            found = distant.solve(images, asked.solver, keep_steps=asked.keep_steps)
+        elif asked.solver == "ls":
+            found = near_light.solve_plain(images, keep_steps=asked.keep_steps)
+        else:
+            found = near_light.solve(images, _settings(asked))
+    sigma = found.sigma_deg[found.mask & np.isfinite(found.sigma_deg)]
+    return Solved(found, images, *_chosen(found, asked.solver), float(np.mean(sigma)) if sigma.size else None)
+
+
+def _solve_session(capture: SessionCapture, count: int | None, settings: SolveSettings) -> NormalMap:
+    """Solves a session's images as the session did; `count` says by their number which passes a result was made of."""
+    cell, calibration = capture.cell, capture.calibration
+    passes = range(len(capture.plans))
+    last = next((one for one in passes if len(capture.observations(one).shots) == count), passes[-1])
+    return solve_session(
+        capture.observations(last),
+        calibration,
+        settings,
+        initial_depth_m=region.middle_depth_m(cell, calibration),
+        region=region.keep_out(cell, calibration),
+        table_depth_m=region.table_depth_m(cell, calibration),
+    )
+
+
+def _settings_of(manifest: Path) -> SolveSettings:
+    """What a stored result was solved with; without a manifest beside it, what sessions solve with."""
+    if not manifest.exists():
+        return SolveSettings()
+    try:
+        return SolveSettings.model_validate(json.loads(manifest.read_bytes())["settings"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RigError(
+            ErrorCode.FOLDER_INVALID, f"{manifest}: does not say how it was solved: {error}; restore it",
+            file=str(manifest),
+        ) from error  # fmt: skip
+
+
+def _settings(asked: Wishes) -> SolveSettings:
+    """The solver for near light is one; what can be left out of it is the robust weighting, and telling shadows apart.
+
+    Raises RigError request.invalid for a solver that near light has none of.
+    """
+    match asked.solver:
+        case "thresholded":
+            raise RigError(
+                ErrorCode.REQUEST_INVALID, "--solver thresholded is for many distant lights: ask for auto or robust"
+            )
+        case "ls":
+            return SolveSettings(robust=False, shadow_threshold=0.0, keep_steps=asked.keep_steps)
+        case "weighted":
+            return SolveSettings(robust=False, keep_steps=asked.keep_steps)
+        case _:
+            return SolveSettings(keep_steps=asked.keep_steps)
+
+
+def _chosen(found: NormalMap, wished: str) -> tuple[str, str]:
+    """Which solver it was, and why: the solver's own words, or what the near-light one found in the images."""
+    if "solver" in found.notes:
+        return str(found.notes["solver"]), str(found.notes.get("why", ""))
+    bounced, lobe = found.notes.get("interreflection", {}), found.notes.get("lobe", {})
+    why = f"near light; share of bounced light {bounced.get('share', 0):.1%}, gloss {lobe.get('strength', 0):.2f}"
+    if wished == "glossy":
+        why += "; glossy was asked for: near light has one solver, which looks for gloss in any case"
+    return ("near" if wished in {"auto", "glossy"} else wished), why
+
+
+# ------------------------------------------------------------------------------------------------------------- writing
+
+
+def _refuse(asked: Wishes) -> None:
+    """Refuses what cannot be written, before anything is read."""
+    if asked.out is not None:
+        export.refuse_foreign(asked.out, SUMMARY)
+        if asked.out.resolve() == asked.folder.resolve():
+            raise RigError(ErrorCode.FOLDER_INVALID, f"{asked.out}: is the capture itself: name another folder")
+    elif asked.exports:
+        raise RigError(ErrorCode.REQUEST_INVALID, "--export writes files: name a folder with --out")
+
+
+def _write(asked: Wishes, solved: Solved, graded: Grade | None, seconds: dict[str, float], out: Path) -> None:
+    source = export.Source(solved.found, solved.images)
+    with export.whole_folder(out) as partial, ThreadPoolExecutor(WRITERS) as pool:
+        work = [
+            pool.submit(export.write_maps, solved.found, partial),
+            pool.submit(report.write, solved.found, _facts(asked, solved, graded, seconds), partial),
+            *(pool.submit(export.make, name, source, partial) for name in asked.exports),
+        ]
+        for future in work:
+            future.result()
+        summary = _outcome(asked, solved, graded, seconds, sum(seconds.values()))
+        (partial / SUMMARY).write_text(json.dumps(summary, indent=2), encoding="utf-8")
+
+
+def _facts(asked: Wishes, solved: Solved, graded: Grade | None, seconds: dict[str, float]) -> report.Facts:
+    images = solved.images
+    error = {} if graded is None else {"mean": graded.mean_deg, "median": graded.median_deg, "95 %": graded.p95_deg}
+    centre = export.Source(solved.found, images).centre
+    return report.Facts(
+        title=asked.folder.resolve().name,
+        names=images.names,
+        directions=lights.directions(images, centre),
+        solver=solved.solver,
+        why=solved.why,
+        seconds=dict(seconds),
+        error_deg=error,
+        warnings=tuple(images.notes.get("warnings", ())),
+    )
+
+
+def _outcome(
+    asked: Wishes, solved: Solved, graded: Grade | None, seconds: dict[str, float], total: float
+) -> dict[str, Any]:
+    """What `--json` prints: errors are null where no truth is known."""
+    nothing: dict[str, Any] = dict.fromkeys(field.name for field in fields(Grade))
+    errors = nothing if graded is None else asdict(graded)
+    return {
+        **errors,
+        "seconds": round(total, 3),
+        "solver": solved.solver,
+        "why": solved.why,
+        "folder": str(asked.folder),
+        "format": solved.images.notes["format"],
+        "images": solved.images.count,
+        "normals": int(np.count_nonzero(solved.found.mask)),
+        "sigma_mean_deg": solved.sigma_mean_deg,
+        "seconds_of": {name: round(value, 3) for name, value in seconds.items()},
+        "out": None if asked.out is None else str(asked.out),
+        "warnings": list(solved.images.notes["warnings"]),
+    }
+
+
+def _compared(before: NormalMap, after: NormalMap, calibration: Calibration) -> dict[str, Any]:
+    """How two results of the same images differ, degrees over the pixels that both have; σ as the summary has it."""
+    both = before.mask & after.mask
+    one, two = before.normals[both].astype(np.float64), after.normals[both].astype(np.float64)
+    angle = np.degrees(np.arctan2(np.linalg.norm(np.cross(one, two), axis=-1), np.sum(one * two, axis=-1)))
+    if not angle.size:
+        angle = np.array([np.inf])
+    return {
+        "same": bool(np.array_equal(before.mask, after.mask) and angle.max() < SAME_DEG),
+        "mean_deg": float(np.mean(angle)),
+        "p95_deg": float(np.percentile(angle, 95)),
+        "max_deg": float(np.max(angle)),
+        "pixels": int(np.count_nonzero(both)),
+        "pixels_before": int(np.count_nonzero(before.mask)),
+        "pixels_after": int(np.count_nonzero(after.mask)),
+        "sigma_before_deg": photometry.mean_sigma_deg(before, calibration),
+        "sigma_deg": photometry.mean_sigma_deg(after, calibration),
+    }
+
+
+def _show(console: Console, outcome: dict[str, Any], warnings: list[str]) -> None:
+    table = Table(show_header=False)
+    table.add_row("images", str(outcome["images"]))
+    table.add_row("normals", str(outcome["normals"]))
+    table.add_row("solver", outcome["solver"] + (f" ({outcome['why']})" if outcome["why"] else ""))
+    if outcome["sigma_mean_deg"] is not None:
+        table.add_row("mean σ", f"{outcome['sigma_mean_deg']:.3f}°")
+    if outcome["mean_deg"] is not None:
+        table.add_row(
+            "error",
+            f"mean {outcome['mean_deg']:.2f}°, median {outcome['median_deg']:.2f}°, 95 % {outcome['p95_deg']:.2f}°",
+        )
+    table.add_row("seconds", f"{outcome['seconds']:.2f}")
+    table.add_row("written to", outcome["out"] or "nowhere: name a folder with --out")
+    console.print(table)
+    for sentence in warnings:
+        console.print(f"• {sentence}", highlight=False)
+
+
+@contextmanager
+def _scratch(out: Path | None) -> Generator[Path]:
+    """A folder for what is unpacked, on the disk of the output where there is one; it does not outlive the command."""
+    try:
+        if out is not None:
+            out.resolve().parent.mkdir(parents=True, exist_ok=True)
+        folder = tempfile.TemporaryDirectory(prefix=".lightpose-", dir=None if out is None else out.resolve().parent)
+    except OSError as error:
+        raise RigError(
+            ErrorCode.FOLDER_INVALID, f"{out or tempfile.gettempdir()}: cannot be written: {error}; name another folder"
+        ) from error
+    with folder as name:
+        yield Path(name)
+
+
+@contextmanager
+def _bar(console: Console) -> Generator[Progress]:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True) as bar:
+        yield bar
+
+
+@contextmanager
+def _step(bar: Progress, what: str) -> Generator[None]:
+    task = bar.add_task(what, total=None)
+    yield
+    bar.update(task, total=1, completed=1)
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], name: str) -> Generator[None]:
+    begun = time.monotonic()
+    yield
+    seconds[name] = time.monotonic() - begun

@@ -1,0 +1,23 @@
+"""What a study found, as a value."""
+
+from dataclasses import dataclass
+
+from api.cli.study.curves import Curve, Sample, Scale
+from api.cli.study.paper import Errata, Placement
+from api.cli.study.three import Row
+
+
+@dataclass(frozen=True)
+class Study:
+    """What was found."""
+
+    seed: int
+    quick: bool
+    scale: Scale
+    seconds: float
+    placements: list[Placement]
+    errata: Errata
+    table: list[Row]
+    samples: list[Sample]
+    matt: list[Curve]
+    glossy: list[Curve]

@@ -1,0 +1,224 @@
+"""One session in a small cell as examples of every body: real values, so that an example can never be out of shape.
+
+They go into the OpenAPI description beside the schemas: who reads it sees what a thing looks like, and who tests with
+it has something to begin with.
+"""
+
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from pydantic import BaseModel
+
+from acquisition.models.errors import PROBLEMS, ErrorCode
+from acquisition.models.light_plan import Light, LightPlan
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import ResultSummary, SolveSettings
+from acquisition.models.route import Route, Waypoint
+from acquisition.models.shot import FrameQuality, FrameRef, Shot, ShotKey
+from acquisition.session import THE_ARM, Stage, State
+from api.rest.schemas import (
+    Accepted,
+    ActionAccepted,
+    ActionRequest,
+    ActionResource,
+    AnswerChoice,
+    ArmResource,
+    ArtefactResource,
+    CalibrationResource,
+    DryRunResource,
+    EventResource,
+    Fault,
+    Health,
+    OwnLights,
+    Page,
+    PassResource,
+    PassSummary,
+    Problem,
+    ProblemPage,
+    ReadingResource,
+    Reason,
+    RecoveryRequest,
+    RegionResource,
+    ResolveAccepted,
+    ResolveRequest,
+    ResultResource,
+    RigResource,
+    SafetyResource,
+    SessionResource,
+    ShotResource,
+    TicketResource,
+)
+
+_ID = "20261121-101500-3f9c2a"
+_HERE = f"/v1/sessions/{_ID}"
+_BEGUN = datetime(2026, 11, 21, 10, 15, tzinfo=UTC)
+_SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
+_POSE = ((1.0, 0.0, 0.0, 0.42), (0.0, -1.0, 0.0, 0.1), (0.0, 0.0, -1.0, 0.45), (0.0, 0.0, 0.0, 1.0))
+_JOINTS = (3.14, -1.6, 1.8, -1.77, -1.57, 1.57)
+_OTHER_JOINTS = (2.61, -1.42, 1.71, -1.86, -1.57, 1.04)
+_LIGHT = Light(position=(0.12, 0.05, -0.47), axis=(-0.26, -0.11, -0.96))
+_RECIPE = Recipe(label="coin, obverse")
+
+
+def _problem(code: ErrorCode, detail: str, **context: Any) -> Problem:
+    return Problem.of(code, detail, context, _HERE)
+
+
+_STOPPED = _problem(ErrorCode.ARM_PROTECTIVE_STOP, "The controller reports a protective stop")
+_FAULT = Fault(code=_STOPPED.code, detail=_STOPPED.detail, remedy=_STOPPED.remedy, since=_BEGUN + timedelta(seconds=40))
+_RESULT = ResultResource(
+    number=1,
+    passes=[0, 1],
+    settings=SolveSettings(),
+    created=_BEGUN + timedelta(seconds=70),
+    seconds=1.9,
+    summary=ResultSummary(
+        images=8,
+        object_pixels=181_204,
+        solved_pixels=180_990,
+        mean_sigma_deg=0.71,
+        median_sigma_deg=0.6,
+        predicted_sigma_deg=0.68,
+        predicted_median_deg=0.52,
+        fewer_than_three_lights=0.001,
+        intensity_factors=[1.0, 0.99, 1.01, 1.0, 1.0, 1.0, 0.99, 1.01],
+        noise={"read": 0.0012, "intensity": 0.01},
+    ),
+    artefacts=[
+        ArtefactResource(name="normals.png", bytes=2_402_113, sha256=_SHA256, href=f"{_HERE}/results/1/normals.png")
+    ],
+    exports={"mesh.ply": f"{_HERE}/results/1/mesh.ply"},
+    links={"self": f"{_HERE}/results/1", "manifest": f"{_HERE}/results/1/manifest.json", "session": _HERE},
+)
+_SESSION = SessionResource(
+    id=_ID,
+    number=12,
+    state=State.RUNNING,
+    arm=THE_ARM[State.RUNNING],
+    stage=Stage.CAPTURE,
+    progress=0.42,
+    seconds_left=38.0,
+    reason=None,
+    allowed_actions=["pause", "stop"],
+    recipe=_RECIPE,
+    cell="simulated cell",
+    created=_BEGUN,
+    started=_BEGUN + timedelta(seconds=5),
+    ended=None,
+    answer=None,
+    links={
+        "self": _HERE,
+        "actions": f"{_HERE}/actions",
+        "events": f"/v1/events?session_id={_ID}&after=0",
+        "passes": f"{_HERE}/passes",
+        "results": f"{_HERE}/results",
+    },
+)
+_PASS = PassSummary(
+    number=0, method="optimal", lights=4, shots=5, predicted_sigma_deg=None, links={"self": f"{_HERE}/passes/0"}
+)
+_PLAN = LightPlan(lights=[_LIGHT], method="optimal", reasons=["the smallest slant that can be reached"])
+_ROUTE = Route(
+    start=_JOINTS,
+    waypoints=[Waypoint(light=_LIGHT, path=[_OTHER_JOINTS], speeds=[1.05], seconds=0.9)],
+    light_numbers=[0],
+    home_path=[_JOINTS],
+    home_speeds=[1.05],
+    seconds=1.8,
+    lower_bound_s=1.8,
+)
+_SHOT = Shot(
+    key=ShotKey(pass_number=0, number=0),
+    kind="light",
+    frame=FrameRef(path="passes/0/shots/0.tiff", width=1024, height=1024, sha256=_SHA256),
+    exposure_s=0.04,
+    light_number=0,
+    light=_LIGHT,
+    joints=_OTHER_JOINTS,
+    base_from_tool=_POSE,
+    lamp_on=True,
+    arm_time_s=4021.5,
+    taken_at=(_BEGUN + timedelta(seconds=12)).timestamp(),
+    quality=FrameQuality(saturated=0.0, bright_level=0.81, accepted=True),
+)
+_ACTION = ActionResource(action="start", actor="lab@127.0.0.1", outcome="running", at=_BEGUN)
+
+VALUES: tuple[BaseModel, ...] = (
+    _RECIPE,
+    Recipe(target_sigma_deg=0.7, max_lights=16),
+    ActionRequest(action="start"),
+    AnswerChoice(answer=1),
+    OwnLights(lights=[(0.12, 0.05, -0.47), (-0.08, 0.14, -0.49)]),
+    RecoveryRequest(step="unlock"),
+    ResolveRequest(settings=SolveSettings(robust=False), last_pass=0),
+    Accepted(links={"rig": "/v1/rig", "events": "/v1/events"}),
+    ActionAccepted(state=State.RUNNING, links={"session": _HERE}),
+    DryRunResource(plan=_PLAN, route=_ROUTE, seconds=2.4),
+    EventResource(
+        id=4711,
+        session_id=_ID,
+        type="session.state",
+        at=_BEGUN,
+        body={"from": "created", "state": "running", "by": "lab@127.0.0.1"},
+    ),
+    Health(),
+    Page[ActionResource](items=[_ACTION]),
+    Page[PassSummary](items=[_PASS]),
+    Page[ResultResource](items=[_RESULT]),
+    Page[SessionResource](items=[_SESSION], next="/v1/sessions?limit=1&after=12"),
+    PassResource(
+        number=0,
+        plan=_PLAN,
+        route=_ROUTE,
+        shots=[ShotResource(shot=_SHOT, links={"image": f"{_HERE}/passes/0/shots/0/image"})],
+        gain_pictures=[],
+        links={"self": f"{_HERE}/passes/0", "session": _HERE},
+    ),
+    _problem(ErrorCode.RIG_BUSY, f"Session {_ID} holds the rig", holder=_ID),
+    ProblemPage(
+        code=ErrorCode.RIG_BUSY,
+        status=PROBLEMS[ErrorCode.RIG_BUSY].status,
+        title=PROBLEMS[ErrorCode.RIG_BUSY].title,
+        remedy=PROBLEMS[ErrorCode.RIG_BUSY].remedy,
+    ),
+    RegionResource(pixels=52_113, links={"self": f"{_HERE}/region.png", "session": _HERE}),
+    ResolveAccepted(number=2, links={"result": f"{_HERE}/results/2", "session": _HERE}),
+    _RESULT,
+    RigResource(
+        cell="simulated cell",
+        fingerprint=_SHA256,
+        arm_model="ur5e",
+        arm_address="127.0.0.1",
+        arm=ArmResource(model="UR5", serial="20235500001", software="5.12.0"),
+        connected=True,
+        camera_ready=True,
+        reading=ReadingResource(
+            joints=list(_JOINTS),
+            joint_speeds=[0.0] * 6,
+            base_from_tool=_POSE,
+            robot_mode=7,
+            safety_bits=1,
+            program_running=True,
+            speed_fraction=1.0,
+            age_s=0.0018,
+        ),
+        holder=None,
+        may_start=False,
+        reasons=[Reason(code=_STOPPED.code, detail=_STOPPED.detail, remedy=_STOPPED.remedy)],
+        calibration=CalibrationResource(
+            made_at="2026-11-01T00:00:00Z", valid_until="2027-01-30T00:00:00+00:00", valid=True
+        ),
+        faults=[_FAULT],
+        links={"self": "/v1/rig", "stop": "/v1/rig/stop"},
+    ),
+    SafetyResource(clear=False, faults=[_FAULT], links={"acknowledgement": "/v1/rig/safety/acknowledgement"}),
+    _SESSION,
+    TicketResource(ticket="uM3vC0c4mJ7hT6m3i3rQbq0t4bXn2lW6", good_until=_BEGUN + timedelta(minutes=5)),
+)
+
+
+def into(schemas: dict[str, Any]) -> None:
+    """Adds the examples to the schemas of an OpenAPI description, each to that of its own type."""
+    for value in VALUES:
+        name = type(value).__name__.replace("[", "_").replace("]", "_")
+        schemas[name].setdefault("examples", []).append(value.model_dump(mode="json"))

@@ -1,0 +1,131 @@
+"""What a request must be before any route sees it: for this host, from no foreign page, of somebody who may, small, and
+JSON if anything.
+
+Even on loopback a web page must not move the arm. A page that resolves its own name to this machine betrays itself by
+the Host header, any other page by its Origin, and a form by its media type. The checks run on the event loop, take no
+lock and start no thread, so that a stop passes them at once.
+"""
+
+import asyncio
+import json
+from typing import Any, NoReturn
+
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from acquisition.models.errors import ErrorCode, RigError
+from api.rest import problems
+from api.rest.authentication import Authentication
+from api.rest.settings import Settings, is_loopback
+
+MAX_BODY_BYTES = 262_144
+"""A recipe of 80 lights is below 10 kB."""
+
+BODY_WITHIN_S = 10.0
+"""So long a body may take to arrive."""
+
+
+class Gate:
+    """ASGI middleware; answers with a problem object, or passes a request whose body is whole and well-formed."""
+
+    def __init__(self, app: ASGIApp, settings: Settings, authentication: Authentication) -> None:
+        self._app = app
+        self._authentication = authentication
+        self._hosts = {settings.host.lower(), *settings.allowed_hosts}
+        self._origins = set(settings.allowed_origins)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """One request."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+        try:
+            self._refuse_foreign(scope, headers)
+            scope.setdefault("state", {})["caller"] = self._authentication.caller(scope, headers)
+            try:
+                async with asyncio.timeout(BODY_WITHIN_S):
+                    body = await _read(headers, receive)
+            except TimeoutError as error:
+                detail = f"The body was not whole within {BODY_WITHIN_S:g} s"
+                raise RigError(ErrorCode.REQUEST_TIMEOUT, detail) from error
+            if body:
+                _refuse_malformed(scope, headers, body)
+        except RigError as error:
+            answer = problems.response(error.code, error.detail, error.context, scope["path"])
+            answer.headers["Connection"] = "close"  # what is left of the body is not read
+            if error.code is ErrorCode.REQUEST_UNAUTHENTICATED:
+                answer.headers["WWW-Authenticate"] = "Bearer"
+            if "retry_after_s" in error.context:
+                answer.headers["Retry-After"] = str(error.context["retry_after_s"])
+            await answer(scope, receive, send)
+            return
+        await self._app(scope, _replayed(body, receive), send)
+
+    def _refuse_foreign(self, scope: Scope, headers: Headers) -> None:
+        host = headers.get("host", "")
+        name = _without_port(host)
+        if name not in self._hosts and not is_loopback(name):
+            raise RigError(
+                ErrorCode.REQUEST_FOREIGN, f"The Host header names {host[:100]!r}, which is not this service"
+            )
+        origin = headers.get("origin")
+        own = f"{scope.get('scheme', 'http')}://{host}".lower()
+        if origin is not None and origin.lower() != own and origin.lower() not in self._origins:
+            raise RigError(ErrorCode.REQUEST_FOREIGN, f"The request comes from the page {origin[:100]!r}")
+
+
+async def _read(headers: Headers, receive: Receive) -> bytes:
+    length = headers.get("content-length", "0")
+    if not length.isascii() or not length.isdigit() or int(length[:20]) > MAX_BODY_BYTES:
+        raise RigError(ErrorCode.REQUEST_TOO_LARGE, f"A body may have {MAX_BODY_BYTES} bytes", limit=MAX_BODY_BYTES)
+    body = bytearray()
+    while True:
+        message = await receive()
+        if message["type"] != "http.request":  # the client is gone; the route will see so
+            return bytes(body)
+        body += message.get("body", b"")
+        if len(body) > MAX_BODY_BYTES:
+            raise RigError(ErrorCode.REQUEST_TOO_LARGE, f"A body may have {MAX_BODY_BYTES} bytes", limit=MAX_BODY_BYTES)
+        if not message.get("more_body", False):
+            return bytes(body)
+
+
+def _refuse_malformed(scope: Scope, headers: Headers, body: bytes) -> None:
+    media_type = headers.get("content-type", "").partition(";")[0].strip().lower()
+    if media_type == "image/png" and scope["method"] == "PUT" and scope["path"].endswith(".png"):
+        return  # a picture for an address that holds one: its route looks into it
+    if media_type != "application/json":
+        raise RigError(ErrorCode.REQUEST_MEDIA_TYPE, f"The body is {media_type[:80] or 'of no stated type'}")
+    try:
+        value: Any = json.loads(body, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise _invalid(f"The body is not JSON: {error}") from error
+    if not isinstance(value, dict):
+        raise _invalid("The body must be a JSON object")
+
+
+def _refuse_constant(name: str) -> NoReturn:
+    raise ValueError(f"{name} is not a number in JSON; leave the field out or give a finite number")
+
+
+def _invalid(message: str) -> RigError:
+    return RigError(ErrorCode.REQUEST_INVALID, message, errors=[{"field": "body", "message": message}])
+
+
+def _replayed(body: bytes, receive: Receive) -> Receive:
+    waiting = True
+
+    async def replay() -> Message:
+        nonlocal waiting
+        if waiting:
+            waiting = False
+            return {"type": "http.request", "body": body, "more_body": False}
+        return await receive()
+
+    return replay
+
+
+def _without_port(host: str) -> str:
+    name, colon, port = host.lower().rpartition(":")
+    return name if colon and port.isdigit() else host.lower()

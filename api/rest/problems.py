@@ -1,0 +1,133 @@
+"""Every error as `application/problem+json` (RFC 9457), made from the one table of codes.
+
+The problem's `type` is the address of a page of this service that says what the code means, so that a client can switch
+on `code` and a person can follow the link; nothing of an unexpected exception is shown, it is in the log.
+"""
+
+import logging
+from collections.abc import Mapping, Sequence
+from html import escape
+from http import HTTPStatus
+from typing import Annotated, Any
+
+from fastapi import APIRouter, FastAPI, Path, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import HTMLResponse, JSONResponse, Response
+from starlette.exceptions import HTTPException
+
+from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
+from api.rest.schemas import FieldError, Problem, ProblemPage
+
+MEDIA_TYPE = "application/problem+json"
+
+LONGEST_INSTANCE = 300
+"""Of an address that was asked for, no more is said back."""
+
+_log = logging.getLogger(__name__)
+_OF_STATUS = {
+    404: ErrorCode.REQUEST_NOT_FOUND,
+    405: ErrorCode.REQUEST_METHOD_NOT_ALLOWED,
+    413: ErrorCode.REQUEST_TOO_LARGE,
+    415: ErrorCode.REQUEST_MEDIA_TYPE,
+}
+
+
+def response(
+    code: ErrorCode,
+    detail: str,
+    context: Mapping[str, Any] | None = None,
+    instance: str | None = None,
+    headers: Mapping[str, str] | None = None,
+) -> JSONResponse:
+    """The problem as an HTTP response."""
+    problem = Problem.of(code, detail, context, instance and instance[:LONGEST_INSTANCE])
+    return JSONResponse(
+        problem.model_dump(mode="json"), status_code=problem.status, media_type=MEDIA_TYPE, headers=headers
+    )
+
+
+def _declaration(description: str) -> dict[str, Any]:
+    schema = {"$ref": "#/components/schemas/Problem"}
+    return {"description": description, "content": {MEDIA_TYPE: {"schema": schema}}}
+
+
+def declared(*codes: ErrorCode) -> dict[int | str, dict[str, Any]]:
+    """What a route declares in OpenAPI: the problems it is known for, by status."""
+    by_status: dict[int | str, list[ErrorCode]] = {}
+    for code in codes:
+        by_status.setdefault(PROBLEMS[code].status, []).append(code)
+    return {status: _declaration(" or ".join(f"`{code}`" for code in found)) for status, found in by_status.items()}
+
+
+def declared_for_all() -> dict[int | str, dict[str, Any]]:
+    """What every route declares: any other problem has the same shape."""
+    return {"default": _declaration("any other problem; `code` says which")}
+
+
+def install(app: FastAPI) -> None:
+    """Makes the app answer every error as a problem object."""
+    app.add_exception_handler(RigError, _rig_error)
+    app.add_exception_handler(RequestValidationError, _invalid)
+    app.add_exception_handler(HTTPException, _http_error)
+    app.add_exception_handler(Exception, _fault)
+
+
+router = APIRouter(tags=["problems"])
+
+
+@router.get(
+    "/problems/{code}",
+    response_model=ProblemPage,
+    responses={200: {"content": {"text/html": {}}}, **declared(ErrorCode.REQUEST_NOT_FOUND)},
+)
+async def problem_page(request: Request, code: Annotated[str, Path(max_length=80)]) -> Response:
+    """What a problem code means and what to do: a page for a browser, JSON for a program."""
+    known = next((item for item in ErrorCode if item == code), None)
+    if known is None:
+        raise RigError(ErrorCode.REQUEST_NOT_FOUND, "There is no such problem code", known=list(ErrorCode))
+    problem = PROBLEMS[known]
+    if "text/html" not in request.headers.get("accept", ""):
+        page = ProblemPage(code=known, status=problem.status, title=problem.title, remedy=problem.remedy)
+        return JSONResponse(page.model_dump(mode="json"))
+    return HTMLResponse(
+        f"<!doctype html><html lang=en><meta charset=utf-8><title>{escape(problem.title)}</title>"
+        "<body style='font:16px/1.5 sans-serif;max-width:40em;margin:3em auto'>"
+        f"<h1>{escape(problem.title)}</h1><p><code>{known}</code> · HTTP {problem.status}</p>"
+        f"<h2>What to do</h2><p>{escape(problem.remedy)}</p></body></html>"
+    )
+
+
+# ----------------------------------------------------------------------------------------------------------- handlers
+
+
+async def _rig_error(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RigError)  # noqa: S101 - registered for this type
+    if PROBLEMS[error.code].status == HTTPStatus.INTERNAL_SERVER_ERROR:
+        _log.error("%s %s: %s", request.method, request.url.path, error)
+    return response(error.code, error.detail, error.context, request.url.path)
+
+
+async def _invalid(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)  # noqa: S101 - registered for this type
+    errors = [FieldError(field=_field(item["loc"]), message=item["msg"]) for item in error.errors()]
+    detail = "; ".join(f"{item.field}: {item.message}" for item in errors[:5])
+    return response(ErrorCode.REQUEST_INVALID, detail, {"errors": errors}, request.url.path)
+
+
+async def _http_error(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)  # noqa: S101 - registered for this type
+    code = _OF_STATUS.get(error.status_code)
+    if code is None:
+        code = ErrorCode.REQUEST_INVALID if error.status_code < 500 else ErrorCode.SERVICE_FAULT
+    detail = f"{request.method} {request.url.path[:200]}: {error.detail}"
+    return response(code, detail, None, request.url.path, error.headers)
+
+
+async def _fault(request: Request, error: Exception) -> Response:
+    # The server logs the exception with its trace after this answer is sent.
+    return response(ErrorCode.SERVICE_FAULT, "An unexpected fault; its trace is in the log", None, request.url.path)
+
+
+def _field(location: Sequence[str | int]) -> str:
+    """The name that the caller used: the part of the request is left out where a field follows it."""
+    return ".".join(str(part) for part in (location[1:] if len(location) > 1 else location))

@@ -1,0 +1,218 @@
+"""The rig over HTTP: who is there, may a session start, stop everything, "I looked, it is clear".
+
+Stop is `async def`: it uses no thread, no database and no lock before the devices are told to halt, so that it works
+however busy or stuck the rest of the service is.
+"""
+
+import time
+from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+import anyio.to_thread
+from fastapi import APIRouter
+from fastapi.responses import Response
+
+from acquisition.models.base import as_matrix4
+from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
+from acquisition.runner.safety_monitor import Latch
+from acquisition.runner.status import RigStatus
+from api.rest import problems
+from api.rest.context import Actor, ServiceOf
+from api.rest.schemas import (
+    Accepted,
+    ArmResource,
+    CalibrationResource,
+    Fault,
+    Health,
+    ReadingResource,
+    Reason,
+    RecoveryRequest,
+    RigResource,
+    SafetyResource,
+    moment,
+)
+
+router = APIRouter()
+
+RIG_LINKS = {
+    "self": "/v1/rig",
+    "stop": "/v1/rig/stop",
+    "safety": "/v1/rig/safety",
+    "reach": "/v1/rig/reach",
+    "reach_page": "/v1/rig/reach.html",
+    "park": "/v1/rig/park",
+    "preview": "/v1/rig/preview.jpg",
+    "sessions": "/v1/sessions",
+    "events": "/v1/events",
+}
+
+
+@router.get("/health/live", tags=["health"])
+async def live() -> Health:
+    """The service answers."""
+    return Health()
+
+
+@router.get("/health/ready", tags=["health"], responses=problems.declared(ErrorCode.RIG_NOT_READY))
+def ready(service: ServiceOf) -> Health:
+    """The devices answer; 503 says which does not. (Whether a session may start stands in `GET /v1/rig`.)"""
+    status = service.runner.status()
+    if not status.camera_ready or not status.reading.connected:
+        reasons = [reason.model_dump(mode="json") for reason in _reasons(status.reasons)]
+        detail = "; ".join(reason["detail"] for reason in reasons) or "The devices are not connected"
+        raise RigError(ErrorCode.RIG_NOT_READY, detail, reasons=reasons)
+    return Health()
+
+
+@router.get("/v1/rig", tags=["rig"])
+def rig(service: ServiceOf) -> RigResource:
+    """Who is there, who holds the rig, and whether a session may start, with the reasons why not."""
+    return _resource(service.runner.status())
+
+
+@router.post("/v1/rig/stop", tags=["rig"], status_code=202)
+async def stop(service: ServiceOf, actor: Actor) -> Accepted:
+    """Halts whatever moves and puts the lamp out, at once; the session that holds the rig is stopped."""
+    service.runner.halt(actor)
+    return Accepted(links={"rig": RIG_LINKS["self"], "events": RIG_LINKS["events"]})
+
+
+@router.get("/v1/rig/safety", tags=["rig"])
+def safety(service: ServiceOf) -> SafetyResource:
+    """The faults that nobody has acknowledged yet."""
+    return _safety(service.runner.status().latched)
+
+
+@router.post(
+    "/v1/rig/safety/acknowledgement", tags=["rig"], responses=problems.declared(ErrorCode.SAFETY_STILL_FAULTED)
+)
+def acknowledge(service: ServiceOf, actor: Actor) -> SafetyResource:
+    """A person has looked at the cell and finds it clear; sessions may start or resume again."""
+    service.runner.acknowledge(actor)
+    return _safety(service.runner.status().latched)
+
+
+@router.post(
+    "/v1/rig/safety/recovery",
+    tags=["rig"],
+    status_code=202,
+    responses=problems.declared(
+        ErrorCode.SAFETY_RECOVERY_FORBIDDEN,
+        ErrorCode.SAFETY_NOT_ACKNOWLEDGED,
+        ErrorCode.SAFETY_RECOVERY_REFUSED,
+        ErrorCode.REQUEST_INVALID,
+        ErrorCode.REQUEST_TOO_LARGE,
+        ErrorCode.REQUEST_MEDIA_TYPE,
+        ErrorCode.RIG_NOT_READY,
+        ErrorCode.ARM_UNREACHABLE,
+    ),
+)
+async def recover(service: ServiceOf, actor: Actor, request: RecoveryRequest) -> Accepted:
+    """Unlocks a protective stop, powers the arm on or releases its brakes; the arm itself stays where it is.
+
+    Off unless the cell file allows it, and only for the operator who has just acknowledged (which may have been refused
+    because the stop still stands). The latch stays until the cell is acknowledged again.
+    """
+    await anyio.to_thread.run_sync(service.runner.recover, request.step, actor, limiter=service.limits.start)
+    return Accepted(links={"safety": RIG_LINKS["safety"], "rig": RIG_LINKS["self"]})
+
+
+@router.post(
+    "/v1/rig/park",
+    tags=["rig"],
+    status_code=202,
+    responses=problems.declared(
+        ErrorCode.RIG_BUSY,
+        ErrorCode.RIG_NOT_READY,
+        ErrorCode.SAFETY_NOT_ACKNOWLEDGED,
+        ErrorCode.WAYPOINTS_COLLISION,
+        ErrorCode.ARM_UNREACHABLE,
+        ErrorCode.ARM_IN_USE,
+        ErrorCode.ARM_NOT_READY,
+        ErrorCode.ARM_PREFLIGHT,
+        ErrorCode.ARM_PROTECTIVE_STOP,
+        ErrorCode.ARM_EMERGENCY_STOP,
+        ErrorCode.CAMERA_UNREACHABLE,
+        ErrorCode.DRIVER_LOST,
+    ),
+)
+async def park(service: ServiceOf, actor: Actor) -> Accepted:
+    """Brings the arm home from wherever it stands, on a certified way; where there is none, a person must move it.
+
+    No session may hold the rig. The event `rig.parked` tells how it ended; `POST /v1/rig/stop` stops it.
+    """
+    await anyio.to_thread.run_sync(service.runner.park, actor, limiter=service.limits.start)
+    return Accepted(links={"rig": RIG_LINKS["self"], "stop": RIG_LINKS["stop"], "events": RIG_LINKS["events"]})
+
+
+@router.get(
+    "/v1/rig/reach",
+    tags=["rig"],
+    response_class=Response,
+    responses={
+        200: {"description": "A ReachMap", "content": {"application/json": {"schema": {"type": "object"}}}},
+        **problems.declared(ErrorCode.RIG_BUSY, ErrorCode.RIG_NOT_READY),
+    },
+)
+async def reach(service: ServiceOf) -> Response:
+    """Which light positions the arm can serve, and why not the others; made once for a cell, which takes a while."""
+    content = await anyio.to_thread.run_sync(service.runner.reach, limiter=service.limits.reach)
+    return Response(content, media_type="application/json")
+
+
+def _resource(status: RigStatus) -> RigResource:
+    reading = status.reading
+    identity = status.identity
+    valid_until = datetime.fromisoformat(status.calibration_valid_until)
+    return RigResource(
+        cell=status.cell,
+        fingerprint=status.fingerprint,
+        arm_model=status.arm_model,
+        arm_address=status.arm_address,
+        arm=None if identity is None else ArmResource.model_validate(identity, from_attributes=True),
+        connected=reading.connected,
+        camera_ready=status.camera_ready,
+        reading=None
+        if not reading.connected
+        else ReadingResource(
+            joints=list(reading.joints),
+            joint_speeds=list(reading.joint_speeds),
+            base_from_tool=as_matrix4(reading.base_from_tool),
+            robot_mode=reading.robot_mode,
+            safety_bits=reading.safety_bits,
+            program_running=reading.program_running,
+            speed_fraction=reading.speed_fraction,
+            age_s=round(time.monotonic() - reading.received_at, 4),
+        ),
+        holder=status.holder,
+        may_start=status.may_start,
+        reasons=_reasons(status.reasons),
+        calibration=CalibrationResource(
+            made_at=status.calibration_made_at,
+            valid_until=status.calibration_valid_until,
+            valid=datetime.now(UTC) < valid_until,
+        ),
+        faults=_faults(status.latched),
+        links=RIG_LINKS,
+    )
+
+
+def _reasons(found: Iterable[Mapping[str, Any]]) -> list[Reason]:
+    return [Reason(code=ErrorCode(item["code"]), detail=item["detail"], remedy=item["remedy"]) for item in found]
+
+
+def _safety(latch: Latch | None) -> SafetyResource:
+    links = {
+        "self": RIG_LINKS["safety"],
+        "acknowledgement": "/v1/rig/safety/acknowledgement",
+        "recovery": "/v1/rig/safety/recovery",
+    }
+    return SafetyResource(clear=latch is None, faults=_faults(latch), links=links)
+
+
+def _faults(latch: Latch | None) -> list[Fault]:
+    if latch is None:
+        return []
+    remedy = PROBLEMS[latch.code].remedy
+    return [Fault(code=latch.code, detail=latch.detail, remedy=remedy, since=moment(latch.since))]

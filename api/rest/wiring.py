@@ -1,0 +1,119 @@
+"""The one place that chooses devices: from settings and cell file to a service that can run.
+
+Nothing is connected here. The runner connects the devices when it can, so that the service starts when one is absent
+and says which.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from anyio import CapacityLimiter
+
+from acquisition.devices import Camera, Rig
+from acquisition.devices.camera_pylon import PylonCamera
+from acquisition.devices.camera_sim import SimCamera
+from acquisition.devices.ur.arm import UrArm
+from acquisition.devices.ur.lamp import UrLamp
+from acquisition.models import cell_config
+from acquisition.models.base import FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import AnyCamera, CellConfig, SimCameraConfig
+from acquisition.models.errors import ErrorCode
+from acquisition.runner.compute import Compute
+from acquisition.runner.re_solve import Resolving
+from acquisition.runner.runner import Runner
+from acquisition.runner.safety_monitor import Latch, SafetyMonitor
+from acquisition.store import Store
+from acquisition.waypoints import calibrated_kinematics, kinematics
+from api.rest.settings import Settings
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How many threads each kind of slow request may occupy, so that none starves the others."""
+
+    start: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(4))  # start and resume wait for devices
+    stop: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(8))
+    reach: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
+    pictures: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
+    view: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
+    exports: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
+
+
+@dataclass(frozen=True)
+class Service:
+    """What the routes serve."""
+
+    cell: CellConfig
+    calibration: Calibration
+    rig: Rig
+    store: Store
+    runner: Runner
+    resolving: Resolving
+    limits: Limits = field(default_factory=Limits)
+
+    def open(self) -> None:
+        """Starts the runner and whatever solves again; nothing moves."""
+        self.runner.open()
+        self.resolving.open()
+
+    def close(self) -> None:
+        """Halts, ends the runner and closes the journal."""
+        self.runner.shut()
+        self.resolving.close()
+        self.runner.close()
+        self.store.close()
+
+
+def build(settings: Settings) -> Service:
+    """The service of these settings. Raises RigError config.invalid, store.locked, store.corrupt."""
+    cell = cell_config.load(settings.cell)
+    calibration = cell_config.load_calibration(settings.cell.parent / cell.calibration)
+    return assemble(Store(settings.data), build_rig(cell), calibration, Compute())
+
+
+def assemble(store: Store, rig: Rig, calibration: Calibration, compute: Compute) -> Service:
+    """The service over these parts."""
+
+    def safety_changed(latch: Latch | None) -> None:
+        if latch is not None:
+            runner.latched(latch)
+
+    monitor = SafetyMonitor(rig.arm, safety_changed, _latched(store))
+    runner = Runner(store, rig, calibration, compute, monitor)
+    return Service(rig.cell, calibration, rig, store, runner, Resolving(store, compute))
+
+
+def build_rig(cell: CellConfig) -> Rig:
+    """The devices that the cell file names, not connected. Raises RigError config.invalid."""
+    arm = build_arm(cell)
+    return Rig(arm, UrLamp(arm, cell.lamp), build_camera(cell.camera), cell)
+
+
+def build_arm(cell: CellConfig) -> UrArm:
+    """The arm that the cell file names, not connected. Raises RigError config.invalid."""
+    model = kinematics.arm_model(cell.arm.model)
+    flange_from_tool = cell.arm.flange_from_tool.matrix
+    chain = None if cell.arm.kinematics is None else calibrated_kinematics.chain(cell.arm.kinematics)
+
+    def expected_pose(joints: Sequence[float]) -> FloatArray:
+        here = np.array([joints], dtype=float)
+        frames = kinematics.forward(model, here) if chain is None else calibrated_kinematics.forward(chain, here)
+        return frames[0, -1] @ flange_from_tool
+
+    return UrArm(cell.arm, cell.lamp.output, expected_pose)
+
+
+def build_camera(camera: AnyCamera) -> Camera:
+    """The camera of that kind, not connected. Raises RigError config.invalid when its library is not installed."""
+    return SimCamera(camera) if isinstance(camera, SimCameraConfig) else PylonCamera(camera)
+
+
+def _latched(store: Store) -> Latch | None:
+    """A fault that the last service left unacknowledged."""
+    faults = store.journal.latched()
+    if not faults:
+        return None
+    oldest = faults[0]
+    return Latch(ErrorCode(oldest["code"]), oldest["detail"], oldest["since"])
