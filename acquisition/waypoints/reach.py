@@ -19,7 +19,7 @@ from acquisition.waypoints.roadmap import connected_stations, dome_center, dome_
 
 
 class ReachMap(Value):
-    """The dome's points (view frame, m), each with its refusal or none; implements `types.Reach`, stored as JSON."""
+    """The dome's points (view frame, m), each with its refusal or none; implements `models.route.Reach`, stored as JSON."""
 
     cell: CellConfig
     calibration: Calibration
@@ -51,7 +51,9 @@ class ReachMap(Value):
 
     def allows(self, position: FloatArray) -> Refusal | None:
         """None when the lamp can be brought to `position` (3,), facing the centre, and back home, else why not."""
-        return refusals([lamp_pose.light_at(np.asarray(position, dtype=float), self.center)], self.cell, self.calibration)[0]
+        return refusals(
+            [lamp_pose.light_at(np.asarray(position, dtype=float), self.center)], self.cell, self.calibration
+        )[0]
 
 
 def reach(cell: CellConfig, calibration: Calibration) -> ReachMap:

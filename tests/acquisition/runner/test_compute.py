@@ -13,7 +13,7 @@ from acquisition.models.errors import ErrorCode, Halted, RigError
 from acquisition.models.route import Route
 from acquisition.runner.compute import Compute, GaveWay
 
-DEPLOY = Path(__file__).parents[2] / "deploy"
+DEPLOY = Path(__file__).parents[3] / "deploy"
 CELL = cell_config.load(DEPLOY / "cell.sim.toml")
 CALIBRATION = cell_config.load_calibration(DEPLOY / "calibration.sim.json")
 

@@ -16,7 +16,7 @@ from acquisition.formats import export, folders
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import LIT, Information, NormalMap
 from acquisition.normals.image_set import ImageSet
-from tests.acquisition.normals.folders import small
+from tests.acquisition.formats.folders import small
 
 
 def truth_as_result(images: ImageSet, depth: np.ndarray) -> NormalMap:

@@ -31,7 +31,7 @@ from api.client.client import ProblemError
 from api.rest import settings
 from tests.acquisition import scenes
 
-REPOSITORY = Path(__file__).parents[2]
+REPOSITORY = Path(__file__).parents[3]
 SIZE = 64
 LIGHTS = [*scenes.ring(3, 20.0), *scenes.ring(3, 50.0, 0.5)]
 

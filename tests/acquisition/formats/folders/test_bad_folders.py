@@ -11,7 +11,7 @@ import tifffile
 
 from acquisition.formats import folders
 from acquisition.models.errors import ErrorCode, RigError
-from tests.acquisition.normals.folders import small
+from tests.acquisition.formats.folders import small
 
 Damage = Callable[[Path], object]
 

@@ -17,7 +17,7 @@ from acquisition.runner.re_solve import observations
 from acquisition.session import State, Trigger
 from acquisition.store import Store
 
-RELEASES = sorted((Path(__file__).parents[1] / "data").glob("release_*"))
+RELEASES = sorted((Path(__file__).parents[2] / "data").glob("release_*"))
 
 
 @pytest.fixture(params=RELEASES, ids=lambda folder: folder.name)

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 MATT_8 = {"two-rings": 0.95, "ring": 0.85, "drbohlav": 0.75, "random": 0.60}
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(3600)]

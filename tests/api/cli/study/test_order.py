@@ -15,7 +15,7 @@ import pytest
 from acquisition.models.recipe import Recipe
 from api.cli.study import scenes
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 WANTED_DEG = (1.0, 0.65, 0.5)
 """Expected mean errors, 0.886 × the target."""
 DRAWS = range(6)

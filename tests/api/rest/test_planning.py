@@ -18,7 +18,7 @@ from api.client.client import Client
 from api.rest import settings
 from api.rest.schemas import SessionResource
 from hardware_sim.cell import Cell
-from tests.api.test_region import png, square
+from tests.api.rest.test_region import png, square
 
 CELL = "127.0.48.10"
 PIXELS = 128

@@ -10,7 +10,7 @@ from acquisition.models import cell_config, stl
 from acquisition.models.cell_config import ConvexMesh
 from acquisition.models.errors import ErrorCode, RigError
 
-DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
+DEPLOY = Path(__file__).resolve().parents[3] / "deploy"
 MESH = trimesh.creation.box((0.1, 0.2, 0.3))
 
 

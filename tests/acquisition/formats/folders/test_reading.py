@@ -15,7 +15,7 @@ from acquisition.formats import folders
 from acquisition.formats.folders import pixels, truth
 from acquisition.normals import near_light
 from acquisition.normals.image_set import Camera, DistantLights, ImageSet, NearLights
-from tests.acquisition.normals.folders import small
+from tests.acquisition.formats.folders import small
 
 
 def distant_normals(images: ImageSet) -> np.ndarray:

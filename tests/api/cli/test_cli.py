@@ -15,7 +15,7 @@ from acquisition.session import Trigger
 from acquisition.store import Store
 from api.cli.commands import app
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 def lightpose(*arguments: str, timeout_s: float = 100.0) -> "subprocess.CompletedProcess[str]":

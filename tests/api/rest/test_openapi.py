@@ -11,7 +11,7 @@ from acquisition.models.errors import PROBLEMS, ErrorCode
 from api.rest.app import description
 from api.rest.openapi import text
 
-COMMITTED = Path(__file__).parents[2] / "api" / "openapi.json"
+COMMITTED = Path(__file__).parents[3] / "api" / "openapi.json"
 
 
 def test_the_committed_description_is_up_to_date() -> None:

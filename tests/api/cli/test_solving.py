@@ -17,9 +17,9 @@ from acquisition.models.result import SolveSettings
 from acquisition.runner import jobs
 from api.cli import solving
 from tests.acquisition import session_folder
-from tests.acquisition.normals.folders import small
+from tests.acquisition.formats.folders import small
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 RECORDED = ROOT / "tests/data/release_0.1/sessions/20261121-190041-de2be6"
 
 
