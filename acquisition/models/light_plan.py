@@ -12,7 +12,7 @@ class Light(Value):
     axis: Vector3
 
 
-class Expected(Value):
+class ForecastPoint(Value):
     """One point of the forecast curve: the error to be expected after so many lights."""
 
     added: int = Field(ge=0, description="Lights planned beside those taken already")
@@ -46,8 +46,8 @@ class LightPlan(Value):
         default=None, description="How far the bound's own optimisation was from its end, as a fraction"
     )
     certificate_note: str | None = Field(default=None, description="What the bound says of this plan, in words")
-    forecast: list[Expected] = Field(
-        default_factory=list[Expected], description="Error to be expected against number of lights; empty: not asked"
+    forecast: list[ForecastPoint] = Field(
+        default_factory=list[ForecastPoint], description="Error to be expected against number of lights; empty: not asked"
     )
     fallback: str | None = Field(
         default=None, description="Why the two-ring pattern was taken in place of planned lights; none: it was not"

@@ -159,12 +159,12 @@ def solve(seen: Seen, gathered: Gathered, refined: Refined, model: Model, size: 
 
 def _agree(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array, ray: Float32Array) -> None:
     """Changes what pixels found alone, in place, by what those round them did; as for `integrable.settle`."""
-    regularisation.lean(normals, sigma_deg)
+    regularisation.smooth_uncertain(normals, sigma_deg)
     lowered = np.radians(sigma_deg)
     lowered *= lowered
     np.fmin(variance, lowered, out=variance)
     integrability.settle(normals, sigma_deg, variance, ray)
-    regularisation.lean(normals, sigma_deg)
+    regularisation.smooth_uncertain(normals, sigma_deg)
 
 
 def _outside(size: tuple[int, int]) -> dict[str, np.ndarray]:

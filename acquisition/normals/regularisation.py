@@ -24,7 +24,7 @@ LEAST_LENGTH = 0.5
 """Length of the mean of unit normals below which they point anywhere."""
 
 
-def lean(normals: Float32Array, sigma_deg: Float32Array) -> None:
+def smooth_uncertain(normals: Float32Array, sigma_deg: Float32Array) -> None:
     """Turns the unsure ones of the unit normals (H, W, 3) towards their neighbours, in place, and lowers their σ.
 
     `sigma_deg` (H, W) is 1 σ over both tangential directions, as in NormalMap, NaN where there is no normal. All

@@ -12,7 +12,7 @@ from acquisition import lamp_pose
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.models.light_plan import Expected, Light, LightPlan
+from acquisition.models.light_plan import ForecastPoint, Light, LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap
 from acquisition.models.route import Reach
@@ -186,7 +186,7 @@ def forecast(
     counts: Sequence[int],
     *,
     region: BoolArray | None = None,
-) -> list[Expected]:
+) -> list[ForecastPoint]:
     """The error to be expected after each of `counts` further lights, chosen almost as `choose` would; in that order.
 
     Raises RigError plan.infeasible as `choose` does.
@@ -196,9 +196,9 @@ def forecast(
     return _curve(problem, problem.candidates(problem.positions), taken, counts)
 
 
-def _curve(problem: Problem, options: Candidates, taken: int, counts: Sequence[int]) -> list[Expected]:
+def _curve(problem: Problem, options: Candidates, taken: int, counts: Sequence[int]) -> list[ForecastPoint]:
     """What is expected after each of `counts` further lights, found by a quick search among `options`."""
-    points: list[Expected] = []
+    points: list[ForecastPoint] = []
     for count in counts:
         chosen: list[int] = []
         if count:
@@ -206,7 +206,7 @@ def _curve(problem: Problem, options: Candidates, taken: int, counts: Sequence[i
             seed = problem.recipe.seed
             chosen = optimise.search(problem.known, options, loss, sets, count, seed, Deadline(), quick=True)
         sigma_deg = float(np.mean(problem.expected(problem.positions[chosen]).sigma_deg))
-        points.append(Expected(added=count, lights=taken + count, sigma_deg=sigma_deg))
+        points.append(ForecastPoint(added=count, lights=taken + count, sigma_deg=sigma_deg))
     return points
 
 

@@ -22,7 +22,7 @@ from acquisition import photometry
 from acquisition.models.base import BoolArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.models.light_plan import Expected, LightPlan
+from acquisition.models.light_plan import ForecastPoint, LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap
 from acquisition.models.route import Reach
@@ -105,7 +105,7 @@ def reached_deg(normal_map: NormalMap, calibration: Calibration, region: BoolArr
     return photometry.mean_sigma_deg(replace(normal_map, sigma_deg=sigma), calibration, region)
 
 
-def _first_that_meets(curve: Sequence[Expected], target_deg: float) -> int:
+def _first_that_meets(curve: Sequence[ForecastPoint], target_deg: float) -> int:
     """The least number of further lights whose expected σ meets the target; the last number of the curve if none."""
     if curve[0].sigma_deg <= target_deg:
         return curve[0].added

@@ -34,7 +34,7 @@ def test_a_lone_unsure_pixel_is_put_right_and_its_sigma_stays_honest() -> None:
     lone = sigma > 1
     normals = shaken(true, sigma, 1)
     before = error_deg(normals, true)[lone]
-    regularisation.lean(normals, sigma)
+    regularisation.smooth_uncertain(normals, sigma)
     after = error_deg(normals, true)[lone]
     assert np.mean(after) < 0.2 * np.mean(before)
     assert np.mean(after < 2 * sigma[lone]) > 0.92
@@ -49,7 +49,7 @@ def test_sure_pixels_stay_and_no_sigma_grows(seed: int, rows: int, sure: float) 
     sigma[~mask] = np.nan
     normals = np.where(mask[..., None], shaken(true, np.nan_to_num(sigma), seed), 0).astype(np.float32)
     leant, told = normals.copy(), sigma.copy()
-    regularisation.lean(leant, told)
+    regularisation.smooth_uncertain(leant, told)
     stays = ~mask | (sigma < regularisation.UNSURE_DEG)
     np.testing.assert_array_equal(leant[stays], normals[stays])
     np.testing.assert_array_equal(told[stays], sigma[stays])
@@ -64,7 +64,7 @@ def test_beside_an_edge_neighbours_that_differ_say_little() -> None:
     sigma = np.full((9, 9), 0.5, np.float32)
     sigma[4, 4] = 5.0
     before = normals[4, 4].copy()
-    regularisation.lean(normals, sigma)
+    regularisation.smooth_uncertain(normals, sigma)
     assert error_deg(normals[4, 4], before) < 1.0
 
 
@@ -75,8 +75,8 @@ def test_strips_of_rows_make_no_seam() -> None:
     top = regularisation.ROWS - 5
     around = slice(top - 1, top + 11)
     cut, cut_sigma = normals[around].copy(), sigma[around].copy()
-    regularisation.lean(normals, sigma)
-    regularisation.lean(cut, cut_sigma)
+    regularisation.smooth_uncertain(normals, sigma)
+    regularisation.smooth_uncertain(cut, cut_sigma)
     np.testing.assert_allclose(normals[top : top + 10], cut[1:-1], atol=1e-6)
     np.testing.assert_allclose(sigma[top : top + 10], cut_sigma[1:-1], rtol=1e-5)
 
@@ -90,7 +90,7 @@ def test_a_patch_that_is_unsure_as_a_whole_stays_so_but_for_its_border() -> None
     normals = true.copy()
     normals[patch] = (0.0, 0.5, np.sqrt(0.75))
     before = normals[inner].copy()
-    regularisation.lean(normals, sigma)
+    regularisation.smooth_uncertain(normals, sigma)
     np.testing.assert_array_equal(normals[inner], before)
     assert np.all(sigma[inner] == 15.0)
     assert np.max(sigma[5, 5:15]) < 15.0

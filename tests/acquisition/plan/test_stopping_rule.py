@@ -7,7 +7,7 @@ import pytest
 
 from acquisition import normals, photometry, pilot, plan
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.models.light_plan import Expected, LightPlan
+from acquisition.models.light_plan import ForecastPoint, LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
@@ -139,7 +139,7 @@ def test_only_the_region_of_interest_counts(known: tuple[NormalMap, Observations
 
 
 def test_between_the_counts_of_the_curve_the_number_is_interpolated() -> None:
-    curve = [Expected(added=added, lights=4 + added, sigma_deg=2 / (4 + added)) for added in (1, 4, 8)]
+    curve = [ForecastPoint(added=added, lights=4 + added, sigma_deg=2 / (4 + added)) for added in (1, 4, 8)]
     first = stopping_rule._first_that_meets  # pyright: ignore[reportPrivateUsage]
     assert first(curve, 2 / 5) == 1
     assert first(curve, 2 / 6) == 2
