@@ -1,11 +1,13 @@
-"""What was found against what is true: the only place that sees both.
+"""Angular errors of estimated normals against the simulator's true ones: the only place that sees both.
 
-Graded are the pixels whose true normal lies within 78° of the viewing ray, in the object's mask eroded by one pixel. Of
-these, pixels without a normal lower the coverage and take no part in the errors.
+Graded by default are the pixels whose true normal lies within 78° of the viewing ray, in the object's mask eroded by
+one pixel. Beside them stand a narrower grading, of those whose footprint shows one surface, and a wider one, of every
+pixel of the object. Graded pixels without a normal lower the coverage and take no part in the errors.
 """
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -17,6 +19,11 @@ from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim.truth import Truth
 
 GREATEST_SLANT_DEG = 78.0
+
+Grading = Literal["one_surface", "within_78_deg", "object"]
+"""Which pixels errors are taken over: `within_78_deg` as above; of these `one_surface` those whose footprint shows one
+smooth surface; `object` all whose centre shows the object, grazing ones and the silhouette's own included."""
+GRADINGS: tuple[Grading, ...] = ("one_surface", "within_78_deg", "object")
 
 
 @dataclass(frozen=True)
@@ -53,11 +60,18 @@ def viewing_rays(calibration: Calibration) -> FloatArray:
     return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
 
-def graded_pixels(truth: Truth, calibration: Calibration) -> BoolArray:
-    """Which pixels (H, W) are graded."""
+def graded_pixels(truth: Truth, calibration: Calibration, grading: Grading = "within_78_deg") -> BoolArray:
+    """Pixels (H, W) over which errors are taken. Raises RigError request.invalid when the truth does not know them."""
+    if grading == "object":
+        return truth.mask
     inner = cv2.erode(truth.mask.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
     cosine = np.einsum("hwi,hwi->hw", truth.normals, viewing_rays(calibration))
-    return inner & (cosine > np.cos(np.radians(GREATEST_SLANT_DEG)))
+    facing = inner & (cosine > np.cos(np.radians(GREATEST_SLANT_DEG)))
+    if grading == "within_78_deg":
+        return facing
+    if truth.one_surface is None:
+        raise RigError(ErrorCode.REQUEST_INVALID, "the truth does not say which pixels show one surface")
+    return facing & truth.one_surface
 
 
 def error_deg(normals: Float32Array, truth: Truth) -> FloatArray:
@@ -75,6 +89,7 @@ def grade(
     sigma_deg: Float32Array | None,
     truth: Truth,
     calibration: Calibration,
+    grading: Grading = "within_78_deg",
 ) -> Grade:
     """Grades normals (H, W, 3) in the view frame where `mask` (H, W), with σ (H, W) as in NormalMap or None.
 
@@ -84,7 +99,7 @@ def grade(
         raise RigError(
             ErrorCode.REQUEST_INVALID, f"normals have shape {normals.shape}, the truth {truth.normals.shape}"
         )
-    graded = graded_pixels(truth, calibration)
+    graded = graded_pixels(truth, calibration, grading)
     solved = graded & mask & (np.linalg.norm(normals, axis=-1) > 0.5)
     if not solved.any():
         raise RigError(ErrorCode.REQUEST_INVALID, "no graded pixel has a normal")
@@ -112,7 +127,7 @@ def grade(
     )
 
 
-def grade_folder(results: Path, truth: Truth, calibration: Calibration) -> Grade:
+def grade_folder(results: Path, truth: Truth, calibration: Calibration, grading: Grading = "within_78_deg") -> Grade:
     """Grades a results folder: `normals.tiff`, `mask.png` and, if there, `sigma_deg.tiff`.
 
     Raises RigError store.corrupt naming a file that is missing or damaged.
@@ -123,7 +138,7 @@ def grade_folder(results: Path, truth: Truth, calibration: Calibration) -> Grade
         raise RigError(ErrorCode.STORE_CORRUPT, f"{results / 'mask.png'}: cannot be read", file="mask.png")
     sigma_file = results / "sigma_deg.tiff"
     sigma = _tiff(sigma_file) if sigma_file.exists() else None
-    return grade(normals, np.asarray(mask) > 0, sigma, truth, calibration)
+    return grade(normals, np.asarray(mask) > 0, sigma, truth, calibration, grading)
 
 
 def _tiff(path: Path) -> Float32Array:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, cast
 from zipfile import BadZipFile
 
 import numpy as np
@@ -13,17 +14,21 @@ from acquisition.models.errors import ErrorCode, RigError
 @dataclass(frozen=True)
 class Truth:
     """At the pixel centres of the true camera: normals (H, W, 3) in the nominal view frame, depth (H, W) in m along the
-    nominal OpenCV z, albedo (H, W), mask (H, W) of the object; zero outside the mask."""
+    nominal OpenCV z, albedo (H, W), mask (H, W) of the object; zero outside the mask. `one_surface` (H, W): pixels
+    whose footprint shows one smooth surface, so that they have one normal (`footprint`); None: not known."""
 
     normals: Float32Array
     depth: Float32Array
     albedo: Float32Array
     mask: BoolArray
+    one_surface: BoolArray | None = None
 
     def save(self, path: Path) -> None:
         """Writes `truth.npz`; a reader never sees half of it."""
         part = path.with_suffix(".part.npz")
-        np.savez(part, normals=self.normals, depth=self.depth, albedo=self.albedo, mask=self.mask)
+        single = {} if self.one_surface is None else {"one_surface": self.one_surface}
+        arrays = {"normals": self.normals, "depth": self.depth, "albedo": self.albedo, "mask": self.mask, **single}
+        np.savez(part, **cast(dict[str, Any], arrays))
         part.replace(path)
 
 
@@ -31,6 +36,7 @@ def load(path: Path) -> Truth:
     """Reads `truth.npz`. Raises RigError store.corrupt naming the file."""
     try:
         with np.load(path) as file:
-            return Truth(file["normals"], file["depth"], file["albedo"], file["mask"])
+            known = {name: file[name] for name in file.files}
+        return Truth(known["normals"], known["depth"], known["albedo"], known["mask"], known.get("one_surface"))
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise RigError(ErrorCode.STORE_CORRUPT, f"{path}: is no file of truths: {error}", file=str(path)) from error

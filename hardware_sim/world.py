@@ -22,7 +22,7 @@ from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
-from hardware_sim import objects, render, sensor
+from hardware_sim import footprint, objects, render, sensor
 from hardware_sim.controller import kinematics
 from hardware_sim.controller.calibration import calibrated
 from hardware_sim.indirect import IndirectLight
@@ -193,7 +193,8 @@ class World:
         depth.ravel()[seen.pixels] = -geometry.transform(view_from_object, seen.points)[:, 2]
         albedo.ravel()[seen.pixels] = seen.albedo
         mask.ravel()[seen.pixels] = True
-        return Truth(normals, depth, albedo, mask)
+        one_surface = footprint.one_surface(seen, self.scene, self._tracer, self.lens)
+        return Truth(normals, depth, albedo, mask, one_surface)
 
     def visibility(self, joints: Sequence[float]) -> BoolArray:
         """Where (H, W) the lamp at joints (6,) lights the object's pixel centres directly, without any shadow."""

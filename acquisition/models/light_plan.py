@@ -47,7 +47,8 @@ class LightPlan(Value):
     )
     certificate_note: str | None = Field(default=None, description="What the bound says of this plan, in words")
     forecast: list[ForecastPoint] = Field(
-        default_factory=list[ForecastPoint], description="Error to be expected against number of lights; empty: not asked"
+        default_factory=list[ForecastPoint],
+        description="Error to be expected against number of lights; empty: not asked",
     )
     fallback: str | None = Field(
         default=None, description="Why the two-ring pattern was taken in place of planned lights; none: it was not"

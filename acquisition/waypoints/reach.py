@@ -19,7 +19,7 @@ from acquisition.waypoints.roadmap import connected_stations, dome_center, dome_
 
 
 class ReachMap(Value):
-    """The dome's points (view frame, m), each with its refusal or none; implements `models.route.Reach`, stored as JSON."""
+    """The dome's points (view frame, m), each with its refusal or none; a `models.route.Reach`, stored as JSON."""
 
     cell: CellConfig
     calibration: Calibration

@@ -73,7 +73,8 @@ def run(wishes: Wishes) -> dict[str, Any]:
         if wishes.compare_random and wishes.method != "random":
             other = _capture(client, _recipe(wishes, "random"))
             random_grade = _grades(folder, cell_file, other)[-1]
-    final, results = grades[-1], folder / "data" / "sessions" / session_id / "results" / str(len(grades) - 1)
+        final, results = grades[-1], folder / "data" / "sessions" / session_id / "results" / str(len(grades) - 1)
+        gradings = _gradings(cell_file, results)
     outcome = {
         "session_id": session_id,
         "object": wishes.object_name,
@@ -93,6 +94,7 @@ def run(wishes: Wishes) -> dict[str, Any]:
         "within_sigma": final.within_sigma,
         "coverage": final.coverage,
         "graded_pixels": final.graded_pixels,
+        "gradings": {name: graded.as_dict() for name, graded in gradings.items()},
         "seconds": {"connect": round(started, 2), **stages, "total": round(time.monotonic() - begun, 2)},
         "results": str(results),
     }
@@ -140,6 +142,13 @@ def _grades(folder: Path, cell_file: Path, session_id: str) -> list[grade.Grade]
     return [grade.grade_folder(result, true, calibration) for result in results]
 
 
+def _gradings(cell_file: Path, result: Path) -> dict[grade.Grading, grade.Grade]:
+    """One result against the truth, over each of the three sets of pixels."""
+    true = truth.load(cell_file.parent / "truth.npz")
+    calibration = cell_config.load_calibration(cell_file.parent / "calibration.json")
+    return {grading: grade.grade_folder(result, true, calibration, grading) for grading in grade.GRADINGS}
+
+
 def _seconds(client: Client, session_id: str) -> dict[str, float]:
     """Seconds in each stage, from the times of the events."""
     spent = dict.fromkeys(STAGES, 0.0)
@@ -181,6 +190,11 @@ def _show(
             f"{100 * row.coverage:.1f} %",
         )
     console.print(table)
+    means = {name: graded["mean_deg"] for name, graded in outcome["gradings"].items()}
+    console.print(
+        f"Mean error: {means['one_surface']:.2f}° where pixels show one surface, {means['within_78_deg']:.2f}° within "
+        f"78°, {means['object']:.2f}° over all pixels of the object"
+    )
     forecast = outcome["predicted_median_deg"]
     told = "none for fixed patterns" if forecast is None else f"{forecast:.2f}°"
     sigma = outcome["sigma_median_deg"]

@@ -22,11 +22,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.models.base import BoolArray
 from acquisition.models.recipe import Recipe
-from api.cli.study import footprint
-from hardware_sim import grade, nominal, render
-from hardware_sim.tracing import Tracer
+from hardware_sim import grade, nominal
 from hardware_sim.world import ProfileName, World
 from tests.end_to_end.one_process import CELL, Session
 
@@ -55,14 +52,6 @@ def world(profile: ProfileName, name: str, seed: int, pixels: int) -> World:
     return World(CELL, nominal.calibration(pixels), name, seed, profile)
 
 
-def one_surface(scene: World) -> BoolArray:
-    """Pixels (H, W) of a world's camera that see one surface."""
-    lens, tracer = scene.lens, Tracer(scene.scene.mesh)
-    rows, columns = np.divmod(np.arange(lens.height * lens.width, dtype=float), lens.width)
-    seen = render.object_samples(scene.scene, tracer, lens.eye, lens.directions(columns, rows))
-    return footprint.one_surface(seen, scene.scene, tracer, lens)
-
-
 def figures(profile: ProfileName, name: str, seed: int, method: str, pixels: int = PIXELS) -> dict[str, Any]:
     """The grade of a session in one process, how many images it took, and the mean error where pixels see one surface;
     kept."""
@@ -73,7 +62,7 @@ def figures(profile: ProfileName, name: str, seed: int, method: str, pixels: int
         found = Session(scene, recipe).run()
         truth = scene.truth()
         graded = grade.grade(found.normals, found.mask, found.sigma_deg, truth, scene.calibration)
-        single = grade.graded_pixels(truth, scene.calibration) & found.mask & one_surface(scene)
+        single = grade.graded_pixels(truth, scene.calibration) & found.mask & truth.one_surface
         more = {
             "lights_total": len(found.flags),
             "single_mean_deg": float(np.mean(grade.error_deg(found.normals, truth)[single])),

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -8,7 +9,7 @@ import tifffile
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import grade, nominal
-from hardware_sim.truth import Truth
+from hardware_sim.truth import Truth, load
 
 SIZE = 200
 
@@ -29,7 +30,7 @@ def ball() -> Truth:
     return Truth(normals, np.where(inside, 0.85, 0).astype(np.float32), inside.astype(np.float32), inside)
 
 
-def turned(normals: np.ndarray, angles_rad: np.ndarray, seed: int = 3) -> np.ndarray:
+def perturbed_normals(normals: np.ndarray, angles_rad: np.ndarray, seed: int = 3) -> np.ndarray:
     """Each normal turned by its angle round a random axis at right angles to it."""
     axes = np.cross(normals, np.random.default_rng(seed).normal(size=normals.shape))
     axes /= np.maximum(np.linalg.norm(axes, axis=-1, keepdims=True), 1e-9)
@@ -44,8 +45,38 @@ def test_perfect_normals_have_no_error_and_full_coverage(ball: Truth, calibratio
     assert result.found_to_predicted is None
 
 
+def test_gradings_wider_sets_hold_narrower_ones(ball: Truth, calibration: Calibration) -> None:
+    left = np.zeros_like(ball.mask)
+    left[:, : SIZE // 2] = True
+    truth = replace(ball, one_surface=ball.mask & left)
+    sets = {name: grade.graded_pixels(truth, calibration, name) for name in grade.GRADINGS}
+    np.testing.assert_array_equal(sets["one_surface"], sets["within_78_deg"] & left)
+    np.testing.assert_array_equal(sets["object"], ball.mask)
+    assert not np.any(sets["within_78_deg"] & ~sets["object"])
+    wrong = perturbed_normals(ball.normals, np.where(left, 0.02, 0.06))
+    means = [grade.grade(wrong, ball.mask, None, truth, calibration, name).mean_deg for name in grade.GRADINGS]
+    assert means[0] == pytest.approx(np.degrees(0.02), rel=1e-3)
+    assert means[2] == pytest.approx(np.degrees(0.04), rel=1e-2)
+
+
+def test_grading_one_surface_unknown_is_refused(ball: Truth, calibration: Calibration) -> None:
+    with pytest.raises(RigError, match="one surface"):
+        grade.grade(ball.normals, ball.mask, None, ball, calibration, "one_surface")
+
+
+def test_truth_file_keeps_every_array(ball: Truth, tmp_path: Path) -> None:
+    for truth in (ball, replace(ball, one_surface=ball.mask)):
+        truth.save(tmp_path / "truth.npz")
+        loaded = load(tmp_path / "truth.npz")
+        np.testing.assert_array_equal(loaded.normals, truth.normals)
+        assert (loaded.one_surface is None) == (truth.one_surface is None)
+        assert truth.one_surface is None or np.array_equal(loaded.one_surface, truth.one_surface)
+
+
 def test_known_errors_are_found(ball: Truth, calibration: Calibration) -> None:
-    result = grade.grade(turned(ball.normals, np.full(ball.mask.shape, 0.02)), ball.mask, None, ball, calibration)
+    result = grade.grade(
+        perturbed_normals(ball.normals, np.full(ball.mask.shape, 0.02)), ball.mask, None, ball, calibration
+    )
     expected = np.degrees(0.02)
     assert result.mean_deg == pytest.approx(expected, rel=1e-3)
     assert result.median_deg == pytest.approx(expected, rel=1e-3)
@@ -102,16 +133,20 @@ def test_an_honest_sigma_is_found_honest(ball: Truth, calibration: Calibration) 
     random = np.random.default_rng(5)
     sigma = random.uniform(0.3, 0.5, ball.mask.shape)
     errors = np.radians(np.hypot(*(random.normal(size=(2, *sigma.shape)) * sigma / np.sqrt(2))))
-    result = grade.grade(turned(ball.normals, errors), ball.mask, sigma.astype(np.float32), ball, calibration)
+    result = grade.grade(
+        perturbed_normals(ball.normals, errors), ball.mask, sigma.astype(np.float32), ball, calibration
+    )
     assert result.found_to_predicted == pytest.approx(1.0, abs=0.05)
     assert result.within_sigma == pytest.approx(0.632, abs=0.015)
     assert result.within_two_sigma == pytest.approx(0.982, abs=0.005)
-    too_small = grade.grade(turned(ball.normals, errors), ball.mask, (sigma / 2).astype(np.float32), ball, calibration)
+    too_small = grade.grade(
+        perturbed_normals(ball.normals, errors), ball.mask, (sigma / 2).astype(np.float32), ball, calibration
+    )
     assert too_small.found_to_predicted == pytest.approx(2.0, abs=0.1)
 
 
 def test_a_results_folder(ball: Truth, calibration: Calibration, tmp_path: Path) -> None:
-    normals = turned(ball.normals, np.full(ball.mask.shape, 0.01))
+    normals = perturbed_normals(ball.normals, np.full(ball.mask.shape, 0.01))
     tifffile.imwrite(tmp_path / "normals.tiff", normals, photometric="rgb")
     cv2.imwrite(str(tmp_path / "mask.png"), ball.mask.astype(np.uint8) * 255)
     without = grade.grade_folder(tmp_path, ball, calibration)

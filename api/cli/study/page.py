@@ -6,10 +6,11 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from api.cli.study import chart, curves, footprint, paper, three
+from api.cli.study import chart, curves, paper, three
 from api.cli.study.chart import Axis, Line
 from api.cli.study.curves import Curve
 from api.cli.study.found import Study
+from hardware_sim import footprint
 
 STYLE = """
 html { color-scheme: light dark }

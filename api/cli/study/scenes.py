@@ -30,8 +30,7 @@ from acquisition.models.route import Refusal
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
 from acquisition.session import passes_wanted
 from acquisition.waypoints.roadmap import dome_center, dome_lights
-from api.cli.study import footprint
-from hardware_sim import grade, nominal, objects, render, sensor
+from hardware_sim import footprint, grade, nominal, objects, render, sensor
 from hardware_sim.render import Lamp, Lens, View
 from hardware_sim.tracing import Tracer
 from hardware_sim.truth import Truth
