@@ -2,7 +2,7 @@
 PYTHON ?= python3.11
 BIN := .venv/bin
 
-.PHONY: setup demo test test-long check bench openapi clean
+.PHONY: setup demo test test-long check bench openapi docs clean
 
 setup: .venv/ready
 
@@ -33,6 +33,10 @@ check: setup
 
 openapi: setup
 	$(BIN)/python -m api.rest.openapi > api/openapi.json
+
+docs: setup
+	$(BIN)/python docs/generated_blocks.py
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --config-file .mkdocs.yml
 
 clean:
 	rm -rf .venv build dist *.egg-info

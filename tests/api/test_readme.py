@@ -12,6 +12,7 @@ from tests.model.quick_rig import quick_service
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+REST = (ROOT / "docs" / "reference" / "rest.md").read_text(encoding="utf-8")
 SESSION = README.partition("## A session")[2].partition("\n## ")[0]
 
 
@@ -48,5 +49,5 @@ def test_the_session_in_python_and_in_the_shell(tmp_path: Path) -> None:
 
 
 def test_the_body_of_a_person_s_own_lights_is_what_the_service_takes() -> None:
-    (body,) = re.findall(r"passes/1/plan .* -d '(.*)'", README)
+    (body,) = re.findall(r"passes/1/plan .* -d '(.*)'", REST)
     assert len(OwnLights.model_validate_json(body).lights) == 2

@@ -15,7 +15,8 @@ from acquisition.models.recipe import Recipe
 from acquisition.store import Store
 
 ROOT = Path(__file__).parents[2]
-RUNBOOK = (ROOT / "deploy" / "runbook.md").read_text(encoding="utf-8")
+PAGES = ("how-to/new-cell.md", "how-to/operate.md", "how-to/recover-after-a-stop.md", "reference/problems.md")
+RUNBOOK = "\n".join((ROOT / "docs" / page).read_text(encoding="utf-8") for page in PAGES)
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
