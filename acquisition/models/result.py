@@ -14,7 +14,7 @@ LIT, ATTACHED, CAST, SATURATED, HIGHLIGHT = 1, 2, 4, 8, 16
 
 
 @dataclass(frozen=True)
-class Information:
+class FisherInformation:
     """What the images say of K sample pixels, the only part of a normal map that the planner's criterion reads.
 
     `matrices` is the Fisher information of (g, z), g = albedo × normal (3) in units of absolute albedo and z the depth
@@ -44,7 +44,7 @@ class NormalMap:
     silhouette: BoolArray  # (H, W) pixels of the object, solved or not
     flags: npt.NDArray[np.uint8]  # (F, H, W)
     intensity_factors: FloatArray  # (F,)
-    information: Information
+    information: FisherInformation
     indirect: Float32Array | None = None  # (H, W) share of all light that other surfaces threw; none: not predicted
     doubtful: BoolArray | None = None  # (H, W)
     albedo_rgb: Float32Array | None = None  # (H, W, 3) of each channel; none: grey images

@@ -14,16 +14,16 @@ import numpy.typing as npt
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 
-LEAST_SPREAD = 0.02
+MIN_DIRECTION_SPREAD = 0.02
 """Smallest singular value of the light directions (scaled by √F): below, they lie in one plane."""
 
-Raw = npt.NDArray[np.uint8] | npt.NDArray[np.uint16] | npt.NDArray[np.float32]
+StoredValues = npt.NDArray[np.uint8] | npt.NDArray[np.uint16] | npt.NDArray[np.float32]
 
 
 class RowReader(Protocol):
     """Gives rows of stored images; picklable, so that another process can read them."""
 
-    def __call__(self, image: int, start: int, stop: int) -> Raw:
+    def __call__(self, image: int, start: int, stop: int) -> StoredValues:
         """Rows [start, stop) of image number `image`: (rows, W) grey or (rows, W, 3) in the order R, G, B.
 
         Linear values above black in the stored type, uint8, uint16 or float32, the same for all images; C-contiguous.
@@ -146,7 +146,7 @@ def check(images: ImageSet) -> None:
     if isinstance(lights, DistantLights):
         units = first / np.linalg.norm(first, axis=1, keepdims=True)
         spread = float(np.linalg.svd(units, compute_uv=False)[-1] / np.sqrt(len(units)))
-        if not spread > LEAST_SPREAD:
+        if not spread > MIN_DIRECTION_SPREAD:
             raise RigError(
                 ErrorCode.NORMALS_INFEASIBLE,
                 f"the lights of {images.names[0]} … {images.names[-1]} are parallel or lie in one plane: take images "

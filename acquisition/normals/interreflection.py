@@ -132,7 +132,7 @@ def spread(found: Estimate, indirect: Float32Array) -> Float32Array:
     """Variance (N,) in rad² of the normals, both tangential directions, if a pixel's indirect light (F, N) is off by
     one factor under all lights: what prediction misses, a surface that nobody sees, it misses under each of them."""
     right = np.einsum("fn,fn,fan->na", found.weights, indirect, found.light, optimize=True).astype(np.float64)
-    moved = pixel_solve.turned(found, right[:, :, None])
+    moved = pixel_solve.normal_perturbation(found, right[:, :, None])
     return (TOGETHER**2 * np.sum(moved * moved, axis=(1, 2))).astype(np.float32)
 
 

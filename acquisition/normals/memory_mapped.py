@@ -24,14 +24,14 @@ def zeros(shape: tuple[int, ...]) -> np.ndarray:
         return np.ndarray(shape, np.uint8, buffer=mmap.mmap(file.fileno(), size))
 
 
-def each(array: np.ndarray) -> Iterator[np.ndarray]:
+def iterate(array: np.ndarray) -> Iterator[np.ndarray]:
     """The items of what `zeros` gave, one after another, each let go before the next."""
     for item in array:
         yield item
-        let_go(array)
+        release(array)
 
 
-def let_go(array: np.ndarray) -> None:
+def release(array: np.ndarray) -> None:
     """Lets what was touched of what `zeros` gave leave memory, if it has a file; nothing is lost."""
     file = cast(object, array.base)
     if isinstance(file, mmap.mmap):

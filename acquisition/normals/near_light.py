@@ -18,7 +18,7 @@ from acquisition.normals import pixel_noise, session_images, silhouette
 from acquisition.normals.distant import pixel_blocks, point_lights
 from acquisition.normals.distant.distant_solve import refuse_unusable, whole
 from acquisition.normals.image_set import ImageSet, NearLights, check
-from acquisition.normals.session_images import Stack, Stored, Values
+from acquisition.normals.session_images import ImageStack, StoredImages, ValuesAndClipped
 from acquisition.normals.solve import solve_stack
 
 FULL_WELL_E = 10_000.0
@@ -27,8 +27,8 @@ FULL_WELL_E = 10_000.0
 READ_NOISE_E = 5.0
 INTENSITY_SIGMA = 0.01
 POSITION_SIGMA_M = 0.001
-SAMPLE = 900
-PLAIN_ROUNDS = 1
+SAMPLE_PIXELS = 900
+DEPTH_ROUNDS = 1
 """Solves after the first, at the depth that the one before gives."""
 
 
@@ -43,10 +43,10 @@ def solve(images: ImageSet, settings: SolveSettings) -> NormalMap:
     depth = images.rough_depth_m
     if depth is None:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs the object's rough depth: give depth_mm")
-    window = stack(images)
+    window = windowed_images(images)
     place = (window.rows, window.columns)
     rough = np.broadcast_to(np.asarray(depth, np.float32), images.mask.shape)[place]
-    shown = pixel_noise.shown(window, images.mask[place], rough, calibration, _step(images))
+    shown = pixel_noise.estimate(window, images.mask[place], rough, calibration, _quantisation_step(images))
     found = solve_stack(
         shown.images,
         calibration,
@@ -57,7 +57,7 @@ def solve(images: ImageSet, settings: SolveSettings) -> NormalMap:
     return replace(found, notes=found.notes | {"sensor": shown.note})
 
 
-def solve_plain(images: ImageSet, *, keep_steps: bool = False) -> NormalMap:
+def solve_least_squares(images: ImageSet, *, keep_steps: bool = False) -> NormalMap:
     """Plain least squares in blocks of rows, nothing left out but what is clipped: what other solvers are measured by.
 
     The normals at the rough depth give a shape by integration, at which they are solved again. Raises RigError
@@ -66,28 +66,30 @@ def solve_plain(images: ImageSet, *, keep_steps: bool = False) -> NormalMap:
     check(images)
     if images.rough_depth_m is None:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs the object's rough depth: give depth_mm")
-    refuse_unusable(images, *pixel_blocks.sample(images, SAMPLE))
+    refuse_unusable(images, *pixel_blocks.sample(images, SAMPLE_PIXELS))
     depth = np.broadcast_to(np.asarray(images.rough_depth_m, np.float32), (images.height, images.width))
     notes = {"solver": "ls", "why": "as asked"}
 
     def solved() -> NormalMap:
         return whole(images, point_lights.plain(images, depth), luma=False, notes=notes, keep_steps=keep_steps)
 
-    for _ in range(PLAIN_ROUNDS):
+    for _ in range(DEPTH_ROUNDS):
         found = solved()
         depth = np.where(found.mask, found.depth, depth)
         del found  # before the next one takes as much memory
     return solved()
 
 
-def stack(images: ImageSet) -> Stack | Stored:
+def windowed_images(images: ImageSet) -> ImageStack | StoredImages:
     """The images within the mask's window as values y: 1 is a white surface facing the lamp at its reference."""
     lights = _lights(images)
-    rows, columns = silhouette.window(images.mask)
-    floor = ((READ_NOISE_E / FULL_WELL_E / lights.intensity) ** 2 + _step(images) ** 2 / 12) / images.channels
+    rows, columns = silhouette.bounding_box(images.mask)
+    floor = (
+        (READ_NOISE_E / FULL_WELL_E / lights.intensity) ** 2 + _quantisation_step(images) ** 2 / 12
+    ) / images.channels
     middle = np.array([0.0, 0.0, -float(np.mean(images.rough_depth_m or 1.0))])
-    return session_images.kept(
-        Stored(
+    return session_images.held_if_small(
+        StoredImages(
             read=_Rows(images, lights.intensity, rows, columns),
             lights=tuple(_light(place, middle) for place in lights.positions_m),
             rows=rows,
@@ -106,7 +108,7 @@ def _lights(images: ImageSet) -> NearLights:
     return images.lights
 
 
-def _step(images: ImageSet) -> FloatArray:
+def _quantisation_step(images: ImageSet) -> FloatArray:
     """The rounding (F,) of each image's values; floats have none."""
     intensity = _lights(images).intensity
     return np.zeros_like(intensity) if images.full_scale <= 1 else 1 / (images.full_scale * intensity)
@@ -121,7 +123,7 @@ class _Rows:
     rows: slice
     columns: slice
 
-    def __call__(self, start: int, stop: int) -> Values:
+    def __call__(self, start: int, stop: int) -> ValuesAndClipped:
         size = (self.images.count, stop - start, self.columns.stop - self.columns.start)
         values, clipped = np.empty(size, np.float32), np.empty(size, np.bool_)
         colour = self.images.channels > 1

@@ -19,42 +19,42 @@ BINS = 24
 """Bins of brightness, of equal width in its root, as noise is; each many times as wide as noise, which would else sort
 pixels of one brightness into bright and dark ones and make the curve flat."""
 
-LEAST_IN_BIN = 100
-LEAST_STEPS = 0.3
+MIN_BIN_COUNT = 100
+MIN_VARIANCE_STEPS = 0.3
 """Variance, in squared steps of rounding, below which a bin tells nothing: values hardly scatter over their steps, and
 rounding adds something else than a twelfth."""
 
-CLIPPED_AT = 3.0
-KEPT_VARIANCE = 0.97334
-"""Variance of a Gaussian cut off at CLIPPED_AT σ, as a share of the whole one's."""
+CLIP_SIGMA = 3.0
+CLIPPED_GAUSSIAN_VARIANCE = 0.97334
+"""Variance of a Gaussian cut off at CLIP_SIGMA σ, as a share of the whole one's."""
 
-MOST_TAILS = 0.04
-"""Share of a bin's differences beyond CLIPPED_AT σ, a Gaussian's being 0.003, from which the bin is left out: edges of
+MAX_TAIL_SHARE = 0.04
+"""Share of a bin's differences beyond CLIP_SIGMA σ, a Gaussian's being 0.003, from which the bin is left out: edges of
 shadows, or all that has edges when the scene has moved."""
 
-CLIPPINGS = 12
-STARTED_FROM = 2000
+CLIP_ITERATIONS = 12
+INITIAL_SAMPLE = 2000
 """Differences of a bin that its clipping starts from."""
 
-GAUSSIAN_MAD = 0.67449
-MISFIT = 0.01
+GAUSSIAN_MEDIAN_DEVIATION = 0.67449
+VARIANCE_SIGMA = 0.01
 """1 σ of a bin's variance beside chance, as a share of it: of tails that are not quite Gaussian."""
 
-ROUNDING = 0.06
+ROUNDING_SIGMA = 0.06
 """The same of clipping values that are rounded to steps, times the squared step over the variance."""
 
-PATTERN_SHARE = 0.001
+PATTERN_SIGMA = 0.001
 """1 σ of what two frames differ by from pixel to pixel in proportion to brightness, where a lamp came back beside its
 place: a term in its square, which would else be taken for photons."""
 
-DOUBTED = 4.0
+OUTLIER_SIGMA = 4.0
 """σ off the line from which a point is no longer believed."""
 
-ROUNDS = 8
+IRLS_ITERATIONS = 8
 
 
 @dataclass(frozen=True)
-class Points:
+class TransferCurve:
     """A photon-transfer curve: mean brightness (B,), variance (B,) of one frame's values there, its relative 1 σ."""
 
     level: FloatArray
@@ -63,7 +63,7 @@ class Points:
 
 
 @dataclass(frozen=True)
-class Line:
+class LinearFit:
     """Variance = slope · brightness + floor, each with its 1 σ."""
 
     slope: float
@@ -72,7 +72,7 @@ class Line:
     floor_sigma: float
 
 
-def points(level: np.ndarray, difference: np.ndarray, top: float, step: float) -> Points:
+def transfer_curve(level: np.ndarray, difference: np.ndarray, top: float, step: float) -> TransferCurve:
     """The curve of differences (N,) that scatter as one frame's values do at a brightness of `level` (N,) up to `top`.
 
     `step` is the rounding of values; brightness that scatters over less than its steps is left out.
@@ -84,26 +84,26 @@ def points(level: np.ndarray, difference: np.ndarray, top: float, step: float) -
     level = level[order]
     found: list[tuple[float, float, float]] = []
     for start, stop in zip(np.concatenate([[0], ends[:-1]]), ends, strict=True):
-        if stop - start >= LEAST_IN_BIN:
+        if stop - start >= MIN_BIN_COUNT:
             here = squares[start:stop]
             mean = float(np.mean(level[start:stop], dtype=np.float64))
-            variance = _middle_variance(here, step)
-            if variance > LEAST_STEPS * step**2:
+            variance = _core_variance(here, step)
+            if variance > MIN_VARIANCE_STEPS * step**2:
                 chance = 2.3 / (stop - start)  # clipping costs a little of the efficiency
-                relative = np.sqrt(chance + MISFIT**2 + (ROUNDING * step**2 / variance) ** 2)
+                relative = np.sqrt(chance + VARIANCE_SIGMA**2 + (ROUNDING_SIGMA * step**2 / variance) ** 2)
                 found.append((mean, variance, float(relative)))
     rows = np.array(found).reshape(-1, 3)
-    return Points(rows[:, 0], rows[:, 1], rows[:, 2])
+    return TransferCurve(rows[:, 0], rows[:, 1], rows[:, 2])
 
 
-def joined(curves: list[Points]) -> Points:
+def concatenate(curves: list[TransferCurve]) -> TransferCurve:
     """The points of several curves of one sensor."""
-    return Points(
+    return TransferCurve(
         *(np.concatenate([getattr(curve, name) for curve in curves]) for name in ("level", "variance", "relative"))
     )
 
 
-def line(curve: Points) -> Line | None:
+def fit_line(curve: TransferCurve) -> LinearFit | None:
     """The line through a curve by weighted least squares; none when it has fewer than three points.
 
     A term in the square of brightness takes up what is in proportion to it. Points far off the line are hardly
@@ -112,11 +112,11 @@ def line(curve: Points) -> Line | None:
     if len(curve.level) < 3:
         return None
     design = np.stack([curve.level, np.ones_like(curve.level), curve.level**2], axis=1)
-    prior = np.diag([0.0, 0.0, PATTERN_SHARE**-4])
+    prior = np.diag([0.0, 0.0, PATTERN_SIGMA**-4])
     expected = np.maximum(curve.variance, 1e-30)
     belief = np.ones_like(expected)
     solution, inverse, off = np.zeros(3), np.zeros((3, 3)), np.zeros_like(expected)
-    for _ in range(ROUNDS):
+    for _ in range(IRLS_ITERATIONS):
         weight = belief / (curve.relative * expected) ** 2
         scale = 1 / np.sqrt(np.maximum(np.sum(weight[:, None] * design**2, axis=0), 1e-300))
         normal = (design * weight[:, None]).T @ design + prior
@@ -124,22 +124,22 @@ def line(curve: Points) -> Line | None:
         solution = inverse @ (design.T @ (weight * curve.variance))
         expected = np.maximum(design @ solution, 0.2 * expected)
         off = (curve.variance - design @ solution) / (curve.relative * expected)
-        belief = 1 / (1 + (off / DOUBTED) ** 2) ** 2
+        belief = 1 / (1 + (off / OUTLIER_SIGMA) ** 2) ** 2
     misfit = np.sum(belief * off**2) / max(float(np.sum(belief)) - 2, 1.0)
     larger = np.sqrt(max(1.0, float(misfit)))
     sigma = larger * np.sqrt(np.diag(inverse))
-    return Line(float(solution[0]), float(sigma[0]), float(solution[1]), float(sigma[1]))
+    return LinearFit(float(solution[0]), float(sigma[0]), float(solution[1]), float(sigma[1]))
 
 
-def _middle_variance(squares: FloatArray, step: float) -> float:
+def _core_variance(squares: FloatArray, step: float) -> float:
     """The variance of a Gaussian that `squares` (N,) are of, but for tails of something else; 0: too many tails."""
-    few = squares[:: max(1, len(squares) // STARTED_FROM)]
-    variance = float(np.median(few)) / GAUSSIAN_MAD**2 + step**2 / 12
-    for _ in range(CLIPPINGS):
-        kept = squares[squares < CLIPPED_AT**2 * variance]
+    few = squares[:: max(1, len(squares) // INITIAL_SAMPLE)]
+    variance = float(np.median(few)) / GAUSSIAN_MEDIAN_DEVIATION**2 + step**2 / 12
+    for _ in range(CLIP_ITERATIONS):
+        kept = squares[squares < CLIP_SIGMA**2 * variance]
         if not len(kept):
             return 0.0
-        before, variance = variance, float(np.mean(kept)) / KEPT_VARIANCE
+        before, variance = variance, float(np.mean(kept)) / CLIPPED_GAUSSIAN_VARIANCE
         if abs(variance - before) < 1e-4 * before:
             break
-    return variance if np.count_nonzero(squares > CLIPPED_AT**2 * variance) < MOST_TAILS * len(squares) else 0.0
+    return variance if np.count_nonzero(squares > CLIP_SIGMA**2 * variance) < MAX_TAIL_SHARE * len(squares) else 0.0

@@ -16,63 +16,67 @@ from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.normals import photon_transfer, pixel_solve
 from acquisition.normals.pixel_solve import Pixels
-from acquisition.normals.pyramid import Seen
-from acquisition.normals.session_images import Stack, Stored
+from acquisition.normals.pyramid import MaskedImages
+from acquisition.normals.session_images import ImageStack, StoredImages
 
-KNOWN = 0.15
+MAX_RELATIVE_SIGMA = 0.15
 """1 σ of shot noise, as a fraction, up to which what neighbours show is taken."""
 
-LEAST_LIGHTS = 5
-THRESHOLD = 0.15
+MIN_LIGHTS = 5
+SHADOW_THRESHOLD = 0.15
 """Share of a pixel's largest normalised value from which it is lit: grazing light is where the model errs."""
 
-LEAST_LEFT = 0.2
+MIN_RESIDUAL_SHARE = 0.2
 """Share of a measurement's variance that its residual has at least."""
 
 STRIPS = 16
-MOST_PRODUCTS = 2_000_000
+MAX_PRODUCTS = 2_000_000
 """Pixels that are looked at, times the square of the number of lights: more tells nothing more."""
 
 
 @dataclass(frozen=True)
-class Shown:
+class PixelNoiseEstimate:
     """The images with the noise that they show, and in words where it is from."""
 
-    images: Stack | Stored
+    images: ImageStack | StoredImages
     note: str
 
 
-def shown(
-    images: Stack | Stored, mask: BoolArray, depth_m: Float32Array, calibration: Calibration, steps: FloatArray
-) -> Shown:
+def estimate(
+    images: ImageStack | StoredImages,
+    mask: BoolArray,
+    depth_m: Float32Array,
+    calibration: Calibration,
+    steps: FloatArray,
+) -> PixelNoiseEstimate:
     """The images with the shot and read noise that the object's pixels in their window show.
 
     `images` have a guess of it, by which electrons are counted; `mask` and the rough `depth_m` are (h, w), `steps` (F,)
     the rounding of values, 0 for none. What too few pixels tell stays as it was guessed.
     """
-    if len(images.lights) < LEAST_LIGHTS:
-        return Shown(images, f"guessed: {len(images.lights)} lights leave nothing over")
+    if len(images.lights) < MIN_LIGHTS:
+        return PixelNoiseEstimate(images, f"guessed: {len(images.lights)} lights leave nothing over")
     lamp = photometry.lamps(images.lights)
     step = float(np.max(steps / images.shot))
-    seen = Seen(images, mask, photometry.rays(calibration, images.rows, images.columns))
+    seen = MaskedImages(images, mask, photometry.rays(calibration, images.rows, images.columns))
     found = [
         _differences(seen.pixels(rows), depth_m[rows][mask[rows]], lamp, calibration, images.shot, images.floor)
         for rows in _strips(seen)
     ]
     level, apart = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    line = photon_transfer.line(photon_transfer.points(level, apart, float(np.max(1 / images.shot)), step))
-    if line is None or line.slope <= 0 or line.slope_sigma > KNOWN * line.slope:
-        return Shown(images, "guessed: too few pixels tell")
+    line = photon_transfer.fit_line(photon_transfer.transfer_curve(level, apart, float(np.max(1 / images.shot)), step))
+    if line is None or line.slope <= 0 or line.slope_sigma > MAX_RELATIVE_SIGMA * line.slope:
+        return PixelNoiseEstimate(images, "guessed: too few pixels tell")
     # Few lit pixels are dark, so the floor is hardly known by itself; with the slope it gives the noise of lit ones.
     shot, floor = images.shot * line.slope, np.maximum(line.floor * images.shot**2, images.floor)
     note = f"noise found in how neighbours differ: {1 / np.median(shot):.3g} electrons at a white surface's value"
-    return Shown(replace(images, shot=shot, floor=floor), note)
+    return PixelNoiseEstimate(replace(images, shot=shot, floor=floor), note)
 
 
-def _strips(seen: Seen) -> list[slice]:
+def _strips(seen: MaskedImages) -> list[slice]:
     """Pairs of rows all over the window, as many as may be looked at."""
     height, width = seen.mask.shape
-    pairs = max(1, MOST_PRODUCTS // (2 * width * len(seen.images.lights) ** 2))
+    pairs = max(1, MAX_PRODUCTS // (2 * width * len(seen.images.lights) ** 2))
     each = 2 * -(-pairs // STRIPS)
     starts = np.unique(np.linspace(0, max(height - each, 0), min(STRIPS, pairs)).astype(int))
     return [slice(int(start), min(int(start) + each, height)) for start in starts]
@@ -85,7 +89,7 @@ def _differences(
     """Brightness (K,), and differences (K,) that scatter as one measurement of it, both in electrons as guessed."""
     light = photometry.light_vectors(photometry.points(pixels.ray, depth_m), lamp, calibration)
     strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
-    usable, _, _ = pixel_solve.measurements(pixels, pixels.values, strength, THRESHOLD)
+    usable, _, _ = pixel_solve.classify_measurements(pixels, pixels.values, strength, SHADOW_THRESHOLD)
     weighted = light * (usable / np.maximum(strength, np.float32(1e-9)) ** 2)[:, None]
     inner = np.einsum("fan,fbn->nab", weighted, light, optimize=True) + 1e-6 * np.eye(3)
     solver = np.linalg.solve(inner, weighted.transpose(2, 1, 0))  # (N, 3, F): g from values
@@ -95,16 +99,16 @@ def _differences(
     variance = np.where(usable, np.maximum(pixels.values, 0) * shot[:, None] + floor[:, None], 0)
     share = np.einsum("nfk,kn->fn", left**2, variance, optimize=True) / np.maximum(variance, 1e-30)
 
-    one, right, below, across = four = _fours(pixels)
+    one, right, below, across = four = _quads(pixels)
     alike = np.logical_and.reduce([np.all(usable[:, one] == usable[:, other], axis=0) for other in four])
-    good = usable[:, one] & alike & (np.min([share[:, at] for at in four], axis=0) > LEAST_LEFT)
+    good = usable[:, one] & alike & (np.min([share[:, at] for at in four], axis=0) > MIN_RESIDUAL_SHARE)
     level, spread, bright = (np.mean([all_[..., at] for at in four], axis=0) for all_ in (pixels.values, share, albedo))
     apart = (residual[:, one] - residual[:, right] - residual[:, below] + residual[:, across]) / 2
-    apart = apart * bright / np.sqrt(np.maximum(spread, LEAST_LEFT)) / shot[:, None]
+    apart = apart * bright / np.sqrt(np.maximum(spread, MIN_RESIDUAL_SHARE)) / shot[:, None]
     return (level / shot[:, None])[good].astype(np.float32), apart[good].astype(np.float32)
 
 
-def _fours(pixels: Pixels) -> tuple[np.ndarray, ...]:
+def _quads(pixels: Pixels) -> tuple[np.ndarray, ...]:
     """Numbers (K,) of the four pixels of each square of two by two that are all there."""
     place = pixels.image(np.arange(1, len(pixels.index) + 1))
     height, width = (length // 2 * 2 for length in pixels.shape)

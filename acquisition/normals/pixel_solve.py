@@ -16,15 +16,15 @@ from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.normals import pixel_solve_kernels
 
-HALF_SHADOW = 0.1
+PENUMBRA_SIGMA = 0.1
 """Extra standard deviation beside shadowed pixels, as a share of the pixel's largest value."""
 
 CAUCHY_SCALE: float | None = 2.5
 PRIOR_SCALE = 0.5
 """1 σ of the weak prior on g, as a share of the pixel's albedo."""
 
-ROUNDS = 6
-NO_OFFSET_M = 1e-6
+IRLS_ITERATIONS = 6
+NO_OFFSET_SIGMA_M = 1e-6
 
 
 @dataclass(frozen=True)
@@ -82,21 +82,21 @@ class Estimate:
         return (self.g / np.maximum(self.albedo, 1e-9)).astype(np.float32)
 
 
-def derivative(light: Float32Array, point: Float32Array, along: Float32Array, lamp: Float32Array) -> Float32Array:
+def depth_derivative(light: Float32Array, point: Float32Array, along: Float32Array, lamp: Float32Array) -> Float32Array:
     """∂s/∂Z (F, 3, N): how light vectors `light` (F, 3, N) change with depth; `point`, `along` (3, N), lamps (F, 6)."""
     out = np.empty(light.shape, np.float32)
-    pixel_solve_kernels.derivative(
+    pixel_solve_kernels.depth_derivative(
         np.ascontiguousarray(light, np.float32), np.ascontiguousarray(point), np.ascontiguousarray(along), lamp, out
     )
     return out
 
 
-def measurements(
+def classify_measurements(
     pixels: Pixels, values: Float32Array, strength: Float32Array, threshold: float
 ) -> tuple[BoolArray, BoolArray, Float32Array]:
     """Which measurements are usable (F, N), which of these lie beside a shadow, and each pixel's largest y/|s|."""
     ratio = values / np.maximum(strength, np.float32(1e-9))
-    largest = _largest(ratio, pixels.clipped)
+    largest = _peak_ratio(ratio, pixels.clipped)
     shadowed = (ratio < threshold * largest) & ~pixels.clipped
     beside = np.empty_like(shadowed)
     kernel = np.ones((3, 3), np.uint8)
@@ -106,16 +106,16 @@ def measurements(
     return usable, beside & usable, largest
 
 
-def _largest(ratio: Float32Array | FloatArray, clipped: BoolArray) -> Float32Array:
+def _peak_ratio(ratio: Float32Array | FloatArray, clipped: BoolArray) -> Float32Array:
     """Each pixel's largest y/|s| (N,) that is not clipped."""
     return np.max(np.where(clipped, 0, ratio), axis=0)
 
 
-def brightness(found: Estimate, values: Float32Array, clipped: BoolArray) -> float:
+def median_albedo(found: Estimate, values: Float32Array, clipped: BoolArray) -> float:
     """The median over solved pixels of their largest y/|s|, from values (F, N) that may be `clipped` (F, N): what a
     pixel's albedo is held to be a fifth of at least before anything is solved."""
     strength = np.sqrt(np.einsum("fcn,fcn->fn", found.light, found.light))
-    return float(np.median(_largest(values / np.maximum(strength, np.float32(1e-9)), clipped)))
+    return float(np.median(_peak_ratio(values / np.maximum(strength, np.float32(1e-9)), clipped)))
 
 
 def solve(
@@ -127,10 +127,10 @@ def solve(
     noise: photometry.Noise,
     *,
     threshold: float,
-    offset_sigma_m: float = NO_OFFSET_M,
+    offset_sigma_m: float = NO_OFFSET_SIGMA_M,
     cauchy_scale: float | None = CAUCHY_SCALE,
     extra: Float32Array | None = None,
-    rounds: int = ROUNDS,
+    rounds: int = IRLS_ITERATIONS,
     typical: float | None = None,
     highlight_by_g: Float32Array | None = None,
 ) -> Estimate:
@@ -146,8 +146,8 @@ def solve(
     along = photometry.ray_directions(pixels.ray)
     light = photometry.light_vectors(point, lamp, calibration)
     strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
-    usable, beside, largest = measurements(pixels, values, strength, threshold)
-    added = np.where(beside, (np.float32(HALF_SHADOW) * largest * strength) ** 2, np.float32(0))
+    usable, beside, largest = classify_measurements(pixels, values, strength, threshold)
+    added = np.where(beside, (np.float32(PENUMBRA_SIGMA) * largest * strength) ** 2, np.float32(0))
     if extra is not None:
         added = added + extra
     albedo = np.maximum(largest, np.float32(0.2) * np.float32(np.median(largest) if typical is None else typical))
@@ -187,7 +187,7 @@ def solve(
     return out
 
 
-def facing(normals: Float32Array, along: Float32Array) -> Float32Array:
+def clamp_to_visible(normals: Float32Array, along: Float32Array) -> Float32Array:
     """Normals (3, N) turned just far enough to face the camera, which sees each of them."""
     axis = -along / np.sqrt(np.sum(along * along, axis=0))
     cosine = np.sum(normals * axis, axis=0)
@@ -196,7 +196,7 @@ def facing(normals: Float32Array, along: Float32Array) -> Float32Array:
     return (turned / np.sqrt(np.sum(turned * turned, axis=0))).astype(np.float32)
 
 
-def turned(found: Estimate, right: FloatArray) -> FloatArray:
+def normal_perturbation(found: Estimate, right: FloatArray) -> FloatArray:
     """How far normals turn (N, 3, K), rad, when errors δy of the measurements add `right` Σ w s δy (N, 3, K)."""
     s, w, g = (part.astype(np.float64) for part in (found.light, found.weights, found.g))
     matrix = np.einsum("fn,fan,fbn->nab", w, s, s, optimize=True)
@@ -207,10 +207,10 @@ def turned(found: Estimate, right: FloatArray) -> FloatArray:
     return moved - normal.T[:, :, None] * np.einsum("an,nak->nk", normal, moved)[:, None, :]
 
 
-def information(estimate: Estimate, chosen: np.ndarray, lamp: Float32Array, along: Float32Array) -> FloatArray:
+def fisher_information(estimate: Estimate, chosen: np.ndarray, lamp: Float32Array, along: Float32Array) -> FloatArray:
     """Fisher information (K, 4, 4) of (g, Z) at the chosen pixels, from the images alone, with the weights used."""
     light = estimate.light[:, :, chosen]
-    change = derivative(light, estimate.point[:, chosen], along[:, chosen], lamp)
+    change = depth_derivative(light, estimate.point[:, chosen], along[:, chosen], lamp)
     slope = np.einsum("fck,ck->fk", change, estimate.g[:, chosen])
     rows = np.concatenate([light + change * estimate.offset_m[chosen], slope[:, None]], axis=1).astype(np.float64)
     return np.einsum("fk,fak,fbk->kab", estimate.weights[:, chosen].astype(np.float64), rows, rows, optimize=True)

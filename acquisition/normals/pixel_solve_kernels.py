@@ -15,8 +15,8 @@ import numpy as np
 
 from acquisition.models.base import Float32Array, FloatArray
 
-BLOCK = 128
-GAUSSIAN_WEIGHT = np.float32(0.95)
+BLOCK_PIXELS = 128
+CAUCHY_MEAN_WEIGHT = np.float32(0.95)
 """Mean weight that Cauchy's function leaves noise which is Gaussian after all. It is not lost by that: errors are the
 same as without these weights, and so the variance is that of measurements which count in full."""
 
@@ -60,15 +60,15 @@ def estimate(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     d2 = scalars[1] * scalars[1]
     inverse_cauchy2 = zero if scalars[2] <= zero else one / (scalars[2] * scalars[2])
     sigma_z = scalars[3]
-    for block in numba.prange((pixels + BLOCK - 1) // BLOCK):
-        start = block * BLOCK
-        size = min(BLOCK, pixels - start)
+    for block in numba.prange((pixels + BLOCK_PIXELS - 1) // BLOCK_PIXELS):
+        start = block * BLOCK_PIXELS
+        size = min(BLOCK_PIXELS, pixels - start)
         # Of images: s 0–2, σ_z ∂s/∂Z 3–5, y 6, its variance but for directions 7, |s|² 8, usable 9, what w starts from
         # 10, w 11
-        image = np.empty((count, 12, BLOCK), dtype=np.float32)
+        image = np.empty((count, 12, BLOCK_PIXELS), dtype=np.float32)
         # Of pixels: M 0–9 (00 01 02 11 12 22 03 13 23 33), b 10–13, g 14–16, ζ 17, ρ² 18, prior 19–21 and its precision
         # 22, ∂x/∂Z 23–25, x 26–28, variance 29, residual 30
-        pixel = np.empty((31, BLOCK), dtype=np.float32)
+        pixel = np.empty((31, BLOCK_PIXELS), dtype=np.float32)
         for p in range(size):
             pixel[22, p] = precision[start + p]
         for c in range(3):
@@ -221,7 +221,7 @@ def estimate(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
                 out[c, start + p] = pixel[14 + c, p]
         for p in range(size):
             offset[start + p] = pixel[17, p] * sigma_z
-        kept = GAUSSIAN_WEIGHT if inverse_cauchy2 > zero else one
+        kept = CAUCHY_MEAN_WEIGHT if inverse_cauchy2 > zero else one
         for p in range(size):
             variance[start + p] = kept * pixel[29, p]
 
@@ -233,7 +233,7 @@ def estimate(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     fastmath=True,
     error_model="numpy",
 )
-def derivative(
+def depth_derivative(
     light: Float32Array,  # (F, 3, N)
     point: Float32Array,  # (3, N)
     along: Float32Array,  # (3, N) ∂x/∂Z
@@ -241,9 +241,9 @@ def derivative(
     out: Float32Array,  # (F, 3, N) ∂s/∂Z = −|s|/r (a − 3 d̂ (d̂·a)), d̂ = s/|s|
 ) -> None:
     """How light vectors change with depth."""
-    for block in numba.prange((light.shape[2] + BLOCK - 1) // BLOCK):
-        start = block * BLOCK
-        stop = min(start + BLOCK, light.shape[2])
+    for block in numba.prange((light.shape[2] + BLOCK_PIXELS - 1) // BLOCK_PIXELS):
+        start = block * BLOCK_PIXELS
+        stop = min(start + BLOCK_PIXELS, light.shape[2])
         for f in range(light.shape[0]):
             for n in range(start, stop):
                 sx, sy, sz = light[f, 0, n], light[f, 1, n], light[f, 2, n]
@@ -269,7 +269,7 @@ def cholesky(matrix: FloatArray) -> None:
 
 
 @numba.njit("void(float64[:,::1], float64[:,::1])", cache=True, error_model="numpy")
-def forward(lower: FloatArray, columns: FloatArray) -> None:
+def forward_substitution(lower: FloatArray, columns: FloatArray) -> None:
     """Replaces columns (M, K) by L⁻¹ of them, L (M, M) a lower triangle."""
     for i in range(len(lower)):
         for k in range(columns.shape[1]):
@@ -279,4 +279,4 @@ def forward(lower: FloatArray, columns: FloatArray) -> None:
             columns[i, k] = total / lower[i, i]
 
 
-KERNELS = (estimate, derivative, cholesky, forward)
+KERNELS = (estimate, depth_derivative, cholesky, forward_substitution)

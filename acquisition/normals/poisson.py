@@ -38,7 +38,7 @@ class Poisson:
     cosine transforms are fast at."""
 
     def __init__(self, mask: BoolArray) -> None:
-        self._window = silhouette.window(mask)
+        self._window = silhouette.bounding_box(mask)
         inside = mask[self._window]
         size = [next_fast_len(length, real=True) for length in inside.shape]
         self._shape = (size[0], size[1])

@@ -19,12 +19,12 @@ from acquisition.normals.session_images import Images
 BLOCK_VALUES = 1 << 22
 """Values of all images in a block; the last solve takes about ninety bytes for each."""
 
-LEAST_ROWS = 16
+MIN_BLOCK_ROWS = 16
 """Rows of a block at least: some above and below are read and solved with it, for its own pixels' sake."""
 
 
 @dataclass(frozen=True)
-class Seen:
+class MaskedImages:
     """The object in the images' window: where it is (h, w), and each pixel's ray (2, h, w)."""
 
     images: Images
@@ -34,7 +34,7 @@ class Seen:
     def blocks(self, multiple: int = 1) -> Iterator[slice]:
         """All rows of the window in blocks, each but the last of a multiple of so many rows."""
         height, width = self.mask.shape
-        rows = max(LEAST_ROWS, BLOCK_VALUES // (len(self.images.lights) * width))
+        rows = max(MIN_BLOCK_ROWS, BLOCK_VALUES // (len(self.images.lights) * width))
         step = -(-rows // multiple) * multiple
         return (slice(start, min(start + step, height)) for start in range(0, height, step))
 
@@ -53,7 +53,7 @@ class Seen:
             clipped=clipped.reshape(count, -1)[:, index],
         )
 
-    def gathered(self, factor: int, chosen: np.ndarray, table_depth_m: Float32Array | None) -> "Gathered":
+    def level(self, factor: int, chosen: np.ndarray, table_depth_m: Float32Array | None) -> "PyramidLevel":
         """The object on a grid `factor` times coarser, and the pixels with the numbers `chosen` (K,), sorted.
 
         `table_depth_m` (h, w) is the depth of what surrounds the object, none: nothing does.
@@ -68,18 +68,18 @@ class Seen:
             after = before + len(pixels.index)
             inside = chosen[np.searchsorted(chosen, before) : np.searchsorted(chosen, after)]
             few.append((rows.start, pixels.subset(inside - before)))
-            coarse.append(resampling.coarser(pixels, factor))
+            coarse.append(resampling.coarsen(pixels, factor))
             if table_depth_m is not None:
-                around.append(resampling.means(values, factor))
+                around.append(resampling.block_means(values, factor))
             before = after
         table = None
         if table_depth_m is not None:
-            table = Table(resampling.means(table_depth_m, factor), np.concatenate(around, axis=1))
-        return Gathered(resampling.joined(coarse), factor, tuple(few), table)
+            table = Table(resampling.block_means(table_depth_m, factor), np.concatenate(around, axis=1))
+        return PyramidLevel(resampling.concatenate_rows(coarse), factor, tuple(few), table)
 
 
 @dataclass(frozen=True)
-class Gathered:
+class PyramidLevel:
     """The object on a coarse grid, what is around it or none, and some of its pixels, each part with its first row."""
 
     coarse: Pixels
@@ -88,20 +88,22 @@ class Gathered:
     table: Table | None
 
     @property
-    def few(self) -> Pixels:
+    def sample(self) -> Pixels:
         """The chosen pixels in the window."""
-        return resampling.joined([part for _, part in self.parts])
+        return resampling.concatenate_rows([part for _, part in self.parts])
 
-    def at(self, values: Float32Array, pixels: Pixels, top: int) -> Float32Array:
+    def interpolate(self, values: Float32Array, pixels: Pixels, top: int) -> Float32Array:
         """Values (..., M) of the coarse grid at pixels (..., N) of a window that begins at the row `top`."""
-        return resampling.finer(values, self.coarse, self.factor, pixels, top)
+        return resampling.interpolate(values, self.coarse, self.factor, pixels, top)
 
-    def at_few(self, values: Float32Array) -> Float32Array:
+    def interpolate_sample(self, values: Float32Array) -> Float32Array:
         """Values (..., M) of the coarse grid at the chosen pixels (..., K)."""
-        return np.concatenate([self.at(values, part, top) for top, part in self.parts], axis=-1)
+        return np.concatenate([self.interpolate(values, part, top) for top, part in self.parts], axis=-1)
 
 
-def brightest(seen: Seen, depth_m: Float32Array, lamp: Float32Array, calibration: Calibration) -> Float32Array:
+def albedo_bound(
+    seen: MaskedImages, depth_m: Float32Array, lamp: Float32Array, calibration: Calibration
+) -> Float32Array:
     """`silhouette.brightest` (h, w) of all rows, on a plane at depth (h, w)."""
     out = np.empty(seen.mask.shape, np.float32)
     for rows in seen.blocks():
@@ -109,5 +111,5 @@ def brightest(seen: Seen, depth_m: Float32Array, lamp: Float32Array, calibration
         point = photometry.points(seen.ray[:, rows], depth_m[rows]).reshape(3, -1)
         light = photometry.light_vectors(point, lamp, calibration)
         strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light)).reshape(values.shape)
-        out[rows] = silhouette.brightest(values, strength, clipped)
+        out[rows] = silhouette.albedo_bound(values, strength, clipped)
     return out

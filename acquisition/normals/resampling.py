@@ -13,10 +13,10 @@ import numpy as np
 from acquisition.models.base import Float32Array
 from acquisition.normals.pixel_solve import Pixels
 
-CARRY = 5
+EXTRAPOLATION_PX = 5
 
 
-def coarser(pixels: Pixels, factor: int) -> Pixels:
+def coarsen(pixels: Pixels, factor: int) -> Pixels:
     """Means over blocks of factor × factor pixels, object pixels only; a block with a clipped pixel is clipped."""
     if factor == 1:
         return pixels
@@ -39,7 +39,7 @@ def coarser(pixels: Pixels, factor: int) -> Pixels:
     )
 
 
-def means(image: Float32Array, factor: int) -> Float32Array:
+def block_means(image: Float32Array, factor: int) -> Float32Array:
     """Means over blocks of an image (..., h, w); blocks that reach over the border repeat its last pixels."""
     rows, columns = -image.shape[-2] % factor, -image.shape[-1] % factor
     padded = np.pad(image, [(0, 0)] * (image.ndim - 2) + [(0, rows), (0, columns)], mode="edge")
@@ -47,7 +47,7 @@ def means(image: Float32Array, factor: int) -> Float32Array:
     return padded.reshape(*image.shape[:-2], height, factor, width, factor).mean(axis=(-3, -1))
 
 
-def joined(parts: Sequence[Pixels]) -> Pixels:
+def concatenate_rows(parts: Sequence[Pixels]) -> Pixels:
     """Pixels of windows that lie one below the other, as those of the window that they make up."""
     above = np.cumsum([0, *(part.shape[0] for part in parts)])
     width = parts[0].shape[1]
@@ -60,13 +60,13 @@ def joined(parts: Sequence[Pixels]) -> Pixels:
     )
 
 
-def finer(values: Float32Array, coarse: Pixels, factor: int, pixels: Pixels, top: int = 0) -> Float32Array:
+def interpolate(values: Float32Array, coarse: Pixels, factor: int, pixels: Pixels, top: int = 0) -> Float32Array:
     """Values (..., M) of the coarse pixels at the full ones (..., N), bilinear.
 
     The window of `pixels` begins `top` rows below that of `coarse`.
     """
     weight = coarse.image(np.ones(len(coarse.index), np.float32))
-    around = cv2.blur(weight, (CARRY, CARRY))
+    around = cv2.blur(weight, (EXTRAPOLATION_PX, EXTRAPOLATION_PX))
     height, width = coarse.shape
     rows, columns = pixels.shape
     # With a coarse row more on either side, interpolation does not know that there are others.
@@ -75,7 +75,9 @@ def finer(values: Float32Array, coarse: Pixels, factor: int, pixels: Pixels, top
     out = np.empty((*values.shape[:-1], len(pixels.index)), np.float32)
     for place in np.ndindex(*values.shape[:-1]):
         image = coarse.image(values[place])
-        carried = np.where(weight > 0, image, cv2.blur(image, (CARRY, CARRY)) / np.maximum(around, 1e-6))
+        carried = np.where(
+            weight > 0, image, cv2.blur(image, (EXTRAPOLATION_PX, EXTRAPOLATION_PX)) / np.maximum(around, 1e-6)
+        )
         full = cv2.resize(carried[first:last].astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
         out[place] = pixels.take(np.asarray(full, np.float32)[skipped : skipped + rows, :columns])
     return out

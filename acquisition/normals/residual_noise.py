@@ -18,14 +18,14 @@ from acquisition.normals import pixel_solve, pixel_solve_kernels
 from acquisition.normals.pixel_solve import Estimate
 from acquisition.photometry import Noise
 
-GAUSSIAN_MEDIAN = 0.6745
-BRIGHT, GRAZING = 0.7, 0.4
+GAUSSIAN_MEDIAN_DEVIATION = 0.6745
+BRIGHT_COSINE, GRAZING_COSINE = 0.7, 0.4
 """Cosines to the light above which c and below which σ_d shows."""
 
-LARGEST_LEVERAGE = 0.8
-LEAST_LIGHTS = 5
-LEAST_EVIDENCE = 300
-LEAST_SHARE = 0.1
+MAX_LEVERAGE = 0.8
+MIN_LIGHTS = 5
+MIN_MEASUREMENTS = 300
+MIN_PIXEL_SHARE = 0.1
 """Share of the pixels that must show an error. Of a machined part, whose faces meet light steeply, only its edges and
 the half shadow at the foot of its walls graze it; what is wrong there is no lamp's direction, and all faces would be
 believed less for it."""
@@ -45,9 +45,9 @@ def estimate(
     less. `values` (F, K) are what `found` was solved from, `extra` (F, K) the variance it was told of beside the
     model's.
     """
-    enough = np.count_nonzero(found.weights > 0, axis=0) >= LEAST_LIGHTS
+    enough = np.count_nonzero(found.weights > 0, axis=0) >= MIN_LIGHTS
     light = found.light[:, :, enough].astype(np.float64)
-    change = pixel_solve.derivative(found.light[:, :, enough], found.point[:, enough], along[:, enough], lamp)
+    change = pixel_solve.depth_derivative(found.light[:, :, enough], found.point[:, enough], along[:, enough], lamp)
     g, y = found.g[:, enough].astype(np.float64), values[:, enough].astype(np.float64)
     slope = np.einsum("fck,ck->fk", change, g)
     bent = light + change * found.offset_m[enough]
@@ -62,27 +62,33 @@ def estimate(
     for _ in range(ROUNDS):
         variance = noise.variance(np.maximum(y, 0), strength) + added
         _leverage(rows, np.ascontiguousarray(np.where(used, 1 / variance, 0)), offset_sigma_m, leverage)
-        told = used & (leverage < LARGEST_LEVERAGE)
+        told = used & (leverage < MAX_LEVERAGE)
         left = residual**2 / np.maximum(1 - leverage, 0.05)
-        bright, grazing = told & (cosine > BRIGHT), told & (cosine < GRAZING)
+        bright, grazing = told & (cosine > BRIGHT_COSINE), told & (cosine < GRAZING_COSINE)
         by_intensity, by_direction = y**2, strength**2
-        intensity = _fitted(left, variance - noise.intensity**2 * by_intensity, by_intensity, bright, INTENSITY_RANGE)
+        intensity = _median_matched_share(
+            left, variance - noise.intensity**2 * by_intensity, by_intensity, bright, INTENSITY_RANGE
+        )
         intensity = stated.intensity if intensity is None else intensity
         variance = variance + (intensity**2 - noise.intensity**2) * by_intensity
-        direction = _fitted(left, variance - noise.direction**2 * by_direction, by_direction, grazing, DIRECTION_RANGE)
+        direction = _median_matched_share(
+            left, variance - noise.direction**2 * by_direction, by_direction, grazing, DIRECTION_RANGE
+        )
         noise = replace(noise, intensity=intensity, direction=stated.direction if direction is None else direction)
     return noise
 
 
-def _fitted(
+def _median_matched_share(
     squares: FloatArray, rest: FloatArray, by: FloatArray, where: np.ndarray, within: tuple[float, float]
 ) -> float | None:
     """The share q with median of squares / (rest + q² by) that of a Gaussian; none where too few tell."""
-    if np.count_nonzero(where) < LEAST_EVIDENCE or np.mean(np.any(where, axis=0)) < LEAST_SHARE:
+    if np.count_nonzero(where) < MIN_MEASUREMENTS or np.mean(np.any(where, axis=0)) < MIN_PIXEL_SHARE:
         return None
     squares, rest, by = squares[where], rest[where], by[where]
     # squares / (rest + q² by) is above the Gaussian's median where q² is below this.
-    return float(np.clip(np.sqrt(max(float(np.median((squares / GAUSSIAN_MEDIAN**2 - rest) / by)), 0.0)), *within))
+    return float(
+        np.clip(np.sqrt(max(float(np.median((squares / GAUSSIAN_MEDIAN_DEVIATION**2 - rest) / by)), 0.0)), *within)
+    )
 
 
 @numba.njit(
@@ -105,7 +111,7 @@ def _leverage(rows: FloatArray, weight: FloatArray, offset_sigma_m: float, out: 
                 inner[i, j] = total
             inner[i, i] += 1e-6 if i < 3 else offset_sigma_m**-2
         pixel_solve_kernels.cholesky(inner)
-        pixel_solve_kernels.forward(inner, own)
+        pixel_solve_kernels.forward_substitution(inner, own)
         for f in range(count):
             total = 0.0
             for i in range(4):

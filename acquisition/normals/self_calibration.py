@@ -3,7 +3,7 @@
 Each pixel with more than four usable lights has measurements to spare. Its own unknowns (albedo × normal and a depth
 offset) are projected out; what is left is linear in the few unknowns that all pixels share. The depth column in the
 projection keeps wrong depth at steps from being taken for wrong intensities. Model errors of neighbouring pixels go
-together, so the pixels' evidence is divided by `CORRELATED` before it meets the priors.
+together, so the pixels' evidence is divided by `EFFECTIVE_SAMPLE_DIVISOR` before it meets the priors.
 
 A lamp that stands a millimetre aside turns all normals, and without an unknown of its own what it does is put down to
 intensities. Errors of smooth objects fall by a twentieth with one, and those of unlucky draws by a fifth.
@@ -19,46 +19,46 @@ import numpy as np
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.normals import pixel_solve, pixel_solve_kernels
 from acquisition.normals.pixel_solve import Estimate
-from acquisition.normals.specular import Change
+from acquisition.normals.specular import HighlightDerivatives
 
-CORRELATED = 20.0
+EFFECTIVE_SAMPLE_DIVISOR = 20.0
 """Pixels whose model errors go together, errors of the lamps' positions included, which all pixels of an image share:
 with 10 the object's shift came out wrong by up to 8 mm where few lights tell it, with 30 steps are calibrated worse."""
 
-LOBE_SIGMA = 0.5
+LOBE_LOG_SIGMA = 0.5
 """1 σ of the logarithms of a lobe's strength and exponent."""
 
-LARGEST, DOUBT = 4.0, 0.6
-"""What lamps are said to be is believed until the images say that they are worse: LARGEST times at most, with 1 σ of
-the logarithm of that factor before the images speak."""
+MAX_SIGMA_SCALE, LOG_SCALE_SIGMA = 4.0, 0.6
+"""The prior of the intensity σ in `evidence_maximised_sigma`: at most MAX_SIGMA_SCALE times the stated one, with 1 σ
+of the logarithm of that factor."""
 
-DECISIVE = 3.0
+MIN_LOG_BAYES_FACTOR = 3.0
 """Log evidence from which images that speak of worse lamps are believed."""
 
-LEAST_LIGHTS = 4
-LEAST_PIXELS = 50
+MIN_LIGHTS = 4
+MIN_PIXELS = 50
 
 
 @dataclass(frozen=True)
-class Shared:
+class SharedParameters:
     """What all pixels share: log intensity per image (F,), how far each lamp is from where it is said to be (F, 3) in
     m, view frame, and the object's shift along the rays in m; and the covariance (4F, 4F) of the lamps' unknowns,
     log intensities first, then all x, all y and all z."""
 
     log_intensity: FloatArray
-    aside_m: FloatArray
+    lamp_offset_m: FloatArray
     shift_m: float
     covariance: FloatArray
 
     @classmethod
-    def as_told(cls, count: int) -> "Shared":
+    def nominal(cls, count: int) -> "SharedParameters":
         """Nothing is known but what the calibration says of `count` lamps."""
         return cls(np.zeros(count), np.zeros((count, 3)), 0.0, np.zeros((4 * count, 4 * count)))
 
-    def lamps(self, told: Float32Array) -> Float32Array:
+    def lamps(self, nominal: Float32Array) -> Float32Array:
         """Lamps (F, 6) that are said to be `told`, where they are."""
-        moved = told.copy()
-        moved[:, :3] += self.aside_m
+        moved = nominal.copy()
+        moved[:, :3] += self.lamp_offset_m
         return moved
 
 
@@ -71,30 +71,30 @@ class Priors:
     shift_m: float
 
 
-def step(
-    found: Estimate, derivative: Float32Array, values: Float32Array, lamp: Float32Array, present: Shared,
-    priors: Priors, offset_sigma_m: float, gloss: Change | None = None,
-) -> Shared:  # fmt: skip
+def gauss_newton_step(
+    found: Estimate, derivative: Float32Array, values: Float32Array, lamp: Float32Array, present: SharedParameters,
+    priors: Priors, offset_sigma_m: float, gloss: HighlightDerivatives | None = None,
+) -> SharedParameters:  # fmt: skip
     """One Gauss–Newton step of the shared unknowns from estimates at K pixels: their changes, and the covariance after.
 
     `derivative` (∂s/∂Z) (F, 3, K), `values` (F, K), `lamp` (F, 6) as estimated with; what is `present` is already
-    divided out of `values`, and in lamps and depth. Priors pull all towards zero, that of intensities as wide as the
-    images make likely (`likely`). Of glossy pixels `values` are without highlights, and `gloss` tells how these change.
+    divided out of `values`, and in lamps and depth. Priors pull all towards zero; that of the intensities is widened by
+    `evidence_maximised_sigma`. Of glossy pixels `values` are without highlights, and `gloss` has their derivatives.
     """
     count = len(values)
-    enough = np.count_nonzero(found.weights > 0, axis=0) >= LEAST_LIGHTS
+    enough = np.count_nonzero(found.weights > 0, axis=0) >= MIN_LIGHTS
     lobes = 0 if gloss is None else gloss.by_lobe.shape[1]
-    others = np.concatenate([np.full(3 * count, priors.position_m), [priors.shift_m], [LOBE_SIGMA] * lobes])
-    if np.count_nonzero(enough) < LEAST_PIXELS:
+    others = np.concatenate([np.full(3 * count, priors.position_m), [priors.shift_m], [LOBE_LOG_SIGMA] * lobes])
+    if np.count_nonzero(enough) < MIN_PIXELS:
         held = np.concatenate([np.full(count, priors.intensity), others[: 3 * count]])
-        return replace(Shared.as_told(count), covariance=np.diag(held**2))
+        return replace(SharedParameters.nominal(count), covariance=np.diag(held**2))
     size = count + len(others)
     sums = np.zeros((size + 1, size + 1))
     nothing = np.zeros((count, 0, 0), np.float32)
     _normal_equations(
         found.light,
         derivative,
-        by_position(found, lamp),
+        position_derivative(found, lamp),
         np.ascontiguousarray(values, np.float32),
         found.g,
         found.offset_m,
@@ -105,24 +105,26 @@ def step(
         offset_sigma_m,
         sums,
     )
-    matrix, right = sums[:-1, :-1] / CORRELATED, sums[:-1, -1] / CORRELATED
-    before = np.concatenate([present.log_intensity, present.aside_m.T.ravel(), [present.shift_m], np.zeros(lobes)])
+    matrix, right = sums[:-1, :-1] / EFFECTIVE_SAMPLE_DIVISOR, sums[:-1, -1] / EFFECTIVE_SAMPLE_DIVISOR
+    before = np.concatenate(
+        [present.log_intensity, present.lamp_offset_m.T.ravel(), [present.shift_m], np.zeros(lobes)]
+    )
     intensity_sigma = priors.intensity
     if intensity_sigma > 0:
-        intensity_sigma = likely(matrix, right + matrix @ before, _precision(others), intensity_sigma)
+        intensity_sigma = evidence_maximised_sigma(matrix, right + matrix @ before, _precision(others), intensity_sigma)
     held = np.concatenate([np.full(count, intensity_sigma), others])
     prior = _precision(held)
     covariance = np.asarray(np.linalg.inv(matrix + np.diag(prior)), np.float64)
     change = covariance @ (right - prior * np.where(held > 0, before, 0.0))
-    return Shared(
+    return SharedParameters(
         log_intensity=change[:count],
-        aside_m=change[count : 4 * count].reshape(3, count).T,
+        lamp_offset_m=change[count : 4 * count].reshape(3, count).T,
         shift_m=float(change[4 * count]),
         covariance=covariance[: 4 * count, : 4 * count],
     )
 
 
-def by_position(found: Estimate, lamp: Float32Array) -> Float32Array:
+def position_derivative(found: Estimate, lamp: Float32Array) -> Float32Array:
     """How values (F, 3, K) change with their lamps' positions, per m; lamps (F, 6) go on looking at the object."""
     away = lamp[:, :3, None] - found.point
     square = np.sum(away * away, axis=1, keepdims=True)
@@ -131,7 +133,7 @@ def by_position(found: Estimate, lamp: Float32Array) -> Float32Array:
     return np.ascontiguousarray(strength * (found.g - 3 * away * along / square), np.float32)
 
 
-def likely(matrix: FloatArray, right: FloatArray, others: FloatArray, stated: float) -> float:
+def evidence_maximised_sigma(matrix: FloatArray, right: FloatArray, others: FloatArray, stated: float) -> float:
     """1 σ of the intensities: `stated`, unless the images make a larger one much likelier.
 
     The images' normal equations `matrix` x = `right` are in the log intensities (F,) and then the other shared unknowns
@@ -145,12 +147,12 @@ def likely(matrix: FloatArray, right: FloatArray, others: FloatArray, stated: fl
     told = right[:count] - across @ np.linalg.solve(last, right[count:])
     precision, axes = np.linalg.eigh((own + own.T) / 2)
     precision = np.maximum(precision, 0)
-    times = np.geomspace(1, LARGEST, 21)
+    times = np.geomspace(1, MAX_SIGMA_SCALE, 21)
     variance = (times[:, None] * stated) ** 2
     gained = (axes.T @ told) ** 2 / (precision + 1 / variance) - np.log1p(precision * variance)
-    evidence = (np.sum(gained, axis=1) - (np.log(times) / DOUBT) ** 2) / 2
+    evidence = (np.sum(gained, axis=1) - (np.log(times) / LOG_SCALE_SIGMA) ** 2) / 2
     best = int(np.argmax(evidence))
-    return stated * float(times[best]) if evidence[best] > evidence[0] + DECISIVE else stated
+    return stated * float(times[best]) if evidence[best] > evidence[0] + MIN_LOG_BAYES_FACTOR else stated
 
 
 def _precision(sigma: FloatArray) -> FloatArray:
@@ -158,12 +160,12 @@ def _precision(sigma: FloatArray) -> FloatArray:
     return np.where(sigma > 0, 1.0 / np.maximum(sigma, 1e-12) ** 2, 1e18)
 
 
-def spread(found: Estimate, lamp: Float32Array, covariance: FloatArray) -> Float32Array:
+def normal_variance(found: Estimate, lamp: Float32Array, covariance: FloatArray) -> Float32Array:
     """Variance (N,) in rad² of the normals, both tangential directions, from errors of the lamps (F, 6) that all pixels
-    share, with `covariance` (4F, 4F) as in `Shared`."""
-    kinds = [np.einsum("fcn,cn->fn", found.light, found.g), *by_position(found, lamp).transpose(1, 0, 2)]
+    share, with `covariance` (4F, 4F) as in `SharedParameters`."""
+    kinds = [np.einsum("fcn,cn->fn", found.light, found.g), *position_derivative(found, lamp).transpose(1, 0, 2)]
     right = [np.einsum("fn,fan->naf", found.weights * kind, found.light) for kind in kinds]
-    moved = pixel_solve.turned(found, np.concatenate(right, axis=2).astype(np.float64))
+    moved = pixel_solve.normal_perturbation(found, np.concatenate(right, axis=2).astype(np.float64))
     return np.einsum("naf,fg,nag->n", moved, covariance, moved, optimize=True).astype(np.float32)
 
 
@@ -231,7 +233,7 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
                 inner[i, j] = total
             inner[i, i] += 1e-6 if i < 3 else offset_sigma_m**-2
         pixel_solve_kernels.cholesky(inner)
-        pixel_solve_kernels.forward(inner, own)
+        pixel_solve_kernels.forward_substitution(inner, own)
         for i in range(4):
             for a in range(4):
                 for f in range(count):

@@ -22,28 +22,28 @@ from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.shot import FrameRef, FrameSource, Observations, Shot
 from acquisition.normals import photon_transfer
-from acquisition.normals.photon_transfer import Points
+from acquisition.normals.photon_transfer import TransferCurve
 
-GAIN_KNOWN, READ_NOISE_KNOWN = 0.05, 0.15
+MAX_GAIN_SIGMA, MAX_READ_NOISE_SIGMA = 0.05, 0.15
 """1 σ, as fractions, up to which what the frames show is taken."""
 
-LARGEST_RATIO = 1.27
+MAX_EXPOSURE_RATIO = 1.27
 """Of the exposure times of two lamp-off frames that count as a pair: neighbours in the series of exposure times."""
 
-MOST_PIXELS = 1_000_000
+MAX_PIXELS = 1_000_000
 STRIPS = 16
 """More tells nothing more; what is read of a large frame is as many strips of rows."""
 
-BELOW_CLIPPING = 0.95
+MAX_LEVEL_SHARE = 0.95
 """Of the level at which pixels clip: above it, noise itself is clipped."""
 
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 
-NOTHING = Points(np.zeros(0), np.zeros(0), np.zeros(0))
+EMPTY_CURVE = TransferCurve(np.zeros(0), np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True)
-class Shown:
+class SensorEstimate:
     """The calibration with the sensor that the frames show, the figures with their 1 σ (e⁻ per value, e⁻), and in words
     where they are from."""
 
@@ -52,39 +52,39 @@ class Shown:
     note: str
 
 
-def shown(observations: Observations, calibration: Calibration, rows: slice, columns: slice) -> Shown:
+def estimate(observations: Observations, calibration: Calibration, rows: slice, columns: slice) -> SensorEstimate:
     """What the repeated and the lamp-off frames say of the sensor within a window of rows and columns."""
     sensor, frames = calibration.sensor, observations.frames
     strips = _strips(rows, columns.stop - columns.start)
     size = (calibration.width, calibration.height)
     off = [*observations.darks.values(), *(shot for shot in observations.repeats if shot.kind == "dark")]
     darks = [shot for shot in off if (shot.frame.width, shot.frame.height) == size]
-    curves = [_of_pair(frames, pair, sensor, strips, columns) for pair in _repeated(observations, size)]
+    curves = [_pair_curve(frames, pair, sensor, strips, columns) for pair in _repeated_pairs(observations, size)]
     pairs = [curve for curve in curves if curve is not None]
-    dark, told = _of_darks(frames, darks, sensor, strips, columns)
+    dark, told = _dark_curve(frames, darks, sensor, strips, columns)
     twice = len(pairs)
     told = f"{twice} image{'' if twice == 1 else 's'} taken twice, {told}"
     if not twice:
-        return _kept(calibration, f"no two frames of one light ({told})")
-    lit = photon_transfer.joined(pairs)
-    line = photon_transfer.line(photon_transfer.joined([lit, dark])) if len(lit.level) else None
-    return _taken(calibration, line, told)
+        return _from_calibration(calibration, f"no two frames of one light ({told})")
+    lit = photon_transfer.concatenate(pairs)
+    line = photon_transfer.fit_line(photon_transfer.concatenate([lit, dark])) if len(lit.level) else None
+    return _from_fit(calibration, line, told)
 
 
-def _kept(calibration: Calibration, why: str) -> Shown:
+def _from_calibration(calibration: Calibration, why: str) -> SensorEstimate:
     sensor = calibration.sensor
-    return Shown(calibration, _figures(sensor), f"as the calibration says, {_said(sensor)}: {why}")
+    return SensorEstimate(calibration, _figures(sensor), f"as the calibration says, {_in_words(sensor)}: {why}")
 
 
-def _taken(calibration: Calibration, fitted: photon_transfer.Line | None, told: str) -> Shown:
+def _from_fit(calibration: Calibration, fitted: photon_transfer.LinearFit | None, told: str) -> SensorEstimate:
     sensor = calibration.sensor
-    if fitted is None or fitted.slope <= 0 or fitted.slope_sigma > GAIN_KNOWN * fitted.slope:
-        return _kept(calibration, f"too few pixels tell ({told})")
+    if fitted is None or fitted.slope <= 0 or fitted.slope_sigma > MAX_GAIN_SIGMA * fitted.slope:
+        return _from_calibration(calibration, f"too few pixels tell ({told})")
     gain = 1 / fitted.slope
     relative = fitted.slope_sigma / fitted.slope
     read_dn = float(np.sqrt(max(fitted.floor - 1 / 12, 0)))
     read_sigma_dn = fitted.floor_sigma / (2 * max(read_dn, 1e-9))
-    known = read_sigma_dn <= READ_NOISE_KNOWN * read_dn
+    known = read_sigma_dn <= MAX_READ_NOISE_SIGMA * read_dn
     read_dn = read_dn if known else sensor.read_noise_e / sensor.gain_e_per_dn
     found = sensor.model_copy(
         update={
@@ -97,11 +97,11 @@ def _taken(calibration: Calibration, fitted: photon_transfer.Line | None, told: 
     if known:
         figures["read_noise_sigma"] = float(np.hypot(read_sigma_dn * gain, read_dn * gain * relative))
     kept = "" if known else ", read noise in values that of the calibration, for too few dark pixels tell"
-    note = f"found in the frames ({told}): {_said(found)}{kept}; the calibration says {_said(sensor)}"
-    return Shown(calibration.model_copy(update={"sensor": found}), figures, note)
+    note = f"found in the frames ({told}): {_in_words(found)}{kept}; the calibration says {_in_words(sensor)}"
+    return SensorEstimate(calibration.model_copy(update={"sensor": found}), figures, note)
 
 
-def _said(sensor: SensorModel) -> str:
+def _in_words(sensor: SensorModel) -> str:
     return f"gain {sensor.gain_e_per_dn:.3g} e⁻ per value, read noise {sensor.read_noise_e:.3g} e⁻"
 
 
@@ -109,7 +109,7 @@ def _figures(sensor: SensorModel) -> dict[str, float]:
     return {"gain_e_per_dn": sensor.gain_e_per_dn, "read_noise_e": sensor.read_noise_e}
 
 
-def _repeated(observations: Observations, size: tuple[int, int]) -> list[tuple[Shot, Shot]]:
+def _repeated_pairs(observations: Observations, size: tuple[int, int]) -> list[tuple[Shot, Shot]]:
     """Images and their repetitions. An image that was discarded and taken anew is younger than its repetition."""
     by_key = {shot.key: shot for shot in observations.shots}
     pairs: list[tuple[Shot, Shot]] = []
@@ -124,16 +124,16 @@ def _repeated(observations: Observations, size: tuple[int, int]) -> list[tuple[S
 
 def _strips(rows: slice, width: int) -> list[slice]:
     height = rows.stop - rows.start
-    each = max(2, min(-(-height // STRIPS), MOST_PIXELS // (STRIPS * width)) // 2 * 2)  # neighbours stay together
+    each = max(2, min(-(-height // STRIPS), MAX_PIXELS // (STRIPS * width)) // 2 * 2)  # neighbours stay together
     starts = np.unique(np.linspace(0, max(height - each, 0), STRIPS).astype(int))
     if each * STRIPS >= height:
         starts = np.arange(0, height, each)
     return [slice(rows.start + int(at), min(rows.start + int(at) + each, rows.stop)) for at in starts]
 
 
-def _of_pair(
+def _pair_curve(
     frames: FrameSource, pair: tuple[Shot, Shot], sensor: SensorModel, strips: list[slice], columns: slice
-) -> Points | None:
+) -> TransferCurve | None:
     """The curve of two frames of one light, none of one frame stored twice; the second, a little brighter or darker, is
     scaled to the first.
 
@@ -147,54 +147,54 @@ def _of_pair(
     first -= black
     second -= black
     level = (first + second) * np.float32(0.5)
-    good &= level < BELOW_CLIPPING * (clipping - black)
+    good &= level < MAX_LEVEL_SHARE * (clipping - black)
     power = float(np.sum(second * second * good, dtype=np.float64))
     if power == 0:
-        return NOTHING
+        return EMPTY_CURVE
     scale = float(np.sum(first * second * good, dtype=np.float64)) / power
     level *= np.float32(0.5 * (1 + scale) ** 2 / (1 + scale**2))
     second *= np.float32(scale)
     first -= second
     first *= np.float32((1 + scale**2) ** -0.5)
-    return _scatter(level, first, sensor, good)
+    return _quad_curve(level, first, sensor, good)
 
 
-def _of_darks(
+def _dark_curve(
     frames: FrameSource, darks: Iterable[Shot], sensor: SensorModel, strips: list[slice], columns: slice
-) -> tuple[Points, str]:
+) -> tuple[TransferCurve, str]:
     """The curve of lamp-off frames, and in words what they are of."""
     taken = sorted(darks, key=lambda shot: shot.exposure_s)
     if not taken:
-        return NOTHING, "no lamp-off frame"
+        return EMPTY_CURVE, "no lamp-off frame"
     black = np.float32(sensor.black_level_dn)
     for shorter, other in sorted(pairwise(taken), key=lambda pair: pair[1].exposure_s / pair[0].exposure_s):
-        if other.exposure_s > LARGEST_RATIO * shorter.exposure_s:
+        if other.exposure_s > MAX_EXPOSURE_RATIO * shorter.exposure_s:
             break
         first, second = (_read(frames, shot.frame, strips, columns) for shot in (shorter, other))
         if not np.array_equal(first, second):  # else one frame stored twice
             level = (first + second) * np.float32(0.5)
             level -= black
-            return _scatter(level, (first - second) * np.float32(0.5**0.5), sensor), "two lamp-off frames"
+            return _quad_curve(level, (first - second) * np.float32(0.5**0.5), sensor), "two lamp-off frames"
     alone = _read(frames, taken[0].frame, strips, columns)
     alone -= black
-    return _scatter(alone, alone, sensor), "one lamp-off frame, its fixed pattern included"
+    return _quad_curve(alone, alone, sensor), "one lamp-off frame, its fixed pattern included"
 
 
-def _scatter(
+def _quad_curve(
     level: Float32Array, scattered: Float32Array, sensor: SensorModel, good: BoolArray | None = None
-) -> Points:
+) -> TransferCurve:
     """The curve of frames (n, w) that scatter as one frame of that brightness, by differences of four neighbours."""
-    one, right, below, across = _fours(level)
+    one, right, below, across = _quads(level)
     middle = (one + right + below + across) * np.float32(0.25)
-    one, right, below, across = _fours(scattered)
+    one, right, below, across = _quads(scattered)
     apart = (one - right - below + across) * np.float32(0.5)
     if good is not None:
-        all_good = np.logical_and.reduce(_fours(good))
+        all_good = np.logical_and.reduce(_quads(good))
         middle, apart = middle[all_good], apart[all_good]
-    return photon_transfer.points(middle.ravel(), apart.ravel(), sensor.full_scale_dn, 1.0)
+    return photon_transfer.transfer_curve(middle.ravel(), apart.ravel(), sensor.full_scale_dn, 1.0)
 
 
-def _fours(image: NDArray[ScalarT]) -> tuple[NDArray[ScalarT], ...]:
+def _quads(image: NDArray[ScalarT]) -> tuple[NDArray[ScalarT], ...]:
     """The four pixels of each square of two by two."""
     height, width = (length // 2 * 2 for length in image.shape)
     return tuple(image[row:height:2, column:width:2] for row in (0, 1) for column in (0, 1))

@@ -18,13 +18,13 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
 from acquisition.models.shot import Observations, Shot
 
-HELD_BYTES = 1 << 28
+MAX_HELD_BYTES = 1 << 28
 """Stacks of values and clipped pixels up to this size are kept in memory."""
 
 BYTES_PER_VALUE = 5
-ROWS_AT_ONCE = 64
+BLOCK_ROWS = 64
 
-Values = tuple[Float32Array, BoolArray]
+ValuesAndClipped = tuple[Float32Array, BoolArray]
 """Values y and clipped pixels (F, n, w) of n rows of a window."""
 
 
@@ -56,13 +56,13 @@ class Images(Protocol):
     @property
     def floor(self) -> FloatArray: ...
 
-    def read(self, start: int, stop: int, /) -> Values:
+    def read(self, start: int, stop: int, /) -> ValuesAndClipped:
         """The rows [start, stop), counted from the window's first."""
         ...
 
 
 @dataclass(frozen=True)
-class Stack:
+class ImageStack:
     """`Images` in memory: values y and clipped pixels (F, h, w)."""
 
     values: Float32Array
@@ -73,16 +73,16 @@ class Stack:
     shot: FloatArray
     floor: FloatArray
 
-    def read(self, start: int, stop: int) -> Values:
+    def read(self, start: int, stop: int) -> ValuesAndClipped:
         """The rows [start, stop)."""
         return self.values[:, start:stop], self.clipped[:, start:stop]
 
 
 @dataclass(frozen=True)
-class Stored:
+class StoredImages:
     """`Images` that are read from where they are stored, each time."""
 
-    read: Callable[[int, int], Values]
+    read: Callable[[int, int], ValuesAndClipped]
     lights: tuple[Light, ...]
     rows: slice
     columns: slice
@@ -90,16 +90,16 @@ class Stored:
     floor: FloatArray
 
 
-def kept(images: Stored) -> Stack | Stored:
+def held_if_small(images: StoredImages) -> ImageStack | StoredImages:
     """The images in memory if they are small, else as they are."""
     count, height, width = len(images.lights), _length(images.rows), _length(images.columns)
-    if BYTES_PER_VALUE * count * height * width > HELD_BYTES:
+    if BYTES_PER_VALUE * count * height * width > MAX_HELD_BYTES:
         return images
     values, clipped = np.empty((count, height, width), np.float32), np.empty((count, height, width), np.bool_)
-    for start in range(0, height, ROWS_AT_ONCE):
-        here = slice(start, min(start + ROWS_AT_ONCE, height))
+    for start in range(0, height, BLOCK_ROWS):
+        here = slice(start, min(start + BLOCK_ROWS, height))
         values[:, here], clipped[:, here] = images.read(here.start, here.stop)
-    return Stack(values, clipped, images.lights, images.rows, images.columns, images.shot, images.floor)
+    return ImageStack(values, clipped, images.lights, images.rows, images.columns, images.shot, images.floor)
 
 
 def lit_shots(observations: Observations) -> list[tuple[Shot, Light]]:
@@ -117,17 +117,19 @@ def lit_shots(observations: Observations) -> list[tuple[Shot, Light]]:
     return shots
 
 
-def read(observations: Observations, calibration: Calibration, rows: slice, columns: slice) -> Stack | Stored:
+def read(
+    observations: Observations, calibration: Calibration, rows: slice, columns: slice
+) -> ImageStack | StoredImages:
     """All lit images within a window of rows and columns.
 
     Raises RigError normals.infeasible when a frame's size is not the calibration's or a lamp-off frame is missing.
     """
     shots, lights = zip(*lit_shots(observations), strict=True)
-    darks = {shot.exposure_s: _dark(observations, shot) for shot in shots}
+    darks = {shot.exposure_s: _lamp_off_shot(observations, shot) for shot in shots}
     for shot in (*shots, *darks.values()):
         _refuse_other_size(shot, calibration)
 
-    def block(start: int, stop: int) -> Values:
+    def block(start: int, stop: int) -> ValuesAndClipped:
         lines = rows.start + start, rows.start + stop
 
         def window(shot: Shot) -> np.ndarray:
@@ -143,26 +145,26 @@ def read(observations: Observations, calibration: Calibration, rows: slice, colu
         return values, clipped
 
     black = calibration.sensor.black_level_dn
-    ambient = {seconds: _mean(observations, dark, rows, columns) - black for seconds, dark in darks.items()}
+    ambient = {seconds: _window_mean(observations, dark, rows, columns) - black for seconds, dark in darks.items()}
     seconds = [shot.exposure_s for shot in shots]
     photons, floor = photometry.sensor_noise(calibration, seconds, [ambient[one] for one in seconds])
-    return kept(Stored(block, lights, rows, columns, photons, floor))
+    return held_if_small(StoredImages(block, lights, rows, columns, photons, floor))
 
 
 def _length(part: slice) -> int:
     return int(part.stop - part.start)
 
 
-def _mean(observations: Observations, shot: Shot, rows: slice, columns: slice) -> float:
+def _window_mean(observations: Observations, shot: Shot, rows: slice, columns: slice) -> float:
     """The mean of a frame's window."""
     total = 0.0
-    for start in range(rows.start, rows.stop, ROWS_AT_ONCE):
-        stop = min(start + ROWS_AT_ONCE, rows.stop)
+    for start in range(rows.start, rows.stop, BLOCK_ROWS):
+        stop = min(start + BLOCK_ROWS, rows.stop)
         total += float(np.sum(observations.frames.rows(shot.frame, start, stop)[:, columns], dtype=np.float64))
     return total / (_length(rows) * _length(columns))
 
 
-def _dark(observations: Observations, shot: Shot) -> Shot:
+def _lamp_off_shot(observations: Observations, shot: Shot) -> Shot:
     try:
         return observations.darks[shot.exposure_s]
     except KeyError:

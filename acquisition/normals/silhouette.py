@@ -13,21 +13,21 @@ import numpy as np
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.errors import ErrorCode, RigError
 
-LEAST_CONTRAST = 1.5
+MIN_CONTRAST = 1.5
 """Object and table must differ by this factor, else the region is taken to hold nothing but the object."""
 
-TABLE_SCATTER = 6.0
+TABLE_DEVIATIONS = 6.0
 TABLE_MARGIN = 1.35
 
 
-def window(mask: BoolArray) -> tuple[slice, slice]:
+def bounding_box(mask: BoolArray) -> tuple[slice, slice]:
     """The rows and columns of a mask's bounding box; an empty mask's is its first pixel."""
     there = [np.flatnonzero(np.any(mask, axis=axis)) for axis in (1, 0)]
     rows, columns = (slice(int(places[0]), int(places[-1]) + 1) if len(places) else slice(0, 1) for places in there)
     return rows, columns
 
 
-def largest_part(mask: BoolArray) -> BoolArray:
+def largest_component(mask: BoolArray) -> BoolArray:
     """The largest connected part of a mask, its holes filled."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
     if count < 2:
@@ -38,7 +38,7 @@ def largest_part(mask: BoolArray) -> BoolArray:
     return (background != background[0, 0])[1:-1, 1:-1]
 
 
-def brightest(values: Float32Array, strength: Float32Array, clipped: BoolArray) -> Float32Array:
+def albedo_bound(values: Float32Array, strength: Float32Array, clipped: BoolArray) -> Float32Array:
     """Each pixel's largest value (h, w) as a share of a white surface's, inf where it is clipped.
 
     `values` and `clipped` (F, h, w); `strength` |s| (F, h, w) on a rough plane.
@@ -48,12 +48,12 @@ def brightest(values: Float32Array, strength: Float32Array, clipped: BoolArray) 
     return np.max(ratio, axis=0)
 
 
-def find(brightest: Float32Array, region: BoolArray) -> BoolArray:
+def segment(albedo_bound: Float32Array, region: BoolArray) -> BoolArray:
     """The object's pixels (h, w) within `region`, from how bright each is at most.
 
     Raises RigError normals.infeasible when nothing is lit.
     """
-    measured = brightest[region & np.isfinite(brightest) & (brightest > 0)]
+    measured = albedo_bound[region & np.isfinite(albedo_bound) & (albedo_bound > 0)]
     if measured.size < 16 or float(np.quantile(measured, 0.99)) < 1e-3:
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE,
@@ -62,13 +62,15 @@ def find(brightest: Float32Array, region: BoolArray) -> BoolArray:
     level = np.log(np.clip(measured, 1e-4, None))
     threshold = _otsu(level)
     table, bright = level[level < threshold], level[level >= threshold]
-    if table.size < 16 or float(np.median(bright) - np.median(table)) < np.log(LEAST_CONTRAST):
-        return largest_part(region & (brightest > np.exp(np.median(level)) * 0.05))
+    if table.size < 16 or float(np.median(bright) - np.median(table)) < np.log(MIN_CONTRAST):
+        return largest_component(region & (albedo_bound > np.exp(np.median(level)) * 0.05))
     middle = float(np.median(table))
     scatter = 1.4826 * float(np.median(np.abs(table - middle)))
-    threshold = min(threshold, middle + max(TABLE_SCATTER * scatter, np.log(TABLE_MARGIN)))
-    candidate = region & (brightest > np.exp(threshold))
-    return largest_part(cv2.morphologyEx(candidate.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0)
+    threshold = min(threshold, middle + max(TABLE_DEVIATIONS * scatter, np.log(TABLE_MARGIN)))
+    candidate = region & (albedo_bound > np.exp(threshold))
+    return largest_component(
+        cv2.morphologyEx(candidate.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
+    )
 
 
 def _otsu(level: Float32Array) -> float:

@@ -16,14 +16,14 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
 from acquisition.normals import alternation, final_solve, pyramid, sensor_estimate, session_images, silhouette
-from acquisition.normals.final_solve import Model
-from acquisition.normals.pyramid import Seen
+from acquisition.normals.final_solve import Scene
+from acquisition.normals.pyramid import MaskedImages
 from acquisition.normals.session_images import Images
 
-LEAST_SPREAD = 0.05
+MIN_DIRECTION_SPREAD = 0.05
 """Smallest singular value of the unit light directions (scaled by √F): below, they lie in one plane."""
 
-LEAST_PIXELS = 16
+MIN_PIXELS = 16
 
 
 def solve(
@@ -44,7 +44,7 @@ def solve(
     the lights are parallel or in one plane, or nothing is lit.
     """
     rows, columns = _window(region, calibration.height, calibration.width)
-    shown = sensor_estimate.shown(observations, calibration, rows, columns)
+    shown = sensor_estimate.estimate(observations, calibration, rows, columns)
     images = session_images.read(observations, shown.calibration, rows, columns)
     found = solve_stack(
         images, shown.calibration, settings, initial_depth_m=initial_depth_m, region=region,
@@ -76,27 +76,27 @@ def solve_stack(
     rough = np.broadcast_to(np.asarray(initial_depth_m, np.float32), size)[rows, columns]
     lamp = photometry.lamps(images.lights)
     known = None if object_mask is None else object_mask[rows, columns] & inside
-    seen = Seen(images, inside if known is None else known, photometry.rays(calibration, rows, columns))
-    middle = _middle(seen, rough)
-    _refuse_flat_lights(lamp, middle)
+    seen = MaskedImages(images, inside if known is None else known, photometry.rays(calibration, rows, columns))
+    middle = _centroid(seen, rough)
+    _refuse_coplanar_lights(lamp, middle)
     distance = float(np.mean(np.linalg.norm(lamp[:, :3] - middle, axis=1)))
     noise = photometry.model_noise(calibration, images.shot, images.floor, distance)
 
     if known is None:
-        found = silhouette.find(pyramid.brightest(seen, rough, lamp, calibration), inside)
-        seen = Seen(images, found, seen.ray)
+        found = silhouette.segment(pyramid.albedo_bound(seen, rough, lamp, calibration), inside)
+        seen = MaskedImages(images, found, seen.ray)
     count = int(np.count_nonzero(seen.mask))
-    if count < LEAST_PIXELS:
+    if count < MIN_PIXELS:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no object was found in the region: check where it stands")
-    factor = alternation.coarseness(count)
+    factor = alternation.coarse_factor(count)
     table = None if table_depth_m is None else table_depth_m[rows, columns]
-    gathered = seen.gathered(factor, final_solve.sample(count), table)
+    gathered = seen.level(factor, final_solve.noise_sample(count), table)
     start = rough[seen.mask]
     if factor > 1:
         start = np.full(len(gathered.coarse.index), np.mean(start), np.float32)
     refined = alternation.refine(gathered.coarse, factor, start, lamp, calibration, noise, settings, gathered.table)
-    model = Model(refined.shared.lamps(lamp), calibration, noise, settings)
-    model = final_solve.with_noise_of(gathered.few, refined.at(gathered.at_few), model)
+    model = Scene(refined.shared.lamps(lamp), calibration, noise, settings)
+    model = final_solve.with_residual_noise(gathered.sample, refined.resampled(gathered.interpolate_sample), model)
     return final_solve.solve(seen, gathered, refined, model, size)
 
 
@@ -117,10 +117,10 @@ def _window(region: BoolArray | None, height: int, width: int) -> tuple[slice, s
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE, "the region is empty or not of the image's size: draw it round the object"
         )
-    return silhouette.window(region)
+    return silhouette.bounding_box(region)
 
 
-def _middle(seen: Seen, depth_m: Float32Array) -> Float32Array:
+def _centroid(seen: MaskedImages, depth_m: Float32Array) -> Float32Array:
     """The mean (3,) of the points at a depth (h, w)."""
     if not np.any(seen.mask):
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "the mask of the object is empty: draw it round the object")
@@ -133,11 +133,11 @@ def _middle(seen: Seen, depth_m: Float32Array) -> Float32Array:
     return (total / np.count_nonzero(seen.mask)).astype(np.float32)
 
 
-def _refuse_flat_lights(lamp: Float32Array, middle: Float32Array) -> None:
+def _refuse_coplanar_lights(lamp: Float32Array, middle: Float32Array) -> None:
     offsets = lamp[:, :3] - middle
     units = offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
     spread = np.linalg.svd(units, compute_uv=False)[-1] / np.sqrt(len(units))
-    if not spread > LEAST_SPREAD:
+    if not spread > MIN_DIRECTION_SPREAD:
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE,
             "the lights are parallel or lie in one plane with the object: take lights from other sides",

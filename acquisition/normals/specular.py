@@ -22,21 +22,21 @@ from acquisition.normals.pixel_solve import Estimate, Pixels
 from acquisition.photometry import Noise
 
 EXPONENTS = (12.0, 18.0, 25.0, 35.0, 50.0, 80.0, 120.0)
-SIGMA = photometry.PREDICTED_HIGHLIGHT_SIGMA
+HIGHLIGHT_SIGMA = photometry.PREDICTED_HIGHLIGHT_SIGMA
 
-WIDE_CAUCHY = 10.0
-ROUNDS = 4
-LEAST_LIGHTS = 5
-LEAST_PIXELS = 100
-GLOSSY_FROM = 0.02
-LEAST_EXPLAINED = 0.15
-"""A surface is taken as matt unless the lobe is stronger than GLOSSY_FROM and explains so large a share of the squared
+WIDE_CAUCHY_SCALE = 10.0
+FIT_ROUNDS = 4
+MIN_LIGHTS = 5
+MIN_PIXELS = 100
+MIN_STRENGTH = 0.02
+MIN_EXPLAINED_SHARE = 0.15
+"""A surface is taken as matt unless the lobe is stronger than MIN_STRENGTH and explains so large a share of the squared
 residuals: on curved path-traced objects gloss explains a third and more, a matt surface in direct light a few per cent.
 Facing flat walls are the hard case: bounced light looks like a wide lobe there, which is why EXPONENTS starts at 12."""
 
 
 @dataclass(frozen=True)
-class Change:
+class HighlightDerivatives:
     """How a highlight at K pixels changes with their g (F, 3, K), and with the logarithms of the lobe's strength, which
     is the highlight itself, and of its exponent (F, 2, K)."""
 
@@ -60,15 +60,15 @@ class Lobe:
         """What the lobe adds to y (F, N) where a measurement is lit, for ∂x/∂Z (3, N)."""
         if self.strength == 0:
             return np.zeros(found.usable.shape, np.float32)
-        shape = _shape(found.light, pixel_solve.facing(found.normals, along), along, self.exponent)
+        shape = _unit_highlight(found.light, pixel_solve.clamp_to_visible(found.normals, along), along, self.exponent)
         return (np.float32(self.strength) * shape * found.usable).astype(np.float32)
 
-    def change(self, found: Estimate, along: Float32Array) -> Change | None:
+    def derivatives(self, found: Estimate, along: Float32Array) -> HighlightDerivatives | None:
         """The highlight where a measurement is lit, and its derivatives; none without a lobe."""
         if self.strength == 0:
             return None
-        normals = pixel_solve.facing(found.normals, along)
-        half, strength = _half_way(found.light, along)
+        normals = pixel_solve.clamp_to_visible(found.normals, along)
+        half, strength = _half_vectors(found.light, along)
         cosine = np.einsum("fcn,cn->fn", half, normals)
         seen = found.usable & (cosine > 0)
         cosine = np.where(seen, cosine, 1).astype(np.float32)
@@ -76,10 +76,10 @@ class Lobe:
         height = np.float32(self.strength) * strength * cosine**exponent * seen
         steepness = exponent * height / cosine / np.maximum(found.albedo, np.float32(1e-6))
         by_g = steepness[:, None] * (half - cosine[:, None] * normals)
-        return Change(by_g, np.stack([height, exponent * height * np.log(cosine)], axis=1))
+        return HighlightDerivatives(by_g, np.stack([height, exponent * height * np.log(cosine)], axis=1))
 
 
-NONE = Lobe(0.0, EXPONENTS[-1])
+NO_LOBE = Lobe(0.0, EXPONENTS[-1])
 
 
 def fit(
@@ -91,33 +91,33 @@ def fit(
     It needs five usable lights at a hundred pixels, else `NONE`.
     """
     lobe = start
-    for _ in range(ROUNDS):
+    for _ in range(FIT_ROUNDS):
         added = np.zeros_like(values)
         if lobe.strength > 0:
             guess = pixel_solve.solve(pixels, values, depth_m, lamp, calibration, noise, threshold=threshold)
             added = lobe.highlight(guess, along)
         found = pixel_solve.solve(
             pixels, values - added, depth_m, lamp, calibration, noise, threshold=threshold,
-            cauchy_scale=WIDE_CAUCHY, extra=(np.float32(SIGMA) * added) ** 2,
+            cauchy_scale=WIDE_CAUCHY_SCALE, extra=(np.float32(HIGHLIGHT_SIGMA) * added) ** 2,
         )  # fmt: skip
-        lobe, explained = _strength(values, found, along, lamp)
-        if lobe.strength <= GLOSSY_FROM or explained < LEAST_EXPLAINED:
-            return NONE
+        lobe, explained = _fit_strength(values, found, along, lamp)
+        if lobe.strength <= MIN_STRENGTH or explained < MIN_EXPLAINED_SHARE:
+            return NO_LOBE
     return lobe
 
 
-def _strength(values: Float32Array, found: Estimate, along: Float32Array, lamp: Float32Array) -> tuple[Lobe, float]:
+def _fit_strength(values: Float32Array, found: Estimate, along: Float32Array, lamp: Float32Array) -> tuple[Lobe, float]:
     """The lobe of least residual, and the share of squared residuals that it explains.
 
     Projected out are g of each pixel and a shift of the whole object: flat surfaces show much the same for either.
     """
-    enough = np.count_nonzero(found.weights > 0, axis=0) >= LEAST_LIGHTS
-    if np.count_nonzero(enough) < LEAST_PIXELS:
-        return NONE, 0.0
-    change = pixel_solve.derivative(found.light, found.point, along, lamp)
-    half, length = _half_way(found.light, along)
+    enough = np.count_nonzero(found.weights > 0, axis=0) >= MIN_LIGHTS
+    if np.count_nonzero(enough) < MIN_PIXELS:
+        return NO_LOBE, 0.0
+    change = pixel_solve.depth_derivative(found.light, found.point, along, lamp)
+    half, length = _half_vectors(found.light, along)
     gram = np.zeros((2 + len(EXPONENTS), 2 + len(EXPONENTS)))
-    _products(
+    _projected_products(
         found.weights,
         found.light,
         np.ascontiguousarray(values, np.float32),
@@ -130,7 +130,7 @@ def _strength(values: Float32Array, found: Estimate, along: Float32Array, lamp: 
     )
     gram -= np.outer(gram[:, 1], gram[1]) / max(float(gram[1, 1]), 1e-24)  # the shift projected out
     whole = float(gram[0, 0])
-    best, least = NONE, whole
+    best, least = NO_LOBE, whole
     for exponent, along_lobe, squared in zip(EXPONENTS, gram[2:, 0], np.diag(gram)[2:], strict=True):
         strength = float(along_lobe) / max(float(squared), 1e-12)
         left = whole - strength**2 * float(squared)
@@ -146,7 +146,7 @@ def _strength(values: Float32Array, found: Estimate, along: Float32Array, lamp: 
     fastmath=True,
     error_model="numpy",
 )
-def _products(  # noqa: PLR0912 - one fused kernel is the point
+def _projected_products(  # noqa: PLR0912 - one fused kernel is the point
     weights: Float32Array,  # (F, K)
     light: Float32Array,  # (F, 3, K)
     values: Float32Array,  # (F, K)
@@ -188,7 +188,7 @@ def _products(  # noqa: PLR0912 - one fused kernel is the point
         for i in range(3):
             inner[i, i] += 1e-6 * trace
         pixel_solve_kernels.cholesky(inner)
-        pixel_solve_kernels.forward(inner, across)
+        pixel_solve_kernels.forward_substitution(inner, across)
         for a in range(size):
             for b in range(a, size if a < 2 else a + 1):  # no two lobes are asked for together
                 total = 0.0
@@ -200,14 +200,14 @@ def _products(  # noqa: PLR0912 - one fused kernel is the point
                 out[b, a] = out[a, b]
 
 
-def _shape(light: Float32Array, normals: Float32Array, along: Float32Array, exponent: float) -> Float32Array:
+def _unit_highlight(light: Float32Array, normals: Float32Array, along: Float32Array, exponent: float) -> Float32Array:
     """|s| (n·h)^α (F, N)."""
-    half, strength = _half_way(light, along)
+    half, strength = _half_vectors(light, along)
     cosine = np.einsum("fcn,cn->fn", half, normals)
     return strength * np.clip(cosine, 0, 1) ** np.float32(exponent)
 
 
-def _half_way(light: Float32Array, along: Float32Array) -> tuple[Float32Array, Float32Array]:
+def _half_vectors(light: Float32Array, along: Float32Array) -> tuple[Float32Array, Float32Array]:
     """Unit vectors half way between lamp and camera (F, 3, N), and |s| (F, N)."""
     strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
     view = -along / np.sqrt(np.sum(along * along, axis=0))
@@ -216,4 +216,4 @@ def _half_way(light: Float32Array, along: Float32Array) -> tuple[Float32Array, F
     return half / np.maximum(length, np.float32(1e-6))[:, None], strength
 
 
-KERNELS = (_products,)
+KERNELS = (_projected_products,)

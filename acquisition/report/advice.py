@@ -46,7 +46,7 @@ def sentences(found: NormalMap, facts: Facts) -> list[str]:
         said.append(f"{_percent(share)} of the pixels were lit by fewer than three lights: {advice}.")
     said += _of_images(found, facts)
     shining = np.zeros_like(found.silhouette)
-    for flags in memory_mapped.each(found.flags):  # image by image: all flags at once may not fit into memory twice
+    for flags in memory_mapped.iterate(found.flags):  # image by image: all flags at once may not fit into memory twice
         shining |= (flags & HIGHLIGHT) > 0
     highlights = np.count_nonzero(shining & found.silhouette) / object_pixels
     if highlights > 5 * SPEAKS_FROM:
@@ -109,7 +109,7 @@ def _starved(found: NormalMap, few: BoolArray) -> tuple[np.ndarray, np.ndarray]:
 
 def _of_images(found: NormalMap, facts: Facts) -> list[str]:
     said: list[str] = []
-    for name, flags in zip(facts.names, memory_mapped.each(found.flags), strict=True):
+    for name, flags in zip(facts.names, memory_mapped.iterate(found.flags), strict=True):
         inside = flags[found.silhouette]
         clipped = float(np.mean((inside & SATURATED) > 0)) if inside.size else 0.0
         lit = float(np.mean((inside & LIT) > 0)) if inside.size else 0.0

@@ -109,7 +109,8 @@ def shares(found: NormalMap) -> dict[str, list[float]]:
     count = max(1, np.count_nonzero(found.silhouette))
     return {
         name: [
-            float(np.count_nonzero(flags[found.silhouette] & bit)) / count for flags in memory_mapped.each(found.flags)
+            float(np.count_nonzero(flags[found.silhouette] & bit)) / count
+            for flags in memory_mapped.iterate(found.flags)
         ]
         for name, bit in (("used", LIT), ("saturated", SATURATED))
     }
@@ -118,7 +119,7 @@ def shares(found: NormalMap) -> dict[str, list[float]]:
 def _window(mask: BoolArray) -> tuple[slice, slice]:
     if not np.any(mask):
         return slice(0, mask.shape[0]), slice(0, mask.shape[1])
-    rows, columns = silhouette.window(mask)
+    rows, columns = silhouette.bounding_box(mask)
     more = 1 + round(MARGIN * (max(rows.stop - rows.start, columns.stop - columns.start) - 1))
     return (
         slice(max(0, rows.start - more), min(mask.shape[0], rows.stop + more)),

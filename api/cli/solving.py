@@ -186,7 +186,7 @@ def _solved(asked: Wishes, scratch: Path, bar: Progress, seconds: dict[str, floa
         if distant_lights:
             found = distant.solve(images, asked.solver, keep_steps=asked.keep_steps)
         elif asked.solver == "ls":
-            found = near_light.solve_plain(images, keep_steps=asked.keep_steps)
+            found = near_light.solve_least_squares(images, keep_steps=asked.keep_steps)
         else:
             found = near_light.solve(images, _settings(asked))
     sigma = found.sigma_deg[found.mask & np.isfinite(found.sigma_deg)]

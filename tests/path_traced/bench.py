@@ -24,7 +24,7 @@ from acquisition import geometry
 from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.light_plan import Light
 from acquisition.models.result import NormalMap
-from acquisition.normals import Stack
+from acquisition.normals import ImageStack
 from acquisition.plan import baselines
 from hardware_sim.sheets import Mesh
 from hardware_sim.tracing import START_M, Tracer
@@ -272,7 +272,7 @@ def _ggx(n_h: np.ndarray, n_l: np.ndarray, n_v: np.ndarray, h_v: np.ndarray, rou
 class Capture:
     """What a solver is given of a scene: images, lights as told, exact camera; and the true log intensities (F,)."""
 
-    stack: Stack
+    stack: ImageStack
     calibration: Calibration
     dn: np.ndarray  # (F, H, W) uint16
     seconds: np.ndarray  # (F,) exposure times at `lamp_intensity` 1
@@ -323,7 +323,7 @@ def capture(
     axis = CENTER - told
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     scale = SENSOR.full_scale_dn * seconds
-    stack = Stack(
+    stack = ImageStack(
         values=(dn / scale[:, None, None]).astype(np.float32),
         clipped=dn >= 0.985 * SENSOR.full_scale_dn,
         lights=tuple(
@@ -341,7 +341,7 @@ def capture(
 def without_sensor(taken: Capture) -> Capture:
     """The same capture to a solver that knows no more of the sensor than the rounding of its values."""
     step = 1 / (SENSOR.full_scale_dn * taken.seconds)
-    stack = Stack(**{**vars(taken.stack), "shot": np.zeros_like(step), "floor": step**2 / 12})
+    stack = ImageStack(**{**vars(taken.stack), "shot": np.zeros_like(step), "floor": step**2 / 12})
     return Capture(stack, taken.calibration, taken.dn, taken.seconds, taken.log_intensity)
 
 

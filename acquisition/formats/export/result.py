@@ -16,7 +16,7 @@ from acquisition.formats.export import images
 from acquisition.formats.export.whole import whole_folder
 from acquisition.models.base import BoolArray
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.models.result import Information, NormalMap
+from acquisition.models.result import FisherInformation, NormalMap
 from acquisition.normals import memory_mapped
 
 ARCHIVE = "normal_map.npz"
@@ -69,7 +69,7 @@ def write_maps(normal_map: NormalMap, folder: Path) -> None:
 def lights_used(normal_map: NormalMap) -> np.ndarray:
     """How many lights each pixel's normal rests on (H, W), uint8."""
     count = np.zeros(normal_map.mask.shape, np.uint8)
-    for flags in memory_mapped.each(normal_map.flags):
+    for flags in memory_mapped.iterate(normal_map.flags):
         count += flags & 1
     return count
 
@@ -91,7 +91,7 @@ def read(folder: Path) -> NormalMap:
                 silhouette=_unpacked(stored["silhouette"], shape),
                 flags=stored["flags"],
                 intensity_factors=stored["intensity_factors"],
-                information=Information(
+                information=FisherInformation(
                     rows=stored["information_rows"],
                     columns=stored["information_columns"],
                     matrices=stored["information_matrices"],

@@ -21,7 +21,7 @@ import tifffile
 from acquisition.formats.folders.refusal import refusal
 from acquisition.models.base import BoolArray
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.normals.image_set import Raw
+from acquisition.normals.image_set import StoredValues
 
 FULL_SCALE = {"uint8": 255.0, "uint16": 65535.0, "float32": 1.0}
 THREADS = 2
@@ -58,7 +58,7 @@ class StoredRows:
     places: tuple[Place, ...]
     shape: tuple[int, ...]  # (H, W) or (H, W, 3)
 
-    def __call__(self, image: int, start: int, stop: int) -> Raw:
+    def __call__(self, image: int, start: int, stop: int) -> StoredValues:
         """Rows [start, stop) of one image. Raises RigError folder.invalid when the file is gone or cut short."""
         place = self.places[image]
         kind, row = np.dtype(place.dtype), int(np.prod(self.shape[1:]))

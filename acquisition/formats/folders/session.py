@@ -20,7 +20,7 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.shot import FrameRef, FrameSource, Observations, Shot
-from acquisition.normals.image_set import Camera, ImageSet, NearLights, Raw
+from acquisition.normals.image_set import Camera, ImageSet, NearLights, StoredValues
 
 RECIPE, CELL, CALIBRATION, MANIFEST = "recipe.json", "cell.json", "calibration.json", "manifest.json"
 ValueT = TypeVar("ValueT", bound=Value)
@@ -68,7 +68,7 @@ class SessionRows:
     lit: tuple[FrameRef, ...]
     dark: tuple[FrameRef, ...]
 
-    def __call__(self, image: int, start: int, stop: int) -> Raw:
+    def __call__(self, image: int, start: int, stop: int) -> StoredValues:
         """Rows [start, stop) of one image, uint16, never below zero."""
         lit, dark = (self.frames.rows(frames[image], start, stop) for frames in (self.lit, self.dark))
         return np.maximum(lit, dark) - dark

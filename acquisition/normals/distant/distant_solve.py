@@ -11,7 +11,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.models.result import HIGHLIGHT, LIT, Information, NormalMap
+from acquisition.models.result import HIGHLIGHT, LIT, FisherInformation, NormalMap
 from acquisition.normals import integration, memory_mapped
 from acquisition.normals.distant import method_selection, methods, pixel_blocks
 from acquisition.normals.distant.methods import Solver
@@ -91,7 +91,7 @@ def whole(
         part = flags[:, rows].reshape(images.count, -1)
         part[:, chosen] = found.flags
         flags[:, rows] = part.reshape(images.count, rows.stop - rows.start, images.width)
-        memory_mapped.let_go(flags)
+        memory_mapped.release(flags)
     depth, unit = np.zeros(size, np.float32), "none"
     if with_depth:
         depth, unit = _depth(images, normals, solved, sigma, keep_steps)
@@ -137,7 +137,7 @@ def _certainty(solved: BoolArray, sigma: Float32Array) -> Float32Array:
     return certainty
 
 
-def _no_information() -> Information:
+def _no_information() -> FisherInformation:
     """No planner reads a result of distant light."""
     none = np.empty(0, np.int64)
-    return Information(none, none, np.empty((0, 4, 4)))
+    return FisherInformation(none, none, np.empty((0, 4, 4)))

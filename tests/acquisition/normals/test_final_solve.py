@@ -9,12 +9,12 @@ from acquisition import normals, photometry
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import HIGHLIGHT, LIT, NormalMap, SolveSettings
 from acquisition.normals import final_solve, integrability, pyramid, session_images
-from acquisition.normals.alternation import Refined
-from acquisition.normals.final_solve import Model
-from acquisition.normals.pyramid import Gathered, Seen
-from acquisition.normals.self_calibration import Shared
-from acquisition.normals.session_images import Stack, Stored
-from acquisition.normals.specular import NONE, Lobe
+from acquisition.normals.alternation import AlternationResult
+from acquisition.normals.final_solve import Scene
+from acquisition.normals.pyramid import MaskedImages, PyramidLevel
+from acquisition.normals.self_calibration import SharedParameters
+from acquisition.normals.session_images import ImageStack, StoredImages
+from acquisition.normals.specular import NO_LOBE, Lobe
 from tests.acquisition import scenes
 
 SIZE = 96
@@ -27,29 +27,29 @@ def cushion() -> scenes.Scene:
     return scenes.scene(scenes.bumps, scenes.calibration(SIZE))
 
 
-def images(true: scenes.Scene) -> Stack | Stored:
+def images(true: scenes.Scene) -> ImageStack | StoredImages:
     whole = slice(0, SIZE)
     return session_images.read(scenes.capture(true, LIGHTS, seed=1), true.calibration, whole, whole)
 
 
-def model(known: Calibration, stack: Stack | Stored) -> Model:
+def model(known: Calibration, stack: ImageStack | StoredImages) -> Scene:
     noise = photometry.model_noise(known, stack.shot, stack.floor, 0.45)
-    return Model(photometry.lamps(stack.lights), known, noise, SolveSettings(), typical=0.5)
+    return Scene(photometry.lamps(stack.lights), known, noise, SolveSettings(), typical=0.5)
 
 
-def refined(gathered: Gathered, noise: photometry.Noise, lobe: Lobe, received: float) -> Refined:
+def refined(gathered: PyramidLevel, noise: photometry.Noise, lobe: Lobe, received: float) -> AlternationResult:
     """A coarse surface that is not flat, as refining might have left it."""
     coarse = gathered.coarse
     count, lights = coarse.values.shape[1], len(coarse.values)
     wave = 0.86 + 0.004 * np.sin(np.arange(count) / 9)
     light = np.random.default_rng(3).uniform(0, received, (lights, count)) if received else None
-    return Refined(
+    return AlternationResult(
         depth_m=wave.astype(np.float32),
-        whole=np.where(wave > 0.862, 0.5, 1).astype(np.float32),
-        shared=replace(Shared.as_told(lights), log_intensity=np.linspace(-0.01, 0.01, lights)),
+        continuity_weight=np.where(wave > 0.862, 0.5, 1).astype(np.float32),
+        shared=replace(SharedParameters.nominal(lights), log_intensity=np.linspace(-0.01, 0.01, lights)),
         shared_variance=np.full(count, 1e-5, np.float32),
-        received=None if light is None else light.astype(np.float32),
-        bounce_scale=1.0,
+        indirect_irradiance=None if light is None else light.astype(np.float32),
+        indirect_scale=1.0,
         lobe=lobe,
         noise=noise,
     )
@@ -67,23 +67,23 @@ def same(one: NormalMap, two: NormalMap) -> None:
     assert one.notes["interreflection"]["share"] == pytest.approx(two.notes["interreflection"]["share"], rel=1e-5)
 
 
-@pytest.mark.parametrize(("lobe", "received"), [(NONE, 0.0), (Lobe(0.1, 25.0), 0.2)], ids=["plain", "in turns"])
+@pytest.mark.parametrize(("lobe", "received"), [(NO_LOBE, 0.0), (Lobe(0.1, 25.0), 0.2)], ids=["plain", "in turns"])
 def test_blocks_of_rows_are_solved_as_all_rows_together(
     lobe: Lobe, received: float, cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stack = images(cushion)
     whole = slice(0, SIZE)
-    seen = Seen(stack, cushion.mask, photometry.rays(cushion.calibration, whole, whole))
+    seen = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, whole, whole))
     known = model(cushion.calibration, stack)
 
     def solved() -> NormalMap:
-        gathered = seen.gathered(FACTOR, final_solve.sample(int(np.count_nonzero(cushion.mask))), None)
+        gathered = seen.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
         return final_solve.solve(seen, gathered, refined(gathered, known.noise, lobe, received), known, (SIZE, SIZE))
 
     together = solved()
     assert np.count_nonzero(together.flags == LIT) < 0.95 * len(LIGHTS) * np.count_nonzero(cushion.mask)  # shadows
     monkeypatch.setattr(pyramid, "BLOCK_VALUES", 1)
-    monkeypatch.setattr(pyramid, "LEAST_ROWS", 5)
+    monkeypatch.setattr(pyramid, "MIN_BLOCK_ROWS", 5)
     assert len(list(seen.blocks())) > 15
     same(together, solved())
 
@@ -99,9 +99,9 @@ def test_images_that_are_read_again_give_the_same_map(cushion: scenes.Scene, mon
 
     together = solved()
     monkeypatch.setattr(pyramid, "BLOCK_VALUES", 1)
-    monkeypatch.setattr(pyramid, "LEAST_ROWS", 20)
-    monkeypatch.setattr(session_images, "HELD_BYTES", 0)
-    assert isinstance(images(cushion), Stored)
+    monkeypatch.setattr(pyramid, "MIN_BLOCK_ROWS", 20)
+    monkeypatch.setattr(session_images, "MAX_HELD_BYTES", 0)
+    assert isinstance(images(cushion), StoredImages)
     same(together, solved())
 
 
@@ -109,15 +109,15 @@ def test_a_coarse_grid_gathered_in_blocks_is_that_of_all_rows(
     cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stack = images(cushion)
-    seen = Seen(stack, cushion.mask, photometry.rays(cushion.calibration, slice(0, SIZE), slice(0, SIZE)))
-    chosen = final_solve.sample(int(np.count_nonzero(cushion.mask)))
+    seen = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, slice(0, SIZE), slice(0, SIZE)))
+    chosen = final_solve.noise_sample(int(np.count_nonzero(cushion.mask)))
     table = scenes.TABLE_DEPTH + np.random.default_rng(0).random((SIZE, SIZE), np.float32)
-    whole = seen.gathered(7, chosen, table)
+    whole = seen.level(7, chosen, table)
     monkeypatch.setattr(pyramid, "BLOCK_VALUES", 1)
-    monkeypatch.setattr(pyramid, "LEAST_ROWS", 10)
-    parts = seen.gathered(7, chosen, table)
+    monkeypatch.setattr(pyramid, "MIN_BLOCK_ROWS", 10)
+    parts = seen.level(7, chosen, table)
     assert len(parts.parts) > len(whole.parts)
-    for one, two in ((whole.coarse, parts.coarse), (whole.few, parts.few)):
+    for one, two in ((whole.coarse, parts.coarse), (whole.sample, parts.sample)):
         assert one.shape == two.shape
         for name in ("index", "ray", "values", "clipped"):
             np.testing.assert_array_equal(getattr(one, name), getattr(two, name), name)
@@ -125,26 +125,26 @@ def test_a_coarse_grid_gathered_in_blocks_is_that_of_all_rows(
     assert parts.table is not None
     np.testing.assert_allclose(whole.table.values, parts.table.values, rtol=1e-5)
     depth = whole.coarse.index.astype(np.float32)
-    np.testing.assert_allclose(whole.at_few(depth), parts.at_few(depth), rtol=1e-5)
+    np.testing.assert_allclose(whole.interpolate_sample(depth), parts.interpolate_sample(depth), rtol=1e-5)
     few = seen.pixels(slice(0, SIZE)).subset(chosen)
-    np.testing.assert_array_equal(few.values, whole.few.values)
-    np.testing.assert_array_equal(few.index, parts.few.index)
+    np.testing.assert_array_equal(few.values, whole.sample.values)
+    np.testing.assert_array_equal(few.index, parts.sample.index)
 
 
 def test_light_from_other_surfaces_is_no_highlight(cushion: scenes.Scene) -> None:
     """Light that reaches all pixels under one of eight lights alone stands out as a highlight would."""
     stack, whole = images(cushion), slice(0, SIZE)
-    assert isinstance(stack, Stack)
+    assert isinstance(stack, ImageStack)
     falling = np.where(np.arange(len(LIGHTS)) == 0, 0.3, 0).astype(np.float32)
     lit = replace(stack, values=stack.values + (0.5 * falling)[:, None, None])
-    seen = Seen(lit, cushion.mask, photometry.rays(cushion.calibration, whole, whole))
-    gathered = seen.gathered(FACTOR, final_solve.sample(int(np.count_nonzero(cushion.mask))), None)
+    seen = MaskedImages(lit, cushion.mask, photometry.rays(cushion.calibration, whole, whole))
+    gathered = seen.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, lit)
-    found = replace(refined(gathered, known.noise, NONE, 0.0), shared=Shared.as_told(len(LIGHTS)))
+    found = replace(refined(gathered, known.noise, NO_LOBE, 0.0), shared=SharedParameters.nominal(len(LIGHTS)))
     received = np.repeat(falling[:, None], gathered.coarse.values.shape[1], axis=1)
     shares = [
         np.mean(
-            final_solve.solve(seen, gathered, replace(found, received=one), known, (SIZE, SIZE)).flags[
+            final_solve.solve(seen, gathered, replace(found, indirect_irradiance=one), known, (SIZE, SIZE)).flags[
                 0, cushion.graded
             ]
             & HIGHLIGHT
@@ -158,15 +158,15 @@ def test_light_from_other_surfaces_is_no_highlight(cushion: scenes.Scene) -> Non
 
 def test_pixels_with_two_lights_lean_on_those_round_them(cushion: scenes.Scene) -> None:
     stack, whole = images(cushion), slice(0, SIZE)
-    assert isinstance(stack, Stack)
+    assert isinstance(stack, ImageStack)
     lone = np.zeros((SIZE, SIZE), np.bool_)
     lone[2::6, 2::6] = cushion.graded[2::6, 2::6]
     values = stack.values.copy()
     values[2:, lone] = 0
-    seen = Seen(replace(stack, values=values), cushion.mask, photometry.rays(cushion.calibration, whole, whole))
-    gathered = seen.gathered(FACTOR, final_solve.sample(int(np.count_nonzero(cushion.mask))), None)
+    seen = MaskedImages(replace(stack, values=values), cushion.mask, photometry.rays(cushion.calibration, whole, whole))
+    gathered = seen.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, stack)
-    start = replace(refined(gathered, known.noise, NONE, 0.0), shared=Shared.as_told(len(LIGHTS)))
+    start = replace(refined(gathered, known.noise, NO_LOBE, 0.0), shared=SharedParameters.nominal(len(LIGHTS)))
     found = final_solve.solve(seen, gathered, start, known, (SIZE, SIZE))
     assert np.max(found.sigma_deg[lone]) < 12  # alone, none is under 20
     assert np.mean(cushion.error_deg(found.normals)[lone[cushion.graded]]) < 4
@@ -174,10 +174,10 @@ def test_pixels_with_two_lights_lean_on_those_round_them(cushion: scenes.Scene) 
 
 def test_normals_are_those_of_a_surface(cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     stack, whole = images(cushion), slice(0, SIZE)
-    seen = Seen(stack, cushion.mask, photometry.rays(cushion.calibration, whole, whole))
-    gathered = seen.gathered(FACTOR, final_solve.sample(int(np.count_nonzero(cushion.mask))), None)
+    seen = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, whole, whole))
+    gathered = seen.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, stack)
-    start = replace(refined(gathered, known.noise, NONE, 0.0), shared=Shared.as_told(len(LIGHTS)))
+    start = replace(refined(gathered, known.noise, NO_LOBE, 0.0), shared=SharedParameters.nominal(len(LIGHTS)))
 
     def median_deg() -> float:
         found = final_solve.solve(seen, gathered, start, known, (SIZE, SIZE))

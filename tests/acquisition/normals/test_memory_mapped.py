@@ -15,8 +15,8 @@ def test_what_was_written_is_there_after_memory_was_let_go(in_file: bool, monkey
     assert isinstance(array.base, mmap.mmap) == in_file
     assert not np.any(array)
     array[1:, 10:20] = 7
-    memory_mapped.let_go(array)
+    memory_mapped.release(array)
     expected = np.zeros((3, 50, 1000), np.uint8)
     expected[1:, 10:20] = 7
     np.testing.assert_array_equal(array, expected)
-    np.testing.assert_array_equal(list(memory_mapped.each(array)), expected)
+    np.testing.assert_array_equal(list(memory_mapped.iterate(array)), expected)

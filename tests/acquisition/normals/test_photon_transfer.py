@@ -6,17 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.normals import photon_transfer
-from acquisition.normals.photon_transfer import Points
+from acquisition.normals.photon_transfer import TransferCurve
 
 TOP = 4000.0
 
 
-def curve(gain: float, read_dn: float, count: int = 30_000, pattern: float = 0.0, seed: int = 0) -> Points:
+def curve(gain: float, read_dn: float, count: int = 30_000, pattern: float = 0.0, seed: int = 0) -> TransferCurve:
     """Of four neighbours each, spread over all brightness, and as many in the dark; `pattern` is a share of it."""
     rng = np.random.default_rng(seed)
     level = np.concatenate([rng.uniform(0, TOP, count), np.zeros(count)]).astype(np.float32)
     scattered = rng.normal(size=(4, 2 * count)) * np.sqrt(level / gain + read_dn**2 + (pattern * level) ** 2)
-    return photon_transfer.points(level, np.sum(np.rint(scattered), axis=0, dtype=np.float32) / 2, TOP, 1.0)
+    return photon_transfer.transfer_curve(level, np.sum(np.rint(scattered), axis=0, dtype=np.float32) / 2, TOP, 1.0)
 
 
 @settings(max_examples=12, deadline=None)
@@ -29,7 +29,7 @@ def curve(gain: float, read_dn: float, count: int = 30_000, pattern: float = 0.0
 def test_gain_and_read_noise_are_found_with_their_errors(
     gain: float, read_dn: float, pattern: float, seed: int
 ) -> None:
-    line = photon_transfer.line(curve(gain, read_dn, pattern=pattern, seed=seed))
+    line = photon_transfer.fit_line(curve(gain, read_dn, pattern=pattern, seed=seed))
     assert line is not None
     assert abs(line.slope - 1 / gain) < 5 * line.slope_sigma
     assert abs(line.floor - (read_dn**2 + 1 / 12)) < 5 * line.floor_sigma
@@ -37,7 +37,7 @@ def test_gain_and_read_noise_are_found_with_their_errors(
 
 
 def test_more_pixels_tell_more() -> None:
-    few, many = (photon_transfer.line(curve(1.0, 2.0, count)) for count in (3_000, 100_000))
+    few, many = (photon_transfer.fit_line(curve(1.0, 2.0, count)) for count in (3_000, 100_000))
     assert few is not None
     assert many is not None
     assert many.slope_sigma < 0.5 * few.slope_sigma
@@ -49,7 +49,7 @@ def test_a_few_per_cent_that_are_no_noise_do_not_count() -> None:
     level = np.full(20_000, 1000.0, np.float32)
     scattered = rng.normal(size=level.shape) * 30
     edges = np.where(rng.random(level.shape) < 0.04, 20 * scattered, scattered).astype(np.float32)
-    (found,) = photon_transfer.points(level, edges, TOP, 1.0).variance
+    (found,) = photon_transfer.transfer_curve(level, edges, TOP, 1.0).variance
     assert found == pytest.approx(900, rel=0.06)
     assert np.var(edges) > 10_000
 
@@ -58,16 +58,16 @@ def test_brightness_that_scatters_less_than_its_rounding_is_left_out() -> None:
     rng = np.random.default_rng(2)
     level = rng.uniform(0, TOP, 50_000).astype(np.float32)
     fine = (0.2 * rng.normal(size=level.shape)).astype(np.float32)
-    assert len(photon_transfer.points(level, np.rint(fine), TOP, 1.0).level) == 0
-    assert len(photon_transfer.points(level, np.rint(10 * fine), TOP, 1.0).level) > 10
+    assert len(photon_transfer.transfer_curve(level, np.rint(fine), TOP, 1.0).level) == 0
+    assert len(photon_transfer.transfer_curve(level, np.rint(10 * fine), TOP, 1.0).level) > 10
 
 
 def test_two_points_are_no_line() -> None:
     both = np.array([1.0, 2.0])
-    assert photon_transfer.line(Points(both, both, 0.01 * both)) is None
+    assert photon_transfer.fit_line(TransferCurve(both, both, 0.01 * both)) is None
 
 
 def test_brightness_of_few_pixels_is_left_out() -> None:
-    level = np.repeat(np.float32([10.0, 3000.0]), [photon_transfer.LEAST_IN_BIN - 1, photon_transfer.LEAST_IN_BIN])
+    level = np.repeat(np.float32([10.0, 3000.0]), [photon_transfer.MIN_BIN_COUNT - 1, photon_transfer.MIN_BIN_COUNT])
     scattered = np.random.default_rng(3).normal(size=level.shape).astype(np.float32) * 10
-    assert photon_transfer.points(level, scattered, TOP, 1.0).level.tolist() == [3000.0]
+    assert photon_transfer.transfer_curve(level, scattered, TOP, 1.0).level.tolist() == [3000.0]

@@ -7,7 +7,7 @@ import pytest
 
 from acquisition.models.light_plan import Light
 from acquisition.normals import pixel_noise
-from acquisition.normals.session_images import Stack
+from acquisition.normals.session_images import ImageStack
 from tests.acquisition import scenes
 
 SIZE, INTENSITY, GUESSED = 160, 0.8, 10_000
@@ -32,7 +32,7 @@ def light(cushion: scenes.Scene) -> np.ndarray:
     return np.stack([scenes.lit(cushion, one) * (1 + rng.normal(0, 0.01)) for one in moved])
 
 
-def taken(light: np.ndarray, full_well: float, read_e: float, bits: int) -> tuple[Stack, np.ndarray]:
+def taken(light: np.ndarray, full_well: float, read_e: float, bits: int) -> tuple[ImageStack, np.ndarray]:
     """Images of a sensor, with noise that is guessed, and the steps of their values (F,)."""
     rng = np.random.default_rng(1)
     electrons = rng.poisson(light * INTENSITY * full_well) + rng.normal(0, read_e, light.shape)
@@ -41,12 +41,14 @@ def taken(light: np.ndarray, full_well: float, read_e: float, bits: int) -> tupl
     count, whole = len(light), slice(0, SIZE)
     shot = np.full(count, 1 / (GUESSED * INTENSITY))
     floor = np.full(count, (5 / GUESSED / INTENSITY) ** 2)
-    stack = Stack(values, values >= 1 / INTENSITY, tuple(LIGHTS[:count]), whole, whole, shot, floor)
+    stack = ImageStack(values, values >= 1 / INTENSITY, tuple(LIGHTS[:count]), whole, whole, shot, floor)
     return stack, np.full(count, 1 / top / INTENSITY)
 
 
-def shown(cushion: scenes.Scene, stack: Stack, steps: np.ndarray, mask: np.ndarray) -> pixel_noise.Shown:
-    return pixel_noise.shown(stack, mask, np.full(mask.shape, 0.87, np.float32), cushion.calibration, steps)
+def shown(
+    cushion: scenes.Scene, stack: ImageStack, steps: np.ndarray, mask: np.ndarray
+) -> pixel_noise.PixelNoiseEstimate:
+    return pixel_noise.estimate(stack, mask, np.full(mask.shape, 0.87, np.float32), cushion.calibration, steps)
 
 
 @pytest.mark.parametrize(("full_well", "read_e", "bits"), [(2000, 8, 12), (10_000, 5, 8), (40_000, 10, 16)])

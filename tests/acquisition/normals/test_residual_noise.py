@@ -82,5 +82,5 @@ def test_errors_of_lamps_move_normals_as_predicted() -> None:
         scene.pixels, scene.values, scene.depth_m, scene.lamp, scene.calibration, quiet, threshold=0.08,
         cauchy_scale=None,
     )  # fmt: skip
-    predicted = self_calibration.spread(exact, scene.lamp, covariance)
+    predicted = self_calibration.normal_variance(exact, scene.lamp, covariance)
     assert np.median(np.mean(moved, axis=0) / predicted) == pytest.approx(1, abs=0.25)

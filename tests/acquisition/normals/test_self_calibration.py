@@ -11,8 +11,8 @@ from acquisition.models.result import SolveSettings
 from acquisition.models.shot import Observations
 from acquisition.normals import alternation, pixel_solve, self_calibration, specular
 from acquisition.normals.pixel_solve import Estimate
-from acquisition.normals.self_calibration import Priors, Shared
-from acquisition.normals.specular import Change, Lobe
+from acquisition.normals.self_calibration import Priors, SharedParameters
+from acquisition.normals.specular import HighlightDerivatives, Lobe
 from tests.acquisition import scenes
 from tests.acquisition.normals.shared_scene import measured
 
@@ -30,13 +30,15 @@ def normal_equations(found: list[float], precision: list[float]) -> tuple[np.nda
 def test_what_the_images_cannot_tell_does_not_make_lamps_better() -> None:
     """Five of eight combinations are found to be off by 3 %; of three the images know nothing."""
     matrix, right = normal_equations([0.03, -0.03, 0.03, 0.03, -0.03, 0, 0, 0], [500.0**2] * 5 + [0.0] * 3)
-    assert self_calibration.likely(matrix, right, np.array([33.0**2]), STATED) == pytest.approx(0.03, rel=0.25)
+    assert self_calibration.evidence_maximised_sigma(matrix, right, np.array([33.0**2]), STATED) == pytest.approx(
+        0.03, rel=0.25
+    )
 
 
 @pytest.mark.parametrize("size", [0.0, 0.004, 0.01, 0.014])
 def test_lamps_are_as_good_as_they_are_said_to_be_until_images_are_decisive(size: float) -> None:
     matrix, right = normal_equations([size] * 8, [500.0**2] * 8)
-    assert self_calibration.likely(matrix, right, np.array([33.0**2]), STATED) == STATED
+    assert self_calibration.evidence_maximised_sigma(matrix, right, np.array([33.0**2]), STATED) == STATED
 
 
 def test_what_a_shift_explains_says_nothing_of_the_lamps() -> None:
@@ -45,7 +47,7 @@ def test_what_a_shift_explains_says_nothing_of_the_lamps() -> None:
     slope = TURNED[:, 0] * 4.0
     matrix[:8, 8] = matrix[8, :8] = matrix[:8, :8] @ slope
     matrix[8, 8] = slope @ matrix[:8, :8] @ slope
-    assert self_calibration.likely(matrix, matrix[:, 8] * 0.01, np.array([33.0**2]), STATED) == STATED
+    assert self_calibration.evidence_maximised_sigma(matrix, matrix[:, 8] * 0.01, np.array([33.0**2]), STATED) == STATED
 
 
 def test_intensities_of_a_flat_glossy_surface_are_found() -> None:
@@ -61,19 +63,19 @@ def test_intensities_of_a_flat_glossy_surface_are_found() -> None:
     images = (images + rng.normal(0, 0.002, images.shape)).astype(np.float32)
     log_intensity, highlight = np.zeros(8), np.zeros_like(images)
     for _ in range(10):
-        whole = alternation.divided(images, log_intensity)
+        whole = alternation.divide_intensity(images, log_intensity)
         found = pixel_solve.solve(
             scene.pixels, whole - highlight, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.08,
-            extra=(np.float32(specular.SIGMA) * highlight) ** 2,
+            extra=(np.float32(specular.HIGHLIGHT_SIGMA) * highlight) ** 2,
         )  # fmt: skip
-        glossy = gloss.change(found, scene.along)
+        glossy = gloss.derivatives(found, scene.along)
         assert glossy is not None
         highlight = glossy.highlight
-        change = pixel_solve.derivative(found.light, found.point, scene.along, scene.lamp)
-        present = replace(Shared.as_told(8), log_intensity=log_intensity)
+        change = pixel_solve.depth_derivative(found.light, found.point, scene.along, scene.lamp)
+        present = replace(SharedParameters.nominal(8), log_intensity=log_intensity)
         log_intensity = (
             log_intensity
-            + self_calibration.step(
+            + self_calibration.gauss_newton_step(
                 found, change, whole - highlight, scene.lamp, present, Priors(STATED, 0.0, 0.0), 0.003, glossy
             ).log_intensity
         )
@@ -89,10 +91,10 @@ def test_a_step_is_that_of_all_unknowns_at_once() -> None:
         scene.pixels, values, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.08,
         offset_sigma_m=offset_sigma,
     )  # fmt: skip
-    change = pixel_solve.derivative(found.light, found.point, scene.along, scene.lamp)
+    change = pixel_solve.depth_derivative(found.light, found.point, scene.along, scene.lamp)
     start, aside, shift = rng.normal(0, 0.001, 8), rng.normal(0, 0.001, (8, 3)), 0.002
-    present = Shared(start, aside, shift, np.zeros((32, 32)))
-    step = self_calibration.step(
+    present = SharedParameters(start, aside, shift, np.zeros((32, 32)))
+    step = self_calibration.gauss_newton_step(
         found, change, values, scene.lamp, present, Priors(STATED, 0.001, shift_sigma), offset_sigma
     )
     count = values.shape[1]
@@ -100,7 +102,7 @@ def test_a_step_is_that_of_all_unknowns_at_once() -> None:
     slope = np.einsum("fck,ck->fk", d, g)
     bent = s + d * found.offset_m
     predicted = np.einsum("fck,ck->fk", bent, g)
-    by_position = self_calibration.by_position(found, scene.lamp)
+    by_position = self_calibration.position_derivative(found, scene.lamp)
     root = np.sqrt(found.weights)
     rows = np.zeros((8, count, 33 + 4 * count))
     for pixel in range(count):
@@ -116,12 +118,12 @@ def test_a_step_is_that_of_all_unknowns_at_once() -> None:
     offsets = np.stack([*np.zeros((3, count)), found.offset_m], axis=1).ravel()
     held = np.concatenate([start, aside.T.ravel(), [shift], offsets])
     # Evidence of pixels counts a twentieth, with their own priors, against the priors of what they share.
-    told[33:] /= self_calibration.CORRELATED
-    matrix = rows.T @ rows / self_calibration.CORRELATED + np.diag(told)
-    right = rows.T @ (root * (values - predicted)).ravel() / self_calibration.CORRELATED - told * held
+    told[33:] /= self_calibration.EFFECTIVE_SAMPLE_DIVISOR
+    matrix = rows.T @ rows / self_calibration.EFFECTIVE_SAMPLE_DIVISOR + np.diag(told)
+    right = rows.T @ (root * (values - predicted)).ravel() / self_calibration.EFFECTIVE_SAMPLE_DIVISOR - told * held
     dense = np.linalg.solve(matrix, right)
     np.testing.assert_allclose(step.log_intensity, dense[:8], rtol=1e-4, atol=1e-8)
-    np.testing.assert_allclose(step.aside_m, dense[8:32].reshape(3, 8).T, rtol=1e-4, atol=1e-8)
+    np.testing.assert_allclose(step.lamp_offset_m, dense[8:32].reshape(3, 8).T, rtol=1e-4, atol=1e-8)
     assert step.shift_m == pytest.approx(dense[32], rel=1e-4)
 
 
@@ -143,13 +145,15 @@ def test_a_step_adds_up_what_each_pixel_tells(count: int, *, glossy: bool) -> No
         light=random(count, 3, pixels), point=random(3, pixels) - np.array([[0], [0], [5]], np.float32),
     )  # fmt: skip
     change, values = random(count, 3, pixels), random(count, pixels)
-    gloss = Change(random(count, 3, pixels), random(count, 2, pixels)) if glossy else None
-    present = Shared(random(count).astype(float), random(count, 3).astype(float), 0.7, np.zeros((0, 0)))
-    step = self_calibration.step(found, change, values, lamp, present, Priors(9.0, 5.0, 3.0), offset_sigma, gloss)
+    gloss = HighlightDerivatives(random(count, 3, pixels), random(count, 2, pixels)) if glossy else None
+    present = SharedParameters(random(count).astype(float), random(count, 3).astype(float), 0.7, np.zeros((0, 0)))
+    step = self_calibration.gauss_newton_step(
+        found, change, values, lamp, present, Priors(9.0, 5.0, 3.0), offset_sigma, gloss
+    )
 
     size = 4 * count + 1 + lobes
     matrix, right = np.zeros((size, size)), np.zeros(size)
-    aside = self_calibration.by_position(found, lamp).astype(float)
+    aside = self_calibration.position_derivative(found, lamp).astype(float)
     told = np.diag([1e-6] * 3 + [offset_sigma**-2])
     for p in np.flatnonzero(np.count_nonzero(weights, axis=0) >= 4):
         g, offset = found.g[:, p].astype(float), float(found.offset_m[p])
@@ -165,12 +169,16 @@ def test_a_step_adds_up_what_each_pixel_tells(count: int, *, glossy: bool) -> No
         inner = np.linalg.inv(own.T @ own + told)
         matrix += shared.T @ shared - shared.T @ own @ inner @ own.T @ shared
         right += shared.T @ left - shared.T @ own @ inner @ (own.T @ left - told @ [0, 0, 0, offset])
-    prior = np.array([9.0**-2] * count + [5.0**-2] * 3 * count + [3.0**-2] + [self_calibration.LOBE_SIGMA**-2] * lobes)
-    before = np.concatenate([present.log_intensity, present.aside_m.T.ravel(), [present.shift_m], np.zeros(lobes)])
-    covariance = np.linalg.inv(matrix / self_calibration.CORRELATED + np.diag(prior))
-    dense = covariance @ (right / self_calibration.CORRELATED - prior * before)
+    prior = np.array(
+        [9.0**-2] * count + [5.0**-2] * 3 * count + [3.0**-2] + [self_calibration.LOBE_LOG_SIGMA**-2] * lobes
+    )
+    before = np.concatenate(
+        [present.log_intensity, present.lamp_offset_m.T.ravel(), [present.shift_m], np.zeros(lobes)]
+    )
+    covariance = np.linalg.inv(matrix / self_calibration.EFFECTIVE_SAMPLE_DIVISOR + np.diag(prior))
+    dense = covariance @ (right / self_calibration.EFFECTIVE_SAMPLE_DIVISOR - prior * before)
     scale = np.sqrt(np.diag(covariance))[: 4 * count + 1]
-    moved = np.concatenate([step.log_intensity, step.aside_m.T.ravel(), [step.shift_m]])
+    moved = np.concatenate([step.log_intensity, step.lamp_offset_m.T.ravel(), [step.shift_m]])
     np.testing.assert_allclose(moved / scale, dense[: 4 * count + 1] / scale, atol=1e-7)
     lamps = np.outer(scale, scale)[:-1, :-1]
     np.testing.assert_allclose(step.covariance / lamps, covariance[: 4 * count, : 4 * count] / lamps, atol=1e-7)
@@ -181,7 +189,7 @@ def test_values_change_with_the_lamps_positions_as_told() -> None:
     found = pixel_solve.solve(
         scene.pixels, scene.values, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.08
     )
-    told = self_calibration.by_position(found, scene.lamp)
+    told = self_calibration.position_derivative(found, scene.lamp)
     for axis in range(3):
         value = []
         for sign in (-1, 1):
@@ -202,30 +210,35 @@ def test_lamps_that_stand_aside_are_found_and_their_doubt_is_honest() -> None:
         lamp = scene.lamp.copy()
         lamp[:, :3] -= wrong.astype(np.float32)
         images = (scene.values + rng.normal(0, 0.002, scene.values.shape)).astype(np.float32)
-        present = Shared.as_told(8)
+        present = SharedParameters.nominal(8)
         for _ in range(4):
             there = present.lamps(lamp)
-            values = alternation.divided(images, present.log_intensity)
+            values = alternation.divide_intensity(images, present.log_intensity)
             found = pixel_solve.solve(
                 scene.pixels, values, scene.depth_m, there, scene.calibration, scene.noise, threshold=0.08
             )
-            change = pixel_solve.derivative(found.light, found.point, scene.along, there)
-            step = self_calibration.step(found, change, values, there, present, Priors(STATED, 0.001, 0.0), 0.003)
-            present = Shared(
-                present.log_intensity + step.log_intensity, present.aside_m + step.aside_m, 0.0, step.covariance
+            change = pixel_solve.depth_derivative(found.light, found.point, scene.along, there)
+            step = self_calibration.gauss_newton_step(
+                found, change, values, there, present, Priors(STATED, 0.001, 0.0), 0.003
+            )
+            present = SharedParameters(
+                present.log_intensity + step.log_intensity,
+                present.lamp_offset_m + step.lamp_offset_m,
+                0.0,
+                step.covariance,
             )
         asides.append(wrong)
-        left.append(present.aside_m - wrong)
+        left.append(present.lamp_offset_m - wrong)
         said.append(np.sqrt(np.diag(present.covariance)[8:]))
     assert np.std(left) < 0.85 * np.std(asides)
     assert np.std(left) == pytest.approx(np.sqrt(np.mean(np.square(said))), rel=0.2)
 
 
-def taken_aside(true: scenes.Scene, told: list[Light], aside_m: np.ndarray, seed: int) -> Observations:
-    """Images of lamps that stand `aside_m` (F, 3) of where the records say that they do."""
+def taken_aside(true: scenes.Scene, told: list[Light], lamp_offset_m: np.ndarray, seed: int) -> Observations:
+    """Images of lamps that stand `lamp_offset_m` (F, 3) of where the records say that they do."""
     there = [
         Light(position=tuple((np.array(light.position) + by).tolist()), axis=light.axis)
-        for light, by in zip(told, aside_m, strict=True)
+        for light, by in zip(told, lamp_offset_m, strict=True)
     ]
     taken = scenes.capture(true, there, seed, intensity_sigma=0, position_sigma_m=0)
     shots = [shot.model_copy(update={"light": light}) for shot, light in zip(taken.shots, told, strict=True)]

@@ -74,7 +74,7 @@ def test_gain_and_read_noise_are_found_whatever_the_calibration_says(
     known = SENSORS[name]
     calibration = said(known, wrong_by)
     taken = session(known, scene(np.random.default_rng(seed)), seed, darks=darks)
-    shown = sensor_estimate.shown(taken, calibration, ALL, ALL)
+    shown = sensor_estimate.estimate(taken, calibration, ALL, ALL)
     found = shown.calibration.sensor
     assert found.gain_e_per_dn == pytest.approx(known.gain_e_per_dn, rel=0.05)
     assert found.read_noise_e == pytest.approx(known.read_noise_e, rel=0.15)
@@ -109,7 +109,7 @@ def never(taken: Observations) -> Observations:
 def test_the_calibration_stays_without_two_frames_of_one_light(how: Any) -> None:
     known = SENSORS["12 bits"]
     calibration = said(known, 2.0)
-    shown = sensor_estimate.shown(how(session(known, scene(np.random.default_rng(0)))), calibration, ALL, ALL)
+    shown = sensor_estimate.estimate(how(session(known, scene(np.random.default_rng(0)))), calibration, ALL, ALL)
     assert shown.calibration == calibration
     assert shown.figures == {"gain_e_per_dn": 5.0, "read_noise_e": 5.0}
     assert "as the calibration says" in shown.note
@@ -122,7 +122,7 @@ def test_the_calibration_stays_where_too_little_tells(what: str) -> None:
     light = light + 2 if what == "saturated" else 0 * light if what == "black" else light
     window = slice(100, 116) if what == "few pixels" else ALL
     calibration = said(known, 2.0)
-    shown = sensor_estimate.shown(session(known, light), calibration, window, window)
+    shown = sensor_estimate.estimate(session(known, light), calibration, window, window)
     assert shown.calibration == calibration
     assert "too few pixels tell (1 image taken twice" in shown.note
     assert "gain_sigma" not in shown.figures
@@ -136,7 +136,7 @@ def test_a_scene_that_moved_in_between_does_not_fool_it(pixels: float) -> None:
     light = scene(rng) * (1 + 0.1 * grain / np.std(grain))
     away = np.array([[1, 0, pixels], [0, 1, 0]], np.float32)
     moved = cv2.warpAffine(light, away, (SIZE, SIZE), flags=cv2.INTER_CUBIC)
-    shown = sensor_estimate.shown(session(known, light, again=moved), said(known, 2.0), ALL, ALL)
+    shown = sensor_estimate.estimate(session(known, light, again=moved), said(known, 2.0), ALL, ALL)
     assert shown.calibration.sensor.gain_e_per_dn == pytest.approx(known.gain_e_per_dn, rel=0.05)
 
 
@@ -145,10 +145,10 @@ def test_fine_detail_that_moved_in_between_tells_nothing() -> None:
     light = rng.uniform(0.1, 0.8, (SIZE, SIZE)).astype(np.float32)
     calibration = said(known)
     assert (
-        sensor_estimate.shown(session(known, light, again=np.roll(light, 1, 1)), calibration, ALL, ALL).calibration
+        sensor_estimate.estimate(session(known, light, again=np.roll(light, 1, 1)), calibration, ALL, ALL).calibration
         is calibration
     )
-    assert sensor_estimate.shown(session(known, light), calibration, ALL, ALL).calibration is not calibration
+    assert sensor_estimate.estimate(session(known, light), calibration, ALL, ALL).calibration is not calibration
 
 
 def test_lamp_off_frames_of_one_time_are_a_pair() -> None:
@@ -161,8 +161,8 @@ def test_lamp_off_frames_of_one_time_are_a_pair() -> None:
     assert isinstance(taken.frames, scenes.Frames)
     for shot in (off, later):
         taken.frames.stored[shot.frame.path] = simulated.expose(room, known, rng)
-    alone = sensor_estimate.shown(taken, said(known), ALL, ALL)
-    both = sensor_estimate.shown(replace(taken, repeats=[*taken.repeats, later]), said(known), ALL, ALL)
+    alone = sensor_estimate.estimate(taken, said(known), ALL, ALL)
+    both = sensor_estimate.estimate(replace(taken, repeats=[*taken.repeats, later]), said(known), ALL, ALL)
     assert "one lamp-off frame, its fixed pattern included" in alone.note
     assert "two lamp-off frames" in both.note
     assert both.calibration.sensor.read_noise_e == pytest.approx(known.read_noise_e, rel=0.15)

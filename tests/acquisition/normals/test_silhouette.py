@@ -18,8 +18,8 @@ def stack(true: scenes.Scene, lights: int = 6, seed: int = 0) -> np.ndarray:
 
 def find(values: np.ndarray, region: np.ndarray, clipped: np.ndarray | None = None) -> np.ndarray:
     none = np.zeros(values.shape, np.bool_)
-    return silhouette.find(
-        silhouette.brightest(values, np.ones_like(values), none if clipped is None else clipped), region
+    return silhouette.segment(
+        silhouette.albedo_bound(values, np.ones_like(values), none if clipped is None else clipped), region
     )
 
 
@@ -65,11 +65,11 @@ def test_the_largest_part_with_its_holes_filled() -> None:
     mask[2:6, 2:6] = True
     mask[10:25, 10:25] = True
     mask[15:18, 15:18] = False
-    part = silhouette.largest_part(mask)
+    part = silhouette.largest_component(mask)
     expected = np.zeros_like(mask)
     expected[10:25, 10:25] = True
     np.testing.assert_array_equal(part, expected)
 
 
 def test_of_nothing_there_is_no_part() -> None:
-    assert not np.any(silhouette.largest_part(np.zeros((5, 5), np.bool_)))
+    assert not np.any(silhouette.largest_component(np.zeros((5, 5), np.bool_)))

@@ -25,7 +25,7 @@ def fitted(scene: Measured, values: np.ndarray, off_m: float = 0.0) -> Lobe:
     depth_m = scene.depth_m + np.float32(off_m)
     return specular.fit(
         scene.pixels, noisy.astype(np.float32), depth_m, scene.along, scene.lamp, scene.calibration, scene.noise, 0.15,
-        specular.NONE,
+        specular.NO_LOBE,
     )  # fmt: skip
 
 
@@ -47,12 +47,12 @@ def test_the_lobe_of_a_flat_surface_is_found_although_its_depth_is_wrong(off_m: 
 
 def test_a_matt_surface_gets_none() -> None:
     scene = measured()
-    assert fitted(scene, scene.values) == specular.NONE
+    assert fitted(scene, scene.values) == specular.NO_LOBE
 
 
 def test_four_lights_cannot_tell() -> None:
     scene = measured(count=4)
-    assert fitted(scene, scene.values + blinn(scene, 0.2, 35.0)) == specular.NONE
+    assert fitted(scene, scene.values + blinn(scene, 0.2, 35.0)) == specular.NO_LOBE
 
 
 def test_the_highlight_changes_as_it_is_said_to() -> None:
@@ -61,7 +61,7 @@ def test_the_highlight_changes_as_it_is_said_to() -> None:
     found = pixel_solve.solve(
         scene.pixels, scene.values, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.15
     )
-    said = gloss.change(found, scene.along)
+    said = gloss.derivatives(found, scene.along)
     assert said is not None
     now = gloss.highlight(found, scene.along)
     assert said.highlight == pytest.approx(now, abs=1e-6)
@@ -88,7 +88,7 @@ def test_a_strong_highlight_is_taken_out_with_the_normal_that_it_depends_on() ->
 
         found = solved(glossy, None)
         for _ in range(2):
-            change = gloss.change(found, scene.along)
+            change = gloss.derivatives(found, scene.along)
             assert change is not None
             found = solved(glossy - change.highlight, change.by_g if together else None)
         return float(np.degrees(np.mean(np.linalg.norm(found.normals - scene.normals, axis=0))))

@@ -7,7 +7,7 @@ from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Recipe
-from acquisition.models.result import Information, NormalMap
+from acquisition.models.result import FisherInformation, NormalMap
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
 from acquisition.plan import criterion, planned_noise, visibility
 from acquisition.plan.criterion import Candidates, Samples
@@ -125,7 +125,7 @@ def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: in
             silhouette=true.mask,
             flags=np.zeros((len(lights), height, width), np.uint8),
             intensity_factors=np.ones(len(lights)),
-            information=Information(rows=rows, columns=columns, matrices=matrices),
+            information=FisherInformation(rows=rows, columns=columns, matrices=matrices),
         )
 
     blank = made(np.zeros((len(rows), 4, 4)))

@@ -18,7 +18,7 @@ from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
-from acquisition.normals import Stack
+from acquisition.normals import ImageStack
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 from tests.path_traced import bench
@@ -44,14 +44,14 @@ class Cap(scenes.Dome):
 REACH = Cap()
 
 
-def taken(name: str, positions: np.ndarray, seed: int, *, bounces: bool) -> Stack:
+def taken(name: str, positions: np.ndarray, seed: int, *, bounces: bool) -> ImageStack:
     """Images from lamps at positions (F, 3) as a solver gets them; their errors are those of `seed`."""
     images = bench.render(name, positions, pixels=PIXELS, bounces=bounces)
     return bench.capture(images, positions, seed).stack
 
 
-def joined(one: Stack, other: Stack) -> Stack:
-    return Stack(
+def joined(one: ImageStack, other: ImageStack) -> ImageStack:
+    return ImageStack(
         values=np.concatenate([one.values, other.values]),
         clipped=np.concatenate([one.clipped, other.clipped]),
         lights=(*one.lights, *other.lights),
@@ -62,13 +62,13 @@ def joined(one: Stack, other: Stack) -> Stack:
     )
 
 
-def solved(name: str, stack: Stack) -> NormalMap:
+def solved(name: str, stack: ImageStack) -> NormalMap:
     mask = bench.truth(name, PIXELS).mask
     known = bench.calibration(PIXELS)
     return normals.solve_stack(stack, known, SolveSettings(), initial_depth_m=0.9, object_mask=mask)
 
 
-def mean_deg(name: str, stack: Stack) -> float:
+def mean_deg(name: str, stack: ImageStack) -> float:
     true, found = bench.truth(name, PIXELS), solved(name, stack)
     error = np.where(found.mask, true.error_deg(found.normals), 90.0)
     return float(np.mean(error[true.graded]))
@@ -78,7 +78,7 @@ def places(lights: list[Light] | tuple[Light, ...]) -> np.ndarray:
     return np.array([light.position for light in lights])
 
 
-def planned(name: str, draw: int, *, bounces: bool) -> Stack:
+def planned(name: str, draw: int, *, bounces: bool) -> ImageStack:
     """The pilot's images, and those of the lights that are planned from them."""
     first = taken(name, places(pilot.pattern(Recipe(), REACH)), 2 * draw, bounces=bounces)
     shots = [

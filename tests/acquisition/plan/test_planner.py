@@ -9,7 +9,7 @@ from acquisition import pilot, plan
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Objective, Recipe
-from acquisition.models.result import CAST, LIT, Information, NormalMap
+from acquisition.models.result import CAST, LIT, FisherInformation, NormalMap
 from acquisition.models.shot import Observations
 from acquisition.plan import criterion, two_ring_pattern
 from acquisition.plan.objective import CAPPED
@@ -123,7 +123,7 @@ def test_an_empty_map_is_refused(piloted: NormalMap, cushion: scenes.Scene, reac
     empty = replace(
         piloted,
         mask=np.zeros_like(piloted.mask),
-        information=Information(rows=nothing, columns=nothing, matrices=np.zeros((0, 4, 4))),
+        information=FisherInformation(rows=nothing, columns=nothing, matrices=np.zeros((0, 4, 4))),
     )
     with pytest.raises(RigError, match="only 0 sample pixels") as caught:
         planned(empty, cushion, reach)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from acquisition import report
-from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, Information, NormalMap
+from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, FisherInformation, NormalMap
 from acquisition.report import advice, pictures
 
 SIZE, LIGHTS = 90, 6
@@ -39,7 +39,7 @@ def ball() -> NormalMap:
         silhouette=mask,
         flags=np.where(mask, LIT, 0).astype(np.uint8) * np.ones((LIGHTS, 1, 1), np.uint8),
         intensity_factors=np.ones(LIGHTS),
-        information=Information(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 4, 4))),
+        information=FisherInformation(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 4, 4))),
     )
 
 

@@ -14,7 +14,7 @@ import trimesh
 
 from acquisition.formats import export, folders
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.models.result import LIT, Information, NormalMap
+from acquisition.models.result import LIT, FisherInformation, NormalMap
 from acquisition.normals.image_set import ImageSet
 from tests.acquisition.formats.folders import small
 
@@ -34,7 +34,7 @@ def truth_as_result(images: ImageSet, depth: np.ndarray) -> NormalMap:
         silhouette=images.mask,
         flags=np.where(mask, LIT, 0).astype(np.uint8) * np.ones((images.count, 1, 1), np.uint8),
         intensity_factors=np.ones(images.count),
-        information=Information(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 4, 4))),
+        information=FisherInformation(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 4, 4))),
         indirect=np.full(shape, 0.25, np.float32),
         doubtful=mask & (np.arange(shape[1]) < 3),
         albedo_rgb=np.where(mask[..., None], [0.5, 0.6, 0.7], 0).astype(np.float32),

@@ -10,7 +10,7 @@ import tifffile
 
 from acquisition.formats import export
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.models.result import CAST, LIT, Information, NormalMap
+from acquisition.models.result import CAST, LIT, FisherInformation, NormalMap
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def normal_map() -> NormalMap:
         silhouette=mask | (rng.random(shape) < 0.1),
         flags=rng.choice([0, LIT, CAST, LIT | 16], size=(lights, *shape)).astype(np.uint8),
         intensity_factors=1 + 0.01 * rng.normal(size=lights),
-        information=Information(
+        information=FisherInformation(
             rows=rows[:20].astype(np.int64),
             columns=columns[:20].astype(np.int64),
             matrices=half @ half.transpose(0, 2, 1),
@@ -55,7 +55,7 @@ def test_it_reads_back_exactly(normal_map: NormalMap, tmp_path: Path) -> None:
         if isinstance(before, np.ndarray):
             assert after.dtype == before.dtype, field.name
             np.testing.assert_array_equal(after, before, err_msg=field.name)
-        elif isinstance(before, Information):
+        elif isinstance(before, FisherInformation):
             np.testing.assert_array_equal(after.rows, before.rows)
             np.testing.assert_array_equal(after.columns, before.columns)
             np.testing.assert_array_equal(after.matrices, before.matrices)

@@ -149,7 +149,7 @@ def test_fields_that_are_not_known_are_named(tmp_path: Path) -> None:
 def test_the_camera_of_images_cut_out_of_larger_ones_keeps_its_axis(tmp_path: Path) -> None:
     """The optical axis is outside of what is left of the images."""
     folder = small.near(tmp_path / "in")
-    whole = near_light.solve_plain(folders.read(folder, tmp_path))
+    whole = near_light.solve_least_squares(folders.read(folder, tmp_path))
     first = small.SIZE // 2 + 2
     for path in folder.glob("*.tiff"):
         tifffile.imwrite(path, tifffile.imread(path)[:, first:])
@@ -158,7 +158,7 @@ def test_the_camera_of_images_cut_out_of_larger_ones_keeps_its_axis(tmp_path: Pa
     told = json.loads((folder / "lights.json").read_text())
     told["camera"]["K"][0][2] -= first
     (folder / "lights.json").write_text(json.dumps(told))
-    part = near_light.solve_plain(folders.read(folder, tmp_path))
+    part = near_light.solve_least_squares(folders.read(folder, tmp_path))
     # Its depth is found anew from half of the surface, so the normals are not the very same.
     assert np.median(error_deg(part.normals, whole.normals[:, first:])) < 1.0
 
