@@ -20,8 +20,7 @@ import ur_analytic_ik
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import Box, Capsule, CapsuleShape, CellConfig, Cone, ConvexMesh, HalfSpace, Obstacle
 
-MESHES = Path(__file__).resolve().parents[2] / "shared" / "meshes"
-NO_MESHES = f"the link meshes are not at {MESHES.parent.name}/{MESHES.name} beside the checkout"
+MESHES = Path(__file__).parent / "data" / "meshes"
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -184,9 +183,19 @@ def _arm(cell: CellConfig) -> list[_Body]:
 
 
 @cache
+def link_meshes(model: str) -> tuple[trimesh.Trimesh, ...]:
+    """The maker's collision meshes of the seven links, base first, each in its link's DH frame, m."""
+    with np.load(MESHES / f"{model}.npz") as stored:
+        names = sorted(name.removesuffix("_faces") for name in stored.files if name.endswith("_faces"))
+        return tuple(
+            trimesh.Trimesh(stored[f"{name}_vertices"], stored[f"{name}_faces"], process=False) for name in names
+        )
+
+
+@cache
 def _link_bodies(model: str) -> tuple[_Body, ...]:
-    meshes = [trimesh.load_mesh(path) for path in sorted((MESHES / model).glob("*.stl"))]
-    return tuple(_body(name, link, mesh) for link, (name, mesh) in enumerate(zip(_LINKS, meshes, strict=True)))
+    links = enumerate(zip(_LINKS, link_meshes(model), strict=True))
+    return tuple(_body(name, link, mesh) for link, (name, mesh) in links)
 
 
 @lru_cache(maxsize=16)

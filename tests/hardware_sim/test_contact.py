@@ -25,8 +25,6 @@ LATE_M = link_spheres.GAP_M + 0.0005
 OBJECT_M = 0.002
 """The same of the object's balls."""
 
-meshes = pytest.mark.skipif(not audit.MESHES.is_dir(), reason=audit.NO_MESHES)
-
 
 @pytest.fixture(scope="module")
 def surroundings() -> Surroundings:
@@ -62,13 +60,12 @@ def apart(first: fcl.CollisionObject, second: fcl.CollisionObject) -> float:
     return max(0.0, fcl.distance(first, second, fcl.DistanceRequest(), fcl.DistanceResult()))
 
 
-@meshes
 @pytest.mark.parametrize(
     "model", ["ur5e", *(pytest.param(m, marks=pytest.mark.long) for m in sorted(MODELS) if m != "ur5e")]
 )
 def test_links_meet_where_their_meshes_do(model: str) -> None:
     check = ContactCheck(MODELS[model], Surroundings())
-    links = [body(trimesh.load_mesh(path)) for path in sorted((audit.MESHES / model).glob("*.stl"))]
+    links = [body(mesh) for mesh in audit.link_meshes(model)]
     joints = poses(30, 1)
     frames = audit.link_frames(model, joints)
     met = 0
@@ -87,7 +84,6 @@ def pose(frame: FloatArray) -> fcl.Transform:
     return fcl.Transform(np.ascontiguousarray(frame[:3, :3]), np.ascontiguousarray(frame[:3, 3]))
 
 
-@meshes
 def test_arm_and_tool_meet_table_camera_and_object_where_their_meshes_do(check: ContactCheck) -> None:
     mesh = objects.build("part", 1).mesh
     thing = trimesh.Trimesh(mesh.triangles.reshape(-1, 3), np.arange(3 * len(mesh.triangles)).reshape(-1, 3))
@@ -100,8 +96,7 @@ def test_arm_and_tool_meet_table_camera_and_object_where_their_meshes_do(check: 
     tool = trimesh.util.concatenate(
         [audit._capsule(item) for item in CELL.arm.tool_capsules]  # pyright: ignore[reportPrivateUsage]
     )
-    links = [trimesh.load_mesh(path) for path in sorted((audit.MESHES / "ur5e").glob("*.stl"))]
-    parts = dict(zip(PARTS, map(body, [*links, tool]), strict=False))
+    parts = dict(zip(PARTS, map(body, [*audit.link_meshes("ur5e"), tool]), strict=False))
     # Round the object, where it is narrow.
     random = np.random.default_rng(2)
     joints = np.vstack([poses(20, 3), np.array([np.pi, -0.9, 1.6, -0.8, -1.57, 0.0]) + random.normal(0, 0.25, (40, 6))])

@@ -18,10 +18,7 @@ from acquisition.waypoints.roadmap import dome_lights
 from tests import audit
 from tests.acquisition.waypoints.cells import random_cell, simulated_cell
 
-needs_meshes = pytest.mark.skipif(not audit.MESHES.is_dir(), reason=audit.NO_MESHES)
 
-
-@needs_meshes
 @settings(max_examples=12, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6))
 def test_whatever_touches_in_meshes_is_refused(seed: int) -> None:
@@ -32,7 +29,6 @@ def test_whatever_touches_in_meshes_is_refused(seed: int) -> None:
     assert [hit for sample, hit in touching.items() if free[sample]] == []
 
 
-@needs_meshes
 @settings(max_examples=12, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6))
 def test_certified_edges_touch_nothing_in_meshes(seed: int) -> None:
@@ -178,7 +174,6 @@ def test_distances_agree_with_another_library(shape: str) -> None:
     assert 30 < apart < 290
 
 
-@needs_meshes
 def test_cones_agree_with_cast_rays() -> None:
     """Nothing that rays see in the cones is passed; few of the others are refused."""
     cell, calibration = simulated_cell()

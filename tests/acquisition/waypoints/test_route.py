@@ -24,8 +24,6 @@ from acquisition.waypoints.route import retreat, route
 from tests import audit
 from tests.acquisition.waypoints.cells import random_cell, simulated_cell
 
-needs_meshes = pytest.mark.skipif(not audit.MESHES.is_dir(), reason=audit.NO_MESHES)
-
 
 def some_lights(cell: CellConfig, calibration: Calibration, count: int, seed: int) -> list[Light]:
     """Lights drawn from the dome that can be reached; `count` of them if they are soon found."""
@@ -185,8 +183,7 @@ def test_a_post_in_the_way_is_gone_round() -> None:
     lights = some_lights(blocked, calibration, 12, seed=4)
     planned = route(lights, cell.arm.home, blocked, calibration)
     assert len(corners(planned)) > 1 + len(lights) + 1
-    if audit.MESHES.is_dir():
-        assert audit.audit(audit.samples_along(corners(planned), 0.01), blocked) == []
+    assert audit.audit(audit.samples_along(corners(planned), 0.01), blocked) == []
 
 
 def check_cell(seed: int, count: int) -> Route:
@@ -223,7 +220,6 @@ def _check_speeds(planned: Route, cell: CellConfig) -> None:
     assert (speeds <= cell.arm.max_joint_speed_rad_s * (1 + 1e-9)).all()
 
 
-@needs_meshes
 @pytest.mark.parametrize("quarter", range(4))
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6))
@@ -240,7 +236,6 @@ CELLS_AT_A_TIME = 100
 
 
 @pytest.mark.long
-@needs_meshes
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("first", CELLS[::CELLS_AT_A_TIME])
 def test_routes_in_many_random_cells_touch_nothing_and_hide_nothing(first: int) -> None:
