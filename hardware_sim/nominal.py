@@ -10,7 +10,6 @@ from pathlib import Path
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
-from acquisition.models.errors import ErrorCode, RigError
 
 FULL_PIXELS = 1024
 
@@ -52,11 +51,8 @@ def calibration(pixels: int) -> Calibration:
 
 
 def default_cell_file() -> Path:
-    """`deploy/cell.sim.toml` of the checkout. Raises RigError config.invalid where there is none."""
-    path = Path(__file__).resolve().parents[1] / "deploy" / "cell.sim.toml"
-    if not path.is_file():
-        raise RigError(ErrorCode.CONFIG_INVALID, "deploy/cell.sim.toml is not here: give a cell file", file=str(path))
-    return path
+    """The cell file of the simulated cell, `cells/cell.sim.toml` of this package."""
+    return Path(__file__).with_name("cells") / "cell.sim.toml"
 
 
 def write(folder: Path, address: str, pixels: int, cell_file: Path) -> CellConfig:

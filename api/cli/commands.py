@@ -46,7 +46,6 @@ ObjectName = Annotated[
 Seed = Annotated[int, typer.Option(min=0, help="Seed of object, errors and noise")]
 Speed = Annotated[float, typer.Option(help="How many times faster than life the simulated arm moves")]
 Pixels = Annotated[int, typer.Option(help="Width and height of the simulated image")]
-CellFile = Annotated[Path, typer.Option(help="The cell file")]
 
 
 @app.command()
@@ -155,14 +154,16 @@ def serve(
 
 @app.command()
 def check(
-    cell: CellFile = Path("deploy/cell.sim.toml"),
+    cell: Annotated[Path | None, typer.Option(help="The cell file; default: the simulated cell's")] = None,
     offline: Annotated[bool, typer.Option(help="Leave out whether arm and camera answer")] = False,
     data: Annotated[Path | None, typer.Option(help="The service's data folder: its keys and space too")] = None,
 ) -> None:
     """Checks cell file, calibration, reach, pilot and route, and the devices; names each problem; moves nothing."""
     from api.cli import checking
+    from hardware_sim import nominal
 
-    if not _told(lambda: checking.check(cell, offline=offline, data=data)):
+    cell_file = cell or nominal.default_cell_file()
+    if not _told(lambda: checking.check(cell_file, offline=offline, data=data)):
         raise typer.Exit(1)
 
 

@@ -16,13 +16,13 @@ from acquisition.runner import jobs
 from acquisition.store.folder import write_frame, write_manifest, write_value
 from tests.acquisition import scenes
 
-DEPLOY = Path(__file__).parents[2] / "deploy"
+CELLS = Path(__file__).parents[2] / "hardware_sim" / "cells"
 SIZE = 64
 LIGHTS = [*scenes.ring(3, 20.0), *scenes.ring(3, 50.0, 0.5)]
 
 
 def cell() -> CellConfig:
-    return cell_config.load(DEPLOY / "cell.sim.toml")
+    return cell_config.load(CELLS / "cell.sim.toml")
 
 
 def calibration():

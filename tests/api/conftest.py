@@ -39,10 +39,10 @@ class Running:
 def write_cell(folder: Path, address: str) -> Path:
     """The simulated cell's file with arm and camera at `address`."""
     folder.mkdir(parents=True, exist_ok=True)
-    text = (REPOSITORY / "deploy" / "cell.sim.toml").read_text(encoding="utf-8")
+    text = (REPOSITORY / "hardware_sim" / "cells" / "cell.sim.toml").read_text(encoding="utf-8")
     path = folder / "cell.toml"
     path.write_text(re.sub(r'^address = ".*"', f'address = "{address}"', text, flags=re.MULTILINE), encoding="utf-8")
-    calibration = REPOSITORY / "deploy" / "calibration.sim.json"
+    calibration = REPOSITORY / "hardware_sim" / "cells" / "calibration.sim.json"
     (folder / calibration.name).write_bytes(calibration.read_bytes())
     return path
 

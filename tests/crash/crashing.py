@@ -25,7 +25,7 @@ from hardware_sim.controller.control import ControlClient
 from tests.end_to_end.processes import Service, fastest_joint, rests_after, serving
 
 RECIPE = Recipe(pilot_lights=3, planned_lights=1)
-CELL_FILE = Path(__file__).parents[2] / "deploy" / "cell.test.toml"
+CELL_FILE = Path(__file__).parents[2] / "tests" / "data" / "cell.test.toml"
 PIXELS, SPEED = 128, 20.0
 MOST_RESUMES = 6
 PLACE_M, NORMALS_DEG, SHARE = 1e-6, 0.01, 0.999

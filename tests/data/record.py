@@ -18,7 +18,7 @@ def record(folder: Path) -> None:
     """Runs one session to its end and stops another before it starts."""
     with tempfile.TemporaryDirectory() as temporary:
         place = Path(temporary)
-        cell_file = Path("deploy/cell.test.toml")
+        cell_file = Path(__file__).with_name("cell.test.toml")
         with Cell(ADDRESS, "bumps", 1, "direct", 20.0, folder=place / "cell", pixels=48, cell_file=cell_file) as cell:
             chosen = settings.read(cell=cell.cell_file, data=place / "data", host=ADDRESS, port=0)
             with serve(chosen) as running:

@@ -42,7 +42,7 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(900)]
 @cache
 def folder() -> Path:
     """Where the figures are kept of the newest commit of cell, stages and world."""
-    arguments = ["git", "log", "-1", "--format=%h", "--", "acquisition", "hardware_sim", "deploy"]
+    arguments = ["git", "log", "-1", "--format=%h", "--", "acquisition", "hardware_sim"]
     done = subprocess.run(arguments, cwd=ROOT, capture_output=True, text=True, check=True)
     return ROOT / "build" / f"rings-{done.stdout.strip()}"
 

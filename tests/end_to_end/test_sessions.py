@@ -18,7 +18,7 @@ from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
 from tests.end_to_end.processes import Service, client_of, fastest_joint, rests_after, serving, wait_until_moving
 
-CELL_FILE = Path(__file__).parents[2] / "deploy" / "cell.test.toml"
+CELL_FILE = Path(__file__).parents[2] / "tests" / "data" / "cell.test.toml"
 PIXELS = 160
 
 

@@ -17,7 +17,7 @@ def scene(request: pytest.FixtureRequest) -> SceneObject:
 
 
 def test_stands_on_the_table_inside_the_keep_out_with_room_to_spare(scene: SceneObject) -> None:
-    keep_out = cell_config.load(REPOSITORY / "deploy" / "cell.sim.toml").object.keep_out
+    keep_out = cell_config.load(REPOSITORY / "hardware_sim" / "cells" / "cell.sim.toml").object.keep_out
     assert scene.radius_m < keep_out.radius_m - 0.004
     assert scene.height_m < keep_out.height_m - 0.004
     assert abs(scene.mesh.triangles[..., 2].min()) < 1e-9

@@ -32,7 +32,7 @@ from hardware_sim.controller.trace import MAGIC
 from tests.end_to_end.processes import Service, serving
 from tests.model.quick_rig import quick_service
 
-CELL_FILE = Path(__file__).parents[2] / "deploy" / "cell.test.toml"
+CELL_FILE = Path(__file__).parents[2] / "tests" / "data" / "cell.test.toml"
 LISTENERS, STALLED, POLLERS = map(int, os.environ.get("LIGHTPOSE_CROWD", "80,20,50").split(","))
 """Who listens, who stalls, who polls; fewer try the tests on a busy machine."""
 SHARDS = 5

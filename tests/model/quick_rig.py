@@ -216,7 +216,7 @@ def quick_service(
     folder: Path, host: str, *, with_keys: bool = True
 ) -> Generator[tuple[Server, QuickArm, str, dict[Role, str]]]:
     """A running service over a quick rig; with it its arm, its address, and a key for each role, if it asks for any."""
-    cell_file = REPOSITORY / "deploy" / "cell.test.toml"
+    cell_file = REPOSITORY / "tests" / "data" / "cell.test.toml"
     cell = cell_config.load(cell_file)
     calibration = nominal.calibration(PIXELS)
     chosen = settings.read(cell=cell_file, data=folder / "data", host=host, port=0)

@@ -11,9 +11,9 @@ from acquisition.capture import check, exposure, region
 from acquisition.models import cell_config
 from acquisition.models.recipe import Exposure
 
-DEPLOY = Path(__file__).parents[3] / "deploy"
-CELL = cell_config.load(DEPLOY / "cell.sim.toml")
-CALIBRATION = cell_config.load_calibration(DEPLOY / "calibration.sim.json")
+CELLS = Path(__file__).parents[3] / "hardware_sim" / "cells"
+CELL = cell_config.load(CELLS / "cell.sim.toml")
+CALIBRATION = cell_config.load_calibration(CELLS / "calibration.sim.json")
 SENSOR, CAMERA, WANTED = CALIBRATION.sensor, CELL.camera, Exposure()
 REGION = np.ones((40, 50), np.bool_)
 

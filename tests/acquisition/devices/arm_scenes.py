@@ -15,7 +15,7 @@ from acquisition.models.cell_config import ArmConfig, CellConfig
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.process import ControllerProcess
 
-CELL: CellConfig = cell_config.load(Path(__file__).parents[3] / "deploy" / "cell.sim.toml")
+CELL: CellConfig = cell_config.load(Path(__file__).parents[3] / "hardware_sim" / "cells" / "cell.sim.toml")
 LIMITS = MotionLimits(1.05, 1.4)
 HOME = CELL.arm.home
 FAR = (HOME[0] + 2.0, *HOME[1:])  # over two seconds away

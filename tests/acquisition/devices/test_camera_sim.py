@@ -21,9 +21,9 @@ from acquisition.models.errors import ErrorCode, Halted, RigError
 from hardware_sim.camera import CameraServer
 from hardware_sim.shutter import CellState
 
-CALIBRATION = cell_config.load_calibration(Path(__file__).parents[3] / "deploy" / "calibration.sim.json").model_copy(
-    update={"width": 320, "height": 200}
-)
+CALIBRATION = cell_config.load_calibration(
+    Path(__file__).parents[3] / "hardware_sim" / "cells" / "calibration.sim.json"
+).model_copy(update={"width": 320, "height": 200})
 HONEST = SimCameraConfig(address="127.0.3.10", timeout_s=5.0)
 CROOKED = SimCameraConfig(address="127.0.3.11", timeout_s=0.3)
 FRAME = np.arange(320 * 200, dtype=np.uint16).reshape(200, 320)

@@ -19,12 +19,12 @@ from acquisition.waypoints.route import route
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.process import ControllerProcess
 from tests.acquisition.devices.arm_scenes import CELL, connected
-from tests.acquisition.waypoints.cells import DEPLOY
+from tests.acquisition.waypoints.cells import CELLS
 
 ADDRESS = "127.0.13.10"
 SEED = 7
 ERROR_M = 0.004  # rms over all poses; at the lights of the route it is 3.3 mm
-CALIBRATION = cell_config.load_calibration(DEPLOY / CELL.calibration)
+CALIBRATION = cell_config.load_calibration(CELLS / CELL.calibration)
 OBJECT_CENTER_M = np.array([0.0, 0.0, CELL.object.keep_out.height_m / 2])
 
 

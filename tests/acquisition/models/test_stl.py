@@ -10,14 +10,14 @@ from acquisition.models import cell_config, stl
 from acquisition.models.cell_config import ConvexMesh
 from acquisition.models.errors import ErrorCode, RigError
 
-DEPLOY = Path(__file__).resolve().parents[3] / "deploy"
+CELLS = Path(__file__).resolve().parents[3] / "hardware_sim" / "cells"
 MESH = trimesh.creation.box((0.1, 0.2, 0.3))
 
 
 def cell_with(folder: Path, obstacle: str) -> Path:
     """The simulated cell's file with one obstacle more."""
     file = folder / "cell.toml"
-    file.write_text((DEPLOY / "cell.sim.toml").read_text(encoding="utf-8") + obstacle, encoding="utf-8")
+    file.write_text((CELLS / "cell.sim.toml").read_text(encoding="utf-8") + obstacle, encoding="utf-8")
     return file
 
 

@@ -13,9 +13,9 @@ from acquisition.models.errors import ErrorCode, Halted, RigError
 from acquisition.models.route import Route
 from acquisition.runner.compute import Compute, GaveWay
 
-DEPLOY = Path(__file__).parents[3] / "deploy"
-CELL = cell_config.load(DEPLOY / "cell.sim.toml")
-CALIBRATION = cell_config.load_calibration(DEPLOY / "calibration.sim.json")
+CELLS = Path(__file__).parents[3] / "hardware_sim" / "cells"
+CELL = cell_config.load(CELLS / "cell.sim.toml")
+CALIBRATION = cell_config.load_calibration(CELLS / "calibration.sim.json")
 
 
 @pytest.fixture(scope="module")

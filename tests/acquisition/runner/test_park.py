@@ -17,7 +17,7 @@ from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
 
 ADDRESS = "127.0.13.20"
-CELL_FILE = Path(__file__).parents[3] / "deploy" / "cell.test.toml"
+CELL_FILE = Path(__file__).parents[3] / "tests" / "data" / "cell.test.toml"
 
 
 @dataclass(frozen=True)

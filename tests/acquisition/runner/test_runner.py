@@ -19,7 +19,7 @@ from api.rest import settings, wiring
 from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
 
-CELL_FILE = Path(__file__).parents[3] / "deploy" / "cell.test.toml"
+CELL_FILE = Path(__file__).parents[3] / "tests" / "data" / "cell.test.toml"
 SMALL = Recipe(pilot_lights=3, planned_lights=0)
 
 

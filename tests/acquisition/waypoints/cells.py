@@ -24,15 +24,15 @@ from acquisition.models.cell_config import (
 )
 from acquisition.waypoints.collision import scene
 
-DEPLOY = Path(__file__).resolve().parents[3] / "deploy"
+CELLS = Path(__file__).resolve().parents[3] / "hardware_sim" / "cells"
 SIZE = {"ur3e": 0.55, "ur5e": 1.0, "ur10e": 1.4, "ur16e": 1.05}
 """Rough reach of each model relative to the UR5e."""
 
 
 def simulated_cell() -> tuple[CellConfig, Calibration]:
     """The default cell and its calibration."""
-    cell = cell_config.load(DEPLOY / "cell.sim.toml")
-    return cell, cell_config.load_calibration(DEPLOY / cell.calibration)
+    cell = cell_config.load(CELLS / "cell.sim.toml")
+    return cell, cell_config.load_calibration(CELLS / cell.calibration)
 
 
 def random_cell(seed: int) -> tuple[CellConfig, Calibration]:

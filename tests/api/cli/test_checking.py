@@ -13,7 +13,7 @@ from api.rest.keys import Role
 from hardware_sim import nominal
 from hardware_sim.controller.process import ControllerProcess
 
-CELL_FILE = Path(__file__).parents[3] / "deploy" / "cell.test.toml"
+CELL_FILE = Path(__file__).parents[3] / "tests" / "data" / "cell.test.toml"
 NOBODY, ARM = "127.0.15.30", "127.0.15.31"
 
 

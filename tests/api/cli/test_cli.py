@@ -46,7 +46,7 @@ def test_help_loads_no_numerical_kernel() -> None:
         (("sim", "--address", "10.1.2.3"), "10.1.2.3"),
         (("serve", "--cell", "no-such-cell.toml"), "no-such-cell.toml"),
         (("solve", "no-such-folder"), "no-such-folder"),
-        (("serve", "--cell", "deploy/cell.sim.toml", "--host", "0.0.0.0"), "lightpose keys add"),  # noqa: S104
+        (("serve", "--cell", "hardware_sim/cells/cell.sim.toml", "--host", "0.0.0.0"), "lightpose keys add"),  # noqa: S104
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )

@@ -40,7 +40,7 @@ LIGHTS = [*scenes.ring(3, 20.0), *scenes.ring(3, 50.0, 0.5)]
 def here(tmp_path_factory: pytest.TempPathFactory) -> settings.Settings:
     """A cell file with a camera of few pixels and an arm that is not there."""
     folder = tmp_path_factory.mktemp("resolve")
-    text = (REPOSITORY / "deploy" / "cell.sim.toml").read_text(encoding="utf-8")
+    text = (REPOSITORY / "hardware_sim" / "cells" / "cell.sim.toml").read_text(encoding="utf-8")
     text = re.sub(r'^address = ".*"', 'address = "127.0.45.1"', text, flags=re.MULTILINE)
     (folder / "cell.toml").write_text(text, encoding="utf-8")
     x, y, z = cell_config.load(folder / "cell.toml").object.keep_out.base_from_object.position_m

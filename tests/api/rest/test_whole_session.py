@@ -24,7 +24,7 @@ from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
 
 CELL = "127.0.4.10"
-CELL_FILE = Path(__file__).parents[3] / "deploy" / "cell.test.toml"
+CELL_FILE = Path(__file__).parents[3] / "tests" / "data" / "cell.test.toml"
 RECIPE = Recipe(pilot_lights=3, planned_lights=1, label="whole")
 
 
