@@ -1,10 +1,46 @@
-"""What may happen in a session, and what comes next: read this first.
+"""The states of a session, the transitions between them, and the choice of its next step: read this first.
 
-Two axes, never multiplied. `State` answers "may the arm move?" and changes only by the table `TRANSITIONS`. `Stage`
-answers "how far has the work come?"; it is read off the next step and never stored. The next step is a pure function of
-the journal and of where the arm stands, so running, pausing, crashing and resuming are one loop: whoever asks
-`next_step` again gets the work that is left, and a route is planned anew whenever the arm is not where the last one
-expects it.
+Two axes, kept apart. `State` answers "may the arm move?" and changes only by the table `TRANSITIONS`. `Stage` answers
+"how far has the work come?"; it is derived from the next step and never stored. The next step is a pure function of the
+journal and of the measured joints, so running, pausing, crashing and resuming are one loop: `next_step` returns the
+work that is left, and a route is planned anew whenever the arm is not where the last one expects it.
+
+```mermaid
+stateDiagram-v2
+    [*] --> created
+    created --> running: start
+    created --> stopped: stop
+    running --> pausing: pause
+    running --> stopping: stop
+    running --> completed: finish
+    running --> failed: fail
+    running --> interrupted: interrupt
+    pausing --> paused: settle
+    pausing --> running: resume
+    pausing --> stopping: stop
+    pausing --> completed: finish
+    pausing --> failed: fail
+    pausing --> interrupted: interrupt
+    paused --> running: resume
+    paused --> stopping: stop
+    paused --> interrupted: interrupt
+    stopping --> stopped: settle
+    stopping --> failed: fail
+    stopping --> interrupted: interrupt
+    interrupted --> running: resume
+    interrupted --> stopped: stop
+    completed --> [*]
+    stopped --> [*]
+    failed --> [*]
+```
+
+created      The session does not hold the rig; it moves nothing.
+running      The session holds the rig; the arm may move.
+pausing      The step in progress is completed, moves included; no further one begins.
+paused       The arm is at rest, as a reading has shown; the session still holds the rig.
+stopping     A halt has been sent; the arm decelerates to rest.
+interrupted  The arm is at rest or its state is unknown; nothing moves before an operator resumes or stops.
+completed, stopped, failed  The session has released the rig; it never moves the arm again.
 """
 
 from dataclasses import dataclass, field
@@ -16,11 +52,11 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route, Waypoint
 from acquisition.models.shot import Shot, ShotKey
 
-SAME_PLACE_RAD = 2e-3
-"""Joints closer than this are the same place; a move ends within half of it."""
+SAME_JOINTS_RAD = 2e-3
+"""Joint configurations (rad) closer than this are the same: twice the tolerance within which a move ends."""
 
-REFERENCES_FROM = 1000
-"""Numbers of repeated images within a pass; no pass has so many lights."""
+FIRST_REFERENCE_NUMBER = 1000
+"""Number of the first repeated image within a pass; above the number of lights of any pass."""
 
 
 class State(StrEnum):
@@ -37,7 +73,7 @@ class State(StrEnum):
     FAILED = "failed"
 
 
-THE_ARM: dict[State, str] = {
+ARM_STATE: dict[State, str] = {
     State.CREATED: "The arm is not this session's.",
     State.RUNNING: "The arm may move.",
     State.PAUSING: "The arm finishes the present step.",
@@ -49,25 +85,38 @@ THE_ARM: dict[State, str] = {
     State.FAILED: "The arm is not this session's.",
 }
 
-HOLDS_THE_RIG = frozenset({State.RUNNING, State.PAUSING, State.PAUSED, State.STOPPING, State.INTERRUPTED})
+"""Each state, as a sentence for people about the arm."""
+
+RIG_HOLDING = frozenset({State.RUNNING, State.PAUSING, State.PAUSED, State.STOPPING, State.INTERRUPTED})
+"""States of the session that holds the lease of the rig: a unique index of the database admits one such session."""
+
 ENDED = frozenset({State.COMPLETED, State.STOPPED, State.FAILED})
+"""States without a transition out of them."""
 
 
 class Trigger(StrEnum):
-    """What changes a state."""
+    """Inputs of the state machine; the values stand in the journal. The first four are actions of a person."""
 
     START = "start"
+    """Begin a session that was created: takes the rig, connects the devices and moves the arm."""
     PAUSE = "pause"
+    """Rest after the step in progress, to look or to mend something; not for danger: that step is still completed."""
     RESUME = "resume"
+    """Go on after a pause or an interruption, when the cell has been looked at: the arm may move at once."""
     STOP = "stop"
-    SETTLE = "settle"
+    """Halt the arm now and end the session for good; its frames and results are kept."""
+    AT_REST = "settle"
+    """The runner has read that the arm is at rest, or a halt has been carried out: ends `pausing` and `stopping`."""
     FINISH = "finish"
+    """The runner has no step left: the recipe is fulfilled."""
     FAIL = "fail"
+    """A step failed for a reason that neither a pause nor a look at the devices can mend."""
     INTERRUPT = "interrupt"
+    """A device failed, a safety fault was latched, or the service ended: a person decides how it goes on."""
 
 
 class Actor(StrEnum):
-    """Who pulls a trigger."""
+    """Who fires a trigger."""
 
     VIEWER = "viewer"
     OPERATOR = "operator"
@@ -81,17 +130,17 @@ class Actor(StrEnum):
 
 
 ACTIONS = (Trigger.START, Trigger.PAUSE, Trigger.RESUME, Trigger.STOP)
-"""The triggers that a person has."""
+"""The triggers that a person may fire."""
 
-MAY: dict[Actor, frozenset[Trigger]] = {
+PERMISSIONS: dict[Actor, frozenset[Trigger]] = {
     Actor.VIEWER: frozenset(),
     Actor.OPERATOR: frozenset(ACTIONS),
-    # The runner pauses for a plan that a person wants to see, and for what a person has to mend; it never resumes.
-    Actor.RUNNER: frozenset({Trigger.PAUSE, Trigger.SETTLE, Trigger.FINISH, Trigger.FAIL, Trigger.INTERRUPT}),
-    # At start-up, for sessions found active, and when the safety monitor latches a fault.
+    # The runner pauses for the review of a plan, and for what a person has to mend; it never resumes.
+    Actor.RUNNER: frozenset({Trigger.PAUSE, Trigger.AT_REST, Trigger.FINISH, Trigger.FAIL, Trigger.INTERRUPT}),
+    # At start-up, for sessions that were active, and when the safety monitor latches a fault.
     Actor.SERVICE: frozenset({Trigger.INTERRUPT}),
 }
-"""Who may pull which trigger at all; whether it does anything, the state says."""
+"""The triggers that each actor may fire in some state; `TRANSITIONS` says in which."""
 
 TRANSITIONS: dict[tuple[State, Trigger], State] = {
     (State.CREATED, Trigger.START): State.RUNNING,
@@ -101,7 +150,7 @@ TRANSITIONS: dict[tuple[State, Trigger], State] = {
     (State.RUNNING, Trigger.FINISH): State.COMPLETED,
     (State.RUNNING, Trigger.FAIL): State.FAILED,
     (State.RUNNING, Trigger.INTERRUPT): State.INTERRUPTED,
-    (State.PAUSING, Trigger.SETTLE): State.PAUSED,
+    (State.PAUSING, Trigger.AT_REST): State.PAUSED,
     (State.PAUSING, Trigger.RESUME): State.RUNNING,
     (State.PAUSING, Trigger.STOP): State.STOPPING,
     (State.PAUSING, Trigger.FINISH): State.COMPLETED,
@@ -110,37 +159,39 @@ TRANSITIONS: dict[tuple[State, Trigger], State] = {
     (State.PAUSED, Trigger.RESUME): State.RUNNING,
     (State.PAUSED, Trigger.STOP): State.STOPPING,
     (State.PAUSED, Trigger.INTERRUPT): State.INTERRUPTED,
-    (State.STOPPING, Trigger.SETTLE): State.STOPPED,
+    (State.STOPPING, Trigger.AT_REST): State.STOPPED,
     (State.STOPPING, Trigger.FAIL): State.FAILED,
     (State.STOPPING, Trigger.INTERRUPT): State.INTERRUPTED,
     (State.INTERRUPTED, Trigger.RESUME): State.RUNNING,
     (State.INTERRUPTED, Trigger.STOP): State.STOPPED,
 }
+"""The transition table; the diagram above shows the same edges."""
 
-_ALREADY_TRUE: dict[Trigger, frozenset[State]] = {
-    Trigger.START: HOLDS_THE_RIG,
+NO_OP: dict[Trigger, frozenset[State]] = {
+    Trigger.START: RIG_HOLDING,
     Trigger.RESUME: frozenset({State.RUNNING}),
     Trigger.PAUSE: frozenset({State.PAUSING, State.PAUSED}),
     Trigger.STOP: frozenset({State.STOPPING, State.STOPPED}),
 }
+"""States in which an action has its effect already: it succeeds and changes nothing (actions are idempotent)."""
 
 
-def after(state: State, trigger: Trigger, actor: Actor) -> State | None:
-    """The state after a trigger; the same state when what is asked for is already so; None when it is not allowed."""
-    if trigger not in MAY[actor]:
+def next_state(state: State, trigger: Trigger, actor: Actor) -> State | None:
+    """The state after a trigger; the same one where the trigger is a no-op; None where it is not allowed."""
+    if trigger not in PERMISSIONS[actor]:
         return None
-    if trigger in _ALREADY_TRUE and state in _ALREADY_TRUE[trigger]:
+    if trigger in NO_OP and state in NO_OP[trigger]:
         return state
     return TRANSITIONS.get((state, trigger))
 
 
-def allowed(state: State, actor: Actor = Actor.OPERATOR) -> list[Trigger]:
-    """The actions that a person may take in this state and that would change it."""
-    return [action for action in ACTIONS if action in MAY[actor] and (state, action) in TRANSITIONS]
+def allowed_actions(state: State, actor: Actor = Actor.OPERATOR) -> list[Trigger]:
+    """The actions that a person may take in this state and that change it."""
+    return [action for action in ACTIONS if action in PERMISSIONS[actor] and (state, action) in TRANSITIONS]
 
 
 class Stage(StrEnum):
-    """How far the work has come."""
+    """How far the work has come; derived from the next step."""
 
     PILOT = "pilot"
     PLAN = "plan"
@@ -162,15 +213,15 @@ class ChooseLights:
 
 @dataclass(frozen=True)
 class AwaitReview:
-    """Wait until a person has looked at the lights of a pass, and perhaps put others in their place."""
+    """Wait until a person has reviewed the lights of a pass, and perhaps replaced them."""
 
     pass_number: int
 
 
 @dataclass(frozen=True)
 class RepeatReference:
-    """Take an image again, to see that nothing has moved since: one that was taken before an interruption, or, when a
-    pass has all its images, the session's first."""
+    """Take an image again, to verify that nothing has moved since: one that was captured before an interruption, or,
+    when a pass has all its images, the session's first."""
 
     shot: Shot
     key: ShotKey
@@ -179,7 +230,7 @@ class RepeatReference:
 
 @dataclass(frozen=True)
 class PlanRoute:
-    """Find certified joint paths from where the arm is through the lights that are left, and home."""
+    """Plan collision-free joint paths from the measured joints through the remaining lights, and home."""
 
     pass_number: int
     light_numbers: tuple[int, ...]
@@ -195,7 +246,7 @@ class TakeShot:
 
 @dataclass(frozen=True)
 class GoHome:
-    """Follow a certified path home, so that the arm is out of the picture."""
+    """Follow a collision-free path home, so that the arm is out of the picture."""
 
     pass_number: int
     route: Route | None
@@ -211,7 +262,7 @@ class TakeDark:
 
 @dataclass(frozen=True)
 class SolveNormals:
-    """Solve all images taken so far."""
+    """Solve all images captured so far."""
 
     number: int
 
@@ -221,21 +272,21 @@ Step = ChooseLights | AwaitReview | RepeatReference | PlanRoute | TakeShot | GoH
 
 @dataclass(frozen=True)
 class PassRecord:
-    """What the journal holds of one pass."""
+    """One pass as the journal records it."""
 
     plan: LightPlan | None = None
     route: Route | None = None
     shots: dict[int, Shot] = field(default_factory=dict[int, Shot])  # by light number
     darks: dict[float, Shot] = field(default_factory=dict[float, Shot])  # by exposure time
-    references: tuple[Shot, ...] = ()  # images taken again, of this pass or of one before
-    repeated: frozenset[ShotKey] = frozenset()  # those taken again since the last of `shots`
+    references: tuple[Shot, ...] = ()  # repeated images, of this pass or of one before
+    repeated: frozenset[ShotKey] = frozenset()  # those repeated after the last of `shots`
     solved: bool = False
-    reviewed: bool = False  # a person has seen the plan and let it pass
+    reviewed: bool = False  # a person has approved the plan
 
 
 @dataclass(frozen=True)
-class Record:
-    """What the journal holds of one session."""
+class SessionRecord:
+    """One session as the journal records it: the only input of `next_step` beside the measured joints."""
 
     session_id: str
     recipe: Recipe
@@ -245,55 +296,55 @@ class Record:
     unverified: bool = False  # it was interrupted, and no image has been repeated since
 
 
-def next_step(record: Record, joints: tuple[float, ...], home: tuple[float, ...]) -> Step | None:
-    """The work that comes next for an arm standing at `joints` (rad); None when the recipe is fulfilled."""
-    for number in range(passes_wanted(record.recipe)):
-        work = record.passes[number] if number < len(record.passes) else PassRecord()
-        if work.solved:
+def next_step(record: SessionRecord, joints: tuple[float, ...], home: tuple[float, ...]) -> Step | None:
+    """Chooses the next step for an arm at `joints` (6, rad); None when the recipe is fulfilled. A pure function."""
+    for number in range(max_passes(record.recipe)):
+        current = record.passes[number] if number < len(record.passes) else PassRecord()
+        if current.solved:
             continue
-        if work.plan is None:
+        if current.plan is None:
             return ChooseLights(number)
-        if not work.plan.lights:
+        if not current.plan.lights:
             break
-        if record.recipe.review_plan and not work.reviewed and not _is_pilot(record.recipe, number):
+        if record.recipe.review_plan and not current.reviewed and not _is_pilot(record.recipe, number):
             return AwaitReview(number)
-        left = tuple(light for light in range(len(work.plan.lights)) if light not in work.shots)
-        darks = sorted({shot.exposure_s for shot in work.shots.values()})
-        reference_key = ShotKey(pass_number=number, number=REFERENCES_FROM + record.references)
+        left = tuple(light for light in range(len(current.plan.lights)) if light not in current.shots)
+        darks = sorted({shot.exposure_s for shot in current.shots.values()})
+        reference_key = ShotKey(pass_number=number, number=FIRST_REFERENCE_NUMBER + record.references)
         first = _first_image(record)
-        if not left and first is not None and first.key not in work.repeated and _may_have_moved(work):
+        if not left and first is not None and first.key not in current.repeated and _may_have_moved(current):
             return RepeatReference(first, reference_key, closes_pass=True)
         newest = _newest_image(record)
-        if record.unverified and newest is not None and (left or any(dark not in work.darks for dark in darks)):
+        if record.unverified and newest is not None and (left or any(dark not in current.darks for dark in darks)):
             return RepeatReference(newest, reference_key)
         if left:
-            leg = None if work.route is None else _next_leg(work.route, left, joints)
+            leg = None if current.route is None else _next_leg(current.route, left, joints)
             if leg is None:
                 return PlanRoute(number, left)
             light_number, waypoint = leg
             return TakeShot(ShotKey(pass_number=number, number=light_number), waypoint)
-        if not same_place(joints, home):
-            return GoHome(number, work.route)
+        if not same_joints(joints, home):
+            return GoHome(number, current.route)
         for dark_number, exposure_s in enumerate(darks):
-            if exposure_s not in work.darks:
-                key = ShotKey(pass_number=number, number=len(work.plan.lights) + dark_number)
+            if exposure_s not in current.darks:
+                key = ShotKey(pass_number=number, number=len(current.plan.lights) + dark_number)
                 return TakeDark(key, exposure_s)
         return SolveNormals(number)
-    return None if same_place(joints, home) else GoHome(max(len(record.passes) - 1, 0), None)
+    return None if same_joints(joints, home) else GoHome(max(len(record.passes) - 1, 0), None)
 
 
-def passes_wanted(recipe: Recipe) -> int:
-    """How many passes the recipe has at most.
+def max_passes(recipe: Recipe) -> int:
+    """The largest number of passes of a recipe.
 
-    A fixed pattern has a single one, planned lights a pilot and one more. A target of accuracy may take a pass for each
-    light, and ends with one that has no lights.
+    A fixed pattern has one, planned lights have a pilot and one more. A target accuracy may take a pass for each light,
+    and ends with a pass that has no lights.
     """
     if recipe.target_sigma_deg is not None:
         return 2 + recipe.max_lights - recipe.pilot_lights
     return 2 if recipe.method == "optimal" and recipe.planned_lights > 0 else 1
 
 
-def stage(record: Record, step: Step | None) -> Stage:
+def stage(record: SessionRecord, step: Step | None) -> Stage:
     """The stage that a step belongs to."""
     match step:
         case None:
@@ -312,17 +363,17 @@ def stage(record: Record, step: Step | None) -> Stage:
             assert_never(step)
 
 
-def progress(record: Record) -> float:
-    """The share of the work that is done, 0–1, by the images taken and the solves made.
+def progress(record: SessionRecord) -> float:
+    """The fraction of the work that is done, 0–1, by captured images and completed solves.
 
-    How much a target of accuracy will take is not known before its last pass; what is planned, and one pass more, is
-    counted until then.
+    The length of a session with a target accuracy is not known before its last pass; until then the planned passes and
+    one more are counted.
     """
     if record.state is State.COMPLETED:
         return 1.0
     recipe = record.recipe
     if recipe.target_sigma_deg is None:
-        total = recipe.lights_total + 2 * passes_wanted(recipe)
+        total = recipe.lights_total + 2 * max_passes(recipe)
     else:
         planned = [len(work.plan.lights) for work in record.passes if work.plan is not None]
         more = not planned or planned[-1] > 0
@@ -330,42 +381,42 @@ def progress(record: Record) -> float:
     return min(1.0, sum(len(work.shots) + 2 * work.solved for work in record.passes) / total)
 
 
-def same_place(joints: tuple[float, ...], other: tuple[float, ...]) -> bool:
+def same_joints(joints: tuple[float, ...], other: tuple[float, ...]) -> bool:
     """Whether two joint configurations (rad) are the same within `SAME_PLACE_RAD`; full turns differ."""
     return len(joints) == len(other) and all(
-        abs(one - two) < SAME_PLACE_RAD for one, two in zip(joints, other, strict=True)
+        abs(one - two) < SAME_JOINTS_RAD for one, two in zip(joints, other, strict=True)
     )
 
 
 def _is_pilot(recipe: Recipe, pass_number: int) -> bool:
-    """Whether the lights of a pass come from the pilot's pattern, which nobody has planned."""
+    """Whether the lights of a pass come from the pilot's fixed pattern."""
     return pass_number == 0 and recipe.method == "optimal"
 
 
 def _may_have_moved(work: PassRecord) -> bool:
-    """Whether a movement of the object within a pass could be unseen: an image was not judged by a foretold one."""
+    """Whether the object could have moved unnoticed within a pass: an image was not compared with a predicted one."""
     return any(shot.quality.shift_px is None for shot in work.shots.values())
 
 
-def _first_image(record: Record) -> Shot | None:
-    """The lit image that was taken first."""
+def _first_image(record: SessionRecord) -> Shot | None:
+    """The lit image that was captured first."""
     return next((shot for work in record.passes for shot in work.shots.values()), None)
 
 
-def _newest_image(record: Record) -> Shot | None:
-    """The lit image that was taken last: the arm stands near its place, or on the way from there."""
-    taken = [shot for work in record.passes for shot in work.shots.values()]
-    return max(taken, key=lambda shot: shot.taken_at) if taken else None
+def _newest_image(record: SessionRecord) -> Shot | None:
+    """The lit image that was captured last: the arm is near its joints, or on the path from there."""
+    shots = [shot for work in record.passes for shot in work.shots.values()]
+    return max(shots, key=lambda shot: shot.taken_at) if shots else None
 
 
 def _next_leg(route: Route, left: tuple[int, ...], joints: tuple[float, ...]) -> tuple[int, Waypoint] | None:
-    """The first light left and its waypoint, if the arm stands where that leg begins (or at its end)."""
+    """The first remaining light and its waypoint, if the arm is at the start (or the end) of that leg."""
     if not set(left) <= set(route.light_numbers):
         return None
-    place: tuple[float, ...] = route.start
+    leg_start: tuple[float, ...] = route.start
     for light_number, waypoint in zip(route.light_numbers, route.waypoints, strict=True):
         if light_number in left:
-            here = same_place(joints, place) or same_place(joints, waypoint.joints)
-            return (light_number, waypoint) if here else None
-        place = waypoint.joints
+            on_leg = same_joints(joints, leg_start) or same_joints(joints, waypoint.joints)
+            return (light_number, waypoint) if on_leg else None
+        leg_start = waypoint.joints
     return None

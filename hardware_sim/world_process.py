@@ -64,7 +64,7 @@ class ControllerState:
 def main(folder: Path, object_name: str, seed: int, profile: ProfileName) -> None:
     """Serves one world until standard input ends."""
     cv2.setNumThreads(1)  # the other core belongs to the service
-    process_priority.take(
+    process_priority.set_niceness(
         process_priority.BACKGROUND
     )  # rendering waits for the controller's tick, never the other way round
     try:

@@ -20,17 +20,17 @@ from acquisition.models.recipe import Exposure
 from acquisition.models.shot import FrameQuality
 
 BRIGHT_PERCENTILE = 99.5
-MOST_SATURATED = 0.01
+MAX_SATURATED_SHARE = 0.01
 """Share of the region's pixels that may be at full scale."""
-USELESS_SATURATED = 0.5
+UNUSABLE_SATURATED_SHARE = 0.5
 """A frame with this share of the region's pixels at full scale tells nothing of the object."""
-LEAST_OF_TARGET = 0.4
+MIN_SHARE_OF_TARGET = 0.4
 """A level below this share of the target is worth another exposure."""
-BLURRED = 0.35
+MIN_SHARPNESS_RATIO = 0.35
 """A frame whose sharpness is below this share of the earlier frames' median is blurred."""
-FINE_NOISE, COARSE_NOISE = 0.761, 0.0358
+FINE_NOISE_GAIN, COARSE_NOISE_GAIN = 0.761, 0.0358
 """What is left of white noise of variance 1 in detail of one and of two pixels' size (Gaussians of σ 1 and 2)."""
-LEAST_OVER_NOISE = 6.0
+MIN_LEVEL_OVER_NOISE = 6.0
 """A lamp that is on brings the brightest pixels this many times the read noise above black."""
 
 
@@ -56,50 +56,53 @@ def lit_frame(
     quality = _measure(pixels, region, sensor)
     level, saturated = quality.bright_level, quality.saturated
     read_noise = sensor.read_noise_e / sensor.gain_e_per_dn / sensor.full_scale_dn
-    if level < LEAST_OVER_NOISE * max(read_noise, 0.5 / sensor.full_scale_dn) and exposure_s >= camera.min_exposure_s:
+    if (
+        level < MIN_LEVEL_OVER_NOISE * max(read_noise, 0.5 / sensor.full_scale_dn)
+        and exposure_s >= camera.min_exposure_s
+    ):
         longer = exposure.in_range(exposure_s * 8, camera) if wanted.seconds is None else exposure_s
         reason = f"no light: the brightest pixels are at {level:.1%} of full scale; is the lamp on and in view?"
         dark = quality.model_copy(update={"accepted": False, "reason": reason})
         return Verdict(dark, longer if longer > exposure_s else None, usable=False)
-    usable = saturated < USELESS_SATURATED
+    usable = saturated < UNUSABLE_SATURATED_SHARE
     burnt = quality.model_copy(update={"accepted": False, "reason": f"{saturated:.1%} of the pixels are saturated"})
     if wanted.seconds is not None:
         return Verdict(quality if usable else burnt, None, usable)
-    if saturated > MOST_SATURATED:
+    if saturated > MAX_SATURATED_SHARE:
         # How far above full scale the clipped pixels are is unknown; halving finds out.
-        shorter = exposure.series(exposure_s * 0.5, camera)
+        shorter = exposure.series_value(exposure_s * 0.5, camera)
         if shorter < exposure_s or not usable:
             return Verdict(burnt, shorter if shorter < exposure_s else None, usable)
-    elif level < LEAST_OF_TARGET * wanted.target:
-        longer = exposure.series(exposure_s * wanted.target / level, camera)
+    elif level < MIN_SHARE_OF_TARGET * wanted.target:
+        longer = exposure.series_value(exposure_s * wanted.target / level, camera)
         if longer > exposure_s * 1.01:
             reason = f"dark: the brightest pixels are at {level:.1%} of full scale"
             return Verdict(quality.model_copy(update={"accepted": False, "reason": reason}), longer)
     return Verdict(quality, None)
 
 
-def against_earlier(
+def compare_with_earlier(
     quality: FrameQuality,
     pixels: npt.NDArray[np.uint16],
     region: BoolArray,
     sensor: SensorModel,
     exposure_s: float,
     earlier: Sequence[float],
-    foretold: FloatArray | None,
+    predicted: FloatArray | None,
 ) -> Verdict:
     """Judges a well exposed frame (H, W) by what was seen before: as sharp as the `earlier` ones, and not displaced
     against the picture that was foretold (none: nothing was).
     """
     sharp = sharpness(pixels, region, sensor)
-    found = None if foretold is None else displacement(foretold, pixels, sensor.black_level_dn, 2**sensor.bits - 1)
-    shift_px = None if found is None else round(found.shift_px, 2)
+    shift = None if predicted is None else displacement(predicted, pixels, sensor.black_level_dn, 2**sensor.bits - 1)
+    shift_px = None if shift is None else round(shift.shift_px, 2)
     measured = quality.model_copy(update={"sharpness": sharp, "shift_px": shift_px})
     usual = float(np.median(earlier)) if earlier else 0.0
-    if sharp is not None and sharp < BLURRED * usual:
+    if sharp is not None and sharp < MIN_SHARPNESS_RATIO * usual:
         reason = f"blurred: its finest detail is {sharp / usual:.0%} of that of earlier frames"
         return Verdict(measured.model_copy(update={"accepted": False, "reason": reason}), exposure_s, usable=False)
-    if found is not None and found.moved:
-        reason = f"the object seems shifted by {found.shift_px:.1f} pixels since it was first seen"
+    if shift is not None and shift.moved:
+        reason = f"the object seems shifted by {shift.shift_px:.1f} pixels since it was first seen"
         rejected = measured.model_copy(update={"accepted": False, "reason": reason})
         return Verdict(rejected, exposure_s, usable=False, moved=True)
     return Verdict(measured, None)
@@ -115,8 +118,8 @@ def sharpness(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorM
     noise = np.maximum(signal, 0) / sensor.gain_e_per_dn + (sensor.read_noise_e / sensor.gain_e_per_dn) ** 2
     once, twice = (cv2.GaussianBlur(signal, (0, 0), width) for width in (1.0, 2.0))
     level = float(np.mean(noise[region]))
-    fine = float(np.mean((signal - once)[region] ** 2)) - FINE_NOISE * level
-    coarse = float(np.mean((once - twice)[region] ** 2)) - COARSE_NOISE * level
+    fine = float(np.mean((signal - once)[region] ** 2)) - FINE_NOISE_GAIN * level
+    coarse = float(np.mean((once - twice)[region] ** 2)) - COARSE_NOISE_GAIN * level
     return None if coarse <= 0 or fine <= 0 else round(fine / coarse, 4)
 
 

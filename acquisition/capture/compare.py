@@ -15,14 +15,14 @@ from acquisition.capture.check import BRIGHT_PERCENTILE
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import SensorModel
 
-COARSE_CYCLES_PER_PIXEL = 0.12
-MOVED_PX, MOVED_OF_WIDTH = 0.5, 1 / 1024
+LOW_PASS_CYCLES_PER_PIXEL = 0.12
+MAX_SHIFT_PX, MAX_SHIFT_OF_WIDTH = 0.5, 1 / 1024
 """An image that is taken again and has shifted by more than both shows that the object or the camera has moved."""
-MOST_CHANGED = 0.02
+MAX_CHANGED_SHARE = 0.02
 """Share of the region's pixels that may look otherwise in an image that is taken again."""
-MOST_BRIGHTNESS = 0.1
+MAX_BRIGHTNESS_CHANGE = 0.1
 """The lamp may be this much brighter or darker in an image that is taken again, as a fraction."""
-CHANGED_BY = 0.05
+CHANGE_THRESHOLD = 0.05
 """Of the brightest pixels: a pixel that differs by more than this, noise and brightness allowed for, has changed."""
 
 
@@ -38,23 +38,25 @@ class Comparison:
 
 
 def same_scene(
-    first: npt.NDArray[np.uint16], again: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorModel
+    first: npt.NDArray[np.uint16], repeated: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorModel
 ) -> Comparison:
     """Whether an image (H, W) that is taken again shows what the first one did, by the pixels of `region` (H, W)."""
-    before, after = (image.astype(np.float64) - sensor.black_level_dn for image in (first, again))
-    here = before[region]
-    brightness = float(here @ after[region]) / max(float(here @ here), 1e-9)
-    bright = float(np.percentile(here, BRIGHT_PERCENTILE))
-    noise = np.sqrt(np.maximum(here, 0) / sensor.gain_e_per_dn + (sensor.read_noise_e / sensor.gain_e_per_dn) ** 2)
-    differs = np.abs(after[region] - brightness * here) > CHANGED_BY * bright + 6 * np.sqrt(2) * noise
+    before, after = (image.astype(np.float64) - sensor.black_level_dn for image in (first, repeated))
+    reference = before[region]
+    brightness = float(reference @ after[region]) / max(float(reference @ reference), 1e-9)
+    bright = float(np.percentile(reference, BRIGHT_PERCENTILE))
+    noise = np.sqrt(np.maximum(reference, 0) / sensor.gain_e_per_dn + (sensor.read_noise_e / sensor.gain_e_per_dn) ** 2)
+    differs = np.abs(after[region] - brightness * reference) > CHANGE_THRESHOLD * bright + 6 * np.sqrt(2) * noise
     shift_px = shift(before, after, region)
     changed = float(np.mean(differs))
-    found = [
-        f"has shifted by {shift_px:.2f} pixels" if shift_px > max(MOVED_PX, MOVED_OF_WIDTH * first.shape[1]) else "",
-        f"differs in {changed:.1%} of its pixels" if changed > MOST_CHANGED else "",
-        f"has {brightness:.0%} of its brightness" if abs(brightness - 1) > MOST_BRIGHTNESS else "",
+    differences = [
+        f"has shifted by {shift_px:.2f} pixels"
+        if shift_px > max(MAX_SHIFT_PX, MAX_SHIFT_OF_WIDTH * first.shape[1])
+        else "",
+        f"differs in {changed:.1%} of its pixels" if changed > MAX_CHANGED_SHARE else "",
+        f"has {brightness:.0%} of its brightness" if abs(brightness - 1) > MAX_BRIGHTNESS_CHANGE else "",
     ]
-    detail = " and ".join(item for item in found if item)
+    detail = " and ".join(item for item in differences if item)
     return Comparison(round(shift_px, 3), round(brightness, 4), round(changed, 4), not detail, detail)
 
 
@@ -73,14 +75,14 @@ def shift(first: FloatArray, second: FloatArray, region: BoolArray) -> float:
     ]
     cross = np.conj(spectra[0]) * spectra[1]
     down, across = np.fft.fftfreq(height)[:, None], np.fft.rfftfreq(width)
-    coarse = np.exp(-(down**2 + across**2) / (2 * COARSE_CYCLES_PER_PIXEL**2))
+    coarse = np.exp(-(down**2 + across**2) / (2 * LOW_PASS_CYCLES_PER_PIXEL**2))
     peak = np.fft.irfft2(cross / np.maximum(np.abs(cross), 1e-12) * coarse, s=(height, width))
     row, column = np.unravel_index(int(np.argmax(peak)), peak.shape)
-    found = (_between(peak[:, column], int(row)), _between(peak[row], int(column)))
-    return float(np.hypot(*found))
+    offset = (_subpixel_peak(peak[:, column], int(row)), _subpixel_peak(peak[row], int(column)))
+    return float(np.hypot(*offset))
 
 
-def _between(values: FloatArray, peak: int) -> float:
+def _subpixel_peak(values: FloatArray, peak: int) -> float:
     """The place of a peak between the samples of a periodic line, from −half to half of its length."""
     count = len(values)
     before, here, after = values[peak - 1], values[peak], values[(peak + 1) % count]

@@ -14,29 +14,29 @@ import numpy.typing as npt
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 
-WIDEST_PX = 256
+COMPARISON_WIDTH_PX = 256
 """Pictures are compared at this width: a shift that matters is seen there, and it takes a few milliseconds."""
-MOVED = 1.0
+MAX_SHIFT_PX = 1.0
 """Pixels of the small picture by which a frame may seem shifted (at 256: 0.8 mm of a field of 200 mm)."""
-EXPLAINED = 0.25
+MIN_EXPLAINED_SHARE = 0.25
 """Least share of the misfit that a true shift explains; of less it cannot be told whether it is one. Simulated frames
 of all six objects: at most 0.1 at rest, 0.3 or more when shifted by 2.5 such pixels, except where shadows cover half
 of the object."""
-LIT = 0.15
+LIT_THRESHOLD = 0.15
 """Of the brightest pixels: darker ones are left to shadows that the normal map alone does not foretell."""
-FEWEST_PIXELS = 60
-ROUNDS = 6
-OUTLIERS = 2.5
+MIN_PIXELS = 60
+ITERATIONS = 6
+TUKEY_HALF_WIDTH = 2.5
 
 
-def encoded(picture: FloatArray) -> bytes:
+def encode_image(picture: FloatArray) -> bytes:
     """A picture (H, W) as a small 16-bit PNG whose brightest pixel is 65535."""
-    scale = min(1.0, WIDEST_PX / picture.shape[1])
+    scale = min(1.0, COMPARISON_WIDTH_PX / picture.shape[1])
     small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     return cv2.imencode(".png", np.round(65535 * small / max(float(small.max()), 1e-12)).astype(np.uint16))[1].tobytes()
 
 
-def decoded(content: bytes) -> FloatArray:
+def decode_image(content: bytes) -> FloatArray:
     """The picture (h, w) of an encoded one, in its own scale. Raises RigError store.corrupt."""
     picture = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     if picture is None:
@@ -54,41 +54,41 @@ class Displacement:
 
 
 def displacement(
-    foretold: FloatArray, pixels: npt.NDArray[np.uint16], black: float, full: float
+    predicted: FloatArray, pixels: npt.NDArray[np.uint16], black: float, full: float
 ) -> Displacement | None:
     """The shift of a frame (H, W) against the picture (h, w) that was foretold, at most as large; None: cannot be told.
 
     Brightness and a uniform ambient light are fitted along. Robust least squares on the picture's slopes (Lucas and
     Kanade 1981), with weights by Tukey's biweight, so that cast shadows and highlights drop out.
     """
-    size = (foretold.shape[1], foretold.shape[0])
-    seen = cv2.resize(pixels.astype(np.float64) - black, size, interpolation=cv2.INTER_AREA)
-    bright = float(np.percentile(foretold[foretold > 0], 99)) if np.any(foretold > 0) else 0.0
-    inside = cv2.erode((foretold > LIT * bright).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-    inside &= seen < 0.98 * (full - black)
-    if bright == 0 or np.count_nonzero(inside) < FEWEST_PIXELS:
+    size = (predicted.shape[1], predicted.shape[0])
+    observed = cv2.resize(pixels.astype(np.float64) - black, size, interpolation=cv2.INTER_AREA)
+    bright = float(np.percentile(predicted[predicted > 0], 99)) if np.any(predicted > 0) else 0.0
+    inside = cv2.erode((predicted > LIT_THRESHOLD * bright).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    inside &= observed < 0.98 * (full - black)
+    if bright == 0 or np.count_nonzero(inside) < MIN_PIXELS:
         return None
-    picture, smooth = (np.asarray(cv2.GaussianBlur(image, (0, 0), 1.0), np.float64) for image in (foretold, seen))
+    picture, smooth = (np.asarray(cv2.GaussianBlur(image, (0, 0), 1.0), np.float64) for image in (predicted, observed))
     values = smooth[inside]
     at_rest = _robust(_basis(picture, inside)[:, :2], values)
     shift, fit = np.zeros(2), at_rest
-    for _ in range(ROUNDS):
-        there = np.array([[1.0, 0.0, shift[0]], [0.0, 1.0, shift[1]]])
-        moved = np.asarray(cv2.warpAffine(picture, there, size, flags=cv2.INTER_CUBIC), np.float64)
+    for _ in range(ITERATIONS):
+        translation = np.array([[1.0, 0.0, shift[0]], [0.0, 1.0, shift[1]]])
+        moved = np.asarray(cv2.warpAffine(picture, translation, size, flags=cv2.INTER_CUBIC), np.float64)
         fit = _robust(_basis(moved, inside), values)
-        if fit is None or fit.found[0] <= 0:
+        if fit is None or fit.coefficients[0] <= 0:
             return None
-        step = fit.found[2:] / fit.found[0]
+        step = fit.coefficients[2:] / fit.coefficients[0]
         shift += np.clip(step, -1.5, 1.5)
         if np.abs(step).max() < 0.01:
             break
     if at_rest is None or fit is None:
         return None
-    explained = 1.0 - fit.spread / max(at_rest.spread, 1e-12)
-    small = float(np.linalg.norm(shift))
-    if small > MOVED and explained <= EXPLAINED:
+    explained = 1.0 - fit.scale / max(at_rest.scale, 1e-12)
+    length_px = float(np.linalg.norm(shift))
+    if length_px > MAX_SHIFT_PX and explained <= MIN_EXPLAINED_SHARE:
         return None
-    return Displacement(small * pixels.shape[1] / size[0], explained, small > MOVED)
+    return Displacement(length_px * pixels.shape[1] / size[0], explained, length_px > MAX_SHIFT_PX)
 
 
 def _basis(picture: FloatArray, inside: BoolArray) -> FloatArray:
@@ -100,8 +100,8 @@ def _basis(picture: FloatArray, inside: BoolArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Fit:
-    found: FloatArray
-    spread: float
+    coefficients: FloatArray
+    scale: float
 
 
 def _robust(basis: FloatArray, values: FloatArray) -> _Fit | None:
@@ -113,8 +113,8 @@ def _robust(basis: FloatArray, values: FloatArray) -> _Fit | None:
         size = np.sqrt(np.diag(normal) + 1e-300)
         if np.linalg.cond(normal / np.outer(size, size)) > 1e6:
             return None
-        found = np.asarray(np.linalg.solve(normal, basis.T @ (weights * values)), np.float64)
-        residual = values - basis @ found
-        fit = _Fit(found, 1.4826 * float(np.median(np.abs(residual))))
-        weights = np.clip(1 - (residual / (2 * OUTLIERS * fit.spread + 1e-12)) ** 2, 0, None) ** 2
+        coefficients = np.asarray(np.linalg.solve(normal, basis.T @ (weights * values)), np.float64)
+        residual = values - basis @ coefficients
+        fit = _Fit(coefficients, 1.4826 * float(np.median(np.abs(residual))))
+        weights = np.clip(1 - (residual / (2 * TUKEY_HALF_WIDTH * fit.scale + 1e-12)) ** 2, 0, None) ** 2
     return fit

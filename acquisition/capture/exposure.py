@@ -11,35 +11,35 @@ from acquisition.models.recipe import Exposure
 
 STEP = 2.0 ** (1 / 3)
 
-EXPECTED_ALBEDO = 0.6
+ASSUMED_ALBEDO = 0.6
 """Of the brightest parts of an object that nobody has seen yet; the first frames correct it."""
 
-MOST_FORETOLD = 0.9
+MAX_PREDICTED_LEVEL = 0.9
 """Of full scale: what is foretold is found within a few per cent, and must not be clipped."""
 
 
-def first_level(cell: CellConfig, calibration: Calibration) -> float:
+def assumed_level(cell: CellConfig, calibration: Calibration) -> float:
     """The signal to expect of an object that nobody has seen, fraction of full scale per second."""
-    return EXPECTED_ALBEDO * calibration.lamp_intensity * (calibration.reference_m / cell.dome.radius_m) ** 2
+    return ASSUMED_ALBEDO * calibration.lamp_intensity * (calibration.reference_m / cell.dome.radius_m) ** 2
 
 
-def of_level(level_per_s: float, wanted: Exposure, camera: CameraConfig) -> float:
+def for_level(level_per_s: float, wanted: Exposure, camera: CameraConfig) -> float:
     """The exposure time (s) of the series that brings a level, in full scales per second, just to the target."""
     if wanted.seconds is not None:
         return in_range(wanted.seconds, camera)
-    return series(wanted.target / max(level_per_s, 1e-9), camera)
+    return series_value(wanted.target / max(level_per_s, 1e-9), camera)
 
 
-def of_foretold(level_per_s: float, wanted: Exposure, camera: CameraConfig) -> float:
+def for_predicted_level(level_per_s: float, wanted: Exposure, camera: CameraConfig) -> float:
     """The exposure time (s) of the series that brings a level, in full scales per second, nearest to the target.
 
     For lights whose level is known by a normal map: half a step above the target is a tenth, and clips nothing.
     """
-    most = max(wanted.target, min(wanted.target * STEP**0.5, MOST_FORETOLD))
-    return of_level(level_per_s, wanted.model_copy(update={"target": most}), camera)
+    most = max(wanted.target, min(wanted.target * STEP**0.5, MAX_PREDICTED_LEVEL))
+    return for_level(level_per_s, wanted.model_copy(update={"target": most}), camera)
 
 
-def series(exposure_s: float, camera: CameraConfig) -> float:
+def series_value(exposure_s: float, camera: CameraConfig) -> float:
     """The largest time of the series not above `exposure_s`, within the camera's range."""
     number = math.floor(math.log(exposure_s, STEP) + 1e-9)
     return in_range(round(STEP**number, 6), camera)

@@ -43,7 +43,7 @@ def keep_out(cell: CellConfig, calibration: Calibration) -> BoolArray:
     return image.astype(np.bool_)
 
 
-def decoded(content: bytes, calibration: Calibration) -> BoolArray:
+def decode_mask(content: bytes, calibration: Calibration) -> BoolArray:
     """The mask (H, W) in a PNG of the camera's size: a pixel that is not black belongs to it.
 
     Raises RigError request.invalid when it is no PNG, of another size, or all black.
@@ -66,7 +66,7 @@ def decoded(content: bytes, calibration: Calibration) -> BoolArray:
     return mask
 
 
-def encoded(mask: BoolArray) -> bytes:
+def encode_mask(mask: BoolArray) -> bytes:
     """A mask (H, W) as a PNG, black and white."""
     return cv2.imencode(".png", mask.astype(np.uint8) * 255)[1].tobytes()
 

@@ -11,7 +11,7 @@ from acquisition.devices import ArmReading, Frame, MotionLimits, Rig, StopToken
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 
-STILL_RAD = 5e-4
+MAX_EXPOSURE_MOTION_RAD = 5e-4
 """An arm that moved further than this during an exposure spoils the frame (0.5 mm at 1 m)."""
 
 
@@ -23,16 +23,16 @@ class Exposed:
     reading: ArmReading
 
 
-def arrive(rig: Rig, path: Sequence[Sequence[float]], speeds: Sequence[float], stop: StopToken) -> None:
+def follow_path(rig: Rig, path: Sequence[Sequence[float]], speeds: Sequence[float], stop: StopToken) -> None:
     """Follows a checked joint path (rad; leading-joint speeds in rad/s) and waits until the arm has settled.
 
     Raises Halted, RigError arm.move_failed and what else the arm reports.
     """
-    rig.arm.move(path, limits(rig.cell, speeds), stop)
+    rig.arm.move(path, motion_limits(rig.cell, speeds), stop)
     rig.clock.wait(rig.cell.arm.settle_s, stop)
 
 
-def limits(cell: CellConfig, speeds: Sequence[float]) -> list[MotionLimits]:
+def motion_limits(cell: CellConfig, speeds: Sequence[float]) -> list[MotionLimits]:
     """Each segment's limits, never above the cell's."""
     return [
         MotionLimits(min(speed, cell.arm.max_joint_speed_rad_s), cell.arm.max_joint_acceleration_rad_s2)
@@ -57,7 +57,7 @@ def expose(rig: Rig, exposure_s: float, attempt: int, *, lit: bool, stop: StopTo
     finally:
         rig.lamp.set(False)
     moved = max(abs(one - two) for one, two in zip(before.joints, reading.joints, strict=True))
-    if moved > STILL_RAD:
+    if moved > MAX_EXPOSURE_MOTION_RAD:
         raise RigError(
             ErrorCode.ARM_MOVE_FAILED,
             f"The arm moved by {moved:.4f} rad while a frame was exposed",

@@ -43,13 +43,13 @@ class PylonCamera:
         """
         self.close()
         factory = self._pylon.TlFactory.GetInstance()
-        found = {device.GetSerialNumber(): device for device in factory.EnumerateDevices()}
-        if self._config.serial not in found:
-            there = ", ".join(sorted(found)) or "none"
-            detail = f"No Basler camera with serial number {self._config.serial} answers; there are: {there}."
+        serials = {device.GetSerialNumber(): device for device in factory.EnumerateDevices()}
+        if self._config.serial not in serials:
+            present = ", ".join(sorted(serials)) or "none"
+            detail = f"No Basler camera with serial number {self._config.serial} answers; present: {present}."
             raise RigError(ErrorCode.CAMERA_UNREACHABLE, detail)
         try:
-            camera = self._pylon.InstantCamera(factory.CreateDevice(found[self._config.serial]))
+            camera = self._pylon.InstantCamera(factory.CreateDevice(serials[self._config.serial]))
             camera.Open()
         except self._pylon.GenericException as error:
             detail = f"The camera {self._config.serial} cannot be opened: {error}"
@@ -126,7 +126,7 @@ class PylonCamera:
                         raise RigError(ErrorCode.CAMERA_TIMEOUT, detail)
                     return np.array(result.Array, dtype=np.uint16)
             if time.monotonic() > deadline:
-                detail = f"The camera sent no whole frame within {self._config.timeout_s:.0f} s after the exposure."
+                detail = f"The camera sent no complete frame within {self._config.timeout_s:.0f} s after the exposure."
                 raise RigError(ErrorCode.CAMERA_TIMEOUT, detail)
         raise Halted
 

@@ -69,7 +69,7 @@ class SimCamera:
                 header = self._header(self._parse(line))
                 data = _read_pixels(connection, rest, 2 * header.width * header.height, deadline, stop)
         except TimeoutError as error:
-            detail = f"The camera sent no whole frame within {limits.timeout_s:.0f} s after the exposure."
+            detail = f"The camera sent no complete frame within {limits.timeout_s:.0f} s after the exposure."
             raise RigError(ErrorCode.CAMERA_TIMEOUT, detail) from error
         except OSError as error:
             raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"The link to the camera broke: {error}") from error

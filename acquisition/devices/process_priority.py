@@ -15,7 +15,7 @@ SERVICE = -5
 BACKGROUND = 10
 
 
-def take(niceness: int) -> None:
+def set_niceness(niceness: int) -> None:
     """Sets this process's niceness, or logs that it may not."""
     try:
         os.setpriority(os.PRIO_PROCESS, 0, niceness)

@@ -36,7 +36,7 @@ class Recipe(Value):
         ge=0.1,
         le=10,
         description="Accuracy on order: lights are added until the mean σ over the object, or over the region of "
-        "interest, is no more than this or 3 % above (mean error 0.886 σ; what bends within pixels leave counts too); "
+        "interest, is no more than this or 3 % above (mean error 0.886 σ; includes the error by sub-pixel curvature); "
         "instead of planned_lights",
     )
     max_lights: int = Field(default=24, ge=3, le=80, description="The most lights, pilot included, for a target")

@@ -1,4 +1,4 @@
-"""The session loop and all that it needs beside the stages: steps, shots, safety, compute process, planning for people.
+"""The session loop and what it needs beside the stages: steps, shots, safety monitor, compute process, planning.
 
-`runner.Runner` is the face; `loop` does one step after another, `step_executor` and `shots` do them.
+`runner.Runner` is the facade; `loop` repeats steps, `step_executor` and `shots` carry them out.
 """

@@ -1,8 +1,9 @@
-"""The process that does the heavy work: one spawned, niced child that runs one job at a time.
+"""The compute process: one spawned child of low priority that runs one job at a time, with two priority levels.
 
-A job is a function of `jobs` called by its name with small arguments; images and maps stay in the session folder. The
-web process so imports no numerical kernel, a long solve never holds its interpreter lock, and a job that dies (or is no
-longer wanted) takes only this process with it. The child ends when its parent does.
+A job is a function of `jobs` called by its name with small arguments; images and maps stay in the session folder. So
+the web process imports no numerical kernel, a long solve never holds its interpreter lock, and a job that crashes or is
+killed takes only this process with it. Steps of a session are urgent and preempt jobs that are marked preemptible (kill
+and restart later), because these have no side effect before they end. The child ends when its parent does.
 """
 
 import errno
@@ -20,10 +21,11 @@ from acquisition.models.errors import ErrorCode, Halted, RigError
 
 _log = logging.getLogger(__name__)
 _POLL_S = 0.02
+"""Period, s, of looking for the stop token and for urgent jobs while a job runs."""
 
 
-class GaveWay(Exception):  # noqa: N818 - begun again later, it is no error
-    """Raised where a job that yields was killed for one that does not."""
+class Preempted(Exception):  # noqa: N818 - the job is restarted later, it is no error
+    """Raised where a preemptible job was killed for an urgent one."""
 
 
 class Compute:
@@ -33,41 +35,41 @@ class Compute:
         self._context = multiprocessing.get_context("spawn")
         self._busy = threading.Lock()
         self._counting = threading.Lock()
-        self._wanted = 0  # jobs that do not yield and wait or run
+        self._urgent = 0  # number of jobs, waiting or running, that are not preemptible
         self._process: BaseProcess | None = None
         self._connection: Connection | None = None
 
-    def run(self, stop: threading.Event, job: str, *arguments: Any, yields: bool = False) -> Any:
+    def run(self, stop: threading.Event, job: str, *arguments: Any, preemptible: bool = False) -> Any:
         """Runs the function `job` of `acquisition.runner.jobs` and returns what it returns.
 
-        A job that `yields` is killed when another one comes that does not. Raises what the job raises, Halted when the
-        token is set meanwhile (the job is killed), GaveWay, and RigError session.step_failed when the process dies.
+        A `preemptible` job is killed when one comes that is not. Raises what the job raises, Halted when the
+        token is set meanwhile (the job is killed), Preempted, and RigError session.step_failed when the process dies.
         """
-        if yields:
-            return self._run(stop, job, arguments, yields)
+        if preemptible:
+            return self._run(stop, job, arguments, preemptible)
         with self._counting:
-            self._wanted += 1
+            self._urgent += 1
         try:
-            return self._run(stop, job, arguments, yields)
+            return self._run(stop, job, arguments, preemptible)
         finally:
             with self._counting:
-                self._wanted -= 1
+                self._urgent -= 1
 
-    def _run(self, stop: threading.Event, job: str, arguments: tuple[Any, ...], yields: bool) -> Any:
+    def _run(self, stop: threading.Event, job: str, arguments: tuple[Any, ...], preemptible: bool) -> Any:
         with self._busy:
-            if yields and self._wanted:
-                raise GaveWay
+            if preemptible and self._urgent:
+                raise Preempted
             connection = self._ready()
             connection.send((job, arguments))
             while not connection.poll(_POLL_S):
                 if stop.is_set():
                     self._kill()
                     raise Halted
-                if yields and self._wanted:
+                if preemptible and self._urgent:
                     self._kill()
-                    raise GaveWay
+                    raise Preempted
             try:
-                worked, result = connection.recv()
+                succeeded, result = connection.recv()
             except (EOFError, ConnectionResetError) as error:
                 code = self._kill()
                 raise RigError(
@@ -75,7 +77,7 @@ class Compute:
                     f"The compute process ended in {job} (exit code {code})",
                     job=job,
                 ) from error
-        if worked:
+        if succeeded:
             return result
         raise result
 
@@ -112,7 +114,7 @@ class Compute:
 
 
 def _serve(connection: Connection) -> None:
-    process_priority.take(process_priority.BACKGROUND)
+    process_priority.set_niceness(process_priority.BACKGROUND)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     jobs = importlib.import_module("acquisition.runner.jobs")  # here only: the kernels belong to this process
     while True:
@@ -128,7 +130,7 @@ def _serve(connection: Connection) -> None:
             full = error.errno in (errno.ENOSPC, errno.EDQUOT)
             code = ErrorCode.STORE_DISK_FULL if full else ErrorCode.SESSION_STEP_FAILED
             outcome = (False, RigError(code, f"{job}: {error}", job=job))
-        except Exception as error:  # noqa: BLE001 - a job's fault is the step's failure, told with its trace
+        except Exception as error:  # noqa: BLE001 - a job's fault is the step's failure, logged with its trace
             _log.exception("job %s failed", job)
             outcome = (
                 False,

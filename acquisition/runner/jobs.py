@@ -131,7 +131,7 @@ def require_within_keep_out(normal_map: NormalMap, cell: CellConfig, calibration
 
 
 def _drawn(mask: Path | None, calibration: Calibration) -> BoolArray | None:
-    return None if mask is None else region.decoded(mask.read_bytes(), calibration)
+    return None if mask is None else region.decode_mask(mask.read_bytes(), calibration)
 
 
 def expected_levels(normal_map: NormalMap, lights: list[Light], calibration: Calibration) -> list[float]:
@@ -145,7 +145,7 @@ def expected_levels(normal_map: NormalMap, lights: list[Light], calibration: Cal
     return [float(value) for value in np.percentile(signal, check.BRIGHT_PERCENTILE, axis=1)]
 
 
-def foretell(lights: list[Light], calibration: Calibration, result: Path) -> list[bytes]:
+def predict_images(lights: list[Light], calibration: Calibration, result: Path) -> list[bytes]:
     """For each light a small picture (16-bit PNG, brightest 65535) of the object under it, by a stored result."""
     normal_map = export.read(result)
     rows, columns = np.nonzero(normal_map.mask)
@@ -153,7 +153,7 @@ def foretell(lights: list[Light], calibration: Calibration, result: Path) -> lis
     for light in lights:
         picture = np.zeros(normal_map.mask.shape)
         picture[rows, columns] = _signal(normal_map, [light], calibration, (rows, columns))[0]
-        pictures.append(expected.encoded(picture))
+        pictures.append(expected.encode_image(picture))
     return pictures
 
 

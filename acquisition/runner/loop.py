@@ -1,8 +1,9 @@
-"""A session's turns: look, gate, do, write, again and again until it ends, pauses or is cut off.
+"""The session loop: derive the next step, check the gates, execute it, record the outcome; until the session rests.
 
-Each turn reads the next step from the journal and from where the arm stands, does it, and enters what came of it. What
-a failure means is decided here: a problem of the work pauses the session, one of the devices interrupts it, any other
-one ends it. People may be quicker than a turn; then their word holds, and the turn's own trigger is refused.
+Each iteration derives the step from the journal and the measured joints. There is no other memory of a session, so a
+pause, a crash and a resume need no code of their own. The loop decides what a failure means: a problem of the work
+pauses the session, one of the devices interrupts it, any other one fails it. When a person's action comes first, the
+transition table refuses the loop's own trigger, which is then dropped.
 """
 
 import logging
@@ -16,13 +17,13 @@ from acquisition import session
 from acquisition.devices import Rig, StopToken
 from acquisition.models.errors import ErrorCode, Halted, RigError, problem
 from acquisition.runner.safety_monitor import SafetyMonitor
-from acquisition.runner.step_executor import Steps
+from acquisition.runner.step_executor import StepExecutor
 from acquisition.session import Actor, Stage, State, Trigger
 from acquisition.store import Store
 
 _log = logging.getLogger(__name__)
 
-INTERRUPTS = frozenset(
+INTERRUPTING_CODES = frozenset(
     {
         ErrorCode.ARM_PROTECTIVE_STOP,
         ErrorCode.ARM_EMERGENCY_STOP,
@@ -37,9 +38,9 @@ INTERRUPTS = frozenset(
         ErrorCode.CAMERA_TIMEOUT,
     }
 )
-"""Problems of arm, lamp and camera: nothing moves before a person has looked and resumes."""
+"""Problems of arm, lamp and camera: the session is interrupted, and nothing moves before a person resumes it."""
 
-PAUSES = frozenset(
+PAUSING_CODES = frozenset(
     {
         ErrorCode.CAPTURE_FRAME_REJECTED,
         ErrorCode.SCENE_MOVED,
@@ -47,40 +48,46 @@ PAUSES = frozenset(
         ErrorCode.PLAN_TO_REVIEW,
     }
 )
-"""Problems of the work, the rig being well: a person mends them and resumes. What is in neither ends the session."""
+"""Problems of the work while the rig is well: the session pauses for a person. A code in neither set fails it."""
 
 AT_REST_RAD_S = 0.01
+"""Joint speed, rad/s, below which every joint counts as at rest."""
 AT_REST_WITHIN_S = 2.0
-LOOK_EVERY_S = 0.02
-TRY_AGAIN_S = 1.0
+"""Time limit, s, for the arm to be seen at rest after a step; later the session is interrupted."""
+REST_POLL_S = 0.02
+"""Period, s, of reading the joint speeds meanwhile."""
+JOURNAL_RETRY_S = 1.0
+"""Period, s, of attempts to write a state while the disk is full."""
 
 
-class Turns:
+class SessionLoop:
     """Runs sessions in the runner's thread; `trigger` may be called from any."""
 
-    def __init__(self, store: Store, rig: Rig, steps: Steps, monitor: SafetyMonitor, closing: threading.Event) -> None:
-        self._store, self._rig, self._steps, self._monitor = store, rig, steps, monitor
+    def __init__(
+        self, store: Store, rig: Rig, executor: StepExecutor, monitor: SafetyMonitor, closing: threading.Event
+    ) -> None:
+        self._store, self._rig, self._executor, self._monitor = store, rig, executor, monitor
         self._closing = closing
         self.stages: dict[str, Stage] = {}
 
     def run(self, session_id: str, token: StopToken) -> None:
-        """One session's turns, until it ends, pauses or is cut off."""
-        with bound_contextvars(session_id=session_id):  # every entry of the log made meanwhile names it
-            while self._goes_on(session_id, token):
+        """Runs steps of one session until it ends, pauses or is interrupted."""
+        with bound_contextvars(session_id=session_id):  # log records made meanwhile name the session
+            while self._run_step(session_id, token):
                 pass
 
     def trigger(
         self, session_id: str, trigger: Trigger, actor: str = Actor.RUNNER, reason: dict[str, Any] | None = None
     ) -> bool:
-        """The service's own triggers; False for one that comes too late because a person was quicker: no failure.
+        """Fires one of the service's own triggers; False when a person's action came first and forbids it.
 
-        A full disk is waited for: the state must not be lost, and nothing moves meanwhile.
+        Waits while the disk is full: the state must not be lost, and nothing moves meanwhile.
         """
         while True:
             try:
                 self._store.journal.trigger(session_id, trigger, actor, reason)
             except RigError as error:
-                if error.code is ErrorCode.STORE_DISK_FULL and not self._closing.wait(TRY_AGAIN_S):
+                if error.code is ErrorCode.STORE_DISK_FULL and not self._closing.wait(JOURNAL_RETRY_S):
                     continue
                 if error.code is not ErrorCode.SESSION_ACTION_NOT_ALLOWED:
                     raise
@@ -88,26 +95,26 @@ class Turns:
                 return False
             return True
 
-    def _goes_on(self, session_id: str, token: StopToken) -> bool:
-        """One turn, whatever becomes of it; False when there is no more to do."""
+    def _run_step(self, session_id: str, token: StopToken) -> bool:
+        """Runs one step and maps its failure to a state; False when there is no more to do."""
         try:
-            return self._turn(session_id, token)
+            return self._next_step(session_id, token)
         except Halted:
-            self._settle(session_id)
+            self._enter_halt(session_id)
         except RigError as error:
-            if token.is_set():  # what a halt breaks off is no fault; a safety stop has its own latch
-                self._settle(session_id)
-            elif error.code in PAUSES and self._monitor.latch is None:
+            if token.is_set():  # a step that a halt ends is no fault; a safety stop has its own latch
+                self._enter_halt(session_id)
+            elif error.code in PAUSING_CODES and self._monitor.latch is None:
                 return not self._pause(session_id, error)
             else:
-                self._give_up(session_id, error)
-        except Exception as error:  # noqa: BLE001 - the thread must live on; the session tells what failed
+                self._end_with_error(session_id, error)
+        except Exception as error:  # noqa: BLE001 - the thread must live on; the session's reason says what failed
             _log.exception("session %s", session_id)
-            self._give_up(session_id, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
+            self._end_with_error(session_id, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
         return False
 
-    def _turn(self, session_id: str, token: StopToken) -> bool:
-        """Does one step; False when there is no more to do."""
+    def _next_step(self, session_id: str, token: StopToken) -> bool:
+        """Checks stop token, latch and state, then executes the next step; False when there is no more to do."""
         if token.is_set() or self._closing.is_set():
             raise Halted
         latch = self._monitor.latch
@@ -115,58 +122,58 @@ class Turns:
             raise RigError(latch.code, latch.detail)
         record = self._store.record(session_id)
         if record.state is State.PAUSING:
-            return not self._come_to_rest(session_id, None)
+            return not self._pause_at_rest(session_id, None)
         if record.state is not State.RUNNING:
             raise Halted
         step = session.next_step(record, self._rig.arm.reading.joints, self._rig.cell.arm.home)
         self._announce_stage(session_id, session.stage(record, step))
         if step is None:
-            self._steps.end(session_id)
+            self._executor.write_session_manifest(session_id)
             self.trigger(session_id, Trigger.FINISH)
             return False
-        self._steps.do(record, step, token)
+        self._executor.execute(record, step, token)
         return True
 
-    def _settle(self, session_id: str) -> None:
-        """After a halt: the arm has come to rest; what the state becomes depends on who asked."""
+    def _enter_halt(self, session_id: str) -> None:
+        """Enters the state after a halt that ended a step: stopped, or interrupted when the service ends."""
         state = self._store.journal.session(session_id).state
         if state is State.STOPPING:
-            self.trigger(session_id, Trigger.SETTLE)
-        elif self._closing.is_set() and state in session.HOLDS_THE_RIG:
+            self.trigger(session_id, Trigger.AT_REST)
+        elif self._closing.is_set() and state in session.RIG_HOLDING:
             reason = problem(ErrorCode.SERVICE_RESTARTED, "The service was ended")
             self.trigger(session_id, Trigger.INTERRUPT, reason=reason)
         # Else a halt that is not journalled yet: its entry follows as a request.
 
     def _pause(self, session_id: str, error: RigError) -> bool:
-        """The work needs a person: pauses with the reason. False when somebody was quicker with a resume."""
+        """Pauses with the reason, because the work needs a person. False when a resume came in between."""
         _log.warning("session %s: %s", session_id, error)
         reason = problem(error.code, error.detail, **error.context)
-        return self.trigger(session_id, Trigger.PAUSE, reason=reason) and self._come_to_rest(session_id, reason)
+        return self.trigger(session_id, Trigger.PAUSE, reason=reason) and self._pause_at_rest(session_id, reason)
 
-    def _come_to_rest(self, session_id: str, reason: dict[str, Any] | None) -> bool:
-        """From pausing to paused once a reading proves that the arm rests, else to interrupted.
+    def _pause_at_rest(self, session_id: str, reason: dict[str, Any] | None) -> bool:
+        """Goes from pausing to paused once a reading shows the arm at rest, else to interrupted.
 
-        False when a person was quicker and the session runs again.
+        False when a person has resumed meanwhile and the session runs again.
         """
         deadline = time.monotonic() + AT_REST_WITHIN_S
-        while not self._rests():
-            if self._closing.wait(LOOK_EVERY_S) or time.monotonic() > deadline:
+        while not self._arm_at_rest():
+            if self._closing.wait(REST_POLL_S) or time.monotonic() > deadline:
                 why = problem(ErrorCode.ARM_MOVE_FAILED, "The arm was not seen to come to rest")
                 return self.trigger(session_id, Trigger.INTERRUPT, reason=why)
-        return self.trigger(session_id, Trigger.SETTLE, reason=reason)
+        return self.trigger(session_id, Trigger.AT_REST, reason=reason)
 
-    def _rests(self) -> bool:
+    def _arm_at_rest(self) -> bool:
         reading = self._rig.arm.reading
         return reading.connected and max(map(abs, reading.joint_speeds)) < AT_REST_RAD_S
 
-    def _give_up(self, session_id: str, error: RigError) -> None:
+    def _end_with_error(self, session_id: str, error: RigError) -> None:
         self._rig.halt()
         latch = self._monitor.latch
-        if latch is not None:  # the monitor was quicker and its halt ended the step: the latch is the cause
+        if latch is not None:  # its halt ended the step: the latch is the cause
             error = RigError(latch.code, latch.detail)
         _log.error("session %s: %s", session_id, error)
         reason = problem(error.code, error.detail, **error.context)
-        self.trigger(session_id, Trigger.INTERRUPT if error.code in INTERRUPTS else Trigger.FAIL, reason=reason)
+        self.trigger(session_id, Trigger.INTERRUPT if error.code in INTERRUPTING_CODES else Trigger.FAIL, reason=reason)
 
     def _announce_stage(self, session_id: str, stage: Stage) -> None:
         if self.stages.get(session_id) is not stage:

@@ -1,7 +1,7 @@
-"""Plans before the arm moves: a dry run of a recipe, and a person's own lights in the place of the planned ones.
+"""Planning service: the dry run of a recipe, and user lights that replace a plan under review. Nothing moves.
 
-Both ask the compute process the same questions that a session would, and neither moves anything. A dry run gives way to
-a session, whose steps come first.
+Both run the same jobs in the compute process as a session does. A dry run has lower priority: the jobs of a session
+preempt it.
 """
 
 import threading
@@ -16,20 +16,20 @@ from acquisition.models.errors import ErrorCode, Halted, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route
-from acquisition.runner.compute import Compute, GaveWay
-from acquisition.runner.step_executor import Steps
+from acquisition.runner.compute import Compute, Preempted
+from acquisition.runner.step_executor import StepExecutor
 from acquisition.session import AwaitReview, State
 from acquisition.store import Store
 from acquisition.store.folder import write_value
 
-EXPOSURE_S = 0.1
-"""Of an image whose exposure time nobody knows yet, reading and checking included."""
+ASSUMED_EXPOSURE_S = 0.1
+"""Assumed time, s, of an image whose exposure time is automatic, with readout and checks."""
 
 
 @dataclass(frozen=True)
 class DryRun:
     """What a recipe's first pass would do; `seconds` is the time from the first move to the arm's return, without the
-    way back to the light of the first image, which is taken again.
+    path back to the light of the first image, which is repeated.
     """
 
     plan: LightPlan
@@ -37,14 +37,20 @@ class DryRun:
     seconds: float
 
 
-class Proposals:
-    """Plans that people ask for; any thread may call."""
+class PlanningService:
+    """Makes plans on request; any thread may call."""
 
     def __init__(
-        self, store: Store, rig: Rig, calibration: Calibration, compute: Compute, steps: Steps, closing: threading.Event
+        self,
+        store: Store,
+        rig: Rig,
+        calibration: Calibration,
+        compute: Compute,
+        executor: StepExecutor,
+        closing: threading.Event,
     ) -> None:
         self._store, self._rig, self._calibration = store, rig, calibration
-        self._compute, self._steps, self._closing = compute, steps, closing
+        self._compute, self._executor, self._closing = compute, executor, closing
 
     def dry_run(self, recipe: Recipe) -> DryRun:
         """The lights and the route of a recipe's first pass, from where the arm stands (or from home).
@@ -60,18 +66,18 @@ class Proposals:
         known = (cell, self._calibration)
         try:
             plan: LightPlan = self._compute.run(
-                self._closing, "first_lights", recipe, *known, self._steps.reach_cache, yields=True
+                self._closing, "first_lights", recipe, *known, self._executor.reach_cache, preemptible=True
             )
-            route: Route = self._compute.run(self._closing, "plan_route", plan.lights, start, *known, yields=True)
-        except (GaveWay, Halted) as error:
+            route: Route = self._compute.run(self._closing, "plan_route", plan.lights, start, *known, preemptible=True)
+        except (Preempted, Halted) as error:
             raise busy from error
-        stop_s = cell.arm.settle_s + cell.lamp.rise_s + (recipe.exposure.seconds or EXPOSURE_S)
+        stop_s = cell.arm.settle_s + cell.lamp.rise_s + (recipe.exposure.seconds or ASSUMED_EXPOSURE_S)
         return DryRun(plan, route, route.seconds + stop_s * (len(plan.lights) + 1))
 
     def replace_plan(
         self, session_id: str, number: int, positions: Sequence[Vector3], actor: str
     ) -> tuple[LightPlan, Route]:
-        """Puts a person's own lights (m, view frame) in the place of a plan that waits for review, and routes them.
+        """Replaces a plan under review by a person's own lights (m, view frame), and plans their route.
 
         Raises RigError session.not_found, session.action_not_allowed, waypoints.unreachable, waypoints.collision.
         """
@@ -80,29 +86,29 @@ class Proposals:
         if row.state is not State.PAUSED or not isinstance(step, AwaitReview) or step.pass_number != number:
             raise RigError(
                 ErrorCode.SESSION_ACTION_NOT_ALLOWED,
-                f"Session {session_id} is {row.state} and does not wait for a person to look at pass {number}",
+                f"Session {session_id} is {row.state} and does not wait for the review of pass {number}",
                 state=row.state,
-                allowed=[str(action) for action in session.allowed(row.state)],
+                allowed=[str(action) for action in session.allowed_actions(row.state)],
             )
         previous = folder / "results" / str(number - 1) if number > 0 else None
         try:
             plan, route = self._compute.run(
                 self._closing, "own_lights", list(positions), self._rig.cell, self._calibration,
-                self._steps.reach_cache, previous, self._rig.arm.reading.joints,
+                self._executor.reach_cache, previous, self._rig.arm.reading.joints,
             )  # fmt: skip
-            self._steps.foretell(session_id, number, plan, self._closing)
+            self._executor.predict_images(session_id, number, plan, self._closing)
         except Halted as error:
             raise RigError(ErrorCode.RIG_NOT_READY, "The service is ending") from error
-        made = self._store.journal.plans_made(session_id, number)
+        plan_count = self._store.journal.plan_count(session_id, number)
         files: dict[str, tuple[str, str]] = {}
         for kind, value in (("plan", plan), ("route", route)):
-            name = f"passes/{number}/{kind}_{made + 1}.json"
+            name = f"passes/{number}/{kind}_{plan_count + 1}.json"
             files[kind] = (name, write_value(folder / name, value))
-        self._store.journal.replace_plan(session_id, number, files, self._steps.told(plan, []), actor)
+        self._store.journal.replace_plan(session_id, number, files, self._executor.plan_summary(plan, []), actor)
         return plan, route
 
     def approve(self, session_id: str, actor: str) -> None:
-        """Enters that `actor` lets the plan pass that the session waits for, if it waits for one."""
+        """Records that `actor` approves the plan whose review the session waits for, if it does."""
         step = self._next_step(session_id)
         if isinstance(step, AwaitReview):
             self._store.journal.approve(session_id, step.pass_number, actor)

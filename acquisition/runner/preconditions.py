@@ -1,8 +1,8 @@
-"""What must hold before a session may move the arm: the same rig, the arm where it was left, room on the disk.
+"""Preconditions of a start or resume: the same rig, the arm near its last path, space on the disk.
 
-Safety and the devices' readiness are asked elsewhere; here stands what a session knows of its own past. A move is
-entered in the journal before it is made, so wherever the arm was cut off, it stands near that way: nobody has moved it
-since.
+Safety and the readiness of devices are checked elsewhere; these checks concern the session's own past. Each move is
+written to the journal before it is made (write-ahead), so an arm that was interrupted is near that path unless somebody
+has moved it since.
 """
 
 from collections.abc import Sequence
@@ -17,20 +17,21 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
-from acquisition.session import passes_wanted
+from acquisition.session import max_passes
 from acquisition.store import SessionRow, Store
 from acquisition.store.folder import require_space, write_bytes
 
-NEAR_RAD = 0.1
-"""A stop brakes along the way and blends cut its corners; a person who moves the arm moves it further."""
+MAX_PATH_DISTANCE_RAD = 0.1
+"""Largest distance, rad, of a joint from the last path: a stop brakes along the path and blends cut its corners, and
+a person who moves the arm moves it further."""
 
-DARKS = 6
-"""Lamp-off frames of one pass, at most about so many: one for each exposure time."""
+DARKS_PER_PASS = 6
+"""Lamp-off frames assumed for one pass: one for each exposure time."""
 RESULT_BYTES_PER_PIXEL = 80
-"""All files of one result, at eight images."""
+"""Bytes per pixel of all files of one result, at eight images."""
 
 
-def same_rig(row: SessionRow, cell: CellConfig, calibration: Calibration, folder: Path) -> None:
+def require_same_rig(row: SessionRow, cell: CellConfig, calibration: Calibration, folder: Path) -> None:
     """Raises RigError rig.changed unless cell file and calibration are those that the session was created with."""
     if row.fingerprint != cell.fingerprint:
         raise RigError(ErrorCode.RIG_CHANGED, "The cell file is not the one that the session was created with")
@@ -38,7 +39,7 @@ def same_rig(row: SessionRow, cell: CellConfig, calibration: Calibration, folder
         raise RigError(ErrorCode.RIG_CHANGED, "The calibration is not the one that the session was created with")
 
 
-def same_arm(folder: Path, identity: ArmIdentity) -> None:
+def require_same_arm(folder: Path, identity: ArmIdentity) -> None:
     """Raises RigError rig.changed unless the arm is the one that the session began with; the first one is kept."""
     file = folder / "arm.txt"
     arm = f"{identity.model} {identity.serial}"
@@ -48,33 +49,33 @@ def same_arm(folder: Path, identity: ArmIdentity) -> None:
         raise RigError(ErrorCode.RIG_CHANGED, f"The session began with the arm {first}; this is {arm}")
 
 
-def near_last_way(way: Sequence[Sequence[float]], joints: Sequence[float]) -> None:
-    """Raises RigError arm.elsewhere unless joints (6, rad) lie near the way (K, 6) that the arm was sent last."""
-    distance = _distance(np.array(way, dtype=float).reshape(-1, 6), np.array(joints, dtype=float))
-    if distance > NEAR_RAD:
+def require_near_path(path: Sequence[Sequence[float]], joints: Sequence[float]) -> None:
+    """Raises RigError arm.elsewhere unless joints (6, rad) lie near the path (K, 6) of the last move."""
+    distance = _distance(np.array(path, dtype=float).reshape(-1, 6), np.array(joints, dtype=float))
+    if distance > MAX_PATH_DISTANCE_RAD:
         raise RigError(
             ErrorCode.ARM_ELSEWHERE,
-            f"A joint stands {distance:.2f} rad from the way that this session sent the arm last",
+            f"A joint stands {distance:.2f} rad from the last path of this session",
             distance_rad=round(distance, 4),
         )
 
 
-def enough_space(store: Store, recipe: Recipe | None, calibration: Calibration) -> None:
+def require_space_for_session(store: Store, recipe: Recipe | None, calibration: Calibration) -> None:
     """Raises RigError store.disk_full unless a whole session of this recipe (none: one more file) fits on the disk."""
     if recipe is None:
         require_space(store.data, 0)
         return
-    pixels, passes = calibration.width * calibration.height, passes_wanted(recipe)
-    frames = recipe.lights_total + passes * DARKS
+    pixels, passes = calibration.width * calibration.height, max_passes(recipe)
+    frames = recipe.lights_total + passes * DARKS_PER_PASS
     require_space(store.data, pixels * (2 * frames + passes * RESULT_BYTES_PER_PIXEL))
 
 
-def _distance(way: np.ndarray, joints: np.ndarray) -> float:
-    """The largest joint's distance (rad) from the nearest place on the way; 0 where there is no way."""
-    if not len(way):
+def _distance(path: np.ndarray, joints: np.ndarray) -> float:
+    """The distance (rad, maximum norm) of joints (6,) from a piecewise linear path (K, 6); 0 for an empty path."""
+    if not len(path):
         return 0.0
-    nearest = min(float(np.abs(corner - joints).max()) for corner in way)
-    for start, end in pairwise(way):
+    nearest = min(float(np.abs(corner - joints).max()) for corner in path)
+    for start, end in pairwise(path):
         leg = end - start
         length = float(leg @ leg)
         share = 0.0 if length == 0 else float(np.clip((joints - start) @ leg / length, 0, 1))

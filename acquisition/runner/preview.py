@@ -1,7 +1,7 @@
-"""A look through the camera for people, while no session holds the rig.
+"""Preview frames of the camera while no session holds the rig.
 
-The camera belongs to the runner's thread, so a look is a request to it like any other, and it gives way at once to a
-session that starts. Whoever looks while a session holds the rig is refused: the frames that it takes are the view then.
+The camera belongs to the runner's thread, so a preview frame is a request to that thread like any other, and a session
+that starts preempts it. While a session holds the rig a preview is refused: the session's frames are the view then.
 """
 
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from acquisition.models.errors import ErrorCode, Halted, RigError
 InThread = Callable[[Callable[[], Frame]], Frame]
 
 
-class Looking:
+class Preview:
     """Takes single frames; `look` and `give_way` may be called from any thread."""
 
     def __init__(self, rig: Rig, refuse_held: Callable[[], None], in_thread: InThread) -> None:
@@ -24,7 +24,7 @@ class Looking:
         self._in_thread = in_thread
         self._token = StopToken()
 
-    def look(self, exposure_s: float) -> Frame:
+    def take_frame(self, exposure_s: float) -> Frame:
         """One frame; lamp and arm stay as they are.
 
         Raises RigError rig.busy, rig.not_ready, request.invalid, camera.unreachable, camera.timeout,
@@ -34,7 +34,7 @@ class Looking:
         token = self._token = StopToken()
 
         def expose() -> Frame:
-            self._refuse_held()  # again: a session may have started while this waited for its turn
+            self._refuse_held()  # again: a session may have started while this was queued
             return self._rig.camera.expose(exposure_s, 0, token)
 
         try:
@@ -42,6 +42,6 @@ class Looking:
         except Halted as error:
             raise RigError(ErrorCode.RIG_BUSY, "A session has started") from error
 
-    def give_way(self) -> None:
-        """Ends the look that is being taken, if any."""
+    def preempt(self) -> None:
+        """Ends the exposure in progress, if any: a session has priority."""
         self._token.set()

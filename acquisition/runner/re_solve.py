@@ -26,8 +26,8 @@ from acquisition.models.errors import ErrorCode, Halted, RigError, problem
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.shot import Observations
-from acquisition.runner.compute import Compute, GaveWay
-from acquisition.session import ENDED, Record, State
+from acquisition.runner.compute import Compute, Preempted
+from acquisition.session import ENDED, SessionRecord, State
 from acquisition.store import Store
 from acquisition.store.folder import write_manifest
 
@@ -39,11 +39,11 @@ EXPORTS = (
 )  # fmt: skip
 """Files that are made of a result when they are first asked for."""
 
-LOOK_EVERY_S = 0.5
+POLL_S = 0.5
 
 
 @dataclass(frozen=True)
-class Wish:
+class SolveRequest:
     """One solve: its number among the session's results, and the last pass whose images it uses."""
 
     session_id: str
@@ -52,51 +52,55 @@ class Wish:
     last_pass: int
 
 
-def observations(record: Record, folder: Path, last_pass: int | None = None) -> Observations:
+def observations(record: SessionRecord, folder: Path, last_pass: int | None = None) -> Observations:
     """All images so far, or those up to a pass; the lamp-off frame of each exposure time is the newest one."""
     passes = record.passes if last_pass is None else record.passes[: last_pass + 1]
-    taken = (shot for work in passes for shot in (*work.shots.values(), *work.darks.values(), *work.references))
-    return Observations.of(taken, FolderFrames(folder))
+    shots = (shot for work in passes for shot in (*work.shots.values(), *work.darks.values(), *work.references))
+    return Observations.of(shots, FolderFrames(folder))
 
 
-def enter(store: Store, wish: Wish, origin: str, summary: ResultSummary, seconds: float, cell: CellConfig) -> None:
+def record_result(
+    store: Store, request: SolveRequest, origin: str, summary: ResultSummary, seconds: float, cell: CellConfig
+) -> None:
     """Enters a result whose files are in its folder: manifest first, then row and event."""
-    name = f"results/{wish.number}"
+    name = f"results/{request.number}"
     more = {
         "origin": origin,
-        "passes": list(range(wish.last_pass + 1)),
-        "settings": wish.settings.model_dump(mode="json"),
+        "passes": list(range(request.last_pass + 1)),
+        "settings": request.settings.model_dump(mode="json"),
         "seconds": round(seconds, 3),
     }
     facts = {
-        "session_id": wish.session_id,
-        "number": wish.number,
+        "session_id": request.session_id,
+        "number": request.number,
         **more,
         "software": {"lightpose": version("lightpose")},
         "cell_fingerprint": cell.fingerprint,
         "convention": "view frame: x right, y up, z to the camera; colours (n + 1) / 2, OpenGL green (+Y)",
         "summary": summary.model_dump(mode="json"),
     }
-    digest = write_manifest(store.folder(wish.session_id) / name, facts)
+    digest = write_manifest(store.folder(request.session_id) / name, facts)
     body = {**summary.model_dump(mode="json"), **more}
-    store.journal.add_artifact(wish.session_id, "result", wish.number, f"{name}/manifest.json", digest, body, READY)
+    store.journal.add_artifact(
+        request.session_id, "result", request.number, f"{name}/manifest.json", digest, body, READY
+    )
 
 
-class Resolving:
+class ReSolveService:
     """Solves sessions again, one at a time, in a thread of its own; any thread may ask."""
 
     def __init__(self, store: Store, compute: Compute) -> None:
         self._store = store
         self._compute = compute
-        self._wishes: queue.Queue[Wish] = queue.Queue()
+        self._queue: queue.Queue[SolveRequest] = queue.Queue()
         self._numbering = threading.Lock()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="resolving", daemon=True)
 
     def open(self) -> None:
         """Takes up what was asked for before the service ended, and starts the thread."""
-        for wish in self._asked(None):
-            self._wishes.put(wish)
+        for wish in self._submitted(None):
+            self._queue.put(wish)
         self._thread.start()
 
     def close(self) -> None:
@@ -105,7 +109,7 @@ class Resolving:
         if self._thread.is_alive():
             self._thread.join(10)
 
-    def ask(self, session_id: str, settings: SolveSettings, last_pass: int | None, actor: str) -> Wish:
+    def submit(self, session_id: str, settings: SolveSettings, last_pass: int | None, actor: str) -> SolveRequest:
         """Accepts a solve of a session that has ended; `last_pass` None: all its images.
 
         Raises RigError session.not_found, session.action_not_allowed while the session may still take images,
@@ -118,7 +122,7 @@ class Resolving:
                     ErrorCode.SESSION_ACTION_NOT_ALLOWED,
                     f"A session that is {row.state} may still take images: solve it again when it has ended",
                     state=row.state,
-                    allowed=[str(action) for action in session.allowed(row.state)],
+                    allowed=[str(action) for action in session.allowed_actions(row.state)],
                 )
             record = self._store.record(session_id)
             taken = [number for number, work in enumerate(record.passes) if work.shots]
@@ -131,17 +135,17 @@ class Resolving:
                     passes=taken,
                 )
             used = [item.number for item in self._store.journal.artifacts(session_id, "result")]
-            used += [wish.number for wish in self._asked(session_id, settled=True)]
-            wish = Wish(session_id, max([*used, len(record.passes) - 1]) + 1, settings, last)
+            used += [request.number for request in self._submitted(session_id, with_finished=True)]
+            wish = SolveRequest(session_id, max([*used, len(record.passes) - 1]) + 1, settings, last)
             body = {"number": wish.number, "last_pass": last, "settings": settings.model_dump(mode="json"), "by": actor}
             self._store.journal.record_action(session_id, "solve", actor, f"result {wish.number}")
             self._store.journal.announce(session_id, ACCEPTED, body)
-        self._wishes.put(wish)
+        self._queue.put(wish)
         return wish
 
-    def refuse_unready(self, session_id: str, number: int) -> None:
+    def raise_outcome(self, session_id: str, number: int) -> None:
         """Raises what became of a result that was asked for and is not there: result.not_ready, or why it failed."""
-        if number not in [wish.number for wish in self._asked(session_id, settled=True)]:
+        if number not in [wish.number for wish in self._submitted(session_id, with_finished=True)]:
             return
         for event in self._store.journal.events(0, 10_000, session_id, (FAILED,)):
             if event.body["number"] == number:
@@ -152,29 +156,29 @@ class Resolving:
     def make_export(self, session_id: str, number: int, name: str) -> Path:
         """The file of one of `EXPORTS`, made unless it is there. Raises RigError rig.busy while a session runs."""
         folder = self._store.folder(session_id)
-        made = folder / "results" / str(number) / "exports" / name
-        if made.exists():
-            return made
-        wanted = [item for item in self._store.journal.artifacts(session_id, "result") if item.number == number]
-        last = wanted[-1].body.get("passes", [number])[-1]
-        taken = observations(self._store.record(session_id), folder, last)
+        file = folder / "results" / str(number) / "exports" / name
+        if file.exists():
+            return file
+        artifacts = [item for item in self._store.journal.artifacts(session_id, "result") if item.number == number]
+        last = artifacts[-1].body.get("passes", [number])[-1]
+        images = observations(self._store.record(session_id), folder, last)
         busy = RigError(ErrorCode.RIG_BUSY, f"{name} is made when no session runs: ask again later")
         if self._session_runs():
             raise busy
         try:
             self._compute.run(
-                self._closing, "make_export", taken, _calibration(folder), made.parents[1], name, yields=True
+                self._closing, "make_export", images, _calibration(folder), file.parents[1], name, preemptible=True
             )
-        except (GaveWay, Halted) as error:
+        except (Preempted, Halted) as error:
             raise busy from error
-        return made
+        return file
 
     # -------------------------------------------------------------------------------------------------------- internals
 
-    def _asked(self, session_id: str | None, *, settled: bool = False) -> list[Wish]:
+    def _submitted(self, session_id: str | None, *, with_finished: bool = False) -> list[SolveRequest]:
         """The solves that were asked for, of one session or of all; unless `settled`, those without an outcome."""
         journal = self._store.journal
-        asked: dict[tuple[str, int], Wish] = {}
+        submitted: dict[tuple[str, int], SolveRequest] = {}
         last = 0
         while events := journal.events(last, 500, session_id, (ACCEPTED, FAILED, READY)):
             last = events[-1].id
@@ -182,60 +186,60 @@ class Resolving:
                 key = (event.session_id or "", event.body["number"])
                 if event.type == ACCEPTED:
                     settings = SolveSettings.model_validate_json(json.dumps(event.body["settings"]))
-                    asked[key] = Wish(*key, settings, event.body["last_pass"])
-                elif not settled:
-                    asked.pop(key, None)
-        return list(asked.values())
+                    submitted[key] = SolveRequest(*key, settings, event.body["last_pass"])
+                elif not with_finished:
+                    submitted.pop(key, None)
+        return list(submitted.values())
 
     def _serve(self) -> None:
         while not self._closing.is_set():
             try:
-                wish = self._wishes.get(timeout=LOOK_EVERY_S)
+                request = self._queue.get(timeout=POLL_S)
             except queue.Empty:
                 continue
             try:
-                with bound_contextvars(session_id=wish.session_id):
-                    self._solve(wish)
+                with bound_contextvars(session_id=request.session_id):
+                    self._solve(request)
             except Halted:
                 return
             except RigError as error:
-                self._fail(wish, error)
+                self._fail(request, error)
             except Exception as error:  # noqa: BLE001 - the thread must live on; the event tells what failed
-                _log.exception("solving session %s again", wish.session_id)
-                self._fail(wish, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
+                _log.exception("solving session %s again", request.session_id)
+                self._fail(request, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
 
-    def _solve(self, wish: Wish) -> None:
-        record = self._store.record(wish.session_id)
-        folder = self._store.folder(wish.session_id)
-        result = folder / "results" / str(wish.number)
-        cell = CellConfig.model_validate_json(self._store.journal.session(wish.session_id).cell)
-        forecast: LightPlan | None = record.passes[wish.last_pass].plan
-        regions = self._store.journal.artifacts(wish.session_id, "region")
-        drawn = folder / regions[-1].path if regions else None
+    def _solve(self, request: SolveRequest) -> None:
+        record = self._store.record(request.session_id)
+        folder = self._store.folder(request.session_id)
+        result = folder / "results" / str(request.number)
+        cell = CellConfig.model_validate_json(self._store.journal.session(request.session_id).cell)
+        forecast: LightPlan | None = record.passes[request.last_pass].plan
+        regions = self._store.journal.artifacts(request.session_id, "region")
+        region_file = folder / regions[-1].path if regions else None
         while True:
             while self._session_runs():
-                if self._closing.wait(LOOK_EVERY_S):
+                if self._closing.wait(POLL_S):
                     raise Halted
             shutil.rmtree(result, ignore_errors=True)  # left by a crash before its entry: nobody was told of it
             begun = time.monotonic()
             try:
                 summary: ResultSummary = self._compute.run(
-                    self._closing, "solve_normals", observations(record, folder, wish.last_pass), cell,
-                    _calibration(folder), wish.settings, forecast, drawn, result, yields=True,
+                    self._closing, "solve_normals", observations(record, folder, request.last_pass), cell,
+                    _calibration(folder), request.settings, forecast, region_file, result, preemptible=True,
                 )  # fmt: skip
-            except GaveWay:
+            except Preempted:
                 continue
-            enter(self._store, wish, "resolve", summary, time.monotonic() - begun, cell)
+            record_result(self._store, request, "resolve", summary, time.monotonic() - begun, cell)
             return
 
-    def _fail(self, wish: Wish, error: RigError) -> None:
-        _log.error("solving session %s again: %s", wish.session_id, error)
+    def _fail(self, request: SolveRequest, error: RigError) -> None:
+        _log.error("solving session %s again: %s", request.session_id, error)
         try:
-            self._store.journal.session(wish.session_id)
+            self._store.journal.session(request.session_id)
         except RigError:
             return  # deleted meanwhile
         reason = problem(error.code, error.detail)
-        self._store.journal.announce(wish.session_id, FAILED, {"number": wish.number, "problem": reason})
+        self._store.journal.announce(request.session_id, FAILED, {"number": request.number, "problem": reason})
 
     def _session_runs(self) -> bool:
         holder = self._store.journal.holder()

@@ -1,7 +1,7 @@
-"""Whether the devices are there and as the cell file says; connecting them moves nothing.
+"""Readiness of the devices: connection, and comparison of the arm with the cell file; nothing moves.
 
-Connecting is tried again and again while nothing runs, so that the service starts without a device and says which is
-missing; making ready is the explicit step before a session, which also compares the arm with the cell file.
+Missing devices are reconnected periodically while nothing runs, so that the service starts without a device and reports
+which is missing. `make_ready` is the explicit step before a session, which also compares the arm with the cell file.
 """
 
 from typing import Any
@@ -17,7 +17,7 @@ class Readiness:
         self._rig = rig
         self.identity: ArmIdentity | None = None
         self.camera_ready = False
-        self.troubles: list[dict[str, Any]] = [
+        self.problems: list[dict[str, Any]] = [
             problem(ErrorCode.RIG_NOT_READY, "The devices have not been connected yet")
         ]
 
@@ -41,30 +41,30 @@ class Readiness:
             self._rig.camera.connect()
         except RigError as error:
             self.identity, self.camera_ready = None, False
-            self.troubles = [_told(error)]
+            self.problems = [_as_problem(error)]
             raise
-        self.identity, self.camera_ready, self.troubles = identity, True, []
+        self.identity, self.camera_ready, self.problems = identity, True, []
         return identity
 
-    def look(self) -> bool:
-        """Connects what is missing, and says of each device why it is; True when that has made the rig complete."""
-        if not self.troubles and self._rig.arm.reading.connected:
+    def reconnect_missing(self) -> bool:
+        """Connects missing devices and keeps the problem of each; True when that has made the rig complete."""
+        if not self.problems and self._rig.arm.reading.connected:
             return False
-        troubles: list[dict[str, Any]] = []
+        problems: list[dict[str, Any]] = []
         try:
             self.identity = self._rig.arm.connect()
         except RigError as error:
             self.identity = None
-            troubles.append(_told(error))
+            problems.append(_as_problem(error))
         try:
             if not self.camera_ready:
                 self._rig.camera.connect()
                 self.camera_ready = True
         except RigError as error:
-            troubles.append(_told(error))
-        self.troubles = troubles
-        return not troubles
+            problems.append(_as_problem(error))
+        self.problems = problems
+        return not problems
 
 
-def _told(error: RigError) -> dict[str, Any]:
+def _as_problem(error: RigError) -> dict[str, Any]:
     return problem(error.code, error.detail, **error.context)

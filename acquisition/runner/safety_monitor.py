@@ -1,8 +1,8 @@
-"""Watches the arm, latches what stops it, and demands that a person looks before anything moves again.
+"""Safety monitor: polls the arm, latches faults, and keeps motion forbidden until a person acknowledges.
 
-A fault that has come and gone leaves its latch: the service never decides by itself that a cell is clear. The latch is
-opened by `acknowledge`, refused while the controller still reports the stop. A lost link or driver is latched as well;
-it may be acknowledged while it lasts, because the explicit reconnection that follows tests it again.
+The latch outlives the fault: the service never decides by itself that a cell is clear. `acknowledge` opens it, and is
+refused while the controller still reports the stop. A lost link or driver is latched as well; it may be acknowledged
+while it lasts, because the explicit reconnection that follows tests it again.
 """
 
 import logging
@@ -19,6 +19,7 @@ from acquisition.models.errors import ErrorCode, RigError
 _log = logging.getLogger(__name__)
 
 PERIOD_S = 0.02
+"""Polling period, s."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Latch:
 
 
 def classify(reading: ArmReading) -> states.Fault | None:
-    """What in this reading forbids motion until a person has looked; None when nothing does.
+    """The fault in a reading that forbids motion until a person has looked; None when there is none.
 
     An arm that is merely not powered on or not under program control is not a fault; moves refuse it by themselves.
     """
@@ -53,18 +54,18 @@ class SafetyMonitor:
         self._arm = arm
         self._on_change = on_change
         self._latch = latched
-        self._told_clear: dict[str, float] = {}  # who said so, and when (time.monotonic)
+        self._acknowledged_at: dict[str, float] = {}  # actor → time of the acknowledgement (time.monotonic)
         self._was_connected = False  # a link is lost only after it was there
-        self._changing = threading.Lock()
+        self._latch_lock = threading.Lock()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="safety-monitor", daemon=True)
 
     def start(self) -> None:
-        """Begins to watch."""
+        """Starts polling."""
         self._thread.start()
 
     def close(self) -> None:
-        """Ends watching."""
+        """Ends polling."""
         self._ending.set()
         if self._thread.is_alive():
             self._thread.join()
@@ -74,8 +75,8 @@ class SafetyMonitor:
         """The fault that awaits acknowledgement; any thread, no lock."""
         return self._latch
 
-    def clear(self) -> None:
-        """Returns when motion is allowed: nothing stops the arm now and nothing awaits acknowledgement.
+    def require_clear(self) -> None:
+        """Returns if motion is allowed: no fault is present and no latch awaits acknowledgement.
 
         Raises RigError with the present fault's code, or safety.not_acknowledged.
         """
@@ -94,14 +95,14 @@ class SafetyMonitor:
     def acknowledge(self, actor: str) -> Latch | None:
         """`actor` has looked and finds the cell clear; returns the latch that this opened, None when there was none.
 
-        That somebody looked is remembered even where the latch stays. Raises RigError safety.still_faulted while the
+        The acknowledgement is remembered also where the latch stays. Raises RigError safety.still_faulted while the
         controller reports a stop.
         """
-        self._told_clear[actor] = time.monotonic()
+        self._acknowledged_at[actor] = time.monotonic()
         fault = self._present_fault()
         if fault is not None and fault.code != ErrorCode.DEVICE_DISCONNECTED:
             raise RigError(ErrorCode.SAFETY_STILL_FAULTED, fault.detail, fault=str(fault.code))
-        with self._changing:
+        with self._latch_lock:
             opened, self._latch = self._latch, None
             if fault is not None:
                 self._was_connected = False
@@ -110,16 +111,16 @@ class SafetyMonitor:
             self._on_change(None)
         return opened
 
-    def was_told_clear(self, actor: str, within_s: float) -> bool:
-        """Whether `actor` has said within this time that the cell is clear."""
-        return time.monotonic() - self._told_clear.get(actor, -math.inf) <= within_s
+    def acknowledged_within(self, actor: str, within_s: float) -> bool:
+        """Whether `actor` has acknowledged within this time."""
+        return time.monotonic() - self._acknowledged_at.get(actor, -math.inf) <= within_s
 
-    def look(self) -> None:
-        """Takes one look at the arm; the thread does so every PERIOD_S."""
+    def poll(self) -> None:
+        """Checks the newest reading and latches a fault; the thread calls it every PERIOD_S."""
         fault = self._present_fault()
         if fault is None:
             return
-        with self._changing:
+        with self._latch_lock:
             if self._latch is not None:
                 return
             latch = self._latch = Latch(fault.code, fault.detail.removesuffix("."), time.time())
@@ -138,6 +139,6 @@ class SafetyMonitor:
     def _run(self) -> None:
         while not self._ending.wait(PERIOD_S):
             try:
-                self.look()
+                self.poll()
             except RigError:
                 _log.exception("the latch is set, but its entry failed")

@@ -1,10 +1,10 @@
-"""Taking a session's images: go there, expose, judge by what was seen before, and only then enter.
+"""Capture of a session's images: move, expose, check against earlier frames, and only then record.
 
-All images of a session must show one scene. From the second pass on each frame is judged against the picture that the
-result before foretells, but nothing foretells the first pass, and some frames tell no shift. So a pass with an image
-that was not judged in this way ends with the session's first image taken again, under the same light: when it shows the
-same, nothing has moved in between; when it does not, nobody knows since when, and all images of the pass are discarded
-and taken anew once a person has looked.
+All images of a session must show one static scene. From the second pass on each frame is registered to the image that
+the previous result predicts; there is no prediction for the first pass, and in some frames no shift can be measured. So
+a pass with an image that was not checked in this way ends with a repetition of the session's first image, under the
+same light: equal images show that nothing has moved in between; otherwise the time of the movement is unknown, and all
+images of the pass are discarded and captured anew once a person has looked.
 """
 
 from functools import cached_property
@@ -22,13 +22,13 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.route import JointPath, Waypoint
 from acquisition.models.shot import FrameQuality, Shot, ShotKey
 from acquisition.runner.compute import Compute
-from acquisition.session import GoHome, Record, RepeatReference, TakeDark, TakeShot
+from acquisition.session import GoHome, RepeatReference, SessionRecord, TakeDark, TakeShot
 from acquisition.store import Store
 from acquisition.store.folder import write_frame
 
 
-class Shooting:
-    """Moves the arm and takes images; the runner's thread only."""
+class ShotCapture:
+    """Moves the arm and captures images; used in the runner's thread only."""
 
     def __init__(self, store: Store, rig: Rig, calibration: Calibration, compute: Compute) -> None:
         self._store = store
@@ -41,17 +41,17 @@ class Shooting:
         """The pixels (H, W) where the object can be."""
         return region.keep_out(self._rig.cell, self._calibration)
 
-    def take_shot(self, record: Record, step: TakeShot, stop: StopToken) -> None:
-        """Moves along the step's waypoint and takes its image, again with another exposure time where that is better.
+    def take_shot(self, record: SessionRecord, step: TakeShot, stop: StopToken) -> None:
+        """Moves to the step's waypoint and captures its image, with retakes at a better exposure time.
 
         Raises Halted, RigError capture.frame_rejected, scene.moved, arm.move_failed, and what devices report.
         """
-        if not session.same_place(self._rig.arm.reading.joints, step.waypoint.joints):
-            self._go(record, step.waypoint, stop)
+        if not session.same_joints(self._rig.arm.reading.joints, step.waypoint.joints):
+            self._follow(record, step.waypoint, stop)
         exposure_s, attempt = self._first_exposure(record, step), 0
         while True:
             exposed, attempt = self._expose(record, step.key, exposure_s, attempt, stop)
-            self._require_place(exposed, step)
+            self._require_arm_at_light(exposed, step)
             verdict = check.lit_frame(
                 exposed.frame.pixels,
                 self.region,
@@ -61,10 +61,10 @@ class Shooting:
                 self._rig.cell.camera,
             )
             if verdict.retake_s is None and verdict.usable:
-                verdict = self._against_earlier(record, step, exposed, exposure_s, verdict.quality)
+                verdict = self._compare_with_earlier(record, step, exposed, exposure_s, verdict.quality)
             if verdict.retake_s is None or attempt == record.recipe.retakes:
                 break
-            self._tell_retake(record, step.key, verdict.quality.reason)
+            self._announce_retake(record, step.key, verdict.quality.reason)
             exposure_s, attempt = verdict.retake_s, attempt + 1
         if not verdict.usable:
             raise RigError(
@@ -72,28 +72,28 @@ class Shooting:
                 f"Light {step.key.number} of pass {step.key.pass_number}: {verdict.quality.reason}",
                 light=step.key.number,
             )
-        self._keep(record, step.key, exposed, exposure_s, attempt, verdict.quality)
+        self._store_shot(record, step.key, exposed, exposure_s, attempt, verdict.quality)
 
-    def take_dark(self, record: Record, step: TakeDark, stop: StopToken) -> None:
+    def take_dark(self, record: SessionRecord, step: TakeDark, stop: StopToken) -> None:
         """Takes a lamp-off frame. Raises Halted, RigError capture.frame_rejected, and what devices report."""
         # Each pass's has noise of its own in a simulated cell too.
         exposed = take.expose(self._rig, step.exposure_s, step.key.pass_number, lit=False, stop=stop)
         quality = check.dark_frame(exposed.frame.pixels, self.region, self._calibration.sensor)
         if not quality.accepted:
             raise RigError(ErrorCode.CAPTURE_FRAME_REJECTED, quality.reason)
-        self._keep(record, step.key, exposed, step.exposure_s, 0, quality, kind="dark")
+        self._store_shot(record, step.key, exposed, step.exposure_s, 0, quality, kind="dark")
 
-    def repeat_reference(self, record: Record, step: RepeatReference, stop: StopToken) -> None:
-        """Sees that object, camera, lamp and arm are as they were; only then is the image entered.
+    def repeat_reference(self, record: SessionRecord, step: RepeatReference, stop: StopToken) -> None:
+        """Captures an image again and records it only if object, camera, lamp and arm are as they were.
 
         Raises Halted, RigError scene.moved, and what devices report.
         """
         first, here, retakes = step.shot, self._rig.arm.reading.joints, record.recipe.retakes
         if first.joints is None:
-            raise RigError(ErrorCode.SERVICE_FAULT, f"The image {first.key} does not say where the arm was")
-        if not session.same_place(here, first.joints):
+            raise RigError(ErrorCode.SERVICE_FAULT, f"The image {first.key} does not hold the joints of the arm")
+        if not session.same_joints(here, first.joints):
             known = (self._rig.cell, self._calibration)
-            self._go(record, self._compute.run(stop, "plan_return", here, first.joints, *known), stop)
+            self._follow(record, self._compute.run(stop, "plan_return", here, first.joints, *known), stop)
         frames = FolderFrames(self._store.folder(record.session_id))
         before = frames.rows(first.frame, 0, first.frame.height)
         attempt = 0
@@ -104,61 +104,67 @@ class Shooting:
             same = compare.same_scene(before, exposed.frame.pixels, self.region, self._calibration.sensor)
             if same.accepted or attempt == retakes:
                 break
-            self._tell_retake(record, step.key, same.detail)
+            self._announce_retake(record, step.key, same.detail)
             attempt += 1
         if not same.accepted:
-            raise self._moved(record, step, same)
-        self._keep(record, step.key, exposed, first.exposure_s, attempt, first.quality, repeats=first.key)
+            raise self._scene_moved(record, step, same)
+        self._store_shot(record, step.key, exposed, first.exposure_s, attempt, first.quality, repeats=first.key)
 
-    def go_home(self, record: Record, step: GoHome, stop: StopToken) -> None:
-        """Follows the route's own way home from its end, a new one from elsewhere."""
+    def go_home(self, record: SessionRecord, step: GoHome, stop: StopToken) -> None:
+        """Follows the route's own path home from its end, and a new one from elsewhere."""
         here, route = self._rig.arm.reading.joints, step.route
-        if route is not None and route.waypoints and session.same_place(here, route.waypoints[-1].joints):
-            self._go(record, JointPath(path=route.home_path, speeds=route.home_speeds, seconds=0.0), stop)
+        if route is not None and route.waypoints and session.same_joints(here, route.waypoints[-1].joints):
+            self._follow(record, JointPath(path=route.home_path, speeds=route.home_speeds, seconds=0.0), stop)
             return
-        way: JointPath = self._compute.run(stop, "plan_retreat", here, self._rig.cell, self._calibration)
-        self._go(record, way, stop)
+        path: JointPath = self._compute.run(stop, "plan_retreat", here, self._rig.cell, self._calibration)
+        self._follow(record, path, stop)
 
     # ---------------------------------------------------------------------------------------------------------- pieces
 
-    def _go(self, record: Record, way: JointPath | Waypoint, stop: StopToken) -> None:
-        """Follows a certified way, once the journal knows where the arm is sent."""
+    def _follow(self, record: SessionRecord, path: JointPath | Waypoint, stop: StopToken) -> None:
+        """Records the move in the journal, then follows the collision-free path (write-ahead: see `preconditions`)."""
         here = self._rig.arm.reading.joints
-        self._store.journal.sent(record.session_id, [here, *way.path])
-        take.arrive(self._rig, way.path, way.speeds, stop)
+        self._store.journal.record_move(record.session_id, [here, *path.path])
+        take.follow_path(self._rig, path.path, path.speeds, stop)
 
     def _expose(
-        self, record: Record, key: ShotKey, exposure_s: float, attempt: int, stop: StopToken, attempts_before: int = 0
+        self,
+        record: SessionRecord,
+        key: ShotKey,
+        exposure_s: float,
+        attempt: int,
+        stop: StopToken,
+        attempts_before: int = 0,
     ) -> tuple[Exposed, int]:
-        """A lit frame, taken again as often as the recipe allows when the camera loses it, and the attempt it took."""
+        """A lit frame and the number of its attempt; a frame that the camera loses is retaken as the recipe allows."""
         while True:
             try:
                 return take.expose(self._rig, exposure_s, attempts_before + attempt, lit=True, stop=stop), attempt
             except RigError as error:
                 if error.code is not ErrorCode.CAMERA_TIMEOUT or attempt == record.recipe.retakes:
                     raise
-                self._tell_retake(record, key, error.detail)
+                self._announce_retake(record, key, error.detail)
                 attempt += 1
 
-    def _against_earlier(
-        self, record: Record, step: TakeShot, exposed: Exposed, exposure_s: float, quality: FrameQuality
+    def _compare_with_earlier(
+        self, record: SessionRecord, step: TakeShot, exposed: Exposed, exposure_s: float, quality: FrameQuality
     ) -> check.Verdict:
         number, light = step.key.pass_number, step.key.number
-        taken = [shot.quality.sharpness for work in record.passes for shot in work.shots.values()]
-        plans = self._store.journal.plans_made(record.session_id, number)
-        file = foretold_file(self._store.folder(record.session_id), number, plans, light)
-        return check.against_earlier(
+        sharpnesses = [shot.quality.sharpness for work in record.passes for shot in work.shots.values()]
+        plans = self._store.journal.plan_count(record.session_id, number)
+        file = predicted_image_file(self._store.folder(record.session_id), number, plans, light)
+        return check.compare_with_earlier(
             quality,
             exposed.frame.pixels,
             self.region,
             self._calibration.sensor,
             exposure_s,
-            [sharpness for sharpness in taken if sharpness is not None],
-            expected.decoded(file.read_bytes()) if file.exists() else None,
+            [sharpness for sharpness in sharpnesses if sharpness is not None],
+            expected.decode_image(file.read_bytes()) if file.exists() else None,
         )
 
-    def _moved(self, record: Record, step: RepeatReference, same: compare.Comparison) -> RigError:
-        """What an image that does not show the same means; discards what was taken of a scene that is no more."""
+    def _scene_moved(self, record: SessionRecord, step: RepeatReference, same: compare.Comparison) -> RigError:
+        """The error for a repeated image that differs; discards the pass's images when it closes the pass."""
         first, number = step.shot.key, step.key.pass_number
         detail = f"Image {first.number} of pass {first.pass_number}, taken again, {same.detail}"
         if step.closes_pass:
@@ -168,31 +174,31 @@ class Shooting:
             ErrorCode.SCENE_MOVED, detail, shift_px=same.shift_px, brightness=same.brightness, changed=same.changed
         )
 
-    def _tell_retake(self, record: Record, key: ShotKey, reason: str) -> None:
+    def _announce_retake(self, record: SessionRecord, key: ShotKey, reason: str) -> None:
         body = {"pass": key.pass_number, "number": key.number, "reason": reason}
         self._store.journal.announce(record.session_id, "shot.retaken", body)
 
-    def _require_place(self, exposed: Exposed, step: TakeShot) -> None:
-        """An arm that stands elsewhere was moved by somebody: a person looks before it moves again."""
-        if not session.same_place(exposed.reading.joints, step.waypoint.joints):
+    def _require_arm_at_light(self, exposed: Exposed, step: TakeShot) -> None:
+        """Raises RigError arm.move_failed unless the arm was at the waypoint: somebody else has moved it."""
+        if not session.same_joints(exposed.reading.joints, step.waypoint.joints):
             raise RigError(
                 ErrorCode.ARM_MOVE_FAILED, f"The arm was not at light {step.key.number} while its frame was exposed"
             )
 
-    def _first_exposure(self, record: Record, step: TakeShot) -> float:
+    def _first_exposure(self, record: SessionRecord, step: TakeShot) -> float:
         wanted, camera = record.recipe.exposure, self._rig.cell.camera
         work = record.passes[step.key.pass_number]
         if work.plan is not None and work.plan.levels_per_s is not None:
-            return exposure.of_foretold(work.plan.levels_per_s[step.key.number], wanted, camera)
+            return exposure.for_predicted_level(work.plan.levels_per_s[step.key.number], wanted, camera)
         seen = [shot.quality.bright_level / shot.exposure_s for shot in work.shots.values()]
-        level = seen[-1] if seen else exposure.first_level(self._rig.cell, self._calibration)
-        return exposure.of_level(level, wanted, camera)
+        level = seen[-1] if seen else exposure.assumed_level(self._rig.cell, self._calibration)
+        return exposure.for_level(level, wanted, camera)
 
-    def _keep(
-        self, record: Record, key: ShotKey, exposed: Exposed, exposure_s: float, attempt: int, quality: FrameQuality,
-        *, kind: Literal["light", "dark"] = "light", repeats: ShotKey | None = None,
+    def _store_shot(
+        self, record: SessionRecord, key: ShotKey, exposed: Exposed, exposure_s: float, attempt: int,
+        quality: FrameQuality, *, kind: Literal["light", "dark"] = "light", repeats: ShotKey | None = None,
     ) -> None:  # fmt: skip
-        """Writes the frame, then enters it: the entry is the announcement."""
+        """Writes the frame's file, then its row and event: the event announces only what is on the disk."""
         file, dark = f"shots/{key.number}.tiff", kind == "dark"
         if dark:
             file = f"dark_{round(exposure_s * 1e6)}.tiff"
@@ -219,6 +225,9 @@ class Shooting:
         self._store.journal.add_shot(record.session_id, shot)
 
 
-def foretold_file(folder: Path, pass_number: int, plan: int, light: int) -> Path:
-    """The picture that a pass's plan of this number (from 1) foretells for a light; the first pass has none."""
+def predicted_image_file(folder: Path, pass_number: int, plan: int, light: int) -> Path:
+    """The file of the image predicted for a light of a pass's plan, counted from 1; the first pass has none.
+
+    The file name is part of the session folder's layout.
+    """
     return folder / f"passes/{pass_number}/foretold_{plan}_{light}.png"

@@ -1,4 +1,4 @@
-"""What can be said of rig and session at a glance, without asking any device."""
+"""Status of the rig and progress of a session as values, from cached readings only."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +10,7 @@ from acquisition.session import Stage
 
 @dataclass(frozen=True)
 class RigStatus:
-    """What can be said of the rig at once, without asking any device."""
+    """The status of the rig; `reasons` are the problems that prevent a start."""
 
     cell: str
     fingerprint: str
@@ -29,7 +29,7 @@ class RigStatus:
 
 @dataclass(frozen=True)
 class SessionProgress:
-    """How far a session is."""
+    """Stage, completed fraction (0–1) and remaining time (s; none: unknown) of a session."""
 
     stage: Stage
     progress: float

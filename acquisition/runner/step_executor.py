@@ -1,7 +1,8 @@
-"""Doing one step of a session and entering what came of it.
+"""Execution of one step of a session, and the record of its outcome.
 
-Every step ends in the same order: files flushed and renamed, then row and event in one transaction. A step that is cut
-off before the row leaves files that nobody was told of; doing it again replaces them.
+Every step commits in the same order: files are flushed and renamed, then row and event are written in one transaction.
+A step that ends before the transaction leaves files without an entry; repeating the step replaces them, so steps are
+idempotent.
 """
 
 import shutil
@@ -23,15 +24,15 @@ from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.route import Route
 from acquisition.runner import re_solve
 from acquisition.runner.compute import Compute
-from acquisition.runner.re_solve import Wish
-from acquisition.runner.shots import Shooting, foretold_file
+from acquisition.runner.re_solve import SolveRequest
+from acquisition.runner.shots import ShotCapture, predicted_image_file
 from acquisition.session import (
     AwaitReview,
     ChooseLights,
     GoHome,
     PlanRoute,
-    Record,
     RepeatReference,
+    SessionRecord,
     SolveNormals,
     Step,
     TakeDark,
@@ -41,48 +42,48 @@ from acquisition.store import Store
 from acquisition.store.folder import write_bytes, write_manifest, write_value
 
 
-class Steps:
-    """Does steps with the devices of one rig; the runner's thread only."""
+class StepExecutor:
+    """Executes steps with the devices of one rig; used in the runner's thread only."""
 
     def __init__(self, store: Store, rig: Rig, calibration: Calibration, compute: Compute) -> None:
         self._store = store
         self._rig = rig
         self._calibration = calibration
         self._compute = compute
-        self._shooting = Shooting(store, rig, calibration, compute)
+        self._shots = ShotCapture(store, rig, calibration, compute)
 
-    def begin(self, session_id: str, recipe: Recipe) -> None:
-        """Makes the session's folder, complete in itself: recipe, cell file and calibration."""
+    def create_folder(self, session_id: str, recipe: Recipe) -> None:
+        """Creates the session's folder, complete without the database: recipe, cell file and calibration."""
         folder = self._store.folder(session_id)
         write_value(folder / "recipe.json", recipe)
         write_value(folder / "cell.json", self._rig.cell)
         write_value(folder / "calibration.json", self._calibration)
 
-    def end(self, session_id: str) -> None:
-        """Writes the session's manifest: every file with its SHA-256, and the shots as they were measured."""
+    def write_session_manifest(self, session_id: str) -> None:
+        """Writes the session's manifest: every file with its SHA-256, and the shots with their measurements."""
         folder = self._store.folder(session_id)
         shots = [shot.model_dump(mode="json") for shot in self._store.journal.shots(session_id)]
         write_manifest(
             folder, {"session_id": session_id, "software": {"lightpose": version("lightpose")}, "shots": shots}
         )
 
-    def do(self, record: Record, step: Step, stop: StopToken) -> None:
-        """Does one step. Raises Halted when the token is set meanwhile, RigError when the step fails."""
+    def execute(self, record: SessionRecord, step: Step, stop: StopToken) -> None:
+        """Executes one step. Raises Halted when the token is set meanwhile, RigError when the step fails."""
         match step:
             case ChooseLights():
                 self._choose_lights(record, step, stop)
             case AwaitReview():
                 raise RigError(ErrorCode.PLAN_TO_REVIEW, f"The lights of pass {step.pass_number} are planned")
             case RepeatReference():
-                self._shooting.repeat_reference(record, step, stop)
+                self._shots.repeat_reference(record, step, stop)
             case PlanRoute():
                 self._plan_route(record, step, stop)
             case TakeShot():
-                self._shooting.take_shot(record, step, stop)
+                self._shots.take_shot(record, step, stop)
             case GoHome():
-                self._shooting.go_home(record, step, stop)
+                self._shots.go_home(record, step, stop)
             case TakeDark():
-                self._shooting.take_dark(record, step, stop)
+                self._shots.take_dark(record, step, stop)
             case SolveNormals():
                 self._solve_normals(record, step, stop)
             case _:
@@ -90,12 +91,12 @@ class Steps:
 
     @property
     def reach_cache(self) -> Path:
-        """Where the cell's reach is kept."""
+        """The cache file of the cell's reach."""
         return self._store.cache(f"reach-{self._rig.cell.fingerprint[:16]}.json")
 
     # ---------------------------------------------------------------------------------------------------- lights, route
 
-    def _choose_lights(self, record: Record, step: ChooseLights, stop: StopToken) -> None:
+    def _choose_lights(self, record: SessionRecord, step: ChooseLights, stop: StopToken) -> None:
         number, folder = step.pass_number, self._store.folder(record.session_id)
         known = (record.recipe, self._rig.cell, self._calibration, self.reach_cache)
         pictures: list[bytes] = []
@@ -103,32 +104,32 @@ class Steps:
             plan: LightPlan = self._compute.run(stop, "first_lights", *known)
         else:
             previous = folder / "results" / str(number - 1)
-            taken, drawn = re_solve.observations(record, folder), self._drawn(record.session_id)
+            taken, drawn = re_solve.observations(record, folder), self._region_file(record.session_id)
             plan, pictures = self._compute.run(stop, "further_lights", *known, previous, taken, drawn)
         digests = [
             write_bytes(folder / f"passes/{number}/gain_{light}.png", picture) for light, picture in enumerate(pictures)
         ]
-        self.foretell(record.session_id, number, plan, stop)
+        self.predict_images(record.session_id, number, plan, stop)
         name = f"passes/{number}/plan.json"
         digest = write_value(folder / name, plan)
-        body = self.told(plan, digests)
+        body = self.plan_summary(plan, digests)
         self._store.journal.add_artifact(record.session_id, "plan", number, name, digest, body, "plan.ready")
 
-    def foretell(self, session_id: str, number: int, plan: LightPlan, stop: threading.Event) -> None:
-        """Keeps what the result before a pass foretells for each light of its plan, which is entered afterwards."""
+    def predict_images(self, session_id: str, number: int, plan: LightPlan, stop: threading.Event) -> None:
+        """Stores the image that the previous result predicts for each light; the plan is entered afterwards."""
         if plan.levels_per_s is None:
             return
         folder = self._store.folder(session_id)
         pictures = self._compute.run(
-            stop, "foretell", plan.lights, self._calibration, folder / "results" / str(number - 1)
+            stop, "predict_images", plan.lights, self._calibration, folder / "results" / str(number - 1)
         )
-        plans = self._store.journal.plans_made(session_id, number) + 1
+        plans = self._store.journal.plan_count(session_id, number) + 1
         for light, picture in enumerate(pictures):
-            write_bytes(foretold_file(folder, number, plans, light), picture)
+            write_bytes(predicted_image_file(folder, number, plans, light), picture)
 
     @staticmethod
-    def told(plan: LightPlan, pictures: list[str]) -> dict[str, Any]:
-        """What the journal tells of a plan beside its file; `pictures` are the SHA-256 of what each light gains."""
+    def plan_summary(plan: LightPlan, pictures: list[str]) -> dict[str, Any]:
+        """The journal's summary of a plan; `pictures` are the SHA-256 of the picture of each light's gain."""
         return {
             "lights": len(plan.lights),
             "method": plan.method,
@@ -139,52 +140,52 @@ class Steps:
             "pictures": pictures,
         }
 
-    def _drawn(self, session_id: str) -> Path | None:
+    def _region_file(self, session_id: str) -> Path | None:
         """The mask of the region of interest, where one was drawn."""
         masks = self._store.journal.artifacts(session_id, "region")
         return self._store.folder(session_id) / masks[-1].path if masks else None
 
-    def draw(self, session_id: str, content: bytes, actor: str) -> int:
-        """Keeps a mask (PNG) as the session's region of interest and returns its number of pixels.
+    def set_region(self, session_id: str, content: bytes, actor: str) -> int:
+        """Stores a mask (PNG) as the session's region of interest and returns its number of pixels.
 
         Raises RigError request.invalid, session.action_not_allowed, session.not_found.
         """
-        self._store.journal.may_draw(session_id)
-        mask = region.decoded(content, self._calibration)
-        if not np.any(mask & self._shooting.region):
+        self._store.journal.require_region_allowed(session_id)
+        mask = region.decode_mask(content, self._calibration)
+        if not np.any(mask & self._shots.region):
             raise RigError(
                 ErrorCode.REQUEST_INVALID, "the mask lies outside of where the object can be: draw it on the object"
             )
-        made = len(self._store.journal.artifacts(session_id, "region"))
-        name = "region.png" if made == 0 else f"region_{made + 1}.png"
-        digest = write_bytes(self._store.folder(session_id) / name, region.encoded(mask))
+        region_count = len(self._store.journal.artifacts(session_id, "region"))
+        name = "region.png" if region_count == 0 else f"region_{region_count + 1}.png"
+        digest = write_bytes(self._store.folder(session_id) / name, region.encode_mask(mask))
         pixels = int(np.count_nonzero(mask))
         self._store.journal.add_region(session_id, name, digest, {"pixels": pixels}, actor)
         return pixels
 
-    def _plan_route(self, record: Record, step: PlanRoute, stop: StopToken) -> None:
+    def _plan_route(self, record: SessionRecord, step: PlanRoute, stop: StopToken) -> None:
         number, folder = step.pass_number, self._store.folder(record.session_id)
         plan = record.passes[number].plan
         if plan is None:
             raise RigError(ErrorCode.SERVICE_FAULT, f"Pass {number} has no plan to route")
         start = self._rig.arm.reading.joints
-        route = self._rejoined(record.passes[number].route, step, stop)
+        route = self._rejoining_route(record.passes[number].route, step, stop)
         if route is None:
             lights = [plan.lights[light] for light in step.light_numbers]
             try:
                 route = self._compute.run(stop, "plan_route", lights, start, self._rig.cell, self._calibration)
             except RigError as error:
-                raise _renumbered(error, step.light_numbers) from error
+                raise _with_plan_numbers(error, step.light_numbers) from error
             order = [step.light_numbers[index] for index in route.light_numbers]
             route = route.model_copy(update={"light_numbers": order})
-        made = [item for item in self._store.journal.artifacts(record.session_id, "route") if item.number == number]
-        name = f"passes/{number}/route.json" if not made else f"passes/{number}/route_{len(made) + 1}.json"
+        earlier = [item for item in self._store.journal.artifacts(record.session_id, "route") if item.number == number]
+        name = f"passes/{number}/route.json" if not earlier else f"passes/{number}/route_{len(earlier) + 1}.json"
         digest = write_value(folder / name, route)
         body = {"seconds": route.seconds, "lower_bound_s": route.lower_bound_s, "order": route.light_numbers}
         self._store.journal.add_artifact(record.session_id, "route", number, name, digest, body, "waypoints.ready")
 
-    def _rejoined(self, route: Route | None, step: PlanRoute, stop: StopToken) -> Route | None:
-        """The way back to the route that the arm has left; None when there is none, and a new route is needed."""
+    def _rejoining_route(self, route: Route | None, step: PlanRoute, stop: StopToken) -> Route | None:
+        """The rest of a route with a path back to it from the measured joints; None when a new route is needed."""
         if route is None or not set(step.light_numbers) <= set(route.light_numbers):
             return None
         start = self._rig.arm.reading.joints
@@ -198,7 +199,7 @@ class Steps:
 
     # ---------------------------------------------------------------------------------------------------------- normals
 
-    def _solve_normals(self, record: Record, step: SolveNormals, stop: StopToken) -> None:
+    def _solve_normals(self, record: SessionRecord, step: SolveNormals, stop: StopToken) -> None:
         folder = self._store.folder(record.session_id)
         name = f"results/{step.number}"
         if (folder / name).exists():
@@ -214,16 +215,16 @@ class Steps:
             self._calibration,
             settings,
             record.passes[step.number].plan,
-            self._drawn(record.session_id),
+            self._region_file(record.session_id),
             folder / name,
         )
         seconds = time.monotonic() - begun
-        wish = Wish(record.session_id, step.number, settings, step.number)
-        re_solve.enter(self._store, wish, "session", summary, seconds, self._rig.cell)
+        wish = SolveRequest(record.session_id, step.number, settings, step.number)
+        re_solve.record_result(self._store, wish, "session", summary, seconds, self._rig.cell)
 
 
-def _renumbered(error: RigError, light_numbers: tuple[int, ...]) -> RigError:
-    """The route knew only the lights that were left; people know them by their numbers in the plan."""
+def _with_plan_numbers(error: RigError, light_numbers: tuple[int, ...]) -> RigError:
+    """The error with the lights numbered as in the plan; the route planner numbers only those that it was given."""
     lights = [{**light, "number": light_numbers[light["number"]]} for light in error.context.get("lights", [])]
     if not lights:
         return error

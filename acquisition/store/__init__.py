@@ -11,7 +11,7 @@ from pathlib import Path
 
 from acquisition.formats.frames import FolderFrames
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.session import Record
+from acquisition.session import SessionRecord
 from acquisition.store.journal import Journal
 from acquisition.store.rows import Action, Artifact, Event, SessionRow
 
@@ -47,7 +47,7 @@ class Store:
         """Free bytes where the folder lies."""
         return shutil.disk_usage(self.data).free
 
-    def record(self, session_id: str) -> Record:
+    def record(self, session_id: str) -> SessionRecord:
         """What the next step is read from."""
         return self.journal.record(session_id, self.folder(session_id))
 

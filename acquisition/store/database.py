@@ -27,7 +27,7 @@ class Database:
 
     def __init__(self, path: Path) -> None:
         self._lock = threading.RLock()
-        self._grown = threading.Condition()
+        self._event_added = threading.Condition()
         self._connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=10)
         self._connection.row_factory = sqlite3.Row
         self._connection.execute("PRAGMA journal_mode = WAL")
@@ -57,7 +57,7 @@ class Database:
             where.append("session_id = ?")
             conditions.append(session_id)
         if types:
-            where.append(f"type IN ({marks(types)})")
+            where.append(f"type IN ({placeholders(types)})")
             conditions.extend(types)
         rows = self._all(
             f"SELECT * FROM event WHERE {' AND '.join(where)} ORDER BY id LIMIT ?",  # noqa: S608 - only marks
@@ -81,12 +81,12 @@ class Database:
     def wait_for_event(self, after_id: int, timeout_s: float) -> bool:
         """Blocks until there is an event above `after_id` (True), or the time is over (False)."""
         deadline = time.monotonic() + timeout_s
-        with self._grown:
+        with self._event_added:
             while self.last_event_id() <= after_id:
                 left = deadline - time.monotonic()
                 if left <= 0:
                     return False
-                self._grown.wait(left)
+                self._event_added.wait(left)
         return True
 
     # ------------------------------------------------------------------------------------------------------ internals
@@ -121,8 +121,8 @@ class Database:
                 raise
             raise RigError(ErrorCode.STORE_DISK_FULL, "No space left for the journal", file="rig.db") from error
         # After the lock is free: whoever waits here reads the table under that lock.
-        with self._grown:
-            self._grown.notify_all()
+        with self._event_added:
+            self._event_added.notify_all()
 
     def _event(self, connection: sqlite3.Connection, session_id: str | None, type_: str, body: dict[str, Any]) -> None:
         connection.execute(
@@ -139,6 +139,6 @@ class Database:
             return self._connection.execute(query, values).fetchall()
 
 
-def marks(values: Any) -> str:
+def placeholders(values: Any) -> str:
     """So many question marks for a list in SQL."""
     return ", ".join("?" for _ in values)

@@ -22,36 +22,36 @@ from acquisition.models.base import Value
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.shot import FrameRef
 
-KEPT_FREE_BYTES = 32 << 20
+RESERVED_BYTES = 32 << 20
 """Never used for images and results: what the journal needs to tell that the disk is full, and to go on for a while."""
 
 
 def require_space(folder: Path, size: int) -> None:
     """Raises RigError store.disk_full unless so many bytes fit where `folder` lies, and KEPT_FREE_BYTES stay free."""
     free = shutil.disk_usage(folder).free
-    if free < size + KEPT_FREE_BYTES:
+    if free < size + RESERVED_BYTES:
         raise RigError(
             ErrorCode.STORE_DISK_FULL,
-            f"{(size + KEPT_FREE_BYTES) / 1e6:.0f} MB are needed in {folder.name}, {free / 1e6:.0f} MB are free",
-            needed_bytes=size + KEPT_FREE_BYTES,
+            f"{(size + RESERVED_BYTES) / 1e6:.0f} MB are needed in {folder.name}, {free / 1e6:.0f} MB are free",
+            needed_bytes=size + RESERVED_BYTES,
             free_bytes=free,
         )
 
 
 def write_bytes(path: Path, content: bytes) -> str:
     """Writes a file whole, durably, and returns its SHA-256. Raises RigError store.disk_full; other OSErrors pass."""
-    beside = path.with_name(f".{path.name}.{threading.get_ident()}.part")  # two may write the same at once
+    partial = path.with_name(f".{path.name}.{threading.get_ident()}.part")  # two may write the same at once
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         require_space(path.parent, len(content))
-        with beside.open("wb") as file:
+        with partial.open("wb") as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        beside.rename(path)
+        partial.rename(path)
         _flush_folder(path.parent)
     except OSError as error:
-        beside.unlink(missing_ok=True)
+        partial.unlink(missing_ok=True)
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise RigError(ErrorCode.STORE_DISK_FULL, f"No space left to write {path.name}", file=path.name) from error
         raise

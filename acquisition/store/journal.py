@@ -16,11 +16,21 @@ from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route
 from acquisition.models.shot import Shot, ShotKey
-from acquisition.session import ENDED, HOLDS_THE_RIG, Actor, PassRecord, Record, State, Trigger, after, allowed
-from acquisition.store.database import Database, marks
-from acquisition.store.rows import Action, Artifact, SessionRow, session_of
+from acquisition.session import (
+    ENDED,
+    RIG_HOLDING,
+    Actor,
+    PassRecord,
+    SessionRecord,
+    State,
+    Trigger,
+    allowed_actions,
+    next_state,
+)
+from acquisition.store.database import Database, placeholders
+from acquisition.store.rows import Action, Artifact, SessionRow, session_from_row
 
-REVIEWED, SENT = "plan.reviewed", "arm.sent"
+PLAN_REVIEWED, MOVE_SENT = "plan.reviewed", "arm.sent"
 """Events that are read again: a resumed session asks them what a person has let pass, and where the arm went."""
 
 
@@ -39,7 +49,7 @@ class Journal(Database):
                     "SELECT * FROM session WHERE idempotency_key = ?", (idempotency_key,)
                 ).fetchone()
                 if known is not None:
-                    row = session_of(known)
+                    row = session_from_row(known)
                     if row.recipe != recipe:
                         raise RigError(
                             ErrorCode.REQUEST_INVALID,
@@ -63,7 +73,7 @@ class Journal(Database):
         row = self._one("SELECT * FROM session WHERE id = ?", session_id)
         if row is None:
             raise RigError(ErrorCode.SESSION_NOT_FOUND, f"No session {session_id[:80]!r}", session_id=session_id[:80])
-        return session_of(row)
+        return session_from_row(row)
 
     def sessions(self, limit: int, before: int | None = None) -> list[SessionRow]:
         """Sessions, newest first, with numbers below `before`."""
@@ -72,12 +82,12 @@ class Journal(Database):
             before if before is not None else 2**62,
             limit,
         )
-        return [session_of(row) for row in rows]
+        return [session_from_row(row) for row in rows]
 
     def holder(self) -> SessionRow | None:
         """The session that holds the rig, if any."""
-        row = self._one(f"SELECT * FROM session WHERE state IN ({marks(HOLDS_THE_RIG)})", *HOLDS_THE_RIG)  # noqa: S608
-        return None if row is None else session_of(row)
+        row = self._one(f"SELECT * FROM session WHERE state IN ({placeholders(RIG_HOLDING)})", *RIG_HOLDING)  # noqa: S608
+        return None if row is None else session_from_row(row)
 
     def trigger(
         self, session_id: str, trigger: Trigger, actor: str, reason: dict[str, Any] | None = None
@@ -89,31 +99,31 @@ class Journal(Database):
         """
         with self._transaction() as connection:
             row = self.session(session_id)
-            then = after(row.state, trigger, Actor.of(actor))
-            if then is None:
+            target = next_state(row.state, trigger, Actor.of(actor))
+            if target is None:
                 self._record_action(connection, session_id, trigger, actor, "refused")
                 connection.execute("COMMIT")  # the refusal is kept although the call fails
                 connection.execute("BEGIN IMMEDIATE")
-                may = ", ".join(allowed(row.state)) or "nothing"
+                may = ", ".join(allowed_actions(row.state)) or "nothing"
                 raise RigError(
                     ErrorCode.SESSION_ACTION_NOT_ALLOWED,
                     f"A session that is {row.state} does not allow {trigger}; it allows {may}",
                     state=row.state,
-                    allowed=[str(action) for action in allowed(row.state)],
+                    allowed=[str(action) for action in allowed_actions(row.state)],
                 )
-            self._record_action(connection, session_id, trigger, actor, str(then))
-            if then is row.state:
-                return row.state, then
+            self._record_action(connection, session_id, trigger, actor, str(target))
+            if target is row.state:
+                return row.state, target
             now = time.time()
             try:
                 connection.execute(
                     "UPDATE session SET state = ?, reason = ?, started_at = coalesce(started_at, ?), ended_at = ?"
                     " WHERE id = ?",
                     (
-                        then,
+                        target,
                         None if reason is None else json.dumps(reason),
                         now if trigger is Trigger.START else None,
-                        now if then in ENDED else None,
+                        now if target in ENDED else None,
                         session_id,
                     ),
                 )
@@ -124,20 +134,20 @@ class Journal(Database):
                     f"Session {holder.id if holder else '?'} holds the rig",
                     holder=holder.id if holder else None,
                 ) from error
-            body: dict[str, Any] = {"from": row.state, "state": then, "by": actor}
+            body: dict[str, Any] = {"from": row.state, "state": target, "by": actor}
             self._event(connection, session_id, "session.state", body | ({"reason": reason} if reason else {}))
-            return row.state, then
+            return row.state, target
 
     def delete_session(self, session_id: str) -> None:
         """Removes a session that does not hold the rig. Raises RigError session.action_not_allowed."""
         with self._transaction() as connection:
             row = self.session(session_id)
-            if row.state in HOLDS_THE_RIG:
+            if row.state in RIG_HOLDING:
                 raise RigError(
                     ErrorCode.SESSION_ACTION_NOT_ALLOWED,
                     f"A session that is {row.state} cannot be deleted; stop it first",
                     state=row.state,
-                    allowed=[str(action) for action in allowed(row.state)],
+                    allowed=[str(action) for action in allowed_actions(row.state)],
                 )
             connection.execute("DELETE FROM session WHERE id = ?", (session_id,))
             self._event(connection, None, "session.deleted", {"session_id": session_id})
@@ -174,7 +184,7 @@ class Journal(Database):
         with self._transaction() as connection:
             self._add_artifact(connection, session_id, kind, number, path, sha256, body, event)
 
-    def may_draw(self, session_id: str) -> SessionRow:
+    def require_region_allowed(self, session_id: str) -> SessionRow:
         """The session, when a region of interest could still guide its plan.
 
         Raises RigError session.action_not_allowed when it could not, session.not_found.
@@ -187,7 +197,7 @@ class Journal(Database):
                 "A region of interest is drawn before the start, or while the session is paused before its lights are "
                 f"planned; this one is {row.state}{' and planned' if planned else ''}",
                 state=row.state,
-                allowed=[str(action) for action in allowed(row.state)],
+                allowed=[str(action) for action in allowed_actions(row.state)],
             )
         return row
 
@@ -197,7 +207,7 @@ class Journal(Database):
         Raises RigError as `may_draw`.
         """
         with self._transaction() as connection:
-            row = self.may_draw(session_id)
+            row = self.require_region_allowed(session_id)
             self._record_action(connection, session_id, "draw-region", actor, str(row.state))
             number = len(self.artifacts(session_id, "region"))
             self._add_artifact(connection, session_id, "region", number, path, sha256, body, "region.drawn")
@@ -205,7 +215,7 @@ class Journal(Database):
     def approve(self, session_id: str, pass_number: int, actor: str) -> None:
         """Enters that a person has seen the plan of a pass and lets it pass."""
         with self._transaction() as connection:
-            self._event(connection, session_id, REVIEWED, {"number": pass_number, "by": actor})
+            self._event(connection, session_id, PLAN_REVIEWED, {"number": pass_number, "by": actor})
 
     def replace_plan(
         self, session_id: str, number: int, files: dict[str, tuple[str, str]], body: dict[str, Any], actor: str
@@ -222,20 +232,20 @@ class Journal(Database):
                     ErrorCode.SESSION_ACTION_NOT_ALLOWED,
                     f"The plan of pass {number} is not waiting for a person any more",
                     state=row.state,
-                    allowed=[str(action) for action in allowed(row.state)],
+                    allowed=[str(action) for action in allowed_actions(row.state)],
                 )
             self._record_action(connection, session_id, "replace-plan", actor, f"pass {number}")
             for kind, event in (("plan", "plan.ready"), ("route", "waypoints.ready")):
                 path, digest = files[kind]
                 self._add_artifact(connection, session_id, kind, number, path, digest, body, event)
 
-    def sent(self, session_id: str, way: list[tuple[float, ...]]) -> None:
+    def record_move(self, session_id: str, path: list[tuple[float, ...]]) -> None:
         """Enters where the arm is about to be sent: joints (rad) from where it stands to where it shall go."""
-        self.announce(session_id, SENT, {"way": way})
+        self.announce(session_id, MOVE_SENT, {"way": path})
 
-    def last_way(self, session_id: str) -> list[tuple[float, ...]]:
+    def last_path(self, session_id: str) -> list[tuple[float, ...]]:
         """Where the arm was sent last; empty when it never was."""
-        row = self._newest_event(session_id, SENT)
+        row = self._newest_event(session_id, MOVE_SENT)
         return [] if row is None else [tuple(joints) for joints in row["way"]]
 
     def artifacts(self, session_id: str, kind: str) -> list[Artifact]:
@@ -254,7 +264,7 @@ class Journal(Database):
             for row in rows
         ]
 
-    def plans_made(self, session_id: str, pass_number: int) -> int:
+    def plan_count(self, session_id: str, pass_number: int) -> int:
         """How many plans a pass has had; the newest holds."""
         return sum(item.number == pass_number for item in self.artifacts(session_id, "plan"))
 
@@ -263,7 +273,7 @@ class Journal(Database):
         rows = self._all("SELECT body FROM shot WHERE session_id = ? ORDER BY rowid", session_id)
         return [Shot.model_validate_json(row["body"]) for row in rows]
 
-    def record(self, session_id: str, folder: Path) -> Record:
+    def record(self, session_id: str, folder: Path) -> SessionRecord:
         """What `session.next_step` reads; plans and routes come from the files that the journal names."""
         with self._lock:
             row = self.session(session_id)
@@ -298,7 +308,7 @@ class Journal(Database):
             for number in sorted(plans)
         )
         references = sum(shot.kind == "reference" for shot in shots)
-        return Record(session_id, row.recipe, row.state, passes, references, unverified)
+        return SessionRecord(session_id, row.recipe, row.state, passes, references, unverified)
 
     # --------------------------------------------------------------------------------------------- actions and safety
 
@@ -314,7 +324,7 @@ class Journal(Database):
         )
         return [Action(**dict(row)) for row in rows]
 
-    def latch(self, code: str, detail: str) -> None:
+    def record_fault(self, code: str, detail: str) -> None:
         """Enters a safety fault that asks for acknowledgement."""
         with self._transaction() as connection:
             connection.execute("INSERT INTO safety (code, detail, since) VALUES (?, ?, ?)", (code, detail, time.time()))
@@ -330,7 +340,7 @@ class Journal(Database):
             self._record_action(connection, None, "acknowledge", actor, "acknowledged")
             self._event(connection, None, "safety.changed", {"acknowledged": True, "by": actor})
 
-    def latched(self) -> list[dict[str, Any]]:
+    def unacknowledged_faults(self) -> list[dict[str, Any]]:
         """The faults that nobody has acknowledged yet."""
         return [dict(row) for row in self._all("SELECT code, detail, since FROM safety WHERE acknowledged_at IS NULL")]
 
@@ -348,7 +358,7 @@ class Journal(Database):
         self._event(connection, session_id, event, {"number": number, "path": path})
 
     def _reviewed(self, session_id: str) -> set[int]:
-        return {event.body["number"] for event in self.events(0, 10_000, session_id, (REVIEWED,))}
+        return {event.body["number"] for event in self.events(0, 10_000, session_id, (PLAN_REVIEWED,))}
 
     def _unverified(self, session_id: str) -> bool:
         """Whether the session was resumed after an interruption and has repeated no image since."""

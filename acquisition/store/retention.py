@@ -17,7 +17,7 @@ SECONDS_PER_DAY = 86_400.0
 
 
 @dataclass(frozen=True)
-class Forgotten:
+class PrunedSession:
     """One session that was, or would be, removed: its id, when it ended (s since 1970), and its size."""
 
     session_id: str
@@ -25,7 +25,7 @@ class Forgotten:
     bytes: int
 
 
-def prune(data: Path, *, older_than_days: float, keep: int, now: float, pretend: bool) -> list[Forgotten]:
+def prune(data: Path, *, older_than_days: float, keep: int, now: float, dry_run: bool) -> list[PrunedSession]:
     """Removes ended sessions older than `older_than_days` at `now` (s since 1970), but never the newest `keep`.
 
     With `pretend` nothing is removed. May run beside the service. Raises RigError request.not_found when the folder
@@ -37,18 +37,18 @@ def prune(data: Path, *, older_than_days: float, keep: int, now: float, pretend:
     journal = Journal(database)
     try:
         ended = [row for row in journal.sessions(limit=2**31) if row.state in ENDED and row.ended_at is not None]
-        found: list[Forgotten] = []
+        pruned: list[PrunedSession] = []
         for row in ended[keep:]:
             ended_at = row.ended_at or 0.0
             if now - ended_at < older_than_days * SECONDS_PER_DAY:
                 continue
             folder = data / "sessions" / row.id
             size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
-            if not pretend:
+            if not dry_run:
                 journal.delete_session(row.id)
                 if folder.exists():
                     shutil.rmtree(folder)
-            found.append(Forgotten(row.id, ended_at, size))
-        return found
+            pruned.append(PrunedSession(row.id, ended_at, size))
+        return pruned
     finally:
         journal.close()

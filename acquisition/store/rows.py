@@ -69,7 +69,7 @@ class Artifact:
     created_at: float
 
 
-def session_of(row: sqlite3.Row) -> SessionRow:
+def session_from_row(row: sqlite3.Row) -> SessionRow:
     """A row of the table `session` as a value."""
     return SessionRow(
         id=row["id"],

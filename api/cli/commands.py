@@ -223,7 +223,7 @@ def prune(
     from acquisition.store import retention
 
     found = _told(
-        lambda: retention.prune(data, older_than_days=older_than, keep=keep, now=time.time(), pretend=dry_run)
+        lambda: retention.prune(data, older_than_days=older_than, keep=keep, now=time.time(), dry_run=dry_run)
     )
     for item in found:
         print(

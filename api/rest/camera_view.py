@@ -113,7 +113,7 @@ class View:
         limits, sensor = self._service.cell.camera, self._service.calibration.sensor
         longest = min(limits.max_exposure_s, LONGEST_EXPOSURE_S)
         exposure_s = float(np.clip(self._exposure_s, limits.min_exposure_s, max(longest, limits.min_exposure_s)))
-        frame = self._service.runner.looking.look(exposure_s)
+        frame = self._service.runner.preview.take_frame(exposure_s)
         bright = (float(np.percentile(frame.pixels, 99.5)) - sensor.black_level_dn) / sensor.full_scale_dn
         self._exposure_s = exposure_s * float(np.clip(BRIGHT / max(bright, 1e-6), 0.1, 10.0))
         return Picture(preview.jpeg(frame.pixels, sensor), frame.taken_at)

@@ -15,7 +15,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.route import Route, Waypoint
 from acquisition.models.shot import FrameQuality, FrameRef, Shot, ShotKey
-from acquisition.session import THE_ARM, Stage, State
+from acquisition.session import ARM_STATE, Stage, State
 from api.rest.schemas import (
     Accepted,
     ActionAccepted,
@@ -94,7 +94,7 @@ _SESSION = SessionResource(
     id=_ID,
     number=12,
     state=State.RUNNING,
-    arm=THE_ARM[State.RUNNING],
+    arm=ARM_STATE[State.RUNNING],
     stage=Stage.CAPTURE,
     progress=0.42,
     seconds_left=38.0,

@@ -29,7 +29,7 @@ async def reach_picture(service: ServiceOf, form: Form) -> Response:
     """What the arm can light: the dome seen from the camera, or cell and dome from all sides, with all reasons."""
     runner = service.runner
     await anyio.to_thread.run_sync(runner.reach, limiter=service.limits.reach)
-    draw = partial(runner.draw, "draw_reach", service.cell, service.calibration, runner.reach_file, form)
+    draw = partial(runner.render, "draw_reach", service.cell, service.calibration, runner.reach_file, form)
     return await _picture(service, draw, form)
 
 
@@ -48,7 +48,7 @@ async def route_picture(service: ServiceOf, session_id: SessionId, number: Numbe
     route, cell, calibration = await anyio.to_thread.run_sync(
         _routed, service, session_id, number, limiter=service.limits.pictures
     )
-    return await _picture(service, partial(service.runner.draw, "draw_route", route, cell, calibration, form), form)
+    return await _picture(service, partial(service.runner.render, "draw_route", route, cell, calibration, form), form)
 
 
 def _routed(service: Service, session_id: str, number: int) -> tuple[Route, CellConfig, Calibration]:

@@ -46,7 +46,7 @@ async def draw_region(
 
     Before the start, or while the session is paused before its lights are planned; the newest mask holds.
     """
-    pixels = await anyio.to_thread.run_sync(service.runner.draw_region, session_id, mask, actor)
+    pixels = await anyio.to_thread.run_sync(service.runner.set_region, session_id, mask, actor)
     return RegionResource(
         pixels=pixels,
         links={"self": f"/v1/sessions/{session_id}/region.png", "session": f"/v1/sessions/{session_id}"},

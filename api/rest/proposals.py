@@ -23,7 +23,7 @@ async def dry_run(service: ServiceOf, recipe: Recipe) -> DryRunResource:
 
     Of method `optimal` these are the pilot's lights; what is planned afterwards depends on what they show.
     """
-    found = await anyio.to_thread.run_sync(service.runner.proposals.dry_run, recipe, limiter=service.limits.reach)
+    found = await anyio.to_thread.run_sync(service.runner.planning.dry_run, recipe, limiter=service.limits.reach)
     return DryRunResource(plan=found.plan, route=found.route, seconds=found.seconds)
 
 
@@ -47,6 +47,6 @@ async def replace_plan(
     The session stays paused: what is there now may be replaced again, and `resume` takes it.
     """
     await anyio.to_thread.run_sync(
-        service.runner.proposals.replace_plan, session_id, number, request.lights, actor, limiter=service.limits.reach
+        service.runner.planning.replace_plan, session_id, number, request.lights, actor, limiter=service.limits.reach
     )
     return await anyio.to_thread.run_sync(sessions.one_pass, service, session_id, number)

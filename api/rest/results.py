@@ -72,7 +72,7 @@ def resolve(
 
     The event `normals.ready` tells that the result is there, `resolve.failed` that there is none and why.
     """
-    wish = service.resolving.ask(session_id, request.settings, request.last_pass, actor)
+    wish = service.resolving.submit(session_id, request.settings, request.last_pass, actor)
     here = f"/v1/sessions/{session_id}"
     response.headers["Location"] = f"{here}/results/{wish.number}"
     return ResolveAccepted(
@@ -188,12 +188,12 @@ def _ready(service: Service, session_id: str, number: int) -> Artifact:
     entry = stored.newest(service, session_id, "result", number)
     if entry is not None:
         return entry
-    service.resolving.refuse_unready(session_id, number)
-    if row.state not in session.ENDED and number < session.passes_wanted(row.recipe):
+    service.resolving.raise_outcome(session_id, number)
+    if row.state not in session.ENDED and number < session.max_passes(row.recipe):
         raise RigError(
             ErrorCode.RESULT_NOT_READY,
             f"Session {session_id} is {row.state} and has no result {number} yet",
             state=row.state,
-            allowed=[str(action) for action in session.allowed(row.state)],
+            allowed=[str(action) for action in session.allowed_actions(row.state)],
         )
     raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Session {session_id} is {row.state} and has no result {number}")

@@ -53,7 +53,7 @@ class Server(uvicorn.Server):
         """Halts the arm, then lets the server end; the session is interrupted, for the next service to resume."""
         self.service.rig.halt()  # takes no lock, so it may interrupt anything
         # The rest takes locks that the interrupted code may hold, so it must not wait for them in here.
-        threading.Thread(target=self.service.runner.shut, name="shut").start()
+        threading.Thread(target=self.service.runner.begin_shutdown, name="shut").start()
         super().handle_exit(sig, frame)
 
     async def startup(self, sockets: list[socket] | None = None) -> None:
@@ -111,7 +111,7 @@ def serve(settings: Settings, say: Callable[[str], None] = announce) -> None:
     Raises RigError as `make` does, and config.invalid when the port cannot be had.
     """
     logs.configure(settings.log)
-    process_priority.take(process_priority.SERVICE)
+    process_priority.set_niceness(process_priority.SERVICE)
     server = make(settings, say)
     try:
         server.run()

@@ -21,7 +21,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import AnyCamera, CellConfig, SimCameraConfig
 from acquisition.models.errors import ErrorCode
 from acquisition.runner.compute import Compute
-from acquisition.runner.re_solve import Resolving
+from acquisition.runner.re_solve import ReSolveService
 from acquisition.runner.runner import Runner
 from acquisition.runner.safety_monitor import Latch, SafetyMonitor
 from acquisition.store import Store
@@ -50,7 +50,7 @@ class Service:
     rig: Rig
     store: Store
     runner: Runner
-    resolving: Resolving
+    resolving: ReSolveService
     limits: Limits = field(default_factory=Limits)
 
     def open(self) -> None:
@@ -60,7 +60,7 @@ class Service:
 
     def close(self) -> None:
         """Halts, ends the runner and closes the journal."""
-        self.runner.shut()
+        self.runner.begin_shutdown()
         self.resolving.close()
         self.runner.close()
         self.store.close()
@@ -78,11 +78,11 @@ def assemble(store: Store, rig: Rig, calibration: Calibration, compute: Compute)
 
     def safety_changed(latch: Latch | None) -> None:
         if latch is not None:
-            runner.latched(latch)
+            runner.handle_fault(latch)
 
     monitor = SafetyMonitor(rig.arm, safety_changed, _latched(store))
     runner = Runner(store, rig, calibration, compute, monitor)
-    return Service(rig.cell, calibration, rig, store, runner, Resolving(store, compute))
+    return Service(rig.cell, calibration, rig, store, runner, ReSolveService(store, compute))
 
 
 def build_rig(cell: CellConfig) -> Rig:
@@ -112,7 +112,7 @@ def build_camera(camera: AnyCamera) -> Camera:
 
 def _latched(store: Store) -> Latch | None:
     """A fault that the last service left unacknowledged."""
-    faults = store.journal.latched()
+    faults = store.journal.unacknowledged_faults()
     if not faults:
         return None
     oldest = faults[0]

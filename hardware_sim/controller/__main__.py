@@ -57,7 +57,7 @@ def main() -> int:
     if not 0.0 < options.calibration_error_m <= 0.02:
         parser.error("--calibration-error-m must be above 0 and at most 0.02")
     logging.basicConfig(level=options.log, stream=sys.stderr, format="%(asctime)s %(name)s %(message)s")
-    process_priority.take(process_priority.DRIVER)  # a real controller has a machine of its own
+    process_priority.set_niceness(process_priority.DRIVER)  # a real controller has a machine of its own
     ended = False
 
     def end(number: int, frame: FrameType | None) -> None:

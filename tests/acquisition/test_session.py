@@ -20,8 +20,8 @@ from acquisition.session import (
     GoHome,
     PassRecord,
     PlanRoute,
-    Record,
     RepeatReference,
+    SessionRecord,
     SolveNormals,
     Stage,
     State,
@@ -81,7 +81,7 @@ def expected(actor: Actor, state: State) -> dict[str, str]:
 def test_every_trigger_of_every_actor_in_every_state_does_what_the_table_says(
     actor: Actor, state: State, trigger: Trigger
 ) -> None:
-    after = session.after(state, trigger, actor)
+    after = session.next_state(state, trigger, actor)
     assert (None if after is None else str(after)) == expected(actor, state).get(str(trigger))
 
 
@@ -94,22 +94,22 @@ def test_a_name_in_the_journal_is_a_person_unless_it_is_the_services_own() -> No
 
 def test_what_is_allowed_changes_the_state_and_ended_sessions_allow_nothing() -> None:
     for state in State:
-        allowed = session.allowed(state)
-        changing = [a for a in session.ACTIONS if session.after(state, a, Actor.OPERATOR) not in (None, state)]
+        allowed = session.allowed_actions(state)
+        changing = [a for a in session.ACTIONS if session.next_state(state, a, Actor.OPERATOR) not in (None, state)]
         assert allowed == changing
         assert (allowed == []) == (state in session.ENDED or state is State.STOPPING)
-        assert session.allowed(state, Actor.VIEWER) == []
+        assert session.allowed_actions(state, Actor.VIEWER) == []
 
 
 @given(st.lists(st.tuples(st.sampled_from(list(Trigger)), st.sampled_from(list(Actor))), max_size=12))
 def test_no_sequence_of_triggers_leaves_the_table_or_an_ended_state(triggers: list[tuple[Trigger, Actor]]) -> None:
     state = State.CREATED
     for trigger, actor in triggers:
-        then = session.after(state, trigger, actor)
+        then = session.next_state(state, trigger, actor)
         if state in session.ENDED:
             assert then in (None, state)
         state = then or state
-    assert set(session.THE_ARM) == set(State)
+    assert set(session.ARM_STATE) == set(State)
 
 
 def joints(number: int) -> tuple[float, float, float, float, float, float]:
@@ -137,8 +137,8 @@ def shot(number: int, exposure_s: float = 0.05, kind: str = "light", shift_px: f
     )  # fmt: skip
 
 
-def record(recipe: Recipe, *passes: PassRecord) -> Record:
-    return Record("s", recipe, State.RUNNING, passes)
+def record(recipe: Recipe, *passes: PassRecord) -> SessionRecord:
+    return SessionRecord("s", recipe, State.RUNNING, passes)
 
 
 def walk(recipe: Recipe, lights: Sequence[int] = (3,)) -> list[session.Step]:
@@ -192,9 +192,9 @@ def test_a_session_walks_pilot_route_shots_first_one_again_home_darks_normals_pl
 
 
 def test_fixed_patterns_have_one_pass_and_a_pilot_alone_needs_no_plan() -> None:
-    assert session.passes_wanted(Recipe(method="two-rings")) == 1
-    assert session.passes_wanted(Recipe(planned_lights=0)) == 1
-    assert session.passes_wanted(Recipe()) == 2
+    assert session.max_passes(Recipe(method="two-rings")) == 1
+    assert session.max_passes(Recipe(planned_lights=0)) == 1
+    assert session.max_passes(Recipe()) == 2
 
 
 def test_an_ordered_accuracy_takes_passes_until_a_plan_has_no_lights() -> None:
@@ -238,8 +238,8 @@ def test_a_route_is_planned_anew_from_wherever_the_arm_stands_for_the_lights_lef
 
 
 def test_a_full_turn_away_is_another_place() -> None:
-    assert not session.same_place(HOME, (6.283185307179586, 0, 0, 0, 0, 0))
-    assert session.same_place(HOME, (1e-3, 0, 0, 0, 0, 0))
+    assert not session.same_joints(HOME, (6.283185307179586, 0, 0, 0, 0, 0))
+    assert session.same_joints(HOME, (1e-3, 0, 0, 0, 0, 0))
 
 
 def test_stage_and_progress_are_read_off_the_record() -> None:

@@ -16,7 +16,7 @@ import pytest
 
 from acquisition.models.errors import ErrorCode
 from acquisition.session import State
-from acquisition.store.folder import KEPT_FREE_BYTES
+from acquisition.store.folder import RESERVED_BYTES
 from api.client.client import Client, ProblemError
 from api.rest.schemas import SessionResource
 from tests.crash.crashing import (
@@ -73,7 +73,7 @@ def test_a_session_survives_a_disk_that_fills_up(made: Bench, case: int) -> None
     number = case % (len(made.stage_begins) - 2)
     with made.serve() as client:
         session_id = made.run_into(client, number, chance)
-        filler = fill(made.data, 0 if case % 2 else KEPT_FREE_BYTES // 2)
+        filler = fill(made.data, 0 if case % 2 else RESERVED_BYTES // 2)
         try:
             found = until_it_waits(client, session_id)
             assert_rests(made)
@@ -110,7 +110,7 @@ def test_a_session_that_does_not_fit_is_refused_before_anything_moves(made: Benc
         client.wait_ready()
         session_id = client.create(RECIPE).id
         moves = made.control.state()["moves_started"]
-        filler = fill(made.data, KEPT_FREE_BYTES + 1000)
+        filler = fill(made.data, RESERVED_BYTES + 1000)
         try:
             with pytest.raises(ProblemError) as refused:
                 client.start(session_id)

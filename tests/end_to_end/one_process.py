@@ -21,7 +21,7 @@ from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.route import Waypoint
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
 from acquisition.runner import jobs
-from acquisition.session import REFERENCES_FROM
+from acquisition.session import FIRST_REFERENCE_NUMBER
 from acquisition.waypoints import kinematics
 from acquisition.waypoints.reach import ReachMap, reach
 from acquisition.waypoints.route import route
@@ -90,13 +90,13 @@ class Session:
         """The images of a pass in the order of its route, a repetition, then the lamp-off frames, at home."""
         way = route(chosen.lights, CELL.arm.home, CELL, self._calibration)
         shots: dict[int, Shot] = {}
-        level = exposure.first_level(CELL, self._calibration)
+        level = exposure.assumed_level(CELL, self._calibration)
         wanted, camera = self._recipe.exposure, CELL.camera
         for light, waypoint in zip(way.light_numbers, way.waypoints, strict=True):
             key = ShotKey(pass_number=number, number=light)
-            exposure_s = exposure.of_level(level, wanted, camera)
+            exposure_s = exposure.for_level(level, wanted, camera)
             if chosen.levels_per_s is not None:
-                exposure_s = exposure.of_foretold(chosen.levels_per_s[light], wanted, camera)
+                exposure_s = exposure.for_predicted_level(chosen.levels_per_s[light], wanted, camera)
             shots[light] = self._lit(key, waypoint, exposure_s)
             level = shots[light].quality.bright_level / shots[light].exposure_s
         if number == 0:
@@ -109,7 +109,7 @@ class Session:
 
     def _repeat(self, first: Shot, waypoint: Waypoint) -> None:
         """The first pass, whose images nothing foretells, ends with its first image again."""
-        key = ShotKey(pass_number=0, number=REFERENCES_FROM)
+        key = ShotKey(pass_number=0, number=FIRST_REFERENCE_NUMBER)
         again = self._shot(key, waypoint.joints, first.exposure_s, first.attempt + 1, lit=True)
         self._shots.append(again.model_copy(update={"kind": "reference", "repeats": first.key}))
 

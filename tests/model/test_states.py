@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, rule, run_state_machine_as_test
 
 from acquisition.runner import safety_monitor
-from acquisition.session import ACTIONS, HOLDS_THE_RIG, TRANSITIONS, Actor, State, Trigger, after
+from acquisition.session import ACTIONS, RIG_HOLDING, TRANSITIONS, Actor, State, Trigger, next_state
 from api.rest.keys import Role
 from tests.model.quick_rig import quick_service
 
@@ -122,7 +122,7 @@ class Machine(RuleBasedStateMachine):
         answer = self.cell.http[Role.ADMIN].delete(f"/v1/sessions/{session_id}")
         assert answer.status_code in (204, 409), answer.text
         if answer.status_code == 409:
-            assert answer.json()["state"] in HOLDS_THE_RIG
+            assert answer.json()["state"] in RIG_HOLDING
 
     @rule(milliseconds=st.integers(1, 60))
     def wait(self, milliseconds: int) -> None:
@@ -153,11 +153,11 @@ class Machine(RuleBasedStateMachine):
         trigger = Trigger(action)
         told = answer.json()
         if answer.status_code == 202:
-            reached = {after(state, trigger, Actor.OPERATOR) for state in held}
+            reached = {next_state(state, trigger, Actor.OPERATOR) for state in held}
             assert State(told["state"]) in reached, (held, told)
         elif told["code"] == "session.action_not_allowed":
             assert State(told["state"]) in held, (held, told)
-            assert after(State(told["state"]), trigger, Actor.OPERATOR) is None
+            assert next_state(State(told["state"]), trigger, Actor.OPERATOR) is None
             assert trigger not in (Trigger.STOP,) or State(told["state"]) in (State.COMPLETED, State.FAILED)
         elif told["code"] == "rig.busy":
             assert told["holder"] != session_id
@@ -207,13 +207,16 @@ class Machine(RuleBasedStateMachine):
                 assert (before, then) in ALLOWED, event
                 states[event.session_id] = then
             elif event.type == "session.deleted":
-                assert states.pop(event.body["session_id"]) not in HOLDS_THE_RIG
-            assert sum(state in HOLDS_THE_RIG for state in states.values()) <= 1, (event, states)
+                assert states.pop(event.body["session_id"]) not in RIG_HOLDING
+            assert sum(state in RIG_HOLDING for state in states.values()) <= 1, (event, states)
 
     def until(self, true: Any) -> None:
         deadline = time.monotonic() + ANSWER_WITHIN_S
         while not true():
-            assert time.monotonic() < deadline, (self.cell.journal.sessions(2), self.cell.journal.latched())
+            assert time.monotonic() < deadline, (
+                self.cell.journal.sessions(2),
+                self.cell.journal.unacknowledged_faults(),
+            )
             time.sleep(0.01)
 
 

@@ -2,8 +2,8 @@
 
 The driver is started as `python -m`, not forked and not by `multiprocessing`: it must neither inherit a half-made state
 nor import the program that runs the service. The proxy answers `reading` and `halt` from shared memory; all else is one
-request at a time with a deadline, in the runner's thread. A driver that misses a deadline is stopped by the second path
-and killed; only an explicit `connect` starts the next one.
+request at a time with a deadline, in the runner's thread. A driver that misses a deadline is stopped through the
+dashboard and killed; only an explicit `connect` starts the next one.
 """
 
 import contextlib
@@ -22,8 +22,8 @@ from acquisition import geometry
 from acquisition.devices import ArmIdentity, ArmReading, Finding, MotionLimits, RecoveryStep, StopToken
 from acquisition.devices.ur import preflight, primary, protocol, states
 from acquisition.devices.ur.dashboard import ask, probe, recover
-from acquisition.devices.ur.dashboard_stop import SecondPath
-from acquisition.devices.ur.protocol import Board, Done, Failed, Inspection, Interrupted, Link, Sample, Word
+from acquisition.devices.ur.dashboard_stop import DashboardStop
+from acquisition.devices.ur.protocol import Done, Failed, Field, Inspection, Interrupted, Link, Sample, SharedMemory
 from acquisition.models.base import FloatArray
 from acquisition.models.cell_config import ArmConfig, JointGeometry
 from acquisition.models.errors import ErrorCode, Halted, RigError
@@ -31,9 +31,9 @@ from acquisition.models.errors import ErrorCode, Halted, RigError
 OPEN_DEADLINE_S = 15.0  # starting Python and importing on a busy machine
 CONTROL_DEADLINE_S = 12.0  # ur-rtde waits up to 5 s for its program
 REQUEST_DEADLINE_S = 5.0
-LEAVE_DEADLINE_S = 3.0
+SHUTDOWN_DEADLINE_S = 3.0
 LATENESS_KEPT = 10_000
-UNREAD = ArmReading(
+NO_READING = ArmReading(
     False, (0.0,) * 6, (0.0,) * 6, geometry.pose((0, 0, 0), (0, 0, 0)), 0.0, -1, 0, -1, False, 0.0, 0, 0.0
 )
 """What `reading` says before the first connection."""
@@ -66,15 +66,15 @@ class UrArm:
         self.expected_pose = expected_pose
         self._halt_by_driver = halt_by_driver
         self._halt_by_dashboard = halt_by_dashboard
-        self._board = Board.create()
+        self._memory = SharedMemory.create()
         self._last_sample: Sample | None = None
         self._halt_requested = 0
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Connection | None = None
         self._took_control = False  # whether this driver ever did
-        self._given_up = ""  # why the last driver was
-        self._asking = threading.Lock()  # arm and lamp share the pipe; halt and reading do not take it
-        self._second_path: SecondPath | None = None
+        self._lost_reason = ""  # why the last driver was
+        self._pipe_lock = threading.Lock()  # arm and lamp share the pipe; halt and reading do not take it
+        self._dashboard_stop: DashboardStop | None = None
         self.lateness_s: deque[float] = deque(maxlen=LATENESS_KEPT)
         """How late each renewal of the lease was, s; the newest of all moves, for monitoring."""
 
@@ -83,12 +83,12 @@ class UrArm:
     @property
     def reading(self) -> ArmReading:
         """The newest reading; not connected when the driver or the link is lost."""
-        sample = self._board.sample() or self._last_sample
+        sample = self._memory.sample() or self._last_sample
         if sample is None:
-            return UNREAD
+            return NO_READING
         self._last_sample = sample
         fresh = self.is_open and time.monotonic() - sample.received_at < protocol.HEARTBEAT_S
-        connected = sample.link is Link.WELL and fresh
+        connected = sample.link is Link.OK and fresh
         return ArmReading(
             connected=connected,
             joints=sample.joints,
@@ -102,7 +102,7 @@ class UrArm:
             speed_fraction=sample.speed_fraction,
             digital_outputs=sample.digital_outputs,
             received_at=sample.received_at,
-            lost="" if connected else self._given_up or sample.lost,
+            lost="" if connected else self._lost_reason or sample.lost,
         )
 
     @property
@@ -120,10 +120,10 @@ class UrArm:
         """Stops the arm and puts the lamp out by both paths; any thread, signal handlers, harmless at rest."""
         self._halt_requested = time.monotonic_ns()
         if self._halt_by_driver:
-            self._board.write(Word.HALT_REQUESTED, self._halt_requested)
-        second_path = self._second_path
-        if second_path is not None:
-            second_path.halted()
+            self._memory.write(Field.HALT_REQUESTED, self._halt_requested)
+        dashboard_stop = self._dashboard_stop
+        if dashboard_stop is not None:
+            dashboard_stop.notify_halt()
 
     # --------------------------------------------------------------------------------------------- the runner's thread
 
@@ -136,11 +136,11 @@ class UrArm:
         """
         probe(self._config.address)
         identity, remote_control = self._ask()
-        if self._second_path is None:
-            self._second_path = SecondPath(
-                self._config.address, lambda: self._board.halt_state(self._halt_requested), self._halt_by_dashboard
+        if self._dashboard_stop is None:
+            self._dashboard_stop = DashboardStop(
+                self._config.address, lambda: self._memory.halt_state(self._halt_requested), self._halt_by_dashboard
             )
-        with self._asking:
+        with self._pipe_lock:
             if not self._driver_answers():
                 self._start_driver()
         reading = self.reading
@@ -156,10 +156,10 @@ class UrArm:
         it runs. Raises RigError arm.not_ready, arm.protective_stop, arm.emergency_stop, arm.in_use, driver.lost.
         """
         tool = self._config.flange_from_tool
-        with self._asking:
-            if self._process is not None and self._second_path is not None and not self._took_control:
+        with self._pipe_lock:
+            if self._process is not None and self._dashboard_stop is not None and not self._took_control:
                 self._took_control = True
-                self._second_path.watch(self._process.pid)
+                self._dashboard_stop.watch(self._process.pid)
         self._done(
             self._request(
                 protocol.TakeControl(
@@ -205,9 +205,9 @@ class UrArm:
         )
         halted, renewed_at = False, None
 
-        def keep() -> None:
+        def renew_lease() -> None:
             nonlocal halted, renewed_at
-            self._board.write(Word.LEASE, time.monotonic_ns())
+            self._memory.write(Field.LEASE, time.monotonic_ns())
             now = time.monotonic()
             if renewed_at is not None:
                 self.lateness_s.append(now - renewed_at - protocol.LEASE_RENEWAL_S)
@@ -217,7 +217,7 @@ class UrArm:
                 self.halt()
 
         try:
-            reply = self._request(move, deadline_s, keep)
+            reply = self._request(move, deadline_s, renew_lease)
         except RigError:
             if stop.is_set():
                 raise Halted from None
@@ -250,38 +250,38 @@ class UrArm:
 
     def close(self) -> None:
         """Ends the driver; the arm stands still, the lamp is off."""
-        with self._asking:
+        with self._pipe_lock:
             if self._process is not None and self._connection is not None:
-                if self._second_path is not None:
-                    self._second_path.forget()
+                if self._dashboard_stop is not None:
+                    self._dashboard_stop.unwatch()
                 with contextlib.suppress(OSError):
-                    self._connection.send((time.monotonic_ns(), protocol.Leave()))
+                    self._connection.send((time.monotonic_ns(), protocol.Shutdown()))
                 with contextlib.suppress(subprocess.TimeoutExpired):
-                    self._process.wait(LEAVE_DEADLINE_S)
-                self._bury()
-        second_path, self._second_path = self._second_path, None
-        if second_path is not None:
-            second_path.close()
+                    self._process.wait(SHUTDOWN_DEADLINE_S)
+                self._kill_driver()
+        dashboard_stop, self._dashboard_stop = self._dashboard_stop, None
+        if dashboard_stop is not None:
+            dashboard_stop.close()
 
     # --------------------------------------------------------------------------------------------------------- driver
 
     def _start_driver(self) -> None:
         """Called with the pipe's lock held."""
-        self._bury()
+        self._kill_driver()
         ours, theirs = socket.socketpair()
         with theirs:
-            pipe, board = theirs.fileno(), self._board.descriptor
+            pipe, memory = theirs.fileno(), self._memory.descriptor
             self._process = subprocess.Popen(  # noqa: S603 - our own module, with two numbers as arguments
-                [sys.executable, "-m", "acquisition.devices.ur.driver", str(pipe), str(board)],
-                pass_fds=(pipe, board),
+                [sys.executable, "-m", "acquisition.devices.ur.driver", str(pipe), str(memory)],
+                pass_fds=(pipe, memory),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,  # ur-rtde prints there; its errors go to our standard error
             )
-        self._connection, self._given_up = Connection(ours.detach()), ""
+        self._connection, self._lost_reason = Connection(ours.detach()), ""
         opening = protocol.Open(self._config.address, self._lamp_output, self._config.stop_deceleration_rad_s2)
         reply = self._exchange(opening, OPEN_DEADLINE_S, None, watch_loop=False)
         if not isinstance(reply, Done):
-            self._bury()
+            self._kill_driver()
             self._done(reply)
         deadline = time.monotonic() + protocol.HEARTBEAT_S
         while not self.reading.connected and time.monotonic() < deadline:
@@ -291,7 +291,7 @@ class UrArm:
         return (
             self._process is not None
             and self._process.poll() is None
-            and self._board.age_s(Word.LOOP) < protocol.HEARTBEAT_S
+            and self._memory.age_s(Field.HEARTBEAT) < protocol.HEARTBEAT_S
             and self.reading.connected
         )
 
@@ -299,16 +299,16 @@ class UrArm:
         self,
         request: protocol.Request,
         deadline_s: float,
-        keep: Callable[[], None] | None = None,
+        while_waiting: Callable[[], None] | None = None,
         watch_loop: bool = True,
     ) -> protocol.Reply:
-        with self._asking:
-            return self._exchange(request, deadline_s, keep, watch_loop)
+        with self._pipe_lock:
+            return self._exchange(request, deadline_s, while_waiting, watch_loop)
 
     def _exchange(
-        self, request: protocol.Request, deadline_s: float, keep: Callable[[], None] | None, watch_loop: bool
+        self, request: protocol.Request, deadline_s: float, while_waiting: Callable[[], None] | None, watch_loop: bool
     ) -> protocol.Reply:
-        """One request, one reply; `keep` is called every LEASE_RENEWAL_S meanwhile.
+        """One request, one reply; `while_waiting` is called every LEASE_RENEWAL_S meanwhile.
 
         `watch_loop` is off where the driver is expected to block in a constructor of ur-rtde.
         """
@@ -318,36 +318,36 @@ class UrArm:
         number = time.monotonic_ns()
         deadline = time.monotonic() + deadline_s
         try:
-            if keep is not None:
-                keep()
+            if while_waiting is not None:
+                while_waiting()
             connection.send((number, request))
             while True:
                 if connection.poll(protocol.LEASE_RENEWAL_S):
                     answered, reply = cast(tuple[int, protocol.Reply], connection.recv())
                     if answered == number:
                         return reply
-                if keep is not None:
-                    keep()
-                if watch_loop and self._board.age_s(Word.LOOP) > protocol.HEARTBEAT_S:
-                    raise self._lost("The arm's driver hangs.")
+                if while_waiting is not None:
+                    while_waiting()
+                if watch_loop and self._memory.age_s(Field.HEARTBEAT) > protocol.HEARTBEAT_S:
+                    raise self._declare_lost("The arm's driver hangs.")
                 if time.monotonic() > deadline:
-                    raise self._lost(f"The arm's driver did not answer within {deadline_s:.0f} s.")
+                    raise self._declare_lost(f"The arm's driver did not answer within {deadline_s:.0f} s.")
         except (EOFError, ConnectionError) as error:
-            raise self._lost("The arm's driver ended.") from error
+            raise self._declare_lost("The arm's driver ended.") from error
 
-    def _lost(self, detail: str) -> RigError:
-        """Stops by the second path, kills the driver, and says so."""
-        self._given_up = detail.removesuffix(".")
+    def _declare_lost(self, detail: str) -> RigError:
+        """Stops by the dashboard, kills the driver, and says so."""
+        self._lost_reason = detail.removesuffix(".")
         if self._took_control:  # else whatever moves there is not ours to stop
             self._stop_program()
-        self._bury()
+        self._kill_driver()
         return RigError(ErrorCode.DRIVER_LOST, detail)
 
     def _stop_program(self) -> None:
-        if self._second_path is not None:
-            self._second_path.stop_now()
+        if self._dashboard_stop is not None:
+            self._dashboard_stop.stop_at_once()
 
-    def _bury(self) -> None:
+    def _kill_driver(self) -> None:
         process, self._process = self._process, None
         connection, self._connection = self._connection, None
         self._took_control = False

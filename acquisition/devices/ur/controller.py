@@ -24,8 +24,8 @@ Task = Generator[None, None, Done]
 
 START_S = 1.0  # an accepted move shows its operation's number within this
 STALL_S = 5.0  # a move that comes no nearer to its goal for this long has failed
-SETTLE_S = 1.0
-SETTLED_SAMPLES = 5
+REST_WITHIN_S = 1.0
+REST_SAMPLES = 5
 CONFIRM_S = 0.5  # an output is read back within this
 PREDECESSOR_S = 1.0  # the program of a driver that died ends by its watchdog within this
 UPLOAD_S = 5.0
@@ -40,12 +40,12 @@ class Controller:
 
     def __init__(self, constructors: Constructors) -> None:
         self._constructors = constructors
-        self._opened: protocol.Open | None = None
+        self._open_request: protocol.Open | None = None
         self._receive: Receive | None = None
         self._outputs: Outputs | None = None
         self._control: Control | None = None
         self._armed = False  # once lost, only take_control restores it
-        self._lamp_shown: bool | None = None  # what the data have shown since the lamp was last written
+        self._lamp_confirmed: bool | None = None  # what the data have shown since the lamp was last written
         self._kicked_at = 0.0
         self._timestamp = -1.0
         self._received_at = 0.0
@@ -91,7 +91,7 @@ class Controller:
 
     def stop(self) -> None:
         """Lamp out (sent at once), then a synchronous stop; harmless at rest and without a program."""
-        if self._opened is None:
+        if self._open_request is None:
             return
         if self._outputs is not None:
             try:
@@ -99,14 +99,14 @@ class Controller:
             except RuntimeError as error:  # a dead connection; a controller without a program puts the lamp out itself
                 _log.error("the lamp's output cannot be written: %s", error)
         if self._control is not None and self._control.isProgramRunning():
-            self._control.stopJ(self._opened.stop_deceleration_rad_s2)
+            self._control.stopJ(self._open_request.stop_deceleration_rad_s2)
 
     # -------------------------------------------------------------------------------------------------------- requests
 
     def open(self, request: protocol.Open) -> Task:
         """Connects what reads and what switches; takes no control and stops no program."""
         refuse_foreign(request.address)
-        self._opened = request
+        self._open_request = request
         try:
             self._receive = self._constructors.receive(request.address)
             self._outputs = self._constructors.outputs(request.address)
@@ -120,7 +120,7 @@ class Controller:
         """Uploads the program unless ours runs, sets TCP and payload, arms the watchdog."""
         opened, receive = self._require_open()
         if self._armed:
-            yield from self._newer()  # the program may have ended unheard
+            yield from self._await_newer_data()  # the program may have ended unheard
         if not self._armed:
             self._require_power_and_safety(receive)
             # A program that plays is a stranger's, or that of a driver that died and whose watchdog ends it presently.
@@ -136,13 +136,13 @@ class Controller:
             control = self._require_control()
         tool, payload, center = request.flange_from_tool, request.payload_kg, request.payload_center_m
         if not (control.setTcp(list(tool)) and control.setPayload(payload, list(center))):
-            raise (yield from self._cause("The controller refused TCP or payload."))
+            raise (yield from self._failure_cause("The controller refused TCP or payload."))
         if not self._armed:
             if not control.setWatchdog(protocol.WATCHDOG_HZ):
-                raise (yield from self._cause("The controller refused the watchdog."))
+                raise (yield from self._failure_cause("The controller refused the watchdog."))
             self._kicked_at = time.monotonic()
             self._armed = True
-        yield from self._newer()
+        yield from self._await_newer_data()
         return Done()
 
     def inspect(self) -> Task:
@@ -167,14 +167,14 @@ class Controller:
             return bool(receive.getActualDigitalOutputBits() >> opened.lamp_output & 1)
 
         was_on = is_on()
-        if was_on == on == self._lamp_shown:
-            yield from self._newer(FRESH_S)
+        if was_on == on == self._lamp_confirmed:
+            yield from self._await_newer_data(FRESH_S)
             if is_on() == on:
                 return Done()
         self._write_lamp(on)
         deadline = time.monotonic() + CONFIRM_S
         if was_on == on:  # no change to be seen: only newer data prove anything
-            yield from self._newer()
+            yield from self._await_newer_data()
         while is_on() != on:
             if time.monotonic() > deadline:
                 self._write_lamp(False)
@@ -184,7 +184,7 @@ class Controller:
                     output=opened.lamp_output,
                 )
             yield
-        self._lamp_shown = on
+        self._lamp_confirmed = on
         return Done()
 
     def move(self, move: protocol.Move) -> Task:
@@ -193,15 +193,17 @@ class Controller:
         control = self._require_control()
         for goal in move.path:
             if not control.isJointsWithinSafetyLimits(list(goal)):
-                raise (yield from self._cause(f"The controller's safety limits forbid {_degrees(goal)} degrees."))
+                raise (
+                    yield from self._failure_cause(f"The controller's safety limits forbid {_degrees(goal)} degrees.")
+                )
             yield
         for goal, (speed, acceleration) in zip(move.path, move.limits, strict=True):
             control = self._require_control()
             before = control.getAsyncOperationProgressEx().operationId()
             if not control.moveJ(list(goal), speed, acceleration, True):
-                raise (yield from self._cause("The controller refused a move."))
+                raise (yield from self._failure_cause("The controller refused a move."))
             yield from self._follow(control, before, goal)
-        yield from self._settle(move.path[-1])
+        yield from self._await_rest(move.path[-1])
         return Done()
 
     # ---------------------------------------------------------------------------------------------------------- pieces
@@ -218,7 +220,7 @@ class Controller:
         deadline = time.monotonic() + UPLOAD_S
         while not control.isProgramRunning():
             if time.monotonic() > deadline:
-                raise (yield from self._cause("The control program did not start."))
+                raise (yield from self._failure_cause("The control program did not start."))
             yield
         return control
 
@@ -235,7 +237,11 @@ class Controller:
             yield
             now = time.monotonic()
             if not self._armed or states.safety_fault(receive.getSafetyStatusBits()) is not None:
-                raise (yield from self._cause("The control program ended in mid-move; was it stopped at the pendant?"))
+                raise (
+                    yield from self._failure_cause(
+                        "The control program ended in mid-move; was it stopped at the pendant?"
+                    )
+                )
             status = control.getAsyncOperationProgressEx()
             if status.operationId() != before:
                 if not status.isAsyncOperationRunning():
@@ -249,38 +255,40 @@ class Controller:
                 detail = f"The arm stands {distance:.3f} rad before its goal; is the speed slider at 0?"
                 raise RigError(ErrorCode.ARM_MOVE_FAILED, detail)
 
-    def _settle(self, goal: tuple[float, ...]) -> Generator[None, None, None]:
+    def _await_rest(self, goal: tuple[float, ...]) -> Generator[None, None, None]:
         """Waits until successive readings are at the goal and at rest; the two interfaces' packets are not in step."""
         _, receive = self._require_open()
-        deadline = time.monotonic() + SETTLE_S
-        settled, seen = 0, -1.0
-        while settled < SETTLED_SAMPLES:
+        deadline = time.monotonic() + REST_WITHIN_S
+        rest_samples, last_timestamp = 0, -1.0
+        while rest_samples < REST_SAMPLES:
             yield
             if not self._armed:
-                raise (yield from self._cause("The control program ended before the arm had settled."))
-            if self._timestamp == seen:
+                raise (yield from self._failure_cause("The control program ended before the arm was at rest."))
+            if self._timestamp == last_timestamp:
                 continue
-            seen = self._timestamp
+            last_timestamp = self._timestamp
             distance = _distance(receive.getActualQ(), goal)
             speed = max(map(abs, receive.getActualQd()))
             at_rest = distance < protocol.GOAL_TOLERANCE_RAD and speed < protocol.REST_SPEED_RAD_S
-            settled = settled + 1 if at_rest else 0
+            rest_samples = rest_samples + 1 if at_rest else 0
             if time.monotonic() > deadline:
                 raise (
-                    yield from self._cause(f"The move ended {distance:.4f} rad from its goal, at {speed:.4f} rad/s.")
+                    yield from self._failure_cause(
+                        f"The move ended {distance:.4f} rad from its goal, at {speed:.4f} rad/s."
+                    )
                 )
 
-    def _cause(self, otherwise: str) -> Generator[None, None, RigError]:
+    def _failure_cause(self, otherwise: str) -> Generator[None, None, RigError]:
         """The reason of a failure, from data newer than it: the two interfaces' packets are not in step."""
         _, receive = self._require_open()
-        yield from self._newer()
+        yield from self._await_newer_data()
         fault = states.safety_fault(receive.getSafetyStatusBits()) or states.power_fault(receive.getRobotMode())
         if fault is not None:
             return RigError(fault.code, fault.detail)
         return RigError(ErrorCode.ARM_MOVE_FAILED, otherwise)
 
-    def _newer(self, by_s: float = NEWER_S) -> Generator[None, None, None]:
-        """Waits for data that show what has just happened; a lost link is found by the driver's loop."""
+    def _await_newer_data(self, by_s: float = NEWER_S) -> Generator[None, None, None]:
+        """Waits for data that show what has just happened; a lost link is detected by the driver's loop."""
         since = self._timestamp
         while self._timestamp < since + by_s:
             yield
@@ -289,7 +297,7 @@ class Controller:
         opened, _ = self._require_open()
         if self._outputs is None:
             raise RigError(ErrorCode.DEVICE_DISCONNECTED, "The controller's outputs are not connected.")
-        self._lamp_shown = None
+        self._lamp_confirmed = None
         number = opened.lamp_output
         if number < 8:
             written = self._outputs.setStandardDigitalOut(number, on)
@@ -303,22 +311,22 @@ class Controller:
     def _link(self, receive: Receive, now: float) -> Link:
         """Data that are old because this process slept say nothing of the link until they could be read."""
         awake_s = now - self._awake_since
-        link = Link.WELL
+        link = Link.OK
         if not receive.isConnected():
             link = Link.READING_CLOSED
         elif now - self._received_at > (protocol.LINK_AT_MOST_S if awake_s < AWAKE_S else protocol.LINK_S):
             link = Link.SILENT
         elif self._control is not None and not self._control.isConnected():
             link = Link.CONTROL_CLOSED
-        if link is not Link.WELL:
+        if link is not Link.OK:
             old_s = now - self._received_at
             _log.error("%s: data are %.2f s old; slept %.2f s, %.2f s ago", link.name, old_s, self._slept_s, awake_s)
         return link
 
     def _require_open(self) -> tuple[protocol.Open, Receive]:
-        if self._opened is None or self._receive is None:
+        if self._open_request is None or self._receive is None:
             raise RigError(ErrorCode.DEVICE_DISCONNECTED, "The arm is not connected.")
-        return self._opened, self._receive
+        return self._open_request, self._receive
 
     def _require_control(self) -> Control:
         _, receive = self._require_open()

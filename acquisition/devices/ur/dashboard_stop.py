@@ -27,7 +27,7 @@ _OPEN_TIMEOUT_S = 0.3
 _CARRY_OUT_S = 0.6  # a halt that the driver took is carried out within this, else the dashboard stops too
 
 
-class SecondPath:
+class DashboardStop:
     """A thread that holds a dashboard connection and watches over the driver."""
 
     def __init__(self, address: str, halt_state: Callable[[], tuple[bool, bool]], enabled: bool = True) -> None:
@@ -41,14 +41,14 @@ class SecondPath:
         self._try_open_at = 0.0
         self._wake_read, self._wake_write = socket.socketpair()
         self._wake_write.setblocking(False)
-        self._thread = threading.Thread(target=self._run, name="arm-second-path", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="arm-dashboard-stop", daemon=True)
         self._thread.start()
 
-    def halted(self) -> None:
+    def notify_halt(self) -> None:
         """A halt was asked for; any thread, signal handlers included."""
         self._wake(_HALT)
 
-    def stop_now(self) -> None:
+    def stop_at_once(self) -> None:
         """Stops the program without waiting for the driver."""
         self._wake(_STOP)
 
@@ -57,7 +57,7 @@ class SecondPath:
         self._new_process = os.pidfd_open(process_id)
         self._wake(_WATCH)
 
-    def forget(self) -> None:
+    def unwatch(self) -> None:
         """The watched process is about to end on purpose."""
         self._new_process = None
         self._wake(_WATCH)
@@ -92,9 +92,9 @@ class SecondPath:
             if _STOP in reasons:
                 self._stop()
             elif _HALT in reasons:
-                self._back_up_halt()
+                self._supervise_halt()
             elif self._dashboard is not None and self._dashboard.socket in ready:
-                self._drain()
+                self._read_unasked()
         self._new_process = None
         self._replace_process()
         self._drop()
@@ -106,7 +106,7 @@ class SecondPath:
             os.close(self._process)
         self._process = self._new_process
 
-    def _back_up_halt(self) -> None:
+    def _supervise_halt(self) -> None:
         if not self._await(lambda: self._halt_state()[0], protocol.ACKNOWLEDGE_S):
             _log.warning("the driver has not seen a halt within %g s", protocol.ACKNOWLEDGE_S)
         elif not self._await(lambda: self._halt_state()[1], _CARRY_OUT_S):
@@ -128,7 +128,7 @@ class SecondPath:
         return True
 
     def _stop(self) -> None:
-        """Sends `stop`; on a connection found dead once more on a new one, for stopping twice is harmless."""
+        """Sends `stop`; on a connection that is dead once more on a new one, for stopping twice is harmless."""
         if not self._enabled:
             return
         for _ in range(2):
@@ -154,7 +154,7 @@ class SecondPath:
             except OSError:
                 self._dashboard = None
 
-    def _drain(self) -> None:
+    def _read_unasked(self) -> None:
         """What comes unasked is the end of the connection, or nothing of interest."""
         if self._dashboard is None:
             return

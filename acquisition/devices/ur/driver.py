@@ -3,8 +3,8 @@
 ur-rtde's constructors hold the interpreter lock, its calls can block for minutes, and its destructors can abort the
 process; so it lives here, alone, and is left by `os._exit`. One loop, no threads: publish the newest reading, obey a
 halt, advance the request in progress by one step, look after the lease, kick the controller's watchdog, receive.
-Nothing blocks in it but ur-rtde's own short calls; should one hang, the loop's word on the board stands still, the
-kicks cease, the controller's watchdog ends the program, and the service halts by its second path.
+Nothing blocks in it but ur-rtde's own short calls; should one hang, its heartbeat in the shared memory stands still,
+the kicks cease, the controller's watchdog ends the program, and the service halts through the dashboard.
 
 A lost link ends the process: ur-rtde would reconnect after a while and might send the move again.
 """
@@ -28,7 +28,7 @@ from acquisition.devices import process_priority
 from acquisition.devices.ur import protocol
 from acquisition.devices.ur.controller import Controller, Task
 from acquisition.devices.ur.interfaces import Constructors, Control, Outputs, Receive
-from acquisition.devices.ur.protocol import Board, Done, Failed, Interrupted, Link, Request, Word
+from acquisition.devices.ur.protocol import Done, Failed, Field, Interrupted, Link, Request, SharedMemory
 from acquisition.models.errors import ErrorCode, RigError
 
 _log = logging.getLogger(__name__)
@@ -45,9 +45,9 @@ class LinkLostError(Exception):
 class Driver:
     """The loop: one controller, one request at a time."""
 
-    def __init__(self, connection: Connection, board: Board, controller: Controller) -> None:
+    def __init__(self, connection: Connection, memory: SharedMemory, controller: Controller) -> None:
         self._connection = connection
-        self._board = board
+        self._memory = memory
         self._controller = controller
         self._leaving = False
         self._issued = 0
@@ -56,12 +56,14 @@ class Driver:
 
     def run(self) -> None:
         """Turns until the service leaves or dies, the link is lost, or a signal asks to end."""
-        self._board.write(Word.HALT_DONE, self._board.read(Word.HALT_TAKEN))  # the last driver may have died between
+        self._memory.write(
+            Field.HALT_DONE, self._memory.read(Field.HALT_ACCEPTED)
+        )  # the last driver may have died between
         while not self._leaving:
-            self._board.write(Word.LOOP, time.monotonic_ns())
+            self._memory.write(Field.HEARTBEAT, time.monotonic_ns())
             try:
                 self._publish()
-                self._obey_halt()
+                self._carry_out_halt()
                 self._advance()
                 self._controller.kick()
             except LinkLostError as error:
@@ -84,17 +86,17 @@ class Driver:
     def _publish(self) -> None:
         sample = self._controller.sample()
         if sample is not None:
-            self._board.publish(sample)
-            if sample.link is not Link.WELL:
+            self._memory.publish(sample)
+            if sample.link is not Link.OK:
                 raise LinkLostError(f"The link to the arm is lost: {sample.lost}. Nothing moves until it is mended.")
 
-    def _obey_halt(self) -> None:
-        requested = self._board.read(Word.HALT_REQUESTED)
-        if requested == self._board.read(Word.HALT_TAKEN):
+    def _carry_out_halt(self) -> None:
+        requested = self._memory.read(Field.HALT_REQUESTED)
+        if requested == self._memory.read(Field.HALT_ACCEPTED):
             return
-        self._board.write(Word.HALT_TAKEN, requested)
+        self._memory.write(Field.HALT_ACCEPTED, requested)
         self._controller.stop()
-        self._board.write(Word.HALT_DONE, requested)
+        self._memory.write(Field.HALT_DONE, requested)
         self._interrupt()
 
     def _interrupt(self) -> None:
@@ -106,7 +108,7 @@ class Driver:
             return
         moving = isinstance(self._request, protocol.Move)
         try:
-            if moving and self._board.age_s(Word.LEASE) > protocol.LEASE_S:
+            if moving and self._memory.age_s(Field.LEASE) > protocol.LEASE_S:
                 detail = "The service fell silent in mid-move; the driver stopped the arm."
                 raise RigError(ErrorCode.ARM_MOVE_FAILED, detail)
             next(self._task)
@@ -135,9 +137,9 @@ class Driver:
             self._controller.stop()
             self._task.close()
             self._task = None
-        self._obey_halt()
+        self._carry_out_halt()
         self._issued, self._request, self._task = issued, request, self._begin(request)
-        if self._board.read(Word.HALT_TAKEN) > issued:  # asked for after the request, seen before it
+        if self._memory.read(Field.HALT_ACCEPTED) > issued:  # asked for after the request, seen before it
             self._interrupt()
 
     def _begin(self, request: Request) -> Task | None:
@@ -152,7 +154,7 @@ class Driver:
                 return self._controller.set_lamp(request.on)
             case protocol.Inspect():
                 return self._controller.inspect()
-            case protocol.Leave():
+            case protocol.Shutdown():
                 self._leaving = True
                 return None
 
@@ -183,12 +185,12 @@ def _outputs(address: str) -> Outputs:
 
 
 def main() -> None:
-    """`python -m acquisition.devices.ur.driver PIPE BOARD`, both inherited file descriptors."""
+    """`python -m acquisition.devices.ur.driver PIPE MEMORY`, both inherited file descriptors."""
     logging.basicConfig(stream=sys.stderr, format="%(asctime)s %(name)s %(message)s")
-    pipe, board = int(sys.argv[1]), int(sys.argv[2])
-    process_priority.take(process_priority.DRIVER)
+    pipe, memory = int(sys.argv[1]), int(sys.argv[2])
+    process_priority.set_niceness(process_priority.DRIVER)
     controller = Controller(Constructors(control=_control, receive=_receive, outputs=_outputs))
-    driver = Driver(Connection(socket.socket(fileno=pipe).detach()), Board(board), controller)
+    driver = Driver(Connection(socket.socket(fileno=pipe).detach()), SharedMemory(memory), controller)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the service, which halts and then leaves
     signal.signal(signal.SIGTERM, driver.leave)
     signal.signal(signal.SIGHUP, driver.leave)

@@ -27,76 +27,76 @@ class Answers:
     reading: ArmReading
     inspection: Inspection | None
     expected_base_from_tool: FloatArray | None  # the cell file's kinematics at the present joints
-    kinematics: list[JointGeometry] | None = None  # the arm as built, where the controller tells it
+    kinematics: list[JointGeometry] | None = None  # the arm as built, where the controller reports it
 
 
 def findings(config: ArmConfig, answers: Answers) -> list[Finding]:
     """Everything that differs from the cell file, the gravest first; empty when the arm is ready."""
-    found: list[Finding] = []
+    differences: list[Finding] = []
     reading, identity = answers.reading, answers.identity
     safety = states.safety_fault(reading.safety_bits)
     if safety is not None:
-        found.append(Finding(safety.detail, "Look at the cell, clear the cause at the pendant, acknowledge."))
+        differences.append(Finding(safety.detail, "Look at the cell, clear the cause at the pendant, acknowledge."))
     power = states.power_fault(reading.robot_mode)
     if power is not None:
-        found.append(Finding(power.detail, "Power the arm on and release the brakes at the pendant."))
+        differences.append(Finding(power.detail, "Power the arm on and release the brakes at the pendant."))
     if not answers.remote_control:
-        found.append(Finding("The controller is in local control.", "Switch the pendant to remote control."))
+        differences.append(Finding("The controller is in local control.", "Switch the pendant to remote control."))
     if identity.model.casefold() != config.model.removesuffix("e").casefold():
-        found.append(
+        differences.append(
             Finding(
                 f"The arm is a {identity.model}, the cell file says {config.model}.",
                 "Correct `arm.model`, or connect the right arm.",
             )
         )
     if config.serial is not None and identity.serial != config.serial:
-        found.append(
+        differences.append(
             Finding(
                 f"The arm's serial number is {identity.serial}, the cell file says {config.serial}.",
                 "Correct `arm.serial`, or connect the right arm.",
             )
         )
     if reading.speed_fraction < 1e-3:
-        found.append(Finding("The speed slider is at 0: no move would begin.", "Move the slider at the pendant."))
+        differences.append(Finding("The speed slider is at 0: no move would begin.", "Move the slider at the pendant."))
     if config.kinematics is not None and answers.kinematics is not None:
-        found += _other_arm(config.kinematics, answers.kinematics)
+        differences += _kinematics_mismatch(config.kinematics, answers.kinematics)
     if answers.inspection is not None:
-        found += _disagreements(config, answers.inspection, answers.expected_base_from_tool)
-    elif not found:
-        found.append(Finding("The control program does not run.", "Connect to the arm again."))
-    return found
+        differences += _inspection_mismatches(config, answers.inspection, answers.expected_base_from_tool)
+    elif not differences:
+        differences.append(Finding("The control program does not run.", "Connect to the arm again."))
+    return differences
 
 
-def _other_arm(expected: list[JointGeometry], told: list[JointGeometry]) -> list[Finding]:
-    ours, theirs = (np.array([list(joint.model_dump().values()) for joint in chain]) for chain in (expected, told))
+def _kinematics_mismatch(expected: list[JointGeometry], reported: list[JointGeometry]) -> list[Finding]:
+    ours, theirs = (np.array([list(joint.model_dump().values()) for joint in chain]) for chain in (expected, reported))
     if np.allclose(ours, theirs, atol=AS_BUILT_TOLERANCE, rtol=0):
         return []
     return [
         Finding(
             "The controller's factory calibration differs from `arm.kinematics` in the cell file.",
-            "Connect the right arm, or copy the controller's numbers: `lightpose check` tells them.",
+            "Connect the right arm, or copy the controller's numbers: `lightpose check` prints them.",
         )
     ]
 
 
-def _disagreements(config: ArmConfig, inspection: Inspection, expected: FloatArray | None) -> list[Finding]:
-    found: list[Finding] = []
+def _inspection_mismatches(config: ArmConfig, inspection: Inspection, expected: FloatArray | None) -> list[Finding]:
+    differences: list[Finding] = []
     tool = geometry.pose(inspection.flange_from_tool[:3], inspection.flange_from_tool[3:])
     if not np.allclose(tool, config.flange_from_tool.matrix, atol=POSE_TOLERANCE):
-        found.append(
+        differences.append(
             Finding(
                 "The controller's TCP differs from the cell file's.", "Check `arm.flange_from_tool` and the pendant."
             )
         )
     payload = [inspection.payload_kg, *inspection.payload_center_m]
     if not np.allclose(payload, [config.payload_kg, *config.payload_center_m], atol=PAYLOAD_TOLERANCE):
-        found.append(
+        differences.append(
             Finding("The controller's payload differs from the cell file's.", "Check `arm.payload_kg` and the pendant.")
         )
     measured = np.array(inspection.base_from_tool_measured[:3])
     forward = np.array(inspection.base_from_tool_forward[:3])
     if np.linalg.norm(forward - measured) > FORWARD_TOLERANCE_M:
-        found.append(
+        differences.append(
             Finding(
                 f"The controller's kinematics and its measured pose differ by "
                 f"{1e3 * np.linalg.norm(forward - measured):.1f} mm.",
@@ -107,11 +107,13 @@ def _disagreements(config: ArmConfig, inspection: Inspection, expected: FloatArr
         distance = float(np.linalg.norm(expected[:3, 3] - measured))
         calibrated = config.kinematics is not None
         if distance > (AS_BUILT_TOLERANCE_M if calibrated else config.nominal_kinematics_tolerance_m):
-            remedy = "`lightpose check` tells the arm's own calibration: put it into the cell file as `arm.kinematics`."
-            found.append(
+            remedy = (
+                "`lightpose check` prints the arm's own calibration: put it into the cell file as `arm.kinematics`."
+            )
+            differences.append(
                 Finding(
                     f"The tool is {1e3 * distance:.1f} mm from where {config.model}'s kinematics put it.",
                     "Check `arm.model` and `arm.flange_from_tool`. " + ("" if calibrated else remedy),
                 )
             )
-    return found
+    return differences

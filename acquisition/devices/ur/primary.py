@@ -1,4 +1,4 @@
-"""What the controller tells of its own arm on the primary interface: the factory calibration.
+"""Reading the factory calibration of the arm (Denavit–Hartenberg parameters) from UR's primary interface.
 
 No other interface gives it. The controller sends it unasked, as part "kinematics info" (5) of a robot-state message
 (16), soon after a client has connected: six checksums, then θ, a, d and α of all joints, drawing and correction added.
@@ -22,7 +22,7 @@ _ENOUGH_S = 1.0
 
 
 def kinematics(address: str, within_s: float = _ENOUGH_S) -> list[JointGeometry] | None:
-    """The arm as built; None when the controller does not tell it in time. Raises RigError arm.unreachable."""
+    """The arm as built; None when the controller does not send it in time. Raises RigError arm.unreachable."""
     refuse_foreign(address)
     try:
         return _received(address, within_s)
@@ -46,13 +46,13 @@ def _received(address: str, within_s: float) -> list[JointGeometry] | None:
             data += more
             while (message := _cut(data)) is not None:
                 kind, body, data = message
-                if kind == _ROBOT_STATE and (found := _in_state(body)) is not None:
-                    return found
+                if kind == _ROBOT_STATE and (joints := _in_state(body)) is not None:
+                    return joints
     return None
 
 
 def _cut(data: bytes) -> tuple[int, bytes, bytes] | None:
-    """The first message's type and body, and what follows it; None while it is not whole."""
+    """The first message's type and body, and what follows it; None while it is incomplete."""
     if len(data) < _HEADER.size:
         return None
     size, kind = _HEADER.unpack_from(data)

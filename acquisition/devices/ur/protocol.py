@@ -98,11 +98,11 @@ class Inspect:
 
 
 @dataclass(frozen=True)
-class Leave:
+class Shutdown:
     """Stop, put the lamp out, end the process."""
 
 
-Request = Open | TakeControl | Move | SetLamp | Inspect | Leave
+Request = Open | TakeControl | Move | SetLamp | Inspect | Shutdown
 
 
 @dataclass(frozen=True)
@@ -144,14 +144,14 @@ Reply = Done | Failed | Interrupted
 class Link(IntEnum):
     """Whether the controller's data arrive; if not, what has shown it."""
 
-    WELL = 0
+    OK = 0
     SILENT = 1
     READING_CLOSED = 2
     CONTROL_CLOSED = 3
 
 
 _LOST = {
-    Link.WELL: "the driver has fallen silent",  # which would have said more
+    Link.OK: "the driver has fallen silent",  # which would have said more
     Link.SILENT: "the controller sends nothing",
     Link.READING_CLOSED: "the connection that data come by is closed",
     Link.CONTROL_CLOSED: "the connection that commands go by is closed",
@@ -181,14 +181,14 @@ class Sample:
         return f"{_LOST[self.link]}, the newest data are {time.monotonic() - self.received_at:.2f} s old"
 
 
-class Word(IntEnum):
+class Field(IntEnum):
     """Places of the board's single words, each with one writer; times in ns of time.monotonic_ns."""
 
     HALT_REQUESTED = 0  # service: when the newest halt was asked for
-    HALT_TAKEN = 1  # driver: the newest halt it has begun to carry out
+    HALT_ACCEPTED = 1  # driver: the newest halt it has begun to carry out
     HALT_DONE = 2  # driver: the newest halt it has carried out
     LEASE = 3  # service: when the lease was renewed
-    LOOP = 4  # driver: when its loop last turned
+    HEARTBEAT = 4  # driver: when its loop last turned
 
 
 _SAMPLE = struct.Struct("<21d6q")
@@ -197,7 +197,7 @@ _CHECKSUM = struct.Struct("<I")
 _SIZE = mmap.PAGESIZE
 
 
-class Board:
+class SharedMemory:
     """One shared page: words that are written and read whole, and the newest sample with a checksum.
 
     A sample that is copied while it is being written does not match its checksum and is copied again; this needs no
@@ -207,24 +207,24 @@ class Board:
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
         self._page = mmap.mmap(descriptor, _SIZE)
-        self._words = memoryview(self._page).cast("q")
+        self._fields = memoryview(self._page).cast("q")
 
     @classmethod
-    def create(cls) -> "Board":
+    def create(cls) -> "SharedMemory":
         """Makes a new, empty board."""
         descriptor = os.memfd_create("lightpose-arm")
         os.ftruncate(descriptor, _SIZE)
         return cls(descriptor)
 
-    def read(self, word: Word) -> int:
+    def read(self, word: Field) -> int:
         """The value of one word."""
-        return self._words[word]
+        return self._fields[word]
 
-    def write(self, word: Word, value: int) -> None:
+    def write(self, word: Field, value: int) -> None:
         """Sets one word; safe in a signal handler."""
-        self._words[word] = value
+        self._fields[word] = value
 
-    def age_s(self, word: Word) -> float:
+    def age_s(self, word: Field) -> float:
         """Seconds since the time that a word holds."""
         return (time.monotonic_ns() - self.read(word)) * 1e-9
 
@@ -233,7 +233,7 @@ class Board:
 
         While the driver carries out one halt it sees no other: that one serves those after it.
         """
-        taken, done = self.read(Word.HALT_TAKEN), self.read(Word.HALT_DONE)
+        taken, done = self.read(Field.HALT_ACCEPTED), self.read(Field.HALT_DONE)
         return taken >= requested or taken > done, done >= requested
 
     def publish(self, sample: Sample) -> None:

@@ -28,7 +28,7 @@ from acquisition.models.recipe import Exposure, Recipe
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.route import Refusal
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
-from acquisition.session import passes_wanted
+from acquisition.session import max_passes
 from acquisition.waypoints.roadmap import dome_center, dome_lights
 from hardware_sim import footprint, grade, nominal, objects, render, sensor
 from hardware_sim.render import Lamp, Lens, View
@@ -276,7 +276,7 @@ class Scene:
             repeat = before[key] = before.get(key, -1) + 1
             picture = self._picture(light, repeat)
             level = float(np.percentile(picture[self.geometry.region], check.BRIGHT_PERCENTILE))
-            exposed = exposure.of_level if unforeseen is None or number < unforeseen else exposure.of_foretold
+            exposed = exposure.for_level if unforeseen is None or number < unforeseen else exposure.for_predicted_level
             seconds = exposed(level, wanted, camera)
             random = self._random("noise", key, repeat, seconds)
             frames[f"{number}.tiff"] = sensor.expose(picture * np.float32(seconds), self.calibration.sensor, random)
@@ -319,7 +319,7 @@ class Scene:
         lights = pilot.pattern(recipe, self.dome)
         unforeseen = len(lights)
         chosen = LightPlan(lights=lights, method="pilot", reasons=["pilot"] * len(lights))
-        for _ in range(passes_wanted(recipe) - 1):
+        for _ in range(max_passes(recipe) - 1):
             known = self.found(lights, unforeseen)
             further = self._further(known, recipe)
             if not further.lights:

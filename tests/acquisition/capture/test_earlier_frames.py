@@ -74,7 +74,7 @@ def test_another_brightness_and_a_new_thing_in_the_picture_are_told() -> None:
 
 def test_a_foretold_frame_is_judged_under_its_own_light() -> None:
     known = np.where(TRUE.mask, scenes.lit(TRUE, OTHER), 0.0)
-    foretold = expected.decoded(expected.encoded(known))
+    foretold = expected.decode_image(expected.encode_image(known))
     assert foretold.max() == 65535
     seen = frame(scenes.lit(TRUE, OTHER), 3)
     at_rest = expected.displacement(foretold, seen, SENSOR.black_level_dn, FULL)
@@ -86,7 +86,7 @@ def test_a_foretold_frame_is_judged_under_its_own_light() -> None:
     assert found is not None
     assert found.moved
     assert found.shift_px == pytest.approx(2.5, abs=0.3)
-    verdict = check.against_earlier(GOOD, nudged, REGION, SENSOR, 0.05, [], foretold)
+    verdict = check.compare_with_earlier(GOOD, nudged, REGION, SENSOR, 0.05, [], foretold)
     assert (verdict.usable, verdict.moved, verdict.retake_s) == (False, True, 0.05)
     assert "shifted" in verdict.quality.reason
 
@@ -105,10 +105,10 @@ def test_a_blurred_frame_is_known_by_its_finest_detail_whatever_the_light() -> N
     assert all(sharp is not None for sharp in usual)
     earlier = [sharp for sharp in usual if sharp is not None]
     assert max(earlier) < 2.6 * min(earlier)
-    kept = check.against_earlier(GOOD, frame(LIT, 5), REGION, SENSOR, 0.05, earlier, None)
+    kept = check.compare_with_earlier(GOOD, frame(LIT, 5), REGION, SENSOR, 0.05, earlier, None)
     assert kept.usable
     assert kept.quality.sharpness is not None
-    blurred = check.against_earlier(
+    blurred = check.compare_with_earlier(
         GOOD, frame(cv2.GaussianBlur(LIT, (0, 0), 2.0), 5), REGION, SENSOR, 0.05, earlier, None
     )
     assert not blurred.usable

@@ -31,7 +31,7 @@ def judge(pixels: np.ndarray, exposure_s: float = 0.05, wanted: Exposure = WANTE
 
 @given(st.floats(1e-3, 1e4), st.floats(0.1, 0.9))
 def test_the_exposure_never_exceeds_the_target_and_wastes_less_than_a_step(level: float, target: float) -> None:
-    chosen = exposure.of_level(level, Exposure(target=target), CAMERA)
+    chosen = exposure.for_level(level, Exposure(target=target), CAMERA)
     assert CAMERA.min_exposure_s <= chosen <= CAMERA.max_exposure_s
     if CAMERA.min_exposure_s < chosen < CAMERA.max_exposure_s:
         assert target / exposure.STEP * 0.99 < chosen * level < target * 1.01
@@ -39,17 +39,19 @@ def test_the_exposure_never_exceeds_the_target_and_wastes_less_than_a_step(level
 
 @given(st.floats(1e-3, 1e4), st.floats(0.1, 0.95))
 def test_a_foretold_level_comes_nearest_to_the_target_and_is_not_clipped(level: float, target: float) -> None:
-    chosen = exposure.of_foretold(level, Exposure(target=target), CAMERA)
-    assert chosen >= exposure.of_level(level, Exposure(target=target), CAMERA)
+    chosen = exposure.for_predicted_level(level, Exposure(target=target), CAMERA)
+    assert chosen >= exposure.for_level(level, Exposure(target=target), CAMERA)
     if CAMERA.min_exposure_s < chosen < CAMERA.max_exposure_s:
-        assert chosen * level < 1.01 * max(target, exposure.MOST_FORETOLD)
-        assert 0.99 * min(target, exposure.MOST_FORETOLD / exposure.STEP**0.5) < chosen * level * exposure.STEP**0.5
+        assert chosen * level < 1.01 * max(target, exposure.MAX_PREDICTED_LEVEL)
+        assert (
+            0.99 * min(target, exposure.MAX_PREDICTED_LEVEL / exposure.STEP**0.5) < chosen * level * exposure.STEP**0.5
+        )
         assert chosen * level < 1.01 * target * exposure.STEP**0.5
 
 
 def test_a_fixed_exposure_is_kept() -> None:
-    assert exposure.of_level(123.0, Exposure(seconds=0.02), CAMERA) == 0.02
-    assert exposure.of_foretold(123.0, Exposure(seconds=0.02), CAMERA) == 0.02
+    assert exposure.for_level(123.0, Exposure(seconds=0.02), CAMERA) == 0.02
+    assert exposure.for_predicted_level(123.0, Exposure(seconds=0.02), CAMERA) == 0.02
 
 
 def test_a_good_frame_is_kept_and_a_wrong_exposure_is_mended_in_one_step() -> None:

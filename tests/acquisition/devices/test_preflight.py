@@ -66,7 +66,7 @@ def test_a_good_arm_has_no_findings() -> None:
     ],
 )
 def test_each_disagreement_is_named(answers: Answers, words: str) -> None:
-    found = findings(ARM, answers)
-    assert len(found) == 1
-    assert words in found[0].what
-    assert found[0].remedy
+    differences = findings(ARM, answers)
+    assert len(differences) == 1
+    assert words in differences[0].what
+    assert differences[0].remedy

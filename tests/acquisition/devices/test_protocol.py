@@ -1,4 +1,4 @@
-"""The board: words, samples, and a torn sample that is never believed."""
+"""The shared memory of service and driver: fields, samples, and a torn sample, which its checksum rejects."""
 
 import dataclasses
 import os
@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from acquisition.devices.ur.protocol import Board, Link, Sample, Word
+from acquisition.devices.ur.protocol import Field, Link, Sample, SharedMemory
 
 SAMPLE = Sample(
     joints=(0.1, -0.2, 0.3, -0.4, 0.5, -0.6),
@@ -22,41 +22,42 @@ SAMPLE = Sample(
     runtime_state=2,
     digital_outputs=1 << 17,
     program_running=True,
-    link=Link.WELL,
+    link=Link.OK,
 )
 
 
 def test_empty_board_has_no_sample() -> None:
-    assert Board.create().sample() is None
+    assert SharedMemory.create().sample() is None
 
 
 def test_sample_survives_the_board() -> None:
-    board = Board.create()
-    board.publish(SAMPLE)
-    assert board.sample() == SAMPLE
+    memory = SharedMemory.create()
+    memory.publish(SAMPLE)
+    assert memory.sample() == SAMPLE
 
 
 def test_torn_sample_is_not_believed() -> None:
-    board = Board.create()
-    board.publish(SAMPLE)
+    memory = SharedMemory.create()
+    memory.publish(SAMPLE)
     position = 64 + 8 * 3
-    os.pwrite(board.descriptor, b"\x55\x55", position)
-    assert board.sample() is None
-    board.publish(SAMPLE)
-    assert board.sample() == SAMPLE
+    os.pwrite(memory.descriptor, b"\x55\x55", position)
+    assert memory.sample() is None
+    memory.publish(SAMPLE)
+    assert memory.sample() == SAMPLE
 
 
 def test_words_are_shared_with_another_process() -> None:
-    board = Board.create()
-    board.write(Word.HALT_REQUESTED, 123456789012345)
+    memory = SharedMemory.create()
+    memory.write(Field.HALT_REQUESTED, 123456789012345)
     code = (
-        "import sys; from acquisition.devices.ur.protocol import Board, Word; b = Board(int(sys.argv[1]));"
-        "b.write(Word.HALT_TAKEN, b.read(Word.HALT_REQUESTED))"
+        "import sys; from acquisition.devices.ur.protocol import SharedMemory, Field;"
+        "b = SharedMemory(int(sys.argv[1]));"
+        "b.write(Field.HALT_ACCEPTED, b.read(Field.HALT_REQUESTED))"
     )
-    command = [sys.executable, "-c", code, str(board.descriptor)]
-    subprocess.run(command, check=True, pass_fds=(board.descriptor,))
-    assert board.read(Word.HALT_TAKEN) == 123456789012345
-    assert board.read(Word.LEASE) == 0
+    command = [sys.executable, "-c", code, str(memory.descriptor)]
+    subprocess.run(command, check=True, pass_fds=(memory.descriptor,))
+    assert memory.read(Field.HALT_ACCEPTED) == 123456789012345
+    assert memory.read(Field.LEASE) == 0
 
 
 @pytest.mark.parametrize(
@@ -64,31 +65,32 @@ def test_words_are_shared_with_another_process() -> None:
     [(5, 5, (False, False)), (5, 3, (True, False)), (7, 5, (True, False)), (7, 7, (True, True))],
 )
 def test_a_halt_that_is_carried_out_serves_those_after_it(taken: int, done: int, state: tuple[bool, bool]) -> None:
-    board = Board.create()
-    board.write(Word.HALT_TAKEN, taken)
-    board.write(Word.HALT_DONE, done)
-    assert board.halt_state(7) == state
+    memory = SharedMemory.create()
+    memory.write(Field.HALT_ACCEPTED, taken)
+    memory.write(Field.HALT_DONE, done)
+    assert memory.halt_state(7) == state
 
 
 def test_reader_never_sees_a_mixture() -> None:
     """Of two samples that another process, which may run at the same instant, publishes in turn."""
-    board = Board.create()
-    board.publish(SAMPLE)
+    memory = SharedMemory.create()
+    memory.publish(SAMPLE)
     other = dataclasses.replace(SAMPLE, joints=(9.0,) * 6, timestamp=77.0, link=Link.SILENT)
     code = (
-        "import dataclasses, sys; from acquisition.devices.ur.protocol import Board; b = Board(int(sys.argv[1]));"
+        "import dataclasses, sys; from acquisition.devices.ur.protocol import SharedMemory;"
+        "b = SharedMemory(int(sys.argv[1]));"
         "one = b.sample(); silent = type(one.link).SILENT\n"
         "other = dataclasses.replace(one, joints=(9.0,) * 6, timestamp=77.0, link=silent)\n"
         "while True: b.publish(other); b.publish(one)"
     )
-    command = [sys.executable, "-c", code, str(board.descriptor)]
-    seen: set[Sample | None] = set()
+    command = [sys.executable, "-c", code, str(memory.descriptor)]
+    samples: set[Sample | None] = set()
     reads, until = 0, time.monotonic() + 30
-    with subprocess.Popen(command, pass_fds=(board.descriptor,)) as writer:
+    with subprocess.Popen(command, pass_fds=(memory.descriptor,)) as writer:
         try:
-            while (reads < 3000 or other not in seen) and time.monotonic() < until:
+            while (reads < 3000 or other not in samples) and time.monotonic() < until:
                 reads += 1
-                seen.add(board.sample())
+                samples.add(memory.sample())
         finally:
             writer.kill()
-    assert seen - {None} == {SAMPLE, other}
+    assert samples - {None} == {SAMPLE, other}

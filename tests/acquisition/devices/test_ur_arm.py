@@ -216,10 +216,10 @@ def test_preflight_names_what_is_wrong(arm: UrArm, control: ControlClient) -> No
     control.fault("local_mode")
     control.fault("speed_slider", fraction=0.0)
     wait_for(lambda: arm.reading.speed_fraction == 0.0)
-    found = " ".join(finding.what for finding in arm.preflight())
-    assert "local control" in found
-    assert "slider" in found
-    assert "program" not in found
+    sentences = " ".join(finding.what for finding in arm.preflight())
+    assert "local control" in sentences
+    assert "slider" in sentences
+    assert "program" not in sentences
 
 
 @pytest.mark.parametrize(
@@ -240,8 +240,8 @@ def test_another_model_than_the_configured_one_is_found() -> None:
         ControllerProcess(STRANGERS, home=HOME, model="ur10e"),
         connected(UrArm(arm_config(STRANGERS), CELL.lamp.output)) as arm,
     ):
-        found = arm.preflight()
-    assert found[0].what == "The arm is a UR10, the cell file says ur5e."
+        differences = arm.preflight()
+    assert differences[0].what == "The arm is a UR10, the cell file says ur5e."
 
 
 def test_program_stopped_at_the_pendant_stays_stopped_until_connect(arm: UrArm, control: ControlClient) -> None:

@@ -42,9 +42,9 @@ def control() -> Iterator[ControlClient]:
 @pytest.fixture(scope="module")
 def cell(control: ControlClient) -> CellConfig:
     """The simulated cell with the calibration that the controller tells."""
-    told = primary.kinematics(ADDRESS)
-    assert told is not None
-    return CELL.model_copy(update={"arm": CELL.arm.model_copy(update={"address": ADDRESS, "kinematics": told})})
+    joints = primary.kinematics(ADDRESS)
+    assert joints is not None
+    return CELL.model_copy(update={"arm": CELL.arm.model_copy(update={"address": ADDRESS, "kinematics": joints})})
 
 
 def directions(lights: list[Light]) -> np.ndarray:
@@ -92,9 +92,9 @@ def test_lights_stand_where_they_are_logged_and_where_they_are_wanted(cell: Cell
 
 
 def test_another_arm_than_the_calibrated_one_is_found(cell: CellConfig, control: ControlClient) -> None:
-    told = cell.arm.kinematics
-    assert told is not None
-    others = [told[0].model_copy(update={"a_m": told[0].a_m + 0.001}), *told[1:]]
+    joints = cell.arm.kinematics
+    assert joints is not None
+    others = [joints[0].model_copy(update={"a_m": joints[0].a_m + 0.001}), *joints[1:]]
     arm = UrArm(cell.arm.model_copy(update={"kinematics": others}), cell.lamp.output)
     chain = calibrated_kinematics.chain(others)
 
@@ -103,6 +103,6 @@ def test_another_arm_than_the_calibrated_one_is_found(cell: CellConfig, control:
 
     arm.expected_pose = expected
     with connected(arm):
-        found = [finding.what for finding in arm.preflight()]
-    assert "factory calibration" in found[0]
-    assert "1.0 mm" in found[1]
+        sentences = [finding.what for finding in arm.preflight()]
+    assert "factory calibration" in sentences[0]
+    assert "1.0 mm" in sentences[1]

@@ -22,7 +22,7 @@ from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
 from acquisition.models.errors import ErrorCode, Halted, RigError
 from acquisition.runner.safety_monitor import SafetyMonitor
-from acquisition.session import same_place
+from acquisition.session import same_joints
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.process import ControllerProcess
 from tests.acquisition.devices.arm_scenes import (
@@ -67,7 +67,7 @@ def arm(shared_arm: UrArm, control: ControlClient) -> UrArm:
 
 def made_ready(arm: UrArm, control: ControlClient) -> UrArm:
     """Somebody moves the arm home by hand, which ends its program; then it is connected and moves again."""
-    if not same_place(tuple(control.state()["joints"]), HOME):
+    if not same_joints(tuple(control.state()["joints"]), HOME):
         control.fault("program_stop")
         control.fault("hand_move", joints=list(HOME), seconds=0.0)
         control.fault("clear")

@@ -11,7 +11,7 @@ import pytest
 from acquisition.models import cell_config
 from acquisition.models.errors import ErrorCode, Halted, RigError
 from acquisition.models.route import Route
-from acquisition.runner.compute import Compute, GaveWay
+from acquisition.runner.compute import Compute, Preempted
 
 CELLS = Path(__file__).parents[3] / "hardware_sim" / "cells"
 CELL = cell_config.load(CELLS / "cell.sim.toml")
@@ -49,8 +49,8 @@ def test_a_job_that_yields_gives_way_to_one_that_does_not(compute: Compute, tmp_
         jobs = (tmp_path / f"{yields}-{number}.json" for number in range(50))  # longer than anybody waits
         try:
             for cache in jobs:
-                compute.run(threading.Event(), "make_reach", CELL, CALIBRATION, cache, yields=yields)
-        except GaveWay as error:
+                compute.run(threading.Event(), "make_reach", CELL, CALIBRATION, cache, preemptible=yields)
+        except Preempted as error:
             ends.append(error)
 
     patient = threading.Thread(target=wait_for_ever, args=(True,))
@@ -60,7 +60,7 @@ def test_a_job_that_yields_gives_way_to_one_that_does_not(compute: Compute, tmp_
     route = compute.run(threading.Event(), "plan_route", [], CELL.arm.home, CELL, CALIBRATION)
     patient.join(20)
     assert isinstance(route, Route)
-    assert [type(end) for end in ends] == [GaveWay]
+    assert [type(end) for end in ends] == [Preempted]
 
 
 def test_its_death_is_the_jobs_failure_and_the_next_job_has_a_new_process(compute: Compute, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from acquisition.models.base import Joints
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.runner.runner import Runner
-from acquisition.session import same_place
+from acquisition.session import same_joints
 from acquisition.store import Store
 from api.rest import settings, wiring
 from hardware_sim.cell import Cell
@@ -58,7 +58,7 @@ def left_at(rig: Rig, joints: tuple[float, ...]) -> None:
     rig.control.fault("hand_move", joints=list(joints), seconds=0.0)
     rig.control.fault("clear")
     deadline = time.monotonic() + 10
-    while not same_place(rig.runner.status().reading.joints, joints):
+    while not same_joints(rig.runner.status().reading.joints, joints):
         assert time.monotonic() < deadline
         time.sleep(0.02)
     rig.runner.acknowledge("a")
@@ -70,7 +70,7 @@ def test_an_arm_that_was_left_somewhere_goes_home(rig: Rig) -> None:
     left_at(rig, (rig.home[0] + 1.2, rig.home[1] - 0.3, *rig.home[2:5], rig.home[5] + 0.5))
     rig.runner.park("a")
     assert rig.outcome() == "at home"
-    assert same_place(tuple(rig.control.state()["joints"]), rig.home)
+    assert same_joints(tuple(rig.control.state()["joints"]), rig.home)
     assert rig.control.state()["collisions"] == 0
 
 
@@ -86,7 +86,7 @@ def test_a_stop_ends_it(rig: Rig) -> None:
     before = rig.control.state()["joints"]
     time.sleep(0.3)
     assert rig.control.state()["joints"] == before
-    assert not same_place(tuple(before), rig.home)
+    assert not same_joints(tuple(before), rig.home)
     rig.runner.park("a")
     assert rig.outcome() == "at home"
 
@@ -98,4 +98,4 @@ def test_where_no_way_is_known_a_person_must_move_it(rig: Rig) -> None:
         rig.runner.park("a")
     assert refused.value.code is ErrorCode.WAYPOINTS_COLLISION
     assert "by hand" in refused.value.detail
-    assert same_place(tuple(rig.control.state()["joints"]), near_the_table)
+    assert same_joints(tuple(rig.control.state()["joints"]), near_the_table)

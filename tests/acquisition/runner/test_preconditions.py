@@ -25,33 +25,33 @@ def test_wherever_along_its_way_an_arm_is_cut_off_it_is_near_and_a_third_of_a_ra
     end = way[min(leg + 1, len(way) - 1)]
     place = np.array(way[leg]) + share * (np.array(end) - np.array(way[leg]))
 
-    preconditions.near_last_way(way, place.tolist())
+    preconditions.require_near_path(way, place.tolist())
     beyond = [*place[:5], 4.0]
     with pytest.raises(RigError) as refused:
-        preconditions.near_last_way(way, beyond)
+        preconditions.require_near_path(way, beyond)
     assert refused.value.code is ErrorCode.ARM_ELSEWHERE
     assert refused.value.context["distance_rad"] <= 4.0 - place[5] + 1e-3
 
 
 def test_an_arm_that_was_sent_nowhere_may_stand_anywhere() -> None:
-    preconditions.near_last_way([], [1.0] * 6)
+    preconditions.require_near_path([], [1.0] * 6)
 
 
 def test_the_first_arm_is_kept_and_another_is_refused(tmp_path: Path) -> None:
     first = ArmIdentity("ur5e", "2020123", "5.12")
-    preconditions.same_arm(tmp_path, first)
-    preconditions.same_arm(tmp_path, ArmIdentity("ur5e", "2020123", "5.13"))
+    preconditions.require_same_arm(tmp_path, first)
+    preconditions.require_same_arm(tmp_path, ArmIdentity("ur5e", "2020123", "5.13"))
     with pytest.raises(RigError) as refused:
-        preconditions.same_arm(tmp_path, ArmIdentity("ur5e", "2020999", "5.12"))
+        preconditions.require_same_arm(tmp_path, ArmIdentity("ur5e", "2020999", "5.12"))
     assert refused.value.code is ErrorCode.RIG_CHANGED
 
 
 def test_a_session_must_fit_on_the_disk(tmp_path: Path) -> None:
     store = Store(tmp_path / "data")
-    preconditions.enough_space(store, Recipe(), calibration(64))
-    preconditions.enough_space(store, None, calibration(64))
+    preconditions.require_space_for_session(store, Recipe(), calibration(64))
+    preconditions.require_space_for_session(store, None, calibration(64))
     with pytest.raises(RigError) as refused:
-        preconditions.enough_space(store, Recipe(), calibration(64, width=10**6, height=10**6))
+        preconditions.require_space_for_session(store, Recipe(), calibration(64, width=10**6, height=10**6))
     assert refused.value.code is ErrorCode.STORE_DISK_FULL
     assert refused.value.context["needed_bytes"] > refused.value.context["free_bytes"]
     store.close()

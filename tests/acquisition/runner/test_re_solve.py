@@ -7,7 +7,7 @@ from acquisition.models import cell_config
 from acquisition.models.recipe import Recipe
 from acquisition.models.shot import Shot
 from acquisition.runner import re_solve
-from acquisition.session import PassRecord, Record, State
+from acquisition.session import PassRecord, SessionRecord, State
 from hardware_sim import nominal
 
 
@@ -30,7 +30,7 @@ def test_record_and_folder_tell_the_same_images_and_the_newest_lamp_off_frames()
         PassRecord(shots={0: lit[0]}, darks={0.05: old}, references=(again,)),
         PassRecord(shots={0: lit[1]}, darks={0.08: other, 0.05: new}),
     )
-    record = Record("small", Recipe(), State.COMPLETED, passes)
+    record = SessionRecord("small", Recipe(), State.COMPLETED, passes)
     cell, calibration = cell_config.load(nominal.default_cell_file()), nominal.calibration(8)
     capture = SessionCapture(
         Path("small"), Recipe(), cell, calibration, (again, new, other, old, *lit), plans=(), results=()

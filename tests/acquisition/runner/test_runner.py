@@ -236,7 +236,7 @@ def acknowledge(rig: Rig) -> None:
 
 def test_a_plan_that_waits_for_a_person_can_be_replaced_by_lights_that_the_arm_reaches(rig: Rig) -> None:
     recipe = Recipe(method="random", pilot_lights=3, planned_lights=0, review_plan=True)
-    foreseen = rig.runner.proposals.dry_run(recipe)
+    foreseen = rig.runner.planning.dry_run(recipe)
     moves = rig.control.state()["moves_started"]
     session_id = new(rig, recipe)
     rig.runner.act(session_id, Trigger.START, "a")
@@ -248,14 +248,14 @@ def test_a_plan_that_waits_for_a_person_can_be_replaced_by_lights_that_the_arm_r
     assert foreseen.seconds > foreseen.route.seconds
     assert rig.control.state()["moves_started"] == moves
     with pytest.raises(RigError) as refused:
-        rig.runner.proposals.replace_plan(session_id, 0, [(0.0, 0.0, 3.0)], "a")
+        rig.runner.planning.replace_plan(session_id, 0, [(0.0, 0.0, 3.0)], "a")
     assert refused.value.code is ErrorCode.WAYPOINTS_UNREACHABLE
     assert [light["number"] for light in refused.value.context["lights"]] == [0]
     with pytest.raises(RigError) as refused:
-        rig.runner.proposals.replace_plan(session_id, 1, [planned.lights[0].position], "a")
+        rig.runner.planning.replace_plan(session_id, 1, [planned.lights[0].position], "a")
     assert refused.value.code is ErrorCode.SESSION_ACTION_NOT_ALLOWED
     own = [light.position for light in reversed(planned.lights)]
-    rig.runner.proposals.replace_plan(session_id, 0, own, "a")
+    rig.runner.planning.replace_plan(session_id, 0, own, "a")
     rig.runner.act(session_id, Trigger.RESUME, "a")
     assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
     work = rig.store.record(session_id).passes[0]
@@ -265,7 +265,7 @@ def test_a_plan_that_waits_for_a_person_can_be_replaced_by_lights_that_the_arm_r
         assert shot.light is not None
         assert shot.light.position == pytest.approx(own[number], abs=2e-3)
     with pytest.raises(RigError) as refused:
-        rig.runner.proposals.replace_plan(session_id, 0, own, "a")
+        rig.runner.planning.replace_plan(session_id, 0, own, "a")
     assert refused.value.code is ErrorCode.SESSION_ACTION_NOT_ALLOWED
 
 

@@ -68,13 +68,13 @@ class Watched:
 
     def see(self, reading: ArmReading) -> None:
         self.arm.reading = reading
-        self.monitor.look()
+        self.monitor.poll()
 
 
 def test_normal_arm_is_clear() -> None:
     watched = Watched()
     watched.see(NORMAL)
-    watched.monitor.clear()
+    watched.monitor.require_clear()
     assert watched.announced == []
     assert watched.monitor.latch is None
 
@@ -92,7 +92,7 @@ def test_stop_latches_until_it_is_over_and_acknowledged(reading: ArmReading, cod
     watched.see(NORMAL)
     watched.see(reading)
     with pytest.raises(RigError) as present:
-        watched.monitor.clear()
+        watched.monitor.require_clear()
     assert present.value.code == code
     with pytest.raises(RigError) as refused:
         watched.monitor.acknowledge("ada")
@@ -100,13 +100,13 @@ def test_stop_latches_until_it_is_over_and_acknowledged(reading: ArmReading, cod
 
     watched.see(NORMAL)
     with pytest.raises(RigError) as latched:
-        watched.monitor.clear()
+        watched.monitor.require_clear()
     assert latched.value.code == ErrorCode.SAFETY_NOT_ACKNOWLEDGED
 
     opened = watched.monitor.acknowledge("ada")
     assert opened is not None
     assert opened.code == code
-    watched.monitor.clear()
+    watched.monitor.require_clear()
     assert [None if latch is None else latch.code for latch in watched.announced] == [code, None]
 
 
@@ -145,7 +145,7 @@ def test_latch_outlives_the_service() -> None:
     latch = Latch(ErrorCode.ARM_PROTECTIVE_STOP, "Protective stop.", 1.0)
     watched = Watched(latched=latch)
     with pytest.raises(RigError) as caught:
-        watched.monitor.clear()
+        watched.monitor.require_clear()
     assert caught.value.code == ErrorCode.SAFETY_NOT_ACKNOWLEDGED
     assert watched.monitor.acknowledge("ada") == latch
 

@@ -81,7 +81,7 @@ def test_the_demonstration_ends_with_one_json_object(tmp_path: Path) -> None:
     with contextlib.closing(Store(tmp_path / "data")) as store:
         broken_off = store.journal.create_session(Recipe(), "{}", "fingerprint")[0].id
         store.journal.trigger(broken_off, Trigger.START, "a")
-        store.journal.latch(ErrorCode.DEVICE_DISCONNECTED, "The link to the arm is lost")
+        store.journal.record_fault(ErrorCode.DEVICE_DISCONNECTED, "The link to the arm is lost")
     done = lightpose(
         "demo", "--object", "sphere", "--profile", "ideal", "--pixels", "96", "--speed", "30", "--pilot", "3",
         "--planned", "2", "--no-random", "--data", str(tmp_path), "--json",

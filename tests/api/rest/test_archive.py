@@ -89,7 +89,7 @@ def test_only_old_ended_sessions_are_forgotten(tmp_path: Path) -> None:
     now = (journal.session(old).ended_at or 0.0) + 31 * DAY_S
 
     def prune(days: float, keep: int, pretend: bool = False) -> list[str]:
-        found = retention.prune(tmp_path, older_than_days=days, keep=keep, now=now, pretend=pretend)
+        found = retention.prune(tmp_path, older_than_days=days, keep=keep, now=now, dry_run=pretend)
         assert all(item.bytes == 1000 for item in found)
         return [item.session_id for item in found]
 
@@ -117,7 +117,7 @@ def test_the_command_line_prunes(tmp_path: Path) -> None:
 
 def test_what_is_no_data_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RigError, match="no data folder"):
-        retention.prune(tmp_path, older_than_days=0, keep=0, now=0, pretend=False)
+        retention.prune(tmp_path, older_than_days=0, keep=0, now=0, dry_run=False)
     assert not (tmp_path / "rig.db").exists()
 
 

@@ -212,10 +212,10 @@ def test_the_stream_outlives_a_camera_that_fails_and_ends_with_the_service(
 
 
 def test_a_look_gives_way_to_a_session(own: Any) -> None:
-    looking = own.service.runner.looking
+    preview = own.service.runner.preview
     held(own)
     with pytest.raises(RigError) as refused:
-        looking.look(0.1)
+        preview.take_frame(0.1)
     assert refused.value.code is ErrorCode.RIG_BUSY
 
 
