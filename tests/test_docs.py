@@ -137,6 +137,14 @@ def test_decision_records_have_status_context_decision_consequences() -> None:
         assert len(text.splitlines()) <= 40, page.name
 
 
+def test_tutorial_has_the_script_of_the_readme() -> None:
+    def script(page: Path) -> str:
+        blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+        return next(block for block in blocks if "client.capture" in block)
+
+    assert script(DOCS / "tutorial.md") == script(ROOT / "README.md")
+
+
 def test_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 110
 
