@@ -6,18 +6,16 @@ been done. A name that URScript does not have at all is an error of the program'
 
 import inspect
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 from hardware_sim.controller.compiler import Vocabulary
 from hardware_sim.controller.motion_functions import MotionFunctions
 from hardware_sim.controller.register_functions import RegisterFunctions
+from hardware_sim.controller.robot import Robot
 from hardware_sim.controller.script_values import Bound
 from hardware_sim.controller.semantics import ScriptError
 from hardware_sim.controller.state_functions import StateFunctions
 from hardware_sim.controller.value_functions import Arithmetic, Strings
-
-if TYPE_CHECKING:
-    from hardware_sim.controller.controller import Controller
 
 _FORCE = """force_mode end_force_mode force zero_ftsensor tool_contact get_tcp_force get_joint_torques
     ft_rtde_input_enable enable_external_ft_sensor set_gravity direct_torque screw_driving end_screw_driving
@@ -60,9 +58,9 @@ _WAITING = frozenset(name for name, member in _MEMBERS.items() if inspect.isgene
 VOCABULARY = Vocabulary(immediate=(frozenset(_MEMBERS) - _WAITING) | REFUSED, waiting=_WAITING)
 
 
-def table(controller: "Controller") -> dict[str, Callable[..., Any]]:
-    """All functions by name, bound to one controller."""
-    groups = [group(controller) for group in _GROUPS]
+def table(robot: Robot) -> dict[str, Callable[..., Any]]:
+    """All functions by name, bound to one robot."""
+    groups = [group(robot) for group in _GROUPS]
     bound: dict[str, Callable[..., Any]] = {
         name: getattr(group, name) for name in _MEMBERS for group in groups if hasattr(group, name)
     }

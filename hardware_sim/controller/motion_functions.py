@@ -31,7 +31,7 @@ class MotionFunctions(Bound):
 
     def _require_arm(self, name: str) -> None:
         """Raises ScriptError where the program may not move the arm now."""
-        self._controller.require_main_program()
+        self._robot.require_main_program()
         if self._arm.guiding is not None:
             raise ScriptError(f"{name}: the arm is in {self._arm.guiding.by}, end that first")
 
@@ -40,7 +40,7 @@ class MotionFunctions(Bound):
         try:
             return begin()
         except MotionError as error:
-            self._controller.protective_stop(str(error))
+            self._robot.protective_stop(str(error))
             return None
 
     def _wait_for(self, begin: Callable[[], Motion]) -> Waiting:
@@ -51,7 +51,7 @@ class MotionFunctions(Bound):
                 yield
                 continue
             while self._arm.motion is motion and not self._arm.done(motion):
-                self._controller.claim()
+                self._robot.claim()
                 yield
             if motion.finished:
                 return
@@ -70,7 +70,7 @@ class MotionFunctions(Bound):
                 if radius > 0.0 and arm.blend is None and move.hands_over(arm.base_from_tool, base_from_end, radius):
                     arm.corner = Corner(move, radius)
                     return
-                self._controller.claim()
+                self._robot.claim()
                 yield
             if move.finished:
                 return
@@ -78,7 +78,7 @@ class MotionFunctions(Bound):
     def _started(self, plan: Callable[[], ProgrammedMove], radius: float) -> Callable[[], tuple[ProgrammedMove, float]]:
         def begin() -> tuple[ProgrammedMove, float]:
             move = plan()
-            return move, self._arm.start(move, radius, self._controller.report)
+            return move, self._arm.start(move, radius, self._robot.report)
 
         return begin
 
@@ -159,28 +159,28 @@ class MotionFunctions(Bound):
 
         def begin() -> tuple[ProgrammedMove, float]:
             arm = self._arm
-            return arm.process(arm.line_to(target), speed, acceleration, radius, self._controller.report)
+            return arm.process(arm.line_to(target), speed, acceleration, radius, self._robot.report)
 
         yield from self._move(begin)
 
     def stopj(self, a: float) -> Waiting:
         deceleration = positive(a, "a")
-        self._controller.require_main_program()
+        self._robot.require_main_program()
         yield from self._wait_for(lambda: self._arm.brake(deceleration))
 
     def stopl(self, a: float, aRot: float = 0.0) -> Waiting:
         del aRot
         deceleration = positive(a, "a")
-        self._controller.require_main_program()
+        self._robot.require_main_program()
         yield from self._wait_for(lambda: self._arm.brake_tool(deceleration))
 
     def _hold(self, motion: Motion, seconds: float) -> Waiting:
         for _ in range(max(1, round(not_negative(seconds, "t") / STEP_TIME))):
             if self._arm.motion is not motion:
                 return
-            self._controller.claim()
+            self._robot.claim()
             yield
-        self._controller.claim()
+        self._robot.claim()
 
     def speedj(self, qd: Any, a: float = 1.4, t: float = 0.0) -> Waiting:
         self._require_arm("speedj")
@@ -229,7 +229,7 @@ class MotionFunctions(Bound):
         yield from self._hold(motion, t)
 
     def protective_stop(self) -> Waiting:
-        self._controller.protective_stop("asked for by the program")
+        self._robot.protective_stop("asked for by the program")
         yield
 
     def _guide(self, guiding: Guiding) -> Waiting:
@@ -246,7 +246,7 @@ class MotionFunctions(Bound):
         yield from self._guide(Guiding("teach_mode"))
 
     def end_freedrive_mode(self) -> Waiting:
-        self._controller.require_main_program()
+        self._robot.require_main_program()
         self._arm.guiding = None
         yield from self._come_to_rest(self._arm.brake, _GUIDING_DECELERATION)
 

@@ -4,15 +4,11 @@ Currents, moments, forces, momentum, accelerations of the joints and all inputs 
 stay 0, temperatures and voltages at what an idle arm has.
 """
 
-from typing import TYPE_CHECKING
-
 from hardware_sim.controller import poses
 from hardware_sim.controller.arm import Arm
 from hardware_sim.controller.modes import JOINT_MODE, JOINT_POWER_OFF, SAFETY_BITS, RobotMode
 from hardware_sim.controller.registers import OFFSETS, Registers
-
-if TYPE_CHECKING:
-    from hardware_sim.controller.controller import Controller
+from hardware_sim.controller.robot import RobotState
 
 _GRAVITY = (0.0, 0.0, 9.82)
 _STEADY_VALUES: dict[str, tuple[float, ...]] = {
@@ -44,23 +40,23 @@ def pose(arm: Arm, registers: Registers) -> None:
     put("actual_tool_accelerometer", *poses.rotate(poses.invert(arm.base_from_flange), _GRAVITY))
 
 
-def modes(controller: "Controller", pace: float) -> None:
+def modes(robot: RobotState, pace: float) -> None:
     """Sets what may change in every tick; `pace` is the share of the programmed speed that is in force."""
-    values, arm = controller.registers.values, controller.arm
-    powered = controller.robot_mode >= RobotMode.POWER_ON
-    values[_TIMESTAMP] = controller.timestamp
-    values[_RUNTIME_STATE] = controller.runtime_state
-    values[_ROBOT_MODE] = controller.robot_mode
-    values[_SAFETY_MODE] = values[_SAFETY_STATUS] = controller.safety_mode
-    values[_SAFETY_BITS] = SAFETY_BITS[controller.safety_mode]
-    values[_ROBOT_BITS] = int(powered) | int(controller.playing) << 1 | int(powered) << 3
-    values[_JOINT_MODE : _JOINT_MODE + 6] = [JOINT_MODE.get(controller.robot_mode, JOINT_POWER_OFF)] * 6
-    values[_SPEED_SCALING] = pace if controller.playing else 0.0
-    values[_SPEED_FRACTION] = controller.slider
-    values[_DIGITAL_OUTPUTS] = controller.outputs.levels
-    values[_ANALOG_OUTPUT_0] = controller.outputs.analog(0)
-    values[_ANALOG_OUTPUT_1] = controller.outputs.analog(1)
-    first, second = controller.outputs.analog_is_voltage
+    values, arm = robot.registers.values, robot.arm
+    powered = robot.robot_mode >= RobotMode.POWER_ON
+    values[_TIMESTAMP] = robot.timestamp
+    values[_RUNTIME_STATE] = robot.runtime_state
+    values[_ROBOT_MODE] = robot.robot_mode
+    values[_SAFETY_MODE] = values[_SAFETY_STATUS] = robot.safety_mode
+    values[_SAFETY_BITS] = SAFETY_BITS[robot.safety_mode]
+    values[_ROBOT_BITS] = int(powered) | int(robot.playing) << 1 | int(powered) << 3
+    values[_JOINT_MODE : _JOINT_MODE + 6] = [JOINT_MODE.get(robot.robot_mode, JOINT_POWER_OFF)] * 6
+    values[_SPEED_SCALING] = pace if robot.playing else 0.0
+    values[_SPEED_FRACTION] = robot.slider
+    values[_DIGITAL_OUTPUTS] = robot.outputs.levels
+    values[_ANALOG_OUTPUT_0] = robot.outputs.analog(0)
+    values[_ANALOG_OUTPUT_1] = robot.outputs.analog(1)
+    first, second = robot.outputs.analog_is_voltage
     values[_ANALOG_TYPES] = 0b11 | first << 2 | second << 3
     values[_TOOL_MODE] = values[_JOINT_MODE]
     values[_PAYLOAD] = arm.payload

@@ -23,9 +23,9 @@ class RegisterFunctions(Bound):
         self, s: Any, title: Any = "Popup", warning: bool = False, error: bool = False, blocking: bool = False
     ) -> None:
         del warning, error
-        self._controller.report(f"popup {shown(title)}: {shown(s)}", logging.INFO)
+        self._robot.report(f"popup {shown(title)}: {shown(s)}", logging.INFO)
         if blocking:
-            self._controller.pause()
+            self._robot.pause()
 
     def _slot(self, base: int, index: Any) -> int:
         return base + whole(index, "a register's number", REGISTERS)
@@ -37,14 +37,14 @@ class RegisterFunctions(Bound):
         return int(self._values[self._slot(INT_IN, address)])
 
     def read_input_boolean_register(self, address: int) -> bool:
-        return self._controller.registers.bit("input", whole(address, "a register's number", BIT_REGISTERS))
+        return self._robot.registers.bit("input", whole(address, "a register's number", BIT_REGISTERS))
 
     def read_output_boolean_register(self, address: int) -> bool:
-        return self._controller.registers.bit("output", whole(address, "a register's number", BIT_REGISTERS))
+        return self._robot.registers.bit("output", whole(address, "a register's number", BIT_REGISTERS))
 
     def write_output_boolean_register(self, address: int, value: bool) -> None:
         slot = whole(address, "a register's number", BIT_REGISTERS)
-        self._controller.registers.set_bit(slot, truth(value))
+        self._robot.registers.set_bit(slot, truth(value))
 
     def read_output_float_register(self, address: int) -> float:
         return self._values[self._slot(DOUBLE_OUT, address)]
@@ -75,10 +75,10 @@ class RegisterFunctions(Bound):
     def rtde_set_watchdog(self, variable_name: str, min_frequency: float, action: str = "pause") -> None:
         if action.lower() not in ("ignore", "pause", "stop"):
             raise ScriptError(f"rtde_set_watchdog: unknown action {action!r}")
-        self._controller.set_watchdog(variable_name, positive(min_frequency, "min_frequency"), action.lower())
+        self._robot.set_watchdog(variable_name, positive(min_frequency, "min_frequency"), action.lower())
 
     def _set_output(self, n: int, first: int, count: int, level: Any) -> None:
-        self._controller.outputs.set_bit(first + whole(n, "a digital output's number", count), truth(level))
+        self._robot.outputs.set_bit(first + whole(n, "a digital output's number", count), truth(level))
 
     def set_digital_out(self, n: int, b: bool) -> None:
         self._set_output(n, 0, 18, b)
@@ -93,6 +93,6 @@ class RegisterFunctions(Bound):
         self._set_output(n, 16, 2, b)
 
     def get_digital_out(self, n: int) -> bool:
-        return bool(self._controller.outputs.levels >> whole(n, "a digital output's number", 18) & 1)
+        return bool(self._robot.outputs.levels >> whole(n, "a digital output's number", 18) & 1)
 
     get_standard_digital_out = get_digital_out

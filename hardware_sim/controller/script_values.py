@@ -1,14 +1,12 @@
 """Checks that URScript's functions share: a wrong value is a runtime exception that names it."""
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hardware_sim.controller import poses
 from hardware_sim.controller.poses import Frame
+from hardware_sim.controller.robot import Robot
 from hardware_sim.controller.semantics import ScriptError, shown
-
-if TYPE_CHECKING:
-    from hardware_sim.controller.controller import Controller
 
 STEP_TIME = 0.002  # s
 _SMALLEST = 1e-6  # of speeds and accelerations: below, a move would outlast the robot
@@ -61,9 +59,9 @@ def frame(pose: Any, what: str = "the pose") -> Frame:
 
 
 class Bound:
-    """A group of functions bound to one controller; methods without underscore are visible to programs."""
+    """A group of functions bound to one robot; methods without underscore are visible to programs."""
 
-    def __init__(self, controller: "Controller") -> None:
-        self._controller = controller
-        self._arm = controller.arm
-        self._values = controller.registers.values
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._arm = robot.arm
+        self._values = robot.registers.values

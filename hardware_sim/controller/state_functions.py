@@ -77,7 +77,7 @@ class StateFunctions(Bound):
 
     def set_tcp(self, pose: Any) -> None:
         self._arm.set_tcp(numbers(pose, 6, "the TCP"))
-        self._controller.tool_changed()
+        self._robot.tool_changed()
 
     def get_tcp_offset(self) -> Pose:
         return Pose(self._arm.tcp)
@@ -106,7 +106,7 @@ class StateFunctions(Bound):
         return self._arm.payload_inertia[:]
 
     def is_steady(self) -> bool:
-        return self._arm.at_rest_ticks * STEP_TIME * self._controller.speed_factor >= STEADY_AFTER
+        return self._arm.at_rest_ticks * STEP_TIME * self._robot.speed_factor >= STEADY_AFTER
 
     def get_actual_joint_positions(self) -> list[float]:
         return self._arm.joints[:]
@@ -145,7 +145,7 @@ class StateFunctions(Bound):
         return 1 if kinematics.near_singularity(self._arm.model, self._arm.joints) else 0
 
     def force_mode_set_gain_scaling(self, scaling: float) -> None:
-        self._controller.force_mode_settings["gain_scaling"] = number(scaling, "scaling")
+        self._robot.force_mode_settings["gain_scaling"] = number(scaling, "scaling")
 
     def force_mode_set_damping(self, damping: float) -> None:
-        self._controller.force_mode_settings["damping"] = number(damping, "damping")
+        self._robot.force_mode_settings["damping"] = number(damping, "damping")

@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hardware_sim.controller import kinematics, poses
+from hardware_sim.controller.robot import RobotState
 
 if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
-
-    from hardware_sim.controller.controller import Controller
 
     FloatArray = npt.NDArray[np.float64]
     IntArray = npt.NDArray[np.int64]
@@ -42,9 +41,9 @@ class Recorder:
         self._tool: list[float] = []
         self._pose: list[float] = []
 
-    def __call__(self, controller: "Controller", timestamp: float) -> None:
-        """Writes a row of the controller's state."""
-        arm = controller.arm
+    def __call__(self, robot: RobotState, timestamp: float) -> None:
+        """Writes a row of the robot's state."""
+        arm = robot.arm
         joints = arm.true_joints
         if joints != self._joints or arm.tcp != self._tool:
             self._joints, self._tool = joints, arm.tcp
@@ -53,11 +52,11 @@ class Recorder:
         row = _REST.pack(
             *joints,
             *self._pose,
-            controller.outputs.levels,
-            controller.safety_mode,
-            controller.robot_mode,
-            controller.runtime_state,
-            controller.collisions.touching is not None,
+            robot.outputs.levels,
+            robot.safety_mode,
+            robot.robot_mode,
+            robot.runtime_state,
+            robot.collisions.touching is not None,
         )
         self._file.write(_TIME.pack(timestamp) + row)
 

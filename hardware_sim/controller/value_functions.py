@@ -3,14 +3,12 @@
 import math
 import random
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hardware_sim.controller import poses
+from hardware_sim.controller.robot import Robot
 from hardware_sim.controller.script_values import Bound, frame, number, numbers, whole
 from hardware_sim.controller.semantics import MOST_CHARACTERS, ScriptError, integer, shown, truth
-
-if TYPE_CHECKING:
-    from hardware_sim.controller.controller import Controller
 
 _BITS = 32
 
@@ -34,8 +32,8 @@ def _of_numbers(name: str, function: Callable[..., float]) -> Callable[..., floa
 class Arithmetic(Bound):
     """Numbers and lists."""
 
-    def __init__(self, controller: "Controller") -> None:
-        super().__init__(controller)
+    def __init__(self, robot: Robot) -> None:
+        super().__init__(robot)
         self._random = random.Random(0)  # noqa: S311 - the same in every run
 
     sqrt = _of_numbers("sqrt", math.sqrt)
