@@ -12,6 +12,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 from typing import Any, get_args
@@ -19,6 +20,7 @@ from typing import Any, get_args
 from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import nominal, objects
 from hardware_sim.controller.control import ControlClient
+from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.process import ControllerProcess
 from hardware_sim.nominal import FULL_PIXELS
 from hardware_sim.status import StatusLines
@@ -28,58 +30,72 @@ READY_WITHIN_S = 120.0
 STATUS_EVERY_S = 0.05
 
 
+@dataclass(frozen=True)
+class CellOptions:
+    """What stands in a simulated cell, and where it listens.
+
+    `address`: loopback address of controller and camera. `object_name`, `seed`: what `objects.build` makes. `profile`:
+    how the world differs from its calibration (`world.PROFILES`). `speed`: factor of motion time against wall time.
+    `pixels`: edge of the camera's square image. `cell_file`: the cell to stand in for; None is the simulated one.
+    `calibration_seed`: an arm that differs from its nominal kinematics; None is the nominal arm. `record`: a file for
+    every tick. `programs`: a folder of programs that the dashboard can load.
+    """
+
+    address: str
+    object_name: str
+    seed: int
+    profile: str
+    speed: float
+    pixels: int = FULL_PIXELS
+    cell_file: Path | None = None
+    calibration_seed: int | None = None
+    record: Path | None = None
+    programs: Path | None = None
+
+
 class Cell:
     """A running cell, as a context manager; on entry returns when controller and camera can be connected to.
 
-    Raises RigError request.invalid for an object, profile, size or speed that there is not, config.invalid for a bad
-    cell file, service.fault when a process does not start (its reason is in the detail).
+    Raises RigError request.invalid for an unknown object or profile and for a size or speed out of range,
+    config.invalid for a bad cell file, service.fault when a process does not start (its reason is in the detail).
     """
 
-    def __init__(
-        self,
-        address: str,
-        object_name: str,
-        seed: int,
-        profile: str,
-        speed: float,
-        *,
-        folder: Path,
-        pixels: int = FULL_PIXELS,
-        cell_file: Path | None = None,
-        calibration_seed: int | None = None,
-        record: Path | None = None,
-        programs: Path | None = None,
-    ) -> None:
-        _refuse_nonsense(object_name, profile, speed, pixels)
-        self.address = address
+    def __init__(self, options: CellOptions, folder: Path) -> None:
+        """`folder` receives the cell's files."""
+        _check(options)
+        self.address = options.address
         self.folder = folder
         self.cell_file = folder / "cell.toml"
         self.calibration_file = folder / "calibration.json"
         self.truth_file = folder / "truth.npz"
-        self.config = nominal.write(folder, address, pixels, cell_file or nominal.default_cell_file())
-        self._arguments = [str(folder), object_name, str(seed), profile]
-        self._calibration_seed = calibration_seed
-        self._speed, self._record, self._programs = speed, record, programs
+        self.config = nominal.write(
+            folder, options.address, options.pixels, options.cell_file or nominal.default_cell_file()
+        )
+        self._options = options
         self._controller: ControllerProcess | None = None
         self._world: subprocess.Popen[bytes] | None = None
         self._control: ControlClient | None = None
 
     def __enter__(self) -> "Cell":
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        options = self._options
         self._controller = ControllerProcess(
-            self.address,
-            home=self.config.arm.home,
-            model=self.config.arm.model,
-            calibration_seed=self._calibration_seed,
-            speed=self._speed,
-            low_when_stopped=(self.config.lamp.output,),
-            record=self._record,
-            programs=self._programs,
+            options.address,
+            ControllerOptions(
+                home=self.config.arm.home,
+                model=self.config.arm.model,
+                calibration_seed=options.calibration_seed,
+                speed=options.speed,
+                low_when_stopped=(self.config.lamp.output,),
+                record=options.record,
+                programs=options.programs,
+            ),
             log_level="INFO",  # why a program ended is the first thing that a puzzled person asks
         )
+        world = [str(self.folder), options.object_name, str(options.seed), options.profile]
         try:
             self._world = subprocess.Popen(  # noqa: S603 - our own module, arguments checked
-                [sys.executable, "-m", "hardware_sim.world_process", *self._arguments],
+                [sys.executable, "-m", "hardware_sim.world_process", *world],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 env=environment,
@@ -127,18 +143,9 @@ class Cell:
 
 
 def run(
-    address: str,
-    object_name: str,
-    seed: int,
-    profile: str,
-    speed: float,
+    options: CellOptions,
     *,
     folder: Path | None = None,
-    pixels: int = FULL_PIXELS,
-    cell_file: Path | None = None,
-    calibration_seed: int | None = None,
-    record: Path | None = None,
-    programs: Path | None = None,
     json_status: bool = False,
     say: Callable[[str], None] = print,
 ) -> None:
@@ -154,48 +161,43 @@ def run(
 
     before = {number: signal.signal(number, end) for number in (signal.SIGTERM, signal.SIGINT)}
     try:
-        with tempfile.TemporaryDirectory(prefix="lightpose-sim-") as temporary:
-            place = folder or Path(temporary)
-            with Cell(
-                address,
-                object_name,
-                seed,
-                profile,
-                speed,
-                folder=place,
-                pixels=pixels,
-                cell_file=cell_file,
-                calibration_seed=calibration_seed,
-                record=record,
-                programs=programs,
-            ) as cell:
-                say(f"ready cell={cell.cell_file} address={address} object={object_name} seed={seed} profile={profile}")
-                lines = StatusLines() if json_status else None
-                while not ending.wait(0.5 if lines is None else STATUS_EVERY_S):
-                    if not cell.alive:
-                        raise RigError(ErrorCode.SERVICE_FAULT, "a process of the simulated cell ended by itself")
-                    if lines is not None:
-                        line = lines.line(cell.state(), time.monotonic())
-                        if line is not None:
-                            say(line)
+        with (
+            tempfile.TemporaryDirectory(prefix="lightpose-sim-") as temporary,
+            Cell(options, folder or Path(temporary)) as cell,
+        ):
+            say(
+                f"ready cell={cell.cell_file} address={options.address} object={options.object_name}"
+                f" seed={options.seed} profile={options.profile}"
+            )
+            lines = StatusLines() if json_status else None
+            while not ending.wait(0.5 if lines is None else STATUS_EVERY_S):
+                if not cell.alive:
+                    raise RigError(ErrorCode.SERVICE_FAULT, "a process of the simulated cell ended by itself")
+                if lines is not None:
+                    line = lines.line(cell.state(), time.monotonic())
+                    if line is not None:
+                        say(line)
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
 
 
-def _refuse_nonsense(object_name: str, profile: str, speed: float, pixels: int) -> None:
-    if object_name not in objects.names():
+def _check(options: CellOptions) -> None:
+    """Raises RigError request.invalid naming the value that cannot be."""
+    if options.object_name not in objects.names():
         raise RigError(
-            ErrorCode.REQUEST_INVALID, f"there is no object {object_name!r}: choose of {', '.join(objects.names())}"
+            ErrorCode.REQUEST_INVALID,
+            f"there is no object {options.object_name!r}: choose of {', '.join(objects.names())}",
         )
-    if profile not in get_args(ProfileName):
+    if options.profile not in get_args(ProfileName):
         raise RigError(
-            ErrorCode.REQUEST_INVALID, f"there is no profile {profile!r}: choose of {', '.join(get_args(ProfileName))}"
+            ErrorCode.REQUEST_INVALID,
+            f"there is no profile {options.profile!r}: choose of {', '.join(get_args(ProfileName))}",
         )
-    if not 0.1 <= speed <= 100:
-        raise RigError(ErrorCode.REQUEST_INVALID, f"speed is {speed}: it must lie between 0.1 and 100")
-    if not 32 <= pixels <= 4096:
-        raise RigError(ErrorCode.REQUEST_INVALID, f"pixels is {pixels}: it must lie between 32 and 4096")
+    if not 0.1 <= options.speed <= 100:
+        raise RigError(ErrorCode.REQUEST_INVALID, f"speed is {options.speed}: it must lie between 0.1 and 100")
+    if not 32 <= options.pixels <= 4096:
+        raise RigError(ErrorCode.REQUEST_INVALID, f"pixels is {options.pixels}: it must lie between 32 and 4096")
 
 
 def _end(process: "subprocess.Popen[bytes]") -> None:

@@ -113,17 +113,19 @@ def sim(
 
     _told(
         lambda: simulation.run(
-            address,
-            object_name,
-            seed,
-            profile.value,
-            speed,
+            simulation.CellOptions(
+                address,
+                object_name,
+                seed,
+                profile.value,
+                speed,
+                pixels=pixels,
+                cell_file=cell,
+                calibration_seed=calibration_seed,
+                record=record,
+                programs=programs,
+            ),
             folder=folder,
-            pixels=pixels,
-            cell_file=cell,
-            calibration_seed=calibration_seed,
-            record=record,
-            programs=programs,
             json_status=json_status,
             say=lambda line: print(line, flush=True),
         )

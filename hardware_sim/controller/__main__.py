@@ -8,12 +8,14 @@ import gc
 import logging
 import signal
 import sys
+from dataclasses import fields
 from pathlib import Path
 from types import FrameType
 
 from acquisition.devices import process_priority
 from hardware_sim.controller.calibration import TYPICAL_ERROR_M
 from hardware_sim.controller.kinematics import JOINT_LIMIT, MODELS
+from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.server import serve
 
 
@@ -51,12 +53,12 @@ def main() -> int:
     parser.add_argument("--record", type=Path, help="append every tick to this file")
     parser.add_argument("--until-eof", action="store_true", help="end when standard input does")
     parser.add_argument("--log", default="WARNING", choices=["DEBUG", "INFO", "WARNING", "ERROR"])
-    options = parser.parse_args()
-    if not 0.0 < options.speed <= 1000.0:
+    arguments = parser.parse_args()
+    if not 0.0 < arguments.speed <= 1000.0:
         parser.error("--speed must be above 0 and at most 1000")
-    if not 0.0 < options.calibration_error_m <= 0.02:
+    if not 0.0 < arguments.calibration_error_m <= 0.02:
         parser.error("--calibration-error-m must be above 0 and at most 0.02")
-    logging.basicConfig(level=options.log, stream=sys.stderr, format="%(asctime)s %(name)s %(message)s")
+    logging.basicConfig(level=arguments.log, stream=sys.stderr, format="%(asctime)s %(name)s %(message)s")
     process_priority.set_niceness(process_priority.DRIVER)  # a real controller has a machine of its own
     ended = False
 
@@ -70,21 +72,13 @@ def main() -> int:
     gc.freeze()
     try:
         serve(
-            options.address,
-            model=options.model,
-            home=options.home,
-            calibration_seed=options.calibration_seed,
-            calibration_error_m=options.calibration_error_m,
-            speed=options.speed,
-            low_when_stopped=options.low_when_stopped,
-            surroundings=options.surroundings,
-            programs=options.programs,
-            record=options.record,
+            arguments.address,
+            ControllerOptions(**{field.name: getattr(arguments, field.name) for field in fields(ControllerOptions)}),
             stop=lambda: ended,
-            stop_descriptor=sys.stdin.fileno() if options.until_eof else None,
+            stop_descriptor=sys.stdin.fileno() if arguments.until_eof else None,
         )
     except (OSError, ValueError) as error:
-        sys.stderr.write(f"{options.address}: {error}\n")
+        sys.stderr.write(f"{arguments.address}: {error}\n")
         return 1
     return 0
 

@@ -4,14 +4,12 @@ import select
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Sequence
-from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from acquisition.models.errors import ErrorCode, RigError
-from hardware_sim.controller.calibration import TYPICAL_ERROR_M
 from hardware_sim.controller.control import ControlClient
+from hardware_sim.controller.options import ControllerOptions
 
 _START_TIMEOUT = 10.0  # s, on a loaded machine; it takes well under one
 
@@ -22,34 +20,19 @@ class ControllerProcess:
     The child reads a pipe that only this process holds open: it ends when the parent does, however that dies.
     """
 
-    def __init__(
-        self,
-        address: str,
-        *,
-        home: Sequence[float],
-        model: str = "ur5e",
-        calibration_seed: int | None = None,
-        calibration_error_m: float = TYPICAL_ERROR_M,
-        speed: float = 1.0,
-        low_when_stopped: Iterable[int] = (0,),
-        surroundings: Path | None = None,
-        programs: Path | None = None,
-        record: Path | None = None,
-        log_level: str = "WARNING",
-    ) -> None:
-        """Starts it and waits until it can be connected to; the arguments are those of `server.serve`.
-
-        Raises RigError device.disconnected, naming why.
-        """
+    def __init__(self, address: str, options: ControllerOptions, *, log_level: str = "WARNING") -> None:
+        """Starts it and waits until it can be connected to. Raises RigError device.disconnected, naming why."""
         self.address = address
         command = [sys.executable, "-m", "hardware_sim.controller", "--until-eof", "--address", address]
-        command += ["--model", model, "--speed", repr(speed), "--log", log_level]
+        command += ["--model", options.model, "--speed", repr(options.speed), "--log", log_level]
         # One word: the parser would take -1e-05 by itself for an option.
-        command += ["--home=" + ",".join(repr(float(q)) for q in home)]
-        command += ["--low-when-stopped", *map(str, low_when_stopped)]
-        if calibration_seed is not None:
-            command += [f"--calibration-seed={calibration_seed}", f"--calibration-error-m={calibration_error_m!r}"]
-        for name, path in (("surroundings", surroundings), ("programs", programs), ("record", record)):
+        command += ["--home=" + ",".join(repr(float(q)) for q in options.home)]
+        command += ["--low-when-stopped", *map(str, options.low_when_stopped)]
+        if options.calibration_seed is not None:
+            command += [f"--calibration-seed={options.calibration_seed}"]
+            command += [f"--calibration-error-m={options.calibration_error_m!r}"]
+        files = {"surroundings": options.surroundings, "programs": options.programs, "record": options.record}
+        for name, path in files.items():
             if path is not None:
                 command += [f"--{name}", str(path)]
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603

@@ -12,16 +12,16 @@ import select
 import socket
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
+from collections.abc import Callable
 
 from hardware_sim.controller import control_port, dashboard, rtde, scripts
-from hardware_sim.controller.calibration import TYPICAL_ERROR_M, calibrated
+from hardware_sim.controller.calibration import calibrated
 from hardware_sim.controller.control_port import ControlConnection
 from hardware_sim.controller.controller import Controller
 from hardware_sim.controller.dashboard import DashboardConnection
 from hardware_sim.controller.delay import Delay
 from hardware_sim.controller.kinematics import MODELS
+from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.program_loader import Uploads
 from hardware_sim.controller.rtde import Owners, RtdeConnection
 from hardware_sim.controller.safety import BOOT_SECONDS
@@ -186,41 +186,29 @@ class Server:
 
 def serve(
     address: str,
+    options: ControllerOptions,
     *,
-    model: str = "ur5e",
-    home: Sequence[float],
-    calibration_seed: int | None = None,
-    calibration_error_m: float = TYPICAL_ERROR_M,
-    speed: float = 1.0,
-    low_when_stopped: Iterable[int] = (0,),
-    surroundings: Path | None = None,
-    programs: Path | None = None,
-    record: Path | None = None,
     stop: Callable[[], bool] = lambda: False,
     stop_descriptor: int | None = None,
 ) -> None:
     """Runs a controller until `stop` returns True, `stop_descriptor` ends or the process is interrupted.
 
-    Prints `ready <address>` when it can be connected to. `home` are the initial joints in rad;
-    `calibration_seed` chooses an arm that differs from its drawings by `calibration_error_m` (see `calibration`);
-    `speed` is the speed factor of motion; `low_when_stopped` names the digital outputs held low while no program plays;
-    `surroundings` is a file of what the arm can touch, `programs` a folder of what the dashboard can load, `record` a
-    file for every tick (see the modules `surroundings`, `loaded`, `trace`). Never call it in a process that also holds
-    `ur-rtde` objects: the library's constructors hold the interpreter lock while they wait for this loop. Raises
-    OSError where a port is taken or a file cannot be opened, ValueError where one is not what it should be.
+    Prints `ready <address>` when it can be connected to. Never call it in a process that also holds `ur-rtde` objects:
+    the library's constructors hold the interpreter lock while they wait for this loop. Raises OSError where a port is
+    in use or a file cannot be opened, ValueError where one is not what it should be.
     """
-    recorder = None if record is None else Recorder(record)
+    recorder = None if options.record is None else Recorder(options.record)
     controller = Controller(
-        calibrated(MODELS[model], calibration_seed, calibration_error_m),
-        home,
+        calibrated(MODELS[options.model], options.calibration_seed, options.calibration_error_m),
+        options.home,
         now=time.monotonic(),
-        speed_factor=speed,
-        low_when_stopped=low_when_stopped,
-        programs=programs,
+        speed_factor=options.speed,
+        low_when_stopped=options.low_when_stopped,
+        programs=options.programs,
         record=recorder,
     )
-    if surroundings is not None:
-        controller.collisions.surround(surroundings)
+    if options.surroundings is not None:
+        controller.collisions.surround(options.surroundings)
     server = Server(controller, address)
     try:
         sys.stdout.write(f"ready {address}\n")

@@ -20,7 +20,7 @@ from acquisition.session import State
 from acquisition.store import Journal
 from api.client.client import Client, ProblemError
 from api.rest.schemas import EventResource, SessionResource
-from hardware_sim.cell import Cell
+from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient
 from tests.end_to_end.processes import Service, fastest_joint, rests_after, serving
 
@@ -122,7 +122,9 @@ class Course:
 def bench(folder: Path, address: str, data: Path | None = None) -> Generator[Bench, None, None]:
     """A cell and its undisturbed session."""
     with (
-        Cell(address, "sphere", 1, "ideal", SPEED, folder=folder / "cell", pixels=PIXELS, cell_file=CELL_FILE) as cell,
+        Cell(
+            CellOptions(address, "sphere", 1, "ideal", SPEED, pixels=PIXELS, cell_file=CELL_FILE), folder / "cell"
+        ) as cell,
         ControlClient(address) as control,
     ):
         made = Bench(cell, data or folder / "data", control)

@@ -8,7 +8,7 @@ from pathlib import Path
 from acquisition.models.recipe import Recipe
 from api.client.client import Client
 from api.rest import settings
-from hardware_sim.cell import Cell
+from hardware_sim.cell import Cell, CellOptions
 from tests.api.conftest import serve
 
 ADDRESS = "127.0.14.40"
@@ -19,7 +19,9 @@ def record(folder: Path) -> None:
     with tempfile.TemporaryDirectory() as temporary:
         place = Path(temporary)
         cell_file = Path(__file__).with_name("cell.test.toml")
-        with Cell(ADDRESS, "bumps", 1, "direct", 20.0, folder=place / "cell", pixels=48, cell_file=cell_file) as cell:
+        with Cell(
+            CellOptions(ADDRESS, "bumps", 1, "direct", 20.0, pixels=48, cell_file=cell_file), place / "cell"
+        ) as cell:
             chosen = settings.read(cell=cell.cell_file, data=place / "data", host=ADDRESS, port=0)
             with serve(chosen) as running:
                 client: Client = running.client

@@ -14,7 +14,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.session import State
 from api.client.client import Client
 from hardware_sim import grade, truth
-from hardware_sim.cell import Cell
+from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient
 from tests.end_to_end.processes import Service, client_of, fastest_joint, rests_after, serving, wait_until_moving
 
@@ -38,11 +38,11 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[Rig, None, None]:
 
 
 def cell(folder: Path, address: str) -> Cell:
-    return Cell(address, "vase", 1, "direct", 8.0, folder=folder / "cell", pixels=PIXELS, cell_file=CELL_FILE)
+    return Cell(CellOptions(address, "vase", 1, "direct", 8.0, pixels=PIXELS, cell_file=CELL_FILE), folder / "cell")
 
 
 def quick_cell(folder: Path, address: str) -> Cell:
-    return Cell(address, "sphere", 1, "ideal", 8.0, folder=folder / "cell", pixels=96, cell_file=CELL_FILE)
+    return Cell(CellOptions(address, "sphere", 1, "ideal", 8.0, pixels=96, cell_file=CELL_FILE), folder / "cell")
 
 
 def grades(running: Cell, data: Path, session_id: str) -> list[grade.Grade]:

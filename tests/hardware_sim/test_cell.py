@@ -18,7 +18,7 @@ import pytest
 from acquisition.models import cell_config
 from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import nominal, truth
-from hardware_sim.cell import Cell
+from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.trace import read_trace
 
@@ -49,15 +49,17 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
     text = re.sub(r"^home = .*$", f"home = {list(LIT)}", text, flags=re.MULTILINE)
     (folder / "base.toml").write_text(text, encoding="utf-8")
     with Cell(
-        "127.0.2.30",
-        "sphere",
-        1,
-        "direct",
-        5.0,
-        folder=folder / "files",
-        pixels=PIXELS,
-        cell_file=folder / "base.toml",
-        record=folder / "ticks.record",
+        CellOptions(
+            "127.0.2.30",
+            "sphere",
+            1,
+            "direct",
+            5.0,
+            pixels=PIXELS,
+            cell_file=folder / "base.toml",
+            record=folder / "ticks.record",
+        ),
+        folder / "files",
     ) as cell:
         yield cell
 
@@ -129,19 +131,19 @@ def _wait_for_output(address: str, bits: int) -> None:
 def test_nonsense_is_refused_before_anything_starts(tmp_path: Path, changes: dict[str, Any], says: str) -> None:
     arguments = {"object_name": "sphere", "seed": 1, "profile": "ideal", "speed": 1.0, "pixels": 64, **changes}
     with pytest.raises(RigError, match=says) as caught:
-        Cell("127.0.2.31", **arguments, folder=tmp_path / "cell")
+        Cell(CellOptions("127.0.2.31", **arguments), tmp_path / "cell")
     assert caught.value.code == ErrorCode.REQUEST_INVALID
     assert not (tmp_path / "cell").exists()
 
 
 def test_a_cell_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(RigError, match=r"nowhere\.toml") as caught:
-        Cell("127.0.2.31", "sphere", 1, "ideal", 1.0, folder=tmp_path, cell_file=tmp_path / "nowhere.toml")
+        Cell(CellOptions("127.0.2.31", "sphere", 1, "ideal", 1.0, cell_file=tmp_path / "nowhere.toml"), tmp_path)
     assert caught.value.code == ErrorCode.CONFIG_INVALID
 
 
 def test_a_taken_address_is_an_error_and_leaves_nothing_behind(cell: Cell, tmp_path: Path) -> None:
-    with pytest.raises(RigError), Cell(cell.address, "sphere", 1, "ideal", 1.0, folder=tmp_path, pixels=PIXELS):
+    with pytest.raises(RigError), Cell(CellOptions(cell.address, "sphere", 1, "ideal", 1.0, pixels=PIXELS), tmp_path):
         pass
     assert cell.alive
     request(cell.address, exposure_s=0.01)
@@ -149,7 +151,7 @@ def test_a_taken_address_is_an_error_and_leaves_nothing_behind(cell: Cell, tmp_p
 
 def test_a_taken_camera_port_ends_the_controller_too(tmp_path: Path) -> None:
     with socket.create_server(("127.0.2.32", 30100)):
-        cell = Cell("127.0.2.32", "sphere", 1, "ideal", 1.0, folder=tmp_path, pixels=PIXELS)
+        cell = Cell(CellOptions("127.0.2.32", "sphere", 1, "ideal", 1.0, pixels=PIXELS), tmp_path)
         with pytest.raises(RigError, match="camera's port"), cell:
             pass
     assert not listening("127.0.2.32", 30004)
@@ -160,7 +162,7 @@ def test_both_processes_end_with_their_parent(tmp_path: Path, number: signal.Sig
     address = "127.0.2.33"
     program = (
         "from pathlib import Path; from hardware_sim import cell;"
-        f"cell.run({address!r}, 'part', 1, 'ideal', 1.0, folder=Path({str(tmp_path)!r}), pixels={PIXELS})"
+        f"cell.run(cell.CellOptions({address!r}, 'part', 1, 'ideal', 1.0, {PIXELS}), folder=Path({str(tmp_path)!r}))"
     )
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
     with subprocess.Popen(

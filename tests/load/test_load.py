@@ -26,7 +26,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.session import ENDED, State
 from api.client.client import Client, ProblemError
 from api.rest.keys import Role
-from hardware_sim.cell import Cell
+from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.trace import MAGIC
 from tests.end_to_end.processes import Service, serving
@@ -71,10 +71,10 @@ def bench(folder: Path, address: str, speed: float) -> Generator[Loaded]:
     with ExitStack() as stack:
         cell = stack.enter_context(
             Cell(
-                address, "sphere", 1, "ideal", speed,
-                folder=folder / "cell", pixels=96, cell_file=CELL_FILE, record=record,
+                CellOptions(address, "sphere", 1, "ideal", speed, pixels=96, cell_file=CELL_FILE, record=record),
+                folder / "cell",
             )
-        )  # fmt: skip
+        )
         service = stack.enter_context(serving(cell, folder / "data"))
         client = stack.enter_context(Client(service.url))
         client.wait_ready(90)

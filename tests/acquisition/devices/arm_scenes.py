@@ -13,6 +13,7 @@ from acquisition.devices.ur.arm import UrArm
 from acquisition.models import cell_config
 from acquisition.models.cell_config import ArmConfig, CellConfig
 from hardware_sim.controller.control import ControlClient
+from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.process import ControllerProcess
 
 CELL: CellConfig = cell_config.load(Path(__file__).parents[3] / "hardware_sim" / "cells" / "cell.sim.toml")
@@ -42,7 +43,10 @@ def arm_config(address: str) -> ArmConfig:
 @contextmanager
 def controller(address: str, record: Path | None = None) -> Iterator[ControlClient]:
     """A controller process; yields a client of its control port."""
-    with ControllerProcess(address, home=HOME, record=record) as process, process.control() as control:
+    with (
+        ControllerProcess(address, ControllerOptions(home=HOME, record=record)) as process,
+        process.control() as control,
+    ):
         yield control
 
 

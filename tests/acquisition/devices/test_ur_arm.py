@@ -17,6 +17,7 @@ from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
 from acquisition.models.errors import ErrorCode, Halted, RigError
 from hardware_sim.controller.control import ControlClient
+from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.process import ControllerProcess
 from tests.acquisition.devices.arm_scenes import (
     CELL,
@@ -237,7 +238,7 @@ def test_tool_that_somebody_changed_at_the_controller_is_found(arm: UrArm, line:
 
 def test_another_model_than_the_configured_one_is_found() -> None:
     with (
-        ControllerProcess(STRANGERS, home=HOME, model="ur10e"),
+        ControllerProcess(STRANGERS, ControllerOptions(home=HOME, model="ur10e")),
         connected(UrArm(arm_config(STRANGERS), CELL.lamp.output)) as arm,
     ):
         differences = arm.preflight()

@@ -17,6 +17,7 @@ from acquisition.waypoints.reach import refusals
 from acquisition.waypoints.roadmap import dome_lights
 from acquisition.waypoints.route import route
 from hardware_sim.controller.control import ControlClient
+from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.process import ControllerProcess
 from tests.acquisition.devices.arm_scenes import CELL, connected
 from tests.acquisition.waypoints.cells import CELLS
@@ -32,7 +33,8 @@ OBJECT_CENTER_M = np.array([0.0, 0.0, CELL.object.keep_out.height_m / 2])
 def control() -> Iterator[ControlClient]:
     with (
         ControllerProcess(
-            ADDRESS, home=CELL.arm.home, calibration_seed=SEED, calibration_error_m=ERROR_M, speed=10.0
+            ADDRESS,
+            ControllerOptions(home=CELL.arm.home, calibration_seed=SEED, calibration_error_m=ERROR_M, speed=10.0),
         ) as process,
         process.control() as client,
     ):

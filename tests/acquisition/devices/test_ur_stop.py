@@ -24,6 +24,7 @@ from acquisition.models.errors import ErrorCode, Halted, RigError
 from acquisition.runner.safety_monitor import SafetyMonitor
 from acquisition.session import same_joints
 from hardware_sim.controller.control import ControlClient
+from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.process import ControllerProcess
 from tests.acquisition.devices.arm_scenes import (
     CELL,
@@ -288,7 +289,7 @@ def test_lost_link(fault: dict[str, Any], shown: str) -> None:
 
 def test_controller_without_power() -> None:
     with (
-        ControllerProcess(LOST, home=HOME) as process,
+        ControllerProcess(LOST, ControllerOptions(home=HOME)) as process,
         process.control() as control,
         connected(UrArm(arm_config(LOST), CELL.lamp.output)) as arm,
     ):

@@ -13,7 +13,7 @@ from acquisition.runner.runner import Runner
 from acquisition.session import same_joints
 from acquisition.store import Store
 from api.rest import settings, wiring
-from hardware_sim.cell import Cell
+from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient
 
 ADDRESS = "127.0.13.20"
@@ -44,7 +44,7 @@ class Rig:
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[Rig, None, None]:
     folder = tmp_path_factory.mktemp("park")
-    with Cell(ADDRESS, "sphere", 1, "ideal", 4.0, folder=folder / "cell", pixels=64, cell_file=CELL_FILE) as cell:
+    with Cell(CellOptions(ADDRESS, "sphere", 1, "ideal", 4.0, pixels=64, cell_file=CELL_FILE), folder / "cell") as cell:
         service = wiring.build(settings.read(cell=cell.cell_file, data=folder / "data"))
         service.open()
         with ControlClient(cell.address) as control:

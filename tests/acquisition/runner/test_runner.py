@@ -16,7 +16,7 @@ from acquisition.session import ENDED, State, Trigger
 from acquisition.store import Store
 from acquisition.store.folder import sha256_of
 from api.rest import settings, wiring
-from hardware_sim.cell import Cell
+from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient
 
 CELL_FILE = Path(__file__).parents[3] / "tests" / "data" / "cell.test.toml"
@@ -33,7 +33,9 @@ class Rig:
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[Rig, None, None]:
     folder = tmp_path_factory.mktemp("runner")
-    with Cell("127.0.6.10", "sphere", 1, "ideal", 20.0, folder=folder / "cell", pixels=96, cell_file=CELL_FILE) as cell:
+    with Cell(
+        CellOptions("127.0.6.10", "sphere", 1, "ideal", 20.0, pixels=96, cell_file=CELL_FILE), folder / "cell"
+    ) as cell:
         service = wiring.build(settings.read(cell=cell.cell_file, data=folder / "data"))
         service.open()
         with ControlClient(cell.address) as control:

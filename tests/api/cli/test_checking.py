@@ -11,6 +11,7 @@ from api.cli import checking
 from api.rest import keys
 from api.rest.keys import Role
 from hardware_sim import nominal
+from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.process import ControllerProcess
 
 CELL_FILE = Path(__file__).parents[3] / "tests" / "data" / "cell.test.toml"
@@ -66,7 +67,7 @@ def test_an_arm_that_is_another_one_is_named_with_what_differs(
     text = cell_file.read_text()
     cell_file.write_text(re.sub(r'^model = "ur5e"', 'model = "ur5e"\nserial = "12345"', text, flags=re.MULTILINE))
     (tmp_path / "calibration.json").unlink()
-    with ControllerProcess(ARM, model="ur10e", home=cell_config.load(cell_file).arm.home):
+    with ControllerProcess(ARM, ControllerOptions(model="ur10e", home=cell_config.load(cell_file).arm.home)):
         assert not checking.check(cell_file, offline=False)
 
     said = capsys.readouterr().out

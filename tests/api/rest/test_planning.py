@@ -17,7 +17,7 @@ from acquisition.session import State
 from api.client.client import Client
 from api.rest import settings
 from api.rest.schemas import SessionResource
-from hardware_sim.cell import Cell
+from hardware_sim.cell import Cell, CellOptions
 from tests.api.rest.test_region import png, square
 
 CELL = "127.0.48.10"
@@ -35,7 +35,7 @@ USER_LIGHTS = [(0.0, 0.15, -0.45), (0.2, -0.1, -0.5), (-0.2, -0.1, -0.5)]
 @pytest.fixture(scope="module")
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Generator[Cell]:
     folder = tmp_path_factory.mktemp("cell")
-    with Cell(CELL, "bumps", 1, "direct", 20, folder=folder, pixels=PIXELS) as made:
+    with Cell(CellOptions(CELL, "bumps", 1, "direct", 20, pixels=PIXELS), folder) as made:
         yield made
 
 

@@ -20,7 +20,7 @@ from acquisition.session import Stage, State
 from acquisition.store import Store
 from api.client.client import ProblemError
 from api.rest import settings
-from hardware_sim.cell import Cell
+from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient
 
 CELL = "127.0.4.10"
@@ -33,7 +33,7 @@ def live(tmp_path_factory: pytest.TempPathFactory, serving: Any) -> Generator[An
     """A service at a simulated cell."""
     folder = tmp_path_factory.mktemp("whole")
     with (
-        Cell(CELL, "sphere", 1, "ideal", 20, folder=folder / "cell", pixels=128, cell_file=CELL_FILE) as cell,
+        Cell(CellOptions(CELL, "sphere", 1, "ideal", 20, pixels=128, cell_file=CELL_FILE), folder / "cell") as cell,
         serving(settings.read(cell=cell.cell_file, data=folder / "data", host="127.0.4.2", port=0)) as service,
     ):
         service.client.wait_ready()

@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from acquisition.models.errors import RigError
+from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.process import ControllerProcess
 
 HOME = [0.0, -1.9, 1.9, -1.57, -1.57, 0.0]
@@ -26,7 +27,9 @@ def start(**options: Any) -> ControllerProcess:
     """A controller at an address of 127.0.1.1–250 that is free: another run of the tests may hold some."""
     for _ in range(20):
         try:
-            return ControllerProcess(f"127.0.1.{1 + next(_numbers) % 250}", **({"home": HOME} | options))
+            return ControllerProcess(
+                f"127.0.1.{1 + next(_numbers) % 250}", ControllerOptions(**({"home": HOME} | options))
+            )
         except RigError:
             continue
     raise RuntimeError("no free address")

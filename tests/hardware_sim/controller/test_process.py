@@ -11,6 +11,7 @@ import pytest
 from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.faults import FAULTS
+from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.process import ControllerProcess
 from hardware_sim.controller.trace import read_trace
 from tests.hardware_sim.controller.cells import HOME, start, wait_until
@@ -123,7 +124,7 @@ def test_record_holds_the_whole_motion(tmp_path: Path) -> None:
 
 def test_address_that_is_taken_is_reported(controller: ControllerProcess) -> None:
     with pytest.raises(RigError) as caught:
-        ControllerProcess(controller.address, home=HOME)
+        ControllerProcess(controller.address, ControllerOptions(home=HOME))
     assert caught.value.code is ErrorCode.DEVICE_DISCONNECTED
 
 

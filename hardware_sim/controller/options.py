@@ -1,0 +1,29 @@
+"""What a controller is started with: one value for `serve`, for the process that runs it and for its command line."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hardware_sim.controller.calibration import TYPICAL_ERROR_M
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControllerOptions:
+    """The arm, its surroundings and its files.
+
+    `home`: initial joints (6,) in rad. `model`: the arm's. `calibration_seed`: an arm that differs from its nominal
+    kinematics by `calibration_error_m` (rms of the flange's position, see `calibration`); None is the nominal arm.
+    `speed`: factor of motion time against wall time. `low_when_stopped`: digital outputs held low while no program
+    plays. `surroundings`: a file of what the arm can touch (`surroundings`). `programs`: a folder of programs that the
+    dashboard can load (`program_store`). `record`: a file for every tick (`trace`).
+    """
+
+    home: Sequence[float]
+    model: str = "ur5e"
+    calibration_seed: int | None = None
+    calibration_error_m: float = TYPICAL_ERROR_M
+    speed: float = 1.0
+    low_when_stopped: Iterable[int] = (0,)
+    surroundings: Path | None = None
+    programs: Path | None = None
+    record: Path | None = None
