@@ -21,12 +21,12 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import SimCameraConfig
 from acquisition.models.errors import RigError
 from hardware_sim import shutter
-from hardware_sim.shutter import Moment, StateSource
+from hardware_sim.shutter import ExposureInterval, StateSource
 
 LONGEST_REQUEST = 4096
 MOST_ATTEMPTS = 1000
 
-TakeFrame = Callable[[list[Moment], float, int], npt.NDArray[np.uint16]]
+TakeFrame = Callable[[list[ExposureInterval], float, int], npt.NDArray[np.uint16]]
 """Moments, exposure in s and attempt → frame (H, W)."""
 
 

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from acquisition import geometry
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
-from hardware_sim.world import Moment, World
+from hardware_sim.world import ExposureInterval, World
 
 Disturbances = dict[str, Any]
 """As `controller.disturbances.Disturbances.as_json` gives them."""
@@ -33,7 +33,7 @@ class DisturbedWorld:
         self._dropped = self._saturated = self._exposures = 0
 
     def frame(
-        self, moments: Sequence[Moment], exposure_s: float, attempt: int, disturbances: Disturbances
+        self, intervals: Sequence[ExposureInterval], exposure_s: float, attempt: int, disturbances: Disturbances
     ) -> npt.NDArray[np.uint16]:
         """The camera's frame (H, W). Raises RigError camera.timeout for one that is dropped."""
         self._exposures += 1
@@ -48,11 +48,11 @@ class DisturbedWorld:
             self._saturated += 1
             full = 2**self.world.calibration.sensor.bits - 1
             return np.full((self.world.lens.height, self.world.lens.width), full, dtype=np.uint16)
-        share = disturbances["lamp_fraction"] * (1.0 - disturbances["lamp_flicker"] * self._chance())
-        lit = [replace(moment, lamp_level=moment.lamp_level * share) for moment in moments]
+        share = disturbances["lamp_fraction"] * (1.0 - disturbances["lamp_flicker"] * self._uniform())
+        lit = [replace(moment, lamp_level=moment.lamp_level * share) for moment in intervals]
         return self.world.frame(lit, exposure_s, attempt)
 
-    def _chance(self) -> float:
+    def _uniform(self) -> float:
         """A number from 0 to 1 for this exposure: the same in every run that takes the same frames."""
         digest = hashlib.sha256(f"flicker {self._seed} {self._exposures}".encode()).digest()
         return int.from_bytes(digest[:4], "big") / 2**32

@@ -18,7 +18,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim.truth import Truth
 
-GREATEST_SLANT_DEG = 78.0
+MAX_SLANT_DEG = 78.0
 
 Grading = Literal["one_surface", "within_78_deg", "object"]
 """Which pixels errors are taken over: `within_78_deg` as above; of these `one_surface` those whose footprint shows one
@@ -66,7 +66,7 @@ def graded_pixels(truth: Truth, calibration: Calibration, grading: Grading = "wi
         return truth.mask
     inner = cv2.erode(truth.mask.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
     cosine = np.einsum("hwi,hwi->hw", truth.normals, viewing_rays(calibration))
-    facing = inner & (cosine > np.cos(np.radians(GREATEST_SLANT_DEG)))
+    facing = inner & (cosine > np.cos(np.radians(MAX_SLANT_DEG)))
     if grading == "within_78_deg":
         return facing
     if truth.one_surface is None:
@@ -76,11 +76,11 @@ def graded_pixels(truth: Truth, calibration: Calibration, grading: Grading = "wi
 
 def error_deg(normals: Float32Array, truth: Truth) -> FloatArray:
     """The angle (H, W) between found and true normals, degrees; no meaning outside both masks."""
-    found = normals.astype(float)
+    estimated = normals.astype(float)
     true = truth.normals.astype(float)
     # The arctangent is exact for small angles, where the arccosine is not.
-    across = np.linalg.norm(np.cross(found, true), axis=-1)
-    return np.degrees(np.arctan2(across, np.einsum("hwi,hwi->hw", found, true)))
+    across = np.linalg.norm(np.cross(estimated, true), axis=-1)
+    return np.degrees(np.arctan2(across, np.einsum("hwi,hwi->hw", estimated, true)))
 
 
 def grade(

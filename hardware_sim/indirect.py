@@ -10,7 +10,7 @@ import numpy as np
 from acquisition.models.base import Float32Array, FloatArray
 from hardware_sim import radiosity
 from hardware_sim.objects import SceneObject
-from hardware_sim.render import TABLE_ALBEDO, Lamp, View, lit
+from hardware_sim.render import TABLE_ALBEDO, Lamp, View, lit_mask
 from hardware_sim.tracing import Tracer
 
 OBJECT_PATCHES = 2600
@@ -46,25 +46,25 @@ class IndirectLight:
         self._table_grid, points = _table_grid(view)
         self._to_grid = radiosity.interpolation(table, points, np.tile([0.0, 0.0, 1.0], (len(points), 1)))
 
-    def bounced(self, lamp: Lamp) -> Float32Array:
+    def interreflections(self, lamp: Lamp) -> Float32Array:
         """The picture (H, W) of the lamp's light after one and more bounces, without its direct light."""
         points, normals = self._patches.points, self._patches.point_normals
-        free = lit(points.astype(np.float32), normals.astype(np.float32), lamp.position, self._tracer, self._scene)
+        free = lit_mask(points.astype(np.float32), normals.astype(np.float32), lamp.position, self._tracer, self._scene)
         direct = self._patches.mean(lamp.irradiance(points, normals) * free)
-        indirect = radiosity.bounced(self._factors, self._albedo, direct)
-        return self._picture(
+        indirect = radiosity.indirect_irradiance(self._factors, self._albedo, direct)
+        return self._image(
             self._to_pixels @ indirect[: self._count].astype(np.float32), self._to_grid @ indirect[self._count :]
         )
 
     def ambient(self) -> Float32Array:
         """The picture (H, W) under the room's light alone, all bounces; a white surface under open sky sends 1."""
         direct = np.clip(1 - np.asarray(self._factors.sum(axis=1), float), 0, None)
-        everything = direct + radiosity.bounced(self._factors, self._albedo, direct)
-        return self._picture(
+        everything = direct + radiosity.indirect_irradiance(self._factors, self._albedo, direct)
+        return self._image(
             self._to_pixels @ everything[: self._count].astype(np.float32), self._to_grid @ everything[self._count :]
         )
 
-    def _picture(self, surface: FloatArray | Float32Array, table: FloatArray) -> Float32Array:
+    def _image(self, surface: FloatArray | Float32Array, table: FloatArray) -> Float32Array:
         """The picture (H, W) from the light that falls on the surface's pixels and on the table's grid."""
         lens = self._view.lens
         grid = table.astype(np.float32).reshape(self._table_grid)

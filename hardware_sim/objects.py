@@ -95,7 +95,7 @@ def build(name: str, seed: int) -> SceneObject:
     gloss = random.uniform(0.1, 0.2)
     return SceneObject(
         name=name,
-        mesh=mesh.moved(turn, np.zeros(3)),
+        mesh=mesh.transformed(turn, np.zeros(3)),
         texture=_texture(finish or "soft", random),
         gloss=gloss if finish == "glossy" else 0.0,
         gloss_exponent=30.0,

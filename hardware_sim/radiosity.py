@@ -184,7 +184,7 @@ def _hemisphere(normals: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray
     return across + np.sqrt(1 - u)[:, None] * normals
 
 
-def bounced(factors: csr_array, albedo: FloatArray, direct: FloatArray) -> FloatArray:
+def indirect_irradiance(factors: csr_array, albedo: FloatArray, direct: FloatArray) -> FloatArray:
     """Indirect light (P,) falling on each patch, all bounces, from the direct light (P,) that falls on it."""
     direct32, albedo32 = direct.astype(np.float32), albedo.astype(np.float32)
     indirect = np.zeros_like(direct32)
@@ -202,16 +202,16 @@ def interpolation(patches: Patches, points: FloatArray, normals: FloatArray) -> 
     Patches off a point's tangent plane count as farther, so that the foot of a step takes nothing from its top.
     Weights fall to zero at the farthest of the neighbours used, so that they change smoothly from point to point.
     """
-    asked = min(2 * NEIGHBOURS, len(patches.centres))
+    queried = min(2 * NEIGHBOURS, len(patches.centres))
     tree = cKDTree(np.concatenate([patches.centres, TURN_M * patches.normals], axis=1))
-    found = tree.query(np.concatenate([points, TURN_M * normals], axis=1), k=asked)
-    distance, patch = np.asarray(found[0]), np.asarray(found[1])
+    neighbours = tree.query(np.concatenate([points, TURN_M * normals], axis=1), k=queried)
+    distance, patch = np.asarray(neighbours[0]), np.asarray(neighbours[1])
     height = np.einsum("ni,nki->nk", normals, patches.centres[patch]) - np.einsum("ni,ni->n", normals, points)[:, None]
     square = distance**2 + OFF_PLANE * height**2
     reach = np.partition(square, NEIGHBOURS, axis=1)[:, NEIGHBOURS, None]
     weight = np.clip(1 - square / reach, 0, None) ** 2
     weight /= weight.sum(axis=1, keepdims=True)
-    rows = np.repeat(np.arange(len(points)), asked)
+    rows = np.repeat(np.arange(len(points)), queried)
     matrix = csr_array(
         (weight.ravel().astype(np.float32), (rows, patch.ravel())), shape=(len(points), len(patches.centres))
     )

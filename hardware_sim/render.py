@@ -99,7 +99,7 @@ def object_samples(scene: SceneObject, tracer: Tracer, eye: FloatArray, directio
     return Samples(rays.astype(np.int32), points, normals, scene.texture.albedo(points))
 
 
-def look(scene: SceneObject, tracer: Tracer, lens: Lens, subdivision: int) -> View:
+def trace_view(scene: SceneObject, tracer: Tracer, lens: Lens, subdivision: int) -> View:
     """Traces the camera's rays, subdivision × subdivision for each pixel."""
     count = lens.width * lens.height
     rows, columns = np.divmod(np.arange(count, dtype=np.float64), lens.width)
@@ -138,7 +138,7 @@ def _joined(parts: list[Samples]) -> Samples:
     )
 
 
-def lit(
+def lit_mask(
     points: Float32Array, normals: Float32Array, position: FloatArray, tracer: Tracer, scene: SceneObject
 ) -> BoolArray:
     """Whether the object leaves the way free from the lamp at `position` (3,) to points (N, 3) that face it."""
@@ -151,15 +151,16 @@ def lit(
     return facing
 
 
-def reached(view: View, scene: SceneObject, tracer: Tracer, lamp: Lamp) -> tuple[BoolArray, BoolArray]:
+def lit_samples(view: View, scene: SceneObject, tracer: Tracer, lamp: Lamp) -> tuple[BoolArray, BoolArray]:
     """Which samples of the surface and of the table a lamp shines on."""
     surface, table = (
-        lit(samples.points, samples.normals, lamp.position, tracer, scene) for samples in (view.surface, view.table)
+        lit_mask(samples.points, samples.normals, lamp.position, tracer, scene)
+        for samples in (view.surface, view.table)
     )
     return surface, table
 
 
-def direct(
+def direct_image(
     view: View, scene: SceneObject, tracer: Tracer, lamp: Lamp, free: tuple[BoolArray, BoolArray] | None = None
 ) -> Float32Array:
     """The picture (H, W) under the lamp alone, without light bounced between surfaces.
@@ -167,7 +168,7 @@ def direct(
     `free` is what `reached` says, where that is known already.
     """
     image = np.zeros(view.lens.width * view.lens.height, dtype=np.float32)
-    on_surface, on_table = reached(view, scene, tracer, lamp) if free is None else free
+    on_surface, on_table = lit_samples(view, scene, tracer, lamp) if free is None else free
     for samples, where, gloss in ((view.surface, on_surface, scene.gloss), (view.table, on_table, 0.0)):
         _shade(
             samples.points,

@@ -32,11 +32,11 @@ def vase(random: np.random.Generator) -> Mesh:
     height = np.linspace(along[0], along[-1], 400)
     radius = profile(height)
     slope = profile(height, 1)
-    body = sheets.turned(radius, height, np.stack([np.ones_like(slope), -slope], axis=1), 360)
+    body = sheets.revolved(radius, height, np.stack([np.ones_like(slope), -slope], axis=1), 360)
     foot = sheets.cone((0.0, height[0]), (float(radius[0]), height[0]), (0.0, -1.0), 360)
     mouth = sheets.cone((0.0, height[-1]), (float(radius[-1]), height[-1]), (0.0, 1.0), 360)
     lying = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])  # the axis z becomes x
-    return sheets.joined([body, foot, mouth]).moved(lying, np.array([0.0, 0.0, radius.max()]))
+    return sheets.joined([body, foot, mouth]).transformed(lying, np.array([0.0, 0.0, radius.max()]))
 
 
 def relief(random: np.random.Generator) -> Mesh:
@@ -58,7 +58,7 @@ def relief(random: np.random.Generator) -> Mesh:
 
     bend = np.linspace(0, np.pi / 2, 12)
     rim = float(z[-1].mean())  # the stamp is flat at the rim
-    edge = sheets.turned(
+    edge = sheets.revolved(
         radius - fillet + fillet * np.sin(bend),
         base + rim - fillet + fillet * np.cos(bend),
         np.stack([np.sin(bend), np.cos(bend)], axis=1),
@@ -137,7 +137,7 @@ def part(random: np.random.Generator) -> Mesh:
             sheets.cone((bore, 0.025), (0.0, 0.025), (0.0, 1.0), 192),
         ]
     )
-    solids.append(boss.moved(np.eye(3), np.array([0.0415, 0.0245, 0.0])))
+    solids.append(boss.transformed(np.eye(3), np.array([0.0415, 0.0245, 0.0])))
     return sheets.joined(solids)
 
 
@@ -157,7 +157,7 @@ def _plate_with_hole(
     up = np.broadcast_to([0.0, 0.0, 1.0], (2, len(angle), 3))
     face = sheets.sheet(np.concatenate([rings, np.full((2, len(angle), 1), top)], axis=-1), up)
     wall = sheets.cone((hole, top), (hole, floor), (-1.0, 0.0), 192)
-    return sheets.joined([face, wall.moved(np.eye(3), np.array([*centre, 0.0]))])
+    return sheets.joined([face, wall.transformed(np.eye(3), np.array([*centre, 0.0]))])
 
 
 def bumps(random: np.random.Generator) -> Mesh:
@@ -218,4 +218,4 @@ def figure(random: np.random.Generator) -> Mesh:
         return -blend * np.log(total)
 
     mesh = implicit.mesh(field, np.array([-0.080, -0.065, -0.010]), np.array([0.085, 0.065, 0.095]), 0.0009)
-    return mesh.moved(np.eye(3), np.array([0.0, 0.0, -mesh.triangles[..., 2].min()]))
+    return mesh.transformed(np.eye(3), np.array([0.0, 0.0, -mesh.triangles[..., 2].min()]))

@@ -20,7 +20,7 @@ class Mesh:
     triangles: FloatArray
     corner_normals: FloatArray
 
-    def moved(self, rotation: FloatArray, shift_m: FloatArray) -> "Mesh":
+    def transformed(self, rotation: FloatArray, shift_m: FloatArray) -> "Mesh":
         """The mesh rotated by (3, 3), then shifted by (3,) m."""
         return Mesh(self.triangles @ rotation.T + shift_m, self.corner_normals @ rotation.T)
 
@@ -98,7 +98,7 @@ def box(low: Sequence[float], high: Sequence[float]) -> Mesh:
     )
 
 
-def turned(radius: FloatArray, height: FloatArray, normal: FloatArray, segments: int) -> Mesh:
+def revolved(radius: FloatArray, height: FloatArray, normal: FloatArray, segments: int) -> Mesh:
     """A surface of revolution about z.
 
     `radius` and `height` (R,) in m along the profile, `normal` (R, 2) its radial and axial normal.
@@ -117,7 +117,7 @@ def turned(radius: FloatArray, height: FloatArray, normal: FloatArray, segments:
 def cone(start: tuple[float, float], end: tuple[float, float], outward: tuple[float, float], segments: int) -> Mesh:
     """A cone's, cylinder's or disc's surface of revolution between two (radius, height) in m with one normal."""
     profile = np.array([start, end])
-    return turned(profile[:, 0], profile[:, 1], np.array([outward, outward], dtype=float), segments)
+    return revolved(profile[:, 0], profile[:, 1], np.array([outward, outward], dtype=float), segments)
 
 
 def cube_directions(edge: int) -> list[FloatArray]:

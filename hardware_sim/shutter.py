@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Protocol
 
-from hardware_sim.world import Moment
+from hardware_sim.world import ExposureInterval
 
 LAMP_TIME_CONSTANT_S = 0.003
 """Full light within about 10 ms."""
-SETTLED = 2e-3
+FULL_LEVEL_TOLERANCE = 2e-3
 STILL_RAD = 1e-4
-MOMENTS = 8
+MAX_INTERVALS = 8
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class StateSource(Protocol):
         ...
 
 
-def expose(source: StateSource, exposure_s: float) -> list[Moment]:
+def expose(source: StateSource, exposure_s: float) -> list[ExposureInterval]:
     """Keeps the shutter open for `exposure_s` of the cell's time and says what happened; shares add up to 1.
 
     What happened is timed by the controller's clock alone: on a busy machine that clock lags behind this process's, and
@@ -50,17 +50,17 @@ def expose(source: StateSource, exposure_s: float) -> list[Moment]:
     begun = time.monotonic()
     states = [source.state()]
     duration = exposure_s / states[0].speed_factor
-    pause = max(0.002, duration / (2 * MOMENTS))
+    pause = max(0.002, duration / (2 * MAX_INTERVALS))
     while time.monotonic() - begun < duration or states[-1].clock_s <= states[0].clock_s:
         time.sleep(min(pause, max(0.001, begun + duration - time.monotonic())))
         states.append(source.state())
-    return moments(states)
+    return exposure_intervals(states)
 
 
-def moments(states: Sequence[CellState]) -> list[Moment]:
+def exposure_intervals(states: Sequence[CellState]) -> list[ExposureInterval]:
     """The moments between states, whose clock has moved on; intervals in which the arm rests are one moment."""
     whole_s = states[-1].clock_s - states[0].clock_s
-    parts: list[Moment] = []
+    parts: list[ExposureInterval] = []
     for before, after in pairwise(states):
         passed_s = after.clock_s - before.clock_s
         if passed_s <= 0:
@@ -68,29 +68,29 @@ def moments(states: Sequence[CellState]) -> list[Moment]:
         level = _mean_level(after, passed_s * after.speed_factor)
         still = max(abs(a - b) for a, b in zip(before.joints, after.joints, strict=True)) < STILL_RAD
         middle = tuple((a + b) / 2 for a, b in zip(before.joints, after.joints, strict=True))
-        parts.append(Moment(passed_s / whole_s, before.joints if still else middle, level))
-    merged: list[Moment] = []
-    most = math.ceil(len(parts) / MOMENTS)
+        parts.append(ExposureInterval(passed_s / whole_s, before.joints if still else middle, level))
+    merged: list[ExposureInterval] = []
+    most = math.ceil(len(parts) / MAX_INTERVALS)
     members = 0
     for part in parts:
         last = merged[-1] if merged else None
-        if last is not None and (_apart(last, part) < STILL_RAD or members < most):
+        if last is not None and (_greatest_joint_difference(last, part) < STILL_RAD or members < most):
             share = last.share + part.share
             level = (last.share * last.lamp_level + part.share * part.lamp_level) / share
-            merged[-1] = Moment(share, last.joints, level)
+            merged[-1] = ExposureInterval(share, last.joints, level)
             members += 1
         else:
             merged.append(part)
             members = 1
-    return [Moment(part.share, part.joints, _settled(part.lamp_level)) for part in merged]
+    return [ExposureInterval(part.share, part.joints, _snapped(part.lamp_level)) for part in merged]
 
 
-def _apart(first: Moment, second: Moment) -> float:
+def _greatest_joint_difference(first: ExposureInterval, second: ExposureInterval) -> float:
     return max(abs(a - b) for a, b in zip(first.joints, second.joints, strict=True))
 
 
-def _settled(level: float) -> float:
-    return float(round(level)) if abs(level - round(level)) < SETTLED else level
+def _snapped(level: float) -> float:
+    return float(round(level)) if abs(level - round(level)) < FULL_LEVEL_TOLERANCE else level
 
 
 def _mean_level(state: CellState, duration_s: float) -> float:

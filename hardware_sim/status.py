@@ -18,19 +18,19 @@ class StatusLines:
 
     def __init__(self) -> None:
         self._last: dict[str, Any] | None = None
-        self._said_at = 0.0
+        self._printed_at = 0.0
 
     def line(self, state: dict[str, Any], now: float) -> str | None:
         """The line to print for a state at `now` (s, any clock), or None where there is nothing to say."""
         status = summary(state)
         changed = status != self._last
-        if not changed and now - self._said_at < INTERVAL_S:
+        if not changed and now - self._printed_at < INTERVAL_S:
             return None
-        self._last, self._said_at = status, now
-        told = {"at": round(state["timestamp"], 3), **status}
+        self._last, self._printed_at = status, now
+        fields = {"at": round(state["timestamp"], 3), **status}
         if not changed:
-            told["joints"] = [round(q, 6) for q in state["joints"]]
-        return json.dumps(told)
+            fields["joints"] = [round(q, 6) for q in state["joints"]]
+        return json.dumps(fields)
 
 
 def summary(state: dict[str, Any]) -> dict[str, Any]:

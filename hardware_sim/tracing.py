@@ -34,9 +34,9 @@ class Tracer:
 
     def first_hits(self, origins: Float32Array, directions: Float32Array) -> Hits:
         """The first hit of each ray; origins and directions (N, 3)."""
-        found = self._scene.run(_rays(origins), _rays(directions), query="INTERSECT", output=1)
-        u, v = found["u"], found["v"]
-        return Hits(found["primID"], found["tfar"], np.stack([1 - u - v, u, v], axis=1))
+        hits = self._scene.run(_rays(origins), _rays(directions), query="INTERSECT", output=1)
+        u, v = hits["u"], hits["v"]
+        return Hits(hits["primID"], hits["tfar"], np.stack([1 - u - v, u, v], axis=1))
 
     def occluded(self, origins: Float32Array, directions: Float32Array) -> BoolArray:
         """Whether each ray (N, 3) hits anything."""

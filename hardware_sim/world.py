@@ -48,7 +48,7 @@ class Profile:
     camera_shift_m: float = 0.0
     camera_turn_rad: float = 0.0
     ambient_per_s: float = 0.0
-    bounces: bool = False
+    interreflections: bool = False
 
 
 PROFILES: dict[str, Profile] = {
@@ -61,7 +61,7 @@ PROFILES: dict[str, Profile] = {
         camera_shift_m=1e-4,
         camera_turn_rad=float(np.radians(0.02)),
         ambient_per_s=0.4,
-        bounces=True,
+        interreflections=True,
     ),
 }
 
@@ -70,12 +70,12 @@ FLICKER_DEPTH = 0.3
 DRIFT = 0.02
 """The room's lamps flicker with the mains, and its brightness drifts from image to image (1 σ, fraction)."""
 
-PICTURES_KEPT = 1
+CACHED_IMAGES = 1
 """A frame that is taken again while nothing has moved needs no new picture, only another exposure."""
 
 
 @dataclass(frozen=True)
-class Moment:
+class ExposureInterval:
     """A part of an exposure: its `share` of the exposure time, the arm's joints, the lamp's mean level 0–1."""
 
     share: float
@@ -84,7 +84,7 @@ class Moment:
 
 
 class World:
-    """One object in one cell, seen by one camera. Raises RigError config.invalid when the object does not fit."""
+    """One object in one cell, samples by one camera. Raises RigError config.invalid when the object does not fit."""
 
     def __init__(
         self,
@@ -121,9 +121,9 @@ class World:
         )
         # Small pictures have large pixels, which need more samples for the same shadow edges.
         subdivision = 2 if calibration.width >= 400 else 4
-        self._view = render.look(self.scene, self._tracer, self.lens, subdivision)
-        self._indirect = IndirectLight(self.scene, self._tracer, self._view) if self._profile.bounces else None
-        self._full_light = lru_cache(PICTURES_KEPT)(self._picture_at)
+        self._view = render.trace_view(self.scene, self._tracer, self.lens, subdivision)
+        self._indirect = IndirectLight(self.scene, self._tracer, self._view) if self._profile.interreflections else None
+        self._cached_lamp_image = lru_cache(CACHED_IMAGES)(self._lamp_image_at)
         self._ambient: Float32Array | None = None
         if self._indirect is not None and self._profile.ambient_per_s > 0:
             self._ambient = self._indirect.ambient()
@@ -144,31 +144,31 @@ class World:
         flange[:3] = np.reshape(kinematics.forward(self._arm, joints), (3, 4))
         return flange @ self._flange_from_lamp
 
-    def picture(self, lamp: Lamp) -> Float32Array:
+    def lamp_image(self, lamp: Lamp) -> Float32Array:
         """The light (H, W) that reaches the camera's pixels from a lamp, object frame, without ambient light."""
-        image = render.direct(self._view, self.scene, self._tracer, lamp)
-        return image if self._indirect is None else image + self._indirect.bounced(lamp)
+        image = render.direct_image(self._view, self.scene, self._tracer, lamp)
+        return image if self._indirect is None else image + self._indirect.interreflections(lamp)
 
-    def frame(self, moments: Sequence[Moment], exposure_s: float, attempt: int) -> npt.NDArray[np.uint16]:
+    def frame(self, intervals: Sequence[ExposureInterval], exposure_s: float, attempt: int) -> npt.NDArray[np.uint16]:
         """The camera's frame (H, W) uint16 of an exposure made of moments, whose shares add up to 1."""
         profile = self._profile
-        is_on = any(moment.lamp_level > 0 for moment in moments)
-        joints = [round(joint / 1e-4) for joint in moments[0].joints]
+        is_on = any(moment.lamp_level > 0 for moment in intervals)
+        joints = [round(joint / 1e-4) for joint in intervals[0].joints]
         random = _generator(self._seed, joints, repr(exposure_s), is_on, attempt)
         intensity = self.calibration.lamp_intensity * (1 + profile.intensity_sigma * random.normal())
         shift = profile.lamp_position_sigma_m * random.normal(size=3)
         ambient = profile.ambient_per_s * exposure_s * _flicker(exposure_s, random)
 
         signal = np.zeros((self.lens.height, self.lens.width), dtype=np.float32)
-        for moment in moments:
+        for moment in intervals:
             power = intensity * exposure_s * moment.share * moment.lamp_level
             if power > 0:
-                signal += np.float32(power) * self._full_light(tuple(moment.joints), tuple(shift))
+                signal += np.float32(power) * self._cached_lamp_image(tuple(moment.joints), tuple(shift))
         if self._ambient is not None:
             signal += np.float32(ambient) * self._ambient
         return sensor.expose(signal, self.calibration.sensor, random if profile.noise else None)
 
-    def _picture_at(self, joints: tuple[float, ...], shift: tuple[float, ...]) -> Float32Array:
+    def _lamp_image_at(self, joints: tuple[float, ...], shift: tuple[float, ...]) -> Float32Array:
         """The light (H, W) of the lamp at power 1, `shift` (3,) m beside where joints (6,) in rad bring it."""
         base_from_lamp = self.base_from_lamp(joints)
         lamp = Lamp(
@@ -178,33 +178,33 @@ class World:
             self.calibration.reference_m,
             self.calibration.lobe_exponent,
         )
-        return self.picture(lamp)
+        return self.lamp_image(lamp)
 
     def truth(self) -> Truth:
         """What is true at the pixel centres, in the frame of the camera as the calibration has it."""
-        seen = self._centres()
+        samples = self._centre_samples()
         view_from_object = geometry.inverse(
             self._object_from_base @ geometry.base_from_view(np.array(self.calibration.base_from_camera))
         )
         size = (self.lens.height, self.lens.width)
         normals = np.zeros((*size, 3), dtype=np.float32)
         depth, albedo, mask = np.zeros(size, np.float32), np.zeros(size, np.float32), np.zeros(size, bool)
-        normals.reshape(-1, 3)[seen.pixels] = geometry.rotate(view_from_object, seen.normals)
-        depth.ravel()[seen.pixels] = -geometry.transform(view_from_object, seen.points)[:, 2]
-        albedo.ravel()[seen.pixels] = seen.albedo
-        mask.ravel()[seen.pixels] = True
-        one_surface = footprint.one_surface(seen, self.scene, self._tracer, self.lens)
+        normals.reshape(-1, 3)[samples.pixels] = geometry.rotate(view_from_object, samples.normals)
+        depth.ravel()[samples.pixels] = -geometry.transform(view_from_object, samples.points)[:, 2]
+        albedo.ravel()[samples.pixels] = samples.albedo
+        mask.ravel()[samples.pixels] = True
+        one_surface = footprint.one_surface(samples, self.scene, self._tracer, self.lens)
         return Truth(normals, depth, albedo, mask, one_surface)
 
     def visibility(self, joints: Sequence[float]) -> BoolArray:
         """Where (H, W) the lamp at joints (6,) lights the object's pixel centres directly, without any shadow."""
-        seen = self._centres()
+        samples = self._centre_samples()
         position = geometry.transform(self._object_from_base, self.base_from_lamp(joints)[:3, 3])
         result = np.zeros(self.lens.height * self.lens.width, dtype=bool)
-        result[seen.pixels] = render.lit(seen.points, seen.normals, position, self._tracer, self.scene)
+        result[samples.pixels] = render.lit_mask(samples.points, samples.normals, position, self._tracer, self.scene)
         return result.reshape(self.lens.height, self.lens.width)
 
-    def _centres(self) -> render.Samples:
+    def _centre_samples(self) -> render.Samples:
         rows, columns = np.divmod(np.arange(self.lens.height * self.lens.width, dtype=float), self.lens.width)
         return render.object_samples(self.scene, self._tracer, self.lens.eye, self.lens.directions(columns, rows))
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from hardware_sim.controller import kinematics, limits, poses
 from hardware_sim.controller.blend import Blend
 from hardware_sim.controller.curves import Arc, Curve, Line
-from hardware_sim.controller.guiding import Guiding
+from hardware_sim.controller.freedrive import Freedrive
 from hardware_sim.controller.kinematics import ArmModel
 from hardware_sim.controller.motion import STANDSTILL, Follower, Joints, Motion, MotionError, Twist
-from hardware_sim.controller.moves import JointMove, ProgrammedMove, ToolMove, curve_profile, planned_joint_move
+from hardware_sim.controller.moves import JointMove, ProgrammedMove, ToolMove, curve_profile, plan_joint_move
 from hardware_sim.controller.poses import Frame
 from hardware_sim.controller.process_path import ProcessPath
 from hardware_sim.controller.steering import JointBrake, LinearBrake
@@ -40,7 +40,7 @@ class Arm:
         self.motion: Motion | None = None
         self.blend: Blend | None = None  # what is left of the move before the present one
         self.corner: Corner | None = None
-        self.guiding: Guiding | None = None  # while a person's hand may move the arm
+        self.freedrive: Freedrive | None = None  # while a person's hand may move the arm
         self.moves_started = 0
         self.tcp: list[float] = [0.0] * 6
         self.flange_from_tool: Frame = poses.IDENTITY
@@ -102,7 +102,7 @@ class Arm:
     def joint_move(self, target: Sequence[float], speed: float, acceleration: float, seconds: float) -> JointMove:
         """A joint move from where the next move begins. Raises MotionError."""
         start = self.next_start
-        return planned_joint_move(self.model, start, target, self.flange_from_tool, speed, acceleration, seconds)
+        return plan_joint_move(self.model, start, target, self.flange_from_tool, speed, acceleration, seconds)
 
     def line_to(self, target: Frame) -> Line:
         """The tool's straight line from where the next move begins."""

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 
 from hardware_sim.controller import poses
 from hardware_sim.controller.motion import Follower, Joints, MotionError, State, Twist
-from hardware_sim.controller.moves import ProgrammedMove, ToolCourse
+from hardware_sim.controller.moves import CartesianMove, ProgrammedMove
 from hardware_sim.controller.poses import Frame
 
 _SAMPLES = 6
@@ -36,7 +36,7 @@ class Blend:
         self._corner = before.end
         self._base_from_corner = tool_at(before.end)
         self._follower: Follower | None = None
-        if isinstance(before, ToolCourse) and isinstance(following, ToolCourse):
+        if isinstance(before, CartesianMove) and isinstance(following, CartesianMove):
             self._follower = following.follower = before.follower
         self._overlap = self._admitted(radius, tool_at) if radius > 0.0 else 0.0
         self._begun = False
@@ -61,7 +61,7 @@ class Blend:
         """The tool's distance in m from the corner at a share of the overlap."""
         left, gone = (1.0 - share) * overlap, share * overlap
         before, following = self._before, self._following
-        if isinstance(before, ToolCourse) and isinstance(following, ToolCourse):
+        if isinstance(before, CartesianMove) and isinstance(following, CartesianMove):
             tool = self._joined_frames(before.frame_before_end(left), following.frame_after(gone))
         else:
             tool = tool_at(self._joined(before.joints_before_end(left), following.joints_after(gone)))
@@ -74,7 +74,7 @@ class Blend:
         corner = self._base_from_corner
         turned = poses.compose(before, poses.compose(poses.invert(corner), following))
         place = (before[i] + following[i] - corner[i] for i in (3, 7, 11))
-        return poses.placed(turned, tuple(place))
+        return poses.with_position(turned, tuple(place))
 
     def step(self, dt: float, pace: float) -> State:
         """See Motion: one step of the sum."""
@@ -102,8 +102,8 @@ class Blend:
 
     def _step_tool(self, follower: Follower, seconds: float, late: float, dt: float, pace: float) -> State:
         before, following = self._before, self._following
-        assert isinstance(before, ToolCourse)  # noqa: S101 - as there is a follower
-        assert isinstance(following, ToolCourse)  # noqa: S101
+        assert isinstance(before, CartesianMove)  # noqa: S101 - as there is a follower
+        assert isinstance(following, CartesianMove)  # noqa: S101
         frame, rate = before.advance(seconds), before.rate
         if late > 0.0:
             frame = self._joined_frames(frame, following.advance(late))

@@ -50,7 +50,7 @@ class Collisions:
         self._check: ContactCheck | None = None
         self._surroundings: Surroundings | None = None
         self._known: set[tuple[str, str]] = set()  # met since the arm was last free
-        self._fresh = True
+        self._check_at_rest = True
 
     def surround(self, path: Path) -> None:
         """Puts the arm into surroundings from a file. Raises OSError, ValueError."""
@@ -69,31 +69,31 @@ class Collisions:
 
         self._surroundings = surroundings
         self._check = ContactCheck(self._model, surroundings)
-        self.look_again()
+        self.reset()
 
-    def look_again(self) -> None:
+    def reset(self) -> None:
         """The arm may go on: what it touches now counts anew."""
         self._known.clear()
-        self._fresh = True
+        self._check_at_rest = True
         if self._check is not None:
-            self._check.forget()
+            self._check.reset()
 
     def advance(self, joints: Sequence[float], timestamp: float) -> Collision | None:
         """Follows the arm to its true joints (6,); returns a pair that has begun to touch."""
         contact = None if self._check is None else self._check.advance(joints)
-        self._fresh = False
+        self._check_at_rest = False
         if contact is None:
             self.touching = None
             self._known.clear()
             return None
-        return self._noted(contact, timestamp)
+        return self._record(contact, timestamp)
 
     @property
     def due(self) -> bool:
         """Whether to look although the arm stands still."""
-        return self._fresh and self._check is not None
+        return self._check_at_rest and self._check is not None
 
-    def _noted(self, contact: "Contact", timestamp: float) -> Collision | None:
+    def _record(self, contact: "Contact", timestamp: float) -> Collision | None:
         self.touching = (contact.first, contact.second)
         if self.touching in self._known:
             return None

@@ -19,18 +19,18 @@ from hardware_sim.controller.syntax_tree import (
     Assign,
     Binary,
     Call,
-    Evaluate,
+    ExpressionStatement,
     Function,
     If,
     Index,
-    ListOf,
+    KeywordStatement,
+    ListLiteral,
     Literal,
     Member,
     Name,
     Node,
-    Run,
-    Simple,
-    StructOf,
+    RunThread,
+    StructLiteral,
     Unary,
     While,
 )
@@ -107,24 +107,24 @@ def _walk(nodes: list[Node]) -> Iterator[Node]:  # noqa: PLR0912 - one branch pe
         match node:
             case Assign(_, target, value, _):
                 stack += [target, value]
-            case Evaluate(_, value) | Unary(_, _, value) | Member(_, value, _):
+            case ExpressionStatement(_, value) | Unary(_, _, value) | Member(_, value, _):
                 stack.append(value)
-            case StructOf(_, members):
+            case StructLiteral(_, members):
                 stack += members.values()
             case If(_, branches):
                 for condition, body in branches:
                     stack += body if condition is None else [condition, *body]
             case While(_, condition, body):
                 stack += [condition, *body]
-            case Simple(_, _, value) if value is not None:
+            case KeywordStatement(_, _, value) if value is not None:
                 stack.append(value)
             case Binary(_, _, left, right):
                 stack += [left, right]
             case Index(_, value, indices):
                 stack += [value, *indices]
-            case ListOf(_, items):
+            case ListLiteral(_, items):
                 stack += items
-            case Run(_, call):
+            case RunThread(_, call):
                 stack += [*call.arguments, *call.keywords.values()]
             case Call(_, _, arguments, keywords):
                 stack += [*arguments, *keywords.values()]
@@ -161,7 +161,10 @@ class _Writer:
         waiting |= {
             name
             for name, nodes in self._bodies.items()
-            if any(isinstance(n, While) or (isinstance(n, Simple) and n.word in ("join", "halt")) for n in nodes)
+            if any(
+                isinstance(n, While) or (isinstance(n, KeywordStatement) and n.keyword in ("join", "halt"))
+                for n in nodes
+            )
         }
         while True:
             more = {
@@ -175,14 +178,14 @@ class _Writer:
 
     def _reaches(self, start: str, goal: str) -> bool:
         """Whether calls lead from the body of one of the program's functions to another."""
-        seen: set[str] = set()
+        visited: set[str] = set()
         stack = list(self._calls[start])
         while stack:
             name = stack.pop()
             if name == goal:
                 return True
-            if name in self._calls and name not in seen:
-                seen.add(name)
+            if name in self._calls and name not in visited:
+                visited.add(name)
                 stack += self._calls[name]
         return False
 
@@ -242,7 +245,7 @@ class _Writer:
         match node:
             case Assign(line, target, value):
                 self._emit(indent, line, self._assignment(target, self._value(value)))
-            case Evaluate(line, value):
+            case ExpressionStatement(line, value):
                 self._emit(indent, line, self._expression(value))
             case If(line, branches):
                 for number, (condition, body) in enumerate(branches):
@@ -257,7 +260,7 @@ class _Writer:
                 cost = self._cost([*_walk([condition]), *_walk(body)])
                 self._emit(indent + 1, line, f"if turn_is_spent({cost}): yield")
                 self._block(body, indent + 1)
-            case Simple():
+            case KeywordStatement():
                 self._simple(node, indent)
             case _:
                 raise ScriptSyntaxError(f"line {node.line}: not a statement")
@@ -279,7 +282,7 @@ class _Writer:
     def _value(self, node: Node) -> str:
         """An expression whose value somebody keeps: a copy, unless it is new anyway."""
         text = self._expression(node)
-        return text if isinstance(node, Literal | Binary | Unary | ListOf | StructOf) else f"copy_of({text})"
+        return text if isinstance(node, Literal | Binary | Unary | ListLiteral | StructLiteral) else f"copy_of({text})"
 
     def _condition(self, node: Node) -> str:
         """An expression that must be a truth value; checked where that is not plain to see."""
@@ -294,7 +297,7 @@ class _Writer:
             case _:
                 return f"truth({text})"
 
-    def _simple(self, node: Simple, indent: int) -> None:
+    def _simple(self, node: KeywordStatement, indent: int) -> None:
         value = "" if node.value is None else self._expression(node.value)
         text = {
             "return": f"return {value}",
@@ -303,7 +306,7 @@ class _Writer:
             "halt": "yield from halt()",
             "enter_critical": "enter_critical()",
             "exit_critical": "exit_critical()",
-        }.get(node.word, node.word)
+        }.get(node.keyword, node.keyword)
         self._emit(indent, node.line, text)
 
     def _expression(self, node: Node) -> str:  # noqa: PLR0912 - one branch per kind of node
@@ -312,10 +315,10 @@ class _Writer:
                 return repr(value)
             case Name(_, name):
                 return f"v_{name}"
-            case ListOf(_, items, is_pose):
+            case ListLiteral(_, items, is_pose):
                 inner = "[" + ", ".join(self._value(i) for i in items) + "]"
                 return f"pose({inner})" if is_pose else inner
-            case StructOf(_, members):
+            case StructLiteral(_, members):
                 return "Struct({" + ", ".join(f"{k!r}: {self._value(v)}" for k, v in members.items()) + "})"
             case Index(_, value, indices):
                 place = self._expression(value)
@@ -338,7 +341,7 @@ class _Writer:
                 return f"{NAMES_OF_OPERATIONS[operator]}({self._expression(left)}, {self._expression(right)})"
             case Call():
                 return self._call(node)
-            case Run(line, call):
+            case RunThread(line, call):
                 if call.name not in self._names:
                     raise ScriptSyntaxError(f"line {line}: there is no thread {call.name!r} to run")
                 arguments = ", ".join(self._arguments(call, "v_"))

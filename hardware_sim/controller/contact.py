@@ -25,7 +25,7 @@ from hardware_sim.controller.surroundings import OBJECT_BALL_M, FloatArray, Surr
 
 BoolArray = npt.NDArray[np.bool_]
 PARTS = ("base", "shoulder", "upper arm", "forearm", "wrist 1", "wrist 2", "wrist 3", "tool", "object")
-FINEST_M = 0.001
+RESOLUTION_M = 0.001
 """No point of the arm moves further than this between two looks that find something that near."""
 
 _TOOL, _OBJECT = 7, 8
@@ -76,8 +76,8 @@ class ContactCheck:
         self._surroundings = surroundings
         self._links = model.links
         around = surroundings.object_in_base
-        thing = np.hstack([around, np.full((len(around), 1), OBJECT_BALL_M)])
-        spheres = [*_links(model.name), _tool(surroundings.tool), thing]
+        object_spheres = np.hstack([around, np.full((len(around), 1), OBJECT_BALL_M)])
+        spheres = [*_links(model.name), _tool(surroundings.tool), object_spheres]
         self._parts = [_part(s) for s in spheres]
         arm = [part for part in range(_OBJECT) if len(spheres[part])]
         # The base stands on the table and cannot move.
@@ -86,11 +86,11 @@ class ContactCheck:
         self._pairs += [
             _Pair(part, other, -1) for part in arm for other in arm if other - part >= 2 and (part, other) not in _NEVER
         ]
-        self._levers = np.array([self._lever(pair) for pair in self._pairs])
-        self._left = np.full(len(self._pairs), -1.0)
+        self._lever_arms = np.array([self._lever_arm(pair) for pair in self._pairs])
+        self._slack_m = np.full(len(self._pairs), -1.0)
         self._joints: FloatArray | None = None
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """The arm may be anywhere now: the next `advance` looks at everything."""
         self._joints = None
 
@@ -99,18 +99,18 @@ class ContactCheck:
         goal = np.array(joints, dtype=float)
         if self._joints is None:
             self._joints = goal
-            self._left[:] = -1.0
+            self._slack_m[:] = -1.0
         start, self._joints = self._joints, goal
-        moved = self._levers @ np.abs(goal - start)
-        steps = max(1, math.ceil(float(moved.max()) / FINEST_M))
+        moved = self._lever_arms @ np.abs(goal - start)
+        steps = max(1, math.ceil(float(moved.max()) / RESOLUTION_M))
         for step in range(1, steps + 1):
-            self._left -= moved / steps
-            if self._left.min() < 0.0:
-                here = start + step / steps * (goal - start)
-                touching = self._look(here.tolist())
+            self._slack_m -= moved / steps
+            if self._slack_m.min() < 0.0:
+                present = start + step / steps * (goal - start)
+                touching = self._touching_pair(present.tolist())
                 if touching is not None:
                     first, second = self._names(touching)
-                    return Contact(first, second, tuple(here.tolist()))
+                    return Contact(first, second, tuple(present.tolist()))
         return None
 
     def distances(self, joints: Sequence[float]) -> dict[tuple[str, str], float]:
@@ -121,13 +121,13 @@ class ContactCheck:
         frames = self.frames(joints)
         return {self._names(pair): self._distance(pair, frames) for pair in self._pairs}
 
-    def _look(self, joints: Sequence[float]) -> _Pair | None:
+    def _touching_pair(self, joints: Sequence[float]) -> _Pair | None:
         """Looks at the pairs that may have met; returns the one that is deepest in each other, if any is."""
         frames = self.frames(joints)
         deepest: tuple[float, _Pair | None] = (0.0, None)
-        for number in np.flatnonzero(self._left < 0.0):
+        for number in np.flatnonzero(self._slack_m < 0.0):
             distance = self._distance(self._pairs[number], frames)
-            self._left[number] = distance
+            self._slack_m[number] = distance
             if distance <= deepest[0]:
                 deepest = distance, self._pairs[number]
         return deepest[1]
@@ -139,7 +139,7 @@ class ContactCheck:
     def _distance(self, pair: _Pair, frames: list[Frame]) -> float:
         """The distance of a pair, or a bound from below where that is beyond `_FAR_M`; branch and bound."""
         one = self._parts[pair.part]
-        rotation, shift = _moved(frames[_FRAMES[pair.part]])
+        rotation, shift = _rotation_and_shift(frames[_FRAMES[pair.part]])
         if pair.body >= 0:
             around = (rotation @ one.center + shift)[None]
             bound = float(self._surroundings.distances(around, pair.body)[0]) - one.radius
@@ -148,19 +148,19 @@ class ContactCheck:
             points = one.spheres @ rotation.T + shift
             return float((self._surroundings.distances(points, pair.body) - one.radii).min())
         two = self._parts[pair.other]
-        other_rotation, other_shift = _moved(frames[_FRAMES[pair.other]])
+        other_rotation, other_shift = _rotation_and_shift(frames[_FRAMES[pair.other]])
         # All in the frame of the first.
-        turn, way = rotation.T @ other_rotation, rotation.T @ (other_shift - shift)
-        bounds = _gaps(one.centers, one.bounds, two.centers @ turn.T + way, two.bounds)
+        turn, offset = rotation.T @ other_rotation, rotation.T @ (other_shift - shift)
+        bounds = _pairwise_distances(one.centers, one.bounds, two.centers @ turn.T + offset, two.bounds)
         nearest = int(bounds.argmin())
         if bounds.flat[nearest] >= _FAR_M:
             return float(bounds.flat[nearest])
         mine, its = one.members == nearest // len(two.centers), two.members == nearest % len(two.centers)
-        best = _least_gap(one, mine, two, its, turn, way)
+        best = _least_distance(one, mine, two, its, turn, offset)
         rivals = np.argwhere(bounds < best)
         if len(rivals) > 1:
             mine, its = np.isin(one.members, rivals[:, 0]), np.isin(two.members, rivals[:, 1])
-            best = _least_gap(one, mine, two, its, turn, way)
+            best = _least_distance(one, mine, two, its, turn, offset)
         return best
 
     def frames(self, joints: Sequence[float]) -> list[Frame]:
@@ -173,7 +173,7 @@ class ContactCheck:
             frames.append(poses.compose(frames[-1], step))
         return frames
 
-    def _lever(self, pair: _Pair) -> list[float]:
+    def _lever_arm(self, pair: _Pair) -> list[float]:
         """How far (6,) from each joint's axis, m, any point can be that the joint moves in the frame of the other."""
         alone = pair.body >= 0 or pair.other == _OBJECT
         moving, near = (pair.part, 0) if alone else (pair.other, _FRAMES[pair.part])
@@ -214,16 +214,16 @@ def _tool(capsules: FloatArray) -> FloatArray:
 def _part(spheres: FloatArray) -> _Part:
     groups = _groups(spheres)
     ordered = np.vstack(groups) if groups else np.zeros((0, 4))
-    around = np.array([_around(group) for group in groups]).reshape(-1, 4)
-    whole = _around(spheres) if len(spheres) else np.zeros(4)
+    around = np.array([_enclosing_sphere(group) for group in groups]).reshape(-1, 4)
+    enclosing = _enclosing_sphere(spheres) if len(spheres) else np.zeros(4)
     members = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
     return _Part(
-        ordered[:, :3].copy(), ordered[:, 3].copy(), members, around[:, :3].copy(), around[:, 3].copy(), whole[:3],
-        float(whole[3]),
+        ordered[:, :3].copy(), ordered[:, 3].copy(), members, around[:, :3].copy(), around[:, 3].copy(), enclosing[:3],
+        float(enclosing[3]),
     )  # fmt: skip
 
 
-def _around(spheres: FloatArray) -> FloatArray:
+def _enclosing_sphere(spheres: FloatArray) -> FloatArray:
     """A sphere (4,) round spheres (S, 4)."""
     center = (spheres[:, :3].min(axis=0) + spheres[:, :3].max(axis=0)) / 2
     return np.array([*center, (np.linalg.norm(spheres[:, :3] - center, axis=1) + spheres[:, 3]).max()])
@@ -239,17 +239,23 @@ def _groups(spheres: FloatArray) -> list[FloatArray]:
     return _groups(spheres[order[:half]]) + _groups(spheres[order[half:]])
 
 
-def _moved(frame: Frame) -> tuple[FloatArray, FloatArray]:
+def _rotation_and_shift(frame: Frame) -> tuple[FloatArray, FloatArray]:
     rows = np.array(frame).reshape(3, 4)
     return rows[:, :3], rows[:, 3]
 
 
-def _least_gap(one: _Part, mine: BoolArray, two: _Part, its: BoolArray, turn: FloatArray, way: FloatArray) -> float:
+def _least_distance(
+    one: _Part, mine: BoolArray, two: _Part, its: BoolArray, turn: FloatArray, offset: FloatArray
+) -> float:
     """The least distance of some spheres of one part from some of another, whose frame is turned and shifted."""
-    return float(_gaps(one.spheres[mine], one.radii[mine], two.spheres[its] @ turn.T + way, two.radii[its]).min())
+    return float(
+        _pairwise_distances(
+            one.spheres[mine], one.radii[mine], two.spheres[its] @ turn.T + offset, two.radii[its]
+        ).min()
+    )
 
 
-def _gaps(a: FloatArray, a_radii: FloatArray, b: FloatArray, b_radii: FloatArray) -> FloatArray:
+def _pairwise_distances(a: FloatArray, a_radii: FloatArray, b: FloatArray, b_radii: FloatArray) -> FloatArray:
     """Distances (A, B) of spheres round a (A, 3) from spheres round b (B, 3)."""
     squared = np.add.outer(np.einsum("ai,ai->a", a, a), np.einsum("bi,bi->b", b, b)) - 2.0 * (a @ b.T)
     return np.sqrt(np.maximum(squared, 0.0)) - np.add.outer(a_radii, b_radii)

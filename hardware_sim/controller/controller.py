@@ -81,7 +81,7 @@ class Controller:
         self._claimed = False
         self._unclaimed: Motion | None = None  # goes on although no program wants it
         self._watchdogs = Watchdogs()
-        self._could_run = True
+        self._could_run_before = True
         self._pace = 1.0
         self._orders: list[tuple[Callable[[], bool], Callable[[], None]]] = []
         self._functions = table(self)
@@ -155,7 +155,7 @@ class Controller:
         if program is not None:
             program.close()
         self.arm.corner = None
-        self.arm.guiding = None
+        self.arm.freedrive = None
         self.outputs.tick(self.now, False)
 
     def pause(self) -> bool:
@@ -167,11 +167,11 @@ class Controller:
 
     def load_file(self, name: str) -> bool:
         """Loads a program from the folder of programs, in place of the running one; False where there is none."""
-        found = program_store.find(self._programs, name)
-        if found is None:
+        program = program_store.find(self._programs, name)
+        if program is None:
             return False
         self.stop_program(f"{name} is loaded")
-        self.loaded, self.program_name = found, name
+        self.loaded, self.program_name = program, name
         return True
 
     def play(self) -> bool:
@@ -209,7 +209,7 @@ class Controller:
 
     def inputs_arrived(self, names: frozenset[str], now: float) -> None:
         """Feeds the watchdogs with the names of a packet."""
-        self._watchdogs.fed(names, now)
+        self._watchdogs.feed(names, now)
 
     def protective_stop(self, why: str) -> None:
         """Brakes at once and pauses the program until somebody unlocks."""
@@ -246,7 +246,7 @@ class Controller:
         self.safety.reset()
         self.slider = 1.0
         self.arm.joint_offset = [0.0] * 6
-        self.disturbances.heal()
+        self.disturbances.reset_lamp()
         for number in list(self.outputs.stuck):
             self.outputs.stick(number, None)
 
@@ -265,8 +265,8 @@ class Controller:
 
     def move_by_hand(self, joints: Sequence[float], seconds: float) -> None:
         """Somebody moves the arm to joints (6,) in rad; pushing an arm that a program holds is a protective stop."""
-        if self.arm.guiding is not None:
-            resists = self.arm.guiding.resists(self.arm.base_from_tool, self.arm.tool_at(joints))
+        if self.arm.freedrive is not None:
+            resists = self.arm.freedrive.resists(self.arm.base_from_tool, self.arm.tool_at(joints))
             if resists is not None:
                 self.report(resists)
                 return
@@ -274,7 +274,7 @@ class Controller:
             self.protective_stop("somebody pushes the arm")
         self.report("the arm is moved by hand")
         if seconds == 0.0:
-            self.collisions.look_again()  # there is no way there on which it could touch anything
+            self.collisions.reset()  # there is no way there on which it could touch anything
         self._unclaimed = HandMove(self.arm.joints, joints, seconds)
         self.arm.steer(self._unclaimed)
 
@@ -317,10 +317,10 @@ class Controller:
         if late is not None:
             self._expire(*late)
         self._claimed = False
-        self._take_turns()
-        if self.may_run and not self._could_run:
-            self.collisions.look_again()
-        self._could_run = self.may_run
+        self._run_programs()
+        if self.may_run and not self._could_run_before:
+            self.collisions.reset()
+        self._could_run_before = self.may_run
         self._move()
         self.outputs.tick(now, self.playing)
         if self._record is not None:
@@ -333,7 +333,7 @@ class Controller:
         elif action == "pause":
             self.pause()
 
-    def _take_turns(self) -> None:
+    def _run_programs(self) -> None:
         if self.runtime_state is RuntimeState.RESUMING:
             self.runtime_state = RuntimeState.PLAYING
         program = self._program
@@ -369,7 +369,7 @@ class Controller:
         if arm.motion is None:
             self._pace = wanted
             if self.collisions.due:
-                self._feel()
+                self._check_collisions()
         else:
             steps = max(1, math.ceil(dt / _LONGEST_STEP - 1e-9))
             for number in range(1, steps + 1):
@@ -379,7 +379,7 @@ class Controller:
                     arm.step(dt / steps, self._pace)
                 except MotionError as fault:
                     self.protective_stop(str(fault))
-                self._feel()
+                self._check_collisions()
                 if self._record is not None and number < steps:  # the last one is the tick's own row
                     self._record(self, self.timestamp + (number / steps - 1.0) * STEP_TIME)
             publication.pose(arm, self.registers)
@@ -387,7 +387,7 @@ class Controller:
         if self.runtime_state is RuntimeState.PAUSING and not arm.moving:
             self.runtime_state = RuntimeState.PAUSED
 
-    def _feel(self) -> None:
+    def _check_collisions(self) -> None:
         """A protective stop where the arm has begun to touch something."""
         collision = self.collisions.advance(self.arm.true_joints, self.timestamp)
         if collision is not None:

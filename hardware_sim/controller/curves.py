@@ -35,9 +35,9 @@ class Line:
     def __init__(self, start: Frame, end: Frame) -> None:
         self.start, self._end = start, end
         self._turn = poses.rotation_vector(poses.compose(poses.invert(start), end))
-        way = (end[3] - start[3], end[7] - start[7], end[11] - start[11])
-        self.length, self.angle = math.hypot(*way), math.hypot(*self._turn)
-        self._rate = (*way, *poses.rotate(start, self._turn))
+        shift = (end[3] - start[3], end[7] - start[7], end[11] - start[11])
+        self.length, self.angle = math.hypot(*shift), math.hypot(*self._turn)
+        self._rate = (*shift, *poses.rotate(start, self._turn))
 
     def at(self, share: float) -> Frame:
         """See Curve."""
@@ -46,7 +46,7 @@ class Line:
         x, y, z = self._rate[:3]
         start = self.start
         place = (start[3] + share * x, start[7] + share * y, start[11] + share * z)
-        return poses.placed(poses.turned(start, self._turn, share), place)
+        return poses.with_position(poses.rotated(start, self._turn, share), place)
 
     def rate(self, share: float) -> tuple[float, ...]:
         """See Curve."""
@@ -84,7 +84,7 @@ class Arc:
         self._turn = poses.rotation_vector(poses.compose(poses.invert(start), end))
         if fixed:
             # The normal in the tool's own frame, so that one formula serves both modes.
-            n = poses.rotate(poses.invert(poses.placed(start, (0.0, 0.0, 0.0))), self._normal)
+            n = poses.rotate(poses.invert(poses.with_position(start, (0.0, 0.0, 0.0))), self._normal)
             self._turn = (self._swept * n[0], self._swept * n[1], self._swept * n[2])
         self.angle = math.hypot(*self._turn)
         self._turn_rate = poses.rotate(start, self._turn)
@@ -93,7 +93,7 @@ class Arc:
         """See Curve."""
         c, s = math.cos(share * self._swept), math.sin(share * self._swept)
         x, y, z = (m + c * o + s * n for m, o, n in zip(self._centre, self._out, self._on, strict=True))
-        return poses.placed(poses.turned(self.start, self._turn, share), (x, y, z))
+        return poses.with_position(poses.rotated(self.start, self._turn, share), (x, y, z))
 
     def rate(self, share: float) -> tuple[float, ...]:
         """See Curve."""

@@ -50,18 +50,18 @@ def answer(controller: Controller, command: str, remote: bool) -> str:
     question = _ALWAYS.get(lowered)
     if question is not None:
         return question(controller)
-    word, _, argument = command.partition(" ")
-    word = word.lower()
-    if word == "popup":
+    verb, _, argument = command.partition(" ")
+    verb = verb.lower()
+    if verb == "popup":
         controller.safety.popup = argument
         return "showing popup"
-    if word == "addtolog" and argument:
+    if verb == "addtolog" and argument:
         controller.report(f"addToLog: {argument}")
         return "Added log message"
-    if word == "setuserrole" and argument:
+    if verb == "setuserrole" and argument:
         return f"Setting user role: {argument}"
     action = _REMOTE.get(lowered)
-    if action is None and not (word == "load" and argument):
+    if action is None and not (verb == "load" and argument):
         return f'could not understand: "{command}"'
     if not remote:
         return _REFUSED
@@ -93,12 +93,12 @@ def _unlock(controller: Controller) -> str:
 
 
 def _program_state(controller: Controller) -> str:
-    word = "PLAYING"
+    state = "PLAYING"
     if controller.runtime_state is RuntimeState.STOPPED:
-        word = "STOPPED"
+        state = "STOPPED"
     elif controller.runtime_state in (RuntimeState.PAUSED, RuntimeState.PAUSING):
-        word = "PAUSED"
-    return f"{word} {controller.program_name or '<unnamed>'}"
+        state = "PAUSED"
+    return f"{state} {controller.program_name or '<unnamed>'}"
 
 
 def _loaded(controller: Controller) -> str:

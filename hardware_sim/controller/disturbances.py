@@ -15,7 +15,7 @@ class Disturbances:
     object_shift_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     object_turn_rad: float = 0.0
 
-    def heal(self) -> None:
+    def reset_lamp(self) -> None:
         """Mends the lamp; a nudged object stays where it is."""
         self.lamp_fraction, self.lamp_flicker = 1.0, 0.0
 

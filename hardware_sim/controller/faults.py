@@ -191,12 +191,12 @@ def _joint_offset(controller: Controller, links: Links, parameters: Parameters) 
 
     def act() -> None:
         controller.arm.joint_offset = offsets
-        controller.collisions.look_again()
+        controller.collisions.reset()
 
     return act
 
 
-def _simple(action: Callable[[Controller], object]) -> Callable[[Controller, Links, Parameters], Action]:
+def _order(action: Callable[[Controller], object]) -> Callable[[Controller, Links, Parameters], Action]:
     def make(controller: Controller, links: Links, parameters: Parameters) -> Action:
         def act() -> None:
             action(controller)
@@ -207,17 +207,17 @@ def _simple(action: Callable[[Controller], object]) -> Callable[[Controller, Lin
 
 
 FAULTS: dict[str, Callable[[Controller, Links, Parameters], Action]] = {
-    "protective_stop": _simple(lambda c: c.protective_stop("fault on demand")),
-    "safeguard_stop": _simple(lambda c: c.safeguard_stop("fault on demand")),
-    "release_safeguard_stop": _simple(lambda c: c.safety.release_safeguard()),
-    "emergency_stop": _simple(lambda c: c.emergency_stop("fault on demand")),
-    "system_emergency_stop": _simple(lambda c: c.emergency_stop("fault on demand", SafetyMode.SYSTEM_EMERGENCY_STOP)),
-    "release_emergency_stop": _simple(lambda c: c.safety.release_emergency_stop()),
-    "violation": _simple(lambda c: c.emergency_stop("fault on demand", SafetyMode.VIOLATION)),
-    "fault": _simple(lambda c: c.emergency_stop("fault on demand", SafetyMode.FAULT)),
-    "power_off": _simple(lambda c: c.power_off()),
-    "program_stop": _simple(lambda c: c.stop_program("at the pendant")),
-    "program_pause": _simple(lambda c: c.pause()),
+    "protective_stop": _order(lambda c: c.protective_stop("fault on demand")),
+    "safeguard_stop": _order(lambda c: c.safeguard_stop("fault on demand")),
+    "release_safeguard_stop": _order(lambda c: c.safety.release_safeguard()),
+    "emergency_stop": _order(lambda c: c.emergency_stop("fault on demand")),
+    "system_emergency_stop": _order(lambda c: c.emergency_stop("fault on demand", SafetyMode.SYSTEM_EMERGENCY_STOP)),
+    "release_emergency_stop": _order(lambda c: c.safety.release_emergency_stop()),
+    "violation": _order(lambda c: c.emergency_stop("fault on demand", SafetyMode.VIOLATION)),
+    "fault": _order(lambda c: c.emergency_stop("fault on demand", SafetyMode.FAULT)),
+    "power_off": _order(lambda c: c.power_off()),
+    "program_stop": _order(lambda c: c.stop_program("at the pendant")),
+    "program_pause": _order(lambda c: c.pause()),
     "local_mode": _remote(False),
     "remote_mode": _remote(True),
     "output_stuck": _output_stuck,
@@ -225,7 +225,7 @@ FAULTS: dict[str, Callable[[Controller, Links, Parameters], Action]] = {
     "joint_offset": _joint_offset,
     "hand_move": _hand_move,
     "restart": _restart,
-    "clear": _simple(lambda c: c.clear()),
+    "clear": _order(lambda c: c.clear()),
     "cut": _cut,
     "stall": _stall,
     "half_packet": _half_packet,

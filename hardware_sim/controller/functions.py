@@ -12,7 +12,7 @@ from hardware_sim.controller.compiler import Vocabulary
 from hardware_sim.controller.motion_functions import MotionFunctions
 from hardware_sim.controller.register_functions import RegisterFunctions
 from hardware_sim.controller.robot import Robot
-from hardware_sim.controller.script_values import Bound
+from hardware_sim.controller.script_values import FunctionGroup
 from hardware_sim.controller.semantics import ScriptError
 from hardware_sim.controller.state_functions import StateFunctions
 from hardware_sim.controller.value_functions import Arithmetic, Strings
@@ -47,7 +47,7 @@ _LINKS = """socket_open socket_close socket_get_var socket_read_ascii_float sock
 _MATRICES = "inv transpose size"
 REFUSED = frozenset(" ".join((_FORCE, _DYNAMICS, _MOTION, _INPUTS_AND_OUTPUTS, _LINKS, _MATRICES)).split())
 
-_GROUPS: tuple[type[Bound], ...] = (RegisterFunctions, MotionFunctions, StateFunctions, Arithmetic, Strings)
+_GROUPS: tuple[type[FunctionGroup], ...] = (RegisterFunctions, MotionFunctions, StateFunctions, Arithmetic, Strings)
 _MEMBERS = {
     name: member
     for group in _GROUPS

@@ -24,6 +24,8 @@ class HandMove:
         self.finished = self._time >= self._seconds
         if self.finished:
             return self._target[:], [0.0] * 6
-        way = [b - a for a, b in zip(self._start, self._target, strict=True)]
+        displacement = [b - a for a, b in zip(self._start, self._target, strict=True)]
         share = self._time / self._seconds
-        return [a + share * w for a, w in zip(self._start, way, strict=True)], [w / self._seconds for w in way]
+        return [a + share * w for a, w in zip(self._start, displacement, strict=True)], [
+            w / self._seconds for w in displacement
+        ]

@@ -157,14 +157,14 @@ def _nominal_solutions(
 ) -> list[list[float]]:
     """All joint sets of the nominal arm, in closed form; `slack` is how far past its reach it may be stretched."""
     r00, r01, r02, x, r10, r11, r12, y, r20, r21, r22, z = base_from_flange
-    found: list[list[float]] = []
+    joint_sets: list[list[float]] = []
     wrist_x, wrist_y = x - arm.d6 * r02, y - arm.d6 * r12
     radius = math.hypot(wrist_x, wrist_y)
     if radius < _TOLERANCE:
-        return found
+        return joint_sets
     swing = _arccosine(arm.d4 / radius, slack)
     if swing is None:
-        return found
+        return joint_sets
     azimuth = math.atan2(wrist_y, wrist_x) + math.pi / 2
     for q1 in (azimuth + swing, azimuth - swing) if swing > 0.0 else (azimuth,):
         c1, s1 = math.cos(q1), math.sin(q1)
@@ -196,11 +196,11 @@ def _nominal_solutions(
             for q3 in (elbow, -elbow) if elbow > 0.0 else (elbow,):
                 along, across = arm.a2 + arm.a3 * math.cos(q3), arm.a3 * math.sin(q3)
                 q2 = math.atan2(rise, reach) - math.atan2(across, along)
-                found.append([_wrap(q) for q in (q1, q2, q3, total - q2 - q3, q5, q6)])
-    return found
+                joint_sets.append([_wrap(q) for q in (q1, q2, q3, total - q2 - q3, q5, q6)])
+    return joint_sets
 
 
-def refined(arm: ArmModel, base_from_flange: Frame, joints: Sequence[float]) -> list[float] | None:
+def newton_solution(arm: ArmModel, base_from_flange: Frame, joints: Sequence[float]) -> list[float] | None:
     """The joints of the chain as built that reach a flange pose, found by Newton's method from `joints`; None where
     it finds none. Closer than 1e-9 m and rad.
     """
@@ -213,7 +213,7 @@ def refined(arm: ArmModel, base_from_flange: Frame, joints: Sequence[float]) -> 
         if error < _CONVERGED:
             break
         point = (reached[3], reached[7], reached[11])
-        step = _solved([velocity((axis,), (1.0,), point) for axis in axes], [*away, *turn])
+        step = _solve_linear([velocity((axis,), (1.0,), point) for axis in axes], [*away, *turn])
         if step is None:
             return None
         share = min(1.0, _LONGEST_NEWTON_STEP / max(map(abs, step)))
@@ -221,7 +221,7 @@ def refined(arm: ArmModel, base_from_flange: Frame, joints: Sequence[float]) -> 
     return found if error < _TOLERANCE else None
 
 
-def _solved(columns: list[tuple[float, ...]], right: list[float]) -> list[float] | None:
+def _solve_linear(columns: list[tuple[float, ...]], right: list[float]) -> list[float] | None:
     """x of a square system given by its columns, by Gaussian elimination with pivots; None where it is singular."""
     size = len(right)
     rows = [[*(column[i] for column in columns), right[i]] for i in range(size)]
@@ -247,15 +247,17 @@ def solutions(arm: ArmModel, base_from_flange: Frame, last_joint: float = 0.0) -
     """
     if arm.calibration_seed is None:
         return [tuple(joints) for joints in _nominal_solutions(arm, base_from_flange, last_joint)]
-    found: list[tuple[float, ...]] = []
+    distinct: list[tuple[float, ...]] = []
     for seed in _nominal_solutions(arm, base_from_flange, last_joint, _EDGE):
-        joints = refined(arm, base_from_flange, seed)
+        joints = newton_solution(arm, base_from_flange, seed)
         if joints is None:
             continue
         wrapped = tuple(_wrap(q) for q in joints)
-        if all(max(abs(_wrap(a - b)) for a, b in zip(wrapped, other, strict=True)) > _SAME_BRANCH for other in found):
-            found.append(wrapped)
-    return found
+        if all(
+            max(abs(_wrap(a - b)) for a, b in zip(wrapped, other, strict=True)) > _SAME_BRANCH for other in distinct
+        ):
+            distinct.append(wrapped)
+    return distinct
 
 
 def _wrap(angle: float) -> float:
@@ -271,7 +273,7 @@ def following(arm: ArmModel, base_from_flange: Frame, last: Sequence[float]) -> 
     """The joints (6) in rad that continue `last` without a jump, whatever the joint limits; None where none do."""
     if arm.calibration_seed is not None:
         # Beside the last joints Newton's method needs two steps, and cannot change the branch.
-        joints = refined(arm, base_from_flange, last)
+        joints = newton_solution(arm, base_from_flange, last)
         if joints is not None:
             return joints
     return _nearest(arm, base_from_flange, last, math.inf)
@@ -280,12 +282,12 @@ def following(arm: ArmModel, base_from_flange: Frame, last: Sequence[float]) -> 
 def _nearest(arm: ArmModel, base_from_flange: Frame, near: Sequence[float], limit: float) -> list[float] | None:
     best: list[float] | None = None
     least = math.inf
-    found = solutions(arm, base_from_flange, near[5])
+    candidates = solutions(arm, base_from_flange, near[5])
     if arm.calibration_seed is not None:
         # Near a singularity the nominal arm may not have the branch that the true one is on.
-        beside = refined(arm, base_from_flange, near)
-        found += [] if beside is None else [tuple(_wrap(q) for q in beside)]
-    for solution in found:
+        beside = newton_solution(arm, base_from_flange, near)
+        candidates += [] if beside is None else [tuple(_wrap(q) for q in beside)]
+    for solution in candidates:
         candidate = [_unwrap(q, n, limit) for q, n in zip(solution, near, strict=True)]
         cost = sum((q - n) ** 2 for q, n in zip(candidate, near, strict=True))
         if cost < least:

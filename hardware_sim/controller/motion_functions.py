@@ -12,11 +12,11 @@ from typing import Any, TypeVar
 from hardware_sim.controller import kinematics, limits, poses
 from hardware_sim.controller.arm import Corner
 from hardware_sim.controller.curves import Curve
-from hardware_sim.controller.guiding import Guiding
+from hardware_sim.controller.freedrive import Freedrive
 from hardware_sim.controller.motion import Motion, MotionError
 from hardware_sim.controller.moves import ProgrammedMove
 from hardware_sim.controller.poses import Frame
-from hardware_sim.controller.script_values import STEP_TIME, Bound, frame, not_negative, numbers, positive
+from hardware_sim.controller.script_values import STEP_TIME, FunctionGroup, frame, not_negative, numbers, positive
 from hardware_sim.controller.semantics import Pose, ScriptError
 from hardware_sim.controller.steering import JointServo, JointSpeed, ToolSpeed
 
@@ -26,14 +26,14 @@ _SHORTEST_PROCESS = 1e-4  # m: less has no direction to go on in, and only turns
 _GUIDING_DECELERATION = 4.0  # rad/s²
 
 
-class MotionFunctions(Bound):
+class MotionFunctions(FunctionGroup):
     """What moves or stops the arm."""
 
     def _require_arm(self, name: str) -> None:
         """Raises ScriptError where the program may not move the arm now."""
         self._robot.require_main_program()
-        if self._arm.guiding is not None:
-            raise ScriptError(f"{name}: the arm is in {self._arm.guiding.by}, end that first")
+        if self._arm.freedrive is not None:
+            raise ScriptError(f"{name}: the arm is in {self._arm.freedrive.by}, end that first")
 
     def _begun(self, begin: Callable[[], Begun]) -> Begun | None:
         """What `begin` makes, or None with a protective stop where the arm cannot follow it."""
@@ -232,22 +232,24 @@ class MotionFunctions(Bound):
         self._robot.protective_stop("asked for by the program")
         yield
 
-    def _guide(self, guiding: Guiding) -> Waiting:
+    def _enter_freedrive(self, guiding: Freedrive) -> Waiting:
         self._require_arm(guiding.by)
         yield from self._come_to_rest(self._arm.brake, _GUIDING_DECELERATION)
-        self._arm.guiding = guiding
+        self._arm.freedrive = guiding
 
     def freedrive_mode(self, freeAxes: Any = None, feature: Any = None) -> Waiting:
         axes = [1.0] * 6 if freeAxes is None else numbers(freeAxes, 6, "freeAxes")
         base_from_feature = poses.IDENTITY if feature is None else frame(feature, "feature")
-        yield from self._guide(Guiding("freedrive_mode", tuple(bool(free) for free in axes), base_from_feature))
+        yield from self._enter_freedrive(
+            Freedrive("freedrive_mode", tuple(bool(free) for free in axes), base_from_feature)
+        )
 
     def teach_mode(self) -> Waiting:
-        yield from self._guide(Guiding("teach_mode"))
+        yield from self._enter_freedrive(Freedrive("teach_mode"))
 
     def end_freedrive_mode(self) -> Waiting:
         self._robot.require_main_program()
-        self._arm.guiding = None
+        self._arm.freedrive = None
         yield from self._come_to_rest(self._arm.brake, _GUIDING_DECELERATION)
 
     end_teach_mode = end_freedrive_mode

@@ -56,7 +56,7 @@ class ProgrammedMove(Motion, Protocol):
         ...
 
 
-class _OnTrapezoid:
+class _TrapezoidalMove:
     """What follows from the profile of a move from rest to rest."""
 
     def __init__(self, profile: Trapezoid) -> None:
@@ -89,7 +89,7 @@ class _OnTrapezoid:
         return self.profile.speed_at(self._time) / self.profile.length
 
 
-class JointMove(_OnTrapezoid):
+class JointMove(_TrapezoidalMove):
     """A straight segment in joint space from rest to rest, the leading axis on a trapezoid."""
 
     velocity: Twist | None = None
@@ -98,12 +98,12 @@ class JointMove(_OnTrapezoid):
         super().__init__(profile)
         self.end = list(target)
         self._start = list(start)
-        self._way = [b - a for a, b in zip(start, target, strict=True)]
+        self._displacement = [b - a for a, b in zip(start, target, strict=True)]
 
     def joints_after(self, seconds: float) -> Joints:
         """See ProgrammedMove."""
         share = self._share(seconds)
-        return [a + share * w for a, w in zip(self._start, self._way, strict=True)]
+        return [a + share * w for a, w in zip(self._start, self._displacement, strict=True)]
 
     def joints_before_end(self, seconds: float) -> Joints:
         """See ProgrammedMove."""
@@ -116,10 +116,10 @@ class JointMove(_OnTrapezoid):
             self.finished = True
             return self.end[:], _AT_REST[:]
         rate = pace * self._share_rate()
-        return self.joints_after(self._time), [rate * w for w in self._way]
+        return self.joints_after(self._time), [rate * w for w in self._displacement]
 
 
-def planned_joint_move(
+def plan_joint_move(
     arm: ArmModel,
     start: Sequence[float],
     target: Sequence[float],
@@ -136,20 +136,22 @@ def planned_joint_move(
     fault = limits.position_fault(target)
     if fault is not None:
         raise MotionError(f"the target is outside the joint limits: {fault}")
-    way = [b - a for a, b in zip(start, target, strict=True)]
-    length = max(map(abs, way))
+    displacement = [b - a for a, b in zip(start, target, strict=True)]
+    length = max(map(abs, displacement))
     if length <= 0.0:
         return JointMove(start, target, Trapezoid(0.0, speed, acceleration))
-    fastest = min(limit * length / abs(w) for limit, w in zip(arm.joint_speeds, way, strict=True) if w)
+    fastest = min(limit * length / abs(w) for limit, w in zip(arm.joint_speeds, displacement, strict=True) if w)
     asked = min(fastest, length / (0.75 * seconds) if seconds > 0.0 else speed)
     arms_length = arm.reach + math.hypot(*poses.position(flange_from_tool))
-    if asked * sum(map(abs, way)) / length * arms_length > limits.TOOL_SPEED:
-        fastest = min(fastest, limits.TOOL_SPEED * length / _tool_way(arm, start, way, flange_from_tool))
+    if asked * sum(map(abs, displacement)) / length * arms_length > limits.TOOL_SPEED:
+        fastest = min(
+            fastest, limits.TOOL_SPEED * length / _greatest_tool_speed(arm, start, displacement, flange_from_tool)
+        )
     profile = Trapezoid.planned(length, speed, acceleration, seconds, fastest, limits.JOINT_ACCELERATION)
     return JointMove(start, target, profile)
 
 
-def _tool_way(arm: ArmModel, start: Sequence[float], way: Sequence[float], flange_from_tool: Frame) -> float:
+def _greatest_tool_speed(arm: ArmModel, start: Sequence[float], way: Sequence[float], flange_from_tool: Frame) -> float:
     """The tool's speed in m per time of the whole move, where it is greatest, of joints that turn evenly."""
     samples = 16
     fastest = 1e-9
@@ -161,7 +163,7 @@ def _tool_way(arm: ArmModel, start: Sequence[float], way: Sequence[float], flang
     return fastest
 
 
-class ToolCourse(ABC):
+class CartesianMove(ABC):
     """A move that knows where the tool has to be; the joints follow."""
 
     end: Joints
@@ -203,7 +205,7 @@ class ToolCourse(ABC):
         return joints, _AT_REST[:] if self.finished else speeds
 
 
-class ToolMove(_OnTrapezoid, ToolCourse):
+class ToolMove(_TrapezoidalMove, CartesianMove):
     """A curve of the tool from rest to rest, the way on a trapezoid."""
 
     def __init__(self, follower: Follower, curve: Curve, profile: Trapezoid) -> None:

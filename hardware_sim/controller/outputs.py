@@ -28,7 +28,7 @@ class Outputs:
     def write(self, mask: int, levels: int) -> None:
         """Sets the outputs in `mask`."""
         self._requested = (self._requested & ~mask) | (levels & mask)
-        self._settle()
+        self._apply()
 
     def set_bit(self, number: int, level: bool) -> None:
         """Sets one output."""
@@ -40,16 +40,16 @@ class Outputs:
             self.stuck.pop(number, None)
         else:
             self.stuck[number] = level
-        self._settle()
+        self._apply()
 
     def tick(self, now: float, playing: bool) -> None:
         """Follows time and the program."""
         self._now = now
         if playing != self._playing:
             self._playing = playing
-            self._settle()
+            self._apply()
 
-    def _settle(self) -> None:
+    def _apply(self) -> None:
         if not self._playing:
             # Forgotten, not hidden: the output must not come back by itself with the next program.
             self._requested &= ~self._low_mask

@@ -103,13 +103,13 @@ def position(a: Frame) -> Vector:
     return (a[3], a[7], a[11])
 
 
-def placed(a: Frame, place: Sequence[float]) -> Frame:
+def with_position(a: Frame, place: Sequence[float]) -> Frame:
     """The frame with its origin at `place`."""
     x, y, z = place
     return (*a[0:3], x, *a[4:7], y, *a[8:11], z)
 
 
-def turned(a: Frame, turn: Sequence[float], share: float = 1.0) -> Frame:
+def rotated(a: Frame, turn: Sequence[float], share: float = 1.0) -> Frame:
     """The frame turned about its own origin by `share` of a rotation vector given in the frame itself."""
     x, y, z = turn
     return compose(a, from_ur((0.0, 0.0, 0.0, x * share, y * share, z * share)))
@@ -118,7 +118,7 @@ def turned(a: Frame, turn: Sequence[float], share: float = 1.0) -> Frame:
 def interpolate(a: Frame, b: Frame, share: float) -> Frame:
     """The frame at `share` of the way from a to b: position on the straight line, rotation about one fixed axis."""
     x, y, z = (p + (q - p) * share for p, q in zip(position(a), position(b), strict=True))
-    return placed(turned(a, rotation_vector(compose(invert(a), b)), share), (x, y, z))
+    return with_position(rotated(a, rotation_vector(compose(invert(a), b)), share), (x, y, z))
 
 
 def minus(a: Vector, b: Vector) -> Vector:

@@ -14,7 +14,7 @@ from typing import Protocol
 from hardware_sim.controller import limits, poses
 from hardware_sim.controller.curves import Line
 from hardware_sim.controller.motion import STANDSTILL, Follower, Twist
-from hardware_sim.controller.moves import ToolCourse, end_joints
+from hardware_sim.controller.moves import CartesianMove, end_joints
 from hardware_sim.controller.poses import Frame, Vector
 
 _STRAIGHT = 1e-4  # rad: a corner less than this is none
@@ -70,7 +70,7 @@ class _Straight:
     def turn(self) -> Vector:
         """Rotation vector per m, in the tool's frame."""
         rates = self.rate(0.0)
-        return poses.rotate(poses.invert(poses.placed(self.line.start, (0.0, 0.0, 0.0))), rates[3:])
+        return poses.rotate(poses.invert(poses.with_position(self.line.start, (0.0, 0.0, 0.0))), rates[3:])
 
 
 class _Corner:
@@ -101,8 +101,8 @@ class _Corner:
         )
         first, second = self._turns
         left, gone = self._shares(x / self.length)
-        turned = poses.turned(poses.turned(self._corner, first, -left), second, gone)
-        return poses.placed(turned, place)
+        turned = poses.rotated(poses.rotated(self._corner, first, -left), second, gone)
+        return poses.with_position(turned, place)
 
     def rate(self, x: float) -> Twist:
         """See _Shape."""
@@ -116,7 +116,7 @@ class _Corner:
         out = (3.0 * u - 1.0) * (u - 1.0) + 6.0 * (1.0 - u) * u * self._trim / self.length
         into = 6.0 * (1.0 - u) * u * self._trim / self.length + (3.0 * u - 2.0) * u
         a = poses.rotate(self._corner, first)
-        b = poses.rotate(poses.turned(self._corner, first, -left), second)
+        b = poses.rotate(poses.rotated(self._corner, first, -left), second)
         return (*linear, *(out * p + into * q for p, q in zip(a, b, strict=True)))
 
     def _along(self, x: float) -> tuple[float, float]:
@@ -131,7 +131,7 @@ class _Corner:
         return self._trim - gone_before, rise + u * u * (u - 1.0) * self.length
 
 
-class ProcessPath(ToolCourse):
+class ProcessPath(CartesianMove):
     """Straight pieces and arcs in their order; at rest at the end that is known so far."""
 
     def __init__(self, follower: Follower, line: Line, speed: float, acceleration: float) -> None:

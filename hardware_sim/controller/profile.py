@@ -68,7 +68,7 @@ class Trapezoid:
         return min(self.speed, self.acceleration * t, self.acceleration * (duration - t))
 
 
-class Fading:
+class LinearDecay:
     """A speed that falls evenly to zero within `seconds`, whatever the speed is of."""
 
     def __init__(self, seconds: float) -> None:

@@ -14,7 +14,7 @@ from hardware_sim.controller.compiler import NAMES_OF_OPERATIONS, TURN_BUDGET, C
 from hardware_sim.controller.semantics import ScriptError
 
 _MAX_THREADS = 64
-_MEANINGS = ("copy_of", "pose", "truth", "item", "put", "member", "put_member", "negative", "positive")
+_VALUE_FUNCTIONS = ("copy_of", "pose", "truth", "item", "put", "member", "put_member", "negative", "positive")
 _OWN_NAMES = re.compile(r"\b[fvb]_(?=\w)|\b\w+(?:Functions|Arithmetic|Strings)\.")  # in Python's messages
 
 
@@ -43,7 +43,7 @@ class Program:
         namespace: dict[str, Any] = {f"b_{name}": function for name, function in functions.items()}
         namespace |= {
             "Struct": semantics.Struct,
-            **{name: getattr(semantics, name) for name in _MEANINGS},
+            **{name: getattr(semantics, name) for name in _VALUE_FUNCTIONS},
             **{name: semantics.OPERATIONS[sign] for sign, name in NAMES_OF_OPERATIONS.items()},
             "run": self._run,
             "kill": self._kill,

@@ -25,7 +25,7 @@ _NICENESS = 5  # above that of the ticks
 _AT_ONCE = 1 << 16  # bytes
 
 
-class Uploads:
+class ProgramLoader:
     """The programs that one controller has received and not yet started."""
 
     def __init__(self, controller: Controller) -> None:
@@ -52,7 +52,7 @@ class Uploads:
         self._unsent.append(_SIZE.pack(len(data)) + data)
         self._send()
 
-    def deliver(self) -> None:
+    def start_compiled(self) -> None:
         """Starts what is compiled; called in every tick, never waits."""
         if not self._waiting:
             return

@@ -5,30 +5,37 @@ from collections.abc import Generator
 from typing import Any
 
 from hardware_sim.controller.registers import BIT_REGISTERS, DOUBLE_IN, DOUBLE_OUT, INT_IN, INT_OUT, REGISTERS
-from hardware_sim.controller.script_values import STEP_TIME, Bound, not_negative, number, positive, whole
-from hardware_sim.controller.semantics import ScriptError, shown, truth
+from hardware_sim.controller.script_values import (
+    STEP_TIME,
+    FunctionGroup,
+    integer_below,
+    not_negative,
+    number,
+    positive,
+)
+from hardware_sim.controller.semantics import ScriptError, script_text, truth
 
 LOG = logging.getLogger("hardware_sim.controller")
 Waiting = Generator[None, None, None]
 
 
-class RegisterFunctions(Bound):
+class RegisterFunctions(FunctionGroup):
     """Registers, messages, time, watchdog, outputs."""
 
     def textmsg(self, s1: Any, s2: Any = "") -> None:
         if LOG.isEnabledFor(logging.DEBUG):
-            LOG.debug("textmsg %s%s", shown(s1), shown(s2))
+            LOG.debug("textmsg %s%s", script_text(s1), script_text(s2))
 
     def popup(
         self, s: Any, title: Any = "Popup", warning: bool = False, error: bool = False, blocking: bool = False
     ) -> None:
         del warning, error
-        self._robot.report(f"popup {shown(title)}: {shown(s)}", logging.INFO)
+        self._robot.report(f"popup {script_text(title)}: {script_text(s)}", logging.INFO)
         if blocking:
             self._robot.pause()
 
     def _slot(self, base: int, index: Any) -> int:
-        return base + whole(index, "a register's number", REGISTERS)
+        return base + integer_below(index, "a register's number", REGISTERS)
 
     def read_input_float_register(self, address: int) -> float:
         return self._values[self._slot(DOUBLE_IN, address)]
@@ -37,13 +44,13 @@ class RegisterFunctions(Bound):
         return int(self._values[self._slot(INT_IN, address)])
 
     def read_input_boolean_register(self, address: int) -> bool:
-        return self._robot.registers.bit("input", whole(address, "a register's number", BIT_REGISTERS))
+        return self._robot.registers.bit("input", integer_below(address, "a register's number", BIT_REGISTERS))
 
     def read_output_boolean_register(self, address: int) -> bool:
-        return self._robot.registers.bit("output", whole(address, "a register's number", BIT_REGISTERS))
+        return self._robot.registers.bit("output", integer_below(address, "a register's number", BIT_REGISTERS))
 
     def write_output_boolean_register(self, address: int, value: bool) -> None:
-        slot = whole(address, "a register's number", BIT_REGISTERS)
+        slot = integer_below(address, "a register's number", BIT_REGISTERS)
         self._robot.registers.set_bit(slot, truth(value))
 
     def read_output_float_register(self, address: int) -> float:
@@ -57,10 +64,10 @@ class RegisterFunctions(Bound):
 
     def write_output_integer_register(self, address: int, value: int) -> None:
         # A float is cut to a whole number, as `ur-rtde`'s own scripts rely on; a truth value is not.
-        found = int(number(value, "the value"))
-        if not -(2**31) <= found < 2**31:
+        integer = int(number(value, "the value"))
+        if not -(2**31) <= integer < 2**31:
             raise ScriptError(f"{value} does not fit an integer register")
-        self._values[self._slot(INT_OUT, address)] = found
+        self._values[self._slot(INT_OUT, address)] = integer
 
     def sync(self) -> Waiting:
         yield
@@ -78,7 +85,7 @@ class RegisterFunctions(Bound):
         self._robot.set_watchdog(variable_name, positive(min_frequency, "min_frequency"), action.lower())
 
     def _set_output(self, n: int, first: int, count: int, level: Any) -> None:
-        self._robot.outputs.set_bit(first + whole(n, "a digital output's number", count), truth(level))
+        self._robot.outputs.set_bit(first + integer_below(n, "a digital output's number", count), truth(level))
 
     def set_digital_out(self, n: int, b: bool) -> None:
         self._set_output(n, 0, 18, b)
@@ -93,6 +100,6 @@ class RegisterFunctions(Bound):
         self._set_output(n, 16, 2, b)
 
     def get_digital_out(self, n: int) -> bool:
-        return bool(self._robot.outputs.levels >> whole(n, "a digital output's number", 18) & 1)
+        return bool(self._robot.outputs.levels >> integer_below(n, "a digital output's number", 18) & 1)
 
     get_standard_digital_out = get_digital_out

@@ -6,7 +6,7 @@ from typing import Any
 from hardware_sim.controller import poses
 from hardware_sim.controller.poses import Frame
 from hardware_sim.controller.robot import Robot
-from hardware_sim.controller.semantics import ScriptError, shown
+from hardware_sim.controller.semantics import ScriptError, script_text
 
 STEP_TIME = 0.002  # s
 _SMALLEST = 1e-6  # of speeds and accelerations: below, a move would outlast the robot
@@ -15,16 +15,16 @@ _SMALLEST = 1e-6  # of speeds and accelerations: below, a move would outlast the
 def number(value: Any, what: str) -> float:
     """`value` as a finite number; a truth value is none. Raises ScriptError naming `what`."""
     if type(value) is not float and type(value) is not int:
-        raise ScriptError(f"{what} must be a number, not {shown(value)}")
+        raise ScriptError(f"{what} must be a number, not {script_text(value)}")
     if not math.isfinite(value):
         raise ScriptError(f"{what} is not finite")
     return float(value)
 
 
-def whole(value: Any, what: str, count: int) -> int:
+def integer_below(value: Any, what: str, count: int) -> int:
     """`value` as a whole number from 0 to `count` − 1. Raises ScriptError naming `what`."""
     if type(value) is not int:
-        raise ScriptError(f"{what} must be a whole number, not {shown(value)}")
+        raise ScriptError(f"{what} must be a whole number, not {script_text(value)}")
     if not 0 <= value < count:
         raise ScriptError(f"{what} must be from 0 to {count - 1}, not {value}")
     return value
@@ -33,24 +33,24 @@ def whole(value: Any, what: str, count: int) -> int:
 def numbers(value: Any, count: int, what: str) -> list[float]:
     """`value` as a list of `count` finite numbers. Raises ScriptError naming `what`."""
     if not isinstance(value, list) or len(value) != count:
-        raise ScriptError(f"{what} must be {count} numbers, not {shown(value)}")
+        raise ScriptError(f"{what} must be {count} numbers, not {script_text(value)}")
     return [number(v, what) for v in value]
 
 
 def positive(value: Any, what: str) -> float:
     """`value` as a number above zero. Raises ScriptError naming `what`."""
-    found = number(value, what)
-    if found < _SMALLEST:
-        raise ScriptError(f"{what} must be above zero, not {shown(value)}")
-    return found
+    result = number(value, what)
+    if result < _SMALLEST:
+        raise ScriptError(f"{what} must be above zero, not {script_text(value)}")
+    return result
 
 
 def not_negative(value: Any, what: str) -> float:
     """`value` as a finite number that is zero or above. Raises ScriptError naming `what`."""
-    found = number(value, what)
-    if found < 0.0:
-        raise ScriptError(f"{what} must be zero or above, not {shown(value)}")
-    return found
+    result = number(value, what)
+    if result < 0.0:
+        raise ScriptError(f"{what} must be zero or above, not {script_text(value)}")
+    return result
 
 
 def frame(pose: Any, what: str = "the pose") -> Frame:
@@ -58,7 +58,7 @@ def frame(pose: Any, what: str = "the pose") -> Frame:
     return poses.from_ur(numbers(pose, 6, what))
 
 
-class Bound:
+class FunctionGroup:
     """A group of functions bound to one robot; methods without underscore are visible to programs."""
 
     def __init__(self, robot: Robot) -> None:

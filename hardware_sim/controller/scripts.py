@@ -12,7 +12,7 @@ import struct
 from collections.abc import Iterable
 
 from hardware_sim.controller.kinematics import ArmModel
-from hardware_sim.controller.program_loader import Uploads
+from hardware_sim.controller.program_loader import ProgramLoader
 from hardware_sim.controller.sockets import Connection, LineConnection
 from hardware_sim.controller.syntax import depth_change
 
@@ -31,7 +31,7 @@ _IS_ROBOT_STATE, _IS_KINEMATICS_INFO, _IS_CALIBRATED = 16, 5, 1
 class ScriptConnection(LineConnection):
     """One sender of programs."""
 
-    def __init__(self, stream: socket.socket, uploads: Uploads, greeting: bytes = b"") -> None:
+    def __init__(self, stream: socket.socket, uploads: ProgramLoader, greeting: bytes = b"") -> None:
         super().__init__(stream)
         if greeting:
             self.offer(greeting)

@@ -41,10 +41,10 @@ def copy_of(value: Any) -> Any:
         return value
     if kind is list and not any(type(element) in _CONTAINERS for element in value):
         return value[:]
-    return _copied(value, [MOST_ELEMENTS])
+    return _deep_copy(value, [MOST_ELEMENTS])
 
 
-def _copied(value: Any, left: list[int]) -> Any:
+def _deep_copy(value: Any, left: list[int]) -> Any:
     kind: Any = type(value)
     if kind not in _CONTAINERS:
         return value
@@ -52,16 +52,16 @@ def _copied(value: Any, left: list[int]) -> Any:
     if left[0] < 0:
         raise ScriptError(f"a value of more than {MOST_ELEMENTS} elements")
     if kind is Struct:
-        return Struct({name: _copied(element, left) for name, element in value.items()})
-    return kind(_copied(element, left) for element in value)
+        return Struct({name: _deep_copy(element, left) for name, element in value.items()})
+    return kind(_deep_copy(element, left) for element in value)
 
 
-def shown(value: Any) -> str:
+def script_text(value: Any) -> str:
     """A value as URScript writes it."""
     if isinstance(value, Struct):
-        return "struct(" + ", ".join(f"{name} = {shown(element)}" for name, element in value.items()) + ")"
+        return "struct(" + ", ".join(f"{name} = {script_text(element)}" for name, element in value.items()) + ")"
     if isinstance(value, list):
-        elements = ", ".join(shown(element) for element in value)  # pyright: ignore[reportUnknownVariableType]
+        elements = ", ".join(script_text(element) for element in value)  # pyright: ignore[reportUnknownVariableType]
         return f"p[{elements}]" if isinstance(value, Pose) else f"[{elements}]"
     return f"{value:g}" if isinstance(value, float) else str(value)
 
@@ -70,7 +70,7 @@ def pose(elements: list[Any]) -> Pose:
     """`p[…]`. Raises ScriptError unless all six are numbers."""
     for element in elements:
         if type(element) not in _NUMBERS:
-            raise ScriptError(f"a pose is made of numbers, not of {shown(element)}")
+            raise ScriptError(f"a pose is made of numbers, not of {script_text(element)}")
     return Pose(elements)
 
 
@@ -78,7 +78,7 @@ def truth(value: Any) -> bool:
     """A condition. Raises ScriptError unless it is a truth value."""
     if value is True or value is False:
         return value
-    raise ScriptError(f"a condition must be True or False, not {shown(value)}")
+    raise ScriptError(f"a condition must be True or False, not {script_text(value)}")
 
 
 def integer(value: Any) -> Any:
@@ -97,15 +97,15 @@ def put(value: Any, index: Any, element: Any) -> None:
     """`value[index] = element`."""
     number = _checked(value, index)
     if type(value) is Pose and type(element) not in _NUMBERS:
-        raise ScriptError(f"a pose is made of numbers, not of {shown(element)}")
+        raise ScriptError(f"a pose is made of numbers, not of {script_text(element)}")
     value[number] = element
 
 
 def _checked(value: Any, index: Any) -> int:
     if type(value) is not list and type(value) is not Pose:
-        raise ScriptError(f"{shown(value)} has no elements")
+        raise ScriptError(f"{script_text(value)} has no elements")
     if type(index) is not int:
-        raise ScriptError(f"an index must be a whole number, not {shown(index)}")
+        raise ScriptError(f"an index must be a whole number, not {script_text(index)}")
     if not 0 <= index < len(value):
         raise ScriptError(f"index {index} is outside a list of {len(value)}")
     return index
@@ -125,13 +125,13 @@ def put_member(value: Any, name: str, element: Any) -> None:
 
 def _check_member(value: Any, name: str) -> None:
     if type(value) is not Struct:
-        raise ScriptError(f"{shown(value)} has no member {name!r}: it is no struct")
+        raise ScriptError(f"{script_text(value)} has no member {name!r}: it is no struct")
     if name not in value:
         raise ScriptError(f"the struct has no member {name!r}, only {', '.join(value)}")
 
 
 def _refuse(sign: str, a: Any, b: Any) -> NoReturn:
-    raise ScriptError(f"{shown(a)} {sign} {shown(b)}: these types do not go together")
+    raise ScriptError(f"{script_text(a)} {sign} {script_text(b)}: these types do not go together")
 
 
 def _divided(a: Any, b: Any) -> Any:
@@ -151,8 +151,8 @@ def _arithmetic(sign: str, operation: Operation) -> Operation:
 
     def calculate(a: Any, b: Any) -> Any:
         if type(a) in _NUMBERS and type(b) in _NUMBERS:
-            found = operation(a, b)
-            return found if type(found) is float else integer(found)
+            result = operation(a, b)
+            return result if type(result) is float else integer(result)
         if type(a) is list and type(b) is list and len(a) == len(b):
             return [calculate(x, y) for x, y in zip(a, b, strict=True)]
         if type(a) is list and type(b) in _NUMBERS:

@@ -22,7 +22,7 @@ from hardware_sim.controller.dashboard import DashboardConnection
 from hardware_sim.controller.delay import Delay
 from hardware_sim.controller.kinematics import MODELS
 from hardware_sim.controller.options import ControllerOptions
-from hardware_sim.controller.program_loader import Uploads
+from hardware_sim.controller.program_loader import ProgramLoader
 from hardware_sim.controller.rtde import Owners, RtdeConnection
 from hardware_sim.controller.safety import BOOT_SECONDS
 from hardware_sim.controller.script_values import STEP_TIME
@@ -44,15 +44,15 @@ class Server:
         self.controller = controller
         self._poll = select.epoll()
         self._owners = Owners()
-        self._uploads = Uploads(controller)
+        self._loader = ProgramLoader(controller)
         self._stall_ends: dict[int, float] = {}
         self._ports: dict[int, Port] = {}
         greeting = scripts.kinematics_message(controller.arm.model)
         accepts: dict[int, Callable[[socket.socket], Connection]] = {
             rtde.PORT: lambda s: RtdeConnection(s, controller, self._owners),
             dashboard.PORT: lambda s: DashboardConnection(s, controller, self.shut_down),
-            **dict.fromkeys(scripts.PORTS, lambda s: ScriptConnection(s, self._uploads)),
-            scripts.PRIMARY_PORT: lambda s: ScriptConnection(s, self._uploads, greeting),
+            **dict.fromkeys(scripts.PORTS, lambda s: ScriptConnection(s, self._loader)),
+            scripts.PRIMARY_PORT: lambda s: ScriptConnection(s, self._loader, greeting),
             control_port.PORT: lambda s: ControlConnection(s, controller, self),
         }
         try:
@@ -158,7 +158,7 @@ class Server:
         for port in self._slow:
             if not port.stalled:
                 port.pass_on(now)
-        self._uploads.deliver()
+        self._loader.start_compiled()
         self.controller.tick(now)
         self._announce_exceptions()
         port = self._ports[rtde.PORT]
@@ -178,7 +178,7 @@ class Server:
 
     def close(self) -> None:
         """Closes all ports."""
-        self._uploads.close()
+        self._loader.close()
         for port in self._ports.values():
             port.close()
         self._poll.close()

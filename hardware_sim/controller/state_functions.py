@@ -4,14 +4,14 @@ from typing import Any
 
 from hardware_sim.controller import kinematics, limits, poses
 from hardware_sim.controller.arm import HISTORY
-from hardware_sim.controller.moves import JointMove, ToolCourse
-from hardware_sim.controller.script_values import STEP_TIME, Bound, frame, number, numbers
+from hardware_sim.controller.moves import CartesianMove, JointMove
+from hardware_sim.controller.script_values import STEP_TIME, FunctionGroup, frame, number, numbers
 from hardware_sim.controller.semantics import Pose, ScriptError
 
 STEADY_AFTER = 0.5  # s of motion time at rest
 
 
-class StateFunctions(Bound):
+class StateFunctions(FunctionGroup):
     """What a program asks about the arm, and what it sets."""
 
     def _solve(self, x: Any, qnear: Any) -> list[float] | None:
@@ -136,11 +136,11 @@ class StateFunctions(Bound):
     get_actual_tcp_speed = get_target_tcp_speed
 
     def get_target_waypoint(self) -> Pose:
-        moves = isinstance(self._arm.motion, JointMove | ToolCourse)
+        moves = isinstance(self._arm.motion, JointMove | CartesianMove)
         return self.get_forward_kin(self._arm.target if moves else None)
 
     def get_freedrive_status(self) -> int:
-        if self._arm.guiding is None:
+        if self._arm.freedrive is None:
             return 0
         return 1 if kinematics.near_singularity(self._arm.model, self._arm.joints) else 0
 

@@ -7,7 +7,7 @@ from hardware_sim.controller import limits, poses
 from hardware_sim.controller.kinematics import ArmModel
 from hardware_sim.controller.motion import STANDSTILL, Follower, Joints, State, Twist
 from hardware_sim.controller.poses import Frame
-from hardware_sim.controller.profile import Fading
+from hardware_sim.controller.profile import LinearDecay
 
 _AT_REST: Joints = [0.0] * 6
 
@@ -24,7 +24,7 @@ class JointBrake:
 
     def __init__(self, joints: Sequence[float], speeds: Sequence[float], deceleration: float) -> None:
         self._start, self._speeds = list(joints), list(speeds)
-        self._fading = Fading(stopping_time(speeds, deceleration))
+        self._fading = LinearDecay(stopping_time(speeds, deceleration))
 
     @property
     def finished(self) -> bool:
@@ -51,7 +51,7 @@ class LinearBrake:
         self.velocity: Twist | None = tuple(velocity)
         speed = math.hypot(*velocity[:3])
         seconds = (speed if speed > 1e-6 else math.hypot(*velocity[3:])) / deceleration
-        self._fading = Fading(max(seconds, stopping_time(speeds, limits.JOINT_ACCELERATION)))
+        self._fading = LinearDecay(max(seconds, stopping_time(speeds, limits.JOINT_ACCELERATION)))
 
     @property
     def finished(self) -> bool:
@@ -63,16 +63,16 @@ class LinearBrake:
         del pace
         covered, left = self._fading.advance(dt)
         self.velocity = tuple(left * v for v in self._first)
-        joints, speeds = self._follower.follow(moved(self._start, self._first, covered), dt)
+        joints, speeds = self._follower.follow(pose_after(self._start, self._first, covered), dt)
         return joints, _AT_REST[:] if self.finished else speeds
 
 
-def moved(base_from_tool: Frame, velocity: Sequence[float], seconds: float) -> Frame:
+def pose_after(base_from_tool: Frame, velocity: Sequence[float], seconds: float) -> Frame:
     """A tool pose after `seconds` at a constant velocity (m/s, rad/s; base frame)."""
     vx, vy, vz, wx, wy, wz = (v * seconds for v in velocity)
     turned = poses.compose(poses.from_ur((0.0, 0.0, 0.0, wx, wy, wz)), base_from_tool)
     x, y, z = poses.position(base_from_tool)
-    return poses.placed(turned, (x + vx, y + vy, z + vz))
+    return poses.with_position(turned, (x + vx, y + vy, z + vz))
 
 
 class JointSpeed:
@@ -93,7 +93,7 @@ class JointSpeed:
             max(-limit, min(limit, pace * t)) for t, limit in zip(self.target, self._arm.joint_speeds, strict=True)
         ]
         change = min(self.acceleration, limits.JOINT_ACCELERATION) * dt
-        self._speeds = _approached(self._speeds, target, change)
+        self._speeds = _stepped_towards(self._speeds, target, change)
         self._joints = [q + s * dt for q, s in zip(self._joints, self._speeds, strict=True)]
         return self._joints[:], self._speeds[:]
 
@@ -114,19 +114,19 @@ class ToolSpeed:
         """See Motion."""
         factor = pace * min(1.0, limits.TOOL_SPEED / max(math.hypot(*self.target[:3]), 1e-9))
         change = min(self.acceleration, limits.TOOL_ACCELERATION) * dt
-        velocity = tuple(_approached(self.velocity or STANDSTILL, [factor * t for t in self.target], change))
+        velocity = tuple(_stepped_towards(self.velocity or STANDSTILL, [factor * t for t in self.target], change))
         self.velocity = velocity
-        self._pose = moved(self._pose, velocity, dt)
+        self._pose = pose_after(self._pose, velocity, dt)
         return self._follower.follow(self._pose, dt)
 
 
-def _approached(values: Sequence[float], target: Sequence[float], greatest: float) -> list[float]:
+def _stepped_towards(values: Sequence[float], target: Sequence[float], greatest: float) -> list[float]:
     """`values` brought nearer to `target` in a straight line, no component by more than `greatest`."""
-    way = [t - v for v, t in zip(values, target, strict=True)]
-    largest = max(abs(w) for w in way)
+    change = [t - v for v, t in zip(values, target, strict=True)]
+    largest = max(abs(w) for w in change)
     if largest <= greatest:
         return list(target)
-    return [v + w * greatest / largest for v, w in zip(values, way, strict=True)]
+    return [v + w * greatest / largest for v, w in zip(values, change, strict=True)]
 
 
 class JointServo:

@@ -12,18 +12,18 @@ from hardware_sim.controller.syntax_tree import (
     Assign,
     Binary,
     Call,
-    Evaluate,
+    ExpressionStatement,
     Function,
     If,
     Index,
-    ListOf,
+    KeywordStatement,
+    ListLiteral,
     Literal,
     Member,
     Name,
     Node,
-    Run,
-    Simple,
-    StructOf,
+    RunThread,
+    StructLiteral,
     Unary,
     While,
 )
@@ -66,7 +66,7 @@ _POSE_ITEMS = 6
 
 def tokens(text: str) -> list[Token]:
     """Splits a program into words. Raises ScriptSyntaxError at a character that belongs to none."""
-    found: list[Token] = []
+    result: list[Token] = []
     line, position = 1, 0
     while position < len(text):
         match = _TOKEN.match(text, position)
@@ -77,17 +77,17 @@ def tokens(text: str) -> list[Token]:
         if kind == "newline":
             line += 1
         elif kind != "space":
-            found.append(Token(kind, match.group(), line))
-    found.append(Token("end-of-text", "", line))
-    return found
+            result.append(Token(kind, match.group(), line))
+    result.append(Token("end-of-text", "", line))
+    return result
 
 
-_BLOCK_WORD = re.compile(r"#.*|\"[^\"]*\"|'[^']*'|\b(?:def|thread|sec|if|while|for|end)\b")
+_BLOCK_TOKEN = re.compile(r"#.*|\"[^\"]*\"|'[^']*'|\b(?:def|thread|sec|if|while|for|end)\b")
 
 
 def depth_change(line: str) -> int:
     """By how much one line of text opens (+) or closes (−) blocks; comments and strings do not count."""
-    words = _BLOCK_WORD.findall(line)
+    words = _BLOCK_TOKEN.findall(line)
     return sum(1 for w in words if w in _OPENERS) - sum(1 for w in words if w == "end")
 
 
@@ -117,21 +117,21 @@ class _Parser:
     """Recursive descent over the tokens of one program."""
 
     def __init__(self, words: list[Token]) -> None:
-        self._words = words
-        self._at = 0
+        self._tokens = words
+        self._position = 0
 
     def peek(self) -> Token:
-        return self._words[self._at]
+        return self._tokens[self._position]
 
     def _next(self) -> Token:
-        token = self._words[self._at]
-        self._at += 1
+        token = self._tokens[self._position]
+        self._position += 1
         return token
 
     def _accept(self, text: str) -> bool:
-        token = self._words[self._at]
+        token = self._tokens[self._position]
         if token.text == text and token.kind != "string":
-            self._at += 1
+            self._position += 1
             return True
         return False
 
@@ -189,37 +189,37 @@ class _Parser:
 
     def _statement(self) -> Node:
         token = self.peek()
-        word = token.text if token.kind == "name" else ""
-        if word in ("global", "local"):
+        keyword = token.text if token.kind == "name" else ""
+        if keyword in ("global", "local"):
             self._next()
-            return self._assigned(token.line, Name(token.line, self._identifier()), word == "global")
-        if word == "if":
+            return self._assigned(token.line, Name(token.line, self._identifier()), keyword == "global")
+        if keyword == "if":
             return self._if()
-        if word == "while":
+        if keyword == "while":
             self._next()
             condition = self._expression()
             self._accept(":")
             body = self._body(frozenset({"end"}))
             self._expect("end")
             return While(token.line, condition, body)
-        if word in ("kill", "join"):
+        if keyword in ("kill", "join"):
             self._next()
-            return Simple(token.line, word, self._expression())
-        if word == "return":
+            return KeywordStatement(token.line, keyword, self._expression())
+        if keyword == "return":
             self._next()
             follower = self.peek()
             bare = follower.line != token.line or follower.text in ("end", "else", "elif") or follower.kind == ""
-            return Simple(token.line, word, None if bare else self._expression())
-        if word in _SIMPLE:
+            return KeywordStatement(token.line, keyword, None if bare else self._expression())
+        if keyword in _SIMPLE:
             self._next()
-            return Simple(token.line, word)
-        if token.kind == "name" and word not in _RESERVED:
-            begin = self._at
+            return KeywordStatement(token.line, keyword)
+        if token.kind == "name" and keyword not in _RESERVED:
+            begin = self._position
             target = self._postfix()
             if self.peek().kind == "operator" and self.peek().text == "=":
                 return self._assigned(token.line, target, False)
-            self._at = begin
-        return Evaluate(token.line, self._expression())
+            self._position = begin
+        return ExpressionStatement(token.line, self._expression())
 
     def _assigned(self, line: int, target: Node, is_global: bool) -> Assign:
         self._expect("=")
@@ -305,7 +305,7 @@ class _Parser:
             indices = self._items("]")
             if isinstance(node, Name) and node.name == "p" and len(indices) == _POSE_ITEMS:
                 # `p` is an ordinary variable too; only the number of items tells a pose from an index.
-                node = ListOf(node.line, indices, pose=True)
+                node = ListLiteral(node.line, indices, pose=True)
             else:
                 node = Index(node.line, node, indices)
         return node
@@ -324,11 +324,11 @@ class _Parser:
             self._expect(")")
             return inner
         if token.text == "[":
-            return ListOf(token.line, self._items("]"), pose=False)
+            return ListLiteral(token.line, self._items("]"), pose=False)
         if token.kind == "name" and token.text in ("True", "False"):
             return Literal(token.line, token.text == "True")
         if token.kind == "name" and token.text == "run":
-            return Run(token.line, self._call(self._identifier(), token.line))
+            return RunThread(token.line, self._call(self._identifier(), token.line))
         if token.kind != "name" or token.text in _RESERVED:
             raise ScriptSyntaxError(f"line {token.line}: unexpected {token.text!r}")
         if self.peek().kind != "operator" or self.peek().text != "(":
@@ -338,7 +338,7 @@ class _Parser:
             return call
         if call.arguments:
             raise ScriptSyntaxError(f"line {call.line}: members of a struct have names")
-        return StructOf(call.line, call.keywords)
+        return StructLiteral(call.line, call.keywords)
 
     def _call(self, name: str, line: int) -> Call:
         arguments: list[Node] = []
@@ -346,7 +346,7 @@ class _Parser:
         self._expect("(")
         while not self._accept(")"):
             token = self.peek()
-            if token.kind == "name" and self._words[self._at + 1].text == "=":
+            if token.kind == "name" and self._tokens[self._position + 1].text == "=":
                 keyword = self._identifier()
                 self._expect("=")
                 keywords[keyword] = self._expression()

@@ -25,7 +25,7 @@ class Name(Node):
 
 
 @dataclass(frozen=True)
-class ListOf(Node):
+class ListLiteral(Node):
     """A list, or a pose where `pose` is set."""
 
     items: list[Node]
@@ -49,7 +49,7 @@ class Member(Node):
 
 
 @dataclass(frozen=True)
-class StructOf(Node):
+class StructLiteral(Node):
     """`struct(name=value, …)`."""
 
     members: dict[str, Node]
@@ -65,7 +65,7 @@ class Call(Node):
 
 
 @dataclass(frozen=True)
-class Run(Node):
+class RunThread(Node):
     """`run name(arguments)`, whose value is the thread's handle."""
 
     call: Call
@@ -98,7 +98,7 @@ class Assign(Node):
 
 
 @dataclass(frozen=True)
-class Evaluate(Node):
+class ExpressionStatement(Node):
     """An expression as a statement."""
 
     value: Node
@@ -120,10 +120,10 @@ class While(Node):
 
 
 @dataclass(frozen=True)
-class Simple(Node):
+class KeywordStatement(Node):
     """`return`, `break`, `continue`, `kill`, `join`, `halt`, `pass`, `enter_critical`, `exit_critical`."""
 
-    word: str
+    keyword: str
     value: Node | None = None
 
 

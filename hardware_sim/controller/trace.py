@@ -91,8 +91,8 @@ def read_trace(path: Path) -> Trace:
         + [(name, "u1") for name in ("safety_mode", "robot_mode", "runtime_state", "touching")]
     )
     rows = np.frombuffer(data, layout, (len(data) - len(MAGIC)) // layout.itemsize, len(MAGIC))
-    whole = {
+    integers = {
         name: rows[name].astype(np.int64)
         for name in ("outputs", "safety_mode", "robot_mode", "runtime_state", "touching")
     }
-    return Trace(rows["time"].copy(), rows["joints"].copy(), rows["tcp"].astype(float), **whole)
+    return Trace(rows["time"].copy(), rows["joints"].copy(), rows["tcp"].astype(float), **integers)

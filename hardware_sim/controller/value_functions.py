@@ -7,8 +7,8 @@ from typing import Any
 
 from hardware_sim.controller import poses
 from hardware_sim.controller.robot import Robot
-from hardware_sim.controller.script_values import Bound, frame, number, numbers, whole
-from hardware_sim.controller.semantics import MOST_CHARACTERS, ScriptError, integer, shown, truth
+from hardware_sim.controller.script_values import FunctionGroup, frame, integer_below, number, numbers
+from hardware_sim.controller.semantics import MOST_CHARACTERS, ScriptError, integer, script_text, truth
 
 _BITS = 32
 
@@ -16,20 +16,20 @@ _BITS = 32
 def _of_numbers(name: str, function: Callable[..., float]) -> Callable[..., float]:
     """A function of numbers alone, as a method whose errors name it."""
 
-    def method(self: Bound, *arguments: Any) -> float:
+    def method(self: FunctionGroup, *arguments: Any) -> float:
         del self
         values = [number(argument, f"{name}: an argument") for argument in arguments]
         try:
             found = function(*values)
             return found if isinstance(found, float) else integer(found)
         except (TypeError, ValueError, OverflowError) as error:
-            given = ", ".join(map(shown, values))
+            given = ", ".join(map(script_text, values))
             raise ScriptError(f"{name}({given}) has no value: {error}") from error
 
     return method
 
 
-class Arithmetic(Bound):
+class Arithmetic(FunctionGroup):
     """Numbers and lists."""
 
     def __init__(self, robot: Robot) -> None:
@@ -53,7 +53,7 @@ class Arithmetic(Bound):
     def log(self, b: Any, f: Any) -> float:
         base, value = number(b, "log: the base"), number(f, "log: the value")
         if base <= 0.0 or base == 1.0 or value <= 0.0:
-            raise ScriptError(f"log({shown(base)}, {shown(value)}) has no value")
+            raise ScriptError(f"log({script_text(base)}, {script_text(value)}) has no value")
         return math.log(value, base)
 
     def random(self) -> float:
@@ -64,7 +64,7 @@ class Arithmetic(Bound):
 
     def normalize(self, v: Any) -> list[float]:
         if not isinstance(v, list):
-            raise ScriptError(f"normalize: v must be a list, not {shown(v)}")
+            raise ScriptError(f"normalize: v must be a list, not {script_text(v)}")
         values = numbers(v, len(v), "normalize: v")
         length = math.hypot(*values)
         if length == 0.0:
@@ -73,7 +73,7 @@ class Arithmetic(Bound):
 
     def length(self, v: Any) -> int:
         if not isinstance(v, list | str):
-            raise ScriptError(f"length: {shown(v)} is neither a list nor a string")
+            raise ScriptError(f"length: {script_text(v)} is neither a list nor a string")
         return len(v)
 
     get_list_length = length
@@ -85,7 +85,7 @@ class Arithmetic(Bound):
         roll, pitch, yaw = numbers(rpy, 3, "rpy2rotvec: the angles")
         turned = poses.IDENTITY
         for turn in ((0.0, 0.0, yaw), (0.0, pitch, 0.0), (roll, 0.0, 0.0)):
-            turned = poses.turned(turned, turn)
+            turned = poses.rotated(turned, turn)
         return list(poses.rotation_vector(turned))
 
     def rotvec2rpy(self, rotvec: Any) -> list[float]:
@@ -97,21 +97,23 @@ class Arithmetic(Bound):
 
     def integer_to_binary_list(self, x: Any) -> list[bool]:
         if type(x) is not int:
-            raise ScriptError(f"integer_to_binary_list: {shown(x)} is no whole number")
+            raise ScriptError(f"integer_to_binary_list: {script_text(x)} is no whole number")
         return [bool(x >> bit & 1) for bit in range(_BITS)]
 
     def binary_list_to_integer(self, values: Any) -> int:
         if not isinstance(values, list) or len(values) > _BITS:
-            raise ScriptError(f"binary_list_to_integer: not a list of up to {_BITS} truth values: {shown(values)}")
-        found = sum(truth(value) << bit for bit, value in enumerate(values))
-        return found - (1 << _BITS) if found >> (_BITS - 1) else found
+            raise ScriptError(
+                f"binary_list_to_integer: not a list of up to {_BITS} truth values: {script_text(values)}"
+            )
+        unsigned = sum(truth(value) << bit for bit, value in enumerate(values))
+        return unsigned - (1 << _BITS) if unsigned >> (_BITS - 1) else unsigned
 
 
-class Strings(Bound):
+class Strings(FunctionGroup):
     """Strings."""
 
     def to_str(self, val: Any) -> str:
-        return _short(shown(val))
+        return _short(script_text(val))
 
     def to_num(self, str_repr: Any) -> float:
         text = _text(str_repr, "to_num")
@@ -127,30 +129,34 @@ class Strings(Bound):
 
     def str_at(self, src: Any, index: Any) -> str:
         text = _text(src, "str_at")
-        return text[whole(index, "str_at: the index", len(text))]
+        return text[integer_below(index, "str_at: the index", len(text))]
 
     def str_cat(self, op1: Any, op2: Any) -> str:
-        return _short(shown(op1) + shown(op2))
+        return _short(script_text(op1) + script_text(op2))
 
     def str_empty(self, str: Any) -> bool:  # noqa: A002 - URScript's name of it
         return not _text(str, "str_empty")
 
     def str_find(self, src: Any, target: Any, start_from: Any = 0) -> int:
         text = _text(src, "str_find")
-        return text.find(_text(target, "str_find"), whole(start_from, "str_find: start_from", len(text) + 1))
+        return text.find(_text(target, "str_find"), integer_below(start_from, "str_find: start_from", len(text) + 1))
 
     def str_len(self, str: Any) -> int:  # noqa: A002 - URScript's name of it
         return len(_text(str, "str_len"))
 
     def str_sub(self, src: Any, index: Any, len: Any = -1) -> str:  # noqa: A002 - URScript's name of it
         text = _text(src, "str_sub")
-        begin = whole(index, "str_sub: the index", text.__len__() + 1)
-        return text[begin:] if len == -1 else text[begin : begin + whole(len, "str_sub: the length", MOST_CHARACTERS)]
+        begin = integer_below(index, "str_sub: the index", text.__len__() + 1)
+        return (
+            text[begin:]
+            if len == -1
+            else text[begin : begin + integer_below(len, "str_sub: the length", MOST_CHARACTERS)]
+        )
 
 
 def _text(value: Any, function: str) -> str:
     if not isinstance(value, str):
-        raise ScriptError(f"{function}: {shown(value)} is no string")
+        raise ScriptError(f"{function}: {script_text(value)} is no string")
     return value
 
 

@@ -24,7 +24,7 @@ class Watchdogs:
         """Disarms all."""
         self._by_variable.clear()
 
-    def fed(self, names: frozenset[str], now: float) -> None:
+    def feed(self, names: frozenset[str], now: float) -> None:
         """Takes note of the names in a packet."""
         for variable, watchdog in self._by_variable.items():
             if variable in names:

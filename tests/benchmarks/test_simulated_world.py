@@ -5,7 +5,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from acquisition.models import cell_config
 from hardware_sim import nominal
-from hardware_sim.world import Moment, World
+from hardware_sim.world import ExposureInterval, World
 
 LIT = (-2.6641, -0.9534, 1.6785, 2.607, 1.8307, 2.423)
 """The lamp on the dome at 45° from the view axis."""
@@ -24,5 +24,5 @@ def test_preparation(benchmark: BenchmarkFixture, name: str) -> None:
 @pytest.mark.parametrize("level", [1.0, 0.0], ids=["lit", "dark"])
 def test_shot(benchmark: BenchmarkFixture, level: float) -> None:
     scene = world("figure")
-    frame = benchmark.pedantic(scene.frame, args=([Moment(1.0, LIT, level)], 0.06, 0), rounds=3)
+    frame = benchmark.pedantic(scene.frame, args=([ExposureInterval(1.0, LIT, level)], 0.06, 0), rounds=3)
     assert frame.shape == (1024, 1024)

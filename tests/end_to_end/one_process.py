@@ -26,7 +26,7 @@ from acquisition.waypoints import kinematics
 from acquisition.waypoints.reach import ReachMap, reach
 from acquisition.waypoints.route import route
 from hardware_sim import nominal
-from hardware_sim.world import Moment, World
+from hardware_sim.world import ExposureInterval, World
 
 CELL = cell_config.load(nominal.default_cell_file())
 
@@ -128,7 +128,7 @@ class Session:
         self, key: ShotKey, joints: tuple[float, ...], exposure_s: float, attempt: int = 0, *, lit: bool = False
     ) -> Shot:
         path = f"{key.pass_number}/{key.number}.tiff"
-        self._frames.pixels[path] = self._world.frame([Moment(1.0, joints, float(lit))], exposure_s, attempt)
+        self._frames.pixels[path] = self._world.frame([ExposureInterval(1.0, joints, float(lit))], exposure_s, attempt)
         flange = kinematics.forward(kinematics.arm_model(CELL.arm.model), np.array([joints]))[0, -1]
         light = lamp_pose.light_from_tool(flange @ CELL.arm.flange_from_tool.matrix, self._calibration)
         return Shot(

@@ -17,7 +17,7 @@ from acquisition.waypoints import kinematics
 from acquisition.waypoints.reach import reach
 from acquisition.waypoints.route import route
 from hardware_sim import grade, nominal
-from hardware_sim.world import Moment, ProfileName, World
+from hardware_sim.world import ExposureInterval, ProfileName, World
 
 PIXELS = 192
 CELL = cell_config.load(nominal.default_cell_file())
@@ -61,7 +61,7 @@ def scene(name: str, profile: ProfileName) -> tuple[World, Observations]:
     def shot(number: int, joints: tuple[float, ...], lit: bool) -> Shot:
         path = f"{number}.tiff"
         exposure_s = exposure.in_range(EXPOSURE_S, CELL.camera)
-        frames[path] = world.frame([Moment(1.0, joints, float(lit))], exposure_s, 0)
+        frames[path] = world.frame([ExposureInterval(1.0, joints, float(lit))], exposure_s, 0)
         base_from_tool = kinematics.forward(model, np.array([joints]))[0, -1] @ flange_from_tool
         return Shot(
             key=ShotKey(pass_number=0, number=number),

@@ -12,7 +12,7 @@ from acquisition.models.cell_config import SimCameraConfig
 from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import nominal
 from hardware_sim.camera import CameraServer
-from hardware_sim.shutter import CellState, Moment
+from hardware_sim.shutter import CellState, ExposureInterval
 
 ADDRESS = "127.0.2.20"
 PIXELS = 40
@@ -32,7 +32,7 @@ class Cell:
             raise RigError(ErrorCode.DEVICE_DISCONNECTED, "the simulated controller is lost")
         return CellState((0.0,) * 6, self.lamp_on, 10.0, 10.0, time.monotonic())
 
-    def frame(self, moments: list[Moment], exposure_s: float, attempt: int) -> np.ndarray:
+    def frame(self, moments: list[ExposureInterval], exposure_s: float, attempt: int) -> np.ndarray:
         self.taking += 1
         self.most_at_once = max(self.most_at_once, self.taking)
         time.sleep(0.01)
@@ -75,7 +75,7 @@ def client(cell: Cell) -> Iterator[Client]:
     client.close()
 
 
-def test_a_frame_follows_its_header(client: Client) -> None:
+def test_camera_frame_follows_header(client: Client) -> None:
     before = time.time()
     header, pixels = client.ask(exposure_s=0.05, attempt=2)
     assert (header["width"], header["height"], header["dtype"]) == (PIXELS, PIXELS, "<u2")
@@ -84,13 +84,13 @@ def test_a_frame_follows_its_header(client: Client) -> None:
     assert np.array_equal(pixels.ravel(), np.arange(PIXELS * PIXELS) + 502)
 
 
-def test_attempt_is_0_when_not_given_and_the_lamp_is_seen(client: Client, cell: Cell) -> None:
+def test_camera_attempt_defaults_to_zero_and_lamp_shows(client: Client, cell: Cell) -> None:
     cell.lamp_on = False
     _, pixels = client.ask(exposure_s=0.05)
     assert pixels[0, 0] == 0
 
 
-def test_info(client: Client) -> None:
+def test_camera_info_returns_size_and_limits(client: Client) -> None:
     info = client.send(b'{"info": true}\n')
     assert info == {
         "width": PIXELS,
@@ -128,7 +128,7 @@ def test_info(client: Client) -> None:
         (b'{"info": true, "exposure_s": 0.1}\n', "info"),
     ],
 )
-def test_a_bad_request_is_named_and_the_connection_stays(client: Client, request_line: bytes, says: str) -> None:
+def test_camera_invalid_request_is_named_and_connection_stays(client: Client, request_line: bytes, says: str) -> None:
     answer = client.send(request_line)
     assert list(answer) == ["error"]
     assert says in answer["error"]
@@ -136,14 +136,14 @@ def test_a_bad_request_is_named_and_the_connection_stays(client: Client, request
     assert header["exposure_s"] == 0.01
 
 
-def test_an_endless_line_ends_the_connection(client: Client) -> None:
+def test_camera_endless_line_closes_connection(client: Client) -> None:
     answer = client.send(b"x" * 100_000)
     assert "bytes" in answer["error"]
     with pytest.raises((ConnectionError, json.JSONDecodeError)):
         client.send(b'{"info": true}\n')
 
 
-def test_a_client_that_hangs_up_harms_nobody(cell: Cell, client: Client) -> None:
+def test_camera_client_hanging_up_harms_nobody(cell: Cell, client: Client) -> None:
     for _ in range(3):
         rude = Client()
         rude.socket.sendall(b'{"exposure_s": 0.05}\n')
@@ -152,7 +152,7 @@ def test_a_client_that_hangs_up_harms_nobody(cell: Cell, client: Client) -> None
     assert header["exposure_s"] == 0.02
 
 
-def test_several_connections_are_served_in_turn(cell: Cell) -> None:
+def test_camera_several_connections_are_served_in_turn(cell: Cell) -> None:
     clients = [Client() for _ in range(4)]
     found: dict[int, np.ndarray] = {}
 
@@ -170,7 +170,7 @@ def test_several_connections_are_served_in_turn(cell: Cell) -> None:
     assert cell.most_at_once == 1
 
 
-def test_a_lost_controller_is_an_answer_and_no_crash(cell: Cell, client: Client) -> None:
+def test_camera_lost_controller_is_reported(cell: Cell, client: Client) -> None:
     cell.lost = True
     assert "lost" in client.send(b'{"exposure_s": 0.05}\n')["error"]
     cell.lost = False

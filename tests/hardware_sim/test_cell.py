@@ -64,7 +64,7 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
         yield cell
 
 
-def test_the_folder_tells_others_of_the_cell(cell: Cell) -> None:
+def test_cell_folder_holds_cell_file_calibration_and_truth(cell: Cell) -> None:
     written = cell_config.load(cell.cell_file)
     assert written.arm.address == written.camera.address == "127.0.2.30"
     calibration = cell_config.load_calibration(cell.cell_file.parent / written.calibration)
@@ -75,7 +75,7 @@ def test_the_folder_tells_others_of_the_cell(cell: Cell) -> None:
     assert cell.alive
 
 
-def test_the_lamp_lights_the_object_and_the_picture_moves_with_the_arm(cell: Cell) -> None:
+def test_cell_image_follows_lamp_and_arm(cell: Cell) -> None:
     import rtde_control
     import rtde_io
 
@@ -128,7 +128,7 @@ def _wait_for_output(address: str, bits: int) -> None:
         ({"pixels": 100_000}, "pixels"),
     ],
 )
-def test_nonsense_is_refused_before_anything_starts(tmp_path: Path, changes: dict[str, Any], says: str) -> None:
+def test_cell_invalid_option_is_refused_before_start(tmp_path: Path, changes: dict[str, Any], says: str) -> None:
     arguments = {"object_name": "sphere", "seed": 1, "profile": "ideal", "speed": 1.0, "pixels": 64, **changes}
     with pytest.raises(RigError, match=says) as caught:
         Cell(CellOptions("127.0.2.31", **arguments), tmp_path / "cell")
@@ -136,20 +136,20 @@ def test_nonsense_is_refused_before_anything_starts(tmp_path: Path, changes: dic
     assert not (tmp_path / "cell").exists()
 
 
-def test_a_cell_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_cell_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(RigError, match=r"nowhere\.toml") as caught:
         Cell(CellOptions("127.0.2.31", "sphere", 1, "ideal", 1.0, cell_file=tmp_path / "nowhere.toml"), tmp_path)
     assert caught.value.code == ErrorCode.CONFIG_INVALID
 
 
-def test_a_taken_address_is_an_error_and_leaves_nothing_behind(cell: Cell, tmp_path: Path) -> None:
+def test_cell_address_in_use_raises_and_leaves_nothing(cell: Cell, tmp_path: Path) -> None:
     with pytest.raises(RigError), Cell(CellOptions(cell.address, "sphere", 1, "ideal", 1.0, pixels=PIXELS), tmp_path):
         pass
     assert cell.alive
     request(cell.address, exposure_s=0.01)
 
 
-def test_a_taken_camera_port_ends_the_controller_too(tmp_path: Path) -> None:
+def test_cell_camera_port_in_use_ends_controller(tmp_path: Path) -> None:
     with socket.create_server(("127.0.2.32", 30100)):
         cell = Cell(CellOptions("127.0.2.32", "sphere", 1, "ideal", 1.0, pixels=PIXELS), tmp_path)
         with pytest.raises(RigError, match="camera's port"), cell:
@@ -158,7 +158,7 @@ def test_a_taken_camera_port_ends_the_controller_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
-def test_both_processes_end_with_their_parent(tmp_path: Path, number: signal.Signals) -> None:
+def test_cell_processes_end_with_parent(tmp_path: Path, number: signal.Signals) -> None:
     address = "127.0.2.33"
     program = (
         "from pathlib import Path; from hardware_sim import cell;"
@@ -180,7 +180,7 @@ def test_both_processes_end_with_their_parent(tmp_path: Path, number: signal.Sig
             time.sleep(0.05)
 
 
-def test_faults_of_lamp_and_camera_are_ordered_at_the_controllers_port(cell: Cell) -> None:
+def test_cell_control_port_orders_lamp_and_camera_faults(cell: Cell) -> None:
     mask = truth.load(cell.truth_file).mask
     with ControlClient(cell.address) as control:
         control.fault("output_stuck", output=0, level=True)
@@ -202,7 +202,7 @@ def test_faults_of_lamp_and_camera_are_ordered_at_the_controllers_port(cell: Cel
         request(cell.address, exposure_s=0.01)
 
 
-def test_the_arm_stands_among_solid_things(cell: Cell) -> None:
+def test_cell_arm_collides_with_table(cell: Cell) -> None:
     with ControlClient(cell.address) as control:
         assert control.state()["touching"] is None
         control.fault("hand_move", joints=[LIT[0], 0.5, *LIT[2:]], seconds=0.0)
@@ -220,7 +220,7 @@ def test_the_arm_stands_among_solid_things(cell: Cell) -> None:
         assert control.state()["safety_mode"] == 1
 
 
-def test_status_lines_follow_the_cell(tmp_path: Path) -> None:
+def test_cell_status_lines_follow_state(tmp_path: Path) -> None:
     record = tmp_path / "ticks.record"
     arguments = ["sim", "--address", "127.0.2.34", "--object", "part", "--profile", "ideal", "--pixels", str(PIXELS)]
     arguments += ["--calibration-seed", "3", "--json-status", "--record", str(record)]

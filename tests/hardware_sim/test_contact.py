@@ -63,7 +63,7 @@ def apart(first: fcl.CollisionObject, second: fcl.CollisionObject) -> float:
 @pytest.mark.parametrize(
     "model", ["ur5e", *(pytest.param(m, marks=pytest.mark.long) for m in sorted(MODELS) if m != "ur5e")]
 )
-def test_links_meet_where_their_meshes_do(model: str) -> None:
+def test_contact_links_agree_with_meshes(model: str) -> None:
     check = ContactCheck(MODELS[model], Surroundings())
     links = [body(mesh) for mesh in audit.link_meshes(model)]
     joints = poses(30, 1)
@@ -84,7 +84,7 @@ def pose(frame: FloatArray) -> fcl.Transform:
     return fcl.Transform(np.ascontiguousarray(frame[:3, :3]), np.ascontiguousarray(frame[:3, 3]))
 
 
-def test_arm_and_tool_meet_table_camera_and_object_where_their_meshes_do(check: ContactCheck) -> None:
+def test_contact_arm_and_tool_with_bodies_agree_with_meshes(check: ContactCheck) -> None:
     mesh = objects.build("part", 1).mesh
     thing = trimesh.Trimesh(mesh.triangles.reshape(-1, 3), np.arange(3 * len(mesh.triangles)).reshape(-1, 3))
     thing.apply_transform(CELL.object.keep_out.base_from_object.matrix)
@@ -126,7 +126,7 @@ def random_pose(random: np.random.Generator) -> Pose:
 
 @pytest.mark.parametrize("size_m", [0.0, 0.06, 0.3])
 @pytest.mark.parametrize("kind", ["cone", "hull"])
-def test_cones_and_hulls_are_as_far_away_as_their_meshes(kind: str, size_m: float, tmp_path: Path) -> None:
+def test_distances_of_cones_and_hulls_agree_with_meshes(kind: str, size_m: float, tmp_path: Path) -> None:
     random = np.random.default_rng(11)
     if kind == "cone":
         body: Cone | ConvexMesh = Cone(
@@ -154,7 +154,7 @@ def test_cones_and_hulls_are_as_far_away_as_their_meshes(kind: str, size_m: floa
     assert found == pytest.approx(np.where(inside, -away, away), abs=2e-5)
 
 
-def test_an_arm_that_comes_down_on_a_cone_or_a_hull_touches_it_at_its_top() -> None:
+def test_contact_arm_above_cone_or_hull_touches_at_top() -> None:
     check = ContactCheck(MODELS["ur5e"], Surroundings())
     over = np.array(check.frames(HOME.tolist())[6]).reshape(3, 4)[:, 3]
     x, y, z = over.tolist()
@@ -179,7 +179,7 @@ def test_an_arm_that_comes_down_on_a_cone_or_a_hull_touches_it_at_its_top() -> N
     assert places[0] == pytest.approx(places[1], abs=0.03)
 
 
-def test_spheres_cover_a_body_and_do_not_stand_out_of_it() -> None:
+def test_packed_spheres_cover_body_and_stay_inside_tolerance() -> None:
     mesh = trimesh.creation.box((0.1, 0.06, 0.05))
     spheres = link_spheres.packed(mesh)
     points = mesh.sample(2000, seed=5)
@@ -191,7 +191,7 @@ def test_spheres_cover_a_body_and_do_not_stand_out_of_it() -> None:
 
 def first_contact(check: ContactCheck, goal: FloatArray, steps: int) -> FloatArray | None:
     """The joints at the first contact on the straight way from home, looked for in so many calls."""
-    check.forget()
+    check.reset()
     for share in np.linspace(0, 1, steps + 1):
         contact = check.advance(HOME + share * (goal - HOME))
         if contact is not None:
@@ -199,7 +199,7 @@ def first_contact(check: ContactCheck, goal: FloatArray, steps: int) -> FloatArr
     return None
 
 
-def test_every_contact_on_a_way_is_found_however_large_the_steps(check: ContactCheck) -> None:
+def test_advance_large_steps_finds_every_contact(check: ContactCheck) -> None:
     """The way that is looked at where something could have happened has the contacts of one looked at everywhere."""
     random = np.random.default_rng(7)
     found = 0
@@ -222,7 +222,7 @@ def test_every_contact_on_a_way_is_found_however_large_the_steps(check: ContactC
     assert found > 1
 
 
-def test_file_of_surroundings_reads_back(surroundings: Surroundings, tmp_path: Path) -> None:
+def test_surroundings_saved_file_reads_back(surroundings: Surroundings, tmp_path: Path) -> None:
     path = tmp_path / "surroundings.npz"
     surroundings.save(path)
     again = load(path)
@@ -237,7 +237,7 @@ def test_file_of_surroundings_reads_back(surroundings: Surroundings, tmp_path: P
         load(tmp_path / "other.npz")
 
 
-def test_nudged_object_is_touched_where_it_is_now(surroundings: Surroundings) -> None:
+def test_surroundings_nudged_object_is_touched_at_new_place(surroundings: Surroundings) -> None:
     moved = surroundings.nudged((0.2, 0.0, 0.01), np.pi)
     axis = CELL.object.keep_out.base_from_object.position_m
     before, after = surroundings.object_in_base - axis, moved.object_in_base - axis
@@ -246,7 +246,7 @@ def test_nudged_object_is_touched_where_it_is_now(surroundings: Surroundings) ->
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(12))
-def test_nothing_is_touched_on_certified_routes(seed: int) -> None:
+def test_contact_certified_routes_touch_nothing(seed: int) -> None:
     """The planner keeps its clearances by its own shapes; by these, nothing is even near on any of its routes."""
     from acquisition.waypoints.route import route
     from tests.acquisition.waypoints.cells import random_cell, simulated_cell

@@ -10,12 +10,12 @@ from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import nominal
 from hardware_sim.controller.disturbances import Disturbances
 from hardware_sim.disturbed import DisturbedWorld, nudged
-from hardware_sim.world import Moment, World
+from hardware_sim.world import ExposureInterval, World
 
 CELL = cell_config.load(nominal.default_cell_file())
 CALIBRATION = nominal.calibration(48)
 LIT = (-2.6641, -0.9534, 1.6785, 2.607, 1.8307, 2.423)
-ON = [Moment(1.0, LIT, 1.0)]
+ON = [ExposureInterval(1.0, LIT, 1.0)]
 
 
 def disturbed(seed: int = 1) -> DisturbedWorld:
@@ -31,9 +31,9 @@ def frame(world: DisturbedWorld, **wrong: Any) -> np.ndarray:
     return world.frame(ON, 0.02, 0, Disturbances(**wrong).as_json()).astype(float)
 
 
-def test_dead_and_weak_lamp(world: DisturbedWorld) -> None:
+def test_lamp_fault_dims_or_darkens_image(world: DisturbedWorld) -> None:
     whole, half, dead = frame(world), frame(world, lamp_fraction=0.5), frame(world, lamp_fraction=0.0)
-    dark = world.world.frame([Moment(1.0, LIT, 0.0)], 0.02, 0)
+    dark = world.world.frame([ExposureInterval(1.0, LIT, 0.0)], 0.02, 0)
     assert np.array_equal(dead, dark)
     lit = whole > whole.min() + 100
     assert lit.any()
@@ -41,7 +41,7 @@ def test_dead_and_weak_lamp(world: DisturbedWorld) -> None:
     assert ratio == pytest.approx(0.5, abs=0.02)
 
 
-def test_flicker_changes_from_exposure_to_exposure_and_is_the_same_in_each_run() -> None:
+def test_lamp_flicker_varies_by_exposure_and_repeats_by_run() -> None:
     first, again = disturbed(), disturbed()
     sums = [frame(first, lamp_flicker=0.5).sum() for _ in range(4)]
     assert len(set(sums)) == 4
@@ -49,7 +49,7 @@ def test_flicker_changes_from_exposure_to_exposure_and_is_the_same_in_each_run()
     assert max(sums) <= frame(first).sum()
 
 
-def test_ordered_frames_are_spoilt_once() -> None:
+def test_frame_faults_apply_once() -> None:
     world = disturbed()
     good = frame(world)
     with pytest.raises(RigError) as caught:
@@ -61,7 +61,7 @@ def test_ordered_frames_are_spoilt_once() -> None:
     assert np.array_equal(frame(world, dropped_frames=1, saturated_frames=2), good)
 
 
-def test_nudged_object_moves_in_the_picture_and_stays_there() -> None:
+def test_nudged_object_moves_in_image_and_stays() -> None:
     world = disturbed()
     before, mask = frame(world), world.world.truth().mask
     shift = {"object_shift_m": [0.01, 0.0, 0.0]}
@@ -73,7 +73,7 @@ def test_nudged_object_moves_in_the_picture_and_stays_there() -> None:
     assert np.array_equal(frame(world, **shift), after)
 
 
-def test_nudge_turns_about_the_objects_own_axis() -> None:
+def test_nudge_turns_about_object_axis() -> None:
     pose = nudged(CELL, (0.01, 0.02, 0.0), 0.3).object.keep_out.base_from_object.matrix
     assert pose[:3, 3] == pytest.approx((0.56, 0.02, 0.0))
     assert pose[:2, 0] == pytest.approx((np.cos(0.3), np.sin(0.3)))

@@ -38,7 +38,7 @@ def perturbed_normals(normals: np.ndarray, angles_rad: np.ndarray, seed: int = 3
     return (np.cos(angles) * normals + np.sin(angles) * np.cross(axes, normals)).astype(np.float32)
 
 
-def test_perfect_normals_have_no_error_and_full_coverage(ball: Truth, calibration: Calibration) -> None:
+def test_grade_perfect_normals_gives_zero_error_and_full_coverage(ball: Truth, calibration: Calibration) -> None:
     result = grade.grade(ball.normals, ball.mask, None, ball, calibration)
     assert result.mean_deg < 1e-3
     assert result.coverage == 1.0
@@ -73,7 +73,7 @@ def test_truth_file_keeps_every_array(ball: Truth, tmp_path: Path) -> None:
         assert truth.one_surface is None or np.array_equal(loaded.one_surface, truth.one_surface)
 
 
-def test_known_errors_are_found(ball: Truth, calibration: Calibration) -> None:
+def test_grade_known_errors_are_measured(ball: Truth, calibration: Calibration) -> None:
     result = grade.grade(
         perturbed_normals(ball.normals, np.full(ball.mask.shape, 0.02)), ball.mask, None, ball, calibration
     )
@@ -84,7 +84,7 @@ def test_known_errors_are_found(ball: Truth, calibration: Calibration) -> None:
     assert result.share_over_10_deg == 0
 
 
-def test_graded_pixels_are_those_within_78_degrees_of_the_viewing_ray(ball: Truth, calibration: Calibration) -> None:
+def test_graded_pixels_lie_within_78_degrees_of_viewing_ray(ball: Truth, calibration: Calibration) -> None:
     pixels = grade.graded_pixels(ball, calibration)
     cosine = (ball.normals * grade.viewing_rays(calibration)).sum(axis=-1)
     assert cosine[pixels].min() > np.cos(np.radians(78))
@@ -94,7 +94,7 @@ def test_graded_pixels_are_those_within_78_degrees_of_the_viewing_ray(ball: Trut
     assert (inner & ~pixels).sum() > 500
 
 
-def test_the_mask_is_eroded_by_one_pixel(calibration: Calibration) -> None:
+def test_graded_pixels_exclude_mask_border(calibration: Calibration) -> None:
     mask = np.zeros((SIZE, SIZE), bool)
     mask[50:60, 70:90] = True
     mask[0:5, 0:5] = True
@@ -105,14 +105,14 @@ def test_the_mask_is_eroded_by_one_pixel(calibration: Calibration) -> None:
     assert pixels.sum() == 8 * 18 + 3 * 3  # the picture's border counts as outside
 
 
-def test_viewing_rays_point_to_the_camera(calibration: Calibration) -> None:
+def test_viewing_rays_point_to_camera(calibration: Calibration) -> None:
     rays = grade.viewing_rays(calibration)
     assert rays[100, 100] == pytest.approx([0, 0, 1], abs=1e-3)
     assert rays[0, 0, 0] > 0.1  # a point on the left sees the camera to its right
     assert rays[0, 0, 1] < -0.1  # a point at the top sees it below
 
 
-def test_unsolved_pixels_lower_the_coverage_and_nothing_else(ball: Truth, calibration: Calibration) -> None:
+def test_grade_unsolved_pixels_lower_coverage_only(ball: Truth, calibration: Calibration) -> None:
     mask = ball.mask.copy()
     mask[:, :100] = False
     wrong_outside = ball.normals.copy()
@@ -122,13 +122,13 @@ def test_unsolved_pixels_lower_the_coverage_and_nothing_else(ball: Truth, calibr
     assert result.coverage == pytest.approx(0.5, abs=0.01)
 
 
-def test_a_normal_of_length_zero_is_no_normal(ball: Truth, calibration: Calibration) -> None:
+def test_grade_zero_normal_counts_as_unsolved(ball: Truth, calibration: Calibration) -> None:
     normals = ball.normals.copy()
     normals[:100] = 0
     assert grade.grade(normals, ball.mask, None, ball, calibration).coverage == pytest.approx(0.5, abs=0.01)
 
 
-def test_an_honest_sigma_is_found_honest(ball: Truth, calibration: Calibration) -> None:
+def test_grade_calibrated_sigma_has_expected_shares(ball: Truth, calibration: Calibration) -> None:
     """Errors drawn as σ is defined: variance σ² / 2 along each of two tangents, so that they are Rayleigh."""
     random = np.random.default_rng(5)
     sigma = random.uniform(0.3, 0.5, ball.mask.shape)
@@ -145,7 +145,7 @@ def test_an_honest_sigma_is_found_honest(ball: Truth, calibration: Calibration) 
     assert too_small.found_to_predicted == pytest.approx(2.0, abs=0.1)
 
 
-def test_a_results_folder(ball: Truth, calibration: Calibration, tmp_path: Path) -> None:
+def test_grade_folder_reads_results(ball: Truth, calibration: Calibration, tmp_path: Path) -> None:
     normals = perturbed_normals(ball.normals, np.full(ball.mask.shape, 0.01))
     tifffile.imwrite(tmp_path / "normals.tiff", normals, photometric="rgb")
     cv2.imwrite(str(tmp_path / "mask.png"), ball.mask.astype(np.uint8) * 255)
@@ -159,7 +159,7 @@ def test_a_results_folder(ball: Truth, calibration: Calibration, tmp_path: Path)
 
 
 @pytest.mark.parametrize("damage", ["normals.tiff", "mask.png", "sigma_deg.tiff"])
-def test_a_damaged_result_is_named(ball: Truth, calibration: Calibration, tmp_path: Path, damage: str) -> None:
+def test_grade_folder_damaged_file_is_named(ball: Truth, calibration: Calibration, tmp_path: Path, damage: str) -> None:
     tifffile.imwrite(tmp_path / "normals.tiff", ball.normals, photometric="rgb")
     tifffile.imwrite(tmp_path / "sigma_deg.tiff", ball.normals[..., 0])
     cv2.imwrite(str(tmp_path / "mask.png"), ball.mask.astype(np.uint8))
@@ -169,7 +169,7 @@ def test_a_damaged_result_is_named(ball: Truth, calibration: Calibration, tmp_pa
     assert caught.value.code == ErrorCode.STORE_CORRUPT
 
 
-def test_other_sizes_and_empty_masks_are_refused(ball: Truth, calibration: Calibration) -> None:
+def test_grade_other_size_or_empty_mask_raises(ball: Truth, calibration: Calibration) -> None:
     with pytest.raises(RigError, match="shape"):
         grade.grade(ball.normals[:100], ball.mask[:100], None, ball, calibration)
     with pytest.raises(RigError, match="no graded pixel"):

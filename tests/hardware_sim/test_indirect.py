@@ -56,7 +56,7 @@ def trace_paths(
         albedo = np.where(on_object, scene.texture.albedo(points), TABLE_ALBEDO)
         carried = np.where(gone | behind, 0.0, carried * albedo)
         if light is not None:
-            free = render.lit(points.astype(np.float32), normals.astype(np.float32), light.position, tracer, scene)
+            free = render.lit_mask(points.astype(np.float32), normals.astype(np.float32), light.position, tracer, scene)
             gathered += np.where(carried > 0, carried * light.irradiance(points, normals) * free, 0.0)
     return gathered.reshape(-1, paths).mean(axis=1)
 
@@ -66,7 +66,7 @@ def made(request: pytest.FixtureRequest) -> tuple[SceneObject, Tracer, IndirectL
     scene = objects.build(request.param, 1)
     tracer = Tracer(scene.mesh)
     camera = lens()
-    view = render.look(scene, tracer, camera, 1)
+    view = render.trace_view(scene, tracer, camera, 1)
     facing = np.nonzero(view.surface.normals[:, 2] > 0.3)[0]
     some = np.random.default_rng(1).choice(facing, 1000, replace=False)
     surface = view.surface
@@ -74,18 +74,18 @@ def made(request: pytest.FixtureRequest) -> tuple[SceneObject, Tracer, IndirectL
     return scene, tracer, IndirectLight(scene, tracer, view), points
 
 
-def test_bounced_light_is_that_of_random_paths(
+def test_interreflections_agree_with_path_tracing(
     made: tuple[SceneObject, Tracer, IndirectLight, Samples],
 ) -> None:
     scene, tracer, indirect, points = made
     expected = trace_paths(scene, tracer, points, 200, lamp())
-    found = indirect.bounced(lamp()).ravel()[points.pixels] / points.albedo
+    found = indirect.interreflections(lamp()).ravel()[points.pixels] / points.albedo
     assert found.sum() == pytest.approx(expected.sum(), rel=0.06)
     assert np.corrcoef(found, expected)[0, 1] > 0.92
     assert np.sqrt(np.mean((found - expected) ** 2)) < 0.4 * np.sqrt(np.mean(expected**2))
 
 
-def test_ambient_light_is_that_of_random_paths(
+def test_ambient_agrees_with_path_tracing(
     made: tuple[SceneObject, Tracer, IndirectLight, Samples],
 ) -> None:
     scene, tracer, indirect, points = made

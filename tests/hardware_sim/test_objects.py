@@ -16,7 +16,7 @@ def scene(request: pytest.FixtureRequest) -> SceneObject:
     return objects.build(request.param, 1)
 
 
-def test_stands_on_the_table_inside_the_keep_out_with_room_to_spare(scene: SceneObject) -> None:
+def test_build_object_stands_on_table_inside_keep_out(scene: SceneObject) -> None:
     keep_out = cell_config.load(REPOSITORY / "hardware_sim" / "cells" / "cell.sim.toml").object.keep_out
     assert scene.radius_m < keep_out.radius_m - 0.004
     assert scene.height_m < keep_out.height_m - 0.004
@@ -26,13 +26,13 @@ def test_stands_on_the_table_inside_the_keep_out_with_room_to_spare(scene: Scene
     assert 0.09 < span < 0.155
 
 
-def test_faces_agree_with_their_normals(scene: SceneObject) -> None:
+def test_build_faces_agree_with_normals(scene: SceneObject) -> None:
     assert np.allclose(np.linalg.norm(scene.mesh.corner_normals, axis=-1), 1)
     cosine = np.einsum("fci,fi->fc", scene.mesh.corner_normals, scene.mesh.face_normals)
     assert np.percentile(cosine, 0.5) > np.cos(np.radians(25))
 
 
-def test_the_camera_never_sees_an_inside(scene: SceneObject) -> None:
+def test_build_camera_sees_no_inside_face(scene: SceneObject) -> None:
     """From straight above, every ray stops at a face that looks up: the surface is closed from there."""
     from hardware_sim.tracing import Tracer
 
@@ -46,7 +46,7 @@ def test_the_camera_never_sees_an_inside(scene: SceneObject) -> None:
 
 
 @pytest.mark.parametrize("name", ["sphere", "vase", "bumps"])
-def test_is_watertight(name: str) -> None:
+def test_build_mesh_is_watertight(name: str) -> None:
     """Every edge is walked once in each direction."""
     mesh = objects.build(name, 2).mesh
     corners = np.rint(mesh.triangles.reshape(-1, 3) * 1e8).astype(np.int64) + 2**30
@@ -56,7 +56,7 @@ def test_is_watertight(name: str) -> None:
     assert np.array_equal(np.sort(forth), np.sort(back))
 
 
-def test_seeds_vary_shape_and_albedo_and_repeat_themselves() -> None:
+def test_build_seeds_vary_and_repeat_shape_and_albedo() -> None:
     first, again, other = (objects.build("bumps-textured", seed) for seed in (1, 1, 2))
     assert np.array_equal(first.mesh.triangles, again.mesh.triangles)
     assert not np.allclose(first.mesh.triangles, other.mesh.triangles, atol=1e-3)
@@ -65,7 +65,7 @@ def test_seeds_vary_shape_and_albedo_and_repeat_themselves() -> None:
     assert not np.allclose(first.texture.albedo(points), other.texture.albedo(points), atol=0.05)
 
 
-def test_finishes() -> None:
+def test_build_finishes_set_albedo_and_gloss() -> None:
     soft, matt, textured, glossy = (objects.build(f"vase{end}", 3) for end in ("", "-matt", "-textured", "-glossy"))
     points = soft.mesh.triangles[:, 0]
     for scene in (soft, textured, glossy):
@@ -82,12 +82,12 @@ def test_finishes() -> None:
 
 
 @pytest.mark.parametrize("name", ["", "cube", "sphere-", "sphere-soft", "sphere-shiny", "SPHERE", "-matt"])
-def test_unknown_names_are_refused(name: str) -> None:
+def test_build_unknown_name_raises(name: str) -> None:
     with pytest.raises(RigError, match="sphere") as caught:
         objects.build(name, 1)
     assert caught.value.code == ErrorCode.REQUEST_INVALID
 
 
-def test_all_names_have_a_shape() -> None:
+def test_names_all_have_a_shape() -> None:
     assert len(objects.names()) == 24
     assert {name.split("-")[0] for name in objects.names()} == set(objects.SHAPES)

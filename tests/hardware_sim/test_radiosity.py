@@ -27,19 +27,19 @@ def factor_between(first: Mesh, second: Mesh, count: int = 400) -> float:
     return float((a.areas @ factors[:n, n:].sum(axis=1)) / a.areas.sum())
 
 
-def test_parallel_squares() -> None:
+def test_form_factor_parallel_squares_matches_formula() -> None:
     floor = grid([0, 0, 0], [1, 0, 0], [0, 1, 0])
     ceiling = grid([0, 0, SIDE], [0, 1, 0], [1, 0, 0])
     assert factor_between(floor, ceiling) == pytest.approx(0.19982, rel=0.01)
 
 
-def test_perpendicular_squares_with_a_common_edge() -> None:
+def test_form_factor_perpendicular_squares_matches_formula() -> None:
     floor = grid([0, 0, 0], [1, 0, 0], [0, 1, 0])
     wall = grid([0, 0, 0], [0, 1, 0], [0, 0, 1])
     assert factor_between(floor, wall) == pytest.approx(0.20004, rel=0.03)
 
 
-def test_a_wall_between_hides_them_from_each_other() -> None:
+def test_form_factor_wall_between_squares_is_zero() -> None:
     floor = grid([0, 0, 0], [1, 0, 0], [0, 1, 0])
     ceiling = grid([0, 0, SIDE], [0, 1, 0], [1, 0, 0])
     between = sheets.box((-0.1, -0.1, 0.045), (0.2, 0.2, 0.055))
@@ -60,7 +60,7 @@ def cavity() -> tuple[radiosity.Patches, np.ndarray]:
     return patches, radiosity.form_factors(patches, tracer).toarray()
 
 
-def test_a_closed_cavity_keeps_its_light(cavity: tuple[radiosity.Patches, np.ndarray]) -> None:
+def test_form_factors_closed_cavity_sum_to_one(cavity: tuple[radiosity.Patches, np.ndarray]) -> None:
     """Inside a sphere every patch sees every region in proportion to its area, and all of them fill the hemisphere."""
     patches, factors = cavity
     assert factors.sum(axis=1) == pytest.approx(1.0, abs=1e-5)
@@ -72,15 +72,17 @@ def test_a_closed_cavity_keeps_its_light(cavity: tuple[radiosity.Patches, np.nda
 
 
 @pytest.mark.parametrize("albedo", [0.2, 0.5, 0.8])
-def test_an_integrating_sphere_has_its_gain(cavity: tuple[radiosity.Patches, np.ndarray], albedo: float) -> None:
+def test_indirect_irradiance_integrating_sphere_has_its_gain(
+    cavity: tuple[radiosity.Patches, np.ndarray], albedo: float
+) -> None:
     """Light E on every patch of a sphere of albedo ρ becomes E / (1 − ρ) in all."""
     patches, factors = cavity
     count = len(patches.centres)
-    indirect = radiosity.bounced(factors, np.full(count, albedo), np.ones(count))
+    indirect = radiosity.indirect_irradiance(factors, np.full(count, albedo), np.ones(count))
     assert indirect.mean() == pytest.approx(albedo / (1 - albedo), rel=0.002)
 
 
-def test_energy_is_reciprocal(cavity: tuple[radiosity.Patches, np.ndarray]) -> None:
+def test_form_factors_are_reciprocal(cavity: tuple[radiosity.Patches, np.ndarray]) -> None:
     patches, factors = cavity
     one, other = patches.centres[:, 0] > 0.025, patches.centres[:, 1] < -0.01
     forth = patches.areas[one] @ factors[np.ix_(one, other)].sum(axis=1)
@@ -88,7 +90,7 @@ def test_energy_is_reciprocal(cavity: tuple[radiosity.Patches, np.ndarray]) -> N
     assert forth == pytest.approx(back, rel=0.02)
 
 
-def test_patches_cover_the_surface_once() -> None:
+def test_cluster_patches_cover_surface_once() -> None:
     mesh = sheets.box((-0.05, -0.03, 0.0), (0.05, 0.03, 0.04))
     patches = radiosity.cluster(mesh, Tracer(mesh), 600)
     assert patches.areas.sum() == pytest.approx(mesh.areas.sum(), rel=1e-9)
@@ -110,7 +112,7 @@ def test_interpolation_keeps_constants_and_is_smooth() -> None:
     assert np.abs(np.diff(ramp)).max() < 0.0006  # twenty times the step, a fraction of a patch
 
 
-def test_buried_faces_take_no_part() -> None:
+def test_exposed_buried_faces_are_excluded() -> None:
     """What a part of overlapping solids shows from above covers its footprint, 126 mm × 88 mm, exactly once."""
     mesh = objects.build("part", 1).mesh
     patches = radiosity.cluster(mesh, Tracer(mesh), 2000)

@@ -40,7 +40,7 @@ def lamp_at(position: np.ndarray, target: tuple[float, float, float], power: flo
 
 def photograph(scene: SceneObject, lamp: Lamp, camera: Lens, subdivision: int = 2) -> np.ndarray:
     tracer = Tracer(scene.mesh)
-    return render.direct(render.look(scene, tracer, camera, subdivision), scene, tracer, lamp)
+    return render.direct_image(render.trace_view(scene, tracer, camera, subdivision), scene, tracer, lamp)
 
 
 def plane_point(camera: Lens, row: int, column: int, height: float) -> np.ndarray:
@@ -48,13 +48,13 @@ def plane_point(camera: Lens, row: int, column: int, height: float) -> np.ndarra
     return camera.eye + direction * (height - camera.eye[2]) / direction[2]
 
 
-def test_a_white_surface_facing_the_lamp_at_the_reference_distance_sends_one() -> None:
+def test_direct_image_white_surface_at_reference_is_one() -> None:
     camera = lens()
     image = photograph(plate(), lamp_at(np.array([0, 0, 0.01 + REFERENCE]), (0, 0, 0), power=0.7), camera)
     assert image[63:65, 63:65] == pytest.approx(0.7, rel=1e-4)
 
 
-def test_light_falls_with_distance_slant_and_lobe() -> None:
+def test_direct_image_falls_with_distance_slant_and_lobe() -> None:
     camera = lens()
     position = np.array([0.21, -0.13, 0.38])
     image = photograph(plate(), lamp_at(position, (0.05, 0.02, 0.01), power=2.0, lobe=1.7), camera)
@@ -67,27 +67,27 @@ def test_light_falls_with_distance_slant_and_lobe() -> None:
         assert image[row, column] == pytest.approx(expected, rel=2e-4)
 
 
-def test_a_lamp_that_looks_away_gives_no_light() -> None:
+def test_direct_image_lamp_facing_away_is_dark() -> None:
     assert photograph(plate(), lamp_at(np.array([0, 0, 0.4]), (0, 0, 0.8)), lens()).max() == 0
 
 
-def test_attached_shadow_begins_where_the_sphere_turns_away() -> None:
+def test_lit_mask_attached_shadow_begins_at_terminator() -> None:
     camera, scene = lens(256), ball()
     position = np.array([0.35, 0.1, 0.25])
     seen = render.object_samples(scene, Tracer(scene.mesh), camera.eye, _centres(camera))
-    free = render.lit(seen.points, seen.normals, position, Tracer(scene.mesh), scene)
+    free = render.lit_mask(seen.points, seen.normals, position, Tracer(scene.mesh), scene)
     exact = (seen.points - [0, 0, 0.04]) / 0.04
     cosine = np.einsum("ni,ni->n", exact, position - seen.points) / np.linalg.norm(position - seen.points, axis=1)
     assert free[cosine > 0.02].all()
     assert not free[cosine < -0.005].any()
 
 
-def test_cast_shadow_of_a_sphere_on_the_table() -> None:
+def test_lit_mask_sphere_casts_shadow_on_table() -> None:
     camera, scene = lens(256), ball()
     position = np.array([0.30, 0.0, 0.33])
     tracer = Tracer(scene.mesh)
-    view = render.look(scene, tracer, camera, 2)
-    free = render.lit(view.table.points, view.table.normals, position, tracer, scene)
+    view = render.trace_view(scene, tracer, camera, 2)
+    free = render.lit_mask(view.table.points, view.table.normals, position, tracer, scene)
     # The way from a point to the lamp passes the sphere's centre at this distance.
     way = position - view.table.points
     way /= np.linalg.norm(way, axis=1, keepdims=True)
@@ -98,12 +98,12 @@ def test_cast_shadow_of_a_sphere_on_the_table() -> None:
     assert (passing < 0.0399).sum() > 5000
 
 
-def test_shadow_edges_have_half_lit_pixels() -> None:
+def test_direct_image_shadow_edge_has_half_lit_pixels() -> None:
     camera, scene = lens(256), ball()
     tracer = Tracer(scene.mesh)
-    view = render.look(scene, tracer, camera, 2)
+    view = render.trace_view(scene, tracer, camera, 2)
     lamp = lamp_at(np.array([0.30, 0.0, 0.33]), (0, 0, 0.03))
-    image = render.direct(view, scene, tracer, lamp)
+    image = render.direct_image(view, scene, tracer, lamp)
     table = np.ones(256 * 256, bool)
     table[view.surface.pixels] = False
     rays = _centres(camera).astype(float)
@@ -115,7 +115,7 @@ def test_shadow_edges_have_half_lit_pixels() -> None:
     assert 100 < half.sum() < 1500
 
 
-def test_normals_of_the_sphere_are_exact() -> None:
+def test_object_samples_sphere_normals_are_exact() -> None:
     camera, scene = lens(256), ball()
     seen = render.object_samples(scene, Tracer(scene.mesh), camera.eye, _centres(camera))
     # Where a ray meets a sphere, without any mesh.
@@ -131,7 +131,7 @@ def test_normals_of_the_sphere_are_exact() -> None:
     assert np.percentile(error[inside], 99) < 0.2
 
 
-def test_rays_go_through_the_distorted_pixels() -> None:
+def test_directions_pass_through_distorted_pixels() -> None:
     camera = lens(1024, (-0.08, 0.05, 0.0004, -0.0003, 0.0))
     pixels = np.array([[0.0, 0.0], [1023.0, 5.25], [511.5, 511.5], [200.0, 900.75]])
     directions = camera.directions(pixels[:, 0], pixels[:, 1])
@@ -140,7 +140,7 @@ def test_rays_go_through_the_distorted_pixels() -> None:
     assert back.reshape(-1, 2) == pytest.approx(pixels, abs=1e-3)
 
 
-def test_gloss_peaks_half_way_between_lamp_and_camera() -> None:
+def test_direct_image_gloss_peaks_at_half_vector() -> None:
     camera = lens(256)
     lamp = lamp_at(np.array([0.25, 0.1, 0.4]), (0, 0, 0.04))
     shine = photograph(ball(0.2), lamp, camera) - photograph(ball(), lamp, camera)
@@ -156,7 +156,7 @@ def test_gloss_peaks_half_way_between_lamp_and_camera() -> None:
     assert shine.max() == pytest.approx(0.2 * arriving, rel=0.01)
 
 
-def test_finer_sampling_changes_little() -> None:
+def test_trace_view_finer_sampling_changes_little() -> None:
     camera, scene = lens(128), objects.build("bumps", 1)
     lamp = lamp_at(np.array([0.25, 0.1, 0.35]), (0, 0, 0.03))
     coarse, fine = (photograph(scene, lamp, camera, n) for n in (2, 6))
@@ -164,9 +164,9 @@ def test_finer_sampling_changes_little() -> None:
     assert coarse.mean() == pytest.approx(fine.mean(), rel=2e-3)
 
 
-def test_shares_of_object_and_table_fill_every_pixel() -> None:
+def test_trace_view_shares_fill_every_pixel() -> None:
     scene = objects.build("vase", 1)
-    view: View = render.look(scene, Tracer(scene.mesh), lens(96), 3)
+    view: View = render.trace_view(scene, Tracer(scene.mesh), lens(96), 3)
     filled = sum(np.bincount(s.pixels, minlength=96 * 96) for s in (view.surface, view.table))
     assert np.all(filled == 9)
 

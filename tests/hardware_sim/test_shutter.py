@@ -7,7 +7,7 @@ import pytest
 
 from hardware_sim import shutter
 from hardware_sim.shutter import LAMP_TIME_CONSTANT_S, CellState
-from hardware_sim.world import Moment
+from hardware_sim.world import ExposureInterval
 
 REST = (0.1, -1.5, 1.2, -1.0, -1.57, 0.3)
 
@@ -16,26 +16,26 @@ def state(age_s: float, lamp_on: bool = True, shift: float = 0.0, factor: float 
     return CellState(tuple(joint + shift for joint in REST), lamp_on, age_s, factor, 0.0)
 
 
-def moments(states: Sequence[CellState], times: Sequence[float]) -> list[Moment]:
+def moments(states: Sequence[CellState], times: Sequence[float]) -> list[ExposureInterval]:
     """The moments of states at these times of the controller's clock."""
-    return shutter.moments([replace(state, clock_s=at) for state, at in zip(states, times, strict=True)])
+    return shutter.exposure_intervals([replace(state, clock_s=at) for state, at in zip(states, times, strict=True)])
 
 
-def test_a_resting_arm_under_a_settled_lamp_is_one_moment_whatever_the_clock() -> None:
+def test_exposure_intervals_resting_arm_and_steady_lamp_are_one() -> None:
     first = moments([state(1.0), state(1.02), state(1.05)], [0.0, 0.02, 0.05])
     second = moments([state(9.0), state(9.06)], [3.0, 3.06])
     assert first == second
     assert (first[0].share, first[0].lamp_level) == (pytest.approx(1.0), 1.0)
 
 
-def test_a_dark_lamp_gives_exactly_nothing() -> None:
+def test_exposure_intervals_dark_lamp_is_exactly_zero() -> None:
     assert moments([state(1.0, False), state(1.1, False)], [0.0, 0.1])[0].lamp_level == 0.0
 
 
 @pytest.mark.parametrize("factor", [1.0, 5.0])
 @pytest.mark.parametrize("lamp_on", [True, False])
 @pytest.mark.parametrize("age_s", [0.002, 0.01, 0.03])
-def test_the_mean_level_is_that_of_an_exponential(factor: float, lamp_on: bool, age_s: float) -> None:
+def test_exposure_intervals_mean_level_is_exponential(factor: float, lamp_on: bool, age_s: float) -> None:
     """The lamp was switched `age_s` before the end of a 20-ms exposure; integrated here by small steps."""
     duration = 0.02
     since_switch = np.linspace(age_s - duration, age_s, 200_001) * factor
@@ -45,13 +45,13 @@ def test_the_mean_level_is_that_of_an_exponential(factor: float, lamp_on: bool, 
         max(age_s - duration, 0.0) if age_s > duration else 5.0, lamp_on == (age_s > duration), factor=factor
     )
     found = moments([before, state(age_s, lamp_on, factor=factor)], [0.0, duration])
-    assert found[0].lamp_level == pytest.approx(expected, abs=shutter.SETTLED + 1e-4)
+    assert found[0].lamp_level == pytest.approx(expected, abs=shutter.FULL_LEVEL_TOLERANCE + 1e-4)
 
 
-def test_a_moving_arm_becomes_a_few_moments_in_order() -> None:
+def test_exposure_intervals_moving_arm_are_few_and_ordered() -> None:
     states = [state(1.0 + k / 100, shift=k / 100) for k in range(41)]
     found = moments(states, [k / 100 for k in range(41)])
-    assert 4 <= len(found) <= shutter.MOMENTS
+    assert 4 <= len(found) <= shutter.MAX_INTERVALS
     assert sum(moment.share for moment in found) == pytest.approx(1.0)
     bases = [moment.joints[0] for moment in found]
     assert bases == sorted(bases)
@@ -59,14 +59,14 @@ def test_a_moving_arm_becomes_a_few_moments_in_order() -> None:
     assert bases[-1] > REST[0] + 0.3
 
 
-def test_an_arm_that_stops_in_mid_exposure_keeps_the_rest_as_one_moment() -> None:
+def test_exposure_intervals_arm_stopping_midway_merge_rest() -> None:
     states = [state(1.0, shift=min(k, 3) / 100) for k in range(9)]
     found = moments(states, [k / 10 for k in range(9)])
     assert found[-1].share == pytest.approx(5 / 8)
     assert found[-1].joints == pytest.approx(tuple(joint + 0.03 for joint in REST))
 
 
-def test_expose_takes_the_time_of_the_cell() -> None:
+def test_expose_takes_cell_time() -> None:
     class Source:
         calls = 0
 
@@ -82,7 +82,7 @@ def test_expose_takes_the_time_of_the_cell() -> None:
     assert 3 <= source.calls <= 40
 
 
-def test_a_controller_whose_clock_lags_does_not_dim_a_settled_lamp() -> None:
+def test_expose_lagging_controller_clock_keeps_lamp_level() -> None:
     """It answers a tenth of a second late, as on a busy machine: the lamp's age and the exposure count by its clock."""
 
     class Late:

@@ -10,7 +10,7 @@ from hardware_sim.status import INTERVAL_S, StatusLines
 HOME = [0.0, -1.9, 1.9, -1.57, -1.57, 0.0]
 
 
-def test_changes_are_told_at_once_and_the_rest_now_and_then() -> None:
+def test_status_lines_report_changes_at_once_and_rest_by_interval() -> None:
     machine, lines = Controller(MODELS["ur5e"], HOME, now=0.0), StatusLines()
     told = json.loads(lines.line(state(machine), 0.0) or "")
     assert told["arm"] == "stands"

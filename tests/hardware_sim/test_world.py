@@ -13,7 +13,7 @@ from hardware_sim.controller import kinematics, poses
 from hardware_sim.controller.calibration import calibrated
 from hardware_sim.controller.kinematics import MODELS
 from hardware_sim.render import Lamp
-from hardware_sim.world import Moment, World
+from hardware_sim.world import ExposureInterval, World
 
 PIXELS = 128
 JOINTS = (-2.6641, -0.9534, 1.6785, 2.607, 1.8307, 2.423)
@@ -40,7 +40,7 @@ def lamp(direction: np.ndarray) -> Lamp:
     return Lamp(np.array([0, 0, 0.03]) + 0.45 * direction, -direction, 1.0, 0.45, 0.8)
 
 
-def test_normals_from_a_textbook_solve_agree_with_the_truth(cell: CellConfig) -> None:
+def test_truth_normals_agree_with_textbook_solve(cell: CellConfig) -> None:
     """Near lights at known places, true depth, least squares: frames, signs and units all have to be right."""
     scene = World(cell, nominal.calibration(PIXELS), "bumps", 1, "ideal")
     true = scene.truth()
@@ -54,12 +54,12 @@ def test_normals_from_a_textbook_solve_agree_with_the_truth(cell: CellConfig) ->
     lamps = [lamp(geometry.direction(np.radians(s), a)) for s, a in ((10, 0.3), (35, 0.1), (35, 2.2), (35, 4.3))]
     values, vectors, clear = [], [], np.ones(len(points), bool)
     for one in lamps:
-        values.append(scene.picture(one)[rows, columns])
+        values.append(scene.lamp_image(one)[rows, columns])
         way = one.position - points
         distance = np.linalg.norm(way, axis=1, keepdims=True)
         ahead = -(way @ one.axis)[:, None] / distance
         vectors.append(way / distance * ahead**0.8 * (0.45 / distance) ** 2)
-        free = render.lit(
+        free = render.lit_mask(
             points.astype(np.float32),
             geometry.rotate(object_from_view, true.normals[rows, columns]).astype(np.float32),
             one.position,
@@ -84,69 +84,69 @@ def test_normals_from_a_textbook_solve_agree_with_the_truth(cell: CellConfig) ->
     assert np.median(np.abs(albedo[inner] / true.albedo[rows, columns][inner] - 1)) < 0.003
 
 
-def test_frames_are_keyed_by_what_is_asked_and_not_by_the_order_of_calls(cell: CellConfig, direct: World) -> None:
-    moments = [Moment(1.0, JOINTS, 1.0)]
+def test_frame_depends_on_request_and_not_on_call_order(cell: CellConfig, direct: World) -> None:
+    moments = [ExposureInterval(1.0, JOINTS, 1.0)]
     first = direct.frame(moments, 0.05, 0)
     others = [
         direct.frame(moments, 0.05, 1),
         direct.frame(moments, 0.051, 0),
-        direct.frame([Moment(1.0, (*JOINTS[:5], JOINTS[5] + 2e-4), 1.0)], 0.05, 0),
-        direct.frame([Moment(1.0, JOINTS, 0.0)], 0.05, 0),
+        direct.frame([ExposureInterval(1.0, (*JOINTS[:5], JOINTS[5] + 2e-4), 1.0)], 0.05, 0),
+        direct.frame([ExposureInterval(1.0, JOINTS, 0.0)], 0.05, 0),
     ]
     again = World(cell, nominal.calibration(PIXELS), "bumps", 1, "direct").frame(moments, 0.05, 0)
     assert np.array_equal(first, again)
-    nearly = [Moment(1.0, tuple(joint + 1e-7 for joint in JOINTS), 1.0)]
+    nearly = [ExposureInterval(1.0, tuple(joint + 1e-7 for joint in JOINTS), 1.0)]
     assert np.abs(direct.frame(nearly, 0.05, 0).astype(int) - first).max() <= 1
     for other in others:
         assert not np.array_equal(first, other)
 
 
-def test_intensity_varies_from_image_to_image_by_its_sigma(direct: World) -> None:
+def test_frame_intensity_varies_by_its_sigma(direct: World) -> None:
     true = direct.truth()
     brightness = []
     for attempt in range(24):
-        frame = direct.frame([Moment(1.0, JOINTS, 1.0)], 0.1, attempt).astype(float) - 64
+        frame = direct.frame([ExposureInterval(1.0, JOINTS, 1.0)], 0.1, attempt).astype(float) - 64
         brightness.append(frame[true.mask].mean())
     spread = np.std(brightness) / np.mean(brightness)
     # 1 % of intensity, and 1 mm of 0.5 m adds up to 0.4 % through the distance.
     assert 0.006 < spread < 0.018
 
 
-def test_light_is_linear_in_exposure_and_level(cell: CellConfig) -> None:
+def test_frame_signal_is_linear_in_exposure_and_level(cell: CellConfig) -> None:
     ideal = World(cell, nominal.calibration(PIXELS), "bumps", 1, "ideal")
     mask = ideal.truth().mask
     one, two, half = (
-        ideal.frame([Moment(1.0, JOINTS, level)], exposure, 0)[mask].astype(float) - 64
+        ideal.frame([ExposureInterval(1.0, JOINTS, level)], exposure, 0)[mask].astype(float) - 64
         for level, exposure in ((1.0, 0.02), (1.0, 0.04), (0.5, 0.04))
     )
     bright = one > 50
     assert bright.sum() > 1000
     assert two[bright] == pytest.approx(2 * one[bright], abs=1.6)
     assert half[bright] == pytest.approx(one[bright], abs=1.1)
-    dark = ideal.frame([Moment(1.0, JOINTS, 0.0)], 0.04, 0)
+    dark = ideal.frame([ExposureInterval(1.0, JOINTS, 0.0)], 0.04, 0)
     assert np.all(dark == 64)
 
 
-def test_a_moving_arm_smears(cell: CellConfig) -> None:
+def test_frame_moving_arm_smears(cell: CellConfig) -> None:
     ideal = World(cell, nominal.calibration(PIXELS), "bumps", 1, "ideal")
     ends = [(*JOINTS[:1], JOINTS[1] + shift, *JOINTS[2:]) for shift in (0.0, 0.2)]
-    parts = [ideal.frame([Moment(1.0, joints, 1.0)], 0.04, 0).astype(float) for joints in ends]
-    both = ideal.frame([Moment(0.5, joints, 1.0) for joints in ends], 0.04, 0)
+    parts = [ideal.frame([ExposureInterval(1.0, joints, 1.0)], 0.04, 0).astype(float) for joints in ends]
+    both = ideal.frame([ExposureInterval(0.5, joints, 1.0) for joints in ends], 0.04, 0)
     assert both == pytest.approx((parts[0] + parts[1]) / 2, abs=1.1)
 
 
-def test_the_realistic_world_has_ambient_light_and_bounces(cell: CellConfig, realistic: World) -> None:
+def test_realistic_world_adds_ambient_and_interreflections(cell: CellConfig, realistic: World) -> None:
     mask = realistic.truth().mask
-    dark = realistic.frame([Moment(1.0, JOINTS, 0.0)], 0.1, 0).astype(float) - 64
+    dark = realistic.frame([ExposureInterval(1.0, JOINTS, 0.0)], 0.1, 0).astype(float) - 64
     # 0.4 full scales per second on white, albedo near 0.5, part of the sky hidden.
     level = dark[mask].mean() / 4031
     assert 0.3 * 0.4 * 0.1 * 0.5 < level < 1.1 * 0.4 * 0.1 * 0.5
-    repeated = [realistic.frame([Moment(1.0, JOINTS, 0.0)], 0.004, k)[mask].mean() - 64 for k in range(12)]
+    repeated = [realistic.frame([ExposureInterval(1.0, JOINTS, 0.0)], 0.004, k)[mask].mean() - 64 for k in range(12)]
     assert np.std(repeated) / np.mean(repeated) > 0.02  # flicker
 
     direction = geometry.direction(np.radians(45), 1.0)
-    with_bounces = realistic.picture(lamp(direction))
-    plain = World(cell, nominal.calibration(PIXELS), "part", 1, "ideal").picture(lamp(direction))
+    with_bounces = realistic.lamp_image(lamp(direction))
+    plain = World(cell, nominal.calibration(PIXELS), "part", 1, "ideal").lamp_image(lamp(direction))
     ratio = with_bounces[mask].mean() / plain[mask].mean()
     assert 1.01 < ratio < 1.2
     shadow = mask & (plain == 0)
@@ -154,7 +154,7 @@ def test_the_realistic_world_has_ambient_light_and_bounces(cell: CellConfig, rea
     assert with_bounces[shadow].mean() > 0.002
 
 
-def test_the_true_camera_differs_from_the_calibration_by_so_much(cell: CellConfig, realistic: World) -> None:
+def test_true_camera_differs_from_calibration_by_profile(cell: CellConfig, realistic: World) -> None:
     object_from_base = geometry.inverse(cell.object.keep_out.base_from_object.matrix)
     error = geometry.inverse(object_from_base @ np.array(realistic.calibration.base_from_camera)) @ (
         realistic.lens.object_from_camera
@@ -163,7 +163,7 @@ def test_the_true_camera_differs_from_the_calibration_by_so_much(cell: CellConfi
     assert np.degrees(Rotation.from_matrix(error[:3, :3]).magnitude()) == pytest.approx(0.02, rel=1e-4)
 
 
-def test_truth_of_a_sphere(cell: CellConfig, tmp_path: Path) -> None:
+def test_truth_of_sphere_is_analytic(cell: CellConfig, tmp_path: Path) -> None:
     scene = World(cell, nominal.calibration(PIXELS), "sphere-matt", 4, "ideal")
     true = scene.truth()
     radius = scene.scene.height_m / 2
@@ -182,7 +182,7 @@ def test_truth_of_a_sphere(cell: CellConfig, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [None, b"", b"not a file of numpy", b"PK\x03\x04 half a zip"])
-def test_a_damaged_truth_is_named(tmp_path: Path, content: bytes | None) -> None:
+def test_truth_damaged_file_is_named(tmp_path: Path, content: bytes | None) -> None:
     path = tmp_path / "truth.npz"
     if content is not None:
         path.write_bytes(content)
@@ -191,18 +191,18 @@ def test_a_damaged_truth_is_named(tmp_path: Path, content: bytes | None) -> None
     assert caught.value.code == ErrorCode.STORE_CORRUPT
 
 
-def test_visibility_matches_the_picture(direct: World) -> None:
+def test_visibility_agrees_with_lamp_image(direct: World) -> None:
     joints = JOINTS
     mask = direct.truth().mask
     seen = direct.visibility(joints)
-    frame = direct.frame([Moment(1.0, joints, 1.0)], 0.1, 0).astype(float) - 64
+    frame = direct.frame([ExposureInterval(1.0, joints, 1.0)], 0.1, 0).astype(float) - 64
     assert not seen[~mask].any()
     assert 0.2 < seen[mask].mean() < 1.0
     assert np.percentile(frame[seen], 5) > 3
     assert np.median(frame[mask & ~seen]) < 6
 
 
-def test_an_object_that_does_not_fit_is_refused(cell: CellConfig) -> None:
+def test_world_object_outside_keep_out_raises(cell: CellConfig) -> None:
     narrow = cell.object.keep_out.model_copy(update={"radius_m": 0.05})
     small = cell.model_copy(update={"object": cell.object.model_copy(update={"keep_out": narrow})})
     with pytest.raises(RigError, match="does not fit") as caught:
@@ -210,16 +210,16 @@ def test_an_object_that_does_not_fit_is_refused(cell: CellConfig) -> None:
     assert caught.value.code == ErrorCode.CONFIG_INVALID
 
 
-def test_the_calibration_in_the_repository_is_the_nominal_one() -> None:
+def test_repository_calibration_is_the_nominal_one() -> None:
     deployed = cell_config.load_calibration(nominal.default_cell_file().parent / "calibration.sim.json")
     assert deployed == nominal.calibration(1024)
 
 
-def test_every_profile_is_there() -> None:
+def test_profiles_are_all_defined() -> None:
     assert set(world.PROFILES) == {"ideal", "direct", "realistic"}
 
 
-def test_the_lamp_is_fixed_to_the_flange(cell: CellConfig, direct: World) -> None:
+def test_lamp_is_fixed_to_flange(cell: CellConfig, direct: World) -> None:
     # Published Denavit–Hartenberg values of the UR5e: d, a, α of each joint.
     links = [
         (0.1625, 0.0, np.pi / 2),
@@ -241,7 +241,7 @@ def test_the_lamp_is_fixed_to_the_flange(cell: CellConfig, direct: World) -> Non
     assert found[:3, 2] == pytest.approx(way / np.linalg.norm(way), abs=1e-3)
 
 
-def test_lamp_is_where_the_arm_as_built_holds_it(cell: CellConfig) -> None:
+def test_lamp_follows_calibrated_arm(cell: CellConfig) -> None:
     scene = World(cell, nominal.calibration(32), "sphere", 1, "ideal", arm_calibration=(5, 0.002))
     built = calibrated(MODELS[cell.arm.model], 5)
     flange = np.array(poses.matrix(kinematics.forward(built, JOINTS)))

@@ -81,7 +81,7 @@ def rays(pixels: int, samples: int = 1) -> np.ndarray:
 @functools.cache
 def placed(name: str) -> Mesh:
     """The object's mesh in the view frame."""
-    return objects.make(name).moved(np.eye(3), np.array([0.0, 0.0, -TABLE_DEPTH_M]))
+    return objects.make(name).transformed(np.eye(3), np.array([0.0, 0.0, -TABLE_DEPTH_M]))
 
 
 @functools.cache

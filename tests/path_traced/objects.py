@@ -31,7 +31,9 @@ def _square_with_hole(x: float, y: float, z: float, half: float, radius: float, 
     wall = sheets.cone((radius, z), (radius, z - depth), (-1.0, 0.0), 256)
     floor = sheets.cone((0.0, z - depth), (radius, z - depth), (0.0, 1.0), 256)
     shift = np.array([x, y, 0.0])
-    return sheets.joined([sheets.sheet(top, up), wall.moved(np.eye(3), shift), floor.moved(np.eye(3), shift)])
+    return sheets.joined(
+        [sheets.sheet(top, up), wall.transformed(np.eye(3), shift), floor.transformed(np.eye(3), shift)]
+    )
 
 
 def _part() -> Mesh:
@@ -62,7 +64,7 @@ def _part() -> Mesh:
         sheets.cone((0.010, z), (0.010, 0.026), (1.0, 0.0), 256),
         sheets.cone((0.0, 0.026), (0.010, 0.026), (0.0, 1.0), 256),
     ]
-    pieces += [piece.moved(np.eye(3), np.array([0.004, -0.020, 0.0])) for piece in boss]
+    pieces += [piece.transformed(np.eye(3), np.array([0.004, -0.020, 0.0])) for piece in boss]
     low, high, y0, y1 = 0.024, 0.052, 0.008, 0.034
     top = 0.025
     pieces.append(sheets.quad((low, y0, z), (high, y0, top), (high, y1, top), (low, y1, z)))
@@ -90,7 +92,7 @@ def _blended(distances: FloatArray, blend_m: float) -> FloatArray:
 
 
 def _grounded(mesh: Mesh) -> Mesh:
-    return mesh.moved(np.eye(3), np.array([0.0, 0.0, -float(mesh.triangles[..., 2].min())]))
+    return mesh.transformed(np.eye(3), np.array([0.0, 0.0, -float(mesh.triangles[..., 2].min())]))
 
 
 def _animal() -> Mesh:
@@ -141,7 +143,7 @@ def _bowl() -> Mesh:
     angle = np.linspace(0, rim, 160)
     bottom = 0.004
     up = np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
-    inner = sheets.turned(radius * np.sin(angle), bottom + radius * (1 - np.cos(angle)), up, 512)
+    inner = sheets.revolved(radius * np.sin(angle), bottom + radius * (1 - np.cos(angle)), up, 512)
     edge, top = float(radius * np.sin(rim)), bottom + 0.026
     flat = sheets.cone((edge, top), (edge + 0.010, top), (0.0, 1.0), 512)
     outside = sheets.cone((edge + 0.010, top), (edge + 0.010, 0.0), (1.0, 0.0), 512)

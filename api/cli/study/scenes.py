@@ -145,12 +145,12 @@ class Geometry:
     @cached_property
     def views(self) -> tuple[View, View]:
         """What the camera sees: object and its surroundings finely, the rest of the region's table coarsely."""
-        fine = render.look(self.glossy, self.tracer, self.lens, SUBDIVISION)
+        fine = render.trace_view(self.glossy, self.tracer, self.lens, SUBDIVISION)
         covered = np.zeros(self.region.shape, np.uint8)
         covered.ravel()[fine.surface.pixels] = 1
         size = 2 * NEAR_OBJECT_PX + 1
         near = cv2.dilate(covered, np.ones((size, size), np.uint8)).astype(bool)
-        coarse = render.look(self.glossy, self.tracer, self.lens, 1)
+        coarse = render.trace_view(self.glossy, self.tracer, self.lens, 1)
         nothing = _only(coarse.surface, np.zeros(near.shape, bool))
         return (
             replace(fine, table=_only(fine.table, near)),
@@ -171,7 +171,7 @@ class Geometry:
         return [(free[0], free[1]), (free[2], free[3])]
 
     def _lit(self, samples: render.Samples, lamp: Lamp, chosen: np.ndarray | slice = slice(None)) -> BoolArray:
-        return render.lit(samples.points[chosen], samples.normals[chosen], lamp.position, self.tracer, self.glossy)
+        return render.lit_mask(samples.points[chosen], samples.normals[chosen], lamp.position, self.tracer, self.glossy)
 
     def _surface_reached(self, lamp: Lamp) -> BoolArray:
         """Which samples of the object a lamp shines on; shadow rays lead from all samples of a pixel only where those
@@ -348,7 +348,7 @@ class Scene:
             )
             shared = self.geometry
             fine, coarse = (
-                render.direct(view, self.surface, shared.tracer, lamp, free)
+                render.direct_image(view, self.surface, shared.tracer, lamp, free)
                 for view, free in zip(shared.views, shared.reached(key, lamp), strict=True)
             )
             self._pictures[key] = fine + coarse

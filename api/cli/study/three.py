@@ -146,7 +146,7 @@ def _image(scene: Scene, position: FloatArray, distance_m: float, rng: np.random
         distance_m,
         scene.calibration.lobe_exponent,
     )
-    picture = render.direct(scene.geometry.views[0], scene.surface, scene.geometry.tracer, lamp)
+    picture = render.direct_image(scene.geometry.views[0], scene.surface, scene.geometry.tracer, lamp)
     gain = BRIGHT_LEVEL / float(np.percentile(picture[scene.graded], BRIGHT_PERCENTILE))
     noisy = gain * picture + NOISE * rng.standard_normal(picture.shape, dtype=np.float32)
     return (np.clip(np.rint(noisy * LEVELS), 0, LEVELS) / LEVELS / gain).astype(np.float32)
@@ -158,7 +158,7 @@ def _lit(scene: Scene, position: FloatArray) -> BoolArray:
     seen = shared.centres
     place = geometry.transform(shared.object_from_view, position)
     lit = np.zeros(shared.lens.height * shared.lens.width, dtype=bool)
-    lit[seen.pixels] = render.lit(seen.points, seen.normals, place, shared.tracer, scene.surface)
+    lit[seen.pixels] = render.lit_mask(seen.points, seen.normals, place, shared.tracer, scene.surface)
     return lit.reshape(shared.lens.height, shared.lens.width)
 
 

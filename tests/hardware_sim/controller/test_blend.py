@@ -114,7 +114,7 @@ test_joint_moves_leave_the_corner_inside_the_radius_many = pytest.mark.long(
 )
 
 
-def test_a_blended_corner_is_quicker_and_does_not_stop() -> None:
+def test_blend_corner_is_faster_than_stopping_and_keeps_moving() -> None:
     corners = [PLACE, at(0.0, 0.1, 0.0), at(0.0, 0.1, 0.1)]
     moves = f" movel({pose(PLACE)})\n movel({pose(corners[1])}, r=0.03)\n movel({pose(corners[2])})\n"
     blended, stopping = run(moves), run(moves.replace(", r=0.03", ""))
@@ -124,7 +124,7 @@ def test_a_blended_corner_is_quicker_and_does_not_stop() -> None:
     assert speeds[near].min() > 0.1
 
 
-def test_joint_and_straight_moves_blend_into_each_other() -> None:
+def test_blend_joint_and_straight_moves_keeps_moving() -> None:
     corner = [0.3, *HOME[1:]]
     end = place_of(np.array(corner)) + np.array([0.0, 0.0, 0.1])
     moves = (
@@ -141,7 +141,7 @@ def test_joint_and_straight_moves_blend_into_each_other() -> None:
     assert np.abs(record.accelerations).max() < 15
 
 
-def test_overlapping_blends_are_left_out_with_a_warning() -> None:
+def test_blend_overlapping_radii_drops_the_second_with_warning() -> None:
     corners = [PLACE, at(0.0, 0.1, 0.0), at(0.0, 0.1, 0.05), at(0.1, 0.1, 0.05)]
     moves = [f" movel({pose(c)}, r={r})\n" for c, r in zip(corners, (0, 0.03, 0.03, 0), strict=True)]
     record = run("".join(moves))
@@ -150,7 +150,7 @@ def test_overlapping_blends_are_left_out_with_a_warning() -> None:
     assert np.linalg.norm(record.tools - corners[2], axis=1).min() < 1e-6
 
 
-def test_a_move_shorter_than_the_blend_before_it_stops_at_the_corner() -> None:
+def test_blend_move_shorter_than_radius_stops_at_corner() -> None:
     corners = [PLACE, at(0.0, 0.1, 0.0), at(0.0, 0.1, 0.02)]
     record = run("".join(f" movel({pose(c)}, r={r})\n" for c, r in zip(corners, (0, 0.05, 0), strict=True)))
     assert "shorter than the blend" in record.message("shorter")
@@ -158,7 +158,7 @@ def test_a_move_shorter_than_the_blend_before_it_stops_at_the_corner() -> None:
     assert np.allclose(record.tools[-1], corners[-1], atol=1e-8)
 
 
-def test_many_corners_in_a_row_are_all_rounded() -> None:
+def test_blend_many_corners_rounds_each() -> None:
     corners = [at(0.0, 0.08 * (n // 2 % 2), 0.04 * (n - n // 2)) for n in range(9)]
     radii = [0.01] * 7
     lines = "".join(f" movel({pose(c)}, v=0.3, a=2, r={r})\n" for c, r in zip(corners, [0, *radii, 0], strict=True))
@@ -170,7 +170,7 @@ def test_many_corners_in_a_row_are_all_rounded() -> None:
 
 
 @pytest.mark.parametrize("stop", ["stopj(4)", "stopl(2)", "sleep(0.2)"])
-def test_a_blend_can_be_stopped(stop: str) -> None:
+def test_blend_stopped_midway_brakes(stop: str) -> None:
     corner, end = [0.4, *HOME[1:]], [0.4, -1.5, *HOME[2:]]
     seconds = math.sqrt(0.4 / 3) * 2 - 0.1
     lines = f""" thread mover():
@@ -228,7 +228,7 @@ test_process_moves_keep_their_tool_speed_round_the_corner_many = pytest.mark.lon
 )
 
 
-def test_a_process_of_many_corners_never_slows_down() -> None:
+def test_movep_many_corners_keeps_speed() -> None:
     corners = [at(0.0, 0.1 * (n // 2 % 2), 0.05 * (n - n // 2)) for n in range(9)]
     lines = "".join(
         f" movep({pose(c)}, v=0.1, a=2, r={r})\n" for c, r in zip(corners[1:], [*[0.015] * 7, 0], strict=True)
@@ -242,7 +242,7 @@ def test_a_process_of_many_corners_never_slows_down() -> None:
     assert len(full) * TICK > 3.5
 
 
-def test_process_moves_blend_with_moves_of_other_kinds() -> None:
+def test_movep_next_to_other_moves_blends() -> None:
     corners = [at(0.0, 0.0, 0.0), at(0.0, 0.1, 0.0), at(0.0, 0.1, 0.1), at(0.1, 0.1, 0.1)]
     lines = "".join(
         f" {move}({pose(c)}, v=0.2, a=1.5, r={r})\n"
@@ -256,7 +256,7 @@ def test_process_moves_blend_with_moves_of_other_kinds() -> None:
     assert np.abs(record.accelerations).max() < 15
 
 
-def test_rotation_goes_on_evenly_through_an_arc() -> None:
+def test_movep_rotation_through_arc_is_even() -> None:
     places = [PLACE, at(0.0, 0.12, 0.0), at(0.0, 0.12, 0.12)]
     ends = ["2.2214, 2.2214, 0", "2.0, 2.3, 0.3", "2.3, 2.0, -0.3"]
     poses = ["p[" + ",".join(map(str, p)) + f", {e}]" for p, e in zip(places, ends, strict=True)]
@@ -265,7 +265,7 @@ def test_rotation_goes_on_evenly_through_an_arc() -> None:
     assert np.allclose(record.tools[-1], places[-1], atol=1e-8)
 
 
-def test_process_move_that_turns_back_stops_at_the_corner() -> None:
+def test_movep_reversal_stops_at_corner() -> None:
     there = at(0.0, 0.1, 0.0)
     record = run(f" movel({pose(PLACE)})\n movep({pose(there)}, r=0.02)\n movep({pose(PLACE)})\n")
     assert "too sharp" in record.message("too sharp")

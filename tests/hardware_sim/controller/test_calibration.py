@@ -34,13 +34,13 @@ def product_of_links(arm: ArmModel, joints: list[float]) -> np.ndarray:
     return found
 
 
-def test_without_a_seed_the_arm_is_as_drawn() -> None:
+def test_calibrated_without_seed_returns_nominal_arm() -> None:
     assert calibrated(MODELS["ur5e"], None) is MODELS["ur5e"]
 
 
 @pytest.mark.parametrize("name", sorted(MODELS))
 @pytest.mark.parametrize("seed", SEEDS)
-def test_drawings_are_wrong_by_millimetres(name: str, seed: int) -> None:
+def test_calibrated_arm_differs_from_nominal_by_millimetres(name: str, seed: int) -> None:
     arm = calibrated(MODELS[name], seed)
     joints = random_joints(100, 7)
     drawn = nominal.forward(nominal.arm_model(name), np.array(joints))[:, 6, :3, 3]
@@ -51,7 +51,7 @@ def test_drawings_are_wrong_by_millimetres(name: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize("error_m", [0.0005, 0.003])
-def test_an_arm_is_as_far_from_its_drawings_as_asked_for(error_m: float) -> None:
+def test_calibrated_arm_has_the_requested_rms_error(error_m: float) -> None:
     joints = random_joints(100, 8)
     places = [
         np.array([poses.position(kinematics.forward(arm, q)) for q in joints])
@@ -61,14 +61,14 @@ def test_an_arm_is_as_far_from_its_drawings_as_asked_for(error_m: float) -> None
     assert math.sqrt(float(np.mean(errors**2))) == pytest.approx(error_m, rel=0.25)
 
 
-def test_a_seed_is_one_arm() -> None:
+def test_calibrated_same_seed_returns_same_arm() -> None:
     arms = [calibrated(MODELS["ur5e"], seed) for seed in (4, 4, 5)]
     assert arms[0] == arms[1]
     assert arms[0].links != arms[2].links
 
 
 @pytest.mark.parametrize("name", sorted(MODELS))
-def test_forward_is_the_product_of_its_links(name: str) -> None:
+def test_forward_calibrated_equals_product_of_links(name: str) -> None:
     arm = calibrated(MODELS[name], 1)
     for joints in random_joints(50, 8):
         ours = np.array(poses.matrix(kinematics.forward(arm, joints)))
@@ -76,7 +76,7 @@ def test_forward_is_the_product_of_its_links(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(MODELS))
-def test_inverse_reaches_its_pose_and_finds_the_joints_it_came_from(name: str) -> None:
+def test_inverse_calibrated_reaches_pose_and_original_joints(name: str) -> None:
     arm = calibrated(MODELS[name], 2)
     for joints in random_joints(15, 9):
         flange = kinematics.forward(arm, joints)
@@ -87,7 +87,7 @@ def test_inverse_reaches_its_pose_and_finds_the_joints_it_came_from(name: str) -
             assert math.hypot(*turn) < 1e-9
 
 
-def test_nearly_all_branches_are_found() -> None:
+def test_solutions_calibrated_cover_nearly_all_branches() -> None:
     arm, drawn = calibrated(MODELS["ur10e"], 3), MODELS["ur10e"]
     found = expected = 0
     for joints in random_joints(40, 10):
@@ -96,7 +96,7 @@ def test_nearly_all_branches_are_found() -> None:
     assert found >= 0.97 * expected
 
 
-def test_straight_moves_of_a_calibrated_arm_are_straight() -> None:
+def test_movel_calibrated_arm_stays_straight() -> None:
     record = run(
         " p0 = get_forward_kin()\n movel(pose_trans(p0, p[0.1, 0.05, 0.08, 0.2, 0, 0.3]), v=0.3)", calibration_seed=6
     )
@@ -107,7 +107,7 @@ def test_straight_moves_of_a_calibrated_arm_are_straight() -> None:
     assert np.linalg.norm(way) == pytest.approx(math.hypot(0.1, 0.05, 0.08), abs=1e-8)
 
 
-def test_real_library_sees_the_arm_as_built() -> None:
+def test_client_calibrated_arm_reads_true_pose() -> None:
     with ExitStack() as stack:
         cell = connect(stack, calibration_seed=2)
         pose = cell.receive.getActualTCPPose()

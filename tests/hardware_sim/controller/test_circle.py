@@ -25,7 +25,7 @@ def on_circle(angle: float, along: np.ndarray = TILTED) -> np.ndarray:
 
 
 def pose(place: np.ndarray, turn: float = 0.0) -> str:
-    turned = poses.turned(poses.placed(START, place), (0.0, 0.0, turn))
+    turned = poses.rotated(poses.with_position(START, place), (0.0, 0.0, turn))
     return f"p{[float(v) for v in poses.to_ur(turned)]}"
 
 
@@ -39,7 +39,7 @@ def turns(record: Record) -> np.ndarray:
     ("swept", "mode", "along"),
     [(0.5, 0, TILTED), (2.0, 0, TILTED), (5.8, 0, TILTED), (0.5, 1, TILTED), (2.0, 1, LEVEL), (4.0, 1, LEVEL)],
 )
-def test_the_tool_stays_on_the_circle_through_its_three_points(swept: float, mode: int, along: np.ndarray) -> None:
+def test_movec_keeps_tool_on_circle_through_three_points(swept: float, mode: int, along: np.ndarray) -> None:
     via, end = on_circle(0.4 * swept, along), on_circle(swept, along)
     record = run(f" movec({pose(via)}, {pose(end, 0.4)}, a=1.5, v=0.15, mode={mode})")
     assert record.tools[-1] == pytest.approx(end, abs=1e-8)
@@ -60,7 +60,7 @@ def test_the_tool_stays_on_the_circle_through_its_three_points(swept: float, mod
     assert way.max() / TICK <= speed * 1.001
 
 
-def test_free_rotation_ends_in_that_of_the_target() -> None:
+def test_movec_free_rotation_ends_at_target_rotation() -> None:
     record = run(f" movec({pose(on_circle(1.0), 2.0)}, {pose(on_circle(2.0), 0.5)})")
     frame = kinematics.forward(ARM, record.joints[-1].tolist())
     turn = poses.rotation_vector(poses.compose(poses.invert(START), frame))
@@ -71,7 +71,7 @@ def test_free_rotation_ends_in_that_of_the_target() -> None:
     assert angles.max() == pytest.approx(0.5, abs=1e-7)
 
 
-def test_fixed_rotation_keeps_its_angle_to_the_tangent() -> None:
+def test_movec_fixed_rotation_keeps_angle_to_tangent() -> None:
     via, end = on_circle(1.0, LEVEL), on_circle(2.0, LEVEL)
     record = run(f" movec({pose(via)}, {pose(end, 0.5)}, mode=1)")
     normal = np.cross(via - PLACE, end - PLACE)
@@ -85,7 +85,7 @@ def test_fixed_rotation_keeps_its_angle_to_the_tangent() -> None:
     assert np.ptp(in_tool, axis=0).max() < 5e-3
 
 
-def test_circle_blends_into_what_follows() -> None:
+def test_movec_with_radius_blends_into_next_move() -> None:
     via, corner = on_circle(0.8), on_circle(1.6)
     end = corner + np.array([0.0, 0.0, 0.1])
     lines = f" movec({pose(via)}, {pose(corner)}, v=0.2, r=0.02)\n movel({pose(end)}, v=0.2)"
@@ -99,14 +99,14 @@ def test_circle_blends_into_what_follows() -> None:
     assert np.abs(record.accelerations).max() < 12
 
 
-def test_points_on_a_line_make_no_circle() -> None:
+def test_movec_collinear_points_raises_script_error() -> None:
     ahead = [PLACE + np.array([0.0, 0.0, z]) for z in (0.05, 0.1)]
     record = run(f" movec({pose(ahead[0])}, {pose(ahead[1])})", 1.0)
     assert "movec: start, via and end must be three points of a circle" in record.message("runtime exception")
     assert (record.joints == HOME).all()
 
 
-def test_points_may_be_given_as_joints() -> None:
+def test_movec_joint_targets_equal_poses() -> None:
     joints = [[q + d for q, d in zip(HOME, (0.1 * n, 0.05 * n * n, 0, 0, 0, 0), strict=True)] for n in (1, 2)]
     record = run(f" movec({joints[0]}, {joints[1]})")
     expected = poses.position(kinematics.forward(ARM, joints[1]))

@@ -66,7 +66,7 @@ def collides(cell: Cell, joints: list[float], parts: set[str]) -> None:
         control.fault("clear")
 
 
-def test_arm_stops_at_object_table_and_itself(cell: Cell, record: Path) -> None:
+def test_arm_touching_object_table_or_itself_stops(cell: Cell, record: Path) -> None:
     hand(cell, OVER_OBJECT)
     pose = cell.receive.getActualTCPPose()
     assert not cell.control.moveL([*pose[:2], pose[2] - 0.25, *pose[3:]], 0.25, 1.0)
@@ -89,7 +89,7 @@ def test_arm_stops_at_object_table_and_itself(cell: Cell, record: Path) -> None:
     assert {1, 3} <= set(trace.safety_mode.tolist())
 
 
-def test_unlocking_while_the_arm_still_touches_stops_it_again(cell: Cell) -> None:
+def test_unlock_while_touching_stops_again(cell: Cell) -> None:
     hand(cell, OVER_OBJECT)
     pose = cell.receive.getActualTCPPose()
     assert not cell.control.moveL([*pose[:2], pose[2] - 0.25, *pose[3:]], 0.25, 1.0)
@@ -114,7 +114,7 @@ def test_unlocking_while_the_arm_still_touches_stops_it_again(cell: Cell) -> Non
         assert control.state()["safety_mode"] == 1
 
 
-def test_arm_that_is_not_where_it_says_collides_where_it_is(cell: Cell) -> None:
+def test_joint_offset_collides_at_true_position(cell: Cell) -> None:
     hand(cell, OVER_OBJECT)
     pose = cell.receive.getActualTCPPose()
     low = [*pose[:2], pose[2] - 0.02, *pose[3:]]

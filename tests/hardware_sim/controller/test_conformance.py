@@ -61,7 +61,7 @@ def motion_seconds(cell: Cell, move: Callable[[], bool]) -> float:
     return moving[-1] - moving[0] + 0.004
 
 
-def test_joint_move_reaches_its_target_in_the_time_of_a_trapezoid(cell: Cell) -> None:
+def test_movej_takes_time_of_trapezoid_and_reaches_target(cell: Cell) -> None:
     """Check 2."""
     target = [q + 0.3 for q in HOME]
     seconds = motion_seconds(cell, lambda: cell.control.moveJ(target, SPEED, ACCELERATION))
@@ -70,7 +70,7 @@ def test_joint_move_reaches_its_target_in_the_time_of_a_trapezoid(cell: Cell) ->
     wait_until(lambda: cell.receive.getActualQd() == [0.0] * 6)
 
 
-def test_asynchronous_move_returns_at_once_and_tells_its_end(cell: Cell) -> None:
+def test_movej_asynchronous_returns_at_once_and_reports_end(cell: Cell) -> None:
     """Check 3."""
     target = [q + 1.0 for q in HOME]
     before = cell.control.getAsyncOperationProgressEx()
@@ -83,7 +83,7 @@ def test_asynchronous_move_returns_at_once_and_tells_its_end(cell: Cell) -> None
     wait_until(lambda: cell.receive.getActualQ() == pytest.approx(target, abs=1e-6))
 
 
-def test_stop_in_mid_move_brakes_at_the_deceleration_asked_for(cell: Cell) -> None:
+def test_stopj_in_move_brakes_at_requested_deceleration(cell: Cell) -> None:
     """Check 4."""
     deceleration = 2.0
     with PlainClient(cell.address) as every_tick, ThreadPoolExecutor(1) as pool:
@@ -103,7 +103,7 @@ def test_stop_in_mid_move_brakes_at_the_deceleration_asked_for(cell: Cell) -> No
     assert not cell.control.getAsyncOperationProgressEx().isAsyncOperationRunning()
 
 
-def test_straight_move_keeps_to_the_line(cell: Cell) -> None:
+def test_movel_keeps_to_line(cell: Cell) -> None:
     """Check 5."""
     pose = cell.receive.getActualTCPPose()
     target = [*pose[:2], pose[2] + 0.05, *pose[3:]]
@@ -122,7 +122,7 @@ def test_straight_move_keeps_to_the_line(cell: Cell) -> None:
     assert cell.receive.getActualTCPPose() == pytest.approx(target, abs=1e-6)
 
 
-def test_kinematics_calls_agree_with_one_another(cell: Cell) -> None:
+def test_kinematics_calls_agree(cell: Cell) -> None:
     """Checks 6, 7, 8."""
     pose = cell.control.getForwardKinematics()
     assert pose == pytest.approx(cell.receive.getActualTCPPose(), abs=1e-9)
@@ -136,7 +136,7 @@ def test_kinematics_calls_agree_with_one_another(cell: Cell) -> None:
     assert cell.control.getInverseKinematics(other, HOME) == pytest.approx(NEAR, abs=1e-6)
 
 
-def test_forward_kinematics_of_joints_alone_shows_the_defect_of_the_library(cell: Cell) -> None:
+def test_forward_kinematics_of_joints_alone_shows_library_defect(cell: Cell) -> None:
     # ur-rtde 1.6.5 sends no tool offset with it; the script takes what the registers hold from the last move.
     pose = cell.control.getForwardKinematics(HOME)
     assert pose[:3] != pytest.approx(cell.receive.getActualTCPPose()[:3], abs=0.1)
@@ -146,7 +146,7 @@ def test_forward_kinematics_of_joints_alone_shows_the_defect_of_the_library(cell
     assert tiny == pytest.approx(cell.receive.getActualTCPPose(), abs=1e-9)
 
 
-def test_tool_offset_moves_the_tool_pose(cell: Cell) -> None:
+def test_set_tcp_moves_tool_pose(cell: Cell) -> None:
     """Check 10."""
     flange = cell.receive.getActualTCPPose()
     offset = [0.06, 0.0, 0.07, 0.0, math.pi / 2, 0.0]
@@ -159,7 +159,7 @@ def test_tool_offset_moves_the_tool_pose(cell: Cell) -> None:
     assert cell.control.setTcp([0.0] * 6)
 
 
-def test_payload_is_reported(cell: Cell) -> None:
+def test_set_payload_is_reported(cell: Cell) -> None:
     """Check 11."""
     assert cell.control.setPayload(0.6, [0.01, 0.0, 0.05])
     wait_until(lambda: cell.receive.getPayload() == 0.6)
@@ -169,7 +169,7 @@ def test_payload_is_reported(cell: Cell) -> None:
     assert cell.receive.getPayloadCog() == [0.01, 0.0, 0.05]
 
 
-def test_slider_stretches_a_move(cell: Cell) -> None:
+def test_speed_slider_stretches_move(cell: Cell) -> None:
     """Check 14."""
     assert cell.io.setSpeedSlider(0.5)
     wait_until(lambda: cell.receive.getTargetSpeedFraction() == 0.5)
@@ -179,7 +179,7 @@ def test_slider_stretches_a_move(cell: Cell) -> None:
     assert seconds == pytest.approx(2 * duration(0.1), abs=0.01)
 
 
-def test_limits_and_steadiness_are_answered(cell: Cell) -> None:
+def test_safety_limits_and_steadiness_are_answered(cell: Cell) -> None:
     """Checks 15, 16."""
     assert not cell.control.isJointsWithinSafetyLimits([7.0] * 6)
     assert cell.control.isJointsWithinSafetyLimits(HOME)
@@ -187,7 +187,7 @@ def test_limits_and_steadiness_are_answered(cell: Cell) -> None:
     wait_until(cell.control.isSteady)
 
 
-def test_speed_control_reaches_its_speed_and_stops(cell: Cell) -> None:
+def test_speedj_reaches_speed_and_stops(cell: Cell) -> None:
     """Check 17."""
     assert cell.control.speedJ([0.2, 0, 0, 0, 0, 0], 1.0, 0.0)
     wait_until(lambda: cell.receive.getActualQd()[0] == pytest.approx(0.2))
@@ -202,7 +202,7 @@ def test_speed_control_reaches_its_speed_and_stops(cell: Cell) -> None:
     assert after[2] > at[2] + 0.002
 
 
-def test_servo_control_follows_and_stops(cell: Cell) -> None:
+def test_servoj_follows_and_stops(cell: Cell) -> None:
     """Check 18."""
     target = list(HOME)
     for _ in range(100):
@@ -215,7 +215,7 @@ def test_servo_control_follows_and_stops(cell: Cell) -> None:
     wait_until(lambda: cell.receive.getActualQd() == [0.0] * 6)
 
 
-def test_path_of_joints_runs_and_plain_moves_still_work(cell: Cell) -> None:
+def test_movej_path_runs_and_plain_moves_follow(cell: Cell) -> None:
     """Check 19."""
     path = [[*(q + d for q in HOME), 2.0, 5.0, 0.0] for d in (0.05, 0.1, 0.15)]
     assert cell.control.moveJ(path)
@@ -223,7 +223,7 @@ def test_path_of_joints_runs_and_plain_moves_still_work(cell: Cell) -> None:
     assert cell.control.moveJ(HOME, 2.0, 5.0)
 
 
-def test_asynchronous_path_tells_its_progress(cell: Cell) -> None:
+def test_move_path_asynchronous_reports_progress(cell: Cell) -> None:
     """Check 20."""
     path = [[*(q + d for q in HOME), 2.0, 5.0, 0.0] for d in (0.2, 0.4, 0.2)]
     assert cell.control.moveJ(path, True)
@@ -236,7 +236,7 @@ def test_asynchronous_path_tells_its_progress(cell: Cell) -> None:
     wait_until(lambda: cell.receive.getActualQ() == pytest.approx([q + 0.2 for q in HOME], abs=1e-6))
 
 
-def test_blended_path_rounds_its_corner_without_stopping(cell: Cell) -> None:
+def test_move_path_blended_rounds_corner_without_stopping(cell: Cell) -> None:
     corner, end = list(HOME), list(HOME)
     corner[0] += 0.4
     end[0] += 0.4
@@ -254,14 +254,14 @@ def test_blended_path_rounds_its_corner_without_stopping(cell: Cell) -> None:
     assert cell.receive.getActualQ() == pytest.approx(end, abs=1e-5)
 
 
-def test_upload_replaces_the_program_and_moves_again(cell: Cell) -> None:
+def test_reupload_replaces_program_and_moves_again(cell: Cell) -> None:
     """Check 21."""
     assert cell.control.reuploadScript()
     wait_until(cell.control.isProgramRunning)
     assert cell.control.moveJ(NEAR, 3.0, 20.0)
 
 
-def test_custom_script_runs_and_a_secondary_one_disturbs_nothing(cell: Cell) -> None:
+def test_custom_script_runs_and_secondary_program_disturbs_nothing(cell: Cell) -> None:
     """Check 24."""
     import socket
 
@@ -279,7 +279,7 @@ def test_custom_script_runs_and_a_secondary_one_disturbs_nothing(cell: Cell) -> 
     assert cell.control.isProgramRunning()
 
 
-def test_free_driving_and_teaching_begin_and_end(cell: Cell) -> None:
+def test_freedrive_and_teach_mode_begin_and_end(cell: Cell) -> None:
     for begin, end in (
         (cell.control.freedriveMode, cell.control.endFreedriveMode),
         (cell.control.teachMode, cell.control.endTeachMode),
@@ -290,14 +290,14 @@ def test_free_driving_and_teaching_begin_and_end(cell: Cell) -> None:
         assert cell.control.moveJ(HOME, 1.0, 1.0)
 
 
-def test_getters_that_do_not_wait_return_what_the_registers_held(cell: Cell) -> None:
+def test_realtime_getters_return_old_register_values(cell: Cell) -> None:
     """The library reads the answer of the call before; RTDE's own values are to be used instead."""
     pose = cell.control.getForwardKinematics()
     assert cell.control.getActualToolFlangePose() == pose
     assert cell.control.getStepTime() == pose[0]
 
 
-def test_watchdog_lets_kicked_moves_live(cell: Cell) -> None:
+def test_watchdog_kicked_keeps_move_running(cell: Cell) -> None:
     assert cell.control.setWatchdog(10.0)
     assert cell.control.moveJ([q + 0.3 for q in HOME], SPEED, ACCELERATION, True)
     for _ in range(10):
@@ -312,14 +312,14 @@ def test_watchdog_lets_kicked_moves_live(cell: Cell) -> None:
     wait_until(cell.control.isProgramRunning)
 
 
-def test_every_check_has_a_test() -> None:
+def test_conformance_checks_each_have_a_test() -> None:
     text = "".join(path.read_text() for path in Path(__file__).parent.glob("test_*.py"))
     named = re.findall(r'\n    """Checks? ([\d, ]+)', text)
     assert {int(number) for found in named for number in re.findall(r"\d+", found)} == set(range(1, 36)) - {23}
     assert text.count('"""Failure:') + text.count(" Failure:") >= 20  # check 23: a test for each
 
 
-def test_table_of_failures_names_tests_that_exist() -> None:
+def test_failure_table_names_existing_tests() -> None:
     import hardware_sim.controller
 
     rows = re.findall(r"  ([a-z_]+(?:, [a-z_]+)*)(?: \(long\))?\n", hardware_sim.controller.__doc__ or "")

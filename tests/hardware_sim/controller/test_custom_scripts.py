@@ -28,7 +28,7 @@ def log(cell: Cell) -> str:
         return "\n".join(control.log())
 
 
-def test_function_of_the_users_lines_runs_and_control_goes_on(cell: Cell) -> None:
+def test_custom_script_function_runs_and_control_resumes(cell: Cell) -> None:
     lines = """\tglobal total = 0
 \tthread adder():
 \t\twhile True:
@@ -53,7 +53,7 @@ def test_function_of_the_users_lines_runs_and_control_goes_on(cell: Cell) -> Non
     assert "program users started" in log(cell)
 
 
-def test_whole_program_from_text_and_from_a_file(cell: Cell, tmp_path: Path) -> None:
+def test_custom_script_program_from_text_and_file_runs(cell: Cell, tmp_path: Path) -> None:
     text = """def users():
   write_output_integer_register(0, 1)
   movej([0.05, -1.9, 1.9, -1.57, -1.57, 0], a=10, v=1.5)
@@ -80,7 +80,7 @@ end
         ("x = get_inverse_kin(p[3, 0, 0, 0, 0, 0])", "get_inverse_kin: no solution"),
     ],
 )
-def test_script_that_fails_as_it_runs_says_where(cell: Cell, line: str, message: str) -> None:
+def test_custom_script_runtime_error_reports_line(cell: Cell, line: str, message: str) -> None:
     # By the script port alone: the library waits without end for a script that dies.
     send_script(cell.address, f"def users():\n  sync()\n  sync()\n  {line}\n  movej([1,0,0,0,0,0])\nend\n")
     wait_until(lambda: message in log(cell))
@@ -89,7 +89,7 @@ def test_script_that_fails_as_it_runs_says_where(cell: Cell, line: str, message:
 
 
 @pytest.mark.parametrize("line", ["x = = 1", "while = 3", "x = no_such_function(1)", "end end"])
-def test_script_that_is_none_does_not_start(cell: Cell, line: str) -> None:
+def test_custom_script_invalid_does_not_start(cell: Cell, line: str) -> None:
     before = log(cell).count("program refused")
     send_script(cell.address, f"def users():\n  {line}\nend\nend\n")
     wait_until(lambda: log(cell).count("program refused") > before)

@@ -20,7 +20,7 @@ class Noted:
         return getattr(self._client, name)
 
 
-def test_every_method_gets_the_answer_it_needs(cell: Cell) -> None:
+def test_dashboard_client_methods_get_valid_replies(cell: Cell) -> None:
     """Check 30."""
     import dashboard_client
 
@@ -84,7 +84,7 @@ def test_every_method_gets_the_answer_it_needs(cell: Cell) -> None:
     assert methods - board.used == {"setUserRole"}
 
 
-def test_life_from_power_off_to_running_and_back(cell: Cell) -> None:
+def test_dashboard_client_power_cycle_returns_to_running(cell: Cell) -> None:
     board = cell.dashboard
     board.powerOff()
     wait_until(lambda: not cell.control.isProgramRunning())
@@ -110,7 +110,7 @@ def test_life_from_power_off_to_running_and_back(cell: Cell) -> None:
     wait_until(lambda: cell.receive.getRobotMode() == 3)
 
 
-def test_violation_and_fault_end_with_a_restart_of_safety(cell: Cell) -> None:
+def test_dashboard_client_restart_safety_clears_violation_and_fault(cell: Cell) -> None:
     for kind, status, bit in (("violation", "VIOLATION", 8), ("fault", "FAULT", 9)):
         with cell.process.control() as control:
             control.fault("clear")
@@ -129,7 +129,7 @@ def test_violation_and_fault_end_with_a_restart_of_safety(cell: Cell) -> None:
     restart_program(cell)
 
 
-def test_pause_stops_a_move_and_play_goes_on_with_it(cell: Cell) -> None:
+def test_dashboard_client_pause_and_play_resume_move(cell: Cell) -> None:
     target = [q + 0.4 for q in HOME]
     assert cell.control.moveJ(target, 1.05, 1.4, True)
     wait_until(lambda: cell.receive.getActualQd()[0] > 0.5)
@@ -143,7 +143,7 @@ def test_pause_stops_a_move_and_play_goes_on_with_it(cell: Cell) -> None:
     wait_until(lambda: not cell.control.getAsyncOperationProgressEx().isAsyncOperationRunning())
 
 
-def test_local_control_refuses_what_moves_and_answers_the_rest(controller: ControllerProcess) -> None:
+def test_dashboard_client_local_control_refuses_motion_commands(controller: ControllerProcess) -> None:
     import dashboard_client
 
     board = dashboard_client.DashboardClient(controller.address)

@@ -52,7 +52,7 @@ def receive(controller: ControllerProcess) -> Iterator[Any]:
     receive.disconnect()
 
 
-def test_switch_outputs(controller: ControllerProcess, receive: Any) -> None:
+def test_example_io_switches_outputs(controller: ControllerProcess, receive: Any) -> None:
     """Check 32: io_example, with its fixed pauses of 10 ms turned into waiting for the read-back."""
     import rtde_io
 
@@ -66,7 +66,7 @@ def test_switch_outputs(controller: ControllerProcess, receive: Any) -> None:
     io.disconnect()
 
 
-def test_move_and_change_ones_mind(control: Any, receive: Any) -> None:
+def test_example_move_async_stops_and_reverses(control: Any, receive: Any) -> None:
     """Check 32: move_async_example."""
     target = receive.getActualTCPPose()
     start_height = target[2]
@@ -84,7 +84,7 @@ def test_move_and_change_ones_mind(control: Any, receive: Any) -> None:
     assert HOME[0] < receive.getActualQ()[0] < joints[0]
 
 
-def test_servo_the_joints(control: Any, receive: Any) -> None:
+def test_example_servoj_runs(control: Any, receive: Any) -> None:
     """Check 32: servoj_example."""
     joints = list(HOME)
     for _ in range(250):
@@ -99,7 +99,7 @@ def test_servo_the_joints(control: Any, receive: Any) -> None:
     assert receive.getActualQ()[0] > HOME[0] + 0.1
 
 
-def test_drive_at_speeds_of_the_joints(control: Any, receive: Any) -> None:
+def test_example_speedj_runs(control: Any, receive: Any) -> None:
     """Check 32: speedj_example."""
     speeds = [0.0] * 6
     for _ in range(250):
@@ -115,7 +115,7 @@ def test_drive_at_speeds_of_the_joints(control: Any, receive: Any) -> None:
     wait_until(lambda: receive.getActualQd() == [0.0] * 6)
 
 
-def test_blend_a_path_of_the_tool(control: Any, receive: Any) -> None:
+def test_example_movel_path_blends(control: Any, receive: Any) -> None:
     """Check 32: movel_path_with_blend_example."""
     corner = receive.getActualTCPPose()
     corner[2] += 0.10
@@ -136,7 +136,7 @@ def test_blend_a_path_of_the_tool(control: Any, receive: Any) -> None:
     wait_until(lambda: receive.getActualTCPPose() == pytest.approx(end, abs=1e-5))
 
 
-def test_watch_a_mixed_path(control: Any, receive: Any) -> None:
+def test_example_move_path_async_runs(control: Any, receive: Any) -> None:
     """Check 32: move_path_async_example."""
     import rtde_control
 
@@ -167,7 +167,7 @@ def test_watch_a_mixed_path(control: Any, receive: Any) -> None:
     wait_until(lambda: receive.getActualQd() == [0.0] * 6)  # the other connection hears of it later
 
 
-def test_record_a_file(receive: Any, tmp_path: Path) -> None:
+def test_example_record_data_writes_file(receive: Any, tmp_path: Path) -> None:
     """Check 32: record_data_example."""
     path = tmp_path / "robot_data.csv"
     assert receive.startFileRecording(str(path), ["timestamp", "actual_q", "actual_TCP_pose"])
@@ -183,7 +183,7 @@ def test_record_a_file(receive: Any, tmp_path: Path) -> None:
     assert stamps == sorted(stamps)
 
 
-def test_force_is_refused(controller: ControllerProcess, control: Any) -> None:
+def test_example_forcemode_is_refused(controller: ControllerProcess, control: Any) -> None:
     """Check 32: forcemode_example, which must not seem to work."""
     control.forceMode(
         [0.0] * 6, [0, 0, 1, 0, 0, 0], [0.0, 0.0, -10.0, 0.0, 0.0, 0.0], 2, [2.0, 2.0, 1.5, 1.0, 1.0, 1.0]
@@ -205,7 +205,7 @@ RECORDED = [
 ]
 
 
-def test_recorder(controller: ControllerProcess, tmp_path: Path) -> None:
+def test_example_ur_recorder_runs(controller: ControllerProcess, tmp_path: Path) -> None:
     """Check 31: what UR's record.py does: a row per packet, none missing."""
     path = tmp_path / "robot_data.csv"
     with PlainClient(controller.address) as client, path.open("w", newline="") as file:
@@ -226,7 +226,7 @@ def test_recorder(controller: ControllerProcess, tmp_path: Path) -> None:
     assert steps == pytest.approx([0.008] * 99)
 
 
-def test_control_loop(controller: ControllerProcess) -> None:
+def test_example_ur_control_loop_runs(controller: ControllerProcess) -> None:
     """Check 31: what UR's example_control_loop.py does: set points by registers, hand-shake by two integers.
 
     In the upper range, beside a client of the library that owns the lower one.

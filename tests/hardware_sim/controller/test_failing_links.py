@@ -19,7 +19,7 @@ def run(code: str, address: str) -> list[str]:
     return Client(code, address).finish()
 
 
-def test_nobody_listens() -> None:
+def test_constructor_without_listener_raises() -> None:
     """Failure: the port is closed."""
     import rtde_control
     import rtde_io
@@ -30,7 +30,7 @@ def test_nobody_listens() -> None:
             interface("127.0.1.251")
 
 
-def test_silent_port_holds_a_constructor_until_it_speaks(controller: ControllerProcess) -> None:
+def test_constructor_at_silent_port_waits_for_reply(controller: ControllerProcess) -> None:
     """Failure: the port is open and silent."""
     with controller.control() as faults:
         faults.fault("stall", port=30004, seconds=2.0)
@@ -50,7 +50,7 @@ def test_silent_port_holds_a_constructor_until_it_speaks(controller: ControllerP
 
 
 @pytest.mark.long
-def test_controller_in_the_process_of_its_client_is_a_deadlock() -> None:
+def test_controller_in_client_process_deadlocks() -> None:
     """Failure: both in one process; the library holds the interpreter's lock while it waits."""
     code = """
     import threading
@@ -69,7 +69,7 @@ def test_controller_in_the_process_of_its_client_is_a_deadlock() -> None:
     assert client.hangs(5.0)
 
 
-def test_local_control_refuses_clients(controller: ControllerProcess) -> None:
+def test_constructor_in_local_control_raises(controller: ControllerProcess) -> None:
     """Failure: local control."""
     import rtde_control
 
@@ -81,7 +81,7 @@ def test_local_control_refuses_clients(controller: ControllerProcess) -> None:
         rtde_control.RTDEControlInterface(controller.address).disconnect()
 
 
-def test_link_cut_is_seen_by_the_receive_client(controller: ControllerProcess) -> None:
+def test_receive_client_after_cut_reports_disconnected(controller: ControllerProcess) -> None:
     """Failure: reconnect() of the receive client, with the controller there and gone."""
     client = Client(
         """
@@ -112,7 +112,7 @@ def test_link_cut_is_seen_by_the_receive_client(controller: ControllerProcess) -
     assert client.finish() == ["True False"]
 
 
-def test_controller_killed(controller: ControllerProcess) -> None:
+def test_client_after_controller_kill_reports_disconnected(controller: ControllerProcess) -> None:
     """Failure: the controller's process is killed."""
     client = Client(
         """
@@ -141,7 +141,7 @@ def test_controller_killed(controller: ControllerProcess) -> None:
 
 
 @pytest.mark.long
-def test_moves_block_after_the_controller_was_killed() -> None:
+def test_moves_after_controller_kill_block() -> None:
     """Failure: the controller's process is killed; a move in progress and a later one, also when it is back."""
     with start() as process:
         code = """
@@ -165,7 +165,7 @@ def test_moves_block_after_the_controller_was_killed() -> None:
         assert later.hangs(9.0)
 
 
-def test_io_client_says_yes_once_after_the_controllers_death(controller: ControllerProcess) -> None:
+def test_io_client_after_controller_kill_succeeds_once(controller: ControllerProcess) -> None:
     """Failure: the IO client after the controller's death."""
     client = Client(
         """
@@ -194,7 +194,7 @@ def test_io_client_says_yes_once_after_the_controllers_death(controller: Control
     assert client.process.returncode == ABORTED
 
 
-def test_custom_script_that_cannot_start_blocks_its_sender(controller: ControllerProcess) -> None:
+def test_custom_script_that_cannot_start_blocks_sender(controller: ControllerProcess) -> None:
     """The library waits for a word that only the script itself would write."""
     for script, logged in (("x = = 1", "unexpected '='"), ("zero_ftsensor()", "zero_ftsensor is not simulated")):
         client = Client(
@@ -213,7 +213,7 @@ def test_custom_script_that_cannot_start_blocks_its_sender(controller: Controlle
 
 
 @pytest.mark.long
-def test_register_ranges_of_two_clients_in_turn() -> None:
+def test_register_ranges_used_in_turn_replace_or_hang() -> None:
     """Failure: the last program listens in the other range of registers."""
     code = """
     import rtde_control
@@ -233,7 +233,7 @@ def test_register_ranges_of_two_clients_in_turn() -> None:
 
 
 @pytest.mark.long
-def test_frozen_controller_makes_the_library_reconnect(controller: ControllerProcess) -> None:
+def test_frozen_controller_makes_library_reconnect(controller: ControllerProcess) -> None:
     """Failure: the controller is frozen for 4 s in a synchronous move.
 
     The control client reconnects to the program that still runs. Its move says either, by chance; the arm goes on.
@@ -261,7 +261,7 @@ def test_frozen_controller_makes_the_library_reconnect(controller: ControllerPro
         assert truth.state()["moves_started"] == 1
 
 
-def test_controller_ends_with_its_parent() -> None:
+def test_controller_after_parent_death_ends() -> None:
     (number,) = run(
         """
         from tests.hardware_sim.controller.cells import start

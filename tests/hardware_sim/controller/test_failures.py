@@ -24,7 +24,7 @@ def cell(cell_cleared_afterwards: Cell) -> Cell:
     return cell_cleared_afterwards
 
 
-def test_program_stopped_during_a_synchronous_move(cell: Cell) -> None:
+def test_synchronous_move_program_stopped_returns_false(cell: Cell) -> None:
     """Failure: the program is stopped in a synchronous move, and what each call says afterwards."""
     with cell.process.control() as faults:
         faults.fault("program_stop", at_s=0.3)
@@ -46,7 +46,7 @@ def test_program_stopped_during_a_synchronous_move(cell: Cell) -> None:
     assert cell.control.moveJ(HOME, 3.0, 20.0)
 
 
-def test_program_stopped_by_the_dashboard_during_an_asynchronous_move(cell: Cell) -> None:
+def test_asynchronous_move_dashboard_stop_ends_program(cell: Cell) -> None:
     """Failure: the program is stopped in an asynchronous move."""
     assert cell.io.setStandardDigitalOut(0, True)
     assert cell.io.setStandardDigitalOut(1, True)
@@ -67,7 +67,7 @@ def test_program_stopped_by_the_dashboard_during_an_asynchronous_move(cell: Cell
     assert not cell.receive.getDigitalOutState(0)
 
 
-def test_protective_stop_during_a_move_and_the_way_back(cell: Cell) -> None:
+def test_move_protective_stop_returns_false_until_recovery(cell: Cell) -> None:
     """Failure: protective stop in a synchronous move; unlocking too early; uploads during it; after it."""
     with cell.process.control() as faults:
         faults.fault("protective_stop", at_s=0.3)
@@ -95,13 +95,13 @@ def test_protective_stop_during_a_move_and_the_way_back(cell: Cell) -> None:
     assert cell.control.moveJ(HOME, 3.0, 20.0)
 
 
-def test_protective_stop_asked_for_by_the_client(cell: Cell) -> None:
+def test_trigger_protective_stop_returns_false(cell: Cell) -> None:
     """Failure: triggerProtectiveStop."""
     assert not cell.control.triggerProtectiveStop()  # it works, and says no
     wait_until(cell.receive.isProtectiveStopped)
 
 
-def test_emergency_stop_takes_the_power_and_the_program(cell: Cell) -> None:
+def test_emergency_stop_removes_power_and_program(cell: Cell) -> None:
     """Failure: emergency stop in a synchronous move."""
     with cell.process.control() as faults:
         faults.fault("emergency_stop", at_s=0.3)
@@ -127,7 +127,7 @@ def test_emergency_stop_takes_the_power_and_the_program(cell: Cell) -> None:
     assert cell.control.moveJ(HOME, 3.0, 20.0)
 
 
-def test_pose_without_solution_ends_the_program(cell: Cell) -> None:
+def test_pose_without_solution_ends_program(cell: Cell) -> None:
     """Check 9. Failure: inverse kinematics without solution."""
     nowhere = [5.0, 0.0, 0.5, 0.0, 3.1, 0.0]
     for call, answer in ((cell.control.getInverseKinematics, []), (cell.control.moveJ_IK, False)):
@@ -151,7 +151,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("method", REFUSED)
-def test_refused_function_ends_the_program_and_is_named(cell: Cell, method: str) -> None:
+def test_unsupported_function_ends_program_and_is_named(cell: Cell, method: str) -> None:
     """Failure: a function that is not simulated; its name and line reach the log and every RTDE client."""
     name, answer, arguments = REFUSED[method]
     with PlainClient(cell.address) as listener:
@@ -170,13 +170,13 @@ def test_refused_function_ends_the_program_and_is_named(cell: Cell, method: str)
     assert not cell.control.setTcp([0.0] * 6)
 
 
-def test_straight_move_out_of_reach_is_a_protective_stop(cell: Cell) -> None:
+def test_movel_out_of_reach_causes_protective_stop(cell: Cell) -> None:
     pose = cell.receive.getActualTCPPose()
     assert not cell.control.moveL([pose[0], pose[1], pose[2] + 3.0, *pose[3:]])
     wait_until(cell.receive.isProtectiveStopped)
 
 
-def test_watchdog_ends_a_synchronous_move(cell: Cell) -> None:
+def test_watchdog_ends_synchronous_move(cell: Cell) -> None:
     """Failure: a watchdog and a synchronous move."""
     assert cell.control.setWatchdog(10.0)
     before = cell.receive.getTimestamp()
@@ -185,7 +185,7 @@ def test_watchdog_ends_a_synchronous_move(cell: Cell) -> None:
     wait_until(lambda: cell.receive.getActualQd() == [0.0] * 6)
 
 
-def test_foreign_program_takes_the_arm_until_it_ends(cell: Cell) -> None:
+def test_foreign_program_holds_arm_until_its_end(cell: Cell) -> None:
     """Failure: a foreign program."""
     import socket
 
@@ -199,7 +199,7 @@ def test_foreign_program_takes_the_arm_until_it_ends(cell: Cell) -> None:
     restart_program(cell)
 
 
-def test_foreign_program_in_mid_move_stops_it_and_blocks_its_caller(cell: Cell) -> None:
+def test_foreign_program_in_move_stops_it_and_blocks_caller(cell: Cell) -> None:
     """Failure: a foreign program in a synchronous move."""
     with ThreadPoolExecutor(1) as pool:
         foreign = "def foreign():\n  sleep(0.5)\n  write_output_integer_register(30, 7)\nend\n"
@@ -217,7 +217,7 @@ def test_foreign_program_in_mid_move_stops_it_and_blocks_its_caller(cell: Cell) 
     assert HOME[0] < cell.receive.getActualQ()[0] < FAR[0]
 
 
-def test_protective_stop_in_an_asynchronous_move_leaves_its_progress_running(cell: Cell) -> None:
+def test_asynchronous_move_protective_stop_keeps_progress_running(cell: Cell) -> None:
     """Failure: protective stop in an asynchronous move."""
     assert cell.control.moveJ(FAR, SPEED, ACCELERATION, True)
     wait_until(lambda: cell.receive.getActualQd()[0] > 0.5)
@@ -230,7 +230,7 @@ def test_protective_stop_in_an_asynchronous_move_leaves_its_progress_running(cel
     assert not hasattr(cell.control, "isProtectiveStopped")
 
 
-def test_upload_returns_before_its_program_runs(cell: Cell) -> None:
+def test_upload_returns_before_program_runs(cell: Cell) -> None:
     """Failure: reuploadScript and a move right after it."""
     for _ in range(3):
         assert cell.control.reuploadScript()
@@ -239,7 +239,7 @@ def test_upload_returns_before_its_program_runs(cell: Cell) -> None:
     assert cell.control.moveJ(HOME, SPEED, ACCELERATION)
 
 
-def test_values_out_of_range_are_refused_by_the_library(cell: Cell) -> None:
+def test_values_out_of_range_raise_in_library(cell: Cell) -> None:
     """Failure: bad speeds and accelerations."""
     pose = cell.receive.getActualTCPPose()
     for call, values in (
@@ -257,7 +257,7 @@ def test_values_out_of_range_are_refused_by_the_library(cell: Cell) -> None:
     assert cell.control.isProgramRunning()
 
 
-def test_stop_in_the_unit_of_the_other_kind(cell: Cell) -> None:
+def test_stopl_and_stopj_use_unit_of_first_asynchronous_stop(cell: Cell) -> None:
     """stopL first runs stopj; once a stop was asynchronous, stopJ runs stopl, for the program's life."""
     restart_program(cell)
 
@@ -278,7 +278,7 @@ def test_stop_in_the_unit_of_the_other_kind(cell: Cell) -> None:
     assert turned == pytest.approx(1.0 / (2 * 2.0 / radius), abs=0.05)  # 2 m/s² at the tool's radius
 
 
-def test_bad_program_is_refused_and_the_running_one_lives(cell: Cell) -> None:
+def test_invalid_program_is_refused_and_running_one_continues(cell: Cell) -> None:
     import socket
 
     with (
@@ -307,7 +307,7 @@ def test_bad_program_is_refused_and_the_running_one_lives(cell: Cell) -> None:
     assert cell.dashboard.programState() == "PLAYING rtde_control"
 
 
-def test_output_that_is_stuck_does_not_follow(cell: Cell) -> None:
+def test_stuck_output_keeps_level(cell: Cell) -> None:
     with cell.process.control() as faults:
         faults.fault("output_stuck", output=2, level=False)
         assert cell.io.setStandardDigitalOut(2, True)
@@ -317,7 +317,7 @@ def test_output_that_is_stuck_does_not_follow(cell: Cell) -> None:
         wait_until(lambda: cell.receive.getDigitalOutState(2))
 
 
-def test_arm_that_is_not_where_it_says(cell: Cell) -> None:
+def test_joint_offset_shows_in_true_state_only(cell: Cell) -> None:
     with cell.process.control() as control:
         control.fault("joint_offset", offsets_rad=[0.01, 0, 0, 0, 0, 0])
         assert control.state()["joints"][0] == pytest.approx(HOME[0] + 0.01)

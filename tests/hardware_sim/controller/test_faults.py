@@ -15,7 +15,7 @@ from tests.hardware_sim.controller.plain_client import PlainClient
 NEAR = [q + 0.1 for q in HOME]
 
 
-def test_every_fault_is_documented() -> None:
+def test_faults_are_all_documented() -> None:
     import hardware_sim.controller.faults as module
 
     assert module.__doc__ is not None
@@ -23,7 +23,7 @@ def test_every_fault_is_documented() -> None:
         assert kind in module.__doc__, kind
 
 
-def test_delays_are_drawn_from_their_seed() -> None:
+def test_delay_same_seed_draws_same_times() -> None:
     first, again, other = (Delay(0.1, 0.05, seed) for seed in (1, 1, 2))
     times = [first.draw() for _ in range(50)]
     assert times == [again.draw() for _ in range(50)]
@@ -32,7 +32,7 @@ def test_delays_are_drawn_from_their_seed() -> None:
     assert max(times) <= 0.15
 
 
-def test_delayed_bytes_keep_their_order() -> None:
+def test_pipe_delayed_bytes_keep_order() -> None:
     pipe = Pipe()
     assert not pipe.holds_back(b"a")
     pipe.delay = Delay(0.01, 0.5, 3)
@@ -47,7 +47,7 @@ def test_delayed_bytes_keep_their_order() -> None:
     assert not pipe.holds_back(b"b")
 
 
-def test_slow_link_makes_packets_late_and_loses_none(controller: ControllerProcess) -> None:
+def test_slow_link_delays_packets_and_loses_none(controller: ControllerProcess) -> None:
     with PlainClient(controller.address) as client, controller.control() as control:
         client.outputs("timestamp")
         client.request("S")
@@ -60,7 +60,7 @@ def test_slow_link_makes_packets_late_and_loses_none(controller: ControllerProce
         wait_until(lambda: control.state()["timestamp"] - [client.sample()[0] for _ in range(30)][-1] < 0.2)
 
 
-def test_hand_that_pushes_a_running_arm_stops_it_and_moves_one_at_rest(cell: Cell) -> None:
+def test_hand_move_stops_running_program_and_moves_resting_arm(cell: Cell) -> None:
     with cell.process.control() as control:
         assert cell.control.moveJ([q + 1.0 for q in HOME], 0.5, 1.0, True)
         wait_until(lambda: cell.receive.getActualQd()[0] > 0.1)

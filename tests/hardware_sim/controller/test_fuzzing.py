@@ -158,25 +158,25 @@ sizes = st.lists(st.integers(1, 40), min_size=1)
 
 @QUICK
 @given(st.lists(requests, max_size=12), sizes)
-def test_every_request_is_answered_once(sent: list[bytes], chunks: list[int]) -> None:
+def test_dashboard_and_control_requests_get_one_reply_each(sent: list[bytes], chunks: list[int]) -> None:
     answers_once(sent, chunks)
 
 
 @settings(QUICK, max_examples=25)
 @given(outputs, frequencies)
-def test_packets_fit_their_recipe(names: list[str], frequency: float) -> None:
+def test_rtde_packets_fit_their_recipe(names: list[str], frequency: float) -> None:
     packets_fit_their_recipe(names, frequency)
 
 
 @QUICK
 @given(programs)
-def test_any_text_compiles_or_is_refused(text: str) -> None:
+def test_compile_arbitrary_text_succeeds_or_raises_syntax_error(text: str) -> None:
     compiles_or_says_why(text)
 
 
 @settings(QUICK, max_examples=40)
 @given(st.lists(statements, min_size=1, max_size=6))
-def test_any_call_runs_or_is_an_exception(lines: list[str]) -> None:
+def test_script_arbitrary_call_runs_or_raises_script_error(lines: list[str]) -> None:
     runs_or_ends(lines)
 
 
@@ -190,5 +190,5 @@ def test_any_call_runs_or_is_an_exception(lines: list[str]) -> None:
         (st.lists(statements, min_size=1, max_size=6), runs_or_ends),
     ],
 )
-def test_thousands_of_cases(strategy: st.SearchStrategy[Any], check: Callable[[Any], None]) -> None:
+def test_fuzzing_thousands_of_cases_pass(strategy: st.SearchStrategy[Any], check: Callable[[Any], None]) -> None:
     LONG(given(strategy)(check))()

@@ -21,7 +21,7 @@ def controller() -> Iterator[ControllerProcess]:
 BANKS = (("setStandardDigitalOut", 0, 8), ("setConfigurableDigitalOut", 8, 8), ("setToolDigitalOut", 16, 2))
 
 
-def test_every_digital_output_is_read_back_and_disturbs_no_other(cell: Cell) -> None:
+def test_digital_outputs_each_read_back_alone(cell: Cell) -> None:
     """Check 12."""
     bits = 0
     for level in (True, False):
@@ -40,7 +40,7 @@ def test_every_digital_output_is_read_back_and_disturbs_no_other(cell: Cell) -> 
     assert cell.receive.getActualDigitalOutputBits() == 0
 
 
-def test_two_writes_in_a_row_do_not_wait_for_an_acknowledgement(cell: Cell) -> None:
+def test_io_two_writes_need_no_acknowledgement(cell: Cell) -> None:
     """The library loses its TCP_NODELAY: without quick acknowledgements the second write would come 40 ms late."""
     delays = []
     for level in (True, False) * 5:
@@ -52,7 +52,7 @@ def test_two_writes_in_a_row_do_not_wait_for_an_acknowledgement(cell: Cell) -> N
     assert min(delays) < 0.02
 
 
-def test_analogue_outputs_are_reported_in_volts_and_amperes(cell: Cell) -> None:
+def test_analog_outputs_report_volts_and_amperes(cell: Cell) -> None:
     """Check 13."""
     assert cell.io.setAnalogOutputVoltage(0, 0.5)
     assert cell.io.setAnalogOutputCurrent(1, 0.25)
@@ -74,7 +74,7 @@ def test_analogue_outputs_are_reported_in_volts_and_amperes(cell: Cell) -> None:
     assert cell.io.setAnalogOutputVoltage(1, 0.0)
 
 
-def test_speed_slider_obeys_only_fractions(cell: Cell) -> None:
+def test_speed_slider_ignores_values_outside_fractions(cell: Cell) -> None:
     assert cell.io.setSpeedSlider(0.4)
     wait_until(lambda: cell.receive.getTargetSpeedFraction() == 0.4)
     for bad in (1.5, -0.1):
@@ -87,14 +87,14 @@ def test_speed_slider_obeys_only_fractions(cell: Cell) -> None:
     wait_until(lambda: cell.receive.getTargetSpeedFraction() == 1.0)
 
 
-def test_inputs_that_nobody_drives_are_low(cell: Cell) -> None:
+def test_inputs_undriven_are_low(cell: Cell) -> None:
     assert cell.receive.getActualDigitalInputBits() == 0
     assert not any(cell.receive.getDigitalInState(n) for n in range(18))
     assert cell.receive.getStandardAnalogInput0() == cell.receive.getStandardAnalogInput1() == 0.0
 
 
 @pytest.mark.parametrize("first", [18, 42])
-def test_input_registers_of_the_io_client(controller: ControllerProcess, first: int) -> None:
+def test_io_client_input_registers_reach_program(controller: ControllerProcess, first: int) -> None:
     import rtde_io
 
     with ExitStack() as stack:
@@ -117,7 +117,7 @@ def test_input_registers_of_the_io_client(controller: ControllerProcess, first: 
 
 
 @pytest.mark.parametrize("upper", [False, True])
-def test_output_registers_of_the_receive_client(controller: ControllerProcess, upper: bool) -> None:
+def test_receive_client_output_registers_read_program(controller: ControllerProcess, upper: bool) -> None:
     import rtde_receive
 
     numbers = range(36, 44) if upper else range(12, 20)

@@ -17,7 +17,7 @@ def random_joints(seed: int) -> list[list[float]]:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_forward_agrees_with_the_oracle(name: str) -> None:
+def test_forward_matches_oracle(name: str) -> None:
     model, oracle = kinematics.MODELS[name], getattr(ur_analytic_ik, name)
     for joints in random_joints(1):
         ours = np.array(poses.matrix(kinematics.forward(model, joints)))
@@ -25,7 +25,7 @@ def test_forward_agrees_with_the_oracle(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_inverse_finds_all_of_the_oracles_solutions(name: str) -> None:
+def test_solutions_include_all_of_oracle(name: str) -> None:
     model, oracle = kinematics.MODELS[name], getattr(ur_analytic_ik, name)
     for joints in random_joints(2):
         flange = kinematics.forward(model, joints)
@@ -37,7 +37,7 @@ def test_inverse_finds_all_of_the_oracles_solutions(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_inverse_returns_the_joints_it_came_from(name: str) -> None:
+def test_inverse_of_forward_returns_joints(name: str) -> None:
     model = kinematics.MODELS[name]
     for joints in random_joints(3)[:500]:
         turned = [q + 2 * math.pi * (q < 0) for q in joints]
@@ -45,20 +45,20 @@ def test_inverse_returns_the_joints_it_came_from(name: str) -> None:
         assert kinematics.inverse(model, flange, turned) == pytest.approx(turned, abs=1e-9)
 
 
-def test_stretched_and_folded_wrist_keep_their_last_joint() -> None:
+def test_inverse_singular_wrist_keeps_last_joint() -> None:
     model = kinematics.MODELS["ur5e"]
     joints = [0.3, -1.2, 1.5, -0.4, 0.0, 0.7]
     flange = kinematics.forward(model, joints)
     assert kinematics.inverse(model, flange, joints) == pytest.approx(joints, abs=1e-6)
 
 
-def test_pose_out_of_reach_has_no_solution() -> None:
+def test_inverse_out_of_reach_returns_none() -> None:
     model = kinematics.MODELS["ur3e"]
     assert kinematics.solutions(model, poses.from_ur([3.0, 0.0, 0.3, 0.0, 3.1, 0.0])) == []
     assert kinematics.inverse(model, poses.from_ur([0.0, 0.0, 0.3, 0.0, 0.0, 0.0]), [0.0] * 6) is None
 
 
-def test_tool_velocity_is_the_derivative_of_the_pose() -> None:
+def test_velocity_equals_derivative_of_pose() -> None:
     model = kinematics.MODELS["ur10e"]
     tool = poses.from_ur([0.1, -0.05, 0.2, 0.3, 0.4, 0.5])
     rates = [0.3, -0.4, 0.5, 0.6, -0.7, 0.8]
@@ -76,7 +76,7 @@ def test_tool_velocity_is_the_derivative_of_the_pose() -> None:
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 1.0, math.pi - 1e-9, math.pi])
-def test_rotation_vectors_survive_both_ends_of_their_range(angle: float) -> None:
+def test_rotation_vector_near_zero_and_pi_round_trips(angle: float) -> None:
     for axis in np.random.default_rng(5).normal(size=(20, 3)):
         vector = axis / np.linalg.norm(axis) * angle
         frame = poses.from_ur([0.1, 0.2, 0.3, *vector])

@@ -34,7 +34,7 @@ def value(expression: str) -> float:
     return values[0]
 
 
-def test_structs_have_members_that_are_values() -> None:
+def test_struct_members_are_values() -> None:
     lines = """ global tool = struct(mass=1.5, center=[1, 2, 3], inner=struct(deep=7))
  copy = tool
  copy.mass = 2.5
@@ -51,7 +51,7 @@ def test_structs_have_members_that_are_values() -> None:
     assert outcome(lines)[0] == [10.5, 92.5, 101.5, 1.5]
 
 
-def test_nested_lists_are_values_too() -> None:
+def test_nested_lists_are_values() -> None:
     lines = """ m = [[1, 2], [3, 4]]
  row = m[0]
  n = m
@@ -105,17 +105,17 @@ def test_nested_lists_are_values_too() -> None:
         ("get_target_waypoint()[0] - get_actual_tcp_pose()[0]", 0),
     ],
 )
-def test_builtins(expression: str, expected: float) -> None:
+def test_builtin_functions_return_documented_values(expression: str, expected: float) -> None:
     assert value(expression) == pytest.approx(expected, abs=1e-9)
 
 
-def test_strings_are_written_as_the_controller_writes_them() -> None:
-    assert semantics.shown(2.123456123456) == "2.12346"
-    assert semantics.shown(semantics.Pose([1.0, 2, 3, 4, 5, 6])) == "p[1, 2, 3, 4, 5, 6]"
-    assert semantics.shown([True, 1, "a"]) == "[True, 1, a]"
+def test_to_str_formats_like_controller() -> None:
+    assert semantics.script_text(2.123456123456) == "2.12346"
+    assert semantics.script_text(semantics.Pose([1.0, 2, 3, 4, 5, 6])) == "p[1, 2, 3, 4, 5, 6]"
+    assert semantics.script_text([True, 1, "a"]) == "[True, 1, a]"
 
 
-def test_random_numbers_are_the_same_in_every_run() -> None:
+def test_random_repeats_in_every_run() -> None:
     lines = " i = 0\n while i < 3:\n  write_output_float_register(i, random())\n  i = i + 1\n end"
     first, _ = outcome(lines)
     assert first == outcome(lines)[0]
@@ -170,14 +170,14 @@ def test_random_numbers_are_the_same_in_every_run() -> None:
         ("def g(a):\n  return a\n end\n x = g()", "g() missing 1 required positional argument: 'a'"),
     ],
 )
-def test_wrong_values_are_runtime_exceptions(line: str, message: str) -> None:
+def test_invalid_values_raise_script_error(line: str, message: str) -> None:
     _, exception = outcome(f" sync()\n {line}\n write_output_integer_register(5, 1)", 3000)
     assert message in exception
     assert "line " in exception
 
 
 @pytest.mark.parametrize("name", sorted(REFUSED))
-def test_what_is_not_simulated_names_itself(name: str) -> None:
+def test_unsimulated_function_is_named(name: str) -> None:
     values, exception = outcome(f" x = {name}(1, 2)\n write_output_float_register(0, 1)")
     assert f"{name} is not simulated" in exception
     assert "line 2" in exception
@@ -193,7 +193,7 @@ def test_what_is_not_simulated_names_itself(name: str) -> None:
         " def a(n):\n  return n + 1\n end\n while True:\n  x = a(a(a(a(1))))\n end",
     ],
 )
-def test_a_busy_program_does_not_hold_up_the_tick(lines: str) -> None:
+def test_busy_loop_does_not_delay_tick(lines: str) -> None:
     controller = Controller(MODELS["ur5e"], HOME, now=0.0)
     controller.load(f"def f():\n{lines}\nend\n")
     for tick in range(50):
@@ -201,7 +201,7 @@ def test_a_busy_program_does_not_hold_up_the_tick(lines: str) -> None:
     assert controller.runtime_state is RuntimeState.PLAYING
 
 
-def test_recursion_gives_its_result_in_the_end() -> None:
+def test_recursion_returns_result() -> None:
     lines = """ def fib(n):
   if n < 2:
    return n
@@ -212,7 +212,7 @@ def test_recursion_gives_its_result_in_the_end() -> None:
     assert outcome(lines)[0][0] == 144
 
 
-def test_critical_sections_are_not_interrupted() -> None:
+def test_critical_section_is_not_interrupted() -> None:
     lines = """ global a = 0
  global torn = 0
  thread writer():
@@ -244,7 +244,7 @@ numbers = st.one_of(st.integers(-1000, 1000), st.floats(-1e3, 1e3, allow_nan=Fal
 
 @settings(max_examples=200, deadline=None)
 @given(numbers, numbers, st.sampled_from(sorted(semantics.OPERATIONS)))
-def test_operators_agree_with_arithmetic(a: float, b: float, sign: str) -> None:
+def test_operators_agree_with_python_arithmetic(a: float, b: float, sign: str) -> None:
     operation = semantics.OPERATIONS[sign]
     if sign in "/%" and b == 0:
         with pytest.raises(ScriptError, match="division by zero"):
@@ -270,7 +270,7 @@ values = st.recursive(
 
 @settings(max_examples=50, deadline=None)
 @given(values)
-def test_copies_are_equal_and_share_nothing(original: object) -> None:
+def test_copy_of_is_equal_and_independent(original: object) -> None:
     def containers(value: object) -> list[int]:
         inner = list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else []
         own = [id(value)] if isinstance(value, list | dict) else []

@@ -18,7 +18,7 @@ def protective_stop(record: Record) -> str:
     return record.message("PROTECTIVE_STOP")
 
 
-def test_straight_move_that_turns_a_wrist_past_its_limit() -> None:
+def test_movel_turning_wrist_past_limit_stops() -> None:
     record = run(" movel(pose_trans(get_forward_kin(), p[0, 0, 0, 0, 0, 0.6]), v=0.5)", 3.0, home=TURNED)
     message = protective_stop(record)
     assert "joint 5 (wrist 3) at 36" in message
@@ -26,31 +26,31 @@ def test_straight_move_that_turns_a_wrist_past_its_limit() -> None:
     assert 6.2 < record.joints[-1][5] < limits.JOINT_LIMIT + 0.02
 
 
-def test_speed_that_runs_into_a_limit() -> None:
+def test_speedj_into_joint_limit_stops() -> None:
     record = run(" while True:\n  speedj([0, 0, 0, 0, 0, 0.5], 2, 0.1)\n end", 3.0, home=TURNED)
     assert "joint 5 (wrist 3)" in protective_stop(record)
 
 
-def test_an_arm_at_its_limit_can_turn_back() -> None:
+def test_arm_at_joint_limit_can_turn_back() -> None:
     record = run(" movej([0,-1.9,1.9,-1.57,-1.57,0])", home=[*HOME[:5], limits.JOINT_LIMIT])
     assert record.joints[-1].tolist() == HOME
 
 
 @pytest.mark.parametrize("function", ["movej([0, 0, 0, -6.4, 0, 0])", "servoj([0, 0, 0, -6.4, 0, 0])"])
-def test_a_target_outside_the_joint_limits_is_refused_before_moving(function: str) -> None:
+def test_movej_target_outside_limits_raises_before_moving(function: str) -> None:
     record = run(f" {function}", 1.0)
     assert "joint 3 (wrist 1) at -366.7° is outside the joint limits" in record.message("runtime exception")
     assert (record.joints == HOME).all()
 
 
-def test_straight_move_over_the_base_names_the_singularity() -> None:
+def test_movel_over_base_reports_shoulder_singularity() -> None:
     lines = " movel(p[0.3, 0.05, 0.6, 3.14, 0, 0], a=1, v=0.5)\n movel(p[-0.3, 0.05, 0.6, 3.14, 0, 0], a=1, v=0.5)"
     message = protective_stop(run(lines, 4.0))
     assert "joint 0 (base) would have to turn at" in message
     assert "its limit is 3.14: close to the shoulder singularity" in message
 
 
-def test_straight_move_through_the_wrist_singularity() -> None:
+def test_movel_through_wrist_singularity_stops() -> None:
     home = [0.0, -1.9, 1.9, -1.57, 0.12, 0.0]
     there = kinematics.forward(MODELS["ur5e"], [0.0, -1.9, 1.9, -1.57, -0.12, 0.0])
     offset = poses.compose(poses.invert(kinematics.forward(MODELS["ur5e"], home)), there)
@@ -63,7 +63,7 @@ def test_straight_move_through_the_wrist_singularity() -> None:
     assert np.abs(record.speeds).max() < math.pi * 1.03
 
 
-def test_straight_move_out_of_reach_on_its_way() -> None:
+def test_movel_leaving_reach_midway_stops() -> None:
     """Both ends can be reached, what is between them lies inside the arm's own base column."""
     record = run(" movel(p[0.13, -0.4, 0.4, 3.14, 0, 0], v=0.5)\n movel(p[0.0, 0.4, 0.4, 3.14, 0, 0], v=0.5, a=3)", 6.0)
     message = protective_stop(record)
@@ -71,21 +71,21 @@ def test_straight_move_out_of_reach_on_its_way() -> None:
 
 
 @pytest.mark.parametrize("move", ["movel", "movep"])
-def test_straight_move_to_where_the_arm_cannot_reach(move: str) -> None:
+def test_movel_target_out_of_reach_stops(move: str) -> None:
     record = run(f" {move}(p[2, 0, 0.5, 0, 3.14, 0])", 1.0)
     assert "the target pose is out of reach" in protective_stop(record)
     assert (record.joints == HOME).all()
 
 
 @pytest.mark.parametrize("line", ["x = get_inverse_kin(p[2, 0, 0.5, 0, 3, 0])", "movej(p[2, 0, 0.5, 0, 3, 0])"])
-def test_inverse_kinematics_without_solution_ends_the_program(line: str) -> None:
+def test_get_inverse_kin_without_solution_ends_program(line: str) -> None:
     record = run(f" {line}", 1.0)
     assert "no solution" in record.message("runtime exception")
     assert "line 2" in record.message("runtime exception")
     assert record.controller.safety_mode.name == "NORMAL"
 
 
-def test_safety_limits_say_what_moves_then_do() -> None:
+def test_is_within_safety_limits_agrees_with_moves() -> None:
     random = np.random.default_rng(3)
     answers = {True: 0, False: 0}
     for _ in range(60):
@@ -104,7 +104,7 @@ def test_safety_limits_say_what_moves_then_do() -> None:
     assert min(answers.values()) > 20
 
 
-def test_inverse_kinematics_has_solution_where_it_gives_one() -> None:
+def test_get_inverse_kin_has_solution_agrees_with_inverse() -> None:
     lines = """ ok = 0
  if get_inverse_kin_has_solution(p[0.4, 0.1, 0.3, 3.1, 0, 0]):
   q = get_inverse_kin(p[0.4, 0.1, 0.3, 3.1, 0, 0])
@@ -115,7 +115,7 @@ def test_inverse_kinematics_has_solution_where_it_gives_one() -> None:
     assert 0 < record.controller.registers.get("output_double_register_0")[0] < 1e-9
 
 
-def test_tool_speed_limit_slows_joint_moves_down(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tool_speed_limit_slows_joint_moves(monkeypatch: pytest.MonkeyPatch) -> None:
     lines = " movej([1.5, -1.5, 1.5, -1.57, -1.57, 0], a=10, v=3)"
     free = run(lines)
     monkeypatch.setattr(limits, "TOOL_SPEED", 0.4)
@@ -126,7 +126,7 @@ def test_tool_speed_limit_slows_joint_moves_down(monkeypatch: pytest.MonkeyPatch
     assert slow.joints[-1].tolist() == free.joints[-1].tolist()
 
 
-def test_tool_speed_limit_cuts_straight_moves_and_speeds(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tool_speed_limit_cuts_tool_moves_and_speeds(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "TOOL_SPEED", 0.2)
     for lines in (
         " movel(pose_trans(get_forward_kin(), p[0.15, 0, 0, 0, 0, 0]), a=5, v=1)",
@@ -137,7 +137,7 @@ def test_tool_speed_limit_cuts_straight_moves_and_speeds(monkeypatch: pytest.Mon
         assert 0.19 < fastest < 0.201
 
 
-def test_servoing_faster_than_the_tool_may_move_is_a_protective_stop(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_servoj_above_tool_speed_limit_stops(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(limits, "TOOL_SPEED", 0.2)
     record = run(" while True:\n  servoj([1, -1.9, 1.9, -1.57, -1.57, 0])\n end", 1.0)
     assert "the tool would have to move at" in protective_stop(record)
@@ -146,7 +146,7 @@ def test_servoing_faster_than_the_tool_may_move_is_a_protective_stop(monkeypatch
 @pytest.mark.parametrize(
     "move", ["movej([1.5, -1.9, 1.9, -1.57, -1.57, 0], t=0.05)", "movej(p[-0.5, 0, 0.4, 3.14, 0, 0], t=0.05)"]
 )
-def test_a_time_that_is_too_short_grows(move: str) -> None:
+def test_move_time_too_short_is_extended(move: str) -> None:
     record = run(f" {move}")
     assert record.controller.safety_mode.name == "NORMAL"
     assert np.abs(record.speeds).max() < math.pi * (1 + 1e-6)
@@ -162,13 +162,13 @@ def test_a_time_that_is_too_short_grows(move: str) -> None:
         " servoj([0.5, -1.9, 1.9, -1.57, -1.57, 0], t=0.5, lookahead_time=0.03, gain=2000)",
     ],
 )
-def test_accelerations_are_those_of_drives(lines: str) -> None:
+def test_joint_accelerations_stay_within_drive_limit(lines: str) -> None:
     record = run(lines, 3.0)
     assert np.abs(record.accelerations).max() <= limits.JOINT_ACCELERATION * 1.01
     assert record.joints[-1][0] > 0.05
 
 
-def test_pure_turn_keeps_to_the_turning_limit() -> None:
+def test_pure_rotation_keeps_turn_limit() -> None:
     record = run(" movel(pose_trans(get_forward_kin(), p[0.000001, 0, 0, 0, 0, 1.5]), a=10, v=3)")
     assert record.controller.safety_mode.name == "NORMAL"
     assert np.abs(record.speeds).max() <= math.pi * 1.001

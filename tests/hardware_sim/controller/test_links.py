@@ -25,7 +25,7 @@ def controller() -> Iterator[ControllerProcess]:
         yield process
 
 
-def test_all_interfaces_are_there_and_see_the_arm(cell: Cell) -> None:
+def test_interfaces_connect_and_read_arm(cell: Cell) -> None:
     """Check 1; how fast they construct is in the benchmarks."""
     import script_client
 
@@ -49,13 +49,13 @@ def test_second_clients_are_refused(shared_cell: Cell) -> None:
             interface(shared_cell.address)
 
 
-def test_packets_come_500_times_a_second_to_three_clients(controller: ControllerProcess) -> None:
+def test_packets_reach_three_clients_at_500_hz(controller: ControllerProcess) -> None:
     """Check 25, for two seconds."""
     rate(controller, 1000)
 
 
 @pytest.mark.long
-def test_packets_come_500_times_a_second_to_three_clients_for_ten_seconds(controller: ControllerProcess) -> None:
+def test_packets_reach_three_clients_at_500_hz_for_ten_seconds(controller: ControllerProcess) -> None:
     """Check 25."""
     rate(controller, 5000)
 
@@ -79,7 +79,7 @@ def rate(controller: ControllerProcess, packets: int) -> None:
 
 
 @pytest.mark.parametrize(("frequency", "steps"), [(125.0, {4}), (10.0, {50})])
-def test_frequencies_are_kept(shared_cell: Cell, frequency: float, steps: set[int]) -> None:
+def test_receive_frequency_matches_request(shared_cell: Cell, frequency: float, steps: set[int]) -> None:
     """Check 26."""
     import rtde_receive
 
@@ -93,7 +93,7 @@ def test_frequencies_are_kept(shared_cell: Cell, frequency: float, steps: set[in
     assert all(step % min(steps) == 0 for step in seen)
 
 
-def test_unknown_output_is_named(shared_cell: Cell) -> None:
+def test_unknown_output_variable_is_named(shared_cell: Cell) -> None:
     """Check 27."""
     import rtde_receive
 
@@ -101,7 +101,7 @@ def test_unknown_output_is_named(shared_cell: Cell) -> None:
         rtde_receive.RTDEReceiveInterface(shared_cell.address, 500.0, ["timestamp", "no_such_variable"])
 
 
-def test_two_cells_at_once() -> None:
+def test_two_cells_run_at_once() -> None:
     """Check 28."""
     import rtde_receive
 
@@ -114,7 +114,7 @@ def test_two_cells_at_once() -> None:
             reader.disconnect()
 
 
-def test_client_killed_in_mid_move_leaves_the_arm_moving_and_its_inputs_free(controller: ControllerProcess) -> None:
+def test_client_killed_in_move_frees_inputs_and_arm_continues(controller: ControllerProcess) -> None:
     """Check 29."""
     import rtde_control
 
@@ -142,7 +142,7 @@ os.kill(os.getpid(), signal.SIGKILL)
         assert truth.state()["program_running"]
 
 
-def test_new_client_replaces_the_program_of_the_last_one(controller: ControllerProcess) -> None:
+def test_new_client_replaces_previous_program(controller: ControllerProcess) -> None:
     """Failure: an old control program still runs."""
     import rtde_control
     import rtde_io
@@ -159,7 +159,7 @@ def test_new_client_replaces_the_program_of_the_last_one(controller: ControllerP
         rtde_io.RTDEIOInterface(controller.address).disconnect()
 
 
-def test_upper_register_range_leaves_the_lower_one_free() -> None:
+def test_upper_register_range_leaves_lower_free() -> None:
     import rtde_control
     import rtde_io
 
@@ -181,7 +181,7 @@ def test_upper_register_range_leaves_the_lower_one_free() -> None:
 
 
 @pytest.mark.long
-def test_programs_are_refused_in_local_control_whatever_the_client_checks() -> None:
+def test_local_control_refuses_programs_despite_flag() -> None:
     """The flag that turns the check off alone also turns the upload off: the library wants them together."""
     import rtde_control
 
@@ -195,13 +195,13 @@ def test_programs_are_refused_in_local_control_whatever_the_client_checks() -> N
         assert not truth.state()["program_running"]
 
 
-def test_versions_of_rtde_and_dashboard_agree(shared_cell: Cell) -> None:
+def test_rtde_and_dashboard_versions_agree(shared_cell: Cell) -> None:
     with PlainClient(shared_cell.address) as plain:
         version = ".".join(map(str, struct.unpack(">4I", plain.request("v"))))
     assert version in shared_cell.dashboard.polyscopeVersion()
 
 
-def test_speed_factor_shortens_moves_and_nothing_else() -> None:
+def test_speed_factor_shortens_moves_only() -> None:
     with start(speed=8.0) as process, process.control() as truth:
         program = (
             "def f():\n movej([1.0,-1.9,1.9,-1.57,-1.57,0], a=1.4, v=1.05)\n write_output_integer_register(0, 1)\nend\n"

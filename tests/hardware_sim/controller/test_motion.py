@@ -31,7 +31,9 @@ def run(program: str, seconds: float, *, speed_factor: float = 1.0) -> tuple[np.
 
 
 @pytest.mark.parametrize(("length", "speed", "acceleration"), [(1.0, 1.05, 1.4), (0.3, 1.05, 1.4), (1e-6, 3.0, 40.0)])
-def test_trapezoid_is_its_own_integral_and_keeps_its_limits(length: float, speed: float, acceleration: float) -> None:
+def test_trapezoid_position_is_integral_of_speed_within_limits(
+    length: float, speed: float, acceleration: float
+) -> None:
     profile = Trapezoid.under(length, speed, acceleration)
     expected = (
         2 * math.sqrt(length / acceleration)
@@ -49,7 +51,7 @@ def test_trapezoid_is_its_own_integral_and_keeps_its_limits(length: float, speed
     assert np.abs(np.diff(speeds)).max() <= acceleration * (times[1] - times[0]) * 1.001
 
 
-def test_move_of_given_time_takes_it() -> None:
+def test_trapezoid_lasting_takes_given_time() -> None:
     assert Trapezoid.lasting(2.0, 5.0).duration == pytest.approx(5.0)
 
 
@@ -57,7 +59,7 @@ positive = st.floats(1e-3, 50.0)
 
 
 @given(positive, positive, positive, st.one_of(st.just(0.0), positive), positive, positive)
-def test_planned_profile_covers_its_length_within_all_limits(
+def test_trapezoid_planned_covers_length_within_limits(
     length: float, speed: float, acceleration: float, seconds: float, fastest: float, hardest: float
 ) -> None:
     profile = Trapezoid.planned(length, speed, acceleration, seconds, fastest, hardest)
@@ -75,7 +77,7 @@ def test_planned_profile_covers_its_length_within_all_limits(
 
 
 @given(st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6), st.floats(0.1, 100.0), st.integers(1, 300))
-def test_brake_covers_the_square_of_its_speed(speeds: list[float], deceleration: float, ticks: int) -> None:
+def test_joint_brake_covers_square_of_speed(speeds: list[float], deceleration: float, ticks: int) -> None:
     brake = JointBrake([0.0] * 6, speeds, deceleration)
     joints, now = [0.0] * 6, speeds
     for _ in range(ticks):
@@ -91,7 +93,7 @@ def test_brake_covers_the_square_of_its_speed(speeds: list[float], deceleration:
 
 @given(st.lists(st.floats(-2.0, 2.0), min_size=6, max_size=6), st.floats(0.03, 0.2), st.floats(100.0, 2000.0))
 @settings(max_examples=30, deadline=None)
-def test_servo_reaches_its_target_within_the_limits(target: list[float], lookahead: float, gain: float) -> None:
+def test_joint_servo_reaches_target_within_limits(target: list[float], lookahead: float, gain: float) -> None:
     servo = JointServo(MODELS["ur3e"], [0.0] * 6, [0.0] * 6)
     servo.target, servo.lookahead, servo.gain = target, lookahead, gain
     record = np.array([servo.step(TICK, 1.0)[0] for _ in range(1500)])
@@ -110,13 +112,13 @@ CORNERS = """ movej([0.3, -1.9, 1.9, -1.57, -1.57, 0], a=6, v=1.5, r=0.05)
 """
 
 
-def test_motion_is_the_same_in_every_run() -> None:
+def test_motion_repeats_in_every_run() -> None:
     first, second = (run(f"def f():\n{CORNERS}end\n", 2.0)[0] for _ in range(2))
     assert (first == second).all()
     assert np.abs(first[-1] - HOME).max() > 0.05
 
 
-def test_every_kind_of_corner_is_the_same_at_any_speed_factor() -> None:
+def test_corners_are_equal_at_any_speed_factor() -> None:
     slow, _ = run(f"def f():\n{CORNERS}end\n", 2.0)
     fast, _ = run(f"def f():\n{CORNERS}end\n", 0.25, speed_factor=8.0)
     assert fast[-1] == pytest.approx(slow[-1], abs=1e-9)
@@ -125,7 +127,7 @@ def test_every_kind_of_corner_is_the_same_at_any_speed_factor() -> None:
 
 
 @pytest.mark.parametrize("fraction", [0.1, 0.5])
-def test_slider_stretches_time_and_keeps_the_course(fraction: float) -> None:
+def test_slider_stretches_time_and_keeps_path(fraction: float) -> None:
     full = run(f"def f():\n{CORNERS}end\n", 2.0)[0]
     controller = Controller(MODELS["ur5e"], HOME, now=0.0)
     controller.slider = fraction
@@ -141,7 +143,7 @@ def test_slider_stretches_time_and_keeps_the_course(fraction: float) -> None:
     assert max(np.abs(full - q).max(axis=1).min() for q in slow[::20]) < 3e-3
 
 
-def test_slider_at_zero_holds_the_arm() -> None:
+def test_slider_at_zero_holds_arm() -> None:
     controller = Controller(MODELS["ur5e"], HOME, now=0.0)
     controller.slider = 0.0
     controller.tick(0.0)
@@ -152,7 +154,7 @@ def test_slider_at_zero_holds_the_arm() -> None:
     assert controller.playing
 
 
-def test_all_joints_stay_on_the_straight_segment_and_under_the_limits() -> None:
+def test_movej_joints_stay_on_segment_within_limits() -> None:
     target = [0.5, -1.5, 1.2, -1.0, -1.9, 0.3]
     joints, controller = run(f"def f():\n movej({target}, a=1.4, v=1.05)\nend\n", 2.0)
     assert controller.arm.joints == target
@@ -164,19 +166,19 @@ def test_all_joints_stay_on_the_straight_segment_and_under_the_limits() -> None:
     assert np.abs(np.diff(speeds, axis=0) / TICK).max() <= 1.4 * 1.001
 
 
-def test_leading_axis_slows_down_for_a_slower_joint() -> None:
+def test_movej_leading_axis_slows_for_slower_joint() -> None:
     move = run("def f():\n movej([1.9, -1.9, 1.9, -1.57, -1.57, 0.0], a=40, v=10)\nend\n", 1.0)[0]
     assert np.abs(np.diff(move, axis=0) / TICK).max() == pytest.approx(math.pi, abs=1e-6)
 
 
-def test_speed_factor_changes_the_time_only() -> None:
+def test_speed_factor_changes_time_only() -> None:
     program = "def f():\n movej([0.8, -1.9, 1.9, -1.57, -1.57, 0.0], a=1.4, v=1.05)\nend\n"
     slow, _ = run(program, 1.8)
     fast, _ = run(program, 0.18, speed_factor=10.0)
     assert np.allclose(slow[9::10][: len(fast)], fast, atol=1e-9)
 
 
-def test_killed_move_is_braked_within_its_deceleration() -> None:
+def test_killed_move_brakes_within_deceleration() -> None:
     program = """def f():
     thread mover():
         movej([3.0, -1.9, 1.9, -1.57, -1.57, 0.0], a=5, v=1)
@@ -194,7 +196,7 @@ end
     assert np.diff(speeds).min() / TICK == pytest.approx(-PROGRAM_STOP_DECELERATION, rel=0.01)
 
 
-def test_new_move_after_a_kill_has_no_jump_in_speed() -> None:
+def test_move_after_kill_has_continuous_speed() -> None:
     program = """def f():
     thread mover():
         movej([3.0, -1.9, 1.9, -1.57, -1.57, 0.0], a=3, v=1)
@@ -210,7 +212,7 @@ end
     assert np.abs(np.diff(joints, n=2, axis=0)).max() / TICK**2 <= 3.0 * 1.01
 
 
-def test_blend_cuts_the_corner_within_about_its_radius_and_never_stops() -> None:
+def test_blend_stays_within_radius_and_keeps_moving() -> None:
     corner = [0.6, -1.9, 1.9, -1.57, -1.57, 0.0]
     end = [0.6, -1.4, 1.9, -1.57, -1.57, 0.0]
     program = f"def f():\n movej({corner}, a=3, v=0.8, r=0.08)\n movej({end}, a=3, v=0.8)\nend\n"
@@ -229,20 +231,20 @@ def test_blend_cuts_the_corner_within_about_its_radius_and_never_stops() -> None
     assert off[away > 0.12].max() < 1e-9
 
 
-def test_blend_without_a_successor_ends_at_its_corner() -> None:
+def test_blend_without_next_move_ends_at_corner() -> None:
     corner = [0.3, -1.9, 1.9, -1.57, -1.57, 0.0]
     _, controller = run(f"def f():\n movej({corner}, a=3, v=0.8, r=0.05)\n sleep(1.5)\nend\n", 1.5)
     assert controller.arm.joints == corner
 
 
-def test_program_that_ends_in_a_blend_is_braked() -> None:
+def test_program_ending_in_blend_brakes() -> None:
     corner = [0.3, -1.9, 1.9, -1.57, -1.57, 0.0]
     joints, controller = run(f"def f():\n movej({corner}, a=3, v=0.8, r=0.05)\nend\n", 1.5)
     assert not controller.arm.moving
     assert np.abs(np.diff(joints, n=2, axis=0)).max() / TICK**2 <= PROGRAM_STOP_DECELERATION * 1.01
 
 
-def test_straight_stop_stays_on_the_line() -> None:
+def test_stopl_stays_on_line() -> None:
     program = """def f():
     thread up():
         movel(pose_trans(p[0, 0, 0.2, 0, 0, 0], get_actual_tcp_pose()), a=0.5, v=0.2)
@@ -264,7 +266,7 @@ end
     assert not controller.arm.moving
 
 
-def test_brake_takes_the_time_of_the_fastest_joint() -> None:
+def test_brake_takes_time_of_fastest_joint() -> None:
     brake = JointBrake([0.0] * 6, [1.0, -0.5, 0, 0, 0, 0], 2.0)
     joints, speeds = brake.step(0.25, 0.0)
     assert speeds[:2] == pytest.approx([0.5, -0.25])
@@ -274,11 +276,11 @@ def test_brake_takes_the_time_of_the_fastest_joint() -> None:
     assert speeds == [0.0] * 6
 
 
-def test_move_of_no_length_is_finished_at_once() -> None:
+def test_move_of_zero_length_finishes_at_once() -> None:
     assert JointMove(HOME, HOME, Trapezoid.under(0.0, 1.0, 1.0)).finished
 
 
-def test_singular_straight_move_is_a_protective_stop() -> None:
+def test_movel_through_singularity_causes_protective_stop() -> None:
     # Through the shoulder's axis: the base joint would have to turn on the spot.
     program = """def f():
     movel(p[0.3, 0.05, 0.6, 3.14, 0, 0], a=1, v=0.5)

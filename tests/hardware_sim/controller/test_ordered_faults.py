@@ -53,11 +53,11 @@ def run(code: str, address: str) -> list[str]:
     return [line for line in client.finish(40.0) if "econnect" not in line]
 
 
-def test_every_fault_is_seen_somewhere() -> None:
+def test_faults_are_each_observed_in_a_test() -> None:
     assert set(" ".join(SEEN.values()).split()) == set(FAULTS)
 
 
-def test_safeguard_stop_pauses_and_play_goes_on_after_it(cell: Cell) -> None:
+def test_safeguard_stop_pauses_and_play_resumes(cell: Cell) -> None:
     """A synchronous move says False, but after the release `play` goes on with it."""
     with cell.process.control() as faults:
         faults.fault("safeguard_stop", at_s=0.3)
@@ -75,7 +75,7 @@ def test_safeguard_stop_pauses_and_play_goes_on_after_it(cell: Cell) -> None:
     assert HOME[0] < stopped_at < FAR[0]
 
 
-def test_system_emergency_stop_has_bits_of_its_own(cell: Cell) -> None:
+def test_system_emergency_stop_sets_its_own_bits(cell: Cell) -> None:
     with cell.process.control() as faults:
         faults.fault("system_emergency_stop", at_s=0.2)
         assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
@@ -86,7 +86,7 @@ def test_system_emergency_stop_has_bits_of_its_own(cell: Cell) -> None:
         wait_until(lambda: cell.receive.getSafetyStatusBits() == 1)
 
 
-def test_power_off_in_a_move(cell: Cell) -> None:
+def test_power_off_in_move_returns_false(cell: Cell) -> None:
     with cell.process.control() as faults:
         faults.fault("power_off", at_s=0.2)
         assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
@@ -95,7 +95,7 @@ def test_power_off_in_a_move(cell: Cell) -> None:
     assert cell.receive.getSafetyStatusBits() == 1
 
 
-def test_program_paused_at_the_pendant(cell: Cell) -> None:
+def test_program_pause_in_move_resumes_on_play(cell: Cell) -> None:
     """A synchronous move says False at once; the arm stands until somebody plays on, then it goes on."""
     with cell.process.control() as faults:
         faults.fault("program_pause", at_s=0.3)
@@ -108,7 +108,7 @@ def test_program_paused_at_the_pendant(cell: Cell) -> None:
 
 
 @pytest.mark.parametrize("fraction", [0.1, 0.0])
-def test_slider_pulled_down(cell: Cell, fraction: float) -> None:
+def test_speed_slider_fault_slows_or_holds_move(cell: Cell, fraction: float) -> None:
     """An asynchronous move crawls or stands, and goes on when the slider is up again."""
     near = [HOME[0] + 0.2, *HOME[1:]]
     with cell.process.control() as faults:
@@ -124,7 +124,7 @@ def test_slider_pulled_down(cell: Cell, fraction: float) -> None:
     wait_until(lambda: cell.receive.getActualQ() == pytest.approx(near, abs=1e-6))
 
 
-def test_arm_moved_by_hand(cell: Cell) -> None:
+def test_hand_move_causes_protective_stop(cell: Cell) -> None:
     """While a program plays, a push is a protective stop."""
     with cell.process.control() as faults:
         faults.fault("hand_move", joints=[HOME[0] + 0.1, *HOME[1:]], seconds=0.2)
@@ -133,7 +133,7 @@ def test_arm_moved_by_hand(cell: Cell) -> None:
     wait_until(lambda: cell.receive.getActualQ()[0] == pytest.approx(HOME[0] + 0.1))
 
 
-def test_jump_in_time_disturbs_no_move(cell: Cell) -> None:
+def test_time_jump_leaves_move_undisturbed(cell: Cell) -> None:
     before = cell.receive.getTimestamp()
     with cell.process.control() as faults:
         faults.fault("time_jump", seconds=100.0, at_s=0.1)
@@ -141,7 +141,7 @@ def test_jump_in_time_disturbs_no_move(cell: Cell) -> None:
     wait_until(lambda: cell.receive.getTimestamp() > before + 100.0)
 
 
-def test_slow_link_makes_calls_slow(cell: Cell) -> None:
+def test_slow_link_delays_calls(cell: Cell) -> None:
     with cell.process.control() as faults:
         faults.fault("delay", port=30004, latency_ms=40, jitter_ms=10, seed=1)
         before = faults.state()["timestamp"]
@@ -153,7 +153,7 @@ def test_slow_link_makes_calls_slow(cell: Cell) -> None:
 
 
 @pytest.mark.parametrize("fault", ["cut", pytest.param("half_packet", marks=pytest.mark.long)])
-def test_link_cut_in_a_synchronous_move(controller: ControllerProcess, fault: str) -> None:
+def test_link_cut_in_move_reconnects_control(controller: ControllerProcess, fault: str) -> None:
     """The control client reconnects; its move says either, by chance, and the arm goes on.
 
     The receive client stays cut off. The IO client says that it is connected, and what it writes is lost.
@@ -178,7 +178,7 @@ tell(faults.state()["digital_outputs"])
 
 
 @pytest.mark.long
-def test_control_client_serves_again_after_a_cut(controller: ControllerProcess) -> None:
+def test_control_client_after_cut_serves_again(controller: ControllerProcess) -> None:
     """Its calls say False, or last seconds, until it has reconnected to the end and uploaded anew."""
     lines = run(
         """
@@ -193,7 +193,7 @@ tell(time.monotonic() < deadline, control.isConnected(), faults.state()["joints"
     assert lines[-1] == "True True 1.0"
 
 
-def test_script_port_cut(controller: ControllerProcess) -> None:
+def test_script_port_cut_loses_next_upload(controller: ControllerProcess) -> None:
     """Commands go on working; the next upload says True and is lost with the program that it was to replace."""
     lines = run(
         """
@@ -207,7 +207,7 @@ tell(control.isProgramRunning(), control.moveJ(far, 3.0, 20.0))
     assert lines == ["True True", "False False"]
 
 
-def test_dashboard_port_cut(cell: Cell) -> None:
+def test_dashboard_port_cut_raises(cell: Cell) -> None:
     """Every later call of that client is an error until it connects again."""
     with cell.process.control() as faults:
         faults.fault("cut", port=29999)
@@ -219,7 +219,7 @@ def test_dashboard_port_cut(cell: Cell) -> None:
     assert cell.dashboard.robotmode() == "Robotmode: RUNNING"
 
 
-def test_controller_restarted() -> None:
+def test_controller_restart_needs_new_clients() -> None:
     """All is cut and the arm without power; clients of before never come back by themselves."""
     with start() as process:
         lines = run_restart(process.address)

@@ -24,7 +24,7 @@ def send_script(address: str, text: bytes) -> None:
         script.sendall(text)
 
 
-def test_state_tells_joints_outputs_and_modes(controller: ControllerProcess) -> None:
+def test_state_reports_joints_outputs_and_modes(controller: ControllerProcess) -> None:
     with controller.control() as control:
         state = control.state()
         assert state["joints"] == pytest.approx(HOME)
@@ -39,7 +39,7 @@ def test_state_tells_joints_outputs_and_modes(controller: ControllerProcess) -> 
         assert state["output_age_s"][4] > state["output_age_s"][3]
 
 
-def test_bad_requests_are_refused_with_a_reason(controller: ControllerProcess) -> None:
+def test_control_port_invalid_requests_are_refused_with_reason(controller: ControllerProcess) -> None:
     with controller.control() as control:
         for request in (
             {"command": "nothing"},
@@ -63,7 +63,7 @@ def test_bad_requests_are_refused_with_a_reason(controller: ControllerProcess) -
             assert json.loads(lines.readline())["ok"] is False
 
 
-def test_every_fault_without_parameters_acts(controller: ControllerProcess) -> None:
+def test_faults_without_parameters_take_effect(controller: ControllerProcess) -> None:
     modes = {
         "protective_stop": 3,
         "safeguard_stop": 5,
@@ -86,7 +86,7 @@ def test_every_fault_without_parameters_acts(controller: ControllerProcess) -> N
         assert control.state()["safety_mode"] == 1
 
 
-def test_fault_at_the_start_of_a_move(controller: ControllerProcess) -> None:
+def test_fault_at_move_takes_effect_at_its_start(controller: ControllerProcess) -> None:
     with controller.control() as control:
         control.fault("protective_stop", at_move=2)
         text = b"def f():\n movej([0.1,-1.9,1.9,-1.57,-1.57,0], a=20, v=3)\n movej([0,-1.9,1.9,-1.57,-1.57,0])\nend\n"
@@ -96,7 +96,7 @@ def test_fault_at_the_start_of_a_move(controller: ControllerProcess) -> None:
         assert control.state()["joints"][0] > 0.05
 
 
-def test_record_holds_the_whole_motion(tmp_path: Path) -> None:
+def test_record_holds_every_tick_of_motion(tmp_path: Path) -> None:
     path = tmp_path / "ticks.record"
     with start(record=path, speed=4.0) as process, process.control() as control:
         send_script(process.address, MOVE)
@@ -122,18 +122,18 @@ def test_record_holds_the_whole_motion(tmp_path: Path) -> None:
         assert trace.tcp[row, :3] == pytest.approx(ur5e.forward_kinematics(*joints[row])[:3, 3], abs=1e-6)
 
 
-def test_address_that_is_taken_is_reported(controller: ControllerProcess) -> None:
+def test_process_address_in_use_raises(controller: ControllerProcess) -> None:
     with pytest.raises(RigError) as caught:
         ControllerProcess(controller.address, ControllerOptions(home=HOME))
     assert caught.value.code is ErrorCode.DEVICE_DISCONNECTED
 
 
-def test_control_client_says_where_nobody_listens() -> None:
+def test_control_client_without_listener_raises() -> None:
     with pytest.raises(RigError, match="30200"):
         ControlClient("127.0.1.251", timeout_s=1.0)
 
 
-def test_start_is_quick_and_end_is_clean(controller: ControllerProcess) -> None:
+def test_process_starts_quickly_and_ends_cleanly(controller: ControllerProcess) -> None:
     control = controller.control()
     began = time.monotonic()
     controller.close()

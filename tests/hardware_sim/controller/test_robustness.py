@@ -153,19 +153,19 @@ def survive(process: ControllerProcess, traffic: dict[int, list[bytes]], packets
     return f"longest gap {1e3 * gap:.0f} ms, memory {memory:.1f} → {resident_megabytes(process):.1f} MB"
 
 
-def test_mutated_traffic_on_every_port(process: ControllerProcess, traffic: dict[int, list[bytes]]) -> None:
+def test_ports_survive_mutated_traffic(process: ControllerProcess, traffic: dict[int, list[bytes]]) -> None:
     """Check 33, for 400 packets a port."""
     print(survive(process, traffic, 400))
 
 
 @pytest.mark.long
 @pytest.mark.timeout(3600)
-def test_a_hundred_thousand_packets_on_every_port(process: ControllerProcess, traffic: dict[int, list[bytes]]) -> None:
+def test_ports_survive_hundred_thousand_packets(process: ControllerProcess, traffic: dict[int, list[bytes]]) -> None:
     """Check 33."""
     print(survive(process, traffic, 100_000))
 
 
-def test_names_of_64_kilobytes(process: ControllerProcess) -> None:
+def test_ports_survive_names_of_64_kilobytes(process: ControllerProcess) -> None:
     """Check 33."""
     bystander = Bystander(process.address)
     with PlainClient(process.address) as client:
@@ -181,7 +181,7 @@ def test_names_of_64_kilobytes(process: ControllerProcess) -> None:
     bystander.undisturbed()
 
 
-def test_slow_and_silent_clients_on_every_port(process: ControllerProcess) -> None:
+def test_ports_survive_slow_and_silent_clients(process: ControllerProcess) -> None:
     before = descriptors(process)
     bystander = Bystander(process.address)
     streams = [(port, socket.create_connection((process.address, port), 3.0)) for port in PORTS for _ in range(30)]
@@ -223,16 +223,16 @@ def connections(process: ControllerProcess, count: int) -> None:
     wait_until(lambda: descriptors(process) == before)
 
 
-def test_hundreds_of_connections(process: ControllerProcess) -> None:
+def test_ports_survive_hundreds_of_connections(process: ControllerProcess) -> None:
     connections(process, 60)
 
 
 @pytest.mark.long
-def test_thousands_of_connections(process: ControllerProcess) -> None:
+def test_ports_survive_thousands_of_connections(process: ControllerProcess) -> None:
     connections(process, 2000)
 
 
-def test_upload_cut_in_the_middle_starts_nothing(process: ControllerProcess, traffic: dict[int, list[bytes]]) -> None:
+def test_upload_cut_midway_starts_nothing(process: ControllerProcess, traffic: dict[int, list[bytes]]) -> None:
     """Check 35."""
     with process.control() as control:
         control.fault("program_stop")
@@ -247,7 +247,7 @@ def test_upload_cut_in_the_middle_starts_nothing(process: ControllerProcess, tra
         assert len(control.log()) == started
 
 
-def test_long_program_is_compiled_beside_the_ticks(process: ControllerProcess) -> None:
+def test_upload_long_program_compiles_beside_ticks(process: ControllerProcess) -> None:
     bystander = Bystander(process.address)
     lines = "".join(f"  movej([{n % 3 * 0.01}, -1.9, 1.9, -1.57, -1.57, 0], a=20, v=3)\n" for n in range(1500))
     with process.control() as control, socket.create_connection((process.address, 30002), 3.0) as script:
@@ -257,7 +257,7 @@ def test_long_program_is_compiled_beside_the_ticks(process: ControllerProcess) -
     bystander.undisturbed()
 
 
-def test_program_beyond_all_bounds_is_refused_with_its_sender(process: ControllerProcess) -> None:
+def test_upload_oversized_program_closes_connection(process: ControllerProcess) -> None:
     with process.control() as control, socket.create_connection((process.address, 30002), 3.0) as script:
         began = len(control.log())
         with contextlib.suppress(ConnectionError):
@@ -285,13 +285,13 @@ def cycles(count: int) -> str:
     return f"{count} cycles: {before} descriptors, {running} threads, {grown:.2f} MB more memory"
 
 
-def test_cycles_of_connecting_leave_nothing_behind() -> None:
+def test_reconnecting_leaves_no_thread_or_register() -> None:
     """Check 34, for two cycles."""
     print(cycles(2))
 
 
 @pytest.mark.long
 @pytest.mark.timeout(600)
-def test_two_hundred_cycles_leave_nothing_behind() -> None:
+def test_reconnecting_two_hundred_times_leaves_nothing() -> None:
     """Check 34."""
     print(cycles(200))

@@ -70,7 +70,7 @@ def client(controller: ControllerProcess) -> Iterator[PlainClient]:
         yield client
 
 
-def test_versions(controller: ControllerProcess) -> None:
+def test_rtde_reports_protocol_and_controller_version(controller: ControllerProcess) -> None:
     with PlainClient(controller.address, version=None) as client:
         agree(client)
 
@@ -85,7 +85,7 @@ def agree(client: PlainClient) -> None:
     assert struct.unpack(">4I", client.request("v")) == (5, 11, 1, 108318)
 
 
-def test_every_output_has_its_type_and_its_bytes(client: PlainClient) -> None:
+def test_rtde_outputs_have_documented_types_and_sizes(client: PlainClient) -> None:
     for kind, names in OUTPUTS.items():
         wanted = names.split()
         assert client.outputs(",".join(wanted)) == (1, [kind] * len(wanted))
@@ -100,7 +100,7 @@ def test_every_output_has_its_type_and_its_bytes(client: PlainClient) -> None:
         assert client.outputs(later) == (0, ["NOT_FOUND"])
 
 
-def test_every_input_has_its_type(client: PlainClient) -> None:
+def test_rtde_inputs_have_documented_types(client: PlainClient) -> None:
     recipes = []
     for kind, names in INPUTS.items():
         wanted = names.split()
@@ -116,7 +116,7 @@ def test_every_input_has_its_type(client: PlainClient) -> None:
     assert client.inputs("input_int_register_48,input_bit_register_63") == (0, ["NOT_FOUND", "NOT_FOUND"])
 
 
-def test_every_variable_of_a_recorder_arrives_500_times_a_second_without_a_gap(client: PlainClient) -> None:
+def test_rtde_recorder_recipe_streams_at_500_hz_without_gap(client: PlainClient) -> None:
     """Its packets are as long as their types say, and hold what they are named for."""
     recipe, types = client.outputs(RECORD)
     assert recipe == 1
@@ -136,9 +136,7 @@ def test_every_variable_of_a_recorder_arrives_500_times_a_second_without_a_gap(c
     assert modes == (7, 1, *[253] * 6, 0b1001)
 
 
-def test_integer_double_and_boolean_registers_of_both_ranges_pass_through_a_program(
-    controller: ControllerProcess, client: PlainClient
-) -> None:
+def test_rtde_registers_of_both_ranges_pass_through_program(controller: ControllerProcess, client: PlainClient) -> None:
     numbers = (0, 23, 24, 47)
     bits = (3, 35, 64, 127)
     lines = [f"write_output_integer_register({n}, read_input_integer_register({n}))" for n in numbers]
@@ -162,7 +160,7 @@ def test_integer_double_and_boolean_registers_of_both_ranges_pass_through_a_prog
         wait_until(lambda wanted=wanted: client.sample() == wanted)
 
 
-def test_texts_go_both_ways(controller: ControllerProcess, client: PlainClient) -> None:
+def test_rtde_text_messages_go_both_ways(controller: ControllerProcess, client: PlainClient) -> None:
     client.outputs("timestamp")
     client.say("a client's words", "a test", 2)
     client.send("M", b"")
@@ -179,7 +177,7 @@ def test_texts_go_both_ways(controller: ControllerProcess, client: PlainClient) 
     assert (source, level) == ("Controller", 0)
 
 
-def test_frequencies_between_are_kept_on_average(client: PlainClient) -> None:
+def test_rtde_intermediate_frequency_holds_on_average(client: PlainClient) -> None:
     for frequency, steps in ((125.0, {4}), (200.0, {2, 3}), (1e6, {1})):
         client.outputs("timestamp", frequency)
         client.request("S")
@@ -192,7 +190,7 @@ def test_frequencies_between_are_kept_on_average(client: PlainClient) -> None:
     assert client.request("O", b"\x00\x01") == b"\x00"  # no room for a frequency
 
 
-def test_lists_over_2048_bytes_are_refused(client: PlainClient) -> None:
+def test_rtde_name_list_over_2048_bytes_is_refused(client: PlainClient) -> None:
     names = "timestamp," * 204
     assert client.outputs(names)[0] == 1
     assert client.outputs(names + "payload,")[0] == 1  # 2048 bytes
@@ -200,11 +198,11 @@ def test_lists_over_2048_bytes_are_refused(client: PlainClient) -> None:
     assert client.inputs("input_int_register_1," * 100)[0] == 0
 
 
-def test_recipes_of_a_connection_end_at_255(client: PlainClient) -> None:
+def test_rtde_recipes_of_connection_end_at_255(client: PlainClient) -> None:
     assert [client.inputs("input_int_register_7")[0] for _ in range(256)] == [*range(1, 256), 0]
 
 
-def test_pause_ends_the_stream_and_start_resumes_it(client: PlainClient) -> None:
+def test_rtde_pause_ends_stream_and_start_resumes(client: PlainClient) -> None:
     client.outputs("timestamp,", 10.0)
     client.request("S")
     first = client.sample()[0]
@@ -215,16 +213,16 @@ def test_pause_ends_the_stream_and_start_resumes_it(client: PlainClient) -> None
     assert client.sample()[0] > first
 
 
-def test_pause_without_a_recipe_is_answered(client: PlainClient) -> None:
+def test_rtde_pause_without_recipe_is_answered(client: PlainClient) -> None:
     assert client.request("P") == b"\x01"
 
 
-def test_unknown_names_are_refused(client: PlainClient) -> None:
+def test_rtde_unknown_names_are_refused(client: PlainClient) -> None:
     assert client.outputs("timestamp,nothing") == (0, ["DOUBLE", "NOT_FOUND"])
     assert client.inputs("input_int_register_0,nothing") == (0, ["INT32", "NOT_FOUND"])
 
 
-def test_inputs_have_one_owner_until_it_hangs_up(controller: ControllerProcess, client: PlainClient) -> None:
+def test_rtde_inputs_have_one_owner_until_disconnect(controller: ControllerProcess, client: PlainClient) -> None:
     assert client.inputs("input_int_register_0,input_double_register_3")[0] == 1
     assert client.inputs("input_int_register_0")[0] == 2  # its owner may list it again
     with PlainClient(controller.address) as other:
@@ -234,7 +232,7 @@ def test_inputs_have_one_owner_until_it_hangs_up(controller: ControllerProcess, 
         wait_until(lambda: other.inputs("input_int_register_0")[0])
 
 
-def test_one_packet_is_applied_at_once_and_wrong_lengths_are_survived(client: PlainClient) -> None:
+def test_rtde_packet_applies_at_once_and_wrong_length_is_ignored(client: PlainClient) -> None:
     client.outputs("timestamp,input_int_register_5,input_double_register_5")
     recipe, _ = client.inputs("input_int_register_5,input_double_register_5")
     client.request("S")
@@ -253,7 +251,7 @@ def test_one_packet_is_applied_at_once_and_wrong_lengths_are_survived(client: Pl
     arrived((10, 4.5))
 
 
-def test_outputs_and_slider_obey_their_masks(client: PlainClient) -> None:
+def test_rtde_outputs_and_slider_follow_masks(client: PlainClient) -> None:
     client.outputs("actual_digital_output_bits,target_speed_fraction")
     digital, _ = client.inputs("standard_digital_output_mask,standard_digital_output")
     slider, _ = client.inputs("speed_slider_mask,speed_slider_fraction")
@@ -266,7 +264,7 @@ def test_outputs_and_slider_obey_their_masks(client: PlainClient) -> None:
     wait_until(lambda: client.sample() == (0b0100, 0.25))
 
 
-def test_client_that_does_not_read_loses_packets_and_delays_nobody(controller: ControllerProcess) -> None:
+def test_rtde_client_that_does_not_read_delays_nobody(controller: ControllerProcess) -> None:
     with PlainClient(controller.address) as lazy, PlainClient(controller.address) as other:
         lazy.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         lazy.outputs(RECORD)
@@ -277,7 +275,7 @@ def test_client_that_does_not_read_loses_packets_and_delays_nobody(controller: C
     assert {round(b - a, 9) for a, b in itertools.pairwise(stamps)} == {0.002}
 
 
-def test_stalled_port_is_silent_and_comes_back(controller: ControllerProcess, client: PlainClient) -> None:
+def test_rtde_stalled_port_is_silent_and_resumes(controller: ControllerProcess, client: PlainClient) -> None:
     client.outputs("timestamp")
     client.request("S")
     before = client.sample()[0]
@@ -288,7 +286,7 @@ def test_stalled_port_is_silent_and_comes_back(controller: ControllerProcess, cl
     assert max(gaps) == pytest.approx(0.3, abs=0.02)
 
 
-def test_half_a_packet_and_a_jump_in_time(controller: ControllerProcess, client: PlainClient) -> None:
+def test_rtde_half_packet_and_time_jump_are_sent(controller: ControllerProcess, client: PlainClient) -> None:
     client.outputs("timestamp")
     client.request("S")
     with controller.control() as faults:

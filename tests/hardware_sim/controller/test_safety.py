@@ -33,7 +33,7 @@ def wait(machine: Controller, seconds: float) -> None:
         machine.tick(machine.now + 0.01)
 
 
-def test_power_comes_step_by_step_and_takes_its_time() -> None:
+def test_power_on_takes_documented_steps_and_time() -> None:
     machine = controller()
     assert answer(machine, "power off", True) == "Powering off"
     assert machine.robot_mode is RobotMode.POWER_OFF
@@ -51,7 +51,7 @@ def test_power_comes_step_by_step_and_takes_its_time() -> None:
     assert machine.playing
 
 
-def test_brake_release_powers_on_first_and_power_off_ends_what_was_begun() -> None:
+def test_brake_release_powers_on_and_power_off_cancels_it() -> None:
     machine = controller()
     machine.power_off()
     machine.safety.release_brakes()
@@ -66,7 +66,7 @@ def test_brake_release_powers_on_first_and_power_off_ends_what_was_begun() -> No
 
 
 @pytest.mark.parametrize("mode", [SafetyMode.VIOLATION, SafetyMode.FAULT])
-def test_violation_and_fault_need_a_restart_of_safety(mode: SafetyMode) -> None:
+def test_restart_safety_is_needed_after_violation_and_fault(mode: SafetyMode) -> None:
     machine = controller()
     machine.emergency_stop("test", mode)
     for command in ("power on", "brake release", "unlock protective stop"):
@@ -100,7 +100,7 @@ def test_protective_stop_is_locked_for_five_seconds() -> None:
     assert machine.playing
 
 
-def test_safeguard_stop_ends_when_the_guard_is_closed() -> None:
+def test_safeguard_stop_ends_on_release() -> None:
     machine = controller()
     machine.load(SLOW)
     machine.tick(0.01)
@@ -112,7 +112,7 @@ def test_safeguard_stop_ends_when_the_guard_is_closed() -> None:
     assert answer(machine, "play", True) == "Starting program"
 
 
-def test_local_control_answers_questions_and_refuses_the_rest() -> None:
+def test_local_control_answers_queries_and_refuses_commands() -> None:
     machine = controller()
     machine.load(SLOW)
     machine.safety.remote_control = False
@@ -142,7 +142,7 @@ def test_safety_popup_stays_until_closed_or_unlocked() -> None:
     assert machine.safety_mode is SafetyMode.PROTECTIVE_STOP
 
 
-def test_programs_are_loaded_played_paused_and_stopped(tmp_path: Path) -> None:
+def test_dashboard_loads_plays_pauses_and_stops_programs(tmp_path: Path) -> None:
     (tmp_path / "slow.urp").write_text(SLOW, encoding="utf-8")
     (tmp_path / "bad.urp").write_text("def f(:\n", encoding="utf-8")
     (tmp_path.parent / "outside.urp").write_text(SLOW, encoding="utf-8")
@@ -183,7 +183,7 @@ def test_programs_are_loaded_played_paused_and_stopped(tmp_path: Path) -> None:
         max_size=30,
     )
 )  # fmt: skip
-def test_nothing_leads_to_running_but_power_and_brakes(story: list[str | float]) -> None:
+def test_running_mode_needs_power_and_brake_release(story: list[str | float]) -> None:
     """Whatever happens: no unlocking, restart or wait powers the arm, and a stopped arm never may run."""
     state = Safety(0.0)
     now, asked = 0.0, True
@@ -227,7 +227,7 @@ def cell(tmp_path: Path) -> Iterator[Cell]:
         yield connect(stack, programs=tmp_path)
 
 
-def test_real_client_loads_and_plays_and_takes_the_arm_back(cell: Cell) -> None:
+def test_client_loads_and_plays_program_and_regains_arm(cell: Cell) -> None:
     board = cell.dashboard
     # The control connection hears of each change later than the dashboard, and would take an old program for the new
     # one: each change is waited for there before the next is asked for.
@@ -245,7 +245,7 @@ def test_real_client_loads_and_plays_and_takes_the_arm_back(cell: Cell) -> None:
     assert board.programState() == "PLAYING rtde_control"
 
 
-def test_connection_opened_in_local_control_stays_refused_until_opened_anew() -> None:
+def test_dashboard_opened_in_local_control_refuses_until_reconnect() -> None:
     import dashboard_client
 
     with start() as process, process.control() as control:
@@ -262,7 +262,7 @@ def test_connection_opened_in_local_control_stays_refused_until_opened_anew() ->
         board.disconnect()
 
 
-def test_shut_down_controller_is_gone_until_somebody_switches_it_on() -> None:
+def test_shutdown_controller_is_gone_until_restart() -> None:
     import dashboard_client
     import rtde_receive
 

@@ -55,7 +55,7 @@ def recorded(module_cell: tuple[Cell, Path]) -> Iterator[Recorded]:
 
 
 @pytest.mark.parametrize("deceleration", [1.5, 6.0])
-def test_stop_in_mid_move_obeys_its_deceleration(recorded: Recorded, deceleration: float) -> None:
+def test_stopj_in_move_keeps_deceleration(recorded: Recorded, deceleration: float) -> None:
     cell = recorded.cell
     target = [2.0, *HOME[1:]]
     assert cell.control.moveJ(target, SPEED, ACCELERATION, True)
@@ -77,7 +77,7 @@ def test_stop_in_mid_move_obeys_its_deceleration(recorded: Recorded, deceleratio
     assert np.abs(speeds[:, 1:]).max() == 0.0
 
 
-def test_stop_of_the_tool_in_mid_move_stays_on_its_line(recorded: Recorded) -> None:
+def test_stopl_in_move_stays_on_line(recorded: Recorded) -> None:
     cell = recorded.cell
     pose = cell.receive.getActualTCPPose()
     assert cell.control.moveL([pose[0], pose[1] + 0.25, *pose[2:]], 0.25, 1.0, True)
@@ -95,7 +95,7 @@ def test_stop_of_the_tool_in_mid_move_stays_on_its_line(recorded: Recorded) -> N
 
 
 @pytest.mark.parametrize("fraction", [0.25, 0.5])
-def test_slider_scales_speed_and_not_the_way(recorded: Recorded, fraction: float) -> None:
+def test_slider_scales_speed_and_keeps_path(recorded: Recorded, fraction: float) -> None:
     cell = recorded.cell
     assert cell.io.setSpeedSlider(fraction)
     wait_until(lambda: cell.receive.getTargetSpeedFraction() == fraction)
@@ -110,7 +110,7 @@ def test_slider_scales_speed_and_not_the_way(recorded: Recorded, fraction: float
     assert joints[-1, 0] == pytest.approx(0.1, abs=1e-12)
 
 
-def test_slider_at_zero_holds_the_move_until_it_is_raised(recorded: Recorded) -> None:
+def test_slider_at_zero_holds_move_until_raised(recorded: Recorded) -> None:
     cell = recorded.cell
     assert cell.control.moveJ([0.5, *HOME[1:]], 1.0, 4.0, True)
     wait_until(lambda: cell.receive.getActualQd()[0] > 0.5)
@@ -127,7 +127,7 @@ def test_slider_at_zero_holds_the_move_until_it_is_raised(recorded: Recorded) ->
     assert np.abs(np.diff(speeds[:, 0]) / TICK).max() < 9.5
 
 
-def test_path_of_the_library_is_rounded_and_even(recorded: Recorded) -> None:
+def test_library_path_is_rounded_at_even_speed(recorded: Recorded) -> None:
     cell = recorded.cell
     corners = [[0.3, *HOME[1:]], [0.3, -1.6, *HOME[2:]], [0.0, -1.6, *HOME[2:]]]
     assert cell.control.moveJ([[*q, 1.0, 3.0, 0.04 if n < 2 else 0.0] for n, q in enumerate(corners)])

@@ -44,7 +44,7 @@ def last_message(controller: Controller) -> str:
     return next(m for m in reversed(controller.messages) if "finished" not in m and "started" not in m)
 
 
-def test_new_lines_and_comments_mean_nothing(run: Run) -> None:
+def test_newlines_and_comments_have_no_meaning(run: Run) -> None:
     text = """def f():
     global offset = # a comment with if and end in it
 2    global other = 3
@@ -57,7 +57,7 @@ end
     assert integer(run(text)) == 50
 
 
-def test_p_is_a_pose_or_a_variable_by_the_number_of_items(run: Run) -> None:
+def test_p_is_pose_or_variable_by_item_count(run: Run) -> None:
     text = """def f():
     p = p[1, 2, 3, 4, 5, 6]
     write_output_float_register(0, p[1])
@@ -87,7 +87,7 @@ end
     assert floats(run(text)) == [1.0, 50.0, 3.0, 30.0]
 
 
-def test_plain_assignment_changes_a_global_and_else_makes_a_local(run: Run) -> None:
+def test_assignment_changes_global_or_makes_local(run: Run) -> None:
     text = """def f():
     global seen = 0
     value = 1
@@ -120,7 +120,7 @@ end
         ("get_inverse_kin(get_forward_kin())[1]", -1.9),
     ],
 )
-def test_expressions(run: Run, expression: str, value: float) -> None:
+def test_expressions_have_urscript_values(run: Run, expression: str, value: float) -> None:
     controller = run(f"def f():\n write_output_float_register(0, {expression})\nend\n")
     assert floats(controller, 1)[0] == pytest.approx(value)
 
@@ -137,7 +137,7 @@ def test_expressions(run: Run, expression: str, value: float) -> None:
         ("is_within_safety_limits([6,0,0,0,0,0])", True),
     ],
 )
-def test_conditions(run: Run, condition: str, true: bool) -> None:
+def test_conditions_choose_branches(run: Run, condition: str, true: bool) -> None:
     text = f"""def f():
     if {condition}:
         write_output_integer_register(0, 1)
@@ -149,7 +149,7 @@ end
     assert integer(run(text)) == (1 if true else 2)
 
 
-def test_threads_run_side_by_side_and_can_be_killed(run: Run) -> None:
+def test_threads_run_in_parallel_and_can_be_killed(run: Run) -> None:
     text = """def f():
     global count = 0
     global stopped = 0
@@ -177,7 +177,7 @@ end
     assert integer(controller, 0) == integer(controller, 1)
 
 
-def test_join_waits_and_loops_break(run: Run) -> None:
+def test_join_waits_and_break_leaves_loop(run: Run) -> None:
     text = """def f():
     global done = 0
     thread work():
@@ -201,7 +201,7 @@ end
     assert integer(run(text)) == 6
 
 
-def test_loop_without_a_wait_gives_up_its_slot(run: Run) -> None:
+def test_loop_without_wait_yields_its_slot(run: Run) -> None:
     controller = run("def f():\n x = 0\n while True:\n  x = x + 1\n end\nend\n")
     assert controller.runtime_state is RuntimeState.PLAYING
     assert controller.ticks == 500
@@ -224,7 +224,7 @@ def test_loop_without_a_wait_gives_up_its_slot(run: Run) -> None:
         ("x = read_input_float_register(48)", "from 0 to 47, not 48"),
     ],
 )
-def test_runtime_exceptions_stop_the_program_and_say_where(run: Run, body: str, message: str) -> None:
+def test_runtime_exception_stops_program_and_names_line(run: Run, body: str, message: str) -> None:
     controller = run(f"def f():\n  sync()\n  {body}\n  write_output_integer_register(5, 1)\nend\n")
     assert controller.runtime_state is RuntimeState.STOPPED
     assert message in last_message(controller)
@@ -232,7 +232,7 @@ def test_runtime_exceptions_stop_the_program_and_say_where(run: Run, body: str, 
     assert integer(controller, 5) == 0
 
 
-def test_endless_recursion_is_a_runtime_exception(run: Run) -> None:
+def test_endless_recursion_raises_script_error(run: Run) -> None:
     controller = run("def f():\n def g(x):\n  return g(x + 1)\n end\n g(0)\nend\n")
     assert "nested too deeply" in last_message(controller)
 
@@ -254,7 +254,7 @@ def test_endless_recursion_is_a_runtime_exception(run: Run) -> None:
         "def f():\n def g(a, a):\n end\nend\n",
     ],
 )
-def test_programs_that_are_none_are_refused(run: Run, text: str) -> None:
+def test_invalid_programs_are_refused(run: Run, text: str) -> None:
     with pytest.raises(ScriptSyntaxError):
         compile_program(text, VOCABULARY)
     controller = run(text)
@@ -262,7 +262,7 @@ def test_programs_that_are_none_are_refused(run: Run, text: str) -> None:
     assert "refused" in last_message(controller)
 
 
-def test_python_is_out_of_a_programs_reach(run: Run) -> None:
+def test_python_names_are_out_of_reach(run: Run) -> None:
     for body in ("x = __import__(1)", "x = open(1)", "x = program()", "x = eval(1)"):
         with pytest.raises(ScriptSyntaxError, match="no function"):
             compile_program(f"def f():\n {body}\nend\n", VOCABULARY)
@@ -270,7 +270,7 @@ def test_python_is_out_of_a_programs_reach(run: Run) -> None:
     assert "has no value yet" in last_message(controller)
 
 
-def test_secondary_program_may_not_move(run: Run) -> None:
+def test_secondary_program_must_not_move(run: Run) -> None:
     controller = run("sec s():\n movej([0,0,0,0,0,0])\nend\n")
     for tick in range(5):
         controller.tick(tick * 0.002)
@@ -283,13 +283,13 @@ def test_bare_line_is_a_program(run: Run) -> None:
     assert controller.outputs.levels == 1 << 4
 
 
-def test_block_depth_ignores_comments_and_strings() -> None:
+def test_depth_change_ignores_comments_and_strings() -> None:
     assert depth_change("def f():  # if while end") == 1
     assert depth_change('textmsg("end if")') == 0
     assert depth_change("if x: y = 1 end end") == -1
     assert depth_change("  send = ending") == 0
 
 
-def test_tree_of_nested_functions() -> None:
+def test_parse_nested_functions_returns_tree() -> None:
     program: Any = parse("def f():\n def g():\n  thread h():\n  end\n end\nend\n")
     assert program.functions[0].functions[0].name == "h"

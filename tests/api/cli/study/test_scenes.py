@@ -42,7 +42,7 @@ def test_pictures_and_truth_are_those_of_the_simulated_cell(shared: Geometry) ->
         known.reference_m,
         known.lobe_exponent,
     )
-    ideal = world.picture(lamp)
+    ideal = world.lamp_image(lamp)
     bright = true.mask & (ideal > 0.3 * ideal.max())
     ratio = frame[bright] / ideal[bright]
     assert np.median(ratio) == pytest.approx(1.0, abs=0.04)  # the image's own error of intensity and place
@@ -102,7 +102,7 @@ def test_few_shadow_rays_say_what_all_would(shared: Geometry) -> None:
         position = geometry.transform(shared.object_from_view, np.array(light.position))
         lamp = Lamp(position, np.array([0.0, 0.0, -1.0]), 1.0, 0.45, 0.8)
         for view, told in zip(shared.views, shared.reached(light.position, lamp), strict=True):
-            for some, every in zip(told, render.reached(view, shared.glossy, shared.tracer, lamp), strict=True):
+            for some, every in zip(told, render.lit_samples(view, shared.glossy, shared.tracer, lamp), strict=True):
                 assert np.count_nonzero(some != every) <= 0.005 * len(every)
 
 

@@ -27,7 +27,7 @@ def advance(controller: Controller, ticks: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("mode", ["freedrive_mode()", "teach_mode()"])
-def test_a_hand_moves_the_arm_and_the_program_goes_on(mode: str) -> None:
+def test_freedrive_hand_move_moves_arm_and_program_continues(mode: str) -> None:
     controller = guided(f" {mode}")
     assert controller.arm.joints == HOME
     controller.move_by_hand(THERE, 0.5)
@@ -37,13 +37,13 @@ def test_a_hand_moves_the_arm_and_the_program_goes_on(mode: str) -> None:
     assert controller.runtime_state is RuntimeState.PLAYING
 
 
-def test_a_hand_on_an_arm_that_is_not_free_is_a_protective_stop() -> None:
+def test_hand_move_without_freedrive_causes_protective_stop() -> None:
     controller = guided(" freedrive_mode()\n end_freedrive_mode()")
     controller.move_by_hand(THERE, 0.5)
     assert controller.safety_mode is SafetyMode.PROTECTIVE_STOP
 
 
-def test_a_blocked_axis_resists() -> None:
+def test_freedrive_blocked_axis_resists() -> None:
     controller = guided(" freedrive_mode(freeAxes=[1, 1, 0, 1, 1, 1], feature=p[0, 0, 0, 0, 0, 0])")
     controller.move_by_hand(THERE, 0.5)
     advance(controller, 300)
@@ -67,7 +67,7 @@ def test_a_blocked_axis_resists() -> None:
         "teach_mode()",
     ],
 )
-def test_commands_that_move_are_refused(move: str) -> None:
+def test_freedrive_motion_commands_raise(move: str) -> None:
     record = run(f" freedrive_mode()\n {move}", 1.0)
     message = record.message("runtime exception")
     assert "the arm is in freedrive_mode, end that first" in message
@@ -75,7 +75,7 @@ def test_commands_that_move_are_refused(move: str) -> None:
     assert (record.joints == HOME).all()
 
 
-def test_moves_work_again_afterwards_and_with_the_next_program() -> None:
+def test_end_freedrive_and_next_program_allow_moves() -> None:
     record = run(" teach_mode()\n sleep(0.1)\n end_teach_mode()\n movej([0.1, -1.9, 1.9, -1.57, -1.57, 0])")
     assert record.joints[-1][0] == 0.1
     controller = guided(" freedrive_mode()")
@@ -84,13 +84,13 @@ def test_moves_work_again_afterwards_and_with_the_next_program() -> None:
     assert controller.arm.joints[0] == 0.1
 
 
-def test_a_moving_arm_comes_to_rest_first() -> None:
+def test_freedrive_moving_arm_brakes_first() -> None:
     record = run(" speedj([0.5, 0, 0, 0, 0, 0], 2, 0.5)\n freedrive_mode()\n sleep(0.1)", 3.0)
     assert np.abs(record.accelerations).max() < 6.1
     assert not record.controller.arm.moving
 
 
-def test_status_tells_of_singularities() -> None:
+def test_freedrive_status_reports_singularity() -> None:
     for joints, status in ((HOME, 0), ([*HOME[:4], 0.01, 0.0], 1)):
         record = run(" freedrive_mode()\n write_output_integer_register(0, get_freedrive_status())", 1.0, home=joints)
         assert record.controller.registers.get("output_int_register_0")[0] == status

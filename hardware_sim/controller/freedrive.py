@@ -11,7 +11,7 @@ _PLAY = 1e-3  # m and rad that a blocked axis gives way
 
 
 @dataclass(frozen=True)
-class Guiding:
+class Freedrive:
     """The state a program has put the arm into; `by` is the function it called."""
 
     by: str
@@ -20,9 +20,9 @@ class Guiding:
 
     def resists(self, base_from_tool: Frame, target: Frame) -> str | None:
         """Why the tool cannot be led to a target, as a sentence; None where all axes that it takes are free."""
-        way, turn = poses.difference(base_from_tool, target)
-        feature_from_base = poses.invert(poses.placed(self.base_from_feature, (0.0, 0.0, 0.0)))
-        moved: Sequence[float] = (*poses.rotate(feature_from_base, way), *poses.rotate(feature_from_base, turn))
+        shift, turn = poses.difference(base_from_tool, target)
+        feature_from_base = poses.invert(poses.with_position(self.base_from_feature, (0.0, 0.0, 0.0)))
+        moved: Sequence[float] = (*poses.rotate(feature_from_base, shift), *poses.rotate(feature_from_base, turn))
         for name, free, amount in zip(_AXES, self.free_axes, moved, strict=True):
             if not free and abs(amount) > _PLAY:
                 return f"{self.by} does not free the axis {name}"
