@@ -1,4 +1,4 @@
-"""The simulated camera on a TCP port: one JSON line asks, a JSON line and the frame's bytes answer.
+"""Simulated camera on a TCP port: a request is one JSON line, the reply a JSON line and the frame's bytes.
 
 A request is `{"exposure_s": 0.05, "attempt": 0}`; the answer's line holds width, height, dtype (always `<u2`),
 exposure_s, attempt and taken_at (seconds since 1970, UTC, the middle of the exposure), and width · height · 2 bytes
@@ -27,11 +27,11 @@ LONGEST_REQUEST = 4096
 MOST_ATTEMPTS = 1000
 
 TakeFrame = Callable[[list[ExposureInterval], float, int], npt.NDArray[np.uint16]]
-"""Moments, exposure in s and attempt → frame (H, W)."""
+"""Exposure intervals, exposure in s and attempt → frame (H, W)."""
 
 
 class CameraServer:
-    """Serves a camera whose pictures come from `take_frame` and whose arm and lamp are seen through `source`."""
+    """Serves a camera whose frames come from `take_frame` and whose arm and lamp states come from `source`."""
 
     def __init__(
         self, camera: SimCameraConfig, calibration: Calibration, take_frame: TakeFrame, source: StateSource
@@ -107,7 +107,7 @@ class CameraServer:
         if not low <= exposure_s <= high:
             raise ValueError(f"exposure_s must lie between {low} and {high}")
         if isinstance(attempt, bool) or not isinstance(attempt, int) or not 0 <= attempt <= MOST_ATTEMPTS:
-            raise ValueError(f"attempt must be a whole number from 0 to {MOST_ATTEMPTS}")
+            raise ValueError(f"attempt must be an integer from 0 to {MOST_ATTEMPTS}")
         return float(exposure_s), attempt
 
 

@@ -1,6 +1,7 @@
-"""A whole simulated cell: controller and world as two processes, and the files that tell others of it.
+"""Start and end of a simulated cell: controller and world as two child processes, and the files that describe them.
 
-The folder receives `cell.toml`, `calibration.json` (nominal values) and `truth.npz` (for `grade` alone).
+Both children end when their standard input does, so that neither outlives the process that started the cell. The folder
+receives `cell.toml`, `calibration.json` (nominal values) and `truth.npz` (for `grade` alone).
 """
 
 import json
@@ -90,7 +91,7 @@ class Cell:
                 record=options.record,
                 programs=options.programs,
             ),
-            log_level="INFO",  # why a program ended is the first thing that a puzzled person asks
+            log_level="INFO",  # why a program ended is the first question about a stopped move
         )
         world = [str(self.folder), options.object_name, str(options.seed), options.profile]
         try:
@@ -118,7 +119,7 @@ class Cell:
             self._controller = None
 
     def state(self) -> dict[str, Any]:
-        """What the controller's control port tells now. Raises RigError device.disconnected."""
+        """The state that the controller's control port reports. Raises RigError device.disconnected."""
         if self._control is None:
             self._control = ControlClient(self.address)
         return self._control.state()
@@ -149,7 +150,7 @@ def run(
     json_status: bool = False,
     say: Callable[[str], None] = print,
 ) -> None:
-    """Runs a cell until SIGTERM or SIGINT; says `ready …` when it can be connected to, then how it fares, if wanted.
+    """Runs a cell until SIGTERM or SIGINT; says `ready …` when it can be connected to, then status lines if wanted.
 
     Must be called in the main thread. Without `folder` the files go to a temporary one that ends with the cell. Raises
     RigError as `Cell` does, service.fault when one of its processes ends by itself.

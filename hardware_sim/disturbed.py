@@ -1,4 +1,4 @@
-"""A world in which lamp, camera or object are at fault, as ordered at the controller's control port.
+"""Fault injection into the world: lamp, camera or object at fault, as ordered at the controller's control port.
 
 All faults of a cell are ordered in one place; the world carries out its own when it reads the controller's state for an
 exposure. Counted ones (frames) are counted from the world's start, so that each happens once.
@@ -23,7 +23,7 @@ Disturbances = dict[str, Any]
 
 
 class DisturbedWorld:
-    """Takes frames of a world and spoils them as `disturbances` says at that moment."""
+    """Captures frames of a world under the present `disturbances`."""
 
     def __init__(self, cell: CellConfig, make: Callable[[CellConfig], World], seed: int) -> None:
         """`make` builds the world of a cell; it is built anew when the object was nudged."""
@@ -53,7 +53,7 @@ class DisturbedWorld:
         return self.world.frame(lit, exposure_s, attempt)
 
     def _uniform(self) -> float:
-        """A number from 0 to 1 for this exposure: the same in every run that takes the same frames."""
+        """A number from 0 to 1 for this exposure: the same in every run that captures the same frames."""
         digest = hashlib.sha256(f"flicker {self._seed} {self._exposures}".encode()).digest()
         return int.from_bytes(digest[:4], "big") / 2**32
 

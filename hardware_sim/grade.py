@@ -75,7 +75,7 @@ def graded_pixels(truth: Truth, calibration: Calibration, grading: Grading = "wi
 
 
 def error_deg(normals: Float32Array, truth: Truth) -> FloatArray:
-    """The angle (H, W) between found and true normals, degrees; no meaning outside both masks."""
+    """Angle (H, W) between estimated and true normals, degrees; undefined outside either mask."""
     estimated = normals.astype(float)
     true = truth.normals.astype(float)
     # The arctangent is exact for small angles, where the arccosine is not.

@@ -1,7 +1,8 @@
-"""Meshes of implicit surfaces by surface nets, for shapes that no grid of points can describe.
+"""Polygonisation of implicit surfaces by surface nets (Gibson, MICCAI 1998).
 
-One vertex for each cell of a lattice that the surface crosses, then moved onto the surface by Newton steps along the
-gradient, so that the lattice leaves no trace in positions or normals.
+It serves shapes that no grid of points can describe. One vertex for each cell of a lattice that the surface crosses,
+then moved onto the surface by Newton steps along the gradient, so that the lattice leaves no trace in positions or
+normals.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The indirect part of a picture: light bounced between object and table, and the ambient light of the room.
+"""Indirect part of an image: interreflections of object and table (radiosity), and the ambient light of the room.
 
 Both are smooth, so they are computed on the patches of `radiosity` and interpolated to pixels. The room is a sky of one
 brightness; a patch sees as much of it as object and table leave free.
@@ -20,7 +20,7 @@ TABLE_CELL_PIXELS = 8
 
 
 class IndirectLight:
-    """Bounced and ambient light of one scene as one camera sees it."""
+    """Interreflections and ambient light of one scene as one camera sees it."""
 
     def __init__(self, scene: SceneObject, tracer: Tracer, view: View) -> None:
         self._scene, self._tracer, self._view = scene, tracer, view
@@ -47,7 +47,7 @@ class IndirectLight:
         self._to_grid = radiosity.interpolation(table, points, np.tile([0.0, 0.0, 1.0], (len(points), 1)))
 
     def interreflections(self, lamp: Lamp) -> Float32Array:
-        """The picture (H, W) of the lamp's light after one and more bounces, without its direct light."""
+        """Image (H, W) of the lamp's light after one or more reflections, without its direct light."""
         points, normals = self._patches.points, self._patches.point_normals
         free = lit_mask(points.astype(np.float32), normals.astype(np.float32), lamp.position, self._tracer, self._scene)
         direct = self._patches.mean(lamp.irradiance(points, normals) * free)
@@ -57,7 +57,7 @@ class IndirectLight:
         )
 
     def ambient(self) -> Float32Array:
-        """The picture (H, W) under the room's light alone, all bounces; a white surface under open sky sends 1."""
+        """Image (H, W) under the room's light alone, all reflections; a white surface under open sky sends 1."""
         direct = np.clip(1 - np.asarray(self._factors.sum(axis=1), float), 0, None)
         everything = direct + radiosity.indirect_irradiance(self._factors, self._albedo, direct)
         return self._image(
@@ -65,17 +65,17 @@ class IndirectLight:
         )
 
     def _image(self, surface: FloatArray | Float32Array, table: FloatArray) -> Float32Array:
-        """The picture (H, W) from the light that falls on the surface's pixels and on the table's grid."""
+        """Image (H, W) from the irradiance at the surface's pixels and on the table's grid."""
         lens = self._view.lens
         grid = table.astype(np.float32).reshape(self._table_grid)
-        falling = cv2.resize(grid, (lens.width, lens.height), interpolation=cv2.INTER_LINEAR)
-        picture = np.ascontiguousarray(falling, dtype=np.float32).ravel() * self._table_reflectance
-        picture[self._pixels] += self._reflectance * surface.astype(np.float32)
-        return picture.reshape(lens.height, lens.width)
+        irradiance = cv2.resize(grid, (lens.width, lens.height), interpolation=cv2.INTER_LINEAR)
+        image = np.ascontiguousarray(irradiance, dtype=np.float32).ravel() * self._table_reflectance
+        image[self._pixels] += self._reflectance * surface.astype(np.float32)
+        return image.reshape(lens.height, lens.width)
 
 
 def _table_grid(view: View) -> tuple[tuple[int, int], FloatArray]:
-    """A coarse grid over the picture, its size (rows, columns), and the points of the table behind it."""
+    """A coarse grid over the image, its size (rows, columns), and the points of the table behind it."""
     lens = view.lens
     rows, columns = -(-lens.height // TABLE_CELL_PIXELS), -(-lens.width // TABLE_CELL_PIXELS)
     down = (np.arange(rows) + 0.5) * lens.height / rows - 0.5

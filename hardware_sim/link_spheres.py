@@ -1,8 +1,8 @@
-"""The links of an arm as spheres: from meshes to the few numbers that `controller.contact` checks with.
+"""Sphere covers of an arm's links, from convex meshes, for the collision check of `controller.contact`.
 
 Spheres, because the distance of two is one subtraction: some hundred thousand a second cost the controller almost
 nothing, and the same sets serve for table, camera, object and the arm itself. A link's spheres stand out of its convex
-mesh by at most `OUT_M` and leave no point of its surface (looked at every 2.5 mm) more than `GAP_M` outside; so a
+mesh by at most `OUT_M` and leave no point of its surface (sampled every 2.5 mm) more than `GAP_M` outside; so a
 contact is seen at the latest when a body is `GAP_M` deep, and never while it is further off than `OUT_M`.
 
     python -m hardware_sim.link_spheres FOLDER > hardware_sim/controller/link_spheres.json
@@ -34,7 +34,7 @@ _DEPTHS_M = (0.002, 0.004, 0.008, 0.016, 0.025, 0.035)
 
 
 def packed(mesh: trimesh.Trimesh) -> FloatArray:
-    """Spheres (S, 4), centre and radius in m, that cover a convex mesh: greedily, the one that covers most first."""
+    """Greedy set cover of a convex mesh by spheres (S, 4), centre and radius in m."""
     surface = np.vstack([mesh.sample(int(mesh.area / _SAMPLE_M**2), seed=0), mesh.vertices])
     centers = np.vstack([_candidates(mesh), surface])  # a point of the surface covers at least itself
     offsets = (mesh.face_normals * mesh.triangles_center).sum(axis=1)
@@ -43,7 +43,7 @@ def packed(mesh: trimesh.Trimesh) -> FloatArray:
     centers, radii = centers[inside], np.maximum(radii[inside], OUT_M)
     reached = [np.array(r, dtype=int) for r in KDTree(surface).query_ball_point(centers, radii + GAP_M - UNIT_M)]
     missing = np.ones(len(surface), dtype=bool)
-    best = [(-len(found), number) for number, found in enumerate(reached)]
+    best = [(-len(points), number) for number, points in enumerate(reached)]
     heapq.heapify(best)
     chosen: list[int] = []
     while missing.any():
@@ -73,7 +73,7 @@ def _candidates(mesh: trimesh.Trimesh) -> FloatArray:
 
 
 def main(folder: Path) -> None:
-    """Prints the spheres of all models as JSON: model → seven lists of whole numbers x, y, z, radius, x, y, …"""
+    """Prints the spheres of all models as JSON: model → seven lists of integers x, y, z, radius, x, y, …"""
     models: dict[str, list[list[int]]] = {}
     for model in MODELS:
         links = [packed(trimesh.load_mesh(path)) for path in sorted((folder / model).glob("*.stl"))]

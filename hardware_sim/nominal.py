@@ -1,6 +1,6 @@
-"""What the people of the simulated cell would have measured: its calibration and its cell file.
+"""Nominal calibration and cell file of the simulated cell, as its operators would have measured them.
 
-The calibration holds nominal values; what is true instead, `world` keeps for itself.
+The calibration holds nominal values; the deviations from them are known to `world` alone.
 """
 
 import json
@@ -15,9 +15,9 @@ FULL_PIXELS = 1024
 
 
 def calibration(pixels: int) -> Calibration:
-    """The nominal calibration of a square picture of `pixels` × `pixels` of the same field of view."""
+    """The nominal calibration of a square image of `pixels` × `pixels` of the same field of view."""
     scale = pixels / FULL_PIXELS
-    focal, centre = 4600.0 * scale, 512.0 * scale - 0.5  # the picture's middle is the edge between two pixels
+    focal, centre = 4600.0 * scale, 512.0 * scale - 0.5  # the image's centre is the edge between two pixels
     identity = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     return Calibration.model_validate(
         {

@@ -52,8 +52,8 @@ class Texture:
 class SceneObject:
     """An object of the cell, object frame: it stands on z = 0 round the z axis.
 
-    Gloss adds `gloss` · |E| · (n·h)^`gloss_exponent` to the light that a pixel sends to the camera, E the lamp's
-    irradiance on a surface facing it, h half-way between lamp and camera.
+    Gloss (Blinn–Phong) adds `gloss` · |E| · (n·h)^`gloss_exponent` to the light that a pixel sends to the camera, E the
+    lamp's irradiance on a surface facing it, h half-way between lamp and camera.
     """
 
     name: str

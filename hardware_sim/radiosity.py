@@ -1,9 +1,10 @@
-"""Light that surfaces throw at one another: radiosity on a coarse mesh of patches, hidden sides and table included.
+"""Interreflections of diffuse surfaces by radiosity (Goral et al., SIGGRAPH 1984) on patches, table included.
 
-A patch is a cluster of points drawn evenly from the surface, near one another in place and direction, so that any mesh
-gives patches of like size without being remeshed. Form factors are counted with rays, which is right at contact too,
-where formulas for distant patches are not; they depend on shape alone and take a few seconds, so that they are not
-stored. The indirect light is smooth except at contact, so that its interpolation from patches to pixels loses little.
+A patch is a cluster of points sampled evenly from the surface, near one another in place and direction, so that any
+mesh gives patches of like size without being remeshed. Form factors are Monte-Carlo estimates by rays, which is right
+at contact too, where formulas for distant patches are not; they depend on shape alone and take a few seconds, so that
+they are not stored. The indirect light is smooth except at contact, so that its interpolation from patches to pixels
+loses little.
 
 Source: C. M. Goral et al., Modeling the interaction of light between diffuse surfaces, SIGGRAPH 1984; form factors by
 rays: F. X. Sillion and C. Puech, Radiosity and Global Illumination, 1994, section 4.
@@ -32,7 +33,7 @@ counts in addition."""
 
 @dataclass(frozen=True)
 class Patches:
-    """P patches: centres and unit normals (P, 3), areas (P,) m²; S points drawn from them (S, 3), each one's patch."""
+    """P patches: centres and unit normals (P, 3), areas (P,) m²; S sampled points (S, 3), each one's patch."""
 
     centres: FloatArray
     normals: FloatArray
@@ -48,7 +49,7 @@ class Patches:
 
 
 def cluster(mesh: Mesh, tracer: Tracer, count: int, points_per_patch: int = 20) -> Patches:
-    """About `count` patches of what is exposed of a mesh, always the same for the same mesh."""
+    """About `count` patches of a mesh's exposed surface by Lloyd's algorithm; the same for the same mesh."""
     random = np.random.default_rng(1)
     areas = mesh.areas
     total = float(areas.sum())
@@ -135,7 +136,9 @@ def exposed(tracer: Tracer, points: FloatArray, normals: FloatArray) -> BoolArra
 
 
 def form_factors(patches: Patches, tracer: Tracer, table_m: float = 0.0) -> csr_array:
-    """F (P, P): the share of patch i's hemisphere, weighted by the cosine, that patch j fills as i sees it.
+    """Form factors F (P, P) by cosine-weighted Monte-Carlo rays (Sillion & Puech 1994, section 4).
+
+    F[i, j] is the share of patch i's hemisphere, weighted by the cosine, that patch j fills.
 
     Rays leave the points of each patch evenly over the cosine-weighted hemisphere; what they meet first belongs to the
     patch nearest in place and direction. Rays that miss the mesh and go down meet the table, z = 0 within `table_m`.
@@ -174,7 +177,7 @@ def form_factors(patches: Patches, tracer: Tracer, table_m: float = 0.0) -> csr_
 
 
 def _hemisphere(normals: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
-    """Unit vectors (N, 3) about normals (N, 3), even under the cosine for even u and v (N,) in [0, 1)."""
+    """Cosine-weighted hemisphere samples (Malley): unit vectors (N, 3) about normals (N, 3); u, v (N,) in [0, 1)."""
     radius, angle = np.sqrt(u), 2 * np.pi * v
     side = np.where(np.abs(normals[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
     first = np.cross(side, normals)
@@ -185,7 +188,7 @@ def _hemisphere(normals: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray
 
 
 def indirect_irradiance(factors: csr_array, albedo: FloatArray, direct: FloatArray) -> FloatArray:
-    """Indirect light (P,) falling on each patch, all bounces, from the direct light (P,) that falls on it."""
+    """Indirect irradiance (P,) from the direct irradiance (P,) of patches: radiosity equation by Jacobi iteration."""
     direct32, albedo32 = direct.astype(np.float32), albedo.astype(np.float32)
     indirect = np.zeros_like(direct32)
     for _ in range(60):

@@ -1,11 +1,12 @@
-"""Pictures of an object on a table under a near lamp: what the camera's pixels receive, before the sensor.
+"""Ray-traced images of an object on a table under a near point light: the signal of the pixels, before the sensor.
 
 Everything happens in the object's frame, where coordinates are small and single precision is good to a micrometre. The
-camera's rays are traced once (`look`): each pixel keeps n × n samples of the surface behind it, so that silhouettes and
-shadow edges blend as they do on a sensor. A shot then shades these samples and traces their shadow rays.
+camera's rays are traced once (`trace_view`): each pixel keeps n × n samples of the surface behind it, so that
+silhouettes and shadow edges blend as they do on a sensor. A shot then shades these samples and traces their shadow
+rays.
 
-Light is counted relative to the calibration's reference: 1 is what a white matt surface sends to the camera that faces
-the lamp on its axis at the reference distance.
+Light is counted relative to the calibration's reference: 1 is what a white Lambertian surface sends to the camera that
+faces the lamp on its axis at the reference distance.
 """
 
 from dataclasses import dataclass
@@ -50,7 +51,7 @@ class Lens:
 
 @dataclass(frozen=True)
 class Lamp:
-    """A near point light: place (3,) m and axis (3,), object frame; `power` 1 gives light 1 at `reference_m`."""
+    """Near point light with a cosᵘ lobe: position (3,) m, axis (3,), object frame; power 1 gives 1 at `reference_m`."""
 
     position: FloatArray
     axis: FloatArray
@@ -59,7 +60,7 @@ class Lamp:
     lobe_exponent: float
 
     def irradiance(self, points: FloatArray, normals: FloatArray) -> FloatArray:
-        """Light (N,) falling on surface points (N, 3) with unit normals (N, 3) when nothing stands between."""
+        """Unshadowed irradiance (N,) of surface points (N, 3) with unit normals (N, 3)."""
         to_lamp = self.position - points
         distance = np.linalg.norm(to_lamp, axis=1)
         falling = np.clip(np.einsum("ni,ni->n", normals, to_lamp) / distance, 0, None)
@@ -79,7 +80,7 @@ class Samples:
 
 @dataclass(frozen=True)
 class View:
-    """All that the camera sees, object and table; each sample is `share` of its pixel."""
+    """The samples of object and table behind a camera's pixels; each is `share` of its pixel."""
 
     lens: Lens
     share: float
@@ -141,7 +142,7 @@ def _joined(parts: list[Samples]) -> Samples:
 def lit_mask(
     points: Float32Array, normals: Float32Array, position: FloatArray, tracer: Tracer, scene: SceneObject
 ) -> BoolArray:
-    """Whether the object leaves the way free from the lamp at `position` (3,) to points (N, 3) that face it."""
+    """Lit mask (N,): points (N, 3) that face the lamp at `position` (3,) and lie in no cast shadow of the object."""
     facing, needs_ray = _facing(
         points, normals, position.astype(np.float32), np.float32(scene.radius_m), np.float32(scene.height_m)
     )
@@ -152,7 +153,7 @@ def lit_mask(
 
 
 def lit_samples(view: View, scene: SceneObject, tracer: Tracer, lamp: Lamp) -> tuple[BoolArray, BoolArray]:
-    """Which samples of the surface and of the table a lamp shines on."""
+    """Lit masks of the samples of the surface and of the table."""
     surface, table = (
         lit_mask(samples.points, samples.normals, lamp.position, tracer, scene)
         for samples in (view.surface, view.table)
@@ -163,9 +164,9 @@ def lit_samples(view: View, scene: SceneObject, tracer: Tracer, lamp: Lamp) -> t
 def direct_image(
     view: View, scene: SceneObject, tracer: Tracer, lamp: Lamp, free: tuple[BoolArray, BoolArray] | None = None
 ) -> Float32Array:
-    """The picture (H, W) under the lamp alone, without light bounced between surfaces.
+    """Image (H, W) of the lamp's direct light: Lambertian and Blinn–Phong reflection, no interreflections.
 
-    `free` is what `reached` says, where that is known already.
+    `free` are the masks of `lit_samples`, where they are known already.
     """
     image = np.zeros(view.lens.width * view.lens.height, dtype=np.float32)
     on_surface, on_table = lit_samples(view, scene, tracer, lamp) if free is None else free
@@ -205,7 +206,7 @@ def _facing(
         if normals[i, 0] * dx + normals[i, 1] * dy + normals[i, 2] * dz <= 0:
             continue
         facing[i] = True
-        # The part of the way that lies below the object's top, seen from above, against its circle.
+        # The part of the ray that lies below the object's top, seen from above, against its circle.
         reach = np.float32(1.0)
         if dz > 0:
             reach = min(reach, (height - points[i, 2]) / dz)
@@ -239,7 +240,7 @@ def _shade(
     gloss_exponent: np.float32,
     image: Float32Array,
 ) -> None:
-    """Adds each sample's matt and glossy light to its pixel."""
+    """Adds each sample's diffuse and specular (Blinn–Phong) light to its pixel."""
     for i in range(len(points)):
         if not free[i]:
             continue

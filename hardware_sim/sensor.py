@@ -1,4 +1,8 @@
-"""From light to numbers: an image sensor with full well, shot noise, read noise, black level and quantisation."""
+"""Linear image sensor in the manner of EMVA 1288: full well, shot and read noise, black level, quantisation.
+
+Photons are not modelled: the signal is turned into electrons by the calibration's gain, so that the simulated noise
+follows the same few numbers that the solver's noise model is given.
+"""
 
 import numpy as np
 import numpy.typing as npt
@@ -8,7 +12,7 @@ from acquisition.models.calibration import SensorModel
 
 
 def expose(signal: Float32Array, sensor: SensorModel, random: np.random.Generator | None) -> npt.NDArray[np.uint16]:
-    """The frame (H, W) uint16 for a signal (H, W) in fractions of full scale, 1 being where the values clip.
+    """Digital values (H, W) uint16 for a signal (H, W) in fractions of full scale, 1 being where the values clip.
 
     With `random` there is shot noise (Poisson) and read noise; without, the values are only rounded and clipped.
     """

@@ -2,7 +2,7 @@
 
 Each is 0.10–0.15 m long, stands on z = 0 round the z axis, and differs from the others in what it asks of photometric
 stereo: `sphere` (every slant, an analytic truth), `vase` (a curved outline), `relief` (flat, fine, grazing light),
-`part` (steps, holes and edges), `bumps` (smooth valleys), `figure` (limbs that shadow and hide one another).
+`part` (steps, holes and edges), `bumps` (smooth valleys), `figure` (arms and legs that shadow and occlude one another).
 """
 
 from itertools import pairwise
@@ -186,8 +186,8 @@ def bumps(random: np.random.Generator) -> Mesh:
 
 
 def figure(random: np.random.Generator) -> Mesh:
-    """A reclining figure of about 0.14 m: limbs with deep folds between them, arms that cross above the body."""
-    chains = [  # joints and radii of body and limbs, mm
+    """A reclining figure of about 0.14 m: deep folds between arms and legs, arms that cross above the body."""
+    chains = [  # joints and radii of body, arms and legs, mm
         ([(-26, 0, 27), (16, 0, 25)], 25),
         ([(-53, 4, 30), (-50, 4, 32)], 16),
         ([(-24, 22, 38), (2, 43, 24), (8, 10, 62)], 9),
@@ -213,7 +213,7 @@ def figure(random: np.random.Generator) -> Mesh:
             bone = end - start
             along = np.clip((points - start) @ bone / (bone @ bone), 0, 1)
             distance = np.linalg.norm(points - start - along[..., None] * bone, axis=-1) - radius
-            # A bound keeps far limbs from vanishing in the exponential; they do not matter there.
+            # A bound keeps far segments from vanishing in the exponential; they do not matter there.
             total += np.exp(-np.minimum(distance, 0.09) / blend)
         return -blend * np.log(total)
 

@@ -1,8 +1,8 @@
-"""What arm and lamp did while the shutter was open, from the controller's state before, during and after.
+"""Exposure as a sum of intervals of constant pose and light, sampled from the controller's state.
 
-A lamp follows its output exponentially. A moving arm smears its shadows: its joints over the exposure become a few
-moments that are rendered one by one. An arm at rest under a settled lamp is one moment, whatever the clock says, so
-that a repeated exposure gives the same frame.
+A lamp follows its output as a first-order low-pass. A moving arm smears its shadows: its joints over the exposure
+become a few intervals that are rendered one by one. An arm at rest under a lamp at a constant level is one interval,
+whatever the clock says, so that a repeated exposure gives the same frame.
 """
 
 import math
@@ -42,10 +42,10 @@ class StateSource(Protocol):
 
 
 def expose(source: StateSource, exposure_s: float) -> list[ExposureInterval]:
-    """Keeps the shutter open for `exposure_s` of the cell's time and says what happened; shares add up to 1.
+    """Keeps the shutter open for `exposure_s` of the cell's time and returns its intervals, whose shares add up to 1.
 
-    What happened is timed by the controller's clock alone: on a busy machine that clock lags behind this process's, and
-    an age by the one against a duration by the other would make a lamp seem to have come on late.
+    The intervals are timed by the controller's clock alone: on a busy machine that clock lags behind this process's,
+    and an age by the one against a duration by the other would make a lamp seem to have come on late.
     """
     begun = time.monotonic()
     states = [source.state()]
@@ -58,7 +58,7 @@ def expose(source: StateSource, exposure_s: float) -> list[ExposureInterval]:
 
 
 def exposure_intervals(states: Sequence[CellState]) -> list[ExposureInterval]:
-    """The moments between states, whose clock has moved on; intervals in which the arm rests are one moment."""
+    """Intervals between states whose clock has advanced; neighbours in which the arm rests are merged into one."""
     whole_s = states[-1].clock_s - states[0].clock_s
     parts: list[ExposureInterval] = []
     for before, after in pairwise(states):
@@ -94,7 +94,7 @@ def _snapped(level: float) -> float:
 
 
 def _mean_level(state: CellState, duration_s: float) -> float:
-    """The lamp's mean level over the `duration_s` (cell's time) before `state`, settled before its last change."""
+    """Mean lamp level over the `duration_s` (cell's time) before `state`; constant before its last change."""
     age = state.lamp_age_s * state.speed_factor
     since = min(duration_s, age)
     start = age - since

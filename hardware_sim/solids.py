@@ -1,7 +1,7 @@
-"""The cell's solid bodies for the controller's collision check: what the world knows of shapes, as numbers.
+"""Conversion of the cell's solid bodies to the arrays of the controller's collision check.
 
 Table, camera, obstacles and tool are as the cell file has them. The object is the mesh that is rendered, not its
-keep-out: only what is really touched counts.
+keep-out: a collision is a contact with its surface.
 """
 
 import numpy as np

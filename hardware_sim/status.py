@@ -1,4 +1,4 @@
-"""What a simulated cell tells whoever runs it: a JSON line at each change, and one now and then.
+"""Status of a simulated cell as JSON lines: one at each change, and one for each interval without a change.
 
 Fields: `at` (the controller's time stamp, s), `arm` (`stands` or `moves`), `robot_mode`, `safety_mode`, `program` (its
 state and name), `outputs` (bits), `lamp` (`ok`, `dead` or the share of its light), `collisions` (how many so far),
@@ -21,7 +21,7 @@ class StatusLines:
         self._printed_at = 0.0
 
     def line(self, state: dict[str, Any], now: float) -> str | None:
-        """The line to print for a state at `now` (s, any clock), or None where there is nothing to say."""
+        """The line to print for a state at `now` (s, any clock), or None while nothing changes within the interval."""
         status = summary(state)
         changed = status != self._last
         if not changed and now - self._printed_at < INTERVAL_S:
@@ -34,7 +34,7 @@ class StatusLines:
 
 
 def summary(state: dict[str, Any]) -> dict[str, Any]:
-    """What counts as a change."""
+    """The fields whose change makes a line."""
     fraction = state["disturbances"]["lamp_fraction"]
     return {
         "arm": "moves" if any(state["joint_speeds"]) else "stands",

@@ -1,4 +1,4 @@
-"""Rays against one mesh: the only place that knows the ray tracer."""
+"""Ray casting against one triangle mesh by Embree: the only module that imports the ray tracer."""
 
 from dataclasses import dataclass
 
@@ -25,7 +25,7 @@ class Hits:
 
 
 class Tracer:
-    """Answers which triangle a ray hits first, and whether it hits any."""
+    """First-hit and occlusion queries of one mesh."""
 
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh

@@ -1,4 +1,4 @@
-"""What is true of each pixel, as a file for `grade`; it never leaves by the camera's port."""
+"""Ground truth of each pixel as a file for `grade`; the camera's port never sends it."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,10 +1,10 @@
-"""The truth of the cell: object, table, lamp, camera and room, and how they differ from what the calibration says.
+"""Ground truth of the cell: object, table, lamp, camera and room, and how they differ from the calibration.
 
-A `Profile` holds the differences that nobody tells the solver. Those that belong to one image (lamp intensity, lamp
-position, flicker, sensor noise) are drawn from a hash of seed, joints, exposure, lamp and attempt, not from the order
+A `Profile` holds the differences that the solver does not know. Those that belong to one image (lamp intensity, lamp
+position, flicker, sensor noise) are sampled from a hash of seed, joints, exposure, lamp and attempt, not from the order
 of calls, so that a resumed session sees the same images.
 
-The arm itself neither casts shadows nor hides the object: waypoints keep it out of the way. Where that shall be
+The arm itself neither casts shadows nor hides the object: waypoints keep it clear of both. Where that shall be
 simulated, its links join the mesh that `Tracer` is made from, for each set of joints.
 """
 
@@ -35,9 +35,9 @@ ProfileName = Literal["ideal", "direct", "realistic"]
 
 @dataclass(frozen=True)
 class Profile:
-    """What the world does that the calibration does not know.
+    """Deviations of the world from its calibration.
 
-    `intensity_sigma` (fraction) and `lamp_position_sigma_m` (per axis) are drawn for each image; `camera_shift_m` and
+    `intensity_sigma` (fraction) and `lamp_position_sigma_m` (per axis) are sampled for each image; `camera_shift_m` and
     `camera_turn_rad` are the lengths of a fixed error of the camera's pose in a direction that the seed chooses;
     `ambient_per_s` is the room's light on a white surface under open sky, in full scales per second.
     """
@@ -71,7 +71,7 @@ DRIFT = 0.02
 """The room's lamps flicker with the mains, and its brightness drifts from image to image (1 σ, fraction)."""
 
 CACHED_IMAGES = 1
-"""A frame that is taken again while nothing has moved needs no new picture, only another exposure."""
+"""A frame that is captured again while nothing has moved needs no new rendering, only another exposure."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ class World:
             np.array(calibration.distortion),
             self._object_from_base @ self._true_camera(),
         )
-        # Small pictures have large pixels, which need more samples for the same shadow edges.
+        # Small images have large pixels, which need more samples for the same shadow edges.
         subdivision = 2 if calibration.width >= 400 else 4
         self._view = render.trace_view(self.scene, self._tracer, self.lens, subdivision)
         self._indirect = IndirectLight(self.scene, self._tracer, self._view) if self._profile.interreflections else None
@@ -145,12 +145,12 @@ class World:
         return flange @ self._flange_from_lamp
 
     def lamp_image(self, lamp: Lamp) -> Float32Array:
-        """The light (H, W) that reaches the camera's pixels from a lamp, object frame, without ambient light."""
+        """Image (H, W) under a lamp (object frame), without ambient light: direct light and interreflections."""
         image = render.direct_image(self._view, self.scene, self._tracer, lamp)
         return image if self._indirect is None else image + self._indirect.interreflections(lamp)
 
     def frame(self, intervals: Sequence[ExposureInterval], exposure_s: float, attempt: int) -> npt.NDArray[np.uint16]:
-        """The camera's frame (H, W) uint16 of an exposure made of moments, whose shares add up to 1."""
+        """The camera's frame (H, W) uint16 of an exposure made of intervals, whose shares add up to 1."""
         profile = self._profile
         is_on = any(moment.lamp_level > 0 for moment in intervals)
         joints = [round(joint / 1e-4) for joint in intervals[0].joints]
@@ -169,7 +169,7 @@ class World:
         return sensor.expose(signal, self.calibration.sensor, random if profile.noise else None)
 
     def _lamp_image_at(self, joints: tuple[float, ...], shift: tuple[float, ...]) -> Float32Array:
-        """The light (H, W) of the lamp at power 1, `shift` (3,) m beside where joints (6,) in rad bring it."""
+        """Image (H, W) under the lamp at power 1, its position at joints (6,) in rad plus `shift` (3,) in m."""
         base_from_lamp = self.base_from_lamp(joints)
         lamp = Lamp(
             geometry.transform(self._object_from_base, base_from_lamp[:3, 3] + shift),
@@ -181,7 +181,7 @@ class World:
         return self.lamp_image(lamp)
 
     def truth(self) -> Truth:
-        """What is true at the pixel centres, in the frame of the camera as the calibration has it."""
+        """Ground truth at the pixel centres, in the view frame of the nominal camera."""
         samples = self._centre_samples()
         view_from_object = geometry.inverse(
             self._object_from_base @ geometry.base_from_view(np.array(self.calibration.base_from_camera))

@@ -1,6 +1,6 @@
 """The world as a process: builds the scene, writes the truth, serves the camera until its parent is gone.
 
-It also tells the controller what is solid: `surroundings.npz` in the folder.
+It writes the solid bodies for the controller's collision check too: `surroundings.npz` in the folder.
 
 Run as `python -m hardware_sim.world_process FOLDER OBJECT SEED PROFILE`, with `cell.toml` and `calibration.json` in the
 folder. Prints one JSON line, `{"ready": true}` or `{"error": sentence}`. It ends when its standard input ends, which
@@ -27,7 +27,7 @@ from hardware_sim.world import ProfileName, World
 
 
 class ControllerState:
-    """Arm and lamp as the controller's control port tells them."""
+    """Arm and lamp as the controller's control port reports them."""
 
     def __init__(self, address: str, lamp_output: int) -> None:
         self._address, self._output = address, lamp_output
@@ -37,7 +37,7 @@ class ControllerState:
         self.calibration: tuple[int | None, float] = (state["calibration_seed"], state["calibration_error_m"])
 
     def surround(self, path: Path) -> None:
-        """Tells the controller what the arm can touch. Raises RigError device.disconnected, request.invalid."""
+        """Sends the solid bodies to the controller. Raises RigError device.disconnected, request.invalid."""
         with ControlClient(self._address) as client:
             client.surround(path)
 

@@ -1,15 +1,17 @@
 """A UR e-Series controller (PolyScope 5.11.1) in software: real sockets, the real library on the other side.
 
-    sockets · delay → rtde (registers · publication) · dashboard · scripts · control_port      what clients speak
-    syntax · tree → compiler → program + …_functions (meaning · script_values) ← uploads       URScript
+    sockets · delay → rtde (registers · publication) · dashboard · scripts · control_port      protocols
+    syntax · syntax_tree → compiler → program + …_functions (semantics · script_values) ← program_loader  URScript
     kinematics · calibration · poses → profile · curves → moves · blend · process_path · steering · limits → arm
-    surroundings · contact → collisions · safety · watchdogs · outputs · hand                  what stops it
+    surroundings · contact → collisions · safety · watchdogs · outputs                         stops
+    freedrive · hand_guiding                                                                   the arm moved by hand
+    robot                                                                                      what these see of it
     controller                                                                                 one tick of 2 ms
-    faults · disturbances · trace · loaded                                                     on demand
-    server                                                                                     the loop that joins them
+    faults · disturbances · trace · program_store                                              on demand
+    server · options                                                                           the event loop
 
-`serve` runs one and blocks; `process.ControllerProcess` runs one in a child; `control.ControlClient` reads the truth
-and orders faults; `trace.read_trace` reads back every tick.
+`serve` runs one and blocks; `process.ControllerProcess` runs one in a child; `control.ControlClient` reads the true
+state and orders faults; `trace.read_trace` reads back every tick.
 
 What the unmodified ur-rtde 1.6.5 does when something fails here, and the test that shows it. `failures`, `links`, … are
 `tests/hardware_sim/controller/test_failures.py` and so on; (long) is run by `make test-long` alone.
@@ -29,7 +31,7 @@ Constructing
 
 The program
     stopped in a synchronous move       False at once; the arm brakes                               failures
-    stopped in an asynchronous move     the progress word says "running" until the next upload      failures
+    stopped in an asynchronous move     the progress register says "running" until the next upload  failures
     stopped earlier                     moves and setters False, getters RuntimeError, stops None,
                                         inverse kinematics []                                       failures
     paused at the pendant               False at once; after `play` the arm goes on with the move   ordered_faults
@@ -43,7 +45,7 @@ The program
                                         servoC) says True, and must be asked for no more before an
                                         upload helps: any call that says False takes it back        failures
     custom script, good                 True, the control script runs again                         conformance
-    custom script, bad                  blocks (300 s): it waits for a word of the script           failing_links
+    custom script, bad                  blocks (300 s): it waits for the script's reply             failing_links
     watchdog and a synchronous move     False after the watchdog's period                           failures
     watchdog kicked                     the move lives; dies one period after the last kick         conformance
     values out of range                 ValueError, nothing is sent; outputs and slider are not
@@ -67,7 +69,7 @@ Safety
     collision in a move                 False at once; `ControlClient.collisions` says what touched  collisions
       unlocking while it still touches  stops again at once; moved away by hand, it stays unlocked  collisions
     speed slider at 10 % or 0           moves take ten times as long, or stand until it is up       ordered_faults
-    arm not where it says               nothing: only `control.ControlClient.state` tells           failures
+    arm not where it reports            nothing: only `control.ControlClient.state` shows it        failures
     output stuck                        True, and the read-back stays as it was                     failures
     lamp dead, frame or object amiss    nothing: outputs read back as ordered, only images tell     test_cell
 

@@ -32,12 +32,14 @@ def main() -> int:
     parser.add_argument("--address", default="127.0.0.1", help="loopback address; the ports are those of a real one")
     parser.add_argument("--model", choices=sorted(MODELS), default="ur5e", help="the arm")
     parser.add_argument("--home", type=_joints, default="0,-1.9,1.9,-1.57,-1.57,0", help="initial joints in rad")
-    parser.add_argument("--calibration-seed", type=int, help="an arm as built, not as drawn; default: as drawn")
+    parser.add_argument(
+        "--calibration-seed", type=int, help="an arm that differs from its nominal kinematics; default: nominal"
+    )
     parser.add_argument(
         "--calibration-error-m",
         type=float,
         default=TYPICAL_ERROR_M,
-        help="rms of the flange's distance from the drawings",
+        help="rms of the flange's distance from its nominal position",
     )
     parser.add_argument("--speed", type=float, default=1.0, help="speed factor of motion")
     parser.add_argument(

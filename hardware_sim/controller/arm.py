@@ -1,6 +1,6 @@
-"""The arm itself: joints, tool, payload and the motion it is in; no modes, no program.
+"""State of the arm: joints, tool, payload and the present motion; no modes, no program.
 
-Reported joints and true joints differ only by `joint_offset`, a fault on demand: the arm is then not where it says.
+Reported and true joints differ only by `joint_offset`, a fault on demand.
 """
 
 from collections import deque
@@ -30,7 +30,7 @@ class Corner:
 
 
 class Arm:
-    """Where the arm is and what moves it."""
+    """Joints, tool and payload of the arm, and the motion that changes them."""
 
     def __init__(self, model: ArmModel, joints: Sequence[float]) -> None:
         self.model = model

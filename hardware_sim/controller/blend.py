@@ -1,8 +1,8 @@
-"""A corner rounded: the next move begins while the one before fades out, and the arm does the sum of both.
+"""Blending of two moves by superposition: the next begins while the one before slows down, and the arm adds both.
 
-Both are inside their ramps, where their ways are convex functions of time. So the speed has no jump, is never above
-that of the faster move, and the tool stays within the blend radius of the corner; and as the ramps of one move do not
-overlap, neither do its two blends. Two moves of the tool are added in its own space, where straight courses then keep
+Both are inside their ramps, where their displacements are convex functions of time. So the speed has no jump, is never
+above that of the faster move, and the tool stays within the blend radius of the corner; and as the ramps of one move do
+not overlap, neither do its two blends. Two moves of the tool are added in its own space, where straight paths then keep
 the radius exactly; else joints are added, and samples of the sum say how early the next move may begin.
 """
 
@@ -19,7 +19,7 @@ _ROUNDS = 8
 
 
 class Blend:
-    """What is left of the move before, and when the one that follows begins."""
+    """The superposition of a move's end and the next one's start."""
 
     def __init__(
         self,
@@ -51,7 +51,7 @@ class Blend:
                 away = max(self._away(overlap, number / _SAMPLES, tool_at) for number in range(_SAMPLES + 1))
                 if away <= _INSIDE * radius:
                     return overlap
-                # In a ramp the way goes with the square of the time.
+                # In a ramp the distance goes with the square of the time.
                 overlap *= min(0.95, (0.95 * _INSIDE * radius / away) ** 0.5)
         except MotionError:
             pass  # the sum leaves the reach: no blend

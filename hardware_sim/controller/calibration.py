@@ -1,8 +1,8 @@
-"""Factory calibration: what a particular arm differs by from its drawings.
+"""Factory calibration of an arm: deviations of its Denavit–Hartenberg parameters from the nominal ones.
 
 A real controller knows the measured chain of its own arm, and its clients do not: nominal kinematics are wrong by
-millimetres, the controller's tool pose is right. Each link gets errors of lengths and angles drawn from a seed, scaled
-so that the flange is so far (root mean square over poses) from where the drawings have it as was asked for.
+millimetres, the controller's tool pose is right. Each link gets errors of lengths and angles sampled from a seed,
+scaled to the requested root mean square, over poses, of the flange's distance from its nominal position.
 """
 
 import math

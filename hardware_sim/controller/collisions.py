@@ -1,4 +1,4 @@
-"""Collisions of the simulated arm: found in every step of its motion, and kept for whoever grades a session."""
+"""Record of the simulated arm's collisions: checked in every step of its motion, kept for the grading of a session."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ class Collision:
 
 
 class Collisions:
-    """Watches one arm. Without surroundings nothing is solid, not even the arm itself."""
+    """The collisions of one arm. Without surroundings nothing is solid, not even the arm itself."""
 
     def __init__(self, model: ArmModel) -> None:
         self.records: deque[Collision] = deque(maxlen=_KEPT)
@@ -72,7 +72,7 @@ class Collisions:
         self.reset()
 
     def reset(self) -> None:
-        """The arm may go on: what it touches now counts anew."""
+        """Forgets the present contacts, when the arm may run again: what it touches then counts anew."""
         self._known.clear()
         self._check_at_rest = True
         if self._check is not None:
@@ -90,7 +90,7 @@ class Collisions:
 
     @property
     def due(self) -> bool:
-        """Whether to look although the arm stands still."""
+        """Whether to check although the arm stands still."""
         return self._check_at_rest and self._check is not None
 
     def _record(self, contact: "Contact", timestamp: float) -> Collision | None:

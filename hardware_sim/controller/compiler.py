@@ -1,9 +1,9 @@
-"""URScript to Python: one closure per function, a generator where time may pass.
+"""Compiler from URScript to Python: one closure per function, a generator where time may pass.
 
 Walking a tree at 500 Hz would cost more than the rest of the controller; compiled once, one turn of the control
 script's main loop takes a few microseconds. A function that can neither wait nor loop becomes a plain function, every
 other a generator whose `yield` gives up the time slot. URScript's names get a prefix, so that no program can reach
-Python's own, and its operators become calls of `meaning` wherever Python's would mean something else.
+Python's own, and its operators become calls of `semantics` wherever Python's would mean something else.
 
 A loop, and a function that calls itself, asks at each round whether the thread has done its share of this tick; what a
 round costs is counted here, from the size of its body.
@@ -70,7 +70,7 @@ NAMES_OF_OPERATIONS = {
     ">": "o_greater",
     ">=": "o_greater_or_equal",
 }
-"""What a program's code calls the operators of `meaning.OPERATIONS`."""
+"""What a program's code calls the operators of `semantics.OPERATIONS`."""
 _COST_OF_BUILTIN = 10  # in nodes of the tree
 _COST_OF_KINEMATICS = 500
 _DEEPEST_COUNTED = 8  # calls inside calls

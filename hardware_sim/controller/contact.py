@@ -1,12 +1,12 @@
-"""Whether the arm touches something: the truth that the simulated controller's protective stops come from.
+"""Collision check of the arm by sphere sets and conservative advancement; it causes the protective stops.
 
 Nothing of the planner is in it, neither code nor shapes nor clearances, so that an error there shows here. Links are
 sphere sets (`link_spheres.json`, made by `hardware_sim.link_spheres`): contact is reported at the latest when a link is
 2 mm deep in something (4 mm: two links, or the object), and never while they are over 1 mm (2 mm) apart.
 
-Each pair of bodies is looked at as often as it could have met: a look gives their distance, and nothing needs to be
-looked at again before a bound on the movement of all points of the one against the other has used it up (conservative
-advancement). Of the two dozen pairs most ticks look at none; near something there is a look for each `FINEST_M`.
+Conservative advancement (Mirtich, 1996): a check gives the distance of a pair of bodies, and the pair is not checked
+again before a bound on the relative movement of all their points has used that distance up. Of the two dozen pairs most
+ticks check none; near a body there is a check for each `RESOLUTION_M`.
 """
 
 import json
@@ -26,7 +26,7 @@ from hardware_sim.controller.surroundings import OBJECT_BALL_M, FloatArray, Surr
 BoolArray = npt.NDArray[np.bool_]
 PARTS = ("base", "shoulder", "upper arm", "forearm", "wrist 1", "wrist 2", "wrist 3", "tool", "object")
 RESOLUTION_M = 0.001
-"""No point of the arm moves further than this between two looks that find something that near."""
+"""No point of the arm moves further than this between two checks of bodies that are that near."""
 
 _TOOL, _OBJECT = 7, 8
 _FRAMES = (0, 1, 2, 3, 4, 5, 6, 6, 0)  # the link's frame that each part is given in
@@ -70,7 +70,7 @@ class _Pair:
 
 
 class ContactCheck:
-    """Follows one arm through its movements."""
+    """The collision check of one arm."""
 
     def __init__(self, model: ArmModel, surroundings: Surroundings) -> None:
         self._surroundings = surroundings
@@ -91,11 +91,11 @@ class ContactCheck:
         self._joints: FloatArray | None = None
 
     def reset(self) -> None:
-        """The arm may be anywhere now: the next `advance` looks at everything."""
+        """Forgets the arm's position: the next `advance` checks all pairs."""
         self._joints = None
 
     def advance(self, joints: Sequence[float]) -> Contact | None:
-        """The first contact on the straight way from the joints (6,) of the last call to these, in rad."""
+        """The first contact on the joint-space segment from the joints (6,) of the last call to these, rad."""
         goal = np.array(joints, dtype=float)
         if self._joints is None:
             self._joints = goal
@@ -122,7 +122,7 @@ class ContactCheck:
         return {self._names(pair): self._distance(pair, frames) for pair in self._pairs}
 
     def _touching_pair(self, joints: Sequence[float]) -> _Pair | None:
-        """Looks at the pairs that may have met; returns the one that is deepest in each other, if any is."""
+        """Checks the pairs that may have met; returns the deepest in contact, None where none is."""
         frames = self.frames(joints)
         deepest: tuple[float, _Pair | None] = (0.0, None)
         for number in np.flatnonzero(self._slack_m < 0.0):
@@ -164,7 +164,7 @@ class ContactCheck:
         return best
 
     def frames(self, joints: Sequence[float]) -> list[Frame]:
-        """The seven links' frames in base: 0 the base, 6 the flange; (Denavit–Hartenberg)."""
+        """Forward kinematics of all links (Denavit–Hartenberg): seven frames in base, 0 the base, 6 the flange."""
         frames = [poses.IDENTITY]
         for angle, link in zip(joints, self._links, strict=True):
             q, a, ct, st = angle + link.offset, link.length, link.cos_twist, link.sin_twist
@@ -174,7 +174,9 @@ class ContactCheck:
         return frames
 
     def _lever_arm(self, pair: _Pair) -> list[float]:
-        """How far (6,) from each joint's axis, m, any point can be that the joint moves in the frame of the other."""
+        """Lever arms (6,) in m: bounds of the distance from each joint's axis of any point that the joint moves, in the
+        frame of the other part.
+        """
         alone = pair.body >= 0 or pair.other == _OBJECT
         moving, near = (pair.part, 0) if alone else (pair.other, _FRAMES[pair.part])
         part, far = self._parts[moving], _FRAMES[moving]

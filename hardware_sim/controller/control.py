@@ -1,4 +1,4 @@
-"""A client of the simulated controller's control port: read the truth, order faults (`control_port`, `faults`)."""
+"""Client of the simulated controller's control port: reads the true state, orders faults (`control_port`, `faults`)."""
 
 import json
 import socket

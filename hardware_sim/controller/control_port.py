@@ -1,4 +1,4 @@
-"""The simulator's own port (30200): the truth about the arm, faults on demand, surroundings.
+"""Control port of the simulator (30200): true state of the arm, faults on demand, surroundings.
 
 One JSON object per line in, one per line out; replies carry `"ok"`, and `"error"` where it is false. No real controller
 has this port; only the simulated world, tests and graders use it. From Python: `control.ControlClient`.

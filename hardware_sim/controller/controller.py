@@ -1,6 +1,6 @@
-"""The controller: the arm, the program it runs, its outputs and what stops it, in ticks of 2 ms.
+"""State and tick of the controller: the arm, the program it runs, its outputs and its stops, every 2 ms.
 
-Each tick: due orders → watchdogs → the program's turn → motion and what it touches → values for the clients. Motion
+Each tick: due orders → watchdogs → the program's turn → motion and collisions → values for the clients. Motion
 advances by the speed factor × 2 ms, everything else keeps wall time. Nothing here knows sockets; the ports call in
 between ticks.
 """
@@ -55,7 +55,7 @@ class Controller:
         programs: Path | None = None,
         record: Record | None = None,
     ) -> None:
-        """`now` is time.monotonic(); `programs` holds what can be loaded; `record` is told each step's time stamp."""
+        """`now` is time.monotonic(); `programs` is the dashboard's folder; `record` receives each step's time stamp."""
         self.arm = Arm(model, home)
         self.registers = Registers()
         self.outputs = Outputs(low_when_stopped, now)
@@ -122,7 +122,7 @@ class Controller:
             self.refuse(error)
 
     def refuse(self, error: ScriptSyntaxError) -> None:
-        """Says why a program could not be compiled; what runs goes on."""
+        """Reports why a program could not be compiled; the running one continues."""
         self.runtime_exception(f"program refused: {error}")
 
     def start(self, compiled: CompiledProgram) -> None:
@@ -242,7 +242,7 @@ class Controller:
         self.safety.power_off()
 
     def clear(self) -> None:
-        """Makes everything normal again, as after a visit of somebody with time: powered, released, no fault left."""
+        """Clears all faults: powered, brakes released, safety normal."""
         self.safety.reset()
         self.slider = 1.0
         self.arm.joint_offset = [0.0] * 6
@@ -251,7 +251,7 @@ class Controller:
             self.outputs.stick(number, None)
 
     def reboot(self) -> None:
-        """Begins anew as after a power cycle of the controller: booting, then without power; the arm stands."""
+        """Restarts as after a power cycle of the controller: booting, then without power; the arm stands."""
         self.report("the controller restarts")
         self.power_off()
         self.outputs.write((1 << DIGITAL_OUTPUTS) - 1, 0)
@@ -274,7 +274,7 @@ class Controller:
             self.protective_stop("somebody pushes the arm")
         self.report("the arm is moved by hand")
         if seconds == 0.0:
-            self.collisions.reset()  # there is no way there on which it could touch anything
+            self.collisions.reset()  # no path on which it could touch anything
         self._unclaimed = HandMove(self.arm.joints, joints, seconds)
         self.arm.steer(self._unclaimed)
 
@@ -287,7 +287,7 @@ class Controller:
         self._unclaimed = self.arm.brake(deceleration)
 
     def order(self, when: Callable[[], bool], action: Callable[[], None]) -> None:
-        """Does something between two ticks, as soon as `when` holds."""
+        """Schedules an action between two ticks, as soon as `when` holds."""
         self._orders.append((when, action))
 
     def report(self, message: str, level: int = logging.WARNING) -> None:
@@ -388,7 +388,7 @@ class Controller:
             self.runtime_state = RuntimeState.PAUSED
 
     def _check_collisions(self) -> None:
-        """A protective stop where the arm has begun to touch something."""
+        """Protective stop where the arm has begun to touch a body."""
         collision = self.collisions.advance(self.arm.true_joints, self.timestamp)
         if collision is not None:
             self.report(f"COLLISION: {collision.parts}")

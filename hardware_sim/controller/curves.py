@@ -1,7 +1,7 @@
-"""The courses of the tool: straight line and circle, each from share 0 to share 1.
+"""Paths of the tool: straight line and circular arc, each from share 0 to share 1.
 
-`at` is the pose at a share of the course, `rate` its change per unit of share (m and rad, base frame). `length` is the
-way in m, `angle` the whole turn in rad.
+`at` is the pose at a share of the path, `rate` its change per unit of share (m and rad, base frame). `length` is the
+arc length in m, `angle` the total rotation in rad.
 """
 
 import math
@@ -14,14 +14,14 @@ _COLLINEAR = 1e-6  # of the sine between two chords
 
 
 class Curve(Protocol):
-    """A course of the tool."""
+    """A path of the tool."""
 
     start: Frame
     length: float
     angle: float
 
     def at(self, share: float) -> Frame:
-        """The tool's pose at a share of the course."""
+        """The tool's pose at a share of the path."""
         ...
 
     def rate(self, share: float) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""The dashboard server: one line of text in, one line out (port 29999).
+"""Dashboard server (UR dashboard server guide): one line of text in, one line out (port 29999).
 
 Replies are compared whole by the clients, so they are the real ones, ended by a bare line feed. In local control a
 controller answers questions and shows popups, and refuses all else; it goes on refusing on connections that were opened

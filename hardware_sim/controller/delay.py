@@ -1,4 +1,4 @@
-"""Links that are slow: bytes are held back, in order, each piece for a time of its own."""
+"""Latency and jitter of a link: bytes are held back, in order, each piece for a random time."""
 
 import random
 import time
@@ -6,14 +6,14 @@ from collections import deque
 
 
 class Delay:
-    """How long: `latency` and up to `jitter` more, in s; the same seed draws the same times."""
+    """Random latencies: `latency` and up to `jitter` more, in s; the same seed draws the same times."""
 
     def __init__(self, latency: float, jitter: float, seed: int) -> None:
         self._latency, self._jitter = latency, jitter
         self._random = random.Random(seed)  # noqa: S311 - a simulation, no secret
 
     def draw(self) -> float:
-        """The next piece's time on its way, s."""
+        """The next piece's latency, s."""
         return self._latency + self._jitter * self._random.random()
 
 
@@ -36,7 +36,7 @@ class Pipe:
         return True
 
     def arrived(self, now: float) -> list[bytes]:
-        """What has been on its way for long enough."""
+        """The pieces whose latency is over."""
         pieces: list[bytes] = []
         while self._pieces and self._pieces[0][0] <= now:
             pieces.append(self._pieces.popleft()[1])

@@ -1,4 +1,4 @@
-"""Faults of lamp, camera and object: ordered here with all others, carried out by the world that reads them."""
+"""State of the faults of lamp, camera and object: ordered at the control port, carried out by the world."""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 
 @dataclass
 class Disturbances:
-    """What is wrong with the world at present; frames are counted since the start, so that none is spoilt twice."""
+    """The world's present faults; frames are counted since the start, so that each fault happens once."""
 
     lamp_fraction: float = 1.0  # of the lamp's light; 0: it is dead, whatever its output says
     lamp_flicker: float = 0.0  # depth 0–1 by which exposures differ at random
@@ -16,7 +16,7 @@ class Disturbances:
     object_turn_rad: float = 0.0
 
     def reset_lamp(self) -> None:
-        """Mends the lamp; a nudged object stays where it is."""
+        """Restores the lamp; a nudged object stays where it is."""
         self.lamp_fraction, self.lamp_flicker = 1.0, 0.0
 
     def as_json(self) -> dict[str, Any]:

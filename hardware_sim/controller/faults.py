@@ -1,4 +1,4 @@
-"""Faults on demand: what the control port can make go wrong.
+"""Fault injection: the faults that the control port can order.
 
 Every fault is one entry of `FAULTS`; its parameters are the other fields of the request. Faults act between two ticks:
 at once, after `at_s` seconds of wall time, or as soon as the `at_move`-th move from now has begun.
@@ -6,7 +6,7 @@ at once, after `at_s` seconds of wall time, or as soon as the `at_move`-th move 
     safety      protective_stop · safeguard_stop · emergency_stop · system_emergency_stop · violation · fault
                 release_safeguard_stop · release_emergency_stop · clear (all is normal, powered and mended at once)
     operation   power_off · program_stop · program_pause (as from the pendant) · local_mode · remote_mode
-                speed_slider {fraction} · hand_move {joints: [6], seconds} (by hand; 0: at once, on no way)
+                speed_slider {fraction} · hand_move {joints: [6], seconds} (by hand; 0: at once, without a path)
                 restart (all connections end, booting, then without power; also switches on what was shut down)
     arm         joint_offset {offsets_rad: [6]} (the arm is not where it says) · time_jump {seconds}
     outputs     output_stuck {output, level: true | false | null = let go}

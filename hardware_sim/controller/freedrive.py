@@ -1,4 +1,7 @@
-"""Freedrive and teach mode: the arm holds its pose, and a person's hand may move it along the axes that are free."""
+"""Freedrive (`freedrive_mode`, `teach_mode`; UR script manual): a hand may move the arm along the axes that are free.
+
+This is the state that a program puts the arm into; the movement by the hand itself is `hand_guiding.HandMove`.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +10,7 @@ from hardware_sim.controller import poses
 from hardware_sim.controller.poses import Frame
 
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
-_PLAY = 1e-3  # m and rad that a blocked axis gives way
+_PLAY = 1e-3  # m and rad by which a blocked axis yields
 
 
 @dataclass(frozen=True)
@@ -19,7 +22,7 @@ class Freedrive:
     base_from_feature: Frame = poses.IDENTITY
 
     def resists(self, base_from_tool: Frame, target: Frame) -> str | None:
-        """Why the tool cannot be led to a target, as a sentence; None where all axes that it takes are free."""
+        """Why the tool cannot be led to a target, as a sentence; None where all axes that it needs are free."""
         shift, turn = poses.difference(base_from_tool, target)
         feature_from_base = poses.invert(poses.with_position(self.base_from_feature, (0.0, 0.0, 0.0)))
         moved: Sequence[float] = (*poses.rotate(feature_from_base, shift), *poses.rotate(feature_from_base, turn))

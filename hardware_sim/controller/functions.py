@@ -1,4 +1,4 @@
-"""All functions of URScript that this controller has, and those it refuses.
+"""Table of URScript's built-in functions: those that this controller has, and those it refuses.
 
 What is not simulated is refused as a runtime exception that names the function; nothing answers "done" without having
 been done. A name that URScript does not have at all is an error of the program's text.

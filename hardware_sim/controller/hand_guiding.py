@@ -1,4 +1,7 @@
-"""A person who moves the arm by hand, with its brakes open or in freedrive: no program knows of it."""
+"""Hand guiding: the motion of an arm that a person pushes, with its brakes open or in freedrive.
+
+No program takes part in it; whether a program allows it is the state in `freedrive.Freedrive`.
+"""
 
 from collections.abc import Sequence
 

@@ -88,7 +88,7 @@ MODELS: dict[str, ArmModel] = {
 
 
 def chain(arm: ArmModel, joints: Sequence[float]) -> tuple[list[Axis], Frame]:
-    """The six joint axes in the base frame, and `base_from_flange`, at `joints` (6) in rad."""
+    """Forward kinematics (Denavit–Hartenberg): six joint axes in the base frame, `base_from_flange`; joints in rad."""
     axes: list[Axis] = []
     xx, xy, xz = 1.0, 0.0, 0.0
     yx, yy, yz = 0.0, 1.0, 0.0
@@ -110,12 +110,12 @@ def chain(arm: ArmModel, joints: Sequence[float]) -> tuple[list[Axis], Frame]:
 
 
 def forward(arm: ArmModel, joints: Sequence[float]) -> Frame:
-    """`base_from_flange` at `joints` (6) in rad."""
+    """Forward kinematics: `base_from_flange` at `joints` (6) in rad."""
     return chain(arm, joints)[1]
 
 
 def velocity(axes: Sequence[Axis], speeds: Sequence[float], point: Sequence[float]) -> tuple[float, ...]:
-    """Velocity (m/s, rad/s; base frame) of a point fixed to the flange, `point` (3) given in the base frame."""
+    """Jacobian times joint speeds: velocity (m/s, rad/s; base frame) of a flange `point` (3), base frame."""
     vx = vy = vz = wx = wy = wz = 0.0
     for ((ax, ay, az), (px, py, pz)), rate in zip(axes, speeds, strict=True):
         if rate:
@@ -155,7 +155,7 @@ def _arccosine(value: float, slack: float) -> float | None:
 def _nominal_solutions(
     arm: ArmModel, base_from_flange: Frame, last_joint: float, slack: float = _ROUNDING
 ) -> list[list[float]]:
-    """All joint sets of the nominal arm, in closed form; `slack` is how far past its reach it may be stretched."""
+    """All joint sets of the nominal arm in closed form (Hawkins 2013); `slack` extends its reach, in cosines."""
     r00, r01, r02, x, r10, r11, r12, y, r20, r21, r22, z = base_from_flange
     joint_sets: list[list[float]] = []
     wrist_x, wrist_y = x - arm.d6 * r02, y - arm.d6 * r12
@@ -201,13 +201,13 @@ def _nominal_solutions(
 
 
 def newton_solution(arm: ArmModel, base_from_flange: Frame, joints: Sequence[float]) -> list[float] | None:
-    """The joints of the chain as built that reach a flange pose, found by Newton's method from `joints`; None where
-    it finds none. Closer than 1e-9 m and rad.
+    """Inverse kinematics of the calibrated arm by Newton's method from `joints`: the joints (6) in rad that reach a
+    flange pose to 1e-9 m and rad; None where it does not converge.
     """
-    found = list(joints)
+    solution = list(joints)
     error = math.inf
     for _ in range(_NEWTON_STEPS):
-        axes, reached = chain(arm, found)
+        axes, reached = chain(arm, solution)
         away, turn = poses.difference(reached, base_from_flange)
         error = max(math.hypot(*away), math.hypot(*turn))
         if error < _CONVERGED:
@@ -217,8 +217,8 @@ def newton_solution(arm: ArmModel, base_from_flange: Frame, joints: Sequence[flo
         if step is None:
             return None
         share = min(1.0, _LONGEST_NEWTON_STEP / max(map(abs, step)))
-        found = [q + share * s for q, s in zip(found, step, strict=True)]
-    return found if error < _TOLERANCE else None
+        solution = [q + share * s for q, s in zip(solution, step, strict=True)]
+    return solution if error < _TOLERANCE else None
 
 
 def _solve_linear(columns: list[tuple[float, ...]], right: list[float]) -> list[float] | None:
@@ -234,14 +234,14 @@ def _solve_linear(columns: list[tuple[float, ...]], right: list[float]) -> list[
             factor = rows[k][i] / rows[i][i]
             if factor:
                 rows[k] = [a - factor * b for a, b in zip(rows[k], rows[i], strict=True)]
-    found = [0.0] * size
+    solution = [0.0] * size
     for i in reversed(range(size)):
-        found[i] = (rows[i][size] - sum(rows[i][k] * found[k] for k in range(i + 1, size))) / rows[i][i]
-    return found
+        solution[i] = (rows[i][size] - sum(rows[i][k] * solution[k] for k in range(i + 1, size))) / rows[i][i]
+    return solution
 
 
 def solutions(arm: ArmModel, base_from_flange: Frame, last_joint: float = 0.0) -> list[tuple[float, ...]]:
-    """All joint sets (up to 8) that reach a flange pose, each angle in (−π, π].
+    """Inverse kinematics: all joint sets (up to 8) that reach a flange pose, each angle in (−π, π].
 
     Where joints 4 and 6 turn about one line, joint 6 is free and `last_joint` is used for it.
     """

@@ -1,7 +1,7 @@
-"""What the arm may do: joint positions, joint speeds, tool speed, accelerations.
+"""Safety limits of the arm: joint positions, joint speeds, tool speed, accelerations.
 
 A program never exceeds them unnoticed. Programmed moves are planned within the speed limits, and a stated time that is
-too short grows; a course that leaves them on its way is a protective stop whose reason names the joint. Accelerations
+too short grows; a path that leaves them before its end is a protective stop whose reason names the joint. Accelerations
 beyond what drives give are cut to it, so that no program stops an arm within one tick.
 """
 

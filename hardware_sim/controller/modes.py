@@ -1,4 +1,4 @@
-"""Numbers that robot, program and safety states have on the wire."""
+"""Robot, safety and runtime states with their numbers in RTDE (UR RTDE guide)."""
 
 from enum import IntEnum
 

@@ -1,4 +1,4 @@
-"""What every motion has in common: it advances the arm's joints by a step of motion time and knows when it has ended.
+"""Interface of motions: a motion advances the arm's joints by a step of motion time and reports its end.
 
 `pace` is the share of the programmed speed that slider, pause and resume leave (0–1). It stretches the time base of
 programmed moves (`moves`, `process_path`, joined by `blend`); a stop (`steering`) brakes at its own deceleration

@@ -1,4 +1,4 @@
-"""URScript's motion functions.
+"""URScript's motion functions (UR script manual, module motion).
 
 They are generators: each claims the arm in every tick in which it waits, and a motion that nobody claims is braked, so
 that a killed thread, a finished program and a lost command all end at rest. A move with a blend radius returns when
@@ -36,7 +36,7 @@ class MotionFunctions(FunctionGroup):
             raise ScriptError(f"{name}: the arm is in {self._arm.freedrive.by}, end that first")
 
     def _begun(self, begin: Callable[[], Begun]) -> Begun | None:
-        """What `begin` makes, or None with a protective stop where the arm cannot follow it."""
+        """The motion that `begin` makes, or None with a protective stop where the arm cannot follow it."""
         try:
             return begin()
         except MotionError as error:
@@ -44,7 +44,7 @@ class MotionFunctions(FunctionGroup):
             return None
 
     def _wait_for(self, begin: Callable[[], Motion]) -> Waiting:
-        """Waits until a motion has ended; begins it anew where a stop has thrown it out (resumed after an unlock)."""
+        """Waits until a motion has ended; begins it anew where a stop has replaced it (resumed after an unlock)."""
         while True:
             motion = self._begun(begin)
             if motion is None:

@@ -1,9 +1,9 @@
-"""Programmed moves: each knows its end, and takes as long as its profile says.
+"""Programmed moves of the UR script manual: moves to a known end, on a trapezoidal velocity profile.
 
-`JointMove` is a straight segment in joint space, a `ToolCourse` moves the tool: on a curve from rest to rest
-(`ToolMove`) or on a path at constant speed (`process_path.ProcessPath`). What `blend` needs to join two of them is the
-same for all: how long they take to start and to stop, and where they are shortly after their start and before their
-end.
+`JointMove` (`movej`) is a straight segment in joint space, a `CartesianMove` (`movel`, `movec`, `movep`) moves the
+tool: on a curve from rest to rest (`ToolMove`) or on a path at constant speed (`process_path.ProcessPath`). What
+`blend` needs to join two of them is the same for all: how long they take to start and to stop, and where they are
+shortly after their start and before their end.
 """
 
 import math
@@ -19,7 +19,7 @@ from hardware_sim.controller.poses import Frame
 from hardware_sim.controller.profile import Trapezoid
 
 _AT_REST: Joints = [0.0] * 6
-_STRIDE = 0.1  # m of the tool, or half as many quarter turns, between the poses that find where a course ends
+_STRIDE = 0.1  # m of the tool, or half as many quarter turns, between the poses that follow a path to its end joints
 _STRIDE_TURN = 0.5  # rad
 
 
@@ -81,7 +81,7 @@ class _TrapezoidalMove:
         return self.time_left <= self.ramp_out and poses.distance(base_from_tool, base_from_end)[0] <= radius
 
     def _share(self, seconds: float) -> float:
-        """Share of the way that is covered at a time."""
+        """Share of the path that is covered at a time."""
         return self.profile.position(seconds) / self.profile.length if self.profile.length > 0.0 else 1.0
 
     def _share_rate(self) -> float:
@@ -151,20 +151,22 @@ def plan_joint_move(
     return JointMove(start, target, profile)
 
 
-def _greatest_tool_speed(arm: ArmModel, start: Sequence[float], way: Sequence[float], flange_from_tool: Frame) -> float:
-    """The tool's speed in m per time of the whole move, where it is greatest, of joints that turn evenly."""
+def _greatest_tool_speed(
+    arm: ArmModel, start: Sequence[float], displacement: Sequence[float], flange_from_tool: Frame
+) -> float:
+    """Greatest tool speed, in m per duration of the move, of joints that turn evenly; sampled along the move."""
     samples = 16
     fastest = 1e-9
     for number in range(samples + 1):
-        joints = [a + number / samples * w for a, w in zip(start, way, strict=True)]
+        joints = [a + number / samples * w for a, w in zip(start, displacement, strict=True)]
         axes, flange = kinematics.chain(arm, joints)
         tool = poses.position(poses.compose(flange, flange_from_tool))
-        fastest = max(fastest, math.hypot(*kinematics.velocity(axes, way, tool)[:3]))
+        fastest = max(fastest, math.hypot(*kinematics.velocity(axes, displacement, tool)[:3]))
     return fastest
 
 
 class CartesianMove(ABC):
-    """A move that knows where the tool has to be; the joints follow."""
+    """A move that prescribes the tool's pose; the joints follow by inverse kinematics."""
 
     end: Joints
     base_from_end: Frame
@@ -206,7 +208,7 @@ class CartesianMove(ABC):
 
 
 class ToolMove(_TrapezoidalMove, CartesianMove):
-    """A curve of the tool from rest to rest, the way on a trapezoid."""
+    """A curve of the tool from rest to rest, its arc length on a trapezoid."""
 
     def __init__(self, follower: Follower, curve: Curve, profile: Trapezoid) -> None:
         """Raises MotionError where the end is out of reach."""
@@ -217,7 +219,7 @@ class ToolMove(_TrapezoidalMove, CartesianMove):
         self.end = end_joints(follower, curve, follower.joints)
 
     def advance(self, seconds: float) -> Frame:
-        """See ToolCourse."""
+        """See CartesianMove."""
         self._time += seconds
         if self._time >= self.profile.duration:
             self.finished = True
@@ -228,11 +230,11 @@ class ToolMove(_TrapezoidalMove, CartesianMove):
         return self._curve.at(share)
 
     def frame_after(self, seconds: float) -> Frame:
-        """See ToolCourse."""
+        """See CartesianMove."""
         return self._curve.at(self._share(seconds))
 
     def frame_before_end(self, seconds: float) -> Frame:
-        """See ToolCourse."""
+        """See CartesianMove."""
         return self.frame_after(self.profile.duration - seconds)
 
 
@@ -241,17 +243,17 @@ def end_joints(follower: Follower, curve: Curve, start: Joints) -> Joints:
     strides = 1 + int(max(curve.length / _STRIDE, curve.angle / _STRIDE_TURN))
     joints = start
     try:
-        # A long way may end on another turn of a joint than the shortest one would.
+        # A long path may end on another turn of a joint than the shortest one would.
         for number in range(1, strides + 1):
             joints = follower.solve(curve.at(number / strides), joints)
     except MotionError:
-        # Out of reach on the way: the arm moves until there, unless the end itself is out of reach.
+        # Out of reach before the end: the arm moves until there, unless the end itself is out of reach.
         return follower.solve(curve.at(1.0), start)
     return joints
 
 
 def curve_profile(curve: Curve, speed: float, acceleration: float, seconds: float) -> Trapezoid:
-    """The profile over a curve's way in m (speed m/s, acceleration m/s²), or over its angle in rad where it only
+    """The profile over a curve's arc length in m (speed m/s, acceleration m/s²), or over its angle in rad where it only
     turns; within the limits of tool speed, turn and acceleration.
     """
     if curve.length > 1e-6:

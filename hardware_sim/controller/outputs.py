@@ -1,4 +1,4 @@
-"""Digital and analogue outputs, and which of them the controller holds low while no program plays.
+"""Digital and analogue outputs, with the installation's setting "low when not running".
 
 The lamp hangs on such an output: on a real controller it is the installation's setting "low when not running", and it
 is what puts the lamp out when the program, the driver or the service dies.

@@ -1,4 +1,4 @@
-"""Rigid transforms as twelve numbers, in plain Python.
+"""Rigid transforms (SE(3)) as twelve numbers, in plain Python.
 
 The 500-Hz tick asks for a handful of small products; numpy's call overhead would cost ten times the arithmetic. A
 `Frame` is the upper three rows of `a_from_b`, row by row; UR's pose (x, y, z, rx, ry, rz) is converted here only.
@@ -110,13 +110,13 @@ def with_position(a: Frame, place: Sequence[float]) -> Frame:
 
 
 def rotated(a: Frame, turn: Sequence[float], share: float = 1.0) -> Frame:
-    """The frame turned about its own origin by `share` of a rotation vector given in the frame itself."""
+    """The frame rotated about its own origin by `share` of a rotation vector given in the frame itself."""
     x, y, z = turn
     return compose(a, from_ur((0.0, 0.0, 0.0, x * share, y * share, z * share)))
 
 
 def interpolate(a: Frame, b: Frame, share: float) -> Frame:
-    """The frame at `share` of the way from a to b: position on the straight line, rotation about one fixed axis."""
+    """The frame at `share` between a and b: position on the straight line, rotation about one fixed axis."""
     x, y, z = (p + (q - p) * share for p, q in zip(position(a), position(b), strict=True))
     return with_position(rotated(a, rotation_vector(compose(invert(a), b)), share), (x, y, z))
 
@@ -143,7 +143,7 @@ def distance(a: Frame, b: Frame) -> tuple[float, float]:
 
 
 def difference(a: Frame, b: Frame) -> tuple[Vector, Vector]:
-    """The way in m and the turn in rad, both in the common frame, that bring frame a to frame b."""
+    """The translation in m and the rotation vector in rad, both in the common frame, that bring frame a to frame b."""
     return minus(position(b), position(a)), rotation_vector(compose(b, invert(a)))
 
 

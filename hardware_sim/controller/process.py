@@ -11,7 +11,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.options import ControllerOptions
 
-_START_TIMEOUT = 10.0  # s, on a loaded machine; it takes well under one
+_START_TIMEOUT = 10.0  # s, on a loaded machine; it starts in well under one
 
 
 class ControllerProcess:

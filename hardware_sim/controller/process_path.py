@@ -1,4 +1,4 @@
-"""The path of `movep`: straight pieces joined by tangential arcs, at a constant tool speed.
+"""Process path (`movep`, UR script manual): straight pieces joined by circular blends, at a constant tool speed.
 
 The path grows while it is driven: a `movep` with a blend radius hands over before it has to slow down, and the next one
 puts an arc in the corner's place. The speed is as programmed, less where an arc's centripetal acceleration would be
@@ -23,7 +23,7 @@ _SHORTEST = 1e-6  # m
 
 
 class _Shape(Protocol):
-    """The geometry of a piece over the way x in m."""
+    """The geometry of a piece over the arc length x in m."""
 
     def at(self, x: float) -> Frame:
         """The tool's pose."""
@@ -62,7 +62,7 @@ class _Straight:
 
     @property
     def tangent(self) -> Vector:
-        """The direction of the way."""
+        """The direction of travel."""
         x, y, z = self.rate(0.0)[:3]
         return (x, y, z)
 
@@ -125,7 +125,7 @@ class _Corner:
         return self.radius * math.sin(x / self.radius), self.radius * (1.0 - math.cos(x / self.radius))
 
     def _shares(self, u: float) -> tuple[float, float]:
-        """Way in m that the rotation of the piece before has left, and that the next one's has gone (cubic Hermite)."""
+        """Arc lengths in m left of the rotation before and gone of the next one (cubic Hermite)."""
         rise = (3.0 - 2.0 * u) * u * u * self._trim
         gone_before = (u * (u - 1.0) ** 2) * self.length + rise
         return self._trim - gone_before, rise + u * u * (u - 1.0) * self.length
@@ -202,16 +202,16 @@ class ProcessPath(CartesianMove):
         return self._left <= radius + 0.5 * last.speed**2 / last.acceleration
 
     def frame_after(self, seconds: float) -> Frame:
-        """See ToolCourse."""
+        """See CartesianMove."""
         return self._first.shape.at(min(self._first.length, 0.5 * self._first.acceleration * seconds**2))
 
     def frame_before_end(self, seconds: float) -> Frame:
-        """See ToolCourse."""
+        """See CartesianMove."""
         last = self._pieces[-1]
         return last.shape.at(max(0.0, last.length - 0.5 * last.acceleration * seconds**2))
 
     def advance(self, seconds: float) -> Frame:
-        """See ToolCourse."""
+        """See CartesianMove."""
         if seconds > 0.0:
             self._move_on(seconds)
         piece = self._pieces[0]

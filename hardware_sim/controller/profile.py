@@ -1,4 +1,4 @@
-"""Speed over time: the trapezoid of a programmed move, and the fading of a stop."""
+"""Velocity profiles: the trapezoidal profile of a programmed move, and the linear decay of a stop."""
 
 import math
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Trapezoid:
-    """Speed over time rises at `acceleration`, stays at `speed`, falls again; a triangle where the length is short."""
+    """Trapezoidal velocity profile from rest to rest; triangular where the length is short."""
 
     length: float
     speed: float
@@ -81,8 +81,8 @@ class LinearDecay:
         return self._time >= self._seconds
 
     def advance(self, dt: float) -> tuple[float, float]:
-        """After `dt` more seconds: the way covered since the start, in seconds of the first speed, and the share of
-        that speed that is left.
+        """Advances by `dt` seconds: the distance covered since the start, in seconds of the first speed, and the share
+        of that speed that is left.
         """
         self._time = min(self._time + dt, self._seconds)
         if self._seconds <= 0.0:

@@ -1,4 +1,4 @@
-"""A running program: its threads, their time slots, and the values they share.
+"""Execution of a compiled program: cooperative threads with time slots.
 
 One turn per tick: every thread runs until it gives up its slot. A thread inside a critical section is the only one
 that runs. The first thread's end is the program's end.

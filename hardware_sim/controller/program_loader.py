@@ -1,4 +1,4 @@
-"""Programs between their arrival and their start: compiled by a process of their own, loaded in the order of arrival.
+"""Loader of uploaded programs: compiled in a child process, started in the order of arrival.
 
 Compiling the library's control script takes tens of milliseconds, a path of thousands of points a second. A thread
 would not do: Python's own compiler holds the interpreter's lock all the while, and the tick waits. The process is

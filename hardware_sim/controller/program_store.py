@@ -9,7 +9,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class LoadedProgram:
-    """A program as `load` found it."""
+    """A program that the dashboard has loaded."""
 
     name: str
     text: str

@@ -1,4 +1,4 @@
-"""From the controller's state to the values that RTDE clients see.
+"""Publication of the controller's state as RTDE variables.
 
 Currents, moments, forces, momentum, accelerations of the joints and all inputs from outside are not simulated: they
 stay 0, temperatures and voltages at what an idle arm has.

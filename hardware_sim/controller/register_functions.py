@@ -63,7 +63,7 @@ class RegisterFunctions(FunctionGroup):
         self._values[self._slot(DOUBLE_OUT, address)] = number(value, "the value")
 
     def write_output_integer_register(self, address: int, value: int) -> None:
-        # A float is cut to a whole number, as `ur-rtde`'s own scripts rely on; a truth value is not.
+        # A float is cut to an integer, as `ur-rtde`'s own scripts rely on; a truth value is not.
         integer = int(number(value, "the value"))
         if not -(2**31) <= integer < 2**31:
             raise ScriptError(f"{value} does not fit an integer register")

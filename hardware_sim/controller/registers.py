@@ -1,7 +1,7 @@
-"""The values that RTDE clients see, and the registers that they and the program write.
+"""RTDE variables and registers: names, types and present values (UR RTDE guide).
 
 Names and types are those of PolyScope 5.11: what came later (`actual_current_as_torque`, `time_scale_source`, …) is
-not found here either, because clients tell versions apart by that.
+absent here too, because clients tell versions apart by that.
 
 All outputs live in one flat list; a recipe is then an `itemgetter` and a precompiled `struct`, so that 500 packets a
 second with 180 numbers each cost little.

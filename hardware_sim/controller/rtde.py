@@ -1,9 +1,9 @@
-"""RTDE, protocol version 2: recipes, registers with owners, data at up to 500 Hz (port 30004).
+"""Real-Time Data Exchange (UR RTDE guide), protocol version 2, port 30004: recipes, owned registers, data at 500 Hz.
 
-A frame is a big-endian uint16 size, a uint8 type and the payload. Nothing is ever sent between a request and its
-reply: clients read exactly one frame and take it for the reply. So texts, too, reach only clients that have started.
-What cannot be done is refused in the reply; bad frames are logged and ignored; only a size below the header's, after
-which no frame can be found any more, ends the connection. Before version 2 is agreed upon, set-ups are refused: a real
+A frame is a big-endian uint16 size, a uint8 type and the payload. Nothing is ever sent between a request and its reply:
+clients read exactly one frame and take it for the reply. So texts, too, reach only clients that have started. What
+cannot be done is refused in the reply; bad frames are logged and ignored; only a size below the header's, after which
+no frame can be delimited any more, ends the connection. Before version 2 is agreed upon, set-ups are refused: a real
 controller would take them for version 1, whose frames differ.
 """
 
@@ -46,7 +46,7 @@ class Kind(IntEnum):
 
 
 class Level(IntEnum):
-    """How grave a text is."""
+    """Severity of a text message."""
 
     EXCEPTION = 0
     ERROR = 1
@@ -56,7 +56,7 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class OutputRecipe:
-    """What one client wants: how to pick it from the flat list of values and how to pack it."""
+    """An output recipe of one client: how to pick it from the flat list of values and how to pack it."""
 
     names: tuple[str, ...]
     pick: Callable[[Sequence[float]], tuple[float, ...]]

@@ -1,4 +1,4 @@
-"""Robot mode, safety mode and who is in control: the states, and what leads from one to the next.
+"""State machine of robot mode, safety mode and remote control.
 
 No arm and no program here: the controller asks whether they may run and carries out what a stop means for them.
 Powering on, releasing brakes and booting take time, as on a real controller (some seconds each there, shorter here), so

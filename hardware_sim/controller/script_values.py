@@ -1,4 +1,4 @@
-"""Checks that URScript's functions share: a wrong value is a runtime exception that names it."""
+"""Argument checks of URScript's functions: a wrong value is a runtime exception that names it."""
 
 import math
 from typing import Any
@@ -22,9 +22,9 @@ def number(value: Any, what: str) -> float:
 
 
 def integer_below(value: Any, what: str, count: int) -> int:
-    """`value` as a whole number from 0 to `count` − 1. Raises ScriptError naming `what`."""
+    """`value` as an integer from 0 to `count` − 1. Raises ScriptError naming `what`."""
     if type(value) is not int:
-        raise ScriptError(f"{what} must be a whole number, not {script_text(value)}")
+        raise ScriptError(f"{what} must be an integer, not {script_text(value)}")
     if not 0 <= value < count:
         raise ScriptError(f"{what} must be from 0 to {count - 1}, not {value}")
     return value

@@ -1,4 +1,4 @@
-"""The script ports: programs as text, without length or terminator (ports 30001–30003).
+"""Script ports (30001–30003): programs as text, without length or terminator.
 
 A program is complete when its blocks are closed again; what a client leaves half sent is forgotten when it closes.
 Nothing is sent back but, on the primary port, the arm's calibration once and runtime exceptions as robot messages.
@@ -48,7 +48,7 @@ class ScriptConnection(LineConnection):
         self._size += len(text)
         self._depth += depth_change(text)
         if self._size > _LONGEST_PROGRAM:
-            # Its other lines would be taken for programs of their own.
+            # Its other lines would be read as programs of their own.
             LOG.warning("a program of more than %d characters: connection closed", _LONGEST_PROGRAM)
             self.closed = True
         elif self._depth <= 0:
@@ -85,7 +85,7 @@ def exception_message(text: str, timestamp: float) -> bytes:
 
 
 def announce(connections: Iterable[Connection], text: str, timestamp: float) -> None:
-    """Tells clients of the primary port of a program's runtime exception."""
+    """Sends a program's runtime exception to clients of the primary port."""
     message = exception_message(text, timestamp)
     for connection in connections:
         connection.offer(message)

@@ -1,8 +1,8 @@
-"""What values and operators of URScript mean.
+"""Semantics of URScript's values and operators (UR script manual).
 
-Lists, poses and structs are values: whoever takes one takes a copy. Types are never mixed silently: what Python would
-do with a negative index, with a truth value in a sum or with a list times a number is an error here or has URScript's
-meaning.
+Lists, poses and structs are values: assignment and passing make a copy. Types are never mixed silently: what Python
+would do with a negative index, with a truth value in a sum or with a list times a number is an error here or has
+URScript's meaning.
 """
 
 import operator
@@ -21,7 +21,7 @@ class ScriptError(Exception):
 
 
 class Pose(list[float]):
-    """A pose value of URScript, told apart from a list of six numbers."""
+    """A pose value of URScript, a type of its own beside lists of six numbers."""
 
 
 class Struct(dict[str, Any]):
@@ -82,9 +82,9 @@ def truth(value: Any) -> bool:
 
 
 def integer(value: Any) -> Any:
-    """A whole number that has come out of a calculation. Raises ScriptError where 32 bits do not hold it."""
+    """An integer result of an operation, checked. Raises ScriptError where 32 bits do not hold it."""
     if not _LEAST_INTEGER <= value <= _MOST_INTEGER:
-        raise ScriptError(f"the whole number {value} does not fit 32 bits" if abs(value) < 10**20 else "overflow")
+        raise ScriptError(f"the integer {value} does not fit 32 bits" if abs(value) < 10**20 else "overflow")
     return value
 
 
@@ -105,7 +105,7 @@ def _checked(value: Any, index: Any) -> int:
     if type(value) is not list and type(value) is not Pose:
         raise ScriptError(f"{script_text(value)} has no elements")
     if type(index) is not int:
-        raise ScriptError(f"an index must be a whole number, not {script_text(index)}")
+        raise ScriptError(f"an index must be an integer, not {script_text(index)}")
     if not 0 <= index < len(value):
         raise ScriptError(f"index {index} is outside a list of {len(value)}")
     return index
@@ -147,7 +147,7 @@ def _remainder(a: Any, b: Any) -> Any:
 
 
 def _arithmetic(sign: str, operation: Operation) -> Operation:
-    """An operator between numbers; lists of numbers are taken element by element, also with a number."""
+    """An operator between numbers; lists of numbers element by element, also with a number."""
 
     def calculate(a: Any, b: Any) -> Any:
         if type(a) in _NUMBERS and type(b) in _NUMBERS:

@@ -1,4 +1,4 @@
-"""The loop: sockets between ticks, ticks on absolute deadlines, one thread.
+"""Event loop of the controller: sockets between ticks, ticks on absolute deadlines, one thread.
 
 One thread needs no locks and gives every packet the values of exactly one tick; what takes long is done elsewhere.
 After a delay the missed ticks are caught up, so that time stamps stay 2 ms × ticks; after a long freeze (a stopped
@@ -40,7 +40,7 @@ class Server:
     """All ports of one controller on one address."""
 
     def __init__(self, controller: Controller, address: str) -> None:
-        """Raises OSError where a port is taken."""
+        """Raises OSError where a port is in use."""
         self.controller = controller
         self._poll = select.epoll()
         self._owners = Owners()
@@ -97,7 +97,7 @@ class Server:
         self._off = True
 
     def restart(self) -> None:
-        """Ends all connections and boots: the ports open again half way, without power it ends."""
+        """Ends all connections and boots: the ports open again half-way through the boot, which ends without power."""
         self.controller.reboot()
         self._reopen_at = time.monotonic() + BOOT_SECONDS / 2
         self._off = True

@@ -1,4 +1,4 @@
-"""Ports and connections without threads: one epoll loop reads, ticks and writes.
+"""Non-blocking ports and connections: one epoll loop reads, ticks and writes, without threads.
 
 A tick must never wait for a client: replies are collected while a client's bytes are read and sent in one go; what its
 socket does not take is kept (replies) or dropped (data packets). Each read is small, so that the loop gets back to the
@@ -101,7 +101,7 @@ class Port:
     def __init__(
         self, poll: select.epoll, address: str, number: int, accept: Callable[[socket.socket], Connection]
     ) -> None:
-        """Raises OSError where the port is taken."""
+        """Raises OSError where the port is in use."""
         self.number = number
         self.connections: dict[int, Connection] = {}
         self.stalled = False
@@ -162,7 +162,7 @@ class Port:
             for level, option, value in ((socket.IPPROTO_TCP, socket.TCP_NODELAY, 1), *_KEEPALIVE):
                 stream.setsockopt(level, option, value)
         except OSError as error:
-            LOG.info("client lost while it was taken: %s", error)
+            LOG.info("client lost while it was accepted: %s", error)
             stream.close()
             return
         descriptor = stream.fileno()

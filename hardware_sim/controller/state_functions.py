@@ -119,7 +119,7 @@ class StateFunctions(FunctionGroup):
     def get_actual_joint_positions_history(self, steps: Any = 0) -> list[float]:
         if not isinstance(steps, int) or not 0 <= steps < HISTORY:
             what = "get_actual_joint_positions_history: steps"
-            raise ScriptError(f"{what} must be a whole number from 0 to {HISTORY - 1}, not {steps!r}")
+            raise ScriptError(f"{what} must be an integer from 0 to {HISTORY - 1}, not {steps!r}")
         return self._arm.history[-1 - steps][:]
 
     def get_actual_tcp_pose(self) -> Pose:

@@ -1,4 +1,4 @@
-"""Motions without a programmed end: stops, speeds and servoing."""
+"""Motions without a programmed end (UR script manual): `stopj`, `stopl`, `speedj`, `speedl`, `servoj`."""
 
 import math
 from collections.abc import Sequence

@@ -1,10 +1,10 @@
-"""What stands round the arm, as the world hands it to the controller: one npz file.
+"""Solid bodies round the arm, as the world passes them to the controller: one npz file.
 
 Half-spaces, capsules, boxes, cones and convex hulls are exact. The object has no formula: it is points all over its
 surface, about `OBJECT_SPACING_M` from the next, each with a ball of `OBJECT_BALL_M` round it that closes the gaps.
 Names go into the log: what did the arm touch?
 
-Arrays of the file (m, base frame unless told; any may be empty): `tool` (T, 7) capsules in the flange frame: start,
+Arrays of the file (m, base frame unless stated; any may be empty): `tool` (T, 7) capsules in the flange frame: start,
 end, radius; `half_spaces` (K, 4) outward normal and offset; `capsules` (L, 7); `boxes` (M, 15) centre, axes (rows),
 half extents; `cones` (C, 9) middle of the foot, axis, height, radii of foot and top; `hull_faces` (F, 10) corners of
 triangles all round the convex hulls, and the number of the hull; `names` (K + L + M + C + H,) in this order;

@@ -1,4 +1,4 @@
-"""URScript's grammar: from text to a tree.
+"""Recursive-descent parser of URScript: from text to a syntax tree.
 
 New lines mean nothing to the language: the control script of `ur-rtde` has an expression that goes on after a comment
 and two statements on one line without a separator. So the parser reads tokens, and statements end where no operator
@@ -35,7 +35,7 @@ class ScriptSyntaxError(Exception):
 
 @dataclass(frozen=True)
 class Token:
-    """One word of a program."""
+    """A token of a program."""
 
     kind: str  # number, string, name, operator, end-of-text
     text: str
@@ -65,7 +65,7 @@ _POSE_ITEMS = 6
 
 
 def tokens(text: str) -> list[Token]:
-    """Splits a program into words. Raises ScriptSyntaxError at a character that belongs to none."""
+    """Tokenises a program. Raises ScriptSyntaxError at a character that belongs to none."""
     result: list[Token] = []
     line, position = 1, 0
     while position < len(text):

@@ -1,4 +1,4 @@
-"""The nodes of a URScript program's tree; `line` is where each began."""
+"""Nodes of URScript's abstract syntax tree; `line` is where each began."""
 
 from dataclasses import dataclass, field
 

@@ -1,4 +1,4 @@
-"""A record of every tick on disk, so that an independent grader can replay what the arm did.
+"""Record of every tick on disk, so that an independent grader can replay the arm's motion.
 
 Format: the magic `LPTICKS1`, then rows of 88 bytes, little-endian: float64 time stamp (the controller's, s); 6 float64
 true joints (rad); 6 float32 true TCP pose (x, y, z in m, rotation vector in rad; base frame); uint32 digital outputs

@@ -20,8 +20,8 @@ def _of_numbers(name: str, function: Callable[..., float]) -> Callable[..., floa
         del self
         values = [number(argument, f"{name}: an argument") for argument in arguments]
         try:
-            found = function(*values)
-            return found if isinstance(found, float) else integer(found)
+            result = function(*values)
+            return result if isinstance(result, float) else integer(result)
         except (TypeError, ValueError, OverflowError) as error:
             given = ", ".join(map(script_text, values))
             raise ScriptError(f"{name}({given}) has no value: {error}") from error
@@ -97,7 +97,7 @@ class Arithmetic(FunctionGroup):
 
     def integer_to_binary_list(self, x: Any) -> list[bool]:
         if type(x) is not int:
-            raise ScriptError(f"integer_to_binary_list: {script_text(x)} is no whole number")
+            raise ScriptError(f"integer_to_binary_list: {script_text(x)} is no integer")
         return [bool(x >> bit & 1) for bit in range(_BITS)]
 
     def binary_list_to_integer(self, values: Any) -> int:

@@ -1,4 +1,4 @@
-"""Watchdogs that a program sets: a variable must arrive at least so often."""
+"""Watchdogs of `rtde_set_watchdog` (UR script manual): a variable must arrive at a minimum frequency."""
 
 from dataclasses import dataclass
 
@@ -25,7 +25,7 @@ class Watchdogs:
         self._by_variable.clear()
 
     def feed(self, names: frozenset[str], now: float) -> None:
-        """Takes note of the names in a packet."""
+        """Resets the watchdogs of the names in a packet."""
         for variable, watchdog in self._by_variable.items():
             if variable in names:
                 watchdog.last = now

@@ -127,7 +127,7 @@ def test_random_repeats_in_every_run() -> None:
     ("line", "message"),
     [
         ("x = [1, 2][-1]", "index -1 is outside a list of 2"),
-        ("x = [1, 2][1.5]", "an index must be a whole number, not 1.5"),
+        ("x = [1, 2][1.5]", "an index must be an integer, not 1.5"),
         ("x = 5[0]", "5 has no elements"),
         ("x = [1]\n x[1] = 2", "index 1 is outside a list of 1"),
         ("x = p[1,2,3,4,5,True]", "a pose is made of numbers, not of True"),
@@ -161,7 +161,7 @@ def test_random_repeats_in_every_run() -> None:
         ("x = [1, 2]\n while True:\n  x = [x, x]\n end", "a value of more than"),
         ("set_digital_out(18, True)", "from 0 to 17, not 18"),
         ("set_digital_out(0, 1)", "a condition must be True or False"),
-        ("x = get_actual_joint_positions_history(500)", "steps must be a whole number from 0 to 499"),
+        ("x = get_actual_joint_positions_history(500)", "steps must be an integer from 0 to 499"),
         ("x = get_forward_kin([1, 2, 3])", "q must be 6 numbers"),
         ("movej(5)", "the target must be 6 numbers, not 5"),
         ("movej()", "movej() missing 1 required positional argument: 'q'"),
