@@ -1,9 +1,11 @@
-"""What one solve needs and another gives: depth, gloss, light from other surfaces, lamp intensities, noise.
+"""Alternating estimation of depth, gloss, indirect light, lamps and noise: block-coordinate descent on a coarse grid.
 
-They are found in turn on a coarse grid, which costs little and loses nothing, because none of them needs every pixel.
-The first round drops much as shadow, since grazing, dark measurements are where bounced light rules; once that light is
-taken out, they count. Intensities wait for the same moment, and for the highlights to be gone: before it they would
-take them for their own. Noise comes last, from what is left.
+Each quantity is estimated with the others held: per-pixel normals, depth by integration (cut at discontinuities), the
+specular lobe, light from other surfaces, lamp intensities and positions with the object's depth, and the noise scales.
+None of them needs every pixel, so the loop runs on means over blocks of pixels. The first round uses a high shadow
+threshold, because indirect light dominates grazing, dark measurements; once it is subtracted, they count. Intensities
+are calibrated only after the first correction, and after highlights are gone, which they would absorb otherwise. The
+noise is estimated last, from the residuals that remain.
 """
 
 from collections.abc import Callable
@@ -13,58 +15,75 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
-from acquisition.models.calibration import Calibration
-from acquisition.models.result import SolveSettings
-from acquisition.normals import discontinuity, integration, interreflection, pixel_solve, self_calibration
-from acquisition.normals import residual_noise as residuals
-from acquisition.normals import specular as gloss
-from acquisition.normals.interreflection import Table
-from acquisition.normals.pixel_solve import Estimate, Pixels
+from acquisition.normals import (
+    discontinuity,
+    integration,
+    interreflection,
+    pixel_solve,
+    residual_noise,
+    self_calibration,
+    specular,
+)
+from acquisition.normals.pixel_solve import Estimate, Pixels, PixelSolveOptions, Scene
+from acquisition.normals.pyramid import PyramidLevel
 from acquisition.normals.self_calibration import Priors, SharedParameters
 from acquisition.normals.specular import Lobe
 from acquisition.photometry import Noise
 
 OFFSET_SIGMA_M = 0.003
-"""1 σ of a pixel's depth offset in the joint solve."""
+"""1 σ of a pixel's depth offset in the joint solve, m."""
 
 CALIBRATION_DEPTH_SIGMA_M = 0.01
-"""1 σ of a pixel's depth beside the shift, where shift and intensities are sought. Integrated depth is wrong by that
-much behind limbs that no normal leads round, and thousands of pixels that are believed to the last solve's 3 mm call it
-a shift, and the shift wrong intensities: 12 mm and 2 % of them on a figure at 1024 × 1024, where it is 5 mm."""
+"""1 σ of a pixel's depth beside the common shift, m, in self-calibration. Integrated depth is wrong by that much behind
+occluding contours that no normal leads round; thousands of pixels held to the final solve's 3 mm explain it by a shift
+and wrong intensities instead: 12 mm and 2 % on a figure at 1024 × 1024, where it is 5 mm."""
 
 SHIFT_SIGMA_M = 0.03
-"""1 σ of the object's mean depth as the caller gives it."""
+"""1 σ of the object's mean depth as the caller gives it, m."""
 
 MAX_SHIFT_STEP_M = 0.02
+"""Largest change of the shift in one Gauss–Newton step, m."""
+
 MAX_SHIFT_M = 0.08
+"""Largest shift of the object along the rays, m."""
+
 INITIAL_SHADOW_THRESHOLD = 0.15
+"""Shadow threshold of the first round, a share of the pixel's peak, while indirect light is still in the images."""
+
 MIN_IMAGES_FOR_SHIFT, MIN_IMAGES_FOR_LAMPS = 4, 5
+"""Images from which the object's shift, and lamp intensities and positions, are estimated."""
+
 MAX_COARSE_PIXELS = 12_000
+"""Object pixels of the coarse grid at most, about."""
+
 SAMPLE_PIXELS = 2500
+"""Pixels that the lobe, the lamps and the noise are estimated from."""
+
 EXTRA_ROUNDS = 2
-"""Rounds more where bounced light or gloss matters."""
+"""Rounds beyond the settings' where indirect light or gloss is significant."""
 
 CONVERGED_DEG = 0.5
-"""Mean turn of the normals from one round to the next below which no more follows: it would be a fifth of that."""
+"""Mean rotation of the normals between rounds, degrees, below which the loop ends: the next would be a fifth of it."""
 
 INITIAL_DISCONTINUITY_ROUNDS = 4
-"""Times that the surface is cut at its steps at first; later rounds start from what they find cut."""
+"""Rounds of discontinuity detection in the first turn; later turns start from its result with one each."""
 
 PROBE_PIXELS = 1000
-"""Pixels that are asked whether light bounces at all."""
+"""Pixels for which indirect light is predicted first, to see whether it is significant."""
 
 MIN_INDIRECT_SHARE = 0.012
-"""Share of bounced light, at the pixels that have most of it, below which it is left alone: smooth shapes of albedo
-0.05 lose 0.003° by that; a groove as dark has twice as much."""
+"""Share of indirect light, at the 98th percentile of pixels, from which it is subtracted. Smooth shapes of albedo 0.05
+lose 0.003° where it is not; a groove as dark has twice as much."""
 
 
 @dataclass(frozen=True)
 class AlternationResult:
-    """What the last solve takes over, at N pixels: the coarse ones that it was found at, or others.
+    """The state that the final solve starts from, at N pixels: those of the coarse grid, or interpolated to others.
 
-    Depth (N,) in m; how whole the surface is, 0–1 (N,); what all pixels share of lamps and shift; the variance (N,) in
-    rad² that the normals have of it, and of the light from other surfaces; the light received from other surfaces
-    (F, N) or none, and the scale of its prediction; the lobe; the noise of coarse pixels.
+    Depth (N,) in m; continuity weight of the surface (N,), 1 where it is continuous and 0 at depth discontinuities; the
+    parameters shared by all pixels; the variance (N,), rad², of the normals by errors of lamps and indirect light that
+    all pixels share; indirect irradiance (F, N) or none where it is insignificant, and the scale that its prediction
+    was multiplied by; the specular lobe; the noise of coarse pixels.
     """
 
     depth_m: Float32Array
@@ -76,36 +95,30 @@ class AlternationResult:
     lobe: Lobe
     noise: Noise
 
-    def resampled(self, carried: Callable[[Float32Array], Float32Array]) -> "AlternationResult":
-        """The same at other pixels, to which `carried` takes values (..., N)."""
+    def resampled(self, interpolate: Callable[[Float32Array], Float32Array]) -> "AlternationResult":
+        """The same at other pixels, to which `interpolate` takes values (..., N)."""
         return replace(
             self,
-            depth_m=carried(self.depth_m),
-            continuity_weight=carried(self.continuity_weight),
-            shared_variance=carried(self.shared_variance),
-            indirect_irradiance=None if self.indirect_irradiance is None else carried(self.indirect_irradiance),
+            depth_m=interpolate(self.depth_m),
+            continuity_weight=interpolate(self.continuity_weight),
+            shared_variance=interpolate(self.shared_variance),
+            indirect_irradiance=None if self.indirect_irradiance is None else interpolate(self.indirect_irradiance),
         )
 
 
 @dataclass(frozen=True)
 class _Sample:
-    """What stays the same over the rounds, for the sample pixels that find what all pixels share."""
+    """The sample pixels of the shared parameters, their ∂x/∂Z (3, K), and the scene with nominal lamps and noise."""
 
     pixels: Pixels
-    along: Float32Array
-    lamp: Float32Array
-    calibration: Calibration
-    stated: Noise
-    settings: SolveSettings
-
-    @property
-    def cauchy_scale(self) -> float | None:
-        return pixel_solve.CAUCHY_SCALE if self.settings.robust else None
+    ray_direction: Float32Array
+    nominal: Scene
 
 
 @dataclass(frozen=True)
 class _IndirectLight:
-    """Light from other surfaces: received and sent on to the camera (F, N), scaled; zero where it does not matter."""
+    """Light from other surfaces, scaled: irradiance received and radiance sent to the camera (F, N), the latter zero
+    where it is not significant."""
 
     irradiance: Float32Array
     radiance: Float32Array
@@ -114,89 +127,90 @@ class _IndirectLight:
 
 
 def coarse_factor(count: int) -> int:
-    """How many times coarser than the images the grid is on which an object of `count` pixels is refined."""
+    """Block size in pixels of the coarse grid for an object of `count` pixels."""
     return int(np.ceil(np.sqrt(count / MAX_COARSE_PIXELS)))
 
 
-def refine(
-    coarse: Pixels, factor: int, depth_m: Float32Array, lamp: Float32Array, calibration: Calibration, noise: Noise,
-    settings: SolveSettings, around: Table | None = None,
-) -> AlternationResult:  # fmt: skip
-    """Starts from depth (N,) in m and refines it with all that depends on it.
+def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene) -> AlternationResult:
+    """Block-coordinate descent from depth (N,) in m at the level's coarse pixels.
 
-    `coarse` are means over factor × factor pixels, `around` is what surrounds the object on the same grid; `noise` is
-    that of single pixels.
+    `scene` has the nominal lamps and the noise of single pixels; the level's table is what surrounds the object.
     """
+    coarse = level.coarse
     mask = coarse.image(np.ones(len(coarse.index), np.bool_))
     ray = coarse.image(coarse.ray)
-    along = photometry.ray_directions(coarse.ray)
+    ray_direction = photometry.ray_directions(coarse.ray)
     depth = depth_m
     chosen = np.sort(np.random.default_rng(0).permutation(len(coarse.index))[:SAMPLE_PIXELS])
-    finest = replace(noise, shot=noise.shot / factor**2, floor=noise.floor / factor**2)
-    known = _Sample(coarse.subset(chosen), along[:, chosen], lamp, calibration, finest, settings)
-    shared, left, there = SharedParameters.nominal(len(lamp)), finest, lamp
-    lobe = gloss.NO_LOBE
-    bounced: _IndirectLight | None = None
-    found: Estimate | None = None
-    normals = np.zeros_like(along)
-    indirect, highlight = np.zeros_like(coarse.values), np.zeros_like(coarse.values)
+    block = level.factor**2
+    present = replace(scene, noise=replace(scene.noise, shot=scene.noise.shot / block, floor=scene.noise.floor / block))
+    sample = _Sample(coarse.subset(chosen), ray_direction[:, chosen], present)
+    shared = SharedParameters.nominal(len(scene.lamps))
+    lobe = specular.NO_LOBE
+    indirect: _IndirectLight | None = None
+    estimate: Estimate | None = None
+    normals = np.zeros_like(ray_direction)
+    radiance, highlight = np.zeros_like(coarse.values), np.zeros_like(coarse.values)
     threshold = INITIAL_SHADOW_THRESHOLD
-    whole, stepped = np.ones_like(depth), True
-    calibrated = 0
-    for turn in range(settings.depth_rounds + EXTRA_ROUNDS):
+    continuity_weight, discontinuous = np.ones_like(depth), True
+    calibrations = 0
+    for turn in range(scene.settings.depth_rounds + EXTRA_ROUNDS):
         measured = divide_intensity(coarse.values, shared.log_intensity)
-        values = measured - indirect - highlight
-        found = pixel_solve.solve(
-            coarse, values, depth, there, calibration, left, threshold=threshold,
-            cauchy_scale=known.cauchy_scale, extra=(np.float32(gloss.HIGHLIGHT_SIGMA) * highlight) ** 2,
+        values = measured - radiance - highlight
+        estimate = pixel_solve.solve(
+            coarse, values, depth, present, PixelSolveOptions(threshold, cauchy_scale=scene.cauchy_scale),
+            extra_variance=(np.float32(specular.HIGHLIGHT_SIGMA) * highlight) ** 2,
         )  # fmt: skip
-        last, normals = normals, pixel_solve.clamp_to_visible(found.normals, along)
-        sure = integration.certainty(found.variance.copy())
+        previous, normals = normals, pixel_solve.clamp_to_visible(estimate.normals, ray_direction)
+        certainty = integration.certainty(estimate.variance.copy())
         start = coarse.image(depth, float(np.mean(depth)))
-        smooth = coarse.take(integration.depth(coarse.image(normals), mask, ray, coarse.image(sure), start))
-        levelled = None
-        if stepped:
+        smooth = coarse.take(integration.depth(coarse.image(normals), mask, ray, coarse.image(certainty), start))
+        discontinuous_depth = None
+        if discontinuous:
             cuts = INITIAL_DISCONTINUITY_ROUNDS if turn == 0 else 1
-            levelled = discontinuity.depth(
-                coarse, measured - highlight, found, normals, sure, depth, smooth, there, cuts
+            discontinuous_depth = discontinuity.depth(
+                coarse, measured - highlight, estimate, normals, certainty, depth, smooth, present.lamps, cuts
             )
-        stepped = levelled is not None
-        depth, whole = (smooth, np.ones_like(smooth)) if levelled is None else levelled
+        discontinuous = discontinuous_depth is not None
+        depth, continuity_weight = discontinuous_depth or (smooth, np.ones_like(smooth))
 
-        lobe = gloss.fit(
-            known.pixels, (measured - indirect)[:, chosen], depth[chosen], known.along, there, calibration, left,
-            INITIAL_SHADOW_THRESHOLD, lobe,
-        )  # fmt: skip
-        highlight = lobe.highlight(found, along)
-        bounced = _indirect_light(
-            coarse, measured - highlight, values, found, depth, normals, around, there, calibration,
-            expected=bounced is not None and bounced.significant,
-        )  # fmt: skip
-        indirect = bounced.radiance
-        plain = not bounced.significant and lobe.strength == 0
-
-        values = (measured - indirect)[:, chosen]
-        before = shared.shift_m
-        hold = turn == 0 and not plain
-        shared, left = _self_calibrate(
-            known, values, highlight[:, chosen], lobe, depth[chosen], shared, left, hold=hold
+        lobe = specular.fit(
+            sample.pixels, (measured - radiance)[:, chosen], depth[chosen], present, INITIAL_SHADOW_THRESHOLD, lobe
         )
-        calibrated += not hold
-        depth, there = depth + np.float32(shared.shift_m - before), shared.lamps(lamp)
-        threshold = settings.shadow_threshold
-        still = turn >= settings.depth_rounds and _mean_angle_deg(last, normals) < CONVERGED_DEG
-        if still or (plain and calibrated >= settings.depth_rounds):
+        highlight = lobe.highlight(estimate, ray_direction)
+        indirect = _indirect_light(
+            level, measured - highlight, values, estimate, depth, normals, present,
+            expected=indirect is not None and indirect.significant,
+        )  # fmt: skip
+        radiance = indirect.radiance
+        direct_diffuse = not indirect.significant and lobe.strength == 0
+
+        values = (measured - radiance)[:, chosen]
+        before = shared.shift_m
+        hold = turn == 0 and not direct_diffuse
+        shared, noise = _self_calibrate(
+            sample, values, highlight[:, chosen], lobe, depth[chosen], shared, present.noise, hold=hold
+        )
+        calibrations += not hold
+        depth = depth + np.float32(shared.shift_m - before)
+        present = replace(present, lamps=shared.lamps(scene.lamps), noise=noise)
+        threshold = scene.settings.shadow_threshold
+        converged = turn >= scene.settings.depth_rounds and _mean_angle_deg(previous, normals) < CONVERGED_DEG
+        if converged or (direct_diffuse and calibrations >= scene.settings.depth_rounds):
             break
-    spread = np.zeros_like(depth) if found is None else _shared_normal_variance(found, shared, there, indirect)
     return AlternationResult(
         depth_m=depth,
-        continuity_weight=whole,
+        continuity_weight=continuity_weight,
         shared=shared,
-        shared_variance=spread,
-        indirect_irradiance=bounced.irradiance if bounced and bounced.significant else None,
-        indirect_scale=bounced.scale if bounced else 0.0,
+        shared_variance=(
+            np.zeros_like(depth)
+            if estimate is None
+            else _shared_normal_variance(estimate, shared, present.lamps, radiance)
+        ),
+        indirect_irradiance=indirect.irradiance if indirect and indirect.significant else None,
+        indirect_scale=indirect.scale if indirect else 0.0,
         lobe=lobe,
-        noise=left,
+        noise=present.noise,
     )
 
 
@@ -206,23 +220,26 @@ def _mean_angle_deg(before: Float32Array, normals: Float32Array) -> float:
 
 
 def _indirect_light(
-    coarse: Pixels, matt: Float32Array, direct: Float32Array, found: Estimate, depth_m: Float32Array,
-    normals: Float32Array, table: Table | None, lamp: Float32Array, calibration: Calibration, *, expected: bool,
+    level: PyramidLevel, diffuse: Float32Array, direct: Float32Array, estimate: Estimate, depth_m: Float32Array,
+    normals: Float32Array, scene: Scene, *, expected: bool,
 ) -> _IndirectLight:  # fmt: skip
-    """The light that surfaces send one another, from images (F, N) without highlights, and what `found` is from.
+    """Predicts interreflection from `diffuse` images (F, N) without highlights; `direct` (F, N) gave the estimate.
 
-    Unless it is `expected`, some pixels tell first whether it matters.
+    Unless it is `expected`, a few pixels decide first whether it is significant.
     """
+    coarse = level.coarse
 
     def predicted(every: int) -> _IndirectLight:
-        received = interreflection.received(coarse, matt, found, depth_m, normals, table, lamp, calibration, every)
-        indirect = interreflection.sent_on(received, matt, direct, found.albedo)
-        scale = interreflection.scale(coarse, matt, indirect, found)
-        indirect = (np.float32(scale) * indirect).astype(np.float32)
-        share = np.sum(indirect[:, ::every], axis=0) / np.maximum(np.sum(matt[:, ::every], axis=0), 1e-6)
-        matters = float(np.quantile(share, 0.98)) > MIN_INDIRECT_SHARE
-        received = np.float32(scale) * received
-        return _IndirectLight(received, indirect if matters else np.zeros_like(indirect), scale, matters)
+        irradiance = interreflection.received(
+            coarse, diffuse, estimate, depth_m, normals, level.table, scene.lamps, scene.calibration, every
+        )
+        radiance = interreflection.sent_on(irradiance, diffuse, direct, estimate.albedo)
+        scale = interreflection.scale(coarse, diffuse, radiance, estimate)
+        radiance = (np.float32(scale) * radiance).astype(np.float32)
+        share = np.sum(radiance[:, ::every], axis=0) / np.maximum(np.sum(diffuse[:, ::every], axis=0), 1e-6)
+        significant = float(np.quantile(share, 0.98)) > MIN_INDIRECT_SHARE
+        irradiance = np.float32(scale) * irradiance
+        return _IndirectLight(irradiance, radiance if significant else np.zeros_like(radiance), scale, significant)
 
     every = len(coarse.index) // PROBE_PIXELS
     if every > 1 and not expected:
@@ -233,59 +250,63 @@ def _indirect_light(
 
 
 def _shared_normal_variance(
-    found: Estimate, shared: SharedParameters, lamp: Float32Array, indirect: Float32Array
+    estimate: Estimate, shared: SharedParameters, lamps: Float32Array, indirect: Float32Array
 ) -> Float32Array:
-    """Variance (N,) in rad² of the normals from errors that pixels or images share."""
-    return self_calibration.normal_variance(found, lamp, shared.covariance) + interreflection.spread(found, indirect)
+    """Variance (N,) in rad² of the normals by errors that pixels share (lamps) or images share (indirect light)."""
+    by_lamps = self_calibration.normal_variance(estimate, lamps, shared.covariance)
+    return by_lamps + interreflection.spread(estimate, indirect)
 
 
 def divide_intensity(values: Float32Array, log_intensity: FloatArray) -> Float32Array:
-    """Values (F, N) as lamps of the nominal intensity would have given them."""
+    """Values (F, N) normalised to lamps of nominal intensity, by log intensity factors (F,)."""
     return (values / np.exp(log_intensity)[:, None]).astype(np.float32)
 
 
 def _self_calibrate(
-    known: _Sample, values: Float32Array, highlight: Float32Array, lobe: Lobe, depth_m: Float32Array, before: SharedParameters,  # noqa: E501
-    noise: Noise, *, hold: bool,
+    sample: _Sample, values: Float32Array, highlight: Float32Array, lobe: Lobe, depth_m: Float32Array,
+    before: SharedParameters, noise: Noise, *, hold: bool,
 ) -> tuple[SharedParameters, Noise]:  # fmt: skip
-    """The shared unknowns after three Gauss–Newton steps on a sample of pixels, and the noise that is left.
+    """Three Gauss–Newton steps of the shared parameters on K sample pixels, and the noise scales from the residuals.
 
-    `values` (F, K), with the `highlight` (F, K) of `lobe` in them, and depth are those of what was known `before`;
-    `hold` leaves the lamps as they are.
+    `values` (F, K), which contain the `highlight` (F, K) of `lobe`, and `depth_m` (K,) are those of the parameters
+    `before`; `hold` leaves the lamps as they are.
     """
-    if len(known.lamp) < MIN_IMAGES_FOR_SHIFT:
+    nominal = sample.nominal
+    if len(nominal.lamps) < MIN_IMAGES_FOR_SHIFT:
         return before, noise
-    calibrate = not hold and len(known.lamp) >= MIN_IMAGES_FOR_LAMPS
-    stated = known.calibration
-    lamps = (stated.intensity_sigma, stated.lamp_position_sigma_m) if calibrate else (0.0, 0.0)
-    priors, now = Priors(*lamps, SHIFT_SIGMA_M), before
+    calibrate = not hold and len(nominal.lamps) >= MIN_IMAGES_FOR_LAMPS
+    stated = nominal.calibration
+    sigmas = (stated.intensity_sigma, stated.lamp_position_sigma_m) if calibrate else (0.0, 0.0)
+    priors, present = Priors(*sigmas, SHIFT_SIGMA_M), before
+    options = PixelSolveOptions(
+        nominal.settings.shadow_threshold, CALIBRATION_DEPTH_SIGMA_M, cauchy_scale=nominal.cauchy_scale
+    )
     for turn in range(4):
-        lamp = now.lamps(known.lamp)
-        whole = divide_intensity(values, now.log_intensity - before.log_intensity)
-        matt, extra = whole - highlight, (np.float32(gloss.HIGHLIGHT_SIGMA) * highlight) ** 2
-        found = pixel_solve.solve(
-            known.pixels, matt, depth_m + np.float32(now.shift_m - before.shift_m), lamp, stated, noise,
-            threshold=known.settings.shadow_threshold, offset_sigma_m=CALIBRATION_DEPTH_SIGMA_M, cauchy_scale=known.cauchy_scale,  # noqa: E501
-            extra=extra,
+        lamps = present.lamps(nominal.lamps)
+        divided = divide_intensity(values, present.log_intensity - before.log_intensity)
+        diffuse, extra = divided - highlight, (np.float32(specular.HIGHLIGHT_SIGMA) * highlight) ** 2
+        estimate = pixel_solve.solve(
+            sample.pixels, diffuse, depth_m + np.float32(present.shift_m - before.shift_m),
+            replace(nominal, lamps=lamps, noise=noise), options, extra_variance=extra,
         )  # fmt: skip
         if turn in (0, 3):
-            noise = residuals.estimate(
-                found, matt, noise, known.stated, known.along, lamp, CALIBRATION_DEPTH_SIGMA_M, extra
+            noise = residual_noise.estimate(
+                estimate, diffuse, noise, nominal.noise, sample.ray_direction, lamps, CALIBRATION_DEPTH_SIGMA_M, extra
             )
         if turn == 3:
             break
-        change = pixel_solve.depth_derivative(found.light, found.point, known.along, lamp)
-        glossy = lobe.derivatives(found, known.along)
-        if glossy is not None:
-            highlight = glossy.highlight
+        by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, sample.ray_direction, lamps)
+        gloss = lobe.derivatives(estimate, sample.ray_direction)
+        if gloss is not None:
+            highlight = gloss.highlight
         step = self_calibration.gauss_newton_step(
-            found, change, whole - highlight, lamp, now, priors, CALIBRATION_DEPTH_SIGMA_M, glossy
-        )  # fmt: skip
-        move = float(np.clip(step.shift_m, -MAX_SHIFT_STEP_M, MAX_SHIFT_STEP_M))
-        now = SharedParameters(
-            log_intensity=now.log_intensity + step.log_intensity,
-            lamp_offset_m=now.lamp_offset_m + step.lamp_offset_m,
-            shift_m=float(np.clip(now.shift_m + move, -MAX_SHIFT_M, MAX_SHIFT_M)),
-            covariance=step.covariance if calibrate else now.covariance,
+            estimate, by_depth, divided - highlight, lamps, present, priors, CALIBRATION_DEPTH_SIGMA_M, gloss
         )
-    return now, noise
+        shift = float(np.clip(step.shift_m, -MAX_SHIFT_STEP_M, MAX_SHIFT_STEP_M))
+        present = SharedParameters(
+            log_intensity=present.log_intensity + step.log_intensity,
+            lamp_offset_m=present.lamp_offset_m + step.lamp_offset_m,
+            shift_m=float(np.clip(present.shift_m + shift, -MAX_SHIFT_M, MAX_SHIFT_M)),
+            covariance=step.covariance if calibrate else present.covariance,
+        )
+    return present, noise

@@ -1,12 +1,13 @@
-"""The fused kernel of the solver: robust weighted least squares of normal, albedo and depth offset for every pixel.
+"""Fused kernel of the pixel solve: iteratively reweighted least squares (Cauchy) of albedo × normal and depth offset.
 
 State of a pixel: g = albedo × normal (3) and a depth offset ζ in units of its prior σ_z. Image i gives the row
-(s_i + z ∂s_i/∂Z, σ_z g·∂s_i/∂Z), so that light which would need another depth to be explained does not bend the normal.
-Rounds are Gauss–Newton steps and Cauchy reweighting at once. A tiny σ_z switches the depth offset off.
+(s_i + z ∂s_i/∂Z, σ_z g·∂s_i/∂Z), z = σ_z ζ, so that light which another depth would explain does not rotate the normal;
+σ of the normal is from the covariance with the offset marginalised (Schur complement). Each iteration is a Gauss–Newton
+step and a reweighting at once. A tiny σ_z switches the depth offset off.
 
 Pixels are the inner loops and images the outer ones, in blocks that stay in the cache. What a block needs is copied
-into two arrays of known width first: compilers vectorise loops over these, where among a dozen arrays they give up to
-prove that none overlaps another. Both together are an order of magnitude faster than the obvious order. Kernels
+into two arrays of known width first: compilers vectorise loops over these, while among a dozen arrays they cannot prove
+that none overlaps another. Both together are an order of magnitude faster than the obvious order. Kernels
 compile at import, into numba's cache.
 """
 
@@ -16,9 +17,11 @@ import numpy as np
 from acquisition.models.base import Float32Array, FloatArray
 
 BLOCK_PIXELS = 128
+"""Pixels of a block: its arrays stay in the cache."""
+
 CAUCHY_MEAN_WEIGHT = np.float32(0.95)
-"""Mean weight that Cauchy's function leaves noise which is Gaussian after all. It is not lost by that: errors are the
-same as without these weights, and so the variance is that of measurements which count in full."""
+"""Mean of Cauchy's weights of Gaussian noise. Errors are the same as without the weights, so the covariance, which
+they would inflate by its inverse, is multiplied by it."""
 
 
 @numba.njit(
@@ -36,7 +39,7 @@ def estimate(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     usable: np.ndarray,  # (F, N) uint8
     extra: Float32Array,  # (F, N) variance beside the model's
     point: Float32Array,  # (3, N)
-    along: Float32Array,  # (3, N) ∂x/∂Z
+    ray_direction: Float32Array,  # (3, N) ∂x/∂Z
     lamp: Float32Array,  # (F, 6)
     shot: Float32Array,  # (F,)
     floor: Float32Array,  # (F,)
@@ -50,7 +53,7 @@ def estimate(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     residual: Float32Array,  # (N,) rms of whitened residuals
     weights: Float32Array,  # (F, N) robust weight / variance; 0 where not usable
 ) -> None:
-    """Solves all pixels; results go to the last five arrays."""
+    """Gauss–Newton and Cauchy reweighting of all pixels at once; results go to the last five arrays."""
     count = values.shape[0]
     pixels = values.shape[1]
     one = np.float32(1.0)
@@ -75,7 +78,7 @@ def estimate(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
             for p in range(size):
                 pixel[19 + c, p] = prior[c, start + p]
             for p in range(size):
-                pixel[23 + c, p] = along[c, start + p]
+                pixel[23 + c, p] = ray_direction[c, start + p]
             for p in range(size):
                 pixel[26 + c, p] = point[c, start + p]
         for p in range(size):
@@ -114,8 +117,8 @@ def estimate(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
                 # measurements most, because those left over in shadow by bounced light are dark.
                 share = lit * lit / (pixel[18, p] * s2 + tiny)
                 image[f, 10, p] = image[f, 9, p] * (share * share if inverse_cauchy2 > zero else one)
-        for turn in range(rounds):
-            tail = zero if turn == 0 else inverse_cauchy2
+        for iteration in range(rounds):
+            tail = zero if iteration == 0 else inverse_cauchy2
             for p in range(size):
                 w = pixel[22, p]
                 pixel[0, p], pixel[1, p], pixel[2, p] = w, zero, zero
@@ -150,7 +153,7 @@ def estimate(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
                     pixel[11, p] += target * sy
                     pixel[12, p] += target * sz
                     pixel[13, p] += target * h
-                if turn == 0:
+                if iteration == 0:
                     for p in range(size):
                         image[f, 10, p] = image[f, 9, p]
             for p in range(size):
@@ -236,11 +239,11 @@ def estimate(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
 def depth_derivative(
     light: Float32Array,  # (F, 3, N)
     point: Float32Array,  # (3, N)
-    along: Float32Array,  # (3, N) ∂x/∂Z
+    ray_direction: Float32Array,  # (3, N) ∂x/∂Z
     lamp: Float32Array,  # (F, 6)
     out: Float32Array,  # (F, 3, N) ∂s/∂Z = −|s|/r (a − 3 d̂ (d̂·a)), d̂ = s/|s|
 ) -> None:
-    """How light vectors change with depth."""
+    """Derivative of near-light vectors by depth, into `out`."""
     for block in numba.prange((light.shape[2] + BLOCK_PIXELS - 1) // BLOCK_PIXELS):
         start = block * BLOCK_PIXELS
         stop = min(start + BLOCK_PIXELS, light.shape[2])
@@ -248,7 +251,7 @@ def depth_derivative(
             for n in range(start, stop):
                 sx, sy, sz = light[f, 0, n], light[f, 1, n], light[f, 2, n]
                 rx, ry, rz = lamp[f, 0] - point[0, n], lamp[f, 1] - point[1, n], lamp[f, 2] - point[2, n]
-                ax, ay, az = along[0, n], along[1, n], along[2, n]
+                ax, ay, az = ray_direction[0, n], ray_direction[1, n], ray_direction[2, n]
                 s2 = sx * sx + sy * sy + sz * sz
                 scale = -np.sqrt(s2 / (rx * rx + ry * ry + rz * rz))
                 dot = np.float32(3.0) * (sx * ax + sy * ay + sz * az) / (s2 + np.float32(1e-24))
@@ -259,7 +262,7 @@ def depth_derivative(
 
 @numba.njit("void(float64[:,::1])", cache=True, error_model="numpy")
 def cholesky(matrix: FloatArray) -> None:
-    """Replaces the lower triangle of a small positive definite matrix (M, M) by L with L Lᵀ = the matrix."""
+    """Cholesky factorisation in place: the lower triangle of a positive definite matrix (M, M) becomes L, L Lᵀ = it."""
     for i in range(len(matrix)):
         for j in range(i + 1):
             total = matrix[i, j]
@@ -270,7 +273,7 @@ def cholesky(matrix: FloatArray) -> None:
 
 @numba.njit("void(float64[:,::1], float64[:,::1])", cache=True, error_model="numpy")
 def forward_substitution(lower: FloatArray, columns: FloatArray) -> None:
-    """Replaces columns (M, K) by L⁻¹ of them, L (M, M) a lower triangle."""
+    """Forward substitution in place: columns (M, K) become L⁻¹ of them, L (M, M) lower triangular."""
     for i in range(len(lower)):
         for k in range(columns.shape[1]):
             total = columns[i, k]

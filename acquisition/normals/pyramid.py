@@ -1,6 +1,7 @@
-"""The object's pixels, one block of rows after another, so that no more of the images is ever held.
+"""Masked images of a window in blocks of rows, and the coarse level of their pyramid.
 
-What a coarse grid and a sample of pixels want of the images is gathered in one look at them.
+Only a block of rows of the images is held at a time. The coarse grid and a sample of full-resolution pixels are
+gathered in one pass over them.
 """
 
 from collections.abc import Iterator
@@ -17,29 +18,29 @@ from acquisition.normals.pixel_solve import Pixels
 from acquisition.normals.session_images import Images
 
 BLOCK_VALUES = 1 << 22
-"""Values of all images in a block; the last solve takes about ninety bytes for each."""
+"""Values of all images in a block; the final solve takes about ninety bytes for each."""
 
 MIN_BLOCK_ROWS = 16
-"""Rows of a block at least: some above and below are read and solved with it, for its own pixels' sake."""
+"""Rows of a block at least: a margin above and below is read and solved with each block."""
 
 
 @dataclass(frozen=True)
 class MaskedImages:
-    """The object in the images' window: where it is (h, w), and each pixel's ray (2, h, w)."""
+    """Images with the object's mask (h, w) in their window and each pixel's ray (2, h, w), X/Z and Y/Z."""
 
     images: Images
     mask: BoolArray
     ray: Float32Array
 
     def blocks(self, multiple: int = 1) -> Iterator[slice]:
-        """All rows of the window in blocks, each but the last of a multiple of so many rows."""
+        """Partitions the window's rows into blocks; each but the last is a `multiple` of rows."""
         height, width = self.mask.shape
         rows = max(MIN_BLOCK_ROWS, BLOCK_VALUES // (len(self.images.lights) * width))
         step = -(-rows // multiple) * multiple
         return (slice(start, min(start + step, height)) for start in range(0, height, step))
 
     def pixels(self, rows: slice) -> Pixels:
-        """The object's pixels in some rows."""
+        """Reads the object's pixels in a block of rows."""
         return self._pixels(rows, *self.images.read(rows.start, rows.stop))
 
     def _pixels(self, rows: slice, values: Float32Array, clipped: BoolArray) -> Pixels:
@@ -54,33 +55,34 @@ class MaskedImages:
         )
 
     def level(self, factor: int, chosen: np.ndarray, table_depth_m: Float32Array | None) -> "PyramidLevel":
-        """The object on a grid `factor` times coarser, and the pixels with the numbers `chosen` (K,), sorted.
+        """Block means on a grid `factor` times coarser, and the pixels with the numbers `chosen` (K,), sorted.
 
         `table_depth_m` (h, w) is the depth of what surrounds the object, none: nothing does.
         """
         coarse: list[Pixels] = []
-        few: list[tuple[int, Pixels]] = []
-        around: list[Float32Array] = []
+        sample: list[tuple[int, Pixels]] = []
+        table_values: list[Float32Array] = []
         before = 0
         for rows in self.blocks(factor):
             values, clipped = self.images.read(rows.start, rows.stop)
             pixels = self._pixels(rows, values, clipped)
             after = before + len(pixels.index)
             inside = chosen[np.searchsorted(chosen, before) : np.searchsorted(chosen, after)]
-            few.append((rows.start, pixels.subset(inside - before)))
+            sample.append((rows.start, pixels.subset(inside - before)))
             coarse.append(resampling.coarsen(pixels, factor))
             if table_depth_m is not None:
-                around.append(resampling.block_means(values, factor))
+                table_values.append(resampling.block_means(values, factor))
             before = after
         table = None
         if table_depth_m is not None:
-            table = Table(resampling.block_means(table_depth_m, factor), np.concatenate(around, axis=1))
-        return PyramidLevel(resampling.concatenate_rows(coarse), factor, tuple(few), table)
+            table = Table(resampling.block_means(table_depth_m, factor), np.concatenate(table_values, axis=1))
+        return PyramidLevel(resampling.concatenate_rows(coarse), factor, tuple(sample), table)
 
 
 @dataclass(frozen=True)
 class PyramidLevel:
-    """The object on a coarse grid, what is around it or none, and some of its pixels, each part with its first row."""
+    """The object's block means (`coarse`), its surroundings' or none (`table`), and a sample of full-resolution pixels
+    (`parts`, each with the first row of its block)."""
 
     coarse: Pixels
     factor: int
@@ -89,27 +91,27 @@ class PyramidLevel:
 
     @property
     def sample(self) -> Pixels:
-        """The chosen pixels in the window."""
+        """The sample pixels of the whole window."""
         return resampling.concatenate_rows([part for _, part in self.parts])
 
     def interpolate(self, values: Float32Array, pixels: Pixels, top: int) -> Float32Array:
-        """Values (..., M) of the coarse grid at pixels (..., N) of a window that begins at the row `top`."""
+        """Interpolates coarse values (..., M) bilinearly at pixels (..., N) of a window whose first row is `top`."""
         return resampling.interpolate(values, self.coarse, self.factor, pixels, top)
 
     def interpolate_sample(self, values: Float32Array) -> Float32Array:
-        """Values (..., M) of the coarse grid at the chosen pixels (..., K)."""
+        """Interpolates coarse values (..., M) bilinearly at the sample pixels (..., K)."""
         return np.concatenate([self.interpolate(values, part, top) for top, part in self.parts], axis=-1)
 
 
 def albedo_bound(
-    seen: MaskedImages, depth_m: Float32Array, lamp: Float32Array, calibration: Calibration
+    masked: MaskedImages, depth_m: Float32Array, lamps: Float32Array, calibration: Calibration
 ) -> Float32Array:
-    """`silhouette.brightest` (h, w) of all rows, on a plane at depth (h, w)."""
-    out = np.empty(seen.mask.shape, np.float32)
-    for rows in seen.blocks():
-        values, clipped = seen.images.read(rows.start, rows.stop)
-        point = photometry.points(seen.ray[:, rows], depth_m[rows]).reshape(3, -1)
-        light = photometry.light_vectors(point, lamp, calibration)
+    """Lower bound of the albedo (h, w) of a surface at depth (h, w): `silhouette.albedo_bound` of all rows."""
+    out = np.empty(masked.mask.shape, np.float32)
+    for rows in masked.blocks():
+        values, clipped = masked.images.read(rows.start, rows.stop)
+        point = photometry.points(masked.ray[:, rows], depth_m[rows]).reshape(3, -1)
+        light = photometry.light_vectors(point, lamps, calibration)
         strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light)).reshape(values.shape)
         out[rows] = silhouette.albedo_bound(values, strength, clipped)
     return out

@@ -1,10 +1,11 @@
-"""Gloss: one lobe for the whole object, found by all pixels together and taken out of the images.
+"""Gloss: one Blinn–Phong lobe for the whole object, estimated by all pixels together and subtracted from the images.
 
-A pixel has too few images to know its own highlight, but all pixels of a material share its shape. In
-y = g·s + k|s|(n·h)^α, h half way between lamp and camera, each pixel's g is projected out; what is left is linear in k,
-so that k is a quotient of two sums for each α of a grid, and the α of least residual is taken (Blinn's lobe; it also
-serves for microfacet gloss, since only its width and height matter). Highlights are not outliers here: the weights come
-from a solve that hardly rejects.
+A pixel has too few images for a highlight of its own, but all pixels of a material share its shape. In
+y = g·s + k|s|(n·h)^α, with h the half vector between lamp and camera (Blinn 1977), each pixel's g is projected out
+(variable projection); the rest is linear in k, so k is a quotient of two sums for each α of a grid, and the α of least
+residual is taken. The lobe also serves for microfacet gloss, of which only width and height matter: a GGX surface of
+roughness 0.25 ends with errors like those of a true Blinn–Phong one. Highlights must not be rejected before they are
+fitted, so the weights come from a solve with a wide Cauchy scale.
 
 Kernels compile at import, into numba's cache.
 """
@@ -16,65 +17,75 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
-from acquisition.models.calibration import Calibration
 from acquisition.normals import pixel_solve, pixel_solve_kernels
-from acquisition.normals.pixel_solve import Estimate, Pixels
-from acquisition.photometry import Noise
+from acquisition.normals.pixel_solve import Estimate, Pixels, PixelSolveOptions, Scene
 
 EXPONENTS = (12.0, 18.0, 25.0, 35.0, 50.0, 80.0, 120.0)
+"""Exponents α of the grid. Between facing flat walls interreflection looks like a lobe wider than the first."""
+
 HIGHLIGHT_SIGMA = photometry.PREDICTED_HIGHLIGHT_SIGMA
+"""1 σ of the subtracted highlight, as a share of it."""
 
 WIDE_CAUCHY_SCALE = 10.0
+"""Scale of Cauchy's weights, in σ, while the lobe is fitted: a narrow one rejects the highlights."""
+
 FIT_ROUNDS = 4
+"""Alternations of solve and lobe fit."""
+
 MIN_LIGHTS = 5
+"""Usable lights from which a pixel takes part."""
+
 MIN_PIXELS = 100
-MIN_STRENGTH = 0.02
-MIN_EXPLAINED_SHARE = 0.15
-"""A surface is taken as matt unless the lobe is stronger than MIN_STRENGTH and explains so large a share of the squared
-residuals: on curved path-traced objects gloss explains a third and more, a matt surface in direct light a few per cent.
-Facing flat walls are the hard case: bounced light looks like a wide lobe there, which is why EXPONENTS starts at 12."""
+"""Pixels below which no lobe is fitted."""
+
+MIN_STRENGTH, MIN_EXPLAINED_SHARE = 0.02, 0.15
+"""A surface is diffuse unless the lobe is stronger than the first, in units of albedo, and explains more than the
+second of the squared residuals: on curved path-traced objects gloss explains a third and more, a diffuse surface in
+direct light a few per cent."""
 
 
 @dataclass(frozen=True)
 class HighlightDerivatives:
-    """How a highlight at K pixels changes with their g (F, 3, K), and with the logarithms of the lobe's strength, which
-    is the highlight itself, and of its exponent (F, 2, K)."""
+    """Derivatives of the highlight at K pixels by g (F, 3, K), and by the logarithms of the lobe's strength and
+    exponent (F, 2, K); by the logarithm of the strength it is the highlight itself."""
 
     by_g: Float32Array
     by_lobe: Float32Array
 
     @property
     def highlight(self) -> Float32Array:
-        """What the lobe adds to y (F, K)."""
+        """The lobe's contribution to y (F, K)."""
         return self.by_lobe[:, 0]
 
 
 @dataclass(frozen=True)
 class Lobe:
-    """strength · |s| (n·h)^exponent is added to y; `strength` is in units of albedo."""
+    """Blinn–Phong lobe strength · |s| (n·h)^exponent that is added to y; `strength` is in units of albedo."""
 
     strength: float
     exponent: float
 
-    def highlight(self, found: Estimate, along: Float32Array) -> Float32Array:
-        """What the lobe adds to y (F, N) where a measurement is lit, for ∂x/∂Z (3, N)."""
+    def highlight(self, estimate: Estimate, ray_direction: Float32Array) -> Float32Array:
+        """The lobe's contribution to y (F, N) where a measurement is usable, for ∂x/∂Z (3, N)."""
         if self.strength == 0:
-            return np.zeros(found.usable.shape, np.float32)
-        shape = _unit_highlight(found.light, pixel_solve.clamp_to_visible(found.normals, along), along, self.exponent)
-        return (np.float32(self.strength) * shape * found.usable).astype(np.float32)
+            return np.zeros(estimate.usable.shape, np.float32)
+        shape = _unit_highlight(
+            estimate.light, pixel_solve.clamp_to_visible(estimate.normals, ray_direction), ray_direction, self.exponent
+        )
+        return (np.float32(self.strength) * shape * estimate.usable).astype(np.float32)
 
-    def derivatives(self, found: Estimate, along: Float32Array) -> HighlightDerivatives | None:
-        """The highlight where a measurement is lit, and its derivatives; none without a lobe."""
+    def derivatives(self, estimate: Estimate, ray_direction: Float32Array) -> HighlightDerivatives | None:
+        """Derivatives of the highlight where a measurement is usable; none without a lobe."""
         if self.strength == 0:
             return None
-        normals = pixel_solve.clamp_to_visible(found.normals, along)
-        half, strength = _half_vectors(found.light, along)
+        normals = pixel_solve.clamp_to_visible(estimate.normals, ray_direction)
+        half, strength = _half_vectors(estimate.light, ray_direction)
         cosine = np.einsum("fcn,cn->fn", half, normals)
-        seen = found.usable & (cosine > 0)
+        seen = estimate.usable & (cosine > 0)
         cosine = np.where(seen, cosine, 1).astype(np.float32)
         exponent = np.float32(self.exponent)
         height = np.float32(self.strength) * strength * cosine**exponent * seen
-        steepness = exponent * height / cosine / np.maximum(found.albedo, np.float32(1e-6))
+        steepness = exponent * height / cosine / np.maximum(estimate.albedo, np.float32(1e-6))
         by_g = steepness[:, None] * (half - cosine[:, None] * normals)
         return HighlightDerivatives(by_g, np.stack([height, exponent * height * np.log(cosine)], axis=1))
 
@@ -83,60 +94,64 @@ NO_LOBE = Lobe(0.0, EXPONENTS[-1])
 
 
 def fit(
-    pixels: Pixels, values: Float32Array, depth_m: Float32Array, along: Float32Array, lamp: Float32Array,
-    calibration: Calibration, noise: Noise, threshold: float, start: Lobe,
-) -> Lobe:  # fmt: skip
-    """The lobe that K sample pixels agree on, from their values (F, K), indirect light taken out; `NONE` for matt.
+    pixels: Pixels, values: Float32Array, depth_m: Float32Array, scene: Scene, threshold: float, start: Lobe
+) -> Lobe:
+    """Least-squares Blinn–Phong lobe of K pixels from values (F, K) without indirect light; `NO_LOBE` if diffuse.
 
-    It needs five usable lights at a hundred pixels, else `NONE`.
+    Alternates with the pixels' solve at depth (K,), shadow threshold `threshold`, from the lobe `start`. It needs
+    MIN_LIGHTS usable lights at MIN_PIXELS pixels, else it is `NO_LOBE`.
     """
+    ray_direction = photometry.ray_directions(pixels.ray)
+    robust, wide = PixelSolveOptions(threshold), PixelSolveOptions(threshold, cauchy_scale=WIDE_CAUCHY_SCALE)
     lobe = start
     for _ in range(FIT_ROUNDS):
         added = np.zeros_like(values)
         if lobe.strength > 0:
-            guess = pixel_solve.solve(pixels, values, depth_m, lamp, calibration, noise, threshold=threshold)
-            added = lobe.highlight(guess, along)
-        found = pixel_solve.solve(
-            pixels, values - added, depth_m, lamp, calibration, noise, threshold=threshold,
-            cauchy_scale=WIDE_CAUCHY_SCALE, extra=(np.float32(HIGHLIGHT_SIGMA) * added) ** 2,
-        )  # fmt: skip
-        lobe, explained = _fit_strength(values, found, along, lamp)
+            guess = pixel_solve.solve(pixels, values, depth_m, scene, robust)
+            added = lobe.highlight(guess, ray_direction)
+        estimate = pixel_solve.solve(
+            pixels, values - added, depth_m, scene, wide, extra_variance=(np.float32(HIGHLIGHT_SIGMA) * added) ** 2
+        )
+        lobe, explained = _fit_strength(values, estimate, ray_direction, scene.lamps)
         if lobe.strength <= MIN_STRENGTH or explained < MIN_EXPLAINED_SHARE:
             return NO_LOBE
     return lobe
 
 
-def _fit_strength(values: Float32Array, found: Estimate, along: Float32Array, lamp: Float32Array) -> tuple[Lobe, float]:
-    """The lobe of least residual, and the share of squared residuals that it explains.
+def _fit_strength(
+    values: Float32Array, estimate: Estimate, ray_direction: Float32Array, lamp: Float32Array
+) -> tuple[Lobe, float]:
+    """Grid search of the exponent with closed-form strength: the lobe of least residual, and the share of squared
+    residuals that it explains.
 
     Projected out are g of each pixel and a shift of the whole object: flat surfaces show much the same for either.
     """
-    enough = np.count_nonzero(found.weights > 0, axis=0) >= MIN_LIGHTS
+    enough = np.count_nonzero(estimate.weights > 0, axis=0) >= MIN_LIGHTS
     if np.count_nonzero(enough) < MIN_PIXELS:
         return NO_LOBE, 0.0
-    change = pixel_solve.depth_derivative(found.light, found.point, along, lamp)
-    half, length = _half_vectors(found.light, along)
+    change = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, lamp)
+    half, length = _half_vectors(estimate.light, ray_direction)
     gram = np.zeros((2 + len(EXPONENTS), 2 + len(EXPONENTS)))
     _projected_products(
-        found.weights,
-        found.light,
+        estimate.weights,
+        estimate.light,
         np.ascontiguousarray(values, np.float32),
-        np.einsum("fck,ck->fk", change, found.g),
-        np.einsum("fck,ck->fk", half, found.normals),
+        np.einsum("fck,ck->fk", change, estimate.g),
+        np.einsum("fck,ck->fk", half, estimate.normals),
         length,
         np.array(EXPONENTS),
         enough,
         gram,
     )
     gram -= np.outer(gram[:, 1], gram[1]) / max(float(gram[1, 1]), 1e-24)  # the shift projected out
-    whole = float(gram[0, 0])
-    best, least = NO_LOBE, whole
-    for exponent, along_lobe, squared in zip(EXPONENTS, gram[2:, 0], np.diag(gram)[2:], strict=True):
-        strength = float(along_lobe) / max(float(squared), 1e-12)
-        left = whole - strength**2 * float(squared)
-        if strength > 0 and left < least:
-            best, least = Lobe(strength, exponent), left
-    return best, 1 - least / max(whole, 1e-12)
+    total = float(gram[0, 0])
+    best, least = NO_LOBE, total
+    for exponent, product, squared in zip(EXPONENTS, gram[2:, 0], np.diag(gram)[2:], strict=True):
+        strength = float(product) / max(float(squared), 1e-12)
+        remaining = total - strength**2 * float(squared)
+        if strength > 0 and remaining < least:
+            best, least = Lobe(strength, exponent), remaining
+    return best, 1 - least / max(total, 1e-12)
 
 
 @numba.njit(
@@ -157,7 +172,7 @@ def _projected_products(  # noqa: PLR0912 - one fused kernel is the point
     enough: BoolArray,  # (K,): the pixels that count
     out: FloatArray,  # (2 + E, 2 + E)
 ) -> None:
-    """Adds the scalar products of values, shift and lobes over all pixels, each pixel's g projected out of them."""
+    """Adds to `out` the scalar products of values, shift and lobes over all pixels, each pixel's g projected out."""
     count, size = len(weights), len(out)
     own, columns = np.empty((3, count)), np.empty((size, count))
     inner, across = np.empty((3, 3)), np.empty((3, size))
@@ -200,17 +215,19 @@ def _projected_products(  # noqa: PLR0912 - one fused kernel is the point
                 out[b, a] = out[a, b]
 
 
-def _unit_highlight(light: Float32Array, normals: Float32Array, along: Float32Array, exponent: float) -> Float32Array:
+def _unit_highlight(
+    light: Float32Array, normals: Float32Array, ray_direction: Float32Array, exponent: float
+) -> Float32Array:
     """|s| (n·h)^α (F, N)."""
-    half, strength = _half_vectors(light, along)
+    half, strength = _half_vectors(light, ray_direction)
     cosine = np.einsum("fcn,cn->fn", half, normals)
     return strength * np.clip(cosine, 0, 1) ** np.float32(exponent)
 
 
-def _half_vectors(light: Float32Array, along: Float32Array) -> tuple[Float32Array, Float32Array]:
-    """Unit vectors half way between lamp and camera (F, 3, N), and |s| (F, N)."""
+def _half_vectors(light: Float32Array, ray_direction: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """Half vectors between the directions to lamp and camera, of unit length (F, 3, N), and |s| (F, N)."""
     strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
-    view = -along / np.sqrt(np.sum(along * along, axis=0))
+    view = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
     half = light / np.maximum(strength, np.float32(1e-9))[:, None] + view
     length = np.sqrt(np.einsum("fcn,fcn->fn", half, half))
     return half / np.maximum(length, np.float32(1e-6))[:, None], strength

@@ -10,7 +10,7 @@ from tests.acquisition import scenes
 
 
 @pytest.mark.parametrize("count", [4, 8, 12])
-def test_solve_a_quarter_of_a_megapixel(benchmark: BenchmarkFixture, count: int) -> None:
+def test_solve_quarter_megapixel_time(benchmark: BenchmarkFixture, count: int) -> None:
     true = scenes.scene(scenes.bumps, scenes.calibration(500))
     taken = scenes.capture(true, scenes.ring(count, 40.0))
     benchmark.extra_info["object pixels"] = int(np.count_nonzero(true.mask))

@@ -57,7 +57,7 @@ def outputs(size: int) -> tuple[np.ndarray, np.ndarray]:
     return np.empty((3, size), np.float32), np.empty(size, np.float32)
 
 
-def test_least_squares_of_twelve_megapixels(benchmark: BenchmarkFixture, stack: np.ndarray) -> None:
+def test_least_squares_twelve_megapixels_time(benchmark: BenchmarkFixture, stack: np.ndarray) -> None:
     """At most twice the copying; thrice without AVX-512."""
     inverse = np.ascontiguousarray(np.linalg.pinv(directions()) / 65535, dtype=np.float32)
     results = outputs(stack.shape[1])
@@ -65,7 +65,7 @@ def test_least_squares_of_twelve_megapixels(benchmark: BenchmarkFixture, stack: 
     told(benchmark, stack)
 
 
-def test_shadow_masks_of_twelve_megapixels(benchmark: BenchmarkFixture, stack: np.ndarray) -> None:
+def test_shadow_masks_twelve_megapixels_time(benchmark: BenchmarkFixture, stack: np.ndarray) -> None:
     """At most eight times the copying."""
     light, scale = directions().astype(np.float32), np.full(COUNT, 1 / 65535, np.float32)
     limits = np.array([65_000, 0.05, 0.1], np.float32)
@@ -75,7 +75,7 @@ def test_shadow_masks_of_twelve_megapixels(benchmark: BenchmarkFixture, stack: n
     told(benchmark, stack)
 
 
-def test_near_light_of_twelve_megapixels(benchmark: BenchmarkFixture, stack: np.ndarray) -> None:
+def test_near_light_twelve_megapixels_time(benchmark: BenchmarkFixture, stack: np.ndarray) -> None:
     """At most twelve times the copying."""
     v, u = np.mgrid[:HEIGHT, :WIDTH].astype(np.float32)
     ray = np.stack([(u - WIDTH / 2) / WIDTH * 0.3, (v - HEIGHT / 2) / WIDTH * 0.3]).reshape(2, -1)
@@ -88,7 +88,7 @@ def test_near_light_of_twelve_megapixels(benchmark: BenchmarkFixture, stack: np.
 
 
 @pytest.mark.parametrize("solver", ["ls", "weighted"])
-def test_the_whole_solve_of_twelve_megapixels(
+def test_solve_twelve_megapixels_time_and_memory(
     benchmark: BenchmarkFixture, stack: np.ndarray, solver: distant.Solver
 ) -> None:
     """With flags, σ and residuals; at most 1 GB beside the stack."""
@@ -105,7 +105,7 @@ def test_the_whole_solve_of_twelve_megapixels(
 
 
 @pytest.mark.parametrize(("height", "width"), [(1100, 1300), (3400, 4700)])
-def test_integration_on_a_mask(benchmark: BenchmarkFixture, height: int, width: int) -> None:
+def test_integration_masked_time(benchmark: BenchmarkFixture, height: int, width: int) -> None:
     """One megapixel in at most 1.5 s, twelve in at most 30 s."""
     v, u = np.mgrid[:height, :width]
     x, y = (u - width / 2) / height, -(v - height / 2) / height

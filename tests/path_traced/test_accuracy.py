@@ -107,7 +107,7 @@ def mean_deg(condition: Condition, lights: int) -> float:
         ("direct", 12, 0.59), ("bounces", 12, 1.25), ("gloss", 12, 0.8), ("gloss and bounces", 12, 1.35),
     ],
 )  # fmt: skip
-def test_mean_error(condition: Condition, lights: int, bar: float) -> None:
+def test_solve_mean_error_meets_goal(condition: Condition, lights: int, bar: float) -> None:
     assert mean_deg(condition, lights) <= bar
 
 
@@ -121,20 +121,20 @@ def test_mean_error(condition: Condition, lights: int, bar: float) -> None:
         "vee",
     ],
 )
-def test_correction_leaves_six_tenths_of_the_error(name: str) -> None:
+def test_interreflection_correction_leaves_six_tenths_of_error(name: str) -> None:
     corrected, without = mean_of_draws(name, "bounces"), mean_of_draws(name, "bounces", corrected=False)
     show(f"{name}, bounced light corrected and not, and their ratio", corrected, without, corrected / without)
     assert corrected <= 0.6 * without
 
 
-def test_the_groove_is_freed_of_bounced_light() -> None:
+def test_interreflection_groove_error_meets_goal() -> None:
     found = mean_of_draws("vee", "bounces")
     show("groove of 90°, bounced light corrected", found)
     assert found <= 2.2
 
 
 @pytest.mark.parametrize("name", objects.NAMES)
-def test_most_of_what_bounced_light_costs_is_won_back(name: str) -> None:
+def test_interreflection_correction_recovers_most_of_loss(name: str) -> None:
     """Beside what direct light alone leaves, which no correction can win back."""
     direct, corrected = mean_of_draws(name, "direct"), mean_of_draws(name, "bounces")
     without = mean_of_draws(name, "bounces", corrected=False)
@@ -143,7 +143,7 @@ def test_most_of_what_bounced_light_costs_is_won_back(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", objects.NAMES)
-def test_dark_scenes_are_not_harmed(name: str) -> None:
+def test_interreflection_dark_scene_error_is_not_raised(name: str) -> None:
     """Albedo 0.05: there is little to take out, and what is taken out must not be more than that."""
     corrected, without = mean_of_draws(name, "dark"), mean_of_draws(name, "dark", corrected=False)
     show(f"{name}, dark, corrected and not", corrected, without)
@@ -160,7 +160,7 @@ def test_dark_scenes_are_not_harmed(name: str) -> None:
         literally("vee", found="0.70; this groove has 1.2 % of bounced light; the error, from 0.87° to 0.40°"),
     ],
 )
-def test_dark_scenes_are_left_alone(name: str) -> None:
+def test_interreflection_dark_scene_normals_stay(name: str) -> None:
     """Mean angle between the normals with and without the correction of bounced light."""
     angles: list[float] = []
     for draw in range(DRAWS):
@@ -173,20 +173,20 @@ def test_dark_scenes_are_left_alone(name: str) -> None:
 
 
 @pytest.mark.parametrize("lights", [8, 12])
-def test_intensities_are_found(lights: int) -> None:
+def test_self_calibration_intensity_error_meets_goal(lights: int) -> None:
     left = [one.intensity_error for name in objects.NAMES for one in grades(name, "direct", lights)]
     show(f"intensity error left of 0.01, {lights} lights", np.mean(left))
     assert np.mean(left) <= 0.007
 
 
-def test_large_intensity_errors_are_found() -> None:
+def test_self_calibration_large_intensity_error_meets_goal() -> None:
     left = [one.intensity_error for name in objects.NAMES for one in grades(name, "direct", intensity_sigma=0.03)]
     show("intensity error left of 0.03", np.mean(left))
     assert np.mean(left) <= 0.013
 
 
 @pytest.mark.parametrize("condition", ["direct", "bounces", "dark"])
-def test_matt_surfaces_get_no_lobe(condition: Condition) -> None:
+def test_specular_diffuse_surfaces_get_no_lobe(condition: Condition) -> None:
     found = [solve(name, condition, 8, draw, 0.01, True)[0] for name in objects.NAMES for draw in range(DRAWS)]
     strengths = [one.notes["lobe"]["strength"] for one in found]
     show(f"strongest lobe of a matt surface, {condition}", max(strengths))
@@ -199,7 +199,7 @@ INTENSITIES = pytest.mark.parametrize("intensity_sigma", [0.003, 0.01, 0.03])
 
 @CONDITIONS
 @INTENSITIES
-def test_sigma_is_honest(condition: Condition, intensity_sigma: float) -> None:
+def test_sigma_coverage_meets_goal(condition: Condition, intensity_sigma: float) -> None:
     """One draw's errors move all pixels together, so many draws are needed."""
     every = [
         one
@@ -228,7 +228,7 @@ def halves(condition: Condition, intensity_sigma: float) -> dict[str, list[tuple
 
 @CONDITIONS
 @INTENSITIES
-def test_the_surer_half_is_the_better_one(condition: Condition, intensity_sigma: float) -> None:
+def test_sigma_lower_half_has_lower_mean_error(condition: Condition, intensity_sigma: float) -> None:
     """In each object over its draws."""
     means = {name: np.mean(found, axis=0) for name, found in halves(condition, intensity_sigma).items()}
     assert {name: mean for name, mean in means.items() if not mean[0] < mean[1]} == {}
@@ -245,7 +245,7 @@ def test_the_surer_half_is_the_better_one(condition: Condition, intensity_sigma:
         literally("gloss", 0.03, found="the groove, 4 draws of 50"),
     ],
 )
-def test_the_surer_half_is_the_better_one_in_each_draw(condition: Condition, intensity_sigma: float) -> None:
+def test_sigma_lower_half_has_lower_error_in_each_draw(condition: Condition, intensity_sigma: float) -> None:
     """Errors of the lamps that one draw has can turn the walls of a groove, which are the surer, by more than its edges
     err: noise is halved where normals are made those of a surface, and these errors are not."""
     found = halves(condition, intensity_sigma)
@@ -255,7 +255,7 @@ def test_the_surer_half_is_the_better_one_in_each_draw(condition: Condition, int
 
 
 @pytest.mark.parametrize("name", ["animal", "rabbit"])
-def test_sigma_is_the_error_on_smooth_matt_objects(name: str) -> None:
+def test_sigma_smooth_diffuse_objects_equals_rms_error(name: str) -> None:
     found = [one.ratio for one in grades(name, "direct", draws=SIGMA_DRAWS)]
     show(f"{name}: rms of error / σ", np.mean(found))
     assert 0.85 <= np.mean(found) <= 1.25

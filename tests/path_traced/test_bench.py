@@ -19,7 +19,7 @@ def solved(name: str, y: np.ndarray, seed: int = 0) -> tuple[NormalMap, bench.Gr
     return found, bench.grade(found, true, taken.log_intensity)
 
 
-def test_direct_light_is_that_of_the_image_formation_model() -> None:
+def test_render_direct_light_equals_image_formation_model() -> None:
     """Albedo × cosine / r², at pixels that are lit and far from edges."""
     light = bench.two_rings(8)[:1]
     y = bench.render("bowl", light, pixels=PIXELS, bounces=False, samples=16)[0]
@@ -32,7 +32,7 @@ def test_direct_light_is_that_of_the_image_formation_model() -> None:
     assert np.median(np.abs(y[lit] / law[lit] - 1)) < 0.01
 
 
-def test_bounced_light_is_taken_out_of_grooves() -> None:
+def test_solve_groove_subtracts_interreflection() -> None:
     y = bench.render("vee", bench.two_rings(8), pixels=PIXELS, bounces=True, samples=36)
     found, grade = solved("vee", y)
     assert found.indirect is not None
@@ -41,7 +41,7 @@ def test_bounced_light_is_taken_out_of_grooves() -> None:
     assert grade.within_two > 0.85
 
 
-def test_direct_light_alone_is_left_alone() -> None:
+def test_solve_direct_light_only_subtracts_nothing() -> None:
     y = bench.render("vee", bench.two_rings(8), pixels=PIXELS, bounces=False, samples=16)
     found, grade = solved("vee", y)
     assert found.indirect is not None
@@ -51,7 +51,7 @@ def test_direct_light_alone_is_left_alone() -> None:
     assert grade.intensity_error < 0.01
 
 
-def test_gloss_is_found_and_taken_out() -> None:
+def test_solve_glossy_object_recovers_lobe() -> None:
     lights = bench.two_rings(8)
     y = bench.render("animal", lights, pixels=PIXELS, bounces=False, samples=16)
     found, grade = solved("animal", y + bench.gloss("animal", lights, pixels=PIXELS))

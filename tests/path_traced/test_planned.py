@@ -14,7 +14,7 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
 
 
 @pytest.mark.parametrize(("bounces", "bar"), [(False, 0.68), (True, 1.55)], ids=["direct", "bounces"])
-def test_mean_error(bounces: bool, bar: float) -> None:
+def test_planned_lights_mean_error_meets_goal(bounces: bool, bar: float) -> None:
     each = [
         statistics.mean(comparison.figures(name, draw, bounces=bounces)["optimal"] for draw in comparison.DRAWS)
         for name in objects.NAMES

@@ -1,4 +1,4 @@
-"""Measurements made by the image-formation model itself, for the parts that all pixels share."""
+"""Synthetic measurements by the image-formation model itself, for what all pixels share: lamps, lobe, noise."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.models.calibration import Calibration
-from acquisition.normals.pixel_solve import Pixels
+from acquisition.normals.pixel_solve import Pixels, Scene
 from acquisition.photometry import Noise
 from tests.acquisition import scenes
 from tests.path_traced import bench
@@ -15,12 +15,12 @@ DEPTH_M = 0.9
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredPixels:
     """K pixels of one depth with normals spread over a cap, lit by two rings; `values` (F, K) without noise."""
 
     pixels: Pixels
     depth_m: np.ndarray
-    along: np.ndarray
+    ray_direction: np.ndarray
     light: np.ndarray
     normals: np.ndarray
     lamp: np.ndarray
@@ -28,16 +28,20 @@ class Measured:
     noise: Noise
 
     @property
+    def scene(self) -> Scene:
+        return Scene(self.lamp, self.calibration, self.noise)
+
+    @property
     def values(self) -> np.ndarray:
         return self.pixels.values
 
 
-def measured(count: int = 8, size: int = 40, largest_slant: float = 0.6, albedo: float = 0.6) -> Measured:
+def measured(count: int = 8, size: int = 40, largest_slant: float = 0.6, albedo: float = 0.6) -> MeasuredPixels:
     rng = np.random.default_rng(5)
     known = scenes.calibration(size, lobe_exponent=0.0)
     ray = photometry.rays(known, slice(0, size), slice(0, size)).reshape(2, -1)
     depth = np.full(ray.shape[1], DEPTH_M, np.float32)
-    point, along = photometry.points(ray, depth), photometry.ray_directions(ray)
+    point, ray_direction = photometry.points(ray, depth), photometry.ray_directions(ray)
     center = np.array([0, 0, -DEPTH_M])
     places = bench.two_rings(count) - bench.CENTER + center
     lamp = np.concatenate([places, (center - places) / 0.45], axis=1).astype(np.float32)
@@ -47,4 +51,4 @@ def measured(count: int = 8, size: int = 40, largest_slant: float = 0.6, albedo:
     values = albedo * np.maximum(np.einsum("fcn,cn->fn", light, normals), 0)
     pixels = Pixels((size, size), np.arange(size * size), ray, values.astype(np.float32), np.zeros(values.shape, bool))
     noise = Noise(np.full(count, 1e-6), np.full(count, 1e-7), 0.01, 0.004)
-    return Measured(pixels, depth, along, light, normals.astype(np.float32), lamp, known, noise)
+    return MeasuredPixels(pixels, depth, ray_direction, light, normals.astype(np.float32), lamp, known, noise)

@@ -10,7 +10,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.result import HIGHLIGHT, LIT, NormalMap, SolveSettings
 from acquisition.normals import final_solve, integrability, pyramid, session_images
 from acquisition.normals.alternation import AlternationResult
-from acquisition.normals.final_solve import Scene
+from acquisition.normals.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
 from acquisition.normals.self_calibration import SharedParameters
 from acquisition.normals.session_images import ImageStack, StoredImages
@@ -34,7 +34,7 @@ def images(true: scenes.Scene) -> ImageStack | StoredImages:
 
 def model(known: Calibration, stack: ImageStack | StoredImages) -> Scene:
     noise = photometry.model_noise(known, stack.shot, stack.floor, 0.45)
-    return Scene(photometry.lamps(stack.lights), known, noise, SolveSettings(), typical=0.5)
+    return Scene(photometry.lamps(stack.lights), known, noise, SolveSettings(), median_albedo=0.5)
 
 
 def refined(gathered: PyramidLevel, noise: photometry.Noise, lobe: Lobe, received: float) -> AlternationResult:
@@ -68,7 +68,7 @@ def same(one: NormalMap, two: NormalMap) -> None:
 
 
 @pytest.mark.parametrize(("lobe", "received"), [(NO_LOBE, 0.0), (Lobe(0.1, 25.0), 0.2)], ids=["plain", "in turns"])
-def test_blocks_of_rows_are_solved_as_all_rows_together(
+def test_solve_in_blocks_of_rows_equals_solve_in_one(
     lobe: Lobe, received: float, cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stack = images(cushion)
@@ -88,7 +88,7 @@ def test_blocks_of_rows_are_solved_as_all_rows_together(
     same(together, solved())
 
 
-def test_images_that_are_read_again_give_the_same_map(cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_solve_streamed_images_equals_solve_in_memory(cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """From frames, with silhouette, refining and table: in blocks, and from memory in one."""
     taken, table = scenes.capture(cushion, LIGHTS, seed=1), np.full((SIZE, SIZE), scenes.TABLE_DEPTH, np.float32)
 
@@ -105,7 +105,7 @@ def test_images_that_are_read_again_give_the_same_map(cushion: scenes.Scene, mon
     same(together, solved())
 
 
-def test_a_coarse_grid_gathered_in_blocks_is_that_of_all_rows(
+def test_level_in_blocks_of_rows_equals_level_in_one(
     cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stack = images(cushion)
@@ -131,7 +131,7 @@ def test_a_coarse_grid_gathered_in_blocks_is_that_of_all_rows(
     np.testing.assert_array_equal(few.index, parts.sample.index)
 
 
-def test_light_from_other_surfaces_is_no_highlight(cushion: scenes.Scene) -> None:
+def test_flags_predicted_indirect_light_is_no_highlight(cushion: scenes.Scene) -> None:
     """Light that reaches all pixels under one of eight lights alone stands out as a highlight would."""
     stack, whole = images(cushion), slice(0, SIZE)
     assert isinstance(stack, ImageStack)
@@ -156,7 +156,7 @@ def test_light_from_other_surfaces_is_no_highlight(cushion: scenes.Scene) -> Non
     assert shares[1] < 0.03
 
 
-def test_pixels_with_two_lights_lean_on_those_round_them(cushion: scenes.Scene) -> None:
+def test_solve_pixels_with_two_lights_are_smoothed(cushion: scenes.Scene) -> None:
     stack, whole = images(cushion), slice(0, SIZE)
     assert isinstance(stack, ImageStack)
     lone = np.zeros((SIZE, SIZE), np.bool_)
@@ -172,7 +172,7 @@ def test_pixels_with_two_lights_lean_on_those_round_them(cushion: scenes.Scene) 
     assert np.mean(cushion.error_deg(found.normals)[lone[cushion.graded]]) < 4
 
 
-def test_normals_are_those_of_a_surface(cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_solve_integrability_lowers_median_error(cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     stack, whole = images(cushion), slice(0, SIZE)
     seen = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, whole, whole))
     gathered = seen.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)

@@ -41,9 +41,8 @@ def test_normals_turn_as_far_as_said_where_indirect_light_is_off_by_a_factor() -
 
     def solved(values: np.ndarray) -> pixel_solve.Estimate:
         return pixel_solve.solve(
-            made.pixels, values, made.depth_m, made.lamp, made.calibration, made.noise, threshold=0.0,
-            cauchy_scale=None,
-        )  # fmt: skip
+            made.pixels, values, made.depth_m, made.scene, pixel_solve.PixelSolveOptions(0.0, cauchy_scale=None)
+        )
 
     indirect = (0.05 * np.linspace(0.5, 1.5, len(made.values))[:, None] * np.ones_like(made.values)).astype(np.float32)
     right = solved(made.values)
@@ -58,9 +57,7 @@ def test_normals_turn_as_far_as_said_where_indirect_light_is_off_by_a_factor() -
 def test_black_shadows_say_that_nothing_bounces_and_a_few_wrong_ones_do_not() -> None:
     """A prediction is believed when a quarter of it is found where no lamp shines."""
     made = shared_scene.measured(size=60, largest_slant=1.3)
-    found = pixel_solve.solve(
-        made.pixels, made.values, made.depth_m, made.lamp, made.calibration, made.noise, threshold=0.05
-    )
+    found = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene, pixel_solve.PixelSolveOptions(0.05))
     light = photometry.light_vectors(
         photometry.points(made.pixels.ray, made.depth_m), made.lamp, made.calibration
     )  # fmt: skip
@@ -83,9 +80,7 @@ def test_a_tilted_pixel_receives_what_the_plane_below_it_sends() -> None:
     made = shared_scene.measured(size=60)
     slant = 0.5
     normals = np.tile(np.array([[np.sin(slant)], [0.0], [np.cos(slant)]], np.float32), (1, made.depth_m.size))
-    found = pixel_solve.solve(
-        made.pixels, made.values, made.depth_m, made.lamp, made.calibration, made.noise, threshold=0.05
-    )
+    found = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene, pixel_solve.PixelSolveOptions(0.05))
     bright = np.ones_like(made.values)
 
     def light(every: int) -> np.ndarray:

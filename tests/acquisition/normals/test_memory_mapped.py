@@ -9,7 +9,7 @@ from acquisition.normals import memory_mapped
 
 
 @pytest.mark.parametrize("in_file", [False, True])
-def test_what_was_written_is_there_after_memory_was_let_go(in_file: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_release_written_array_keeps_its_values(in_file: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory_mapped, "LARGE_BYTES", 1 if in_file else 1 << 30)
     array = memory_mapped.zeros((3, 50, 1000))
     assert isinstance(array.base, mmap.mmap) == in_file

@@ -26,7 +26,7 @@ def curve(gain: float, read_dn: float, count: int = 30_000, pattern: float = 0.0
     pattern=st.floats(0.0, 0.0015),
     seed=st.integers(0, 2**32),
 )
-def test_gain_and_read_noise_are_found_with_their_errors(
+def test_fit_line_synthetic_sensor_recovers_gain_and_read_noise(
     gain: float, read_dn: float, pattern: float, seed: int
 ) -> None:
     line = photon_transfer.fit_line(curve(gain, read_dn, pattern=pattern, seed=seed))
@@ -36,7 +36,7 @@ def test_gain_and_read_noise_are_found_with_their_errors(
     assert line.floor_sigma < 0.1 * line.floor
 
 
-def test_more_pixels_tell_more() -> None:
+def test_fit_line_more_pixels_lowers_sigma() -> None:
     few, many = (photon_transfer.fit_line(curve(1.0, 2.0, count)) for count in (3_000, 100_000))
     assert few is not None
     assert many is not None
@@ -44,7 +44,7 @@ def test_more_pixels_tell_more() -> None:
     assert many.slope == pytest.approx(1.0, rel=0.02)
 
 
-def test_a_few_per_cent_that_are_no_noise_do_not_count() -> None:
+def test_transfer_curve_few_per_cent_outliers_are_clipped() -> None:
     rng = np.random.default_rng(1)
     level = np.full(20_000, 1000.0, np.float32)
     scattered = rng.normal(size=level.shape) * 30
@@ -54,7 +54,7 @@ def test_a_few_per_cent_that_are_no_noise_do_not_count() -> None:
     assert np.var(edges) > 10_000
 
 
-def test_brightness_that_scatters_less_than_its_rounding_is_left_out() -> None:
+def test_transfer_curve_scatter_below_rounding_drops_bin() -> None:
     rng = np.random.default_rng(2)
     level = rng.uniform(0, TOP, 50_000).astype(np.float32)
     fine = (0.2 * rng.normal(size=level.shape)).astype(np.float32)
@@ -62,12 +62,12 @@ def test_brightness_that_scatters_less_than_its_rounding_is_left_out() -> None:
     assert len(photon_transfer.transfer_curve(level, np.rint(10 * fine), TOP, 1.0).level) > 10
 
 
-def test_two_points_are_no_line() -> None:
+def test_fit_line_two_points_returns_none() -> None:
     both = np.array([1.0, 2.0])
     assert photon_transfer.fit_line(TransferCurve(both, both, 0.01 * both)) is None
 
 
-def test_brightness_of_few_pixels_is_left_out() -> None:
+def test_transfer_curve_few_pixels_drops_bin() -> None:
     level = np.repeat(np.float32([10.0, 3000.0]), [photon_transfer.MIN_BIN_COUNT - 1, photon_transfer.MIN_BIN_COUNT])
     scattered = np.random.default_rng(3).normal(size=level.shape).astype(np.float32) * 10
     assert photon_transfer.transfer_curve(level, scattered, TOP, 1.0).level.tolist() == [3000.0]

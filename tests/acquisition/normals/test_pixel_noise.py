@@ -52,7 +52,7 @@ def shown(
 
 
 @pytest.mark.parametrize(("full_well", "read_e", "bits"), [(2000, 8, 12), (10_000, 5, 8), (40_000, 10, 16)])
-def test_noise_is_found_whatever_was_guessed(
+def test_estimate_wrong_guess_recovers_noise(
     cushion: scenes.Scene, light: np.ndarray, full_well: float, read_e: float, bits: int
 ) -> None:
     found = shown(cushion, *taken(light, full_well, read_e, bits), cushion.mask)
@@ -63,7 +63,7 @@ def test_noise_is_found_whatever_was_guessed(
     assert found.note.startswith("noise found")
 
 
-def test_where_too_little_tells_the_guess_stays_and_that_is_said(cushion: scenes.Scene, light: np.ndarray) -> None:
+def test_estimate_too_few_pixels_keeps_guess_and_notes_it(cushion: scenes.Scene, light: np.ndarray) -> None:
     four, steps = taken(light[:4], 2000, 8, 12)
     all_lights, all_steps = taken(light, 2000, 8, 12)
     corner = np.zeros_like(cushion.mask)

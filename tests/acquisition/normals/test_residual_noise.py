@@ -6,81 +6,90 @@ import numpy as np
 import pytest
 
 from acquisition.normals import pixel_solve, residual_noise, self_calibration
-from acquisition.normals.pixel_solve import Estimate
+from acquisition.normals.pixel_solve import Estimate, PixelSolveOptions
 from acquisition.photometry import Noise
-from tests.acquisition.normals.shared_scene import Measured, measured
+from tests.acquisition.normals.shared_scene import MeasuredPixels, measured
 
 OFFSET_M = 0.003
 
 
-def solved(scene: Measured, values: np.ndarray, assumed: Noise) -> Estimate:
+def solved(made: MeasuredPixels, values: np.ndarray, assumed: Noise) -> Estimate:
     return pixel_solve.solve(
-        scene.pixels, values, scene.depth_m, scene.lamp, scene.calibration, assumed, threshold=0.08,
-        offset_sigma_m=OFFSET_M,
-    )  # fmt: skip
+        made.pixels,
+        values,
+        made.depth_m,
+        replace(made.scene, noise=assumed),
+        PixelSolveOptions(0.08, offset_sigma_m=OFFSET_M),
+    )
 
 
 @pytest.mark.parametrize("true", [0.005, 0.01, 0.03])
 @pytest.mark.parametrize("assumed", [0.003, 0.03])
-def test_the_share_of_intensity_errors_is_found(true: float, assumed: float) -> None:
-    scene = measured(count=12, largest_slant=0.4)
+def test_estimate_intensity_errors_recovers_share(true: float, assumed: float) -> None:
+    made = measured(count=12, largest_slant=0.4)
     rng = np.random.default_rng(1)
-    values = (scene.values * (1 + rng.normal(0, true, scene.values.shape))).astype(np.float32)
+    values = (made.values * (1 + rng.normal(0, true, made.values.shape))).astype(np.float32)
     values += rng.normal(0, np.sqrt(1e-6 * np.maximum(values, 0) + 1e-7)).astype(np.float32)
-    model = stated = Noise(scene.noise.shot, scene.noise.floor, assumed, 0.001)
+    model = stated = Noise(made.noise.shot, made.noise.floor, assumed, 0.001)
     for _ in range(3):
-        found = solved(scene, values, model)
+        found = solved(made, values, model)
         model = residual_noise.estimate(
-            found, values, model, stated, scene.along, scene.lamp, OFFSET_M, np.zeros_like(values)
+            found, values, model, stated, made.ray_direction, made.lamp, OFFSET_M, np.zeros_like(values)
         )
     assert model.intensity == pytest.approx(true, rel=0.2)
 
 
-def test_what_too_few_lights_tell_is_not_believed() -> None:
-    scene = measured(count=4)
-    found = solved(scene, scene.values, scene.noise)
-    before = replace(scene.noise, intensity=0.02, direction=0.04)
+def test_estimate_too_few_lights_keeps_stated_noise() -> None:
+    made = measured(count=4)
+    found = solved(made, made.values, made.noise)
+    before = replace(made.noise, intensity=0.02, direction=0.04)
     told = residual_noise.estimate(
-        found, scene.values, before, scene.noise, scene.along, scene.lamp, OFFSET_M, np.zeros_like(scene.values)
+        found, made.values, before, made.noise, made.ray_direction, made.lamp, OFFSET_M, np.zeros_like(made.values)
     )
-    assert told == scene.noise
+    assert told == made.noise
 
 
 @pytest.mark.parametrize(("largest_slant", "believed"), [(0.13, False), (0.6, True)])
-def test_directions_are_not_judged_by_the_few_pixels_that_light_grazes(largest_slant: float, believed: bool) -> None:
-    scene = measured(count=12, size=100, largest_slant=largest_slant)
-    wrong = 0.03 * 0.6 * np.linalg.norm(scene.light, axis=1)
-    values = scene.values + (wrong * np.random.default_rng(3).normal(size=wrong.shape)).astype(np.float32)
-    told = scene.noise
+def test_estimate_few_grazing_pixels_keep_stated_direction(largest_slant: float, believed: bool) -> None:
+    made = measured(count=12, size=100, largest_slant=largest_slant)
+    wrong = 0.03 * 0.6 * np.linalg.norm(made.light, axis=1)
+    values = made.values + (wrong * np.random.default_rng(3).normal(size=wrong.shape)).astype(np.float32)
+    told = made.noise
     for _ in range(3):
-        found = solved(scene, values, told)
+        found = solved(made, values, told)
         told = residual_noise.estimate(
-            found, values, told, scene.noise, scene.along, scene.lamp, OFFSET_M, np.zeros_like(values)
+            found, values, told, made.noise, made.ray_direction, made.lamp, OFFSET_M, np.zeros_like(values)
         )
     if believed:
         assert told.direction == pytest.approx(0.03, rel=0.25)
     else:
-        assert told.direction == scene.noise.direction
+        assert told.direction == made.noise.direction
 
 
-def test_errors_of_lamps_move_normals_as_predicted() -> None:
+def test_normal_variance_lamp_errors_equals_monte_carlo() -> None:
     """The variance is that of many draws of errors that all pixels of one draw share."""
-    scene = measured(largest_slant=0.4)
+    made = measured(largest_slant=0.4)
     rng = np.random.default_rng(2)
     covariance = np.diag([0.01**2] * 8 + [0.001**2] * 24)
     quiet = Noise(np.full(8, 1e-6), np.full(8, 1e-7), 0.001, 0.001)
     moved = []
     for _ in range(60):
         factors = np.exp(rng.normal(0, 0.01, 8))[:, None]
-        lamp = scene.lamp + np.pad(rng.normal(0, 0.001, (8, 3)), ((0, 0), (0, 3))).astype(np.float32)
+        lamp = made.lamp + np.pad(rng.normal(0, 0.001, (8, 3)), ((0, 0), (0, 3))).astype(np.float32)
         found = pixel_solve.solve(
-            scene.pixels, (scene.values * factors).astype(np.float32), scene.depth_m, lamp, scene.calibration,
-            quiet, threshold=0.08, cauchy_scale=None,
-        )  # fmt: skip
-        moved.append(np.sum((found.normals - scene.normals) ** 2, axis=0))
+            made.pixels,
+            (made.values * factors).astype(np.float32),
+            made.depth_m,
+            replace(made.scene, lamps=lamp, noise=quiet),
+            PixelSolveOptions(0.08, cauchy_scale=None),
+        )
+        moved.append(np.sum((found.normals - made.normals) ** 2, axis=0))
     exact = pixel_solve.solve(
-        scene.pixels, scene.values, scene.depth_m, scene.lamp, scene.calibration, quiet, threshold=0.08,
-        cauchy_scale=None,
-    )  # fmt: skip
-    predicted = self_calibration.normal_variance(exact, scene.lamp, covariance)
+        made.pixels,
+        made.values,
+        made.depth_m,
+        replace(made.scene, noise=quiet),
+        PixelSolveOptions(0.08, cauchy_scale=None),
+    )
+    predicted = self_calibration.normal_variance(exact, made.lamp, covariance)
     assert np.median(np.mean(moved, axis=0) / predicted) == pytest.approx(1, abs=0.25)

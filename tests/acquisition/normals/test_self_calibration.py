@@ -10,7 +10,7 @@ from acquisition.models.light_plan import Light
 from acquisition.models.result import SolveSettings
 from acquisition.models.shot import Observations
 from acquisition.normals import alternation, pixel_solve, self_calibration, specular
-from acquisition.normals.pixel_solve import Estimate
+from acquisition.normals.pixel_solve import Estimate, PixelSolveOptions
 from acquisition.normals.self_calibration import Priors, SharedParameters
 from acquisition.normals.specular import HighlightDerivatives, Lobe
 from tests.acquisition import scenes
@@ -27,7 +27,7 @@ def normal_equations(found: list[float], precision: list[float]) -> tuple[np.nda
     return matrix, matrix @ np.append(TURNED @ found, 0.0)
 
 
-def test_what_the_images_cannot_tell_does_not_make_lamps_better() -> None:
+def test_evidence_undetermined_directions_are_ignored() -> None:
     """Five of eight combinations are found to be off by 3 %; of three the images know nothing."""
     matrix, right = normal_equations([0.03, -0.03, 0.03, 0.03, -0.03, 0, 0, 0], [500.0**2] * 5 + [0.0] * 3)
     assert self_calibration.evidence_maximised_sigma(matrix, right, np.array([33.0**2]), STATED) == pytest.approx(
@@ -36,12 +36,12 @@ def test_what_the_images_cannot_tell_does_not_make_lamps_better() -> None:
 
 
 @pytest.mark.parametrize("size", [0.0, 0.004, 0.01, 0.014])
-def test_lamps_are_as_good_as_they_are_said_to_be_until_images_are_decisive(size: float) -> None:
+def test_evidence_below_bayes_factor_keeps_stated_sigma(size: float) -> None:
     matrix, right = normal_equations([size] * 8, [500.0**2] * 8)
     assert self_calibration.evidence_maximised_sigma(matrix, right, np.array([33.0**2]), STATED) == STATED
 
 
-def test_what_a_shift_explains_says_nothing_of_the_lamps() -> None:
+def test_evidence_residuals_explained_by_shift_keep_stated_sigma() -> None:
     """The same residuals, which a shift of 10 mm leaves as well, are explained by the shift."""
     matrix, _ = normal_equations([0.0] * 8, [500.0**2] * 8)
     slope = TURNED[:, 0] * 4.0
@@ -50,59 +50,60 @@ def test_what_a_shift_explains_says_nothing_of_the_lamps() -> None:
     assert self_calibration.evidence_maximised_sigma(matrix, matrix[:, 8] * 0.01, np.array([33.0**2]), STATED) == STATED
 
 
-def test_intensities_of_a_flat_glossy_surface_are_found() -> None:
+def test_step_flat_glossy_surface_recovers_intensities() -> None:
     """Tilt, highlight and intensities would feed one another if the highlight were taken as it is."""
-    scene = measured(largest_slant=0.15)
+    made = measured(largest_slant=0.15)
     rng = np.random.default_rng(5)
     wrong = rng.normal(0, 0.03, 8)
     gloss = Lobe(0.2, 30.0)
-    exact = pixel_solve.solve(
-        scene.pixels, scene.values, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.08
-    )
-    images = (scene.values + gloss.highlight(exact, scene.along)) * np.exp(wrong)[:, None]
+    exact = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene, PixelSolveOptions(0.08))
+    images = (made.values + gloss.highlight(exact, made.ray_direction)) * np.exp(wrong)[:, None]
     images = (images + rng.normal(0, 0.002, images.shape)).astype(np.float32)
     log_intensity, highlight = np.zeros(8), np.zeros_like(images)
     for _ in range(10):
         whole = alternation.divide_intensity(images, log_intensity)
         found = pixel_solve.solve(
-            scene.pixels, whole - highlight, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.08,
-            extra=(np.float32(specular.HIGHLIGHT_SIGMA) * highlight) ** 2,
-        )  # fmt: skip
-        glossy = gloss.derivatives(found, scene.along)
+            made.pixels,
+            whole - highlight,
+            made.depth_m,
+            made.scene,
+            PixelSolveOptions(0.08),
+            extra_variance=(np.float32(specular.HIGHLIGHT_SIGMA) * highlight) ** 2,
+        )
+        glossy = gloss.derivatives(found, made.ray_direction)
         assert glossy is not None
         highlight = glossy.highlight
-        change = pixel_solve.depth_derivative(found.light, found.point, scene.along, scene.lamp)
+        change = pixel_solve.depth_derivative(found.light, found.point, made.ray_direction, made.lamp)
         present = replace(SharedParameters.nominal(8), log_intensity=log_intensity)
         log_intensity = (
             log_intensity
             + self_calibration.gauss_newton_step(
-                found, change, whole - highlight, scene.lamp, present, Priors(STATED, 0.0, 0.0), 0.003, glossy
+                found, change, whole - highlight, made.lamp, present, Priors(STATED, 0.0, 0.0), 0.003, glossy
             ).log_intensity
         )
     left = log_intensity - wrong
     assert np.std(left) < 0.3 * np.std(wrong)
 
 
-def test_a_step_is_that_of_all_unknowns_at_once() -> None:
+def test_step_eliminated_pixels_equals_dense_solution() -> None:
     """Pixels' own unknowns are eliminated one pixel after another; the whole system, solved densely, says the same."""
-    scene, rng, offset_sigma, shift_sigma = measured(size=9), np.random.default_rng(2), 0.003, 0.03
-    values = (scene.values * (1 + rng.normal(0, 0.001, scene.values.shape))).astype(np.float32)
+    made, rng, offset_sigma, shift_sigma = measured(size=9), np.random.default_rng(2), 0.003, 0.03
+    values = (made.values * (1 + rng.normal(0, 0.001, made.values.shape))).astype(np.float32)
     found = pixel_solve.solve(
-        scene.pixels, values, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.08,
-        offset_sigma_m=offset_sigma,
-    )  # fmt: skip
-    change = pixel_solve.depth_derivative(found.light, found.point, scene.along, scene.lamp)
+        made.pixels, values, made.depth_m, made.scene, PixelSolveOptions(0.08, offset_sigma_m=offset_sigma)
+    )
+    change = pixel_solve.depth_derivative(found.light, found.point, made.ray_direction, made.lamp)
     start, aside, shift = rng.normal(0, 0.001, 8), rng.normal(0, 0.001, (8, 3)), 0.002
     present = SharedParameters(start, aside, shift, np.zeros((32, 32)))
     step = self_calibration.gauss_newton_step(
-        found, change, values, scene.lamp, present, Priors(STATED, 0.001, shift_sigma), offset_sigma
+        found, change, values, made.lamp, present, Priors(STATED, 0.001, shift_sigma), offset_sigma
     )
     count = values.shape[1]
     s, d, g = (one.astype(float) for one in (found.light, change, found.g))
     slope = np.einsum("fck,ck->fk", d, g)
     bent = s + d * found.offset_m
     predicted = np.einsum("fck,ck->fk", bent, g)
-    by_position = self_calibration.position_derivative(found, scene.lamp)
+    by_position = self_calibration.position_derivative(found, made.lamp)
     root = np.sqrt(found.weights)
     rows = np.zeros((8, count, 33 + 4 * count))
     for pixel in range(count):
@@ -129,7 +130,7 @@ def test_a_step_is_that_of_all_unknowns_at_once() -> None:
 
 @pytest.mark.parametrize("glossy", [False, True])
 @pytest.mark.parametrize("count", [5, 8, 21])
-def test_a_step_adds_up_what_each_pixel_tells(count: int, *, glossy: bool) -> None:
+def test_step_random_pixels_equals_sum_of_dense_pixels(count: int, *, glossy: bool) -> None:
     """Random pixels lit by some of the lamps, with a lobe and without: dense matrices of each pixel say the same."""
     rng, pixels, offset_sigma = np.random.default_rng(count), 90, 0.003
     lobes = 2 if glossy else 0
@@ -184,40 +185,38 @@ def test_a_step_adds_up_what_each_pixel_tells(count: int, *, glossy: bool) -> No
     np.testing.assert_allclose(step.covariance / lamps, covariance[: 4 * count, : 4 * count] / lamps, atol=1e-7)
 
 
-def test_values_change_with_the_lamps_positions_as_told() -> None:
-    scene, by = measured(size=9), 1e-4
-    found = pixel_solve.solve(
-        scene.pixels, scene.values, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.08
-    )
-    told = self_calibration.position_derivative(found, scene.lamp)
+def test_position_derivative_equals_finite_difference() -> None:
+    made, by = measured(size=9), 1e-4
+    found = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene, PixelSolveOptions(0.08))
+    told = self_calibration.position_derivative(found, made.lamp)
     for axis in range(3):
         value = []
         for sign in (-1, 1):
-            lamp = scene.lamp.copy()
+            lamp = made.lamp.copy()
             lamp[:, axis] += sign * by
-            light = photometry.light_vectors(found.point, lamp, scene.calibration)
+            light = photometry.light_vectors(found.point, lamp, made.calibration)
             value.append(np.einsum("fck,ck->fk", light.astype(float), found.g))
         np.testing.assert_allclose(told[:, axis], (value[1] - value[0]) / (2 * by), atol=0.02)
 
 
-def test_lamps_that_stand_aside_are_found_and_their_doubt_is_honest() -> None:
+def test_step_displaced_lamps_recovers_offsets_with_true_sigma() -> None:
     """What the images cannot tell, such as all lamps and the object moved together, stays with the prior."""
     asides, left, said = [], [], []
     for seed in range(6):
         rng = np.random.default_rng(seed)
-        scene = measured(size=60)
+        made = measured(size=60)
         wrong = rng.normal(0, 0.001, (8, 3))
-        lamp = scene.lamp.copy()
+        lamp = made.lamp.copy()
         lamp[:, :3] -= wrong.astype(np.float32)
-        images = (scene.values + rng.normal(0, 0.002, scene.values.shape)).astype(np.float32)
+        images = (made.values + rng.normal(0, 0.002, made.values.shape)).astype(np.float32)
         present = SharedParameters.nominal(8)
         for _ in range(4):
             there = present.lamps(lamp)
             values = alternation.divide_intensity(images, present.log_intensity)
             found = pixel_solve.solve(
-                scene.pixels, values, scene.depth_m, there, scene.calibration, scene.noise, threshold=0.08
+                made.pixels, values, made.depth_m, replace(made.scene, lamps=there), PixelSolveOptions(0.08)
             )
-            change = pixel_solve.depth_derivative(found.light, found.point, scene.along, there)
+            change = pixel_solve.depth_derivative(found.light, found.point, made.ray_direction, there)
             step = self_calibration.gauss_newton_step(
                 found, change, values, there, present, Priors(STATED, 0.001, 0.0), 0.003
             )
@@ -245,7 +244,7 @@ def taken_aside(true: scenes.Scene, told: list[Light], lamp_offset_m: np.ndarray
     return replace(taken, shots=shots)
 
 
-def test_the_whole_solve_puts_lamps_where_they_stand_and_normals_gain_by_it() -> None:
+def test_solve_displaced_lamps_lowers_normal_error() -> None:
     """Against a calibration that is sure of where its lamps are, with images whose intensities are right."""
     true = scenes.scene(scenes.sphere, scenes.calibration(96))
     told, aside_sigma = [*scenes.ring(6, 30.0), *scenes.ring(6, 55.0, 0.3)], 0.004

@@ -68,7 +68,7 @@ def said(known: SensorModel, wrong_by: float = 1.0) -> Calibration:
 @pytest.mark.parametrize("name", SENSORS)
 @settings(max_examples=4, deadline=None)
 @given(seed=st.integers(0, 2**32), wrong_by=st.sampled_from([0.5, 1.0, 2.0]), darks=st.integers(1, 2))
-def test_gain_and_read_noise_are_found_whatever_the_calibration_says(
+def test_estimate_wrong_calibration_recovers_gain_and_read_noise(
     name: str, seed: int, wrong_by: float, darks: int
 ) -> None:
     known = SENSORS[name]
@@ -106,7 +106,7 @@ def never(taken: Observations) -> Observations:
 
 
 @pytest.mark.parametrize("how", [never, discarded, stored_twice, longer, of_another])
-def test_the_calibration_stays_without_two_frames_of_one_light(how: Any) -> None:
+def test_estimate_without_repeated_frame_keeps_calibration(how: Any) -> None:
     known = SENSORS["12 bits"]
     calibration = said(known, 2.0)
     shown = sensor_estimate.estimate(how(session(known, scene(np.random.default_rng(0)))), calibration, ALL, ALL)
@@ -117,7 +117,7 @@ def test_the_calibration_stays_without_two_frames_of_one_light(how: Any) -> None
 
 
 @pytest.mark.parametrize("what", ["few pixels", "saturated", "black"])
-def test_the_calibration_stays_where_too_little_tells(what: str) -> None:
+def test_estimate_too_few_usable_pixels_keeps_calibration(what: str) -> None:
     known, light = SENSORS["12 bits"], scene(np.random.default_rng(1))
     light = light + 2 if what == "saturated" else 0 * light if what == "black" else light
     window = slice(100, 116) if what == "few pixels" else ALL
@@ -129,7 +129,7 @@ def test_the_calibration_stays_where_too_little_tells(what: str) -> None:
 
 
 @pytest.mark.parametrize("pixels", [0.5, 1, 7])
-def test_a_scene_that_moved_in_between_does_not_fool_it(pixels: float) -> None:
+def test_estimate_scene_shifted_between_frames_recovers_gain(pixels: float) -> None:
     """Of soft detail and of sharp edges; a session lets half a pixel pass."""
     known, rng = SENSORS["12 bits"], np.random.default_rng(2)
     grain = cv2.GaussianBlur(rng.normal(size=(SIZE, SIZE)).astype(np.float32), (0, 0), 4.0)
@@ -140,7 +140,7 @@ def test_a_scene_that_moved_in_between_does_not_fool_it(pixels: float) -> None:
     assert shown.calibration.sensor.gain_e_per_dn == pytest.approx(known.gain_e_per_dn, rel=0.05)
 
 
-def test_fine_detail_that_moved_in_between_tells_nothing() -> None:
+def test_estimate_fine_detail_shifted_keeps_calibration() -> None:
     known, rng = SENSORS["12 bits"], np.random.default_rng(4)
     light = rng.uniform(0.1, 0.8, (SIZE, SIZE)).astype(np.float32)
     calibration = said(known)
@@ -151,7 +151,7 @@ def test_fine_detail_that_moved_in_between_tells_nothing() -> None:
     assert sensor_estimate.estimate(session(known, light), calibration, ALL, ALL).calibration is not calibration
 
 
-def test_lamp_off_frames_of_one_time_are_a_pair() -> None:
+def test_estimate_lamp_off_frames_of_one_exposure_are_a_pair() -> None:
     """Room light with fine detail is in both; one of them alone would take it for noise."""
     known, rng = SENSORS["12 bits"], np.random.default_rng(3)
     taken = session(known, scene(rng), darks=1)
@@ -171,7 +171,7 @@ def test_lamp_off_frames_of_one_time_are_a_pair() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("wrong_by", [0.5, 2.0])
 @pytest.mark.parametrize("lights", [4, 8])
-def test_sigma_is_honest_whatever_gain_the_calibration_says(lights: int, wrong_by: float) -> None:
+def test_solve_wrong_gain_in_calibration_sigma_is_calibrated(lights: int, wrong_by: float) -> None:
     """Of a sensor whose shot noise outweighs all else; four lights leave no residuals that tell of a wrong gain."""
     known = SensorModel(bits=12, gain_e_per_dn=0.15, read_noise_e=3, full_well_e=600, black_level_dn=64)
     true = scenes.scene(scenes.bumps, scenes.calibration(144, sensor=known))

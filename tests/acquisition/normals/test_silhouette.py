@@ -25,7 +25,7 @@ def find(values: np.ndarray, region: np.ndarray, clipped: np.ndarray | None = No
 
 @pytest.mark.parametrize("shape", [scenes.sphere, scenes.bumps, scenes.relief])
 @pytest.mark.parametrize("albedo", [0.3, 0.7])
-def test_a_bright_object_on_a_dark_table(shape: scenes.Height, albedo: float) -> None:
+def test_segment_bright_object_on_dark_table(shape: scenes.Height, albedo: float) -> None:
     true = scenes.scene(shape, scenes.calibration(112), albedo=albedo, table=0.08)
     values = stack(true)
     found = find(values, np.ones(true.mask.shape, np.bool_))
@@ -33,7 +33,7 @@ def test_a_bright_object_on_a_dark_table(shape: scenes.Height, albedo: float) ->
     assert np.mean(found[~true.mask]) < 0.02
 
 
-def test_only_the_region_is_looked_at() -> None:
+def test_segment_region_excludes_pixels_outside() -> None:
     true = scenes.scene(scenes.relief, scenes.calibration(96))
     values = stack(true)
     region = np.zeros(true.mask.shape, np.bool_)
@@ -43,7 +43,7 @@ def test_only_the_region_is_looked_at() -> None:
     assert np.mean(found[true.mask & region]) > 0.95
 
 
-def test_clipped_pixels_are_object() -> None:
+def test_segment_clipped_pixels_are_object() -> None:
     true = scenes.scene(scenes.relief, scenes.calibration(96))
     values = stack(true)
     clipped = np.zeros(values.shape, np.bool_)
@@ -53,14 +53,14 @@ def test_clipped_pixels_are_object() -> None:
     assert np.all(found[40:56, 40:56])
 
 
-def test_nothing_lit_is_refused() -> None:
+def test_segment_nothing_lit_is_refused() -> None:
     dark = np.zeros((4, 40, 40), np.float32)
     with pytest.raises(RigError, match="nothing in the region is lit") as caught:
         find(dark, np.ones((40, 40), np.bool_))
     assert caught.value.code == ErrorCode.NORMALS_INFEASIBLE
 
 
-def test_the_largest_part_with_its_holes_filled() -> None:
+def test_largest_component_fills_holes() -> None:
     mask = np.zeros((30, 30), np.bool_)
     mask[2:6, 2:6] = True
     mask[10:25, 10:25] = True
@@ -71,5 +71,5 @@ def test_the_largest_part_with_its_holes_filled() -> None:
     np.testing.assert_array_equal(part, expected)
 
 
-def test_of_nothing_there_is_no_part() -> None:
+def test_largest_component_empty_mask_is_empty() -> None:
     assert not np.any(silhouette.largest_component(np.zeros((5, 5), np.bool_)))

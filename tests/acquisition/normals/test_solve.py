@@ -48,33 +48,33 @@ def clean(cushion: scenes.Scene) -> NormalMap:
     return found(taken, cushion.calibration)
 
 
-def test_clean_images_of_a_cushion_give_its_normals(clean: NormalMap, cushion: scenes.Scene) -> None:
+def test_solve_noise_free_cushion_recovers_normals(clean: NormalMap, cushion: scenes.Scene) -> None:
     error = cushion.error_deg(clean.normals)
     assert np.mean(error) < 0.5
     assert np.median(error) < 0.25
     assert np.mean(clean.mask[cushion.graded]) > 0.995
 
 
-def test_clean_images_of_a_ball_give_its_normals(ball: scenes.Scene) -> None:
+def test_solve_noise_free_sphere_recovers_normals(ball: scenes.Scene) -> None:
     taken = scenes.capture(ball, two_rings(12), intensity_sigma=0, position_sigma_m=0, noisy=False)
     error = ball.error_deg(found(taken, ball.calibration).normals)
     assert np.mean(error) < 0.5
 
 
-def test_albedo_is_absolute_and_normals_are_unit(clean: NormalMap, cushion: scenes.Scene) -> None:
+def test_solve_albedo_is_absolute_and_normals_are_unit(clean: NormalMap, cushion: scenes.Scene) -> None:
     assert np.median(clean.albedo[cushion.graded]) == pytest.approx(0.5, rel=0.08)
     np.testing.assert_allclose(np.linalg.norm(clean.normals[clean.mask], axis=-1), 1, atol=1e-5)
     assert np.all(clean.normals[~clean.mask] == 0)
     assert np.all(np.isnan(clean.sigma_deg[~clean.mask]))
 
 
-def test_depth_has_the_cushions_shape(clean: NormalMap, cushion: scenes.Scene) -> None:
+def test_solve_noise_free_cushion_recovers_depth(clean: NormalMap, cushion: scenes.Scene) -> None:
     where = cushion.graded & clean.mask
     difference = clean.depth[where] - cushion.depth[where]
     assert np.std(difference) < 0.0012
 
 
-def test_shadows_are_flagged_as_shadows(clean: NormalMap, cushion: scenes.Scene) -> None:
+def test_solve_shadowed_measurements_are_flagged(clean: NormalMap, cushion: scenes.Scene) -> None:
     dark, lit = [], []
     for number, light in enumerate(two_rings(12)):
         value = scenes.lit(cushion, light)[cushion.graded]
@@ -86,7 +86,7 @@ def test_shadows_are_flagged_as_shadows(clean: NormalMap, cushion: scenes.Scene)
     assert np.mean(np.concatenate(lit)) > 0.98
 
 
-def test_cast_and_attached_shadows_are_told_apart(clean: NormalMap, cushion: scenes.Scene) -> None:
+def test_solve_flags_distinguish_cast_and_attached_shadows(clean: NormalMap, cushion: scenes.Scene) -> None:
     right = total = 0
     for number, light in enumerate(two_rings(12)):
         toward = np.array(light.position)[:, None, None] - cushion.points
@@ -99,14 +99,14 @@ def test_cast_and_attached_shadows_are_told_apart(clean: NormalMap, cushion: sce
     assert right > 0.85 * total
 
 
-def test_noisy_images_still_give_half_a_degree_or_so(cushion: scenes.Scene) -> None:
+def test_solve_noisy_images_error_below_nine_tenths_degree(cushion: scenes.Scene) -> None:
     result = found(scenes.capture(cushion, two_rings(12), seed=1), cushion.calibration)
     assert np.mean(cushion.error_deg(result.normals)) < 0.9
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("shape", ["ball", "cushion"])
-def test_sigma_is_honest_over_several_draws(shape: str, request: pytest.FixtureRequest) -> None:
+def test_solve_several_draws_sigma_is_calibrated(shape: str, request: pytest.FixtureRequest) -> None:
     """P(e < σ) is 0.632 and P(e < 2σ) 0.982 for a Rayleigh error; errors of one draw go together, so four are taken."""
     true: scenes.Scene = request.getfixturevalue(shape)
     within, within_two = [], []
@@ -121,7 +121,7 @@ def test_sigma_is_honest_over_several_draws(shape: str, request: pytest.FixtureR
     assert np.mean(within_two) > 0.93
 
 
-def test_pixels_lit_by_two_lights_say_how_uncertain_they_are(cushion: scenes.Scene) -> None:
+def test_solve_pixels_with_two_lights_have_large_sigma(cushion: scenes.Scene) -> None:
     result = found(scenes.capture(cushion, scenes.ring(4, 60.0, turn=0.3), seed=2), cushion.calibration)
     lights = np.count_nonzero(result.flags & LIT, axis=0)
     two = result.mask & (lights == 2) & cushion.graded
@@ -132,7 +132,7 @@ def test_pixels_lit_by_two_lights_say_how_uncertain_they_are(cushion: scenes.Sce
     assert np.all(result.doubtful[two])
 
 
-def test_pixels_lit_by_one_light_get_no_normal(cushion: scenes.Scene) -> None:
+def test_solve_pixels_with_one_light_are_unsolved(cushion: scenes.Scene) -> None:
     result = found(scenes.capture(cushion, scenes.ring(3, 78.0), seed=2), cushion.calibration)
     lights = np.count_nonzero(result.flags & LIT, axis=0)
     one = (lights < 2) & cushion.graded
@@ -142,7 +142,7 @@ def test_pixels_lit_by_one_light_get_no_normal(cushion: scenes.Scene) -> None:
     assert np.all(result.normals[one] == 0)
 
 
-def test_saturated_pixels_are_flagged_and_not_used(cushion: scenes.Scene) -> None:
+def test_solve_saturated_measurements_are_flagged_and_unused(cushion: scenes.Scene) -> None:
     """Three of ten images are exposed twice too long."""
     lights = two_rings(10)
     usual = scenes.capture(cushion, lights, seed=3)
@@ -172,7 +172,7 @@ def test_saturated_pixels_are_flagged_and_not_used(cushion: scenes.Scene) -> Non
     assert np.mean(cushion.error_deg(result.normals)) < 1.5
 
 
-def test_a_wrong_intensity_is_found(cushion: scenes.Scene) -> None:
+def test_solve_one_bright_lamp_recovers_intensity_factor(cushion: scenes.Scene) -> None:
     """One lamp image of 3 % too much light is brought to within 1 %; factors are free in their mean."""
     lights = two_rings(10)
     taken = scenes.capture(cushion, lights, seed=4, intensity_sigma=0.0, position_sigma_m=0.0)
@@ -186,7 +186,7 @@ def test_a_wrong_intensity_is_found(cushion: scenes.Scene) -> None:
     assert np.all(np.abs(others / np.exp(np.mean(np.log(others))) - 1) < 0.01)
 
 
-def test_a_rough_depth_that_is_off_does_not_matter(cushion: scenes.Scene) -> None:
+def test_solve_initial_depth_off_by_15_mm_recovers_normals(cushion: scenes.Scene) -> None:
     taken = scenes.capture(cushion, two_rings(10), intensity_sigma=0, position_sigma_m=0, noisy=False)
     errors = [
         np.mean(
@@ -199,7 +199,7 @@ def test_a_rough_depth_that_is_off_does_not_matter(cushion: scenes.Scene) -> Non
     assert max(errors) < 0.7
 
 
-def test_a_region_changes_nothing_but_where_is_looked(cushion: scenes.Scene) -> None:
+def test_solve_region_leaves_normals_inside_unchanged(cushion: scenes.Scene) -> None:
     """Only the region's rows and columns are read; what is solved there does not depend on it."""
     taken = scenes.capture(cushion, two_rings(8), seed=5)
     rows, columns = np.nonzero(cushion.mask)
@@ -213,14 +213,14 @@ def test_a_region_changes_nothing_but_where_is_looked(cushion: scenes.Scene) -> 
     assert np.percentile(np.degrees(np.arccos(np.clip(cosine, -1, 1))), 95) < 0.3
 
 
-def test_the_same_images_give_the_same_map(cushion: scenes.Scene) -> None:
+def test_solve_same_images_twice_is_deterministic(cushion: scenes.Scene) -> None:
     taken = scenes.capture(cushion, two_rings(6), seed=6)
     first, second = (found(taken, cushion.calibration) for _ in range(2))
     np.testing.assert_array_equal(first.normals, second.normals)
     np.testing.assert_array_equal(first.information.matrices, second.information.matrices)
 
 
-def test_information_is_symmetric_positive_and_at_solved_pixels(clean: NormalMap) -> None:
+def test_fisher_information_is_symmetric_positive_at_solved_pixels(clean: NormalMap) -> None:
     matrices = clean.information.matrices
     np.testing.assert_allclose(matrices, matrices.transpose(0, 2, 1), rtol=1e-9, atol=1e-6)
     assert np.all(np.linalg.eigvalsh(matrices)[:, 0] > -1e-6 * np.linalg.eigvalsh(matrices)[:, -1])
@@ -243,38 +243,38 @@ def taken(cushion: scenes.Scene) -> Observations:
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
-def test_fewer_than_three_lights_are_refused(count: int, taken: Observations, cushion: scenes.Scene) -> None:
+def test_solve_fewer_than_three_lights_is_refused(count: int, taken: Observations, cushion: scenes.Scene) -> None:
     error = refused(replace(taken, shots=taken.shots[:count]), cushion.calibration)
     assert "at least three" in error.detail
     assert error.context["lights"] == count
 
 
-def test_parallel_lights_are_refused(cushion: scenes.Scene) -> None:
+def test_solve_parallel_lights_is_refused(cushion: scenes.Scene) -> None:
     one = two_rings(3)[0]
     assert "parallel" in refused(scenes.capture(cushion, [one, one, one]), cushion.calibration).detail
 
 
-def test_lights_in_one_plane_with_the_object_are_refused(cushion: scenes.Scene) -> None:
+def test_solve_coplanar_lights_is_refused(cushion: scenes.Scene) -> None:
     line = [scenes.ring(1, slant)[0] for slant in (10.0, 30.0, 50.0)]
     assert "one plane" in refused(scenes.capture(cushion, line), cushion.calibration).detail
 
 
-def test_an_empty_region_is_refused(taken: Observations, cushion: scenes.Scene) -> None:
+def test_solve_empty_region_is_refused(taken: Observations, cushion: scenes.Scene) -> None:
     refused(taken, cushion.calibration, region=np.zeros_like(cushion.mask))
 
 
-def test_a_region_of_another_size_is_refused(taken: Observations, cushion: scenes.Scene) -> None:
+def test_solve_region_of_other_size_is_refused(taken: Observations, cushion: scenes.Scene) -> None:
     refused(taken, cushion.calibration, region=np.ones((10, 10), np.bool_))
 
 
-def test_a_light_that_is_no_number_is_refused(taken: Observations, cushion: scenes.Scene) -> None:
+def test_solve_light_at_nan_is_refused(taken: Observations, cushion: scenes.Scene) -> None:
     shots = list(taken.shots)
     nowhere = Light.model_construct(position=(float("nan"), 0.0, 0.0), axis=(0.0, 0.0, -1.0))
     shots[2] = shots[2].model_copy(update={"light": nowhere})
     assert "not a number" in refused(replace(taken, shots=shots), cushion.calibration).detail
 
 
-def test_a_missing_lamp_off_frame_is_named(taken: Observations, cushion: scenes.Scene) -> None:
+def test_solve_missing_lamp_off_frame_is_named(taken: Observations, cushion: scenes.Scene) -> None:
     gone = taken.shots[3].exposure_s
     darks = {seconds: shot for seconds, shot in taken.darks.items() if seconds != gone}
     error = refused(replace(taken, darks=darks), cushion.calibration)
@@ -282,11 +282,11 @@ def test_a_missing_lamp_off_frame_is_named(taken: Observations, cushion: scenes.
     assert error.context["file"] in {shot.frame.path for shot in taken.shots if shot.exposure_s == gone}
 
 
-def test_frames_of_another_size_are_named(taken: Observations) -> None:
+def test_solve_frame_of_other_size_is_named(taken: Observations) -> None:
     assert "pixels" in refused(taken, scenes.calibration(SIZE // 2)).detail
 
 
-def test_dark_images_are_refused(taken: Observations, cushion: scenes.Scene) -> None:
+def test_solve_dark_images_is_refused(taken: Observations, cushion: scenes.Scene) -> None:
     frames = scenes.Frames()
     frames.stored = {name: np.full_like(frame, 64) for name, frame in taken.frames.stored.items()}
     refused(replace(taken, frames=frames), cushion.calibration)

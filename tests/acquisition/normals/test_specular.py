@@ -6,91 +6,85 @@ import numpy as np
 import pytest
 
 from acquisition.normals import pixel_solve, specular
-from acquisition.normals.pixel_solve import Estimate
+from acquisition.normals.pixel_solve import Estimate, PixelSolveOptions
 from acquisition.normals.specular import Lobe
-from tests.acquisition.normals.shared_scene import Measured, measured
+from tests.acquisition.normals.shared_scene import MeasuredPixels, measured
 
 
-def blinn(scene: Measured, strength: float, exponent: float) -> np.ndarray:
+def blinn(made: MeasuredPixels, strength: float, exponent: float) -> np.ndarray:
     """k|s|(n·h)^α written out again."""
-    size = np.linalg.norm(scene.light, axis=1)
-    view = -scene.along / np.linalg.norm(scene.along, axis=0)
-    half = scene.light / size[:, None] + view
+    size = np.linalg.norm(made.light, axis=1)
+    view = -made.ray_direction / np.linalg.norm(made.ray_direction, axis=0)
+    half = made.light / size[:, None] + view
     half /= np.linalg.norm(half, axis=1, keepdims=True)
-    return strength * size * np.clip(np.einsum("fcn,cn->fn", half, scene.normals), 0, 1) ** exponent
+    return strength * size * np.clip(np.einsum("fcn,cn->fn", half, made.normals), 0, 1) ** exponent
 
 
-def fitted(scene: Measured, values: np.ndarray, off_m: float = 0.0) -> Lobe:
+def fitted(made: MeasuredPixels, values: np.ndarray, off_m: float = 0.0) -> Lobe:
     noisy = values + np.random.default_rng(0).normal(0, 0.003, values.shape)
-    depth_m = scene.depth_m + np.float32(off_m)
-    return specular.fit(
-        scene.pixels, noisy.astype(np.float32), depth_m, scene.along, scene.lamp, scene.calibration, scene.noise, 0.15,
-        specular.NO_LOBE,
-    )  # fmt: skip
+    depth_m = made.depth_m + np.float32(off_m)
+    return specular.fit(made.pixels, noisy.astype(np.float32), depth_m, made.scene, 0.15, specular.NO_LOBE)
 
 
 @pytest.mark.parametrize(("strength", "exponent"), [(0.2, 35.0), (0.1, 25.0), (0.3, 50.0)])
-def test_a_lobe_is_found(strength: float, exponent: float) -> None:
-    scene = measured()
-    found = fitted(scene, scene.values + blinn(scene, strength, exponent))
+def test_fit_glossy_surface_recovers_lobe(strength: float, exponent: float) -> None:
+    made = measured()
+    found = fitted(made, made.values + blinn(made, strength, exponent))
     assert found.strength == pytest.approx(strength, rel=0.1)
     assert exponent / 1.5 < found.exponent < exponent * 1.5
 
 
 @pytest.mark.parametrize("off_m", [-0.02, 0.02, 0.04])
-def test_the_lobe_of_a_flat_surface_is_found_although_its_depth_is_wrong(off_m: float) -> None:
-    scene = measured(count=12, largest_slant=0.1)
-    found = fitted(scene, scene.values + blinn(scene, 0.15, 35.0), off_m)
+def test_fit_flat_surface_at_wrong_depth_recovers_lobe(off_m: float) -> None:
+    made = measured(count=12, largest_slant=0.1)
+    found = fitted(made, made.values + blinn(made, 0.15, 35.0), off_m)
     assert found.strength == pytest.approx(0.15, rel=0.25)
     assert 35.0 / 1.5 < found.exponent < 35.0 * 1.5
 
 
-def test_a_matt_surface_gets_none() -> None:
-    scene = measured()
-    assert fitted(scene, scene.values) == specular.NO_LOBE
+def test_fit_diffuse_surface_gives_no_lobe() -> None:
+    made = measured()
+    assert fitted(made, made.values) == specular.NO_LOBE
 
 
-def test_four_lights_cannot_tell() -> None:
-    scene = measured(count=4)
-    assert fitted(scene, scene.values + blinn(scene, 0.2, 35.0)) == specular.NO_LOBE
+def test_fit_four_lights_gives_no_lobe() -> None:
+    made = measured(count=4)
+    assert fitted(made, made.values + blinn(made, 0.2, 35.0)) == specular.NO_LOBE
 
 
-def test_the_highlight_changes_as_it_is_said_to() -> None:
+def test_derivatives_equal_finite_differences() -> None:
     """Against differences over a small turn of g and small changes of the lobe."""
-    scene, gloss = measured(), Lobe(0.2, 30.0)
-    found = pixel_solve.solve(
-        scene.pixels, scene.values, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.15
-    )
-    said = gloss.derivatives(found, scene.along)
+    made, gloss = measured(), Lobe(0.2, 30.0)
+    found = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene, PixelSolveOptions(0.15))
+    said = gloss.derivatives(found, made.ray_direction)
     assert said is not None
-    now = gloss.highlight(found, scene.along)
+    now = gloss.highlight(found, made.ray_direction)
     assert said.highlight == pytest.approx(now, abs=1e-6)
     turn = np.random.default_rng(3).normal(0, 0.002, found.g.shape).astype(np.float32)
-    there, back = (gloss.highlight(replace(found, g=g), scene.along) for g in (found.g + turn, found.g - turn))
+    there, back = (gloss.highlight(replace(found, g=g), made.ray_direction) for g in (found.g + turn, found.g - turn))
     assert np.einsum("fcn,cn->fn", said.by_g, turn) == pytest.approx((there - back) / 2, abs=2e-4)
-    stronger = Lobe(0.2 * np.exp(0.01), 30.0).highlight(found, scene.along)
-    narrower = Lobe(0.2, 30.0 * np.exp(0.01)).highlight(found, scene.along)
+    stronger = Lobe(0.2 * np.exp(0.01), 30.0).highlight(found, made.ray_direction)
+    narrower = Lobe(0.2, 30.0 * np.exp(0.01)).highlight(found, made.ray_direction)
     assert said.by_lobe[:, 0] * 0.01 == pytest.approx(stronger - now, abs=2e-5)
     assert said.by_lobe[:, 1] * 0.01 == pytest.approx(narrower - now, abs=2e-5)
 
 
-def test_a_strong_highlight_is_taken_out_with_the_normal_that_it_depends_on() -> None:
+def test_solve_with_highlight_derivative_halves_error() -> None:
     """Two turns from a solve that knows nothing of it; taken as fixed, the highlight throws normals to and fro."""
-    scene, gloss = measured(), Lobe(0.4, 30.0)
-    glossy = scene.values + blinn(scene, 0.4, 30.0).astype(np.float32)
+    made, gloss = measured(), Lobe(0.4, 30.0)
+    glossy = made.values + blinn(made, 0.4, 30.0).astype(np.float32)
 
     def error(*, together: bool) -> float:
         def solved(values: np.ndarray, highlight_by_g: np.ndarray | None) -> Estimate:
             return pixel_solve.solve(
-                scene.pixels, values, scene.depth_m, scene.lamp, scene.calibration, scene.noise, threshold=0.08,
-                highlight_by_g=highlight_by_g,
-            )  # fmt: skip
+                made.pixels, values, made.depth_m, made.scene, PixelSolveOptions(0.08), highlight_by_g=highlight_by_g
+            )
 
         found = solved(glossy, None)
         for _ in range(2):
-            change = gloss.derivatives(found, scene.along)
+            change = gloss.derivatives(found, made.ray_direction)
             assert change is not None
             found = solved(glossy - change.highlight, change.by_g if together else None)
-        return float(np.degrees(np.mean(np.linalg.norm(found.normals - scene.normals, axis=0))))
+        return float(np.degrees(np.mean(np.linalg.norm(found.normals - made.normals, axis=0))))
 
     assert error(together=True) < 0.5 * error(together=False)
