@@ -105,9 +105,7 @@ def test_solve_streamed_images_equals_solve_in_memory(cushion: scenes.Scene, mon
     same(together, solved())
 
 
-def test_level_in_blocks_of_rows_equals_level_in_one(
-    cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_level_in_blocks_of_rows_equals_level_in_one(cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     stack = images(cushion)
     seen = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, slice(0, SIZE), slice(0, SIZE)))
     chosen = final_solve.noise_sample(int(np.count_nonzero(cushion.mask)))
