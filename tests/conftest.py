@@ -11,6 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
+
+# The same examples in every run, however long one takes: `--hypothesis-profile=default` draws others.
+settings.register_profile("suite", deadline=None, derandomize=True)
+settings.load_profile("suite")
 
 HERE = Path(__file__).parent
 NO_CLOCK = tuple(HERE / "acquisition" / name for name in ("normals", "plan", "waypoints"))

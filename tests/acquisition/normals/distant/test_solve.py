@@ -287,7 +287,9 @@ def test_blocks_of_any_height_give_the_same(monkeypatch: pytest.MonkeyPatch) -> 
     whole = distant.solve(images, "weighted")
     monkeypatch.setattr(pixel_blocks, "BLOCK_BYTES", 8 * SIZE * 2 * 7)
     parts = distant.solve(images, "weighted")
-    np.testing.assert_array_equal(whole.normals, parts.normals)
+    # Pixels are solved one by one in double precision; where a block begins decides on vector or scalar instructions,
+    # whose last bits differ by the processor. What is kept is rounded to single precision, at worst another way.
+    np.testing.assert_allclose(whole.normals, parts.normals, rtol=0, atol=np.finfo(np.float32).eps)
     np.testing.assert_array_equal(whole.flags, parts.flags)
 
 
