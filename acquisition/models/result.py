@@ -15,7 +15,7 @@ LIT, ATTACHED, CAST, SATURATED, HIGHLIGHT = 1, 2, 4, 8, 16
 
 @dataclass(frozen=True)
 class FisherInformation:
-    """What the images say of K sample pixels, the only part of a normal map that the planner's criterion reads.
+    """Fisher information of K sample pixels, the only part of a normal map that the planner's criterion reads.
 
     `matrices` is the Fisher information of (g, z), g = albedo × normal (3) in units of absolute albedo and z the depth
     in m, from the images alone (no prior), with the weights that the solver used.
@@ -28,11 +28,11 @@ class FisherInformation:
 
 @dataclass(frozen=True)
 class NormalMap:
-    """What the solver found for each pixel; arrays are zero (σ: NaN) outside `mask`.
+    """Per-pixel result of a solve; arrays are zero (σ: NaN) outside `mask`.
 
     `sigma_deg`: √ of the variance summed over both tangential directions, so that the angular error is Rayleigh with
-    mean 0.886 σ, median 0.833 σ, P(e < σ) = 0.632. Where `doubtful` is true σ means nothing: fewer than three lights,
-    or a larger share of `indirect` light (thrown by other surfaces) than its prediction can be trusted with.
+    mean 0.886 σ, median 0.833 σ, P(e < σ) = 0.632. Where `doubtful` is true σ is unreliable: fewer than three lights,
+    or a larger share of `indirect` light (from other surfaces) than its prediction is accurate for.
     """
 
     normals: Float32Array  # (H, W, 3) view frame
@@ -45,7 +45,7 @@ class NormalMap:
     flags: npt.NDArray[np.uint8]  # (F, H, W)
     intensity_factors: FloatArray  # (F,)
     information: FisherInformation
-    indirect: Float32Array | None = None  # (H, W) share of all light that other surfaces threw; none: not predicted
+    indirect: Float32Array | None = None  # (H, W) share of indirect in all light; none: not predicted
     doubtful: BoolArray | None = None  # (H, W)
     albedo_rgb: Float32Array | None = None  # (H, W, 3) of each channel; none: grey images
     noise: dict[str, float] = field(default_factory=dict[str, float])  # names of parameters → values used

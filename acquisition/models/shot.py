@@ -83,9 +83,9 @@ class Observations:
     repeats: Sequence[Shot] = ()
 
     @classmethod
-    def of(cls, taken: Iterable[Shot], frames: FrameSource) -> "Observations":
+    def of(cls, captured: Iterable[Shot], frames: FrameSource) -> "Observations":
         """What passes took, in the order of its keys; the lamp-off frame of an exposure time is the newest one."""
-        shots = sorted(taken, key=lambda shot: (shot.key.pass_number, shot.key.number))
+        shots = sorted(captured, key=lambda shot: (shot.key.pass_number, shot.key.number))
         darks = {shot.exposure_s: shot for shot in shots if shot.kind == "dark"}
         again = [shot for shot in shots if shot.kind == "reference"]
         older = [shot for shot in shots if shot.kind == "dark" and shot is not darks[shot.exposure_s]]

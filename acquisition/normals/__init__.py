@@ -1,4 +1,4 @@
-"""Images to a normal map with albedo, depth and an honest σ for every pixel.
+"""Photometric stereo: images to a normal map with albedo, depth and a calibrated σ for every pixel.
 
 Before: `capture` (all images taken so far, pilot's included). After: `plan`, which reads the normal map and says which
 further lights would make it more certain, or the exports when there are none.

@@ -1,4 +1,4 @@
-"""A set of images with known lights, wherever it comes from: what readers of capture folders give and solvers take.
+"""Images of one object with known lights, from any source: what folder readers return and solvers read.
 
 Pixels stay where they are and are read in blocks of rows, in the type they are stored in: sixteen-bit integers are half
 the bytes of floats, and solvers are limited by memory. A stack of any size can be solved as long as its reader gives
@@ -21,7 +21,7 @@ StoredValues = npt.NDArray[np.uint8] | npt.NDArray[np.uint16] | npt.NDArray[np.f
 
 
 class RowReader(Protocol):
-    """Gives rows of stored images; picklable, so that another process can read them."""
+    """Reads rows of stored images; picklable, so that another process can read them."""
 
     def __call__(self, image: int, start: int, stop: int) -> StoredValues:
         """Rows [start, stop) of image number `image`: (rows, W) grey or (rows, W, 3) in the order R, G, B.
@@ -91,7 +91,7 @@ class ImageSet:
     rough_depth_m: float | Float32Array | None = None
     """The object's rough depth along OpenCV's z, a number or (H, W)."""
     notes: dict[str, Any] = field(default_factory=dict[str, Any])
-    """What the reader wants the report to say."""
+    """Facts from the reader for the report."""
 
     @property
     def count(self) -> int:
@@ -104,7 +104,7 @@ class ImageSet:
 
 
 def check(images: ImageSet) -> None:
-    """Refuses a set that no solver can solve, whatever its pixels hold.
+    """Validates lights and mask: refuses a set that no solver can solve, whatever its pixels hold.
 
     Raises RigError normals.infeasible: fewer than three lights, as many lights as images not given, numbers that are
     not finite, a light without direction or intensity, lights in one plane, or an empty mask.

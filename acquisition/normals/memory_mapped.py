@@ -1,6 +1,6 @@
-"""Arrays that may be larger than memory.
+"""Memory-mapped arrays that may be larger than memory.
 
-Their file is in the system's folder for such files (`TMPDIR`), which ought to be on a disk.
+Their file is in the system's folder for temporary files (`TMPDIR`), which ought to be on a disk.
 """
 
 import mmap
@@ -11,11 +11,11 @@ from typing import cast
 import numpy as np
 
 LARGE_BYTES = 1 << 28
-"""Above this size an array lives in a file without a name, so that memory holds only what is touched."""
+"""Size from which an array is mapped to an unnamed file, so that memory holds only the pages in use."""
 
 
 def zeros(shape: tuple[int, ...]) -> np.ndarray:
-    """Zeros (uint8) in memory or, where they would fill it, in a file that is gone with the array."""
+    """Allocates zeros (uint8) in memory or, from LARGE_BYTES on, in a file that is deleted with the array."""
     size = int(np.prod(shape))
     if size < LARGE_BYTES:
         return np.zeros(shape, np.uint8)
@@ -25,14 +25,14 @@ def zeros(shape: tuple[int, ...]) -> np.ndarray:
 
 
 def iterate(array: np.ndarray) -> Iterator[np.ndarray]:
-    """The items of what `zeros` gave, one after another, each let go before the next."""
+    """Iterates over the items of an array of `zeros`, releasing the memory of each before the next."""
     for item in array:
         yield item
         release(array)
 
 
 def release(array: np.ndarray) -> None:
-    """Lets what was touched of what `zeros` gave leave memory, if it has a file; nothing is lost."""
+    """Releases the pages of an array of `zeros` from memory if it has a file (MADV_DONTNEED); its values stay."""
     file = cast(object, array.base)
     if isinstance(file, mmap.mmap):
         file.madvise(mmap.MADV_DONTNEED)

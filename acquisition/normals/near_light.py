@@ -1,8 +1,8 @@
-"""Near-light images of any source for the session's own solver: values in units of a white surface, a camera, a guess.
+"""Near-light images of any source for the session's own solver: normalised values, a camera, uncertainties by default.
 
-A folder says nothing of the sensor, nor of how well its lights are known. The sensor's noise is found in how neighbours
-differ, else guessed; how wrong the lights are is guessed, and found by the solver in the residuals. Colour images are
-solved by the mean of their channels.
+A folder has no sensor model and no uncertainty of its lights. The sensor's noise is estimated from how neighbouring
+residuals differ, else it is a default; the uncertainty of the lights is a default, which the solver corrects by the
+residuals. Colour images are solved by the mean of their channels.
 """
 
 from dataclasses import dataclass, replace
@@ -22,18 +22,23 @@ from acquisition.normals.session_images import ImageStack, StoredImages, ValuesA
 from acquisition.normals.solve import solve_stack
 
 FULL_WELL_E = 10_000.0
-"""Electrons at full scale that shot noise is reckoned with: those of a small pixel."""
+"""Default electrons at full scale, of a small pixel, for shot noise."""
 
 READ_NOISE_E = 5.0
-INTENSITY_SIGMA = 0.01
-POSITION_SIGMA_M = 0.001
+"""Default read noise, e⁻."""
+
+INTENSITY_SIGMA, POSITION_SIGMA_M = 0.01, 0.001
+"""Default 1 σ of each light's intensity, a fraction, and position per axis, m."""
+
 SAMPLE_PIXELS = 900
+"""Pixels that are checked for unusable images."""
+
 DEPTH_ROUNDS = 1
-"""Solves after the first, at the depth that the one before gives."""
+"""Solves after the first, each at the depth integrated from the one before."""
 
 
 def solve(images: ImageSet, settings: SolveSettings) -> NormalMap:
-    """Solves images with NearLights and a camera.
+    """Near-light photometric stereo of images with NearLights and a camera.
 
     A mask that leaves something out is taken as the object's whole silhouette; where it is the whole frame, the object
     is found in the images. Raises RigError normals.infeasible as `solve_stack` does, and where lights, camera or depth
@@ -44,24 +49,24 @@ def solve(images: ImageSet, settings: SolveSettings) -> NormalMap:
     if depth is None:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs the object's rough depth: give depth_mm")
     window = windowed_images(images)
-    place = (window.rows, window.columns)
-    rough = np.broadcast_to(np.asarray(depth, np.float32), images.mask.shape)[place]
-    shown = pixel_noise.estimate(window, images.mask[place], rough, calibration, _quantisation_step(images))
-    found = solve_stack(
-        shown.images,
+    inside = (window.rows, window.columns)
+    rough = np.broadcast_to(np.asarray(depth, np.float32), images.mask.shape)[inside]
+    noise = pixel_noise.estimate(window, images.mask[inside], rough, calibration, _quantisation_step(images))
+    normal_map = solve_stack(
+        noise.images,
         calibration,
         settings,
         initial_depth_m=depth,
         object_mask=None if np.all(images.mask) else images.mask,
     )
-    return replace(found, notes=found.notes | {"sensor": shown.note})
+    return replace(normal_map, notes=normal_map.notes | {"sensor": noise.note})
 
 
 def solve_least_squares(images: ImageSet, *, keep_steps: bool = False) -> NormalMap:
-    """Plain least squares in blocks of rows, nothing left out but what is clipped: what other solvers are measured by.
+    """Near-light least squares in blocks of rows without clipped measurements: the baseline of other solvers.
 
-    The normals at the rough depth give a shape by integration, at which they are solved again. Raises RigError
-    normals.infeasible where lights, camera or depth are missing, and naming the file of an image that tells nothing.
+    The normals at the rough depth are integrated, and solved again at that depth. Raises RigError
+    normals.infeasible where lights, camera or depth are missing, and naming the file of an unusable image.
     """
     check(images)
     if images.rough_depth_m is None:
@@ -74,14 +79,14 @@ def solve_least_squares(images: ImageSet, *, keep_steps: bool = False) -> Normal
         return whole(images, point_lights.plain(images, depth), luma=False, notes=notes, keep_steps=keep_steps)
 
     for _ in range(DEPTH_ROUNDS):
-        found = solved()
-        depth = np.where(found.mask, found.depth, depth)
-        del found  # before the next one takes as much memory
+        normal_map = solved()
+        depth = np.where(normal_map.mask, normal_map.depth, depth)
+        del normal_map  # before the next one takes as much memory
     return solved()
 
 
 def windowed_images(images: ImageSet) -> ImageStack | StoredImages:
-    """The images within the mask's window as values y: 1 is a white surface facing the lamp at its reference."""
+    """Normalises the images within the mask's window: y = 1 is a white surface facing the lamp at its reference."""
     lights = _lights(images)
     rows, columns = silhouette.bounding_box(images.mask)
     floor = (
@@ -109,7 +114,7 @@ def _lights(images: ImageSet) -> NearLights:
 
 
 def _quantisation_step(images: ImageSet) -> FloatArray:
-    """The rounding (F,) of each image's values; floats have none."""
+    """Quantisation step (F,) of each image's values; floats have none."""
     intensity = _lights(images).intensity
     return np.zeros_like(intensity) if images.full_scale <= 1 else 1 / (images.full_scale * intensity)
 
@@ -135,11 +140,11 @@ class _Rows:
 
 
 def _calibration(images: ImageSet) -> Calibration:
-    """What the solver wants to know of camera and lamps: a lamp without a lobe, uncertainties that are usual."""
+    """Calibration from camera and lights: isotropic lamps, default uncertainties."""
     lights, camera = images.lights, images.camera
     if camera is None or not isinstance(lights, NearLights):
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs a calibrated camera and the lamps' positions")
-    still = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    identity = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     top = max(images.full_scale, 255.0)
     first, second, third = (tuple(float(value) for value in row) for row in camera.matrix)
     k1, k2, p1, p2, k3 = (float(value) for value in camera.distortion)
@@ -148,8 +153,8 @@ def _calibration(images: ImageSet) -> Calibration:
         height=images.height,
         camera_matrix=(first, second, third),  # pyright: ignore[reportArgumentType] - three of three each
         distortion=(k1, k2, p1, p2, k3),
-        base_from_camera=still,
-        tool_from_lamp=still,
+        base_from_camera=identity,
+        tool_from_lamp=identity,
         lamp_intensity=1.0,
         reference_m=lights.reference_m,
         lobe_exponent=0.0,

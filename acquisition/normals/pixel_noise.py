@@ -1,10 +1,10 @@
-"""The noise of single pixels in images of which none was taken twice: how residuals differ among neighbours.
+"""Noise of single pixels without repeated images: photon transfer on the residuals of neighbouring pixels.
 
-Each pixel's images are more than its normal needs, so what they leave over has their noise in it. It has the errors of
-lamps and model in it too, but these are nearly the same at neighbouring pixels, and proportional to their albedo: in
-the difference of four neighbours' residuals, each divided by its albedo, they cancel. Its variance at each brightness
-is a photon-transfer curve, like those of a session's repeated frames. Neighbours whose colours were interpolated from
-one another, or compressed together, differ by less than their noise.
+Each pixel has more images than its normal needs, so the residuals contain its noise. They also contain errors of lamps
+and model, but these are nearly the same at neighbouring pixels and proportional to their albedo: in the difference of
+four neighbours' residuals, each divided by its albedo, they cancel. Its variance at each brightness is a
+photon-transfer curve, like that of a session's repeated frames. Neighbours that were interpolated from one another
+(demosaicing) or compressed together differ by less than their noise.
 """
 
 from dataclasses import dataclass, replace
@@ -20,23 +20,27 @@ from acquisition.normals.pyramid import MaskedImages
 from acquisition.normals.session_images import ImageStack, StoredImages
 
 MAX_RELATIVE_SIGMA = 0.15
-"""1 σ of shot noise, as a fraction, up to which what neighbours show is taken."""
+"""1 σ of the shot noise, as a fraction, up to which the estimate replaces the guess."""
 
 MIN_LIGHTS = 5
+"""Lights below which there is no redundancy to estimate from."""
+
 SHADOW_THRESHOLD = 0.15
-"""Share of a pixel's largest normalised value from which it is lit: grazing light is where the model errs."""
+"""Share of a pixel's peak normalised value from which it is lit: the model is least exact in grazing light."""
 
 MIN_RESIDUAL_SHARE = 0.2
 """Share of a measurement's variance that its residual has at least."""
 
 STRIPS = 16
+"""Groups of rows, spread over the window, that are read."""
+
 MAX_PRODUCTS = 2_000_000
-"""Pixels that are looked at, times the square of the number of lights: more tells nothing more."""
+"""Pixels used, times the square of the number of lights: more do not improve the estimate."""
 
 
 @dataclass(frozen=True)
 class PixelNoiseEstimate:
-    """The images with the noise that they show, and in words where it is from."""
+    """The images with their estimated noise, and a sentence on its source."""
 
     images: ImageStack | StoredImages
     note: str
@@ -49,21 +53,21 @@ def estimate(
     calibration: Calibration,
     steps: FloatArray,
 ) -> PixelNoiseEstimate:
-    """The images with the shot and read noise that the object's pixels in their window show.
+    """Photon-transfer estimate of shot and read noise from neighbouring residuals, in the images.
 
-    `images` have a guess of it, by which electrons are counted; `mask` and the rough `depth_m` are (h, w), `steps` (F,)
-    the rounding of values, 0 for none. What too few pixels tell stays as it was guessed.
+    `images` have a guess of it, which scales values to electrons; `mask` and the rough `depth_m` are (h, w), `steps`
+    (F,) the quantisation of values, 0 for none. Where too few pixels determine it, the guess stays.
     """
     if len(images.lights) < MIN_LIGHTS:
         return PixelNoiseEstimate(images, f"guessed: {len(images.lights)} lights leave nothing over")
     lamp = photometry.lamps(images.lights)
     step = float(np.max(steps / images.shot))
-    seen = MaskedImages(images, mask, photometry.rays(calibration, images.rows, images.columns))
-    found = [
-        _differences(seen.pixels(rows), depth_m[rows][mask[rows]], lamp, calibration, images.shot, images.floor)
-        for rows in _strips(seen)
+    masked = MaskedImages(images, mask, photometry.rays(calibration, images.rows, images.columns))
+    parts = [
+        _differences(masked.pixels(rows), depth_m[rows][mask[rows]], lamp, calibration, images.shot, images.floor)
+        for rows in _strips(masked)
     ]
-    level, apart = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    level, apart = (np.concatenate(one) for one in zip(*parts, strict=True))
     line = photon_transfer.fit_line(photon_transfer.transfer_curve(level, apart, float(np.max(1 / images.shot)), step))
     if line is None or line.slope <= 0 or line.slope_sigma > MAX_RELATIVE_SIGMA * line.slope:
         return PixelNoiseEstimate(images, "guessed: too few pixels tell")
@@ -73,10 +77,10 @@ def estimate(
     return PixelNoiseEstimate(replace(images, shot=shot, floor=floor), note)
 
 
-def _strips(seen: MaskedImages) -> list[slice]:
-    """Pairs of rows all over the window, as many as may be looked at."""
-    height, width = seen.mask.shape
-    pairs = max(1, MAX_PRODUCTS // (2 * width * len(seen.images.lights) ** 2))
+def _strips(masked: MaskedImages) -> list[slice]:
+    """Pairs of rows spread over the window, as many as MAX_PRODUCTS allows."""
+    height, width = masked.mask.shape
+    pairs = max(1, MAX_PRODUCTS // (2 * width * len(masked.images.lights) ** 2))
     each = 2 * -(-pairs // STRIPS)
     starts = np.unique(np.linspace(0, max(height - each, 0), min(STRIPS, pairs)).astype(int))
     return [slice(int(start), min(int(start) + each, height)) for start in starts]
@@ -86,7 +90,7 @@ def _differences(
     pixels: Pixels, depth_m: Float32Array, lamp: Float32Array, calibration: Calibration, shot: FloatArray,
     floor: FloatArray,
 ) -> tuple[Float32Array, Float32Array]:  # fmt: skip
-    """Brightness (K,), and differences (K,) that scatter as one measurement of it, both in electrons as guessed."""
+    """Brightness (K,) and differences (K,) with one measurement's variance, both in electrons by the guessed gain."""
     light = photometry.light_vectors(photometry.points(pixels.ray, depth_m), lamp, calibration)
     strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
     usable, _, _ = pixel_solve.classify_measurements(pixels, pixels.values, strength, SHADOW_THRESHOLD)
@@ -94,10 +98,10 @@ def _differences(
     inner = np.einsum("fan,fbn->nab", weighted, light, optimize=True) + 1e-6 * np.eye(3)
     solver = np.linalg.solve(inner, weighted.transpose(2, 1, 0))  # (N, 3, F): g from values
     albedo = np.linalg.norm(np.einsum("nak,kn->na", solver, pixels.values, optimize=True), axis=1)
-    left = np.eye(len(lamp)) - np.einsum("fan,nak->nfk", light, solver, optimize=True)
-    residual = np.einsum("nfk,kn->fn", left, pixels.values, optimize=True) / np.maximum(albedo, 1e-9)
+    projection = np.eye(len(lamp)) - np.einsum("fan,nak->nfk", light, solver, optimize=True)
+    residual = np.einsum("nfk,kn->fn", projection, pixels.values, optimize=True) / np.maximum(albedo, 1e-9)
     variance = np.where(usable, np.maximum(pixels.values, 0) * shot[:, None] + floor[:, None], 0)
-    share = np.einsum("nfk,kn->fn", left**2, variance, optimize=True) / np.maximum(variance, 1e-30)
+    share = np.einsum("nfk,kn->fn", projection**2, variance, optimize=True) / np.maximum(variance, 1e-30)
 
     one, right, below, across = four = _quads(pixels)
     alike = np.logical_and.reduce([np.all(usable[:, one] == usable[:, other], axis=0) for other in four])
@@ -109,9 +113,9 @@ def _differences(
 
 
 def _quads(pixels: Pixels) -> tuple[np.ndarray, ...]:
-    """Numbers (K,) of the four pixels of each square of two by two that are all there."""
-    place = pixels.image(np.arange(1, len(pixels.index) + 1))
+    """Pixel numbers (K,) of the four corners of each 2 × 2 square that lies on the object."""
+    number = pixels.image(np.arange(1, len(pixels.index) + 1))
     height, width = (length // 2 * 2 for length in pixels.shape)
-    four = [place[row:height:2, column:width:2].ravel() for row in (0, 1) for column in (0, 1)]
-    there = np.logical_and.reduce([one > 0 for one in four])
-    return tuple(one[there] - 1 for one in four)
+    four = [number[row:height:2, column:width:2].ravel() for row in (0, 1) for column in (0, 1)]
+    complete = np.logical_and.reduce([one > 0 for one in four])
+    return tuple(one[complete] - 1 for one in four)

@@ -1,7 +1,7 @@
-"""Between the full grid of pixels and a coarse one: means over blocks one way, interpolation the other.
+"""Resampling between the full grid of pixels and a coarse one: block means down, bilinear interpolation up.
 
-Only object pixels enter the means, and values are carried over the object's border before they are interpolated, so
-that the table's never mix in.
+Only object pixels enter the means, and values are extrapolated over the object's border before interpolation, so that
+the table's never mix in.
 """
 
 from collections.abc import Sequence
@@ -14,10 +14,11 @@ from acquisition.models.base import Float32Array
 from acquisition.normals.pixel_solve import Pixels
 
 EXTRAPOLATION_PX = 5
+"""Width of the box, coarse pixels, by whose mean values are extrapolated over the border."""
 
 
 def coarsen(pixels: Pixels, factor: int) -> Pixels:
-    """Means over blocks of factor × factor pixels, object pixels only; a block with a clipped pixel is clipped."""
+    """Block means over factor × factor pixels, of object pixels only; a block with a clipped pixel is clipped."""
     if factor == 1:
         return pixels
     height, width = -(-pixels.shape[0] // factor), -(-pixels.shape[1] // factor)
@@ -40,7 +41,7 @@ def coarsen(pixels: Pixels, factor: int) -> Pixels:
 
 
 def block_means(image: Float32Array, factor: int) -> Float32Array:
-    """Means over blocks of an image (..., h, w); blocks that reach over the border repeat its last pixels."""
+    """Block means of an image (..., h, w); blocks that reach over the border repeat its last pixels."""
     rows, columns = -image.shape[-2] % factor, -image.shape[-1] % factor
     padded = np.pad(image, [(0, 0)] * (image.ndim - 2) + [(0, rows), (0, columns)], mode="edge")
     height, width = padded.shape[-2] // factor, padded.shape[-1] // factor
@@ -48,7 +49,7 @@ def block_means(image: Float32Array, factor: int) -> Float32Array:
 
 
 def concatenate_rows(parts: Sequence[Pixels]) -> Pixels:
-    """Pixels of windows that lie one below the other, as those of the window that they make up."""
+    """Concatenates the pixels of windows that lie one below the other into those of their union."""
     above = np.cumsum([0, *(part.shape[0] for part in parts)])
     width = parts[0].shape[1]
     return Pixels(
@@ -61,7 +62,7 @@ def concatenate_rows(parts: Sequence[Pixels]) -> Pixels:
 
 
 def interpolate(values: Float32Array, coarse: Pixels, factor: int, pixels: Pixels, top: int = 0) -> Float32Array:
-    """Values (..., M) of the coarse pixels at the full ones (..., N), bilinear.
+    """Bilinear interpolation of values (..., M) at coarse pixels to full-resolution pixels (..., N).
 
     The window of `pixels` begins `top` rows below that of `coarse`.
     """
@@ -73,11 +74,11 @@ def interpolate(values: Float32Array, coarse: Pixels, factor: int, pixels: Pixel
     first, last = max(top // factor - 1, 0), min(-(-(top + rows) // factor) + 1, height)
     size, skipped = (width * factor, (last - first) * factor), top - first * factor
     out = np.empty((*values.shape[:-1], len(pixels.index)), np.float32)
-    for place in np.ndindex(*values.shape[:-1]):
-        image = coarse.image(values[place])
-        carried = np.where(
+    for item in np.ndindex(*values.shape[:-1]):
+        image = coarse.image(values[item])
+        extrapolated = np.where(
             weight > 0, image, cv2.blur(image, (EXTRAPOLATION_PX, EXTRAPOLATION_PX)) / np.maximum(around, 1e-6)
         )
-        full = cv2.resize(carried[first:last].astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
-        out[place] = pixels.take(np.asarray(full, np.float32)[skipped : skipped + rows, :columns])
+        full = cv2.resize(extrapolated[first:last].astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
+        out[item] = pixels.take(np.asarray(full, np.float32)[skipped : skipped + rows, :columns])
     return out

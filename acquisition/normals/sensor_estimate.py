@@ -1,12 +1,12 @@
-"""The sensor as a session's own frames show it, in place of what the calibration says.
+"""Gain and read noise of the sensor, estimated from a session's own frames (photon transfer, EMVA 1288).
 
-A session takes some image twice, under the same light, and lamp-off frames. Both give points of one photon-transfer
+A session captures some image twice, under the same light, and lamp-off frames. Both give points of one photon-transfer
 curve: the image and its repetition over the whole range of brightness; two lamp-off frames near its lower end, where
-they may differ a little in exposure time, for neither room light nor fixed pattern differ by more than a share of
-themselves. A single lamp-off frame has its fixed pattern in it, which makes read noise too large, never too small.
+they may differ a little in exposure time, because neither room light nor fixed pattern differs by more than a share of
+itself. A single lamp-off frame contains its fixed pattern, so its read noise is too large, never too small.
 
-What is found replaces the calibration's value once it is better known than a calibration is; else that is kept, and
-said to be. The level at which pixels clip stays where it is in values, whatever the gain.
+An estimate replaces the calibration's value where its σ is below that of a usual calibration; otherwise the value is
+kept, and the note says so. The clipping level stays where it is in values, whatever the gain.
 """
 
 from collections.abc import Iterable
@@ -25,17 +25,17 @@ from acquisition.normals import photon_transfer
 from acquisition.normals.photon_transfer import TransferCurve
 
 MAX_GAIN_SIGMA, MAX_READ_NOISE_SIGMA = 0.05, 0.15
-"""1 σ, as fractions, up to which what the frames show is taken."""
+"""1 σ, as fractions, up to which the frames' estimate replaces the calibration's value."""
 
 MAX_EXPOSURE_RATIO = 1.27
 """Of the exposure times of two lamp-off frames that count as a pair: neighbours in the series of exposure times."""
 
 MAX_PIXELS = 1_000_000
 STRIPS = 16
-"""More tells nothing more; what is read of a large frame is as many strips of rows."""
+"""Of a frame at most so many pixels are read, in so many strips of rows: more do not improve the estimate."""
 
 MAX_LEVEL_SHARE = 0.95
-"""Of the level at which pixels clip: above it, noise itself is clipped."""
+"""Share of the clipping level up to which pixels are used: above it, noise itself is clipped."""
 
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 
@@ -44,8 +44,8 @@ EMPTY_CURVE = TransferCurve(np.zeros(0), np.zeros(0), np.zeros(0))
 
 @dataclass(frozen=True)
 class SensorEstimate:
-    """The calibration with the sensor that the frames show, the figures with their 1 σ (e⁻ per value, e⁻), and in words
-    where they are from."""
+    """The calibration with the estimated sensor, the figures with their 1 σ (e⁻ per value, e⁻), and a sentence on their
+    source."""
 
     calibration: Calibration
     figures: dict[str, float]
@@ -53,7 +53,7 @@ class SensorEstimate:
 
 
 def estimate(observations: Observations, calibration: Calibration, rows: slice, columns: slice) -> SensorEstimate:
-    """What the repeated and the lamp-off frames say of the sensor within a window of rows and columns."""
+    """Photon-transfer estimate of gain and read noise from repeated and lamp-off frames in a window of the frame."""
     sensor, frames = calibration.sensor, observations.frames
     strips = _strips(rows, columns.stop - columns.start)
     size = (calibration.width, calibration.height)
@@ -61,14 +61,14 @@ def estimate(observations: Observations, calibration: Calibration, rows: slice, 
     darks = [shot for shot in off if (shot.frame.width, shot.frame.height) == size]
     curves = [_pair_curve(frames, pair, sensor, strips, columns) for pair in _repeated_pairs(observations, size)]
     pairs = [curve for curve in curves if curve is not None]
-    dark, told = _dark_curve(frames, darks, sensor, strips, columns)
+    dark, source = _dark_curve(frames, darks, sensor, strips, columns)
     twice = len(pairs)
-    told = f"{twice} image{'' if twice == 1 else 's'} taken twice, {told}"
+    source = f"{twice} image{'' if twice == 1 else 's'} taken twice, {source}"
     if not twice:
-        return _from_calibration(calibration, f"no two frames of one light ({told})")
+        return _from_calibration(calibration, f"no two frames of one light ({source})")
     lit = photon_transfer.concatenate(pairs)
     line = photon_transfer.fit_line(photon_transfer.concatenate([lit, dark])) if len(lit.level) else None
-    return _from_fit(calibration, line, told)
+    return _from_fit(calibration, line, source)
 
 
 def _from_calibration(calibration: Calibration, why: str) -> SensorEstimate:
@@ -76,29 +76,29 @@ def _from_calibration(calibration: Calibration, why: str) -> SensorEstimate:
     return SensorEstimate(calibration, _figures(sensor), f"as the calibration says, {_in_words(sensor)}: {why}")
 
 
-def _from_fit(calibration: Calibration, fitted: photon_transfer.LinearFit | None, told: str) -> SensorEstimate:
+def _from_fit(calibration: Calibration, fitted: photon_transfer.LinearFit | None, source: str) -> SensorEstimate:
     sensor = calibration.sensor
     if fitted is None or fitted.slope <= 0 or fitted.slope_sigma > MAX_GAIN_SIGMA * fitted.slope:
-        return _from_calibration(calibration, f"too few pixels tell ({told})")
+        return _from_calibration(calibration, f"too few pixels tell ({source})")
     gain = 1 / fitted.slope
     relative = fitted.slope_sigma / fitted.slope
     read_dn = float(np.sqrt(max(fitted.floor - 1 / 12, 0)))
     read_sigma_dn = fitted.floor_sigma / (2 * max(read_dn, 1e-9))
     known = read_sigma_dn <= MAX_READ_NOISE_SIGMA * read_dn
     read_dn = read_dn if known else sensor.read_noise_e / sensor.gain_e_per_dn
-    found = sensor.model_copy(
+    estimated = sensor.model_copy(
         update={
             "gain_e_per_dn": gain,
             "read_noise_e": read_dn * gain,
             "full_well_e": sensor.full_well_e * gain / sensor.gain_e_per_dn,
         }
     )
-    figures = _figures(found) | {"gain_sigma": gain * relative}
+    figures = _figures(estimated) | {"gain_sigma": gain * relative}
     if known:
         figures["read_noise_sigma"] = float(np.hypot(read_sigma_dn * gain, read_dn * gain * relative))
     kept = "" if known else ", read noise in values that of the calibration, for too few dark pixels tell"
-    note = f"found in the frames ({told}): {_in_words(found)}{kept}; the calibration says {_in_words(sensor)}"
-    return SensorEstimate(calibration.model_copy(update={"sensor": found}), figures, note)
+    note = f"found in the frames ({source}): {_in_words(estimated)}{kept}; the calibration says {_in_words(sensor)}"
+    return SensorEstimate(calibration.model_copy(update={"sensor": estimated}), figures, note)
 
 
 def _in_words(sensor: SensorModel) -> str:
@@ -110,7 +110,8 @@ def _figures(sensor: SensorModel) -> dict[str, float]:
 
 
 def _repeated_pairs(observations: Observations, size: tuple[int, int]) -> list[tuple[Shot, Shot]]:
-    """Images and their repetitions. An image that was discarded and taken anew is younger than its repetition."""
+    """Pairs of an image and its repetition. An image that was discarded and captured again is newer than its repeat,
+    and makes no pair."""
     by_key = {shot.key: shot for shot in observations.shots}
     pairs: list[tuple[Shot, Shot]] = []
     for again in observations.repeats:
@@ -134,8 +135,8 @@ def _strips(rows: slice, width: int) -> list[slice]:
 def _pair_curve(
     frames: FrameSource, pair: tuple[Shot, Shot], sensor: SensorModel, strips: list[slice], columns: slice
 ) -> TransferCurve | None:
-    """The curve of two frames of one light, none of one frame stored twice; the second, a little brighter or darker, is
-    scaled to the first.
+    """Photon-transfer curve of two frames of one light; none where one frame is stored twice. The second, a little
+    brighter or darker, is scaled to the first.
 
     Var(first − scale · second) is slope · level (1 + scale) + floor (1 + scale²).
     """
@@ -162,12 +163,12 @@ def _pair_curve(
 def _dark_curve(
     frames: FrameSource, darks: Iterable[Shot], sensor: SensorModel, strips: list[slice], columns: slice
 ) -> tuple[TransferCurve, str]:
-    """The curve of lamp-off frames, and in words what they are of."""
-    taken = sorted(darks, key=lambda shot: shot.exposure_s)
-    if not taken:
+    """Photon-transfer curve of lamp-off frames, and a phrase on which frames it is of."""
+    by_exposure = sorted(darks, key=lambda shot: shot.exposure_s)
+    if not by_exposure:
         return EMPTY_CURVE, "no lamp-off frame"
     black = np.float32(sensor.black_level_dn)
-    for shorter, other in sorted(pairwise(taken), key=lambda pair: pair[1].exposure_s / pair[0].exposure_s):
+    for shorter, other in sorted(pairwise(by_exposure), key=lambda pair: pair[1].exposure_s / pair[0].exposure_s):
         if other.exposure_s > MAX_EXPOSURE_RATIO * shorter.exposure_s:
             break
         first, second = (_read(frames, shot.frame, strips, columns) for shot in (shorter, other))
@@ -175,7 +176,7 @@ def _dark_curve(
             level = (first + second) * np.float32(0.5)
             level -= black
             return _quad_curve(level, (first - second) * np.float32(0.5**0.5), sensor), "two lamp-off frames"
-    alone = _read(frames, taken[0].frame, strips, columns)
+    alone = _read(frames, by_exposure[0].frame, strips, columns)
     alone -= black
     return _quad_curve(alone, alone, sensor), "one lamp-off frame, its fixed pattern included"
 
@@ -183,7 +184,7 @@ def _dark_curve(
 def _quad_curve(
     level: Float32Array, scattered: Float32Array, sensor: SensorModel, good: BoolArray | None = None
 ) -> TransferCurve:
-    """The curve of frames (n, w) that scatter as one frame of that brightness, by differences of four neighbours."""
+    """Photon-transfer curve of `scattered` (n, w) with one frame's variance, by differences of four neighbours."""
     one, right, below, across = _quads(level)
     middle = (one + right + below + across) * np.float32(0.25)
     one, right, below, across = _quads(scattered)
@@ -195,7 +196,7 @@ def _quad_curve(
 
 
 def _quads(image: NDArray[ScalarT]) -> tuple[NDArray[ScalarT], ...]:
-    """The four pixels of each square of two by two."""
+    """The four corners of each 2 × 2 square, each (h/2, w/2)."""
     height, width = (length // 2 * 2 for length in image.shape)
     return tuple(image[row:height:2, column:width:2] for row in (0, 1) for column in (0, 1))
 

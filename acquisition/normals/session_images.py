@@ -1,8 +1,8 @@
-"""Frames to values: the images of a session, normalised, within a window, block of rows by block of rows.
+"""Frames to normalised values: the images of a session within a window, in blocks of rows.
 
-The lamp-off frame of the same exposure time takes ambient light, black level and dark current out at once. What a
-solver is given are `Images`, which it may read as often as it likes: a small stack is read once and kept, a large one
-is read again for each look, since a file costs less time than the memory that would hold it.
+The lamp-off frame of the same exposure time removes ambient light, black level and dark current at once. Solvers are
+given `Images`, which they may read several times: a small stack is read once and held in memory, a large one is read
+again each time, because reading a file costs less than the memory that would hold it.
 """
 
 from collections.abc import Callable
@@ -19,20 +19,23 @@ from acquisition.models.light_plan import Light
 from acquisition.models.shot import Observations, Shot
 
 MAX_HELD_BYTES = 1 << 28
-"""Stacks of values and clipped pixels up to this size are kept in memory."""
+"""Size up to which stacks of values and clipped pixels are held in memory."""
 
 BYTES_PER_VALUE = 5
+"""float32 value and clipped flag."""
+
 BLOCK_ROWS = 64
+"""Rows that are read at once."""
 
 ValuesAndClipped = tuple[Float32Array, BoolArray]
 """Values y and clipped pixels (F, n, w) of n rows of a window."""
 
 
 class Images(Protocol):
-    """Images in a window of the frame, from whatever source, and what made them.
+    """Images in a window of the frame, from any source, with their lights and sensor noise.
 
     `shot` and `floor` (F,) are the sensor's part of the variance of y, shot·y + floor; where nothing is known of the
-    sensor they are zero and the rounding, and the rest is found in the residuals.
+    sensor they are zero and the quantisation variance, and the rest is estimated from the residuals.
     """
 
     @property
@@ -57,7 +60,7 @@ class Images(Protocol):
     def floor(self) -> FloatArray: ...
 
     def read(self, start: int, stop: int, /) -> ValuesAndClipped:
-        """The rows [start, stop), counted from the window's first."""
+        """Reads the rows [start, stop), counted from the window's first."""
         ...
 
 
@@ -74,13 +77,13 @@ class ImageStack:
     floor: FloatArray
 
     def read(self, start: int, stop: int) -> ValuesAndClipped:
-        """The rows [start, stop)."""
+        """Slices the rows [start, stop)."""
         return self.values[:, start:stop], self.clipped[:, start:stop]
 
 
 @dataclass(frozen=True)
 class StoredImages:
-    """`Images` that are read from where they are stored, each time."""
+    """`Images` that are read from their files each time."""
 
     read: Callable[[int, int], ValuesAndClipped]
     lights: tuple[Light, ...]
@@ -91,19 +94,19 @@ class StoredImages:
 
 
 def held_if_small(images: StoredImages) -> ImageStack | StoredImages:
-    """The images in memory if they are small, else as they are."""
+    """Reads images up to MAX_HELD_BYTES into memory; larger ones stay in their files."""
     count, height, width = len(images.lights), _length(images.rows), _length(images.columns)
     if BYTES_PER_VALUE * count * height * width > MAX_HELD_BYTES:
         return images
     values, clipped = np.empty((count, height, width), np.float32), np.empty((count, height, width), np.bool_)
     for start in range(0, height, BLOCK_ROWS):
-        here = slice(start, min(start + BLOCK_ROWS, height))
-        values[:, here], clipped[:, here] = images.read(here.start, here.stop)
+        block = slice(start, min(start + BLOCK_ROWS, height))
+        values[:, block], clipped[:, block] = images.read(block.start, block.stop)
     return ImageStack(values, clipped, images.lights, images.rows, images.columns, images.shot, images.floor)
 
 
 def lit_shots(observations: Observations) -> list[tuple[Shot, Light]]:
-    """The shots that carry a light, with it. Raises RigError normals.infeasible when there are fewer than three."""
+    """The lit shots, each with its light. Raises RigError normals.infeasible when there are fewer than three."""
     shots = [(shot, shot.light) for shot in observations.shots if shot.kind == "light" and shot.light is not None]
     if len(shots) < 3:
         raise RigError(
@@ -120,7 +123,7 @@ def lit_shots(observations: Observations) -> list[tuple[Shot, Light]]:
 def read(
     observations: Observations, calibration: Calibration, rows: slice, columns: slice
 ) -> ImageStack | StoredImages:
-    """All lit images within a window of rows and columns.
+    """Dark-frame subtraction and normalisation of all lit images within a window of rows and columns.
 
     Raises RigError normals.infeasible when a frame's size is not the calibration's or a lamp-off frame is missing.
     """

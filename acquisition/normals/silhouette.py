@@ -1,10 +1,11 @@
-"""Which pixels are the object: it is brighter than the table it stands on, and it is one piece.
+"""Segmentation of the object's silhouette by brightness: it is brighter than its table, and one connected component.
 
-The table is seen by the camera and lit like the object, so radiance alone must tell them apart. Each pixel's largest
-normalised value over the lights, divided by what a white surface there would give, is a lower bound of its albedo that
-no single shadow spoils. Otsu's threshold on its logarithm splits the region; since a steep object pixel loses a factor
-of two or three, the border is then moved towards the table, as near as the table's own scatter allows. The largest
-connected part with its holes filled is the silhouette: steep walls and dark spots inside belong to the object.
+The table is seen by the camera and lit like the object, so radiance alone must separate them. Each pixel's largest
+normalised value over the lights, divided by that of a white surface there, is a lower bound of its albedo that no
+single shadow spoils. Otsu's threshold (1979) on its logarithm splits the region; since a steep object pixel loses a
+factor of two or three, the threshold is then moved towards the table, as near as the table's own scatter allows. The
+largest connected component with its holes filled is the silhouette: steep walls and dark spots inside belong to the
+object.
 """
 
 import cv2
@@ -14,21 +15,21 @@ from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.errors import ErrorCode, RigError
 
 MIN_CONTRAST = 1.5
-"""Object and table must differ by this factor, else the region is taken to hold nothing but the object."""
+"""Ratio of object to table below which the region is assumed to hold only the object."""
 
-TABLE_DEVIATIONS = 6.0
-TABLE_MARGIN = 1.35
+TABLE_DEVIATIONS, TABLE_MARGIN = 6.0, 1.35
+"""The threshold lies so many σ of the table's log brightness above its median, and at least by this factor."""
 
 
 def bounding_box(mask: BoolArray) -> tuple[slice, slice]:
-    """The rows and columns of a mask's bounding box; an empty mask's is its first pixel."""
-    there = [np.flatnonzero(np.any(mask, axis=axis)) for axis in (1, 0)]
-    rows, columns = (slice(int(places[0]), int(places[-1]) + 1) if len(places) else slice(0, 1) for places in there)
+    """Bounding box of a mask as rows and columns; an empty mask's is its first pixel."""
+    indices = [np.flatnonzero(np.any(mask, axis=axis)) for axis in (1, 0)]
+    rows, columns = (slice(int(one[0]), int(one[-1]) + 1) if len(one) else slice(0, 1) for one in indices)
     return rows, columns
 
 
 def largest_component(mask: BoolArray) -> BoolArray:
-    """The largest connected part of a mask, its holes filled."""
+    """Largest 4-connected component of a mask, its holes filled."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
     if count < 2:
         return np.zeros_like(mask)
@@ -39,7 +40,7 @@ def largest_component(mask: BoolArray) -> BoolArray:
 
 
 def albedo_bound(values: Float32Array, strength: Float32Array, clipped: BoolArray) -> Float32Array:
-    """Each pixel's largest value (h, w) as a share of a white surface's, inf where it is clipped.
+    """Lower bound of the albedo (h, w): each pixel's largest value as a share of a white surface's, inf if clipped.
 
     `values` and `clipped` (F, h, w); `strength` |s| (F, h, w) on a rough plane.
     """
@@ -49,7 +50,7 @@ def albedo_bound(values: Float32Array, strength: Float32Array, clipped: BoolArra
 
 
 def segment(albedo_bound: Float32Array, region: BoolArray) -> BoolArray:
-    """The object's pixels (h, w) within `region`, from how bright each is at most.
+    """Otsu segmentation of the object (h, w) within `region` by the `albedo_bound` (h, w) of each pixel.
 
     Raises RigError normals.infeasible when nothing is lit.
     """
@@ -74,7 +75,7 @@ def segment(albedo_bound: Float32Array, region: BoolArray) -> BoolArray:
 
 
 def _otsu(level: Float32Array) -> float:
-    """The threshold that parts a sample into two classes of least scatter within."""
+    """Otsu's threshold: maximises the variance between two classes of a sample."""
     low, high = np.quantile(level, [0.001, 0.999])
     counts, edges = np.histogram(level, bins=256, range=(float(low), float(high) + 1e-6))
     centers = (edges[:-1] + edges[1:]) / 2

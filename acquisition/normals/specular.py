@@ -81,10 +81,10 @@ class Lobe:
         normals = pixel_solve.clamp_to_visible(estimate.normals, ray_direction)
         half, strength = _half_vectors(estimate.light, ray_direction)
         cosine = np.einsum("fcn,cn->fn", half, normals)
-        seen = estimate.usable & (cosine > 0)
-        cosine = np.where(seen, cosine, 1).astype(np.float32)
+        visible = estimate.usable & (cosine > 0)
+        cosine = np.where(visible, cosine, 1).astype(np.float32)
         exponent = np.float32(self.exponent)
-        height = np.float32(self.strength) * strength * cosine**exponent * seen
+        height = np.float32(self.strength) * strength * cosine**exponent * visible
         steepness = exponent * height / cosine / np.maximum(estimate.albedo, np.float32(1e-6))
         by_g = steepness[:, None] * (half - cosine[:, None] * normals)
         return HighlightDerivatives(by_g, np.stack([height, exponent * height * np.log(cosine)], axis=1))
