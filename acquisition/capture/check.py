@@ -1,7 +1,7 @@
-"""Whether a frame is good: bright enough, not burnt out, lit at all, sharp, and of an object that has not moved.
+"""Quality checks of a frame: exposure, saturation, light at all, sharpness, and displacement of the object.
 
-A wrong exposure is mended by another exposure time; a frame without light is a fault that no exposure mends, so it is
-told from the dark frame of a failed lamp by its level against the noise, not against the target.
+A wrong exposure is corrected by another exposure time. A frame without light is a fault that no exposure time corrects;
+it is recognised by its level relative to the read noise, not relative to the target.
 """
 
 from collections.abc import Sequence
@@ -20,18 +20,19 @@ from acquisition.models.recipe import Exposure
 from acquisition.models.shot import FrameQuality
 
 BRIGHT_PERCENTILE = 99.5
+"""Percentile of the region's pixels that is taken as a frame's level."""
 MAX_SATURATED_SHARE = 0.01
-"""Share of the region's pixels that may be at full scale."""
+"""Largest fraction of the region's pixels at full scale; above, a shorter exposure time is tried."""
 UNUSABLE_SATURATED_SHARE = 0.5
-"""A frame with this share of the region's pixels at full scale tells nothing of the object."""
+"""A frame with this fraction of the region's pixels at full scale is rejected."""
 MIN_SHARE_OF_TARGET = 0.4
-"""A level below this share of the target is worth another exposure."""
+"""Level as a fraction of the target below which a longer exposure time is tried."""
 MIN_SHARPNESS_RATIO = 0.35
-"""A frame whose sharpness is below this share of the earlier frames' median is blurred."""
+"""A frame whose sharpness is below this fraction of the earlier frames' median is blurred."""
 FINE_NOISE_GAIN, COARSE_NOISE_GAIN = 0.761, 0.0358
-"""What is left of white noise of variance 1 in detail of one and of two pixels' size (Gaussians of σ 1 and 2)."""
+"""Variance gain for white noise of the detail bands of one and of two pixels (differences of Gaussians, σ 1 and 2)."""
 MIN_LEVEL_OVER_NOISE = 6.0
-"""A lamp that is on brings the brightest pixels this many times the read noise above black."""
+"""Level, in multiples of the read noise above black, below which the lamp counts as off or out of view."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +41,8 @@ class Verdict:
 
     quality: FrameQuality
     retake_s: float | None
-    usable: bool = True  # a frame that is badly exposed but holds light is better than none
-    moved: bool = False  # object or camera: no use, and a person has to look
+    usable: bool = True  # a badly exposed frame with light is better than none
+    moved: bool = False  # object or camera: rejected, and a person has to look
 
 
 def lit_frame(
@@ -90,8 +91,8 @@ def compare_with_earlier(
     earlier: Sequence[float],
     predicted: FloatArray | None,
 ) -> Verdict:
-    """Judges a well exposed frame (H, W) by what was seen before: as sharp as the `earlier` ones, and not displaced
-    against the picture that was foretold (none: nothing was).
+    """Checks a well exposed frame (H, W) against earlier ones: sharpness relative to the median of `earlier`, and
+    displacement from the predicted image (none: no prediction exists).
     """
     sharp = sharpness(pixels, region, sensor)
     shift = None if predicted is None else displacement(predicted, pixels, sensor.black_level_dn, 2**sensor.bits - 1)
@@ -109,10 +110,10 @@ def compare_with_earlier(
 
 
 def sharpness(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorModel) -> float | None:
-    """The variance of detail of one pixel's size over that of two pixels' size, the sensor's noise taken off.
+    """Ratio of the variances of detail of one and of two pixels' size (difference of Gaussians), less sensor noise.
 
     Blur takes the finest detail away first, whatever the light: for simulated frames of an object under all its lights
-    it lies within a factor of 2.6, and a blur of 1.5 pixels divides it by five. None where there is no detail at all.
+    it lies within a factor of 2.6, and a blur of 1.5 pixels divides it by five. None where there is no detail.
     """
     signal = pixels.astype(np.float64) - sensor.black_level_dn
     noise = np.maximum(signal, 0) / sensor.gain_e_per_dn + (sensor.read_noise_e / sensor.gain_e_per_dn) ** 2
@@ -124,7 +125,7 @@ def sharpness(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorM
 
 
 def dark_frame(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorModel) -> FrameQuality:
-    """The quality of a lamp-off frame: too much ambient light leaves no room for the lamp's."""
+    """The quality of a lamp-off frame; rejected when ambient light leaves too little range for the lamp's."""
     quality = _measure(pixels, region, sensor)
     if quality.bright_level > 0.5:
         reason = (

@@ -1,7 +1,7 @@
-"""Whether an image shows what another one showed: object, camera and lamp where they were.
+"""Comparison of a repeated image with the first one: whether object, camera and lamp are where they were.
 
-After an interruption, and at the end of a pass that nothing foretold, an image is taken again and compared with its
-first taking; both have the same light, so any difference beyond noise is a change of the scene. A lamp that stands 1 mm
+After an interruption, and at the end of a pass without predicted images, an image is captured again and compared with
+the first; both have the same light, so any difference beyond noise is a change of the scene. A lamp that stands 1 mm
 elsewhere each time shifts shadows by up to 0.46 of 1024 pixels (six simulated objects, three slants) and brightness by
 4 %.
 """
@@ -16,19 +16,20 @@ from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import SensorModel
 
 LOW_PASS_CYCLES_PER_PIXEL = 0.12
+"""Width of the Gaussian low-pass of the cross-power spectrum, cycles per pixel: finer detail is mostly noise."""
 MAX_SHIFT_PX, MAX_SHIFT_OF_WIDTH = 0.5, 1 / 1024
-"""An image that is taken again and has shifted by more than both shows that the object or the camera has moved."""
+"""Shift of a repeated image, px and as a fraction of the width; above both the object or the camera has moved."""
 MAX_CHANGED_SHARE = 0.02
-"""Share of the region's pixels that may look otherwise in an image that is taken again."""
+"""Largest fraction of the region's pixels that may have changed in a repeated image."""
 MAX_BRIGHTNESS_CHANGE = 0.1
-"""The lamp may be this much brighter or darker in an image that is taken again, as a fraction."""
+"""Largest relative change of brightness of a repeated image."""
 CHANGE_THRESHOLD = 0.05
-"""Of the brightest pixels: a pixel that differs by more than this, noise and brightness allowed for, has changed."""
+"""Difference, as a fraction of the brightest pixels' level and beyond noise, above which a pixel has changed."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """An image and the same image taken again."""
+    """A repeated image against the first one."""
 
     shift_px: float
     brightness: float  # of the second to the first
@@ -40,7 +41,7 @@ class Comparison:
 def same_scene(
     first: npt.NDArray[np.uint16], repeated: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorModel
 ) -> Comparison:
-    """Whether an image (H, W) that is taken again shows what the first one did, by the pixels of `region` (H, W)."""
+    """Compares a repeated image (H, W) with the first one by shift, changed pixels and brightness within `region`."""
     before, after = (image.astype(np.float64) - sensor.black_level_dn for image in (first, repeated))
     reference = before[region]
     brightness = float(reference @ after[region]) / max(float(reference @ reference), 1e-9)
@@ -61,10 +62,10 @@ def same_scene(
 
 
 def shift(first: FloatArray, second: FloatArray, region: BoolArray) -> float:
-    """By how many pixels the second image (H, W) is shifted against the first, within a window round the region.
+    """Shift in pixels of the second image (H, W) by phase correlation (Kuglin and Hines 1975), windowed to the region.
 
-    Phase correlation (Kuglin and Hines 1975) of the coarser detail, which noise spares; the peak is found between the
-    pixels by a parabola through its neighbours.
+    The cross-power spectrum is low-pass filtered against noise; the peak is refined by a parabola through its
+    neighbours.
     """
     rows, columns = np.flatnonzero(region.any(axis=1)), np.flatnonzero(region.any(axis=0))
     box = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
@@ -83,7 +84,7 @@ def shift(first: FloatArray, second: FloatArray, region: BoolArray) -> float:
 
 
 def _subpixel_peak(values: FloatArray, peak: int) -> float:
-    """The place of a peak between the samples of a periodic line, from −half to half of its length."""
+    """Sub-sample position of a peak of a periodic line (parabolic interpolation), from −half to half of its length."""
     count = len(values)
     before, here, after = values[peak - 1], values[peak], values[(peak + 1) % count]
     bend = before - 2 * here + after

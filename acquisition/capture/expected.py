@@ -1,8 +1,8 @@
-"""What a frame should show by what is known of the object already, and how far it is displaced against that.
+"""Registration of a frame to the image that the previous result predicts for its light.
 
-From the second pass on there is a normal map: under each planned light it foretells the frame. A frame whose shading
-fits only when it is shifted shows an object (or a camera) that has moved since the pilot. The shift is found where the
-object is lit, inside its outline, so that shadows on the table and the outline itself play no part.
+From the second pass on a normal map exists, which predicts the frame under each planned light. A frame whose shading
+fits only with a shift shows that the object (or the camera) has moved since the pilot. The shift is estimated on lit
+pixels inside the silhouette, so that shadows on the table and the silhouette itself have no influence.
 """
 
 from dataclasses import dataclass
@@ -15,38 +15,38 @@ from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 
 COMPARISON_WIDTH_PX = 256
-"""Pictures are compared at this width: a shift that matters is seen there, and it takes a few milliseconds."""
+"""Width, px, at which images are compared: it resolves the shifts that matter and takes a few milliseconds."""
 MAX_SHIFT_PX = 1.0
-"""Pixels of the small picture by which a frame may seem shifted (at 256: 0.8 mm of a field of 200 mm)."""
+"""Largest accepted shift, px of the small image (at 256: 0.8 mm of a field of 200 mm)."""
 MIN_EXPLAINED_SHARE = 0.25
-"""Least share of the misfit that a true shift explains; of less it cannot be told whether it is one. Simulated frames
+"""Least fraction of the misfit that a true shift explains; below, a shift is not significant. Simulated frames
 of all six objects: at most 0.1 at rest, 0.3 or more when shifted by 2.5 such pixels, except where shadows cover half
 of the object."""
 LIT_THRESHOLD = 0.15
-"""Of the brightest pixels: darker ones are left to shadows that the normal map alone does not foretell."""
+"""Fraction of the brightest pixels' level; darker pixels may lie in cast shadows, which the prediction leaves out."""
 MIN_PIXELS = 60
 ITERATIONS = 6
 TUKEY_HALF_WIDTH = 2.5
 
 
 def encode_image(picture: FloatArray) -> bytes:
-    """A picture (H, W) as a small 16-bit PNG whose brightest pixel is 65535."""
+    """Encodes an image (H, W) as a small 16-bit PNG whose brightest pixel is 65535."""
     scale = min(1.0, COMPARISON_WIDTH_PX / picture.shape[1])
     small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     return cv2.imencode(".png", np.round(65535 * small / max(float(small.max()), 1e-12)).astype(np.uint16))[1].tobytes()
 
 
 def decode_image(content: bytes) -> FloatArray:
-    """The picture (h, w) of an encoded one, in its own scale. Raises RigError store.corrupt."""
+    """Decodes a predicted image (h, w), up to scale. Raises RigError store.corrupt."""
     picture = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     if picture is None:
-        raise RigError(ErrorCode.STORE_CORRUPT, "a foretold picture is damaged")
+        raise RigError(ErrorCode.STORE_CORRUPT, "a predicted image is damaged")
     return np.asarray(picture, dtype=np.float64)
 
 
 @dataclass(frozen=True)
 class Displacement:
-    """How far a frame is shifted against what was foretold, and how much of the misfit the shift explains (0–1)."""
+    """Shift of a frame from its prediction, and the fraction of the misfit that the shift explains (0–1)."""
 
     shift_px: float  # of the frame
     explained: float
@@ -56,10 +56,10 @@ class Displacement:
 def displacement(
     predicted: FloatArray, pixels: npt.NDArray[np.uint16], black: float, full: float
 ) -> Displacement | None:
-    """The shift of a frame (H, W) against the picture (h, w) that was foretold, at most as large; None: cannot be told.
+    """Registers a frame (H, W) to its prediction (h, w), at most as large, by gradients (Lucas and Kanade 1981).
 
-    Brightness and a uniform ambient light are fitted along. Robust least squares on the picture's slopes (Lucas and
-    Kanade 1981), with weights by Tukey's biweight, so that cast shadows and highlights drop out.
+    Robust least squares with Tukey's biweight, so that cast shadows and highlights are rejected; brightness and a
+    uniform ambient light are estimated too. None where no shift can be estimated, or a large one is not significant.
     """
     size = (predicted.shape[1], predicted.shape[0])
     observed = cv2.resize(pixels.astype(np.float64) - black, size, interpolation=cv2.INTER_AREA)
@@ -92,7 +92,7 @@ def displacement(
 
 
 def _basis(picture: FloatArray, inside: BoolArray) -> FloatArray:
-    """Columns of the fit (K, 4): the picture, a constant, and what shifts by one pixel across and down change."""
+    """Design matrix (K, 4): the image, a constant, and its derivatives by shifts of one pixel across and down."""
     slopes = [np.asarray(cv2.Sobel(picture, cv2.CV_64F, *o, ksize=3, scale=1 / 8)) for o in ((1, 0), (0, 1))]
     columns = [picture[inside], np.ones(np.count_nonzero(inside)), *(-slope[inside] for slope in slopes)]
     return np.stack(columns, axis=1).astype(np.float64)
@@ -105,7 +105,7 @@ class _Fit:
 
 
 def _robust(basis: FloatArray, values: FloatArray) -> _Fit | None:
-    """Least squares with Tukey's weights; None where the picture has no slopes to tell a shift by."""
+    """Iteratively reweighted least squares with Tukey's biweight; None where the gradients are degenerate."""
     weights = np.ones(len(values))
     fit: _Fit | None = None
     for _ in range(4):

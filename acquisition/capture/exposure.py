@@ -1,4 +1,4 @@
-"""Exposure times: from a series of few values, so that a session needs few lamp-off frames.
+"""Automatic exposure: times from a geometric series, so that a session needs few lamp-off frames.
 
 Steps of ∛2 lose at most an eighth of a stop of light on average and let most lights of a dome share one or two times.
 """
@@ -10,16 +10,17 @@ from acquisition.models.cell_config import CameraConfig, CellConfig
 from acquisition.models.recipe import Exposure
 
 STEP = 2.0 ** (1 / 3)
+"""Ratio of successive exposure times of the series."""
 
 ASSUMED_ALBEDO = 0.6
-"""Of the brightest parts of an object that nobody has seen yet; the first frames correct it."""
+"""Albedo assumed for the brightest parts of an object before its first frame; later frames correct it."""
 
 MAX_PREDICTED_LEVEL = 0.9
-"""Of full scale: what is foretold is found within a few per cent, and must not be clipped."""
+"""Fraction of full scale: predicted levels are right within a few per cent, and must not saturate."""
 
 
 def assumed_level(cell: CellConfig, calibration: Calibration) -> float:
-    """The signal to expect of an object that nobody has seen, fraction of full scale per second."""
+    """The level assumed before the first frame (inverse-square law), fraction of full scale per second."""
     return ASSUMED_ALBEDO * calibration.lamp_intensity * (calibration.reference_m / cell.dome.radius_m) ** 2
 
 
@@ -33,7 +34,7 @@ def for_level(level_per_s: float, wanted: Exposure, camera: CameraConfig) -> flo
 def for_predicted_level(level_per_s: float, wanted: Exposure, camera: CameraConfig) -> float:
     """The exposure time (s) of the series that brings a level, in full scales per second, nearest to the target.
 
-    For lights whose level is known by a normal map: half a step above the target is a tenth, and clips nothing.
+    For lights whose level a normal map predicts: half a step above the target is a tenth, and does not saturate.
     """
     most = max(wanted.target, min(wanted.target * STEP**0.5, MAX_PREDICTED_LEVEL))
     return for_level(level_per_s, wanted.model_copy(update={"target": most}), camera)

@@ -1,4 +1,4 @@
-"""Parts of the image: where the object can be as the camera sees it, and the region of interest that a person drew.
+"""Image regions: projection of the keep-out cylinder, and the mask of the region of interest.
 
 Lives below the stages because several ask: capture checks a frame's exposure in the keep-out cylinder, normals look for
 the object's silhouette there and start from the depth of its middle, and the plan serves the region of interest.
@@ -20,7 +20,7 @@ _PNG_START = b"\x89PNG\r\n\x1a\n"
 
 
 def keep_out(cell: CellConfig, calibration: Calibration) -> BoolArray:
-    """The pixels (H, W) that see into the keep-out cylinder, by the calibrated camera with its distortion."""
+    """Mask (H, W) of the pixels whose rays meet the keep-out cylinder, by projection with lens distortion."""
     cylinder = cell.object.keep_out
     around = np.linspace(0, 2 * np.pi, _CIRCLE_POINTS, endpoint=False)
     circle = np.stack([cylinder.radius_m * np.cos(around), cylinder.radius_m * np.sin(around)], axis=-1)
@@ -44,7 +44,7 @@ def keep_out(cell: CellConfig, calibration: Calibration) -> BoolArray:
 
 
 def decode_mask(content: bytes, calibration: Calibration) -> BoolArray:
-    """The mask (H, W) in a PNG of the camera's size: a pixel that is not black belongs to it.
+    """Decodes a mask (H, W) from a PNG of the camera's size; pixels that are not black belong to it.
 
     Raises RigError request.invalid when it is no PNG, of another size, or all black.
     """
@@ -67,19 +67,19 @@ def decode_mask(content: bytes, calibration: Calibration) -> BoolArray:
 
 
 def encode_mask(mask: BoolArray) -> bytes:
-    """A mask (H, W) as a PNG, black and white."""
+    """Encodes a mask (H, W) as a black-and-white PNG."""
     return cv2.imencode(".png", mask.astype(np.uint8) * 255)[1].tobytes()
 
 
 def middle_depth_m(cell: CellConfig, calibration: Calibration) -> float:
-    """Depth along the camera's z of the keep-out cylinder's centre: a first guess of where the object's surface is."""
+    """Depth (m, along the camera's z) of the keep-out cylinder's centre: the initial depth of the solver."""
     cylinder = cell.object.keep_out
     center = geometry.transform(cylinder.base_from_object.matrix, [0.0, 0.0, cylinder.height_m / 2])
     return float(geometry.transform(geometry.inverse(np.array(calibration.base_from_camera)), center)[2])
 
 
 def table_depth_m(cell: CellConfig, calibration: Calibration) -> Float32Array:
-    """Depth (H, W) along the camera's z of the cell's table; infinite where a pixel looks past it."""
+    """Depth (H, W), m, of the table plane along the camera's z by ray–plane intersection; infinite where missed."""
     camera_from_base = geometry.inverse(np.array(calibration.base_from_camera))
     point = geometry.transform(camera_from_base, cell.table.point_m)
     normal = geometry.rotate(camera_from_base, cell.table.normal)

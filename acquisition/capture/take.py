@@ -12,7 +12,7 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 
 MAX_EXPOSURE_MOTION_RAD = 5e-4
-"""An arm that moved further than this during an exposure spoils the frame (0.5 mm at 1 m)."""
+"""Largest movement, rad, of a joint during an exposure (0.5 mm at 1 m); a larger one rejects the frame."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Exposed:
 
 
 def follow_path(rig: Rig, path: Sequence[Sequence[float]], speeds: Sequence[float], stop: StopToken) -> None:
-    """Follows a checked joint path (rad; leading-joint speeds in rad/s) and waits until the arm has settled.
+    """Follows a checked joint path (rad; leading-joint speeds in rad/s) and waits the settling time.
 
     Raises Halted, RigError arm.move_failed and what else the arm reports.
     """
@@ -33,7 +33,7 @@ def follow_path(rig: Rig, path: Sequence[Sequence[float]], speeds: Sequence[floa
 
 
 def motion_limits(cell: CellConfig, speeds: Sequence[float]) -> list[MotionLimits]:
-    """Each segment's limits, never above the cell's."""
+    """Speed and acceleration limits of each segment, clipped to the cell's."""
     return [
         MotionLimits(min(speed, cell.arm.max_joint_speed_rad_s), cell.arm.max_joint_acceleration_rad_s2)
         for speed in speeds

@@ -1,4 +1,4 @@
-"""The roles of hardware: what capture and runner ask of an arm, a lamp, a camera and a clock.
+"""Interfaces (protocols) of the devices: arm, lamp, camera and clock.
 
 Device calls are synchronous and run in the runner's one thread. Only `Arm.halt` and `Arm.reading` (and `Rig.halt`) may
 be called from any thread at any time; neither takes a lock nor blocks. Classes for real devices import this module,
@@ -22,7 +22,7 @@ RecoveryStep = Literal["unlock", "power", "brakes"]
 """Unlock a protective stop, switch the power on, release the brakes."""
 
 StopToken = threading.Event
-"""Set when the runner's present step shall end early; every device call that waits looks at it."""
+"""Cancellation token of the runner's present step; every device call that waits checks it."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class ArmReading:
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that preflight found wrong, and what to do about it."""
+    """One disagreement found by preflight, and its remedy."""
 
     what: str
     remedy: str

@@ -1,4 +1,4 @@
-"""How urgent this process is: what keeps the arm safe comes before what computes and renders.
+"""Scheduling priority of a process: what keeps the arm safe comes before what computes and renders.
 
 The driver's kicks and the service's lease must arrive within a quarter of a second also while every core is busy; on a
 loaded machine an ordinary process was seen to wait that long. Raising a priority needs a right that a service unit or
@@ -13,6 +13,7 @@ _log = logging.getLogger(__name__)
 DRIVER = -10
 SERVICE = -5
 BACKGROUND = 10
+"""Niceness (−20 to 19, lower is more urgent) of the arm's driver, the service, and computing processes."""
 
 
 def set_niceness(niceness: int) -> None:

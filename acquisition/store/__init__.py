@@ -1,7 +1,8 @@
 """The journal of one data folder: SQLite for what happened, session folders for what was made.
 
-A file is flushed and renamed, then its row and event are written in one transaction; the event is the announcement. So
-whatever was announced is on the disk, and a crash between the two leaves at most a file that nobody was told of.
+A file is flushed and renamed first, then its row and event are written in one transaction; the event is the
+announcement. So whatever was announced is on the disk, and a crash between the two leaves at most a file without an
+entry.
 """
 
 import fcntl
@@ -39,16 +40,16 @@ class Store:
         return self.data / "sessions" / self.journal.session(session_id).id
 
     def cache(self, name: str) -> Path:
-        """A file that can be made again."""
+        """Path of a cached file, which can be computed again."""
         return self.data / "cache" / name
 
     @property
     def free(self) -> int:
-        """Free bytes where the folder lies."""
+        """Free bytes on the data folder's file system."""
         return shutil.disk_usage(self.data).free
 
     def record(self, session_id: str) -> SessionRecord:
-        """What the next step is read from."""
+        """A session as `session.next_step` reads it."""
         return self.journal.record(session_id, self.folder(session_id))
 
     def close(self) -> None:

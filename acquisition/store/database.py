@@ -2,7 +2,7 @@
 
 One connection behind one lock: the writers are the runner, the safety monitor and a few requests, each transaction
 takes a millisecond, and a state is only ever read and changed inside the same transaction. The event table's row number
-is the event's id, so whoever was away reads on from the last number seen.
+is the event's id, so a reader that was disconnected continues after the last id it has read.
 """
 
 import json
@@ -60,7 +60,7 @@ class Database:
             where.append(f"type IN ({placeholders(types)})")
             conditions.extend(types)
         rows = self._all(
-            f"SELECT * FROM event WHERE {' AND '.join(where)} ORDER BY id LIMIT ?",  # noqa: S608 - only marks
+            f"SELECT * FROM event WHERE {' AND '.join(where)} ORDER BY id LIMIT ?",  # noqa: S608 - only placeholders
             *conditions,
             limit,
         )
@@ -120,7 +120,7 @@ class Database:
             if error.sqlite_errorcode != sqlite3.SQLITE_FULL:
                 raise
             raise RigError(ErrorCode.STORE_DISK_FULL, "No space left for the journal", file="rig.db") from error
-        # After the lock is free: whoever waits here reads the table under that lock.
+        # After the lock is released: waiting readers query the table under that lock.
         with self._event_added:
             self._event_added.notify_all()
 
@@ -140,5 +140,5 @@ class Database:
 
 
 def placeholders(values: Any) -> str:
-    """So many question marks for a list in SQL."""
+    """Placeholders (question marks) for a list of values in SQL."""
     return ", ".join("?" for _ in values)

@@ -1,7 +1,7 @@
-"""Session folders: files that appear whole or not at all.
+"""Session folders: files that are replaced atomically.
 
-A file is written beside its place, flushed to the disk and renamed, and only then entered in the journal; a folder is
-complete without the database and can leave home.
+A file is written under a temporary name, flushed to the disk and renamed, and only then entered in the journal. A
+folder is complete without the database, so it can be copied elsewhere and read there.
 """
 
 import errno
@@ -23,11 +23,11 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.shot import FrameRef
 
 RESERVED_BYTES = 32 << 20
-"""Never used for images and results: what the journal needs to tell that the disk is full, and to go on for a while."""
+"""Bytes of the disk that images and results never use: the journal needs them to record that the disk is full."""
 
 
 def require_space(folder: Path, size: int) -> None:
-    """Raises RigError store.disk_full unless so many bytes fit where `folder` lies, and KEPT_FREE_BYTES stay free."""
+    """Raises RigError store.disk_full unless so many bytes fit where `folder` lies, and RESERVED_BYTES stay free."""
     free = shutil.disk_usage(folder).free
     if free < size + RESERVED_BYTES:
         raise RigError(
@@ -39,8 +39,8 @@ def require_space(folder: Path, size: int) -> None:
 
 
 def write_bytes(path: Path, content: bytes) -> str:
-    """Writes a file whole, durably, and returns its SHA-256. Raises RigError store.disk_full; other OSErrors pass."""
-    partial = path.with_name(f".{path.name}.{threading.get_ident()}.part")  # two may write the same at once
+    """Writes a file atomically and durably; returns its SHA-256. Raises RigError store.disk_full, OSError."""
+    partial = path.with_name(f".{path.name}.{threading.get_ident()}.part")  # two threads may write the same file
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         require_space(path.parent, len(content))

@@ -1,7 +1,8 @@
-"""The journal: what happened, in one SQLite file; every change and its event are one transaction.
+"""The journal of sessions in one SQLite file: each change and the event that announces it are one transaction.
 
-What the next step is read from stands here alone; plans, routes and results are files that a row names with their
-checksum. A plan may be replaced: the newest row of its number holds, and a route older than its plan does not count.
+It is the single source of what the next step is derived from; plans, routes and results are files that a row names with
+their checksum. A plan may be replaced: the newest row of its number is valid, and a route older than its plan is not.
+Moves are journalled before they are made (write-ahead), files are written before they are journalled.
 """
 
 import json
@@ -31,7 +32,7 @@ from acquisition.store.database import Database, placeholders
 from acquisition.store.rows import Action, Artifact, SessionRow, session_from_row
 
 PLAN_REVIEWED, MOVE_SENT = "plan.reviewed", "arm.sent"
-"""Events that are read again: a resumed session asks them what a person has let pass, and where the arm went."""
+"""Types of events that a resumed session reads: approved plans, and the path of the last move."""
 
 
 class Journal(Database):
@@ -42,7 +43,7 @@ class Journal(Database):
     def create_session(
         self, recipe: Recipe, cell: str, fingerprint: str, idempotency_key: str | None = None
     ) -> tuple[SessionRow, bool]:
-        """Enters a new session; with a key that was used before, returns that session and False."""
+        """Creates a session and returns it and True; for an idempotency key used before, that session and False."""
         with self._transaction() as connection:
             if idempotency_key is not None:
                 known = connection.execute(
@@ -102,7 +103,7 @@ class Journal(Database):
             target = next_state(row.state, trigger, Actor.of(actor))
             if target is None:
                 self._record_action(connection, session_id, trigger, actor, "refused")
-                connection.execute("COMMIT")  # the refusal is kept although the call fails
+                connection.execute("COMMIT")  # the refusal is recorded although the call fails
                 connection.execute("BEGIN IMMEDIATE")
                 may = ", ".join(allowed_actions(row.state)) or "nothing"
                 raise RigError(
@@ -155,7 +156,7 @@ class Journal(Database):
     # ------------------------------------------------------------------------------------------------------- the work
 
     def add_shot(self, session_id: str, shot: Shot) -> None:
-        """Enters an accepted frame whose file is already on the disk; this is what announces it."""
+        """Records an accepted frame whose file is already on the disk, with the event that announces it."""
         with self._transaction() as connection:
             connection.execute(
                 "INSERT INTO shot (session_id, pass_number, number, kind, body) VALUES (?, ?, ?, ?, ?)",
@@ -172,7 +173,7 @@ class Journal(Database):
             self._event(connection, session_id, "shot.captured", body)
 
     def discard_shots(self, session_id: str, pass_number: int, reason: str) -> None:
-        """Takes all frames of a pass back; their files stay until the same frames are taken anew."""
+        """Removes the entries of all frames of a pass; their files stay until the frames are captured anew."""
         with self._transaction() as connection:
             connection.execute("DELETE FROM shot WHERE session_id = ? AND pass_number = ?", (session_id, pass_number))
             self._event(connection, session_id, "shots.discarded", {"pass": pass_number, "reason": reason})
@@ -180,14 +181,14 @@ class Journal(Database):
     def add_artifact(
         self, session_id: str, kind: str, number: int, path: str, sha256: str, body: dict[str, Any], event: str
     ) -> None:
-        """Enters a plan, route or result whose file is already on the disk, with the event that announces it."""
+        """Records a plan, route or result whose file is already on the disk, with the event that announces it."""
         with self._transaction() as connection:
             self._add_artifact(connection, session_id, kind, number, path, sha256, body, event)
 
     def require_region_allowed(self, session_id: str) -> SessionRow:
-        """The session, when a region of interest could still guide its plan.
+        """Returns the session if a region of interest can still influence its plan.
 
-        Raises RigError session.action_not_allowed when it could not, session.not_found.
+        Raises RigError session.action_not_allowed if it cannot, session.not_found.
         """
         row = self.session(session_id)
         planned = any(item.number > 0 for item in self.artifacts(session_id, "plan"))
@@ -202,9 +203,9 @@ class Journal(Database):
         return row
 
     def add_region(self, session_id: str, path: str, sha256: str, body: dict[str, Any], actor: str) -> None:
-        """Enters a region of interest whose file is already on the disk; the newest one holds.
+        """Records a region of interest whose file is already on the disk; the newest one is valid.
 
-        Raises RigError as `may_draw`.
+        Raises RigError as `require_region_allowed`.
         """
         with self._transaction() as connection:
             row = self.require_region_allowed(session_id)
@@ -213,17 +214,17 @@ class Journal(Database):
             self._add_artifact(connection, session_id, "region", number, path, sha256, body, "region.drawn")
 
     def approve(self, session_id: str, pass_number: int, actor: str) -> None:
-        """Enters that a person has seen the plan of a pass and lets it pass."""
+        """Records that a person has approved the plan of a pass."""
         with self._transaction() as connection:
             self._event(connection, session_id, PLAN_REVIEWED, {"number": pass_number, "by": actor})
 
     def replace_plan(
         self, session_id: str, number: int, files: dict[str, tuple[str, str]], body: dict[str, Any], actor: str
     ) -> None:
-        """Enters a plan that a person put in the place of another, and its route, whose files are on the disk.
+        """Records a plan by which a person replaces another, and its route; their files are on the disk.
 
         `files` gives path and SHA-256 of `plan` and `route`. Raises RigError session.action_not_allowed unless the
-        session is paused and nobody has let the old plan pass.
+        session is paused and nobody has approved the old plan.
         """
         with self._transaction() as connection:
             row = self.session(session_id)
@@ -240,11 +241,11 @@ class Journal(Database):
                 self._add_artifact(connection, session_id, kind, number, path, digest, body, event)
 
     def record_move(self, session_id: str, path: list[tuple[float, ...]]) -> None:
-        """Enters where the arm is about to be sent: joints (rad) from where it stands to where it shall go."""
+        """Records a move before it is made (write-ahead): its path (K, 6), rad, from the present joints to the goal."""
         self.announce(session_id, MOVE_SENT, {"way": path})
 
     def last_path(self, session_id: str) -> list[tuple[float, ...]]:
-        """Where the arm was sent last; empty when it never was."""
+        """The path (K, 6), rad, of the last move; empty before the first one."""
         row = self._newest_event(session_id, MOVE_SENT)
         return [] if row is None else [tuple(joints) for joints in row["way"]]
 
@@ -265,11 +266,11 @@ class Journal(Database):
         ]
 
     def plan_count(self, session_id: str, pass_number: int) -> int:
-        """How many plans a pass has had; the newest holds."""
+        """Number of plans that a pass has had; the newest is valid."""
         return sum(item.number == pass_number for item in self.artifacts(session_id, "plan"))
 
     def shots(self, session_id: str) -> list[Shot]:
-        """All frames of a session, in the order taken."""
+        """All frames of a session, in the order of capture."""
         rows = self._all("SELECT body FROM shot WHERE session_id = ? ORDER BY rowid", session_id)
         return [Shot.model_validate_json(row["body"]) for row in rows]
 
@@ -313,7 +314,7 @@ class Journal(Database):
     # --------------------------------------------------------------------------------------------- actions and safety
 
     def record_action(self, session_id: str | None, action: str, actor: str, outcome: str) -> None:
-        """Enters who asked for what."""
+        """Records an action with its actor and outcome."""
         with self._transaction() as connection:
             self._record_action(connection, session_id, action, actor, outcome)
 
@@ -325,13 +326,13 @@ class Journal(Database):
         return [Action(**dict(row)) for row in rows]
 
     def record_fault(self, code: str, detail: str) -> None:
-        """Enters a safety fault that asks for acknowledgement."""
+        """Records a safety fault that requires acknowledgement."""
         with self._transaction() as connection:
             connection.execute("INSERT INTO safety (code, detail, since) VALUES (?, ?, ?)", (code, detail, time.time()))
             self._event(connection, None, "safety.changed", {"code": code, "detail": detail, "acknowledged": False})
 
     def acknowledge(self, actor: str) -> None:
-        """Marks all latched faults as seen by a person."""
+        """Marks all recorded faults as acknowledged by `actor`."""
         with self._transaction() as connection:
             connection.execute(
                 "UPDATE safety SET acknowledged_by = ?, acknowledged_at = ? WHERE acknowledged_at IS NULL",
@@ -341,7 +342,7 @@ class Journal(Database):
             self._event(connection, None, "safety.changed", {"acknowledged": True, "by": actor})
 
     def unacknowledged_faults(self) -> list[dict[str, Any]]:
-        """The faults that nobody has acknowledged yet."""
+        """Recorded faults without acknowledgement, oldest first."""
         return [dict(row) for row in self._all("SELECT code, detail, since FROM safety WHERE acknowledged_at IS NULL")]
 
     # ------------------------------------------------------------------------------------------------------ internals
@@ -390,6 +391,6 @@ class Journal(Database):
 
 
 def _repeated(shots: list[Shot]) -> frozenset[ShotKey]:
-    """The images that were taken again after the last lit one of a pass, whose frames come in the order taken."""
+    """Keys of the images repeated after the last lit one of a pass; `shots` in the order of capture."""
     last_lit = max((place for place, shot in enumerate(shots) if shot.kind == "light"), default=-1)
     return frozenset(shot.repeats for shot in shots[last_lit + 1 :] if shot.repeats is not None)

@@ -1,8 +1,8 @@
-"""Retention: which sessions may be forgotten, and forgetting them.
+"""Retention: deletion of old sessions.
 
-Only what has ended goes, by age, and the newest ones stay however old they are. A session that holds the rig is never
-touched: its folder is the only copy of what was captured. The journal's entry goes first, in a transaction that checks
-the state again, so that a folder is never removed under a session that still counts on it.
+Only ended sessions are deleted, by age, and the newest ones are kept however old they are. A session that holds the rig
+is never deleted: its folder is the only copy of what was captured. The journal's entry is deleted first, in a
+transaction that checks the state again, so that the folder of a session in use is never removed.
 """
 
 import shutil
@@ -28,7 +28,7 @@ class PrunedSession:
 def prune(data: Path, *, older_than_days: float, keep: int, now: float, dry_run: bool) -> list[PrunedSession]:
     """Removes ended sessions older than `older_than_days` at `now` (s since 1970), but never the newest `keep`.
 
-    With `pretend` nothing is removed. May run beside the service. Raises RigError request.not_found when the folder
+    With `dry_run` nothing is removed. May run beside the service. Raises RigError request.not_found when the folder
     holds no journal.
     """
     database = data / "rig.db"

@@ -1,4 +1,4 @@
-"""What the journal's tables hold, as values."""
+"""Rows of the journal's tables as values."""
 
 import json
 import sqlite3
@@ -27,7 +27,7 @@ class SessionRow:
 
 @dataclass(frozen=True)
 class Event:
-    """One thing that happened; ids rise without end."""
+    """One event; ids increase monotonically."""
 
     id: int
     session_id: str | None
@@ -38,7 +38,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Action:
-    """Who asked for what, and what came of it."""
+    """An action, who asked for it, and its outcome."""
 
     session_id: str | None
     action: str
@@ -49,7 +49,7 @@ class Action:
 
 @dataclass(frozen=True)
 class Counts:
-    """How much a journal holds: sessions by state, images, events."""
+    """Numbers of sessions by state, of images and of events."""
 
     sessions: dict[State, int]
     shots: int
@@ -58,7 +58,7 @@ class Counts:
 
 @dataclass(frozen=True)
 class Artifact:
-    """One file or folder that a step made; ids rise with time."""
+    """One file or folder that a step produced; ids increase with time."""
 
     id: int
     kind: str

@@ -1,4 +1,4 @@
-"""The service's side of the arm: a proxy that starts the driver process, asks it, and can stop without it.
+"""Proxy of the arm in the service: starts the driver process, sends it requests, and can stop the arm without it.
 
 The driver is started as `python -m`, not forked and not by `multiprocessing`: it must neither inherit a half-made state
 nor import the program that runs the service. The proxy answers `reading` and `halt` from shared memory; all else is one
@@ -36,7 +36,7 @@ LATENESS_KEPT = 10_000
 NO_READING = ArmReading(
     False, (0.0,) * 6, (0.0,) * 6, geometry.pose((0, 0, 0), (0, 0, 0)), 0.0, -1, 0, -1, False, 0.0, 0, 0.0
 )
-"""What `reading` says before the first connection."""
+"""The value of `reading` before the first connection."""
 
 
 class UrArm:
@@ -226,7 +226,7 @@ class UrArm:
             case Done():
                 return
             case Failed(error):
-                if error.code != ErrorCode.ARM_NOT_READY:  # which it was before the move began
+                if error.code != ErrorCode.ARM_NOT_READY:  # that one was refused before the move began
                     self._stop_program()  # a move that failed is over: nothing at the pendant may continue it
                 if stop.is_set():
                     raise Halted from error
@@ -338,7 +338,7 @@ class UrArm:
     def _declare_lost(self, detail: str) -> RigError:
         """Stops by the dashboard, kills the driver, and says so."""
         self._lost_reason = detail.removesuffix(".")
-        if self._took_control:  # else whatever moves there is not ours to stop
+        if self._took_control:  # else a moving program is not ours to stop
             self._stop_program()
         self._kill_driver()
         return RigError(ErrorCode.DRIVER_LOST, detail)

@@ -1,4 +1,4 @@
-"""The controller as the driver process sees it: one method for each request, one `sample`, one `stop`.
+"""The controller in the driver process: one generator method for each request, one `sample`, one `stop`.
 
 Requests are generators that yield once per turn of the driver's loop, so that readings, halts, lease and watchdog are
 looked after while a move is under way. Rules that keep a person safe: only asynchronous moves; no command is ever sent
@@ -45,7 +45,7 @@ class Controller:
         self._outputs: Outputs | None = None
         self._control: Control | None = None
         self._armed = False  # once lost, only take_control restores it
-        self._lamp_confirmed: bool | None = None  # what the data have shown since the lamp was last written
+        self._lamp_confirmed: bool | None = None  # the level read back since the lamp was last written; none: not yet
         self._kicked_at = 0.0
         self._timestamp = -1.0
         self._received_at = 0.0
@@ -120,7 +120,7 @@ class Controller:
         """Uploads the program unless ours runs, sets TCP and payload, arms the watchdog."""
         opened, receive = self._require_open()
         if self._armed:
-            yield from self._await_newer_data()  # the program may have ended unheard
+            yield from self._await_newer_data()  # the program may have ended since the last data
         if not self._armed:
             self._require_power_and_safety(receive)
             # A program that plays is a stranger's, or that of a driver that died and whose watchdog ends it presently.
@@ -256,7 +256,7 @@ class Controller:
                 raise RigError(ErrorCode.ARM_MOVE_FAILED, detail)
 
     def _await_rest(self, goal: tuple[float, ...]) -> Generator[None, None, None]:
-        """Waits until successive readings are at the goal and at rest; the two interfaces' packets are not in step."""
+        """Waits until REST_SAMPLES readings are at the goal and at rest; the two interfaces' packets are not in step."""
         _, receive = self._require_open()
         deadline = time.monotonic() + REST_WITHIN_S
         rest_samples, last_timestamp = 0, -1.0
@@ -288,7 +288,7 @@ class Controller:
         return RigError(ErrorCode.ARM_MOVE_FAILED, otherwise)
 
     def _await_newer_data(self, by_s: float = NEWER_S) -> Generator[None, None, None]:
-        """Waits for data that show what has just happened; a lost link is detected by the driver's loop."""
+        """Waits for data newer than the last event; a lost link is detected by the driver's loop."""
         since = self._timestamp
         while self._timestamp < since + by_s:
             yield

@@ -1,8 +1,8 @@
-"""The second way to stop the arm: `stop` on a dashboard socket that is open in advance.
+"""Second halt path: a watchdog thread that sends `stop` on a dashboard connection opened in advance.
 
 A thread of its own sleeps on a socket. Waking it is one `send`, which takes no lock and may be done in a signal
 handler (threading.Event takes a lock, which a handler could find held by the very thread it interrupts). Woken by a
-halt, it gives the driver ACKNOWLEDGE_S to take it and then does not wait any longer; woken by the death of the driver,
+halt, it gives the driver ACKNOWLEDGE_S to accept it and then stops the arm itself; woken by the death of the driver,
 or by a failure, it stops at once. `stop` ends the controller's program, so the arm brakes and only an explicit connect
 can move it again.
 """
@@ -24,14 +24,14 @@ _log = logging.getLogger(__name__)
 _HALT, _STOP, _WATCH, _QUIT = b"h", b"s", b"w", b"q"
 _REOPEN_S = 1.0
 _OPEN_TIMEOUT_S = 0.3
-_CARRY_OUT_S = 0.6  # a halt that the driver took is carried out within this, else the dashboard stops too
+_CARRY_OUT_S = 0.6  # time limit for an accepted halt to be carried out, else the dashboard stops too
 
 
 class DashboardStop:
     """A thread that holds a dashboard connection and watches over the driver."""
 
     def __init__(self, address: str, halt_state: Callable[[], tuple[bool, bool]], enabled: bool = True) -> None:
-        """`halt_state` says whether the driver has taken, and carried out, the newest halt."""
+        """`halt_state` says whether the driver has accepted, and carried out, the newest halt."""
         self._address = address
         self._halt_state = halt_state
         self._enabled = enabled
@@ -45,7 +45,7 @@ class DashboardStop:
         self._thread.start()
 
     def notify_halt(self) -> None:
-        """A halt was asked for; any thread, signal handlers included."""
+        """Reports that a halt was requested; any thread, signal handlers included."""
         self._wake(_HALT)
 
     def stop_at_once(self) -> None:
@@ -58,7 +58,7 @@ class DashboardStop:
         self._wake(_WATCH)
 
     def unwatch(self) -> None:
-        """The watched process is about to end on purpose."""
+        """Ends watching: the process is about to end on purpose."""
         self._new_process = None
         self._wake(_WATCH)
 
@@ -108,7 +108,7 @@ class DashboardStop:
 
     def _supervise_halt(self) -> None:
         if not self._await(lambda: self._halt_state()[0], protocol.ACKNOWLEDGE_S):
-            _log.warning("the driver has not seen a halt within %g s", protocol.ACKNOWLEDGE_S)
+            _log.warning("the driver has not accepted a halt within %g s", protocol.ACKNOWLEDGE_S)
         elif not self._await(lambda: self._halt_state()[1], _CARRY_OUT_S):
             _log.warning("the driver has not carried out a halt within %g s", _CARRY_OUT_S)
         else:
@@ -116,7 +116,7 @@ class DashboardStop:
         self._stop()
 
     def _await(self, condition: Callable[[], bool], seconds: float) -> bool:
-        """Whether the driver brings something about in time; one that has ended will not."""
+        """Whether the condition becomes true in time; False as soon as the driver has ended."""
         deadline = time.monotonic() + seconds
         watched = [] if self._process is None else [self._process]
         while not condition():
@@ -155,7 +155,7 @@ class DashboardStop:
                 self._dashboard = None
 
     def _read_unasked(self) -> None:
-        """What comes unasked is the end of the connection, or nothing of interest."""
+        """Reads data that was not asked for: the end of the connection, else ignored."""
         if self._dashboard is None:
             return
         try:

@@ -55,7 +55,7 @@ class Driver:
         self._task: Task | None = None
 
     def run(self) -> None:
-        """Turns until the service leaves or dies, the link is lost, or a signal asks to end."""
+        """Runs until the service ends, the link is lost, or a signal asks to end."""
         self._memory.write(
             Field.HALT_DONE, self._memory.read(Field.HALT_ACCEPTED)
         )  # the last driver may have died between
@@ -113,7 +113,7 @@ class Driver:
                 raise RigError(ErrorCode.ARM_MOVE_FAILED, detail)
             next(self._task)
         except StopIteration as finished:
-            self._publish()  # whoever reads after the reply sees what the request has done
+            self._publish()  # a reader after the reply sees the effect of the request
             self._reply(cast(Done, finished.value))
         except RigError as error:
             if moving:
@@ -133,7 +133,7 @@ class Driver:
             _log.warning("the service has ended: the arm is stopped")
             self._leaving = True
             return
-        if self._task is not None:  # the service gave up on the last request; it hears no more of it
+        if self._task is not None:  # the service has abandoned the last request, which gets no reply
             self._controller.stop()
             self._task.close()
             self._task = None

@@ -1,4 +1,4 @@
-"""What must agree between the controller and the cell file before anything moves; pure comparison, no hardware."""
+"""Preflight check: comparison of the controller's configuration with the cell file; a pure function."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ AS_BUILT_TOLERANCE = 1e-6  # m and rad: numbers copied from the controller
 
 @dataclass(frozen=True)
 class Answers:
-    """What was asked; `inspection` is None when the control program does not run."""
+    """The controller's answers; `inspection` is None when the control program does not run."""
 
     identity: ArmIdentity
     remote_control: bool

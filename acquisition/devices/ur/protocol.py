@@ -1,10 +1,9 @@
-"""What the service and the arm's driver process say to each other.
+"""Protocol between the service and the arm's driver process: messages on a socket pair, and one page of shared memory.
 
-Two channels. Requests and replies are pickled values on a socket pair, one at a time, numbered by the time of asking in
-ns: a halt asked for later than a move ends it even when the driver sees the halt first. Whatever must neither
-wait nor be waited for (the halt, the lease, the newest reading) stands on a board: one page of memory that both map. A
-halt is one store of one word, so that a signal handler may make it; a reader of the board never blocks and never delays
-a writer. Clocks: time.monotonic, the same in both processes.
+Requests and replies are pickled values, one at a time, numbered by the time of the request in ns: a halt requested
+later than a move ends it even when the driver sees the halt first. Whatever must not block (the halt, the lease, the
+newest reading) is in shared memory. A halt is one store of one field, so that a signal handler may make it; a reader
+never blocks and never delays a writer. Clocks: time.monotonic, the same in both processes.
 """
 
 import mmap
@@ -18,31 +17,32 @@ from enum import IntEnum
 from acquisition.models.errors import RigError
 
 TICK_S = 0.004
-"""The driver's loop: it looks for a halt this often (250 Hz)."""
+"""Period, s, of the driver's loop, which checks for a halt each time (250 Hz)."""
 
 LEASE_RENEWAL_S = 0.02
 LEASE_S = 0.2
-"""While a move is in progress the service renews the lease; one older than this stops the arm."""
+"""Period and time-out, s, of the lease that the service renews during a move; an expired one stops the arm."""
 
 WATCHDOG_HZ = 4.0
 KICK_S = 0.04
-"""The controller's own watchdog ends the program when no kick came for 1/4 s."""
+"""Watchdog of the controller (Hz) and period of kicks (s): it ends the program after 1/4 s without a kick."""
 
 STOP_WITHIN_S = 0.2
-"""A synchronous stop sends no kicks: it has to end, from the highest speed, well within the watchdog's period."""
+"""Longest synchronous stop from the highest speed, s: it sends no kicks and must end within the watchdog's period."""
 
 ACKNOWLEDGE_S = 0.1
-"""A halt that the driver has not taken by then goes by the second path."""
+"""Time limit, s, for the driver to accept a halt; afterwards the dashboard stops the arm."""
 
 LINK_S, LINK_AT_MOST_S = 0.8, 1.8
 """Data older than this mean a lost link, also where the driver has just slept; ur-rtde would reconnect by itself, and
 move again, after 2.5 s."""
 
 HEARTBEAT_S = 1.0
-"""A driver whose loop has not turned for this long is lost."""
+"""Age, s, of the heartbeat at which the driver is lost."""
 
 GOAL_TOLERANCE_RAD = 1e-3
 REST_SPEED_RAD_S = 5e-3
+"""Largest distance of a joint from the goal, rad, and largest joint speed, rad/s, at the end of a move."""
 
 Vector6 = tuple[float, float, float, float, float, float]
 
@@ -99,7 +99,7 @@ class Inspect:
 
 @dataclass(frozen=True)
 class Shutdown:
-    """Stop, put the lamp out, end the process."""
+    """Stop, switch the lamp off, end the process."""
 
 
 Request = Open | TakeControl | Move | SetLamp | Inspect | Shutdown
@@ -138,11 +138,11 @@ class Interrupted:
 Reply = Done | Failed | Interrupted
 
 
-# ---------------------------------------------------------------------------------------------------------------- board
+# ------------------------------------------------------------------------------------------------------- shared memory
 
 
 class Link(IntEnum):
-    """Whether the controller's data arrive; if not, what has shown it."""
+    """State of the link to the controller; if it is lost, the evidence."""
 
     OK = 0
     SILENT = 1
@@ -182,13 +182,13 @@ class Sample:
 
 
 class Field(IntEnum):
-    """Places of the board's single words, each with one writer; times in ns of time.monotonic_ns."""
+    """Indices of the 64-bit fields, each with one writer; times in ns of time.monotonic_ns."""
 
-    HALT_REQUESTED = 0  # service: when the newest halt was asked for
-    HALT_ACCEPTED = 1  # driver: the newest halt it has begun to carry out
-    HALT_DONE = 2  # driver: the newest halt it has carried out
-    LEASE = 3  # service: when the lease was renewed
-    HEARTBEAT = 4  # driver: when its loop last turned
+    HALT_REQUESTED = 0  # service: time of the newest halt request
+    HALT_ACCEPTED = 1  # driver: the newest halt request that it has begun to carry out
+    HALT_DONE = 2  # driver: the newest halt request that it has carried out
+    LEASE = 3  # service: time of the last renewal of the lease
+    HEARTBEAT = 4  # driver: time of the last iteration of its loop
 
 
 _SAMPLE = struct.Struct("<21d6q")
@@ -198,7 +198,7 @@ _SIZE = mmap.PAGESIZE
 
 
 class SharedMemory:
-    """One shared page: words that are written and read whole, and the newest sample with a checksum.
+    """One shared page: 64-bit fields with atomic access, and the newest sample with a checksum.
 
     A sample that is copied while it is being written does not match its checksum and is copied again; this needs no
     lock and holds on any memory order.
@@ -211,30 +211,30 @@ class SharedMemory:
 
     @classmethod
     def create(cls) -> "SharedMemory":
-        """Makes a new, empty board."""
+        """Creates an empty page."""
         descriptor = os.memfd_create("lightpose-arm")
         os.ftruncate(descriptor, _SIZE)
         return cls(descriptor)
 
-    def read(self, word: Field) -> int:
-        """The value of one word."""
-        return self._fields[word]
+    def read(self, field: Field) -> int:
+        """The value of one field."""
+        return self._fields[field]
 
-    def write(self, word: Field, value: int) -> None:
-        """Sets one word; safe in a signal handler."""
-        self._fields[word] = value
+    def write(self, field: Field, value: int) -> None:
+        """Sets one field; safe in a signal handler."""
+        self._fields[field] = value
 
-    def age_s(self, word: Field) -> float:
-        """Seconds since the time that a word holds."""
-        return (time.monotonic_ns() - self.read(word)) * 1e-9
+    def age_s(self, field: Field) -> float:
+        """Age in s of the time that a field holds."""
+        return (time.monotonic_ns() - self.read(field)) * 1e-9
 
     def halt_state(self, requested: int) -> tuple[bool, bool]:
-        """Whether the halt asked for at this time (ns) has been taken, and carried out.
+        """Whether the halt requested at this time (ns) has been accepted, and carried out.
 
-        While the driver carries out one halt it sees no other: that one serves those after it.
+        While the driver carries out one halt it sees no other: that one also serves later requests.
         """
-        taken, done = self.read(Field.HALT_ACCEPTED), self.read(Field.HALT_DONE)
-        return taken >= requested or taken > done, done >= requested
+        accepted, done = self.read(Field.HALT_ACCEPTED), self.read(Field.HALT_DONE)
+        return accepted >= requested or accepted > done, done >= requested
 
     def publish(self, sample: Sample) -> None:
         """Replaces the sample."""

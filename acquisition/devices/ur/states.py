@@ -1,7 +1,7 @@
-"""What a UR controller's numbers mean: safety bits, robot modes, runtime states.
+"""Interpretation of a UR controller's status: safety bits, robot modes, runtime states.
 
-Pure functions of the numbers alone, so that the driver process (which must tell a protective stop from a failed move)
-and the safety monitor (which latches it) say the same of the same reading. Source: Universal Robots' RTDE guide.
+Pure functions, so that the driver process (which must distinguish a protective stop from a failed move) and the safety
+monitor (which latches it) agree about a reading. Source: Universal Robots' RTDE guide.
 """
 
 from dataclasses import dataclass
