@@ -28,8 +28,8 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap, ResultSummary, SolveSettings
 from acquisition.models.route import JointPath, Route
 from acquisition.models.shot import Observations
-from acquisition.normals import solve
 from acquisition.plan import baselines, explain, visibility
+from acquisition.runner.session_solve import solve_in_cell
 from acquisition.waypoints import reach as reaching
 from acquisition.waypoints import rejoin, sketch
 from acquisition.waypoints import route as routing
@@ -282,14 +282,7 @@ def solve_normals(
 ) -> ResultSummary:  # fmt: skip
     """Solves all images and writes the result into `folder`; `drawn` is the mask of the region of interest, if any."""
     begun = time.monotonic()
-    found = solve(
-        observations,
-        calibration,
-        settings,
-        initial_depth_m=region.middle_depth_m(cell, calibration),
-        region=region.keep_out(cell, calibration),
-        table_depth_m=region.table_depth_m(cell, calibration),
-    )
+    found = solve_in_cell(observations, cell, calibration, settings)
     seconds = {"solve": time.monotonic() - begun}
     with export.whole_folder(folder) as partial:
         export.write_into(found, partial)

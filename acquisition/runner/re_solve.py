@@ -1,8 +1,8 @@
-"""Results: entered when a solve ends, solved again when a person asks, exported when somebody fetches an export.
+"""Results: the solve of a session, its repetition with other settings on request, and exports made on demand.
 
-Solving again touches no device and waits for whoever does: it begins only while no session runs, in the one compute
-process, and gives way to a session's next step, to begin anew later. What was asked for stands in the journal's events
-until its result or its failure does, so a service that was restarted takes it up.
+A re-solve uses no device and has lower priority than a session: it starts only while no session runs, in the one
+compute process, and the next step of a session preempts it; it is restarted later. Requests are events of the journal
+until an event of success or failure follows, so a restarted service resumes them.
 """
 
 import json
@@ -14,6 +14,7 @@ import time
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import Literal
 
 from structlog.contextvars import bound_contextvars
 
@@ -23,7 +24,6 @@ from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError, problem
-from acquisition.models.light_plan import LightPlan
 from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.shot import Observations
 from acquisition.runner.compute import Compute, Preempted
@@ -37,14 +37,15 @@ ACCEPTED, FAILED, READY = "resolve.accepted", "resolve.failed", "normals.ready"
 EXPORTS = (
     "normals_directx.png", "maps.exr", "mesh.ply", "lights.lp", "lights.dome", "diligent.zip", "integration.zip",
 )  # fmt: skip
-"""Files that are made of a result when they are first asked for."""
+"""Files that are made from a result on the first request, and cached."""
 
 POLL_S = 0.5
+"""Period, s, of checking whether a session runs and whether the service ends."""
 
 
 @dataclass(frozen=True)
 class SolveRequest:
-    """One solve: its number among the session's results, and the last pass whose images it uses."""
+    """A requested solve: its number among the session's results, and the last pass whose images it uses."""
 
     session_id: str
     number: int
@@ -62,7 +63,7 @@ def observations(record: SessionRecord, folder: Path, last_pass: int | None = No
 def record_result(
     store: Store, request: SolveRequest, origin: str, summary: ResultSummary, seconds: float, cell: CellConfig
 ) -> None:
-    """Enters a result whose files are in its folder: manifest first, then row and event."""
+    """Records a result whose files are in its folder: manifest first, then row and event."""
     name = f"results/{request.number}"
     more = {
         "origin": origin,
@@ -86,8 +87,35 @@ def record_result(
     )
 
 
+def region_file(store: Store, session_id: str) -> Path | None:
+    """The mask of the session's region of interest; None where there is none."""
+    masks = store.journal.artifacts(session_id, "region")
+    return store.folder(session_id) / masks[-1].path if masks else None
+
+
+def solve_and_record(
+    store: Store, compute: Compute, record: SessionRecord, request: SolveRequest, cell: CellConfig,
+    calibration: Calibration, stop: threading.Event, *, origin: Literal["session", "resolve"],
+) -> None:  # fmt: skip
+    """Solves the images of a session up to a pass and records the result; a session's own solve is not preemptible.
+
+    Raises Halted, Preempted, and what the job raises.
+    """
+    folder = store.folder(request.session_id)
+    result = folder / "results" / str(request.number)
+    if result.exists():
+        shutil.rmtree(result)  # left by a crash before its entry in the journal
+    images = observations(record, folder, request.last_pass)
+    begun = time.monotonic()
+    summary: ResultSummary = compute.run(
+        stop, "solve_normals", images, cell, calibration, request.settings, record.passes[request.last_pass].plan,
+        region_file(store, request.session_id), result, preemptible=origin == "resolve",
+    )  # fmt: skip
+    record_result(store, request, origin, summary, time.monotonic() - begun, cell)
+
+
 class ReSolveService:
-    """Solves sessions again, one at a time, in a thread of its own; any thread may ask."""
+    """Repeats solves of ended sessions, one at a time, in a thread of its own; any thread may submit."""
 
     def __init__(self, store: Store, compute: Compute) -> None:
         self._store = store
@@ -98,13 +126,13 @@ class ReSolveService:
         self._thread = threading.Thread(target=self._serve, name="resolving", daemon=True)
 
     def open(self) -> None:
-        """Takes up what was asked for before the service ended, and starts the thread."""
-        for wish in self._submitted(None):
-            self._queue.put(wish)
+        """Queues the requests that the last service left unfinished, and starts the thread."""
+        for request in self._submitted(None):
+            self._queue.put(request)
         self._thread.start()
 
     def close(self) -> None:
-        """Ends the thread; a solve that is not finished is begun anew by the next service."""
+        """Ends the thread; an unfinished solve is restarted by the next service."""
         self._closing.set()
         if self._thread.is_alive():
             self._thread.join(10)
@@ -136,16 +164,21 @@ class ReSolveService:
                 )
             used = [item.number for item in self._store.journal.artifacts(session_id, "result")]
             used += [request.number for request in self._submitted(session_id, with_finished=True)]
-            wish = SolveRequest(session_id, max([*used, len(record.passes) - 1]) + 1, settings, last)
-            body = {"number": wish.number, "last_pass": last, "settings": settings.model_dump(mode="json"), "by": actor}
-            self._store.journal.record_action(session_id, "solve", actor, f"result {wish.number}")
+            request = SolveRequest(session_id, max([*used, len(record.passes) - 1]) + 1, settings, last)
+            body = {
+                "number": request.number,
+                "last_pass": last,
+                "settings": settings.model_dump(mode="json"),
+                "by": actor,
+            }
+            self._store.journal.record_action(session_id, "solve", actor, f"result {request.number}")
             self._store.journal.announce(session_id, ACCEPTED, body)
-        self._queue.put(wish)
-        return wish
+        self._queue.put(request)
+        return request
 
     def raise_outcome(self, session_id: str, number: int) -> None:
-        """Raises what became of a result that was asked for and is not there: result.not_ready, or why it failed."""
-        if number not in [wish.number for wish in self._submitted(session_id, with_finished=True)]:
+        """Raises result.not_ready for a pending result, or the problem of a failed one; else returns."""
+        if number not in [request.number for request in self._submitted(session_id, with_finished=True)]:
             return
         for event in self._store.journal.events(0, 10_000, session_id, (FAILED,)):
             if event.body["number"] == number:
@@ -204,32 +237,24 @@ class ReSolveService:
                 return
             except RigError as error:
                 self._fail(request, error)
-            except Exception as error:  # noqa: BLE001 - the thread must live on; the event tells what failed
+            except Exception as error:  # noqa: BLE001 - the thread must live on; the event says what failed
                 _log.exception("solving session %s again", request.session_id)
                 self._fail(request, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
 
     def _solve(self, request: SolveRequest) -> None:
         record = self._store.record(request.session_id)
-        folder = self._store.folder(request.session_id)
-        result = folder / "results" / str(request.number)
         cell = CellConfig.model_validate_json(self._store.journal.session(request.session_id).cell)
-        forecast: LightPlan | None = record.passes[request.last_pass].plan
-        regions = self._store.journal.artifacts(request.session_id, "region")
-        region_file = folder / regions[-1].path if regions else None
+        calibration = _calibration(self._store.folder(request.session_id))
         while True:
             while self._session_runs():
                 if self._closing.wait(POLL_S):
                     raise Halted
-            shutil.rmtree(result, ignore_errors=True)  # left by a crash before its entry: nobody was told of it
-            begun = time.monotonic()
             try:
-                summary: ResultSummary = self._compute.run(
-                    self._closing, "solve_normals", observations(record, folder, request.last_pass), cell,
-                    _calibration(folder), request.settings, forecast, region_file, result, preemptible=True,
-                )  # fmt: skip
+                solve_and_record(
+                    self._store, self._compute, record, request, cell, calibration, self._closing, origin="resolve"
+                )
             except Preempted:
                 continue
-            record_result(self._store, request, "resolve", summary, time.monotonic() - begun, cell)
             return
 
     def _fail(self, request: SolveRequest, error: RigError) -> None:

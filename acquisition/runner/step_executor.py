@@ -5,9 +5,7 @@ A step that ends before the transaction leaves files without an entry; repeating
 idempotent.
 """
 
-import shutil
 import threading
-import time
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, assert_never
@@ -20,7 +18,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
-from acquisition.models.result import ResultSummary, SolveSettings
+from acquisition.models.result import SolveSettings
 from acquisition.models.route import Route
 from acquisition.runner import re_solve
 from acquisition.runner.compute import Compute
@@ -104,8 +102,9 @@ class StepExecutor:
             plan: LightPlan = self._compute.run(stop, "first_lights", *known)
         else:
             previous = folder / "results" / str(number - 1)
-            taken, drawn = re_solve.observations(record, folder), self._region_file(record.session_id)
-            plan, pictures = self._compute.run(stop, "further_lights", *known, previous, taken, drawn)
+            images = re_solve.observations(record, folder)
+            region_file = re_solve.region_file(self._store, record.session_id)
+            plan, pictures = self._compute.run(stop, "further_lights", *known, previous, images, region_file)
         digests = [
             write_bytes(folder / f"passes/{number}/gain_{light}.png", picture) for light, picture in enumerate(pictures)
         ]
@@ -139,11 +138,6 @@ class StepExecutor:
             "conclusion": plan.conclusion,
             "pictures": pictures,
         }
-
-    def _region_file(self, session_id: str) -> Path | None:
-        """The mask of the region of interest, where one was drawn."""
-        masks = self._store.journal.artifacts(session_id, "region")
-        return self._store.folder(session_id) / masks[-1].path if masks else None
 
     def set_region(self, session_id: str, content: bytes, actor: str) -> int:
         """Stores a mask (PNG) as the session's region of interest and returns its number of pixels.
@@ -200,27 +194,10 @@ class StepExecutor:
     # ---------------------------------------------------------------------------------------------------------- normals
 
     def _solve_normals(self, record: SessionRecord, step: SolveNormals, stop: StopToken) -> None:
-        folder = self._store.folder(record.session_id)
-        name = f"results/{step.number}"
-        if (folder / name).exists():
-            shutil.rmtree(folder / name)  # left by a crash before its entry: nobody was told of it
-        observations = re_solve.observations(record, folder)
-        settings = SolveSettings()
-        begun = time.monotonic()
-        summary: ResultSummary = self._compute.run(
-            stop,
-            "solve_normals",
-            observations,
-            self._rig.cell,
-            self._calibration,
-            settings,
-            record.passes[step.number].plan,
-            self._region_file(record.session_id),
-            folder / name,
+        request = SolveRequest(record.session_id, step.number, SolveSettings(), step.number)
+        re_solve.solve_and_record(
+            self._store, self._compute, record, request, self._rig.cell, self._calibration, stop, origin="session"
         )
-        seconds = time.monotonic() - begun
-        wish = SolveRequest(record.session_id, step.number, settings, step.number)
-        re_solve.record_result(self._store, wish, "session", summary, seconds, self._rig.cell)
 
 
 def _with_plan_numbers(error: RigError, light_numbers: tuple[int, ...]) -> RigError:

@@ -20,7 +20,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from acquisition import photometry, report
-from acquisition.capture import region
 from acquisition.formats import export, folders
 from acquisition.formats.export import lights
 from acquisition.formats.folders import Sphere, session
@@ -30,8 +29,8 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.normals import distant, near_light
-from acquisition.normals import solve as solve_session
 from acquisition.normals.image_set import DistantLights, ImageSet
+from acquisition.runner.session_solve import solve_in_cell
 
 SUMMARY = "summary.json"
 WRITERS = 2
@@ -195,17 +194,9 @@ def _solved(asked: Wishes, scratch: Path, bar: Progress, seconds: dict[str, floa
 
 def _solve_session(capture: SessionCapture, count: int | None, settings: SolveSettings) -> NormalMap:
     """Solves a session's images as the session did; `count` says by their number which passes a result was made of."""
-    cell, calibration = capture.cell, capture.calibration
     passes = range(len(capture.plans))
     last = next((one for one in passes if len(capture.observations(one).shots) == count), passes[-1])
-    return solve_session(
-        capture.observations(last),
-        calibration,
-        settings,
-        initial_depth_m=region.middle_depth_m(cell, calibration),
-        region=region.keep_out(cell, calibration),
-        table_depth_m=region.table_depth_m(cell, calibration),
-    )
+    return solve_in_cell(capture.observations(last), capture.cell, capture.calibration, settings)
 
 
 def _settings_of(manifest: Path) -> SolveSettings:

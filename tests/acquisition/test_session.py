@@ -1,6 +1,7 @@
 """The state table and the next step: every state × trigger, and the order of the work."""
 
 import itertools
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -78,21 +79,21 @@ def expected(actor: Actor, state: State) -> dict[str, str]:
 @pytest.mark.parametrize("trigger", Trigger, ids=str)
 @pytest.mark.parametrize("state", State, ids=str)
 @pytest.mark.parametrize("actor", Actor, ids=str)
-def test_every_trigger_of_every_actor_in_every_state_does_what_the_table_says(
+def test_next_state_every_actor_state_and_trigger_follows_the_table(
     actor: Actor, state: State, trigger: Trigger
 ) -> None:
     after = session.next_state(state, trigger, actor)
     assert (None if after is None else str(after)) == expected(actor, state).get(str(trigger))
 
 
-def test_a_name_in_the_journal_is_a_person_unless_it_is_the_services_own() -> None:
+def test_actor_of_other_name_is_operator() -> None:
     assert Actor.of("runner") is Actor.RUNNER
     assert Actor.of("service") is Actor.SERVICE
     assert Actor.of("runner@127.0.0.1") is Actor.OPERATOR
     assert Actor.of("viewer") is Actor.OPERATOR  # a viewer's key reaches no trigger
 
 
-def test_what_is_allowed_changes_the_state_and_ended_sessions_allow_nothing() -> None:
+def test_allowed_actions_change_the_state_and_end_states_have_none() -> None:
     for state in State:
         allowed = session.allowed_actions(state)
         changing = [a for a in session.ACTIONS if session.next_state(state, a, Actor.OPERATOR) not in (None, state)]
@@ -102,7 +103,7 @@ def test_what_is_allowed_changes_the_state_and_ended_sessions_allow_nothing() ->
 
 
 @given(st.lists(st.tuples(st.sampled_from(list(Trigger)), st.sampled_from(list(Actor))), max_size=12))
-def test_no_sequence_of_triggers_leaves_the_table_or_an_ended_state(triggers: list[tuple[Trigger, Actor]]) -> None:
+def test_next_state_no_sequence_leaves_an_end_state(triggers: list[tuple[Trigger, Actor]]) -> None:
     state = State.CREATED
     for trigger, actor in triggers:
         then = session.next_state(state, trigger, actor)
@@ -110,6 +111,14 @@ def test_no_sequence_of_triggers_leaves_the_table_or_an_ended_state(triggers: li
             assert then in (None, state)
         state = then or state
     assert set(session.ARM_STATE) == set(State)
+
+
+def test_module_docstring_diagram_shows_the_transition_table() -> None:
+    drawn = re.findall(r"^    (\w+) --> (\w+): (\w+)$", session.__doc__ or "", re.MULTILINE)
+    assert len(drawn) == len(set(drawn))
+    assert set(drawn) == {(str(old), str(new), str(by)) for (old, by), new in session.TRANSITIONS.items()}
+    ends = re.findall(r"^    (\w+) --> \[\*\]$", session.__doc__ or "", re.MULTILINE)
+    assert set(ends) == set(map(str, session.ENDED))
 
 
 def joints(number: int) -> tuple[float, float, float, float, float, float]:
@@ -183,7 +192,7 @@ def walk(recipe: Recipe, lights: Sequence[int] = (3,)) -> list[session.Step]:
     raise AssertionError("the steps have no end")
 
 
-def test_a_session_walks_pilot_route_shots_first_one_again_home_darks_normals_plan() -> None:
+def test_next_step_full_session_has_the_stated_order() -> None:
     names = [type(step).__name__ for step in walk(Recipe(pilot_lights=4, planned_lights=3))]
     after_lights = ["GoHome", "TakeDark", "TakeDark", "SolveNormals"]
     pilot = ["ChooseLights", "PlanRoute", *["TakeShot"] * 4, "RepeatReference", *after_lights]
@@ -191,13 +200,13 @@ def test_a_session_walks_pilot_route_shots_first_one_again_home_darks_normals_pl
     assert names == [*pilot, "ChooseLights", "PlanRoute", *["TakeShot"] * 3, *after_lights]
 
 
-def test_fixed_patterns_have_one_pass_and_a_pilot_alone_needs_no_plan() -> None:
+def test_max_passes_fixed_pattern_and_pilot_alone_have_one() -> None:
     assert session.max_passes(Recipe(method="two-rings")) == 1
     assert session.max_passes(Recipe(planned_lights=0)) == 1
     assert session.max_passes(Recipe()) == 2
 
 
-def test_an_ordered_accuracy_takes_passes_until_a_plan_has_no_lights() -> None:
+def test_next_step_target_accuracy_ends_with_an_empty_plan() -> None:
     steps = walk(Recipe(target_sigma_deg=0.7), lights=(3, 1, 1, 0))
     assert [step.pass_number for step in steps if isinstance(step, ChooseLights)] == [0, 1, 2, 3, 4]
     assert [step.number for step in steps if isinstance(step, SolveNormals)] == [0, 1, 2, 3]
@@ -207,7 +216,7 @@ def test_an_ordered_accuracy_takes_passes_until_a_plan_has_no_lights() -> None:
     assert len([step for step in walk(most, lights=(1, 1, 1, 1, 0)) if isinstance(step, SolveNormals)]) == 5
 
 
-def test_an_accuracy_is_ordered_in_place_of_a_number_of_lights() -> None:
+def test_recipe_target_accuracy_replaces_planned_lights() -> None:
     ordered = Recipe(target_sigma_deg=0.7)
     assert (ordered.planned_lights, ordered.lights_total) == (0, ordered.max_lights)
     assert Recipe.model_validate_json(ordered.model_dump_json()) == ordered
@@ -216,7 +225,7 @@ def test_an_accuracy_is_ordered_in_place_of_a_number_of_lights() -> None:
             Recipe.model_validate({"target_sigma_deg": 0.7, **wrong})
 
 
-def test_progress_of_an_ordered_accuracy_stays_below_one_until_it_is_met() -> None:
+def test_progress_target_accuracy_stays_below_one_until_met() -> None:
     recipe = Recipe(target_sigma_deg=0.7)
     pilot = PassRecord(plan=plan(4), shots={number: shot(number) for number in range(4)}, solved=True)
     planned = PassRecord(plan=plan(3), shots={number: shot(number) for number in range(3)}, solved=True)
@@ -226,7 +235,7 @@ def test_progress_of_an_ordered_accuracy_stays_below_one_until_it_is_met() -> No
     assert shares[-1] < 1
 
 
-def test_a_route_is_planned_anew_from_wherever_the_arm_stands_for_the_lights_left() -> None:
+def test_next_step_displaced_arm_replans_for_remaining_lights() -> None:
     half = PassRecord(plan=plan(3), route=route([0, 1, 2]), shots={0: shot(0)})
     on_the_way = session.next_step(record(Recipe(), half), joints(0), HOME)
     assert isinstance(on_the_way, TakeShot)
@@ -237,12 +246,12 @@ def test_a_route_is_planned_anew_from_wherever_the_arm_stands_for_the_lights_lef
     assert elsewhere == PlanRoute(0, (1, 2))
 
 
-def test_a_full_turn_away_is_another_place() -> None:
+def test_same_joints_full_turn_differs() -> None:
     assert not session.same_joints(HOME, (6.283185307179586, 0, 0, 0, 0, 0))
     assert session.same_joints(HOME, (1e-3, 0, 0, 0, 0, 0))
 
 
-def test_stage_and_progress_are_read_off_the_record() -> None:
+def test_stage_and_progress_follow_from_the_record() -> None:
     empty = record(Recipe())
     assert session.stage(empty, session.next_step(empty, HOME, HOME)) is Stage.PILOT
     assert session.stage(empty, None) is Stage.FINISHED
@@ -251,7 +260,7 @@ def test_stage_and_progress_are_read_off_the_record() -> None:
     assert 0 < session.progress(one) < session.progress(replace(one, state=State.COMPLETED)) == 1.0
 
 
-def test_planned_lights_wait_for_a_person_where_the_recipe_says_so_and_the_pilots_do_not() -> None:
+def test_next_step_review_plan_waits_for_planned_lights_only() -> None:
     names = [type(step).__name__ for step in walk(Recipe(review_plan=True))]
     assert names.count("AwaitReview") == 1
     assert names[names.index("AwaitReview") - 1 :][:3] == ["ChooseLights", "AwaitReview", "PlanRoute"]
@@ -259,7 +268,7 @@ def test_planned_lights_wait_for_a_person_where_the_recipe_says_so_and_the_pilot
     assert fixed[:3] == ["ChooseLights", "AwaitReview", "PlanRoute"]
 
 
-def test_after_an_interruption_an_image_is_repeated_before_the_next_one_is_taken() -> None:
+def test_next_step_after_interruption_repeats_an_image_first() -> None:
     half = PassRecord(plan=plan(3), route=route([0, 1, 2]), shots={0: shot(0)})
     cut_off = replace(record(Recipe(), half), unverified=True)
     step = session.next_step(cut_off, joints(0), HOME)
@@ -269,7 +278,7 @@ def test_after_an_interruption_an_image_is_repeated_before_the_next_one_is_taken
     assert isinstance(session.next_step(again, joints(0), HOME), TakeShot)
 
 
-def test_an_interruption_without_images_or_with_all_of_them_needs_no_repeated_image() -> None:
+def test_next_step_interruption_without_open_shots_repeats_none() -> None:
     none = replace(record(Recipe(), PassRecord(plan=plan(3), route=route([0, 1, 2]))), unverified=True)
     assert isinstance(session.next_step(none, HOME, HOME), TakeShot)
     shots = {number: shot(number) for number in range(3)}
@@ -280,7 +289,7 @@ def test_an_interruption_without_images_or_with_all_of_them_needs_no_repeated_im
     assert isinstance(session.next_step(dark, HOME, HOME), RepeatReference)
 
 
-def test_a_pass_whose_images_nothing_foretold_ends_with_the_sessions_first_image_again() -> None:
+def test_next_step_unpredicted_pass_ends_with_repeated_first_image() -> None:
     pilot = PassRecord(plan=plan(2), shots={1: shot(1), 0: shot(0)}, darks={0.05: shot(2, kind="dark")})
     step = session.next_step(record(Recipe(), pilot), HOME, HOME)
     assert step == RepeatReference(shot(1), ShotKey(pass_number=0, number=1000), closes_pass=True)

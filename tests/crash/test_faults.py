@@ -56,7 +56,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Generator[Bench, None, Non
 
 
 @pytest.mark.parametrize("case", cases("LIGHTPOSE_FAULTS", 100))
-def test_a_session_survives_a_fault_that_a_person_mends(made: Bench, case: int) -> None:
+def test_session_completes_after_a_corrected_fault(made: Bench, case: int) -> None:
     chance = random.Random(case)  # noqa: S311 - a test's seed
     fault = FAULTS[case % len(FAULTS)]
     number = chance.choice([2, 2, 6, *range(len(made.stage_begins) - 1)])  # while images are taken, most often

@@ -68,7 +68,7 @@ def fill(data: Path, leave: int) -> Path:
 
 
 @pytest.mark.parametrize("case", cases("LIGHTPOSE_FULL_DISKS", 10))
-def test_a_session_survives_a_disk_that_fills_up(made: Bench, case: int) -> None:
+def test_session_completes_after_a_full_disk(made: Bench, case: int) -> None:
     chance = random.Random(case)  # noqa: S311 - a test's seed
     number = case % (len(made.stage_begins) - 2)
     with made.serve() as client:
@@ -105,7 +105,7 @@ def until_it_waits(client: Client, session_id: str) -> SessionResource:
     return client.session(session_id)
 
 
-def test_a_session_that_does_not_fit_is_refused_before_anything_moves(made: Bench) -> None:
+def test_start_session_larger_than_disk_is_refused_without_motion(made: Bench) -> None:
     with made.serve() as client:
         client.wait_ready()
         session_id = client.create(RECIPE).id

@@ -32,7 +32,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Generator[Bench, None, Non
 
 
 @pytest.mark.parametrize("case", cases("LIGHTPOSE_CRASHES", 200))
-def test_a_killed_session_ends_as_if_nothing_had_happened(made: Bench, case: int) -> None:
+def test_killed_service_session_resumes_to_the_same_result(made: Bench, case: int) -> None:
     chance = random.Random(case)  # noqa: S311 - a test's seed
     number = case % (len(made.stage_begins) - 1)
     with made.serve() as client:

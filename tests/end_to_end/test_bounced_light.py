@@ -97,7 +97,7 @@ def graded(found: NormalMap, world: World) -> grade.Grade:
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["part", "figure"])
-def test_taking_bounced_light_out_makes_the_normals_better(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interreflection_correction_improves_normals(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     world, observations = scene(name, "realistic")
     corrected = solved(observations)
     assert corrected.notes["interreflection"]["scale"] > 0.6
@@ -108,14 +108,14 @@ def test_taking_bounced_light_out_makes_the_normals_better(name: str, monkeypatc
     assert graded(corrected, world).mean_deg < 0.85 * graded(uncorrected, world).mean_deg
 
 
-def test_where_nothing_bounces_next_to_nothing_is_taken_out() -> None:
+def test_interreflection_convex_object_is_hardly_corrected() -> None:
     world, observations = scene("figure", "direct")
     found = solved(observations)
     assert found.notes["interreflection"]["scale"] < 0.2
     assert graded(found, world).mean_deg < 1.5
 
 
-def test_depth_keeps_the_steps_of_a_machined_part() -> None:
+def test_depth_machined_part_keeps_its_discontinuities() -> None:
     """Smooth integration closes most of them, because the camera sees no wall."""
     world, observations = scene("part", "direct")
     found, true = solved(observations), world.truth()
@@ -125,7 +125,7 @@ def test_depth_keeps_the_steps_of_a_machined_part() -> None:
     assert float(np.median(np.abs(error - np.median(error)))) < 0.35 * spread
 
 
-def test_the_table_lies_where_the_cell_says() -> None:
+def test_table_depth_agrees_with_the_cell() -> None:
     depth = region.table_depth_m(CELL, CALIBRATION)
     assert depth.shape == (PIXELS, PIXELS)
     assert depth[PIXELS // 2, PIXELS // 2] == pytest.approx(0.9, abs=1e-6)  # the camera looks straight down on it

@@ -68,7 +68,7 @@ def collisions(folder: Path) -> list[str]:
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", OBJECTS)
-def test_realistic_sessions_are_accurate_and_safe(name: str, seed: int) -> None:
+def test_eighteen_sessions_are_accurate_and_safe(name: str, seed: int) -> None:
     found = figures(name, seed, "realistic")
     assert found["coverage"] >= (0.95 if name == "figure" else 0.98)
     assert found["mean_deg"] <= (2.0 if name in SMOOTH else 4.0)
@@ -77,7 +77,7 @@ def test_realistic_sessions_are_accurate_and_safe(name: str, seed: int) -> None:
     assert found["hits"] == []
 
 
-def test_planned_lights_beat_random_ones_and_the_pilot_over_all_runs() -> None:
+def test_planned_lights_over_all_runs_beat_random_and_pilot() -> None:
     runs = [figures(name, seed, "realistic") for name in OBJECTS for seed in SEEDS]
     found = statistics.mean(run["mean_deg"] for run in runs)
     assert found < statistics.mean(run["random_mean_deg"] for run in runs)
@@ -85,6 +85,6 @@ def test_planned_lights_beat_random_ones_and_the_pilot_over_all_runs() -> None:
 
 
 @pytest.mark.parametrize("name", OBJECTS)
-def test_the_forecast_is_right_within_a_factor_in_direct_light(name: str) -> None:
+def test_forecast_direct_light_is_right_within_a_factor(name: str) -> None:
     found = figures(name, 1, "direct", "--no-random")
     assert 1 / 1.5 <= found["median_deg"] / found["predicted_median_deg"] <= 1.5

@@ -93,7 +93,7 @@ def over_http(profile: ProfileName, name: str, seed: int, method: str) -> dict[s
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", OBJECTS)
 @pytest.mark.parametrize("profile", PROFILES)
-def test_both_methods_take_eight_images_of_the_whole_object(profile: ProfileName, name: str, seed: int) -> None:
+def test_both_methods_capture_eight_images_of_the_object(profile: ProfileName, name: str, seed: int) -> None:
     for method in METHODS:
         found = figures(profile, name, seed, method)
         assert found["lights_total"] == 8
@@ -103,7 +103,7 @@ def test_both_methods_take_eight_images_of_the_whole_object(profile: ProfileName
 @pytest.mark.parametrize("seed", FEW_SEEDS)
 @pytest.mark.parametrize("name", OBJECTS)
 @pytest.mark.parametrize("profile", PROFILES)
-def test_a_session_over_http_finds_what_its_stages_find(profile: ProfileName, name: str, seed: int) -> None:
+def test_session_over_http_equals_its_stages(profile: ProfileName, name: str, seed: int) -> None:
     for method in METHODS:
         with_arm, stages = (found(profile, name, seed, method) for found in (over_http, figures))
         assert with_arm["lights_total"] == 8
@@ -111,25 +111,25 @@ def test_a_session_over_http_finds_what_its_stages_find(profile: ProfileName, na
             assert with_arm[figure] == pytest.approx(stages[figure], rel=1e-4)
 
 
-def test_in_direct_light_ours_is_better_over_all_objects() -> None:
+def test_direct_light_planned_beats_two_rings_over_all_objects() -> None:
     ours, rings = compared("direct", OBJECTS)
     assert ours <= 0.95 * rings
 
 
-def test_in_direct_light_three_draws_alone_are_better_over_all_objects() -> None:
+def test_direct_light_three_draws_beat_two_rings_over_all_objects() -> None:
     ours, rings = compared("direct", OBJECTS, FEW_SEEDS)
     assert ours <= 0.95 * rings
 
 
 @pytest.mark.parametrize("name", OBJECTS)
-def test_in_direct_light_three_draws_alone_make_no_object_much_worse(name: str) -> None:
+def test_direct_light_three_draws_no_object_is_much_worse(name: str) -> None:
     ours, rings = compared("direct", (name,), FEW_SEEDS)
     assert ours <= 1.05 * rings
 
 
 @pytest.mark.parametrize("name", OBJECTS)
 @pytest.mark.parametrize("profile", PROFILES)
-def test_no_object_is_much_worse(profile: ProfileName, name: str) -> None:
+def test_planned_lights_no_object_is_much_worse(profile: ProfileName, name: str) -> None:
     ours, rings = compared(profile, (name,))
     assert ours <= 1.05 * rings
 
@@ -139,14 +139,14 @@ FINE_PIXELS = 1024
 
 
 @pytest.mark.parametrize("seed", FEW_SEEDS)
-def test_fine_pixels_of_limbs_are_not_taken_for_a_shift_of_the_object(seed: int) -> None:
+def test_grade_contour_pixels_give_no_shift_of_the_object(seed: int) -> None:
     """With sixteen times as many pixels, errors that these share weigh more: once 1.5 times the error of two rings."""
     ours, rings = (figures(*FINE, seed, method, FINE_PIXELS)["mean_deg"] for method in METHODS)
     print(f"\ndirect figure {seed}, {FINE_PIXELS} pixels: {ours:.3f}/{rings:.3f} = {ours / rings:.3f}")
     assert ours <= 1.05 * rings
 
 
-def test_fine_pixels_of_limbs_are_graded_by_their_draws_together() -> None:
+def test_grade_contour_pixels_pools_their_draws() -> None:
     ours, rings = ([figures(*FINE, seed, method, FINE_PIXELS) for seed in FEW_SEEDS] for method in METHODS)
     means, means_of_rings = (np.array([one["mean_deg"] for one in found]) for found in (ours, rings))
     assert np.mean(means) <= 1.05 * np.mean(means_of_rings)

@@ -52,7 +52,7 @@ def grades(running: Cell, data: Path, session_id: str) -> list[grade.Grade]:
     return [grade.grade_folder(folder, true, calibration) for folder in sorted(results.iterdir())]
 
 
-def test_a_whole_session_finds_the_normals_and_keeps_everything(rig: Rig, tmp_path: Path) -> None:
+def test_session_solves_normals_and_keeps_all_files(rig: Rig, tmp_path: Path) -> None:
     with client_of(rig.service) as client:
         done = client.capture(Recipe(seed=1), progress=False)
         events = client.past_events(done.id)
@@ -84,7 +84,7 @@ def test_a_whole_session_finds_the_normals_and_keeps_everything(rig: Rig, tmp_pa
 
 
 @pytest.mark.long
-def test_a_fixed_pattern_runs_through_the_same_session(rig: Rig) -> None:
+def test_session_fixed_pattern_completes(rig: Rig) -> None:
     with client_of(rig.service) as client:
         done = client.capture(Recipe(method="random", pilot_lights=3, planned_lights=3, seed=2), progress=False)
         assert len(client.results(done.id)) == 1
@@ -92,7 +92,7 @@ def test_a_fixed_pattern_runs_through_the_same_session(rig: Rig) -> None:
     assert found.coverage > 0.9
 
 
-def test_stop_in_mid_move_over_http_and_the_next_session_starts_from_there(rig: Rig) -> None:
+def test_stop_during_move_next_session_starts_from_there(rig: Rig) -> None:
     with client_of(rig.service) as client, ControlClient(rig.cell.address) as control:
         first = client.create(Recipe())
         client.start(first.id)
@@ -112,7 +112,7 @@ def test_stop_in_mid_move_over_http_and_the_next_session_starts_from_there(rig: 
         assert rests_after(control, 3.0) < 1.0
 
 
-def test_killing_the_service_stops_the_arm_and_loses_no_announced_frame(tmp_path: Path) -> None:
+def test_killed_service_loses_no_announced_frame(tmp_path: Path) -> None:
     with quick_cell(tmp_path, "127.0.6.5") as running, ControlClient("127.0.6.5") as control:
         data = tmp_path / "data"
         announced: list[tuple[int, int]] = []

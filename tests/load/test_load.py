@@ -135,7 +135,7 @@ def at_life_speed(slow_cell: Loaded) -> Loaded:
     return slow_cell
 
 
-def test_a_small_crowd_misses_nothing(tmp_path: Path) -> None:
+def test_load_few_clients_miss_no_event(tmp_path: Path) -> None:
     with quick_service(tmp_path, "127.0.15.21") as (server, _, url, secrets):
         journal = server.service.store.journal
         with Client(url, key=secrets[Role.OPERATOR]) as client, Crowd(url, 8, 2, 5, secrets[Role.OPERATOR]) as crowd:
@@ -147,7 +147,7 @@ def test_a_small_crowd_misses_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_the_arms_loop_keeps_its_time_and_nobody_misses_an_event(at_life_speed: Loaded) -> None:
+def test_load_arm_loop_is_punctual_and_clients_miss_no_event(at_life_speed: Loaded) -> None:
     client = at_life_speed.client
     with Crowd(at_life_speed.service.url, LISTENERS, STALLED, POLLERS) as crowd:
         interruptions = sum(completed(client, LONG_WAY) for _ in range(4))
@@ -166,7 +166,7 @@ def test_the_arms_loop_keeps_its_time_and_nobody_misses_an_event(at_life_speed: 
 
 @pytest.mark.long
 @pytest.mark.parametrize("shard", range(SHARDS))
-def test_a_stop_under_load_is_as_quick_as_it_must_be(at_life_speed: Loaded, shard: int) -> None:
+def test_load_stop_halts_within_its_limit(at_life_speed: Loaded, shard: int) -> None:
     client, margins, latencies, acknowledged = at_life_speed.client, [], [], 0
     with (
         Crowd(at_life_speed.service.url, LISTENERS, STALLED, POLLERS) as crowd,
@@ -203,7 +203,7 @@ def test_a_stop_under_load_is_as_quick_as_it_must_be(at_life_speed: Loaded, shar
 
 
 @pytest.mark.long
-def test_the_memory_is_flat_over_many_sessions(tmp_path: Path) -> None:
+def test_load_memory_stays_constant_over_many_sessions(tmp_path: Path) -> None:
     sizes: list[int] = []
     with bench(tmp_path, "127.0.15.22", 20.0) as made:
         for _ in range(SESSIONS):

@@ -151,7 +151,7 @@ class QuickCamera:
 class QuickCompute(Compute):
     """Jobs of the right shape, in this process."""
 
-    def run(self, stop: threading.Event, job: str, *arguments: Any, yields: bool = False) -> Any:
+    def run(self, stop: threading.Event, job: str, *arguments: Any, preemptible: bool = False) -> Any:
         """Does the job named."""
         if stop.wait(JOB_S):
             raise Halted

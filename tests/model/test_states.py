@@ -241,11 +241,11 @@ def run(cases: int, shard: int) -> None:
     )
 
 
-def test_a_few_runs() -> None:
+def test_state_machine_few_random_runs_keep_the_invariants() -> None:
     run(3, SHARDS)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("shard", range(SHARDS))
-def test_many_runs(shard: int) -> None:
+def test_state_machine_many_random_runs_keep_the_invariants(shard: int) -> None:
     run(CASES, shard)

@@ -256,7 +256,7 @@ class Controller:
                 raise RigError(ErrorCode.ARM_MOVE_FAILED, detail)
 
     def _await_rest(self, goal: tuple[float, ...]) -> Generator[None, None, None]:
-        """Waits until REST_SAMPLES readings are at the goal and at rest; the two interfaces' packets are not in step."""
+        """Waits for REST_SAMPLES readings at the goal and at rest; the two interfaces' packets are not in step."""
         _, receive = self._require_open()
         deadline = time.monotonic() + REST_WITHIN_S
         rest_samples, last_timestamp = 0, -1.0

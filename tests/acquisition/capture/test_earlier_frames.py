@@ -33,7 +33,7 @@ def frame(
 LIT = scenes.lit(TRUE, FIRST)
 
 
-def test_an_image_taken_again_is_the_same_but_for_noise() -> None:
+def test_same_scene_repeated_image_with_other_noise_is_accepted() -> None:
     same = compare.same_scene(frame(LIT, 1), frame(LIT, 2), REGION, SENSOR)
     assert same.accepted
     assert same.shift_px < 0.1
@@ -41,7 +41,7 @@ def test_an_image_taken_again_is_the_same_but_for_noise() -> None:
     assert same.changed < 0.002
 
 
-def test_a_lamp_that_does_not_come_back_exactly_is_no_movement() -> None:
+def test_same_scene_lamp_displaced_by_a_millimetre_is_accepted() -> None:
     rng = np.random.default_rng(0)
     for seed in range(6):
         place = np.array(FIRST.position) + 1e-3 * rng.normal(size=3)
@@ -53,7 +53,7 @@ def test_a_lamp_that_does_not_come_back_exactly_is_no_movement() -> None:
 
 @settings(max_examples=20, deadline=None)
 @given(st.floats(-6, 6), st.floats(-6, 6))
-def test_a_shift_between_two_images_is_measured(across: float, down: float) -> None:
+def test_shift_known_displacement_is_recovered(across: float, down: float) -> None:
     moved = compare.same_scene(frame(LIT, 1), frame(LIT, 2, (across, down)), REGION, SENSOR)
     far = float(np.hypot(across, down))
     assert moved.shift_px == pytest.approx(far, abs=0.15 + 0.1 * far)
@@ -62,7 +62,7 @@ def test_a_shift_between_two_images_is_measured(across: float, down: float) -> N
         assert "shifted" in moved.detail
 
 
-def test_another_brightness_and_a_new_thing_in_the_picture_are_told() -> None:
+def test_same_scene_changed_brightness_or_content_is_rejected() -> None:
     dim = compare.same_scene(frame(LIT, 1), frame(LIT, 2, brightness=0.7), REGION, SENSOR)
     assert "brightness" in dim.detail
     assert dim.brightness == pytest.approx(0.7, abs=0.02)
@@ -72,7 +72,7 @@ def test_another_brightness_and_a_new_thing_in_the_picture_are_told() -> None:
     assert "differs" in other.detail
 
 
-def test_a_foretold_frame_is_judged_under_its_own_light() -> None:
+def test_displacement_predicted_frame_detects_a_shift() -> None:
     known = np.where(TRUE.mask, scenes.lit(TRUE, OTHER), 0.0)
     foretold = expected.decode_image(expected.encode_image(known))
     assert foretold.max() == 65535
@@ -91,14 +91,14 @@ def test_a_foretold_frame_is_judged_under_its_own_light() -> None:
     assert "shifted" in verdict.quality.reason
 
 
-def test_what_has_no_shading_tells_no_shift() -> None:
+def test_displacement_image_without_shading_returns_none() -> None:
     flat = np.zeros((128, 128))
     flat[30:90, 30:90] = 1.0
     assert expected.displacement(flat, frame(LIT), SENSOR.black_level_dn, FULL) is None
     assert expected.displacement(np.zeros((128, 128)), frame(LIT), SENSOR.black_level_dn, FULL) is None
 
 
-def test_a_blurred_frame_is_known_by_its_finest_detail_whatever_the_light() -> None:
+def test_sharpness_blurred_frame_is_rejected_under_any_light() -> None:
     usual = [
         check.sharpness(frame(scenes.lit(TRUE, light), n), REGION, SENSOR) for n, light in enumerate((FIRST, OTHER))
     ]

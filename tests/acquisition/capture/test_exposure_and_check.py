@@ -30,7 +30,7 @@ def judge(pixels: np.ndarray, exposure_s: float = 0.05, wanted: Exposure = WANTE
 
 
 @given(st.floats(1e-3, 1e4), st.floats(0.1, 0.9))
-def test_the_exposure_never_exceeds_the_target_and_wastes_less_than_a_step(level: float, target: float) -> None:
+def test_for_level_exposure_is_within_a_step_below_the_target(level: float, target: float) -> None:
     chosen = exposure.for_level(level, Exposure(target=target), CAMERA)
     assert CAMERA.min_exposure_s <= chosen <= CAMERA.max_exposure_s
     if CAMERA.min_exposure_s < chosen < CAMERA.max_exposure_s:
@@ -38,7 +38,7 @@ def test_the_exposure_never_exceeds_the_target_and_wastes_less_than_a_step(level
 
 
 @given(st.floats(1e-3, 1e4), st.floats(0.1, 0.95))
-def test_a_foretold_level_comes_nearest_to_the_target_and_is_not_clipped(level: float, target: float) -> None:
+def test_for_predicted_level_exposure_is_nearest_to_the_target(level: float, target: float) -> None:
     chosen = exposure.for_predicted_level(level, Exposure(target=target), CAMERA)
     assert chosen >= exposure.for_level(level, Exposure(target=target), CAMERA)
     if CAMERA.min_exposure_s < chosen < CAMERA.max_exposure_s:
@@ -49,12 +49,12 @@ def test_a_foretold_level_comes_nearest_to_the_target_and_is_not_clipped(level: 
         assert chosen * level < 1.01 * target * exposure.STEP**0.5
 
 
-def test_a_fixed_exposure_is_kept() -> None:
+def test_for_level_fixed_exposure_is_returned() -> None:
     assert exposure.for_level(123.0, Exposure(seconds=0.02), CAMERA) == 0.02
     assert exposure.for_predicted_level(123.0, Exposure(seconds=0.02), CAMERA) == 0.02
 
 
-def test_a_good_frame_is_kept_and_a_wrong_exposure_is_mended_in_one_step() -> None:
+def test_lit_frame_wrong_exposure_is_corrected_in_one_retake() -> None:
     assert judge(frame(0.8)).retake_s is None
     assert judge(frame(0.8)).quality.bright_level == pytest.approx(0.8, abs=1e-3)
     dark = judge(frame(0.1))
@@ -67,7 +67,7 @@ def test_a_good_frame_is_kept_and_a_wrong_exposure_is_mended_in_one_step() -> No
     assert not burnt.quality.accepted
 
 
-def test_a_frame_without_light_is_no_use_whatever_the_exposure() -> None:
+def test_lit_frame_without_light_is_unusable() -> None:
     verdict = judge(frame(0.0), CAMERA.max_exposure_s)
     assert not verdict.usable
     assert verdict.retake_s is None
@@ -75,7 +75,7 @@ def test_a_frame_without_light_is_no_use_whatever_the_exposure() -> None:
     assert not judge(frame(0.0), 0.05, Exposure(seconds=0.05)).usable
 
 
-def test_a_frame_that_is_all_burnt_is_no_use_whatever_the_exposure() -> None:
+def test_lit_frame_fully_saturated_is_unusable() -> None:
     white = np.full(REGION.shape, 4095, np.uint16)
     again = judge(white, 0.05)
     assert not again.usable
@@ -87,12 +87,12 @@ def test_a_frame_that_is_all_burnt_is_no_use_whatever_the_exposure() -> None:
     assert judge(frame(1.5), 0.05, Exposure(seconds=0.05)).quality.accepted
 
 
-def test_a_bright_room_is_refused_with_the_lamp_off() -> None:
+def test_dark_frame_bright_room_is_rejected() -> None:
     assert check.dark_frame(frame(0.05), REGION, SENSOR).accepted
     assert "darken" in check.dark_frame(frame(0.6), REGION, SENSOR).reason
 
 
-def test_the_region_holds_the_whole_keep_out_cylinder() -> None:
+def test_keep_out_region_contains_the_projected_cylinder() -> None:
     found = region.keep_out(CELL, CALIBRATION)
     rows, columns = np.nonzero(found)
     focal, radius, height = 4600.0, CELL.object.keep_out.radius_m, CELL.object.keep_out.height_m

@@ -30,7 +30,7 @@ def camera() -> Iterator[PylonCamera]:
     opened.close()
 
 
-def test_frame_is_bit_for_bit_what_the_sensor_saw(camera: PylonCamera, tmp_path: Path) -> None:
+def test_pylon_expose_returns_the_sensors_pixels_exactly(camera: PylonCamera, tmp_path: Path) -> None:
     seen = np.random.default_rng(1).integers(0, 65536, (96, 128)).astype(np.uint16)
     cv2.imwrite(str(tmp_path / "seen.tiff"), seen)
     device = camera._camera
@@ -48,7 +48,7 @@ def test_frame_is_bit_for_bit_what_the_sensor_saw(camera: PylonCamera, tmp_path:
     assert before <= frame.taken_at <= time.time()
 
 
-def test_nothing_automatic_is_left_on(camera: PylonCamera) -> None:
+def test_pylon_connect_switches_automatic_functions_off(camera: PylonCamera) -> None:
     device = camera._camera
     assert device.ExposureAuto.Value == device.GainAuto.Value == "Off"
     assert device.Gamma.Value == 1.0
@@ -56,7 +56,7 @@ def test_nothing_automatic_is_left_on(camera: PylonCamera) -> None:
     assert (device.TriggerMode.Value, device.TriggerSource.Value) == ("On", "Software")
 
 
-def test_broken_frame_is_reported_and_the_next_one_taken(camera: PylonCamera) -> None:
+def test_pylon_expose_broken_frame_raises_and_next_succeeds(camera: PylonCamera) -> None:
     camera._camera.ForceFailedBufferCount.Value = 1
     camera._camera.ForceFailedBuffer.Execute()
     with pytest.raises(RigError, match="broken") as raised:
@@ -65,26 +65,26 @@ def test_broken_frame_is_reported_and_the_next_one_taken(camera: PylonCamera) ->
     assert camera.expose(0.01, 2, StopToken()).pixels.max() > 0
 
 
-def test_a_set_token_ends_the_exposure(camera: PylonCamera) -> None:
+def test_pylon_expose_set_token_raises_halted(camera: PylonCamera) -> None:
     stop = StopToken()
     stop.set()
     with pytest.raises(Halted):
         camera.expose(0.01, 1, stop)
 
 
-def test_exposure_beyond_the_cell_files_limits(camera: PylonCamera) -> None:
+def test_pylon_expose_beyond_the_limits_is_refused(camera: PylonCamera) -> None:
     with pytest.raises(RigError, match="is not within") as raised:
         camera.expose(EMULATED.max_exposure_s * 2, 1, StopToken())
     assert raised.value.code == ErrorCode.REQUEST_INVALID
 
 
-def test_camera_that_is_not_there_names_those_that_are() -> None:
+def test_pylon_connect_unknown_serial_lists_present_cameras() -> None:
     with pytest.raises(RigError, match="0815-0000") as raised:
         PylonCamera(EMULATED.model_copy(update={"serial": "40012345"})).connect()
     assert raised.value.code == ErrorCode.CAMERA_UNREACHABLE
 
 
-def test_gain_that_the_camera_does_not_have() -> None:
+def test_pylon_connect_invalid_gain_raises_config_invalid() -> None:
     camera = PylonCamera(EMULATED.model_copy(update={"gain": 4000.0}))
     with pytest.raises(RigError, match="refuses") as raised:
         camera.connect()
@@ -94,7 +94,7 @@ def test_gain_that_the_camera_does_not_have() -> None:
     assert raised.value.code == ErrorCode.DEVICE_DISCONNECTED
 
 
-def test_closed_camera_opens_again(camera: PylonCamera) -> None:
+def test_pylon_connect_after_close_succeeds(camera: PylonCamera) -> None:
     camera.close()
     camera.close()
     camera.connect()

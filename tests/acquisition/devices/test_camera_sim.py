@@ -73,7 +73,7 @@ def header(**changes: object) -> bytes:
     return json.dumps(values).encode() + b"\n"
 
 
-def test_frame_arrives_whole(camera: SimCamera) -> None:
+def test_sim_expose_returns_a_complete_frame(camera: SimCamera) -> None:
     camera.connect()
     before = time.time()
     frame = camera.expose(0.002, 3, StopToken())
@@ -85,14 +85,14 @@ def test_frame_arrives_whole(camera: SimCamera) -> None:
     camera.close()
 
 
-def test_set_token_takes_no_frame(camera: SimCamera) -> None:
+def test_sim_expose_set_token_requests_no_frame(camera: SimCamera) -> None:
     stop = StopToken()
     stop.set()
     with pytest.raises(Halted):
         camera.expose(0.002, 0, stop)
 
 
-def test_token_set_during_the_exposure_ends_it(camera: SimCamera) -> None:
+def test_sim_expose_token_set_meanwhile_raises_halted(camera: SimCamera) -> None:
     stop = StopToken()
     threading.Timer(0.1, stop.set).start()
     with pytest.raises(Halted):
@@ -102,19 +102,19 @@ def test_token_set_during_the_exposure_ends_it(camera: SimCamera) -> None:
 
 
 @pytest.mark.parametrize("exposure_s", [0.0, -1.0, 5.0, math.nan, math.inf])
-def test_exposure_beyond_the_cell_files_limits(camera: SimCamera, exposure_s: float) -> None:
+def test_sim_expose_beyond_the_limits_is_refused(camera: SimCamera, exposure_s: float) -> None:
     with pytest.raises(RigError) as caught:
         camera.expose(exposure_s, 0, StopToken())
     assert caught.value.code == ErrorCode.REQUEST_INVALID
 
 
-def test_refusal_carries_the_cameras_own_words(camera: SimCamera) -> None:
+def test_sim_expose_refusal_contains_the_cameras_message(camera: SimCamera) -> None:
     with pytest.raises(RigError, match="attempt must be") as caught:
         camera.expose(0.002, -1, StopToken())
     assert caught.value.code == ErrorCode.CAMERA_TIMEOUT
 
 
-def test_nobody_listens() -> None:
+def test_sim_connect_without_listener_raises_unreachable() -> None:
     absent = SimCamera(SimCameraConfig(address="127.0.3.12"))
     started = time.monotonic()
     with pytest.raises(RigError) as caught:
@@ -126,7 +126,7 @@ def test_nobody_listens() -> None:
     assert time.monotonic() - started < 3.0
 
 
-def test_silent_server_is_unreachable_and_a_silent_exposure_times_out() -> None:
+def test_sim_camera_silent_server_times_out() -> None:
     ending = threading.Event()
     with answering(lambda connection: ending.wait() and None) as camera:
         with pytest.raises(RigError) as caught:
@@ -156,7 +156,7 @@ def test_silent_server_is_unreachable_and_a_silent_exposure_times_out() -> None:
         (b'{"error": "no light"}\n', ErrorCode.CAMERA_TIMEOUT),
     ],
 )
-def test_bad_answers_are_named(answer: bytes, code: ErrorCode) -> None:
+def test_sim_camera_malformed_reply_raises_with_reason(answer: bytes, code: ErrorCode) -> None:
     with answering(lambda connection: connection.sendall(answer)) as camera, pytest.raises(RigError) as caught:
         camera.expose(0.01, 0, StopToken())
     assert caught.value.code == code

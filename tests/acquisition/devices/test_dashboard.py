@@ -26,7 +26,7 @@ def listening(address: str, *ports: int) -> Iterator[None]:
         yield
 
 
-def test_nobody_listens() -> None:
+def test_probe_without_listener_raises_arm_unreachable() -> None:
     started = time.monotonic()
     with pytest.raises(RigError) as caught:
         dashboard.probe(ABSENT)
@@ -35,7 +35,7 @@ def test_nobody_listens() -> None:
     assert time.monotonic() - started < 3.0
 
 
-def test_open_but_silent() -> None:
+def test_probe_silent_port_raises_arm_unreachable() -> None:
     started = time.monotonic()
     with listening(SILENT, 29999, 30003, 30004), pytest.raises(RigError, match="does not answer in time") as caught:
         dashboard.probe(SILENT)
@@ -43,7 +43,7 @@ def test_open_but_silent() -> None:
     assert time.monotonic() - started < 3.0
 
 
-def test_rtde_port_that_says_nothing() -> None:
+def test_probe_silent_rtde_port_raises_arm_unreachable() -> None:
     with listening(SILENT, 30003, 30004), socket.socket() as server:
         server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         server.bind((SILENT, dashboard.DASHBOARD_PORT))
@@ -63,14 +63,14 @@ def test_rtde_port_that_says_nothing() -> None:
     assert caught.value.context["port"] == dashboard.RTDE_PORT
 
 
-def test_question_to_nobody_is_a_rig_error() -> None:
+def test_ask_without_listener_raises_arm_unreachable() -> None:
     with pytest.raises(RigError) as caught:
         dashboard.ask(ABSENT, "robotmode")
     assert caught.value.code == ErrorCode.ARM_UNREACHABLE
 
 
 @pytest.mark.parametrize("address", ["192.168.56.101", "arm.example", "10.0.0.1"])
-def test_tests_cannot_reach_a_real_arm(address: str) -> None:
+def test_refuse_foreign_in_tests_refuses_other_hosts(address: str) -> None:
     with pytest.raises(RigError, match="loopback") as caught:
         dashboard.probe(address)
     assert caught.value.code == ErrorCode.ARM_UNREACHABLE
@@ -78,11 +78,11 @@ def test_tests_cannot_reach_a_real_arm(address: str) -> None:
         plain.connect((address, 80))
 
 
-def test_localhost_is_loopback() -> None:
+def test_refuse_foreign_localhost_is_accepted() -> None:
     dashboard.refuse_foreign("localhost")
     dashboard.refuse_foreign("127.0.3.3")
 
 
-def test_guard_is_off_outside_tests(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_refuse_foreign_outside_tests_accepts_other_hosts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("LIGHTPOSE_LOOPBACK_ONLY")
     dashboard.refuse_foreign("192.168.56.101")

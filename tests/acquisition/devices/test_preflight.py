@@ -42,7 +42,7 @@ def turned(pose: tuple[float, ...]) -> np.ndarray:
     return geometry.pose((pose[0], pose[1], pose[2] + 0.02), pose[3:])
 
 
-def test_a_good_arm_has_no_findings() -> None:
+def test_findings_matching_arm_are_empty() -> None:
     assert findings(ARM, GOOD) == []
     assert findings(ARM, replace(GOOD, reading=replace(READING, safety_bits=2))) == [], "reduced mode is allowed"
     assert findings(ARM, replace(GOOD, expected_base_from_tool=None)) == []
@@ -65,7 +65,7 @@ def test_a_good_arm_has_no_findings() -> None:
         (replace(GOOD, expected_base_from_tool=turned(POSE)), "20.0 mm"),
     ],
 )
-def test_each_disagreement_is_named(answers: Answers, words: str) -> None:
+def test_findings_each_mismatch_is_named(answers: Answers, words: str) -> None:
     differences = findings(ARM, answers)
     assert len(differences) == 1
     assert words in differences[0].what

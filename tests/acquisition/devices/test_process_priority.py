@@ -16,12 +16,12 @@ def niceness_after(wanted: int, user: int | None = None) -> tuple[str, str]:
     return done.stdout.strip(), done.stderr
 
 
-def test_background_work_gives_way() -> None:
+def test_set_niceness_background_process_has_low_priority() -> None:
     assert niceness_after(10)[0] == "10"
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root may choose the user of a process")
-def test_without_the_right_it_runs_on_and_says_so() -> None:
+def test_set_niceness_without_permission_logs_a_warning() -> None:
     try:
         kept, said = niceness_after(-10, user=65534)
     except (PermissionError, subprocess.CalledProcessError):

@@ -26,17 +26,17 @@ SAMPLE = Sample(
 )
 
 
-def test_empty_board_has_no_sample() -> None:
+def test_shared_memory_without_sample_returns_none() -> None:
     assert SharedMemory.create().sample() is None
 
 
-def test_sample_survives_the_board() -> None:
+def test_shared_memory_sample_round_trip_is_exact() -> None:
     memory = SharedMemory.create()
     memory.publish(SAMPLE)
     assert memory.sample() == SAMPLE
 
 
-def test_torn_sample_is_not_believed() -> None:
+def test_shared_memory_torn_sample_returns_none() -> None:
     memory = SharedMemory.create()
     memory.publish(SAMPLE)
     position = 64 + 8 * 3
@@ -46,7 +46,7 @@ def test_torn_sample_is_not_believed() -> None:
     assert memory.sample() == SAMPLE
 
 
-def test_words_are_shared_with_another_process() -> None:
+def test_shared_memory_fields_are_seen_by_another_process() -> None:
     memory = SharedMemory.create()
     memory.write(Field.HALT_REQUESTED, 123456789012345)
     code = (
@@ -64,14 +64,14 @@ def test_words_are_shared_with_another_process() -> None:
     ("taken", "done", "state"),
     [(5, 5, (False, False)), (5, 3, (True, False)), (7, 5, (True, False)), (7, 7, (True, True))],
 )
-def test_a_halt_that_is_carried_out_serves_those_after_it(taken: int, done: int, state: tuple[bool, bool]) -> None:
+def test_halt_state_halt_in_progress_serves_later_requests(taken: int, done: int, state: tuple[bool, bool]) -> None:
     memory = SharedMemory.create()
     memory.write(Field.HALT_ACCEPTED, taken)
     memory.write(Field.HALT_DONE, done)
     assert memory.halt_state(7) == state
 
 
-def test_reader_never_sees_a_mixture() -> None:
+def test_shared_memory_concurrent_reader_sees_no_mixed_sample() -> None:
     """Of two samples that another process, which may run at the same instant, publishes in turn."""
     memory = SharedMemory.create()
     memory.publish(SAMPLE)

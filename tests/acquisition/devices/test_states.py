@@ -21,7 +21,7 @@ from acquisition.models.errors import ErrorCode
         (0, ErrorCode.ARM_PROTECTIVE_STOP, "not normal"),
     ],
 )
-def test_safety_bits(bits: int, code: ErrorCode, word: str) -> None:
+def test_safety_fault_each_bit_gives_its_code(bits: int, code: ErrorCode, word: str) -> None:
     fault = states.safety_fault(bits)
     assert fault is not None
     assert fault.code == code
@@ -29,11 +29,11 @@ def test_safety_bits(bits: int, code: ErrorCode, word: str) -> None:
 
 
 @pytest.mark.parametrize("bits", [1, 2, 3])
-def test_normal_and_reduced_are_no_fault(bits: int) -> None:
+def test_safety_fault_normal_and_reduced_give_none(bits: int) -> None:
     assert states.safety_fault(bits) is None
 
 
-def test_only_running_is_ready() -> None:
+def test_power_fault_only_running_mode_gives_none() -> None:
     ready = [mode for mode in range(-1, 12) if states.power_fault(mode) is None]
     assert ready == [states.ROBOT_RUNNING]
     fault = states.power_fault(5)

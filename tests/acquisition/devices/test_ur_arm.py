@@ -56,7 +56,7 @@ def arm(shared_arm: UrArm, control: ControlClient) -> UrArm:
     return shared_arm
 
 
-def test_moves_end_at_their_goal_one_after_the_other(arm: UrArm, control: ControlClient) -> None:
+def test_move_successive_paths_end_at_their_goals(arm: UrArm, control: ControlClient) -> None:
     before = control.state()["moves_started"]
     goal = (HOME[0] + 0.1, HOME[1] - 0.1, *HOME[2:])
     arm.move([NEAR, goal], [LIMITS, MotionLimits(0.5, 1.0)], StopToken())
@@ -71,19 +71,19 @@ def test_moves_end_at_their_goal_one_after_the_other(arm: UrArm, control: Contro
     np.testing.assert_allclose(reading.base_from_tool, state["base_from_tool"], atol=1e-6)
 
 
-def test_move_to_where_the_arm_stands(arm: UrArm, control: ControlClient) -> None:
+def test_move_to_present_joints_returns(arm: UrArm, control: ControlClient) -> None:
     here = arm.reading.joints
     arm.move([here], [LIMITS], StopToken())
     np.testing.assert_allclose(control.state()["joints"], here, atol=1e-6)
 
 
-def test_empty_path_moves_nothing(arm: UrArm, control: ControlClient) -> None:
+def test_move_empty_path_moves_nothing(arm: UrArm, control: ControlClient) -> None:
     before = control.state()["moves_started"]
     arm.move([], [], StopToken())
     assert control.state()["moves_started"] == before
 
 
-def test_set_token_begins_no_move(arm: UrArm, control: ControlClient) -> None:
+def test_move_set_token_raises_halted_without_motion(arm: UrArm, control: ControlClient) -> None:
     before = control.state()["moves_started"]
     stop = StopToken()
     stop.set()
@@ -103,7 +103,7 @@ def test_set_token_begins_no_move(arm: UrArm, control: ControlClient) -> None:
         ([NEAR], [MotionLimits(1.0, math.inf)]),
     ],
 )
-def test_bad_path_is_refused_before_anything_moves(
+def test_move_invalid_path_is_refused_without_motion(
     arm: UrArm, control: ControlClient, path: list[tuple[float, ...]], limits: list[MotionLimits]
 ) -> None:
     before = control.state()["moves_started"]
@@ -113,9 +113,7 @@ def test_bad_path_is_refused_before_anything_moves(
     assert control.state()["moves_started"] == before
 
 
-def test_a_goal_outside_the_controllers_limits_is_refused_before_anything_moves(
-    arm: UrArm, control: ControlClient
-) -> None:
+def test_move_goal_beyond_safety_limits_is_refused_without_motion(arm: UrArm, control: ControlClient) -> None:
     before = control.state()["moves_started"]
     with pytest.raises(RigError) as caught:
         arm.move([NEAR, (7.0, *HOME[1:])], [LIMITS, LIMITS], StopToken())
@@ -125,7 +123,7 @@ def test_a_goal_outside_the_controllers_limits_is_refused_before_anything_moves(
     wait_for(lambda: not arm.reading.program_running)  # a move that failed ends it; only a person goes on
 
 
-def test_lamp_is_switched_and_read_back(arm: UrArm, control: ControlClient) -> None:
+def test_lamp_set_switches_and_reads_back(arm: UrArm, control: ControlClient) -> None:
     lamp = UrLamp(arm, CELL.lamp)
     lamp.connect()
     for on in (True, True, False):
@@ -138,7 +136,7 @@ def test_lamp_is_switched_and_read_back(arm: UrArm, control: ControlClient) -> N
 
 
 @pytest.mark.parametrize("level", [False, True])
-def test_stuck_output_is_not_confirmed(arm: UrArm, control: ControlClient, level: bool) -> None:
+def test_lamp_set_stuck_output_raises_not_confirmed(arm: UrArm, control: ControlClient, level: bool) -> None:
     lamp = UrLamp(arm, CELL.lamp)
     control.fault("output_stuck", output=CELL.lamp.output, level=level)
     try:
@@ -152,13 +150,13 @@ def test_stuck_output_is_not_confirmed(arm: UrArm, control: ControlClient, level
     lamp.set(False)
 
 
-def test_lamp_on_another_output_than_the_arms_is_refused(arm: UrArm) -> None:
+def test_lamp_set_other_output_raises_config_invalid(arm: UrArm) -> None:
     with pytest.raises(RigError) as caught:
         UrLamp(arm, CELL.lamp.model_copy(update={"output": 5})).set(True)
     assert caught.value.code == ErrorCode.CONFIG_INVALID
 
 
-def test_halt_at_rest_is_harmless(arm: UrArm, control: ControlClient) -> None:
+def test_halt_at_rest_changes_nothing(arm: UrArm, control: ControlClient) -> None:
     lamp = UrLamp(arm, CELL.lamp)
     lamp.set(True)
     arm.halt()
@@ -169,7 +167,7 @@ def test_halt_at_rest_is_harmless(arm: UrArm, control: ControlClient) -> None:
     arm.move([HOME], [LIMITS], StopToken())
 
 
-def test_halt_in_a_signal_handler_that_interrupts_a_halt(arm: UrArm) -> None:
+def test_halt_in_signal_handler_during_halt_succeeds(arm: UrArm) -> None:
     handled: list[int] = []
 
     def handle(number: int, frame: object) -> None:
@@ -187,7 +185,7 @@ def test_halt_in_a_signal_handler_that_interrupts_a_halt(arm: UrArm) -> None:
     arm.move([NEAR], [LIMITS], StopToken())
 
 
-def test_readings_keep_coming(arm: UrArm) -> None:
+def test_reading_is_updated_continuously(arm: UrArm) -> None:
     start = arm.reading.timestamp
     seen: set[float] = set()
     while max(seen, default=start) < start + 1.0:
@@ -196,7 +194,7 @@ def test_readings_keep_coming(arm: UrArm) -> None:
     assert len(seen) >= 50, "fewer than 50 readings in a second of the controller's time"
 
 
-def test_preflight_compares_with_nominal_kinematics(arm: UrArm) -> None:
+def test_preflight_wrong_kinematics_is_reported(arm: UrArm) -> None:
     measured = arm.reading.base_from_tool
     shifted = measured.copy()
     shifted[2, 3] += 0.01
@@ -209,11 +207,11 @@ def test_preflight_compares_with_nominal_kinematics(arm: UrArm) -> None:
         arm.expected_pose = None
 
 
-def test_preflight_finds_nothing_in_a_good_cell(arm: UrArm) -> None:
+def test_preflight_matching_cell_has_no_findings(arm: UrArm) -> None:
     assert arm.preflight() == []
 
 
-def test_preflight_names_what_is_wrong(arm: UrArm, control: ControlClient) -> None:
+def test_preflight_faulty_cell_names_each_fault(arm: UrArm, control: ControlClient) -> None:
     control.fault("local_mode")
     control.fault("speed_slider", fraction=0.0)
     wait_for(lambda: arm.reading.speed_fraction == 0.0)
@@ -227,7 +225,7 @@ def test_preflight_names_what_is_wrong(arm: UrArm, control: ControlClient) -> No
     ("line", "word"),
     [("set_tcp(p[0, 0, 0.1, 0, 0, 0])", "TCP"), ("set_payload(2.0, [0, 0, 0.05])", "payload")],
 )
-def test_tool_that_somebody_changed_at_the_controller_is_found(arm: UrArm, line: str, word: str) -> None:
+def test_preflight_changed_tool_is_reported(arm: UrArm, line: str, word: str) -> None:
     program = f"sec changed():\n  {line}\nend\n"
     with socket.create_connection((ADDRESS, 30002), 5.0) as connection:
         connection.sendall(program.encode())
@@ -236,7 +234,7 @@ def test_tool_that_somebody_changed_at_the_controller_is_found(arm: UrArm, line:
     assert arm.preflight() == []
 
 
-def test_another_model_than_the_configured_one_is_found() -> None:
+def test_preflight_other_arm_model_is_reported() -> None:
     with (
         ControllerProcess(STRANGERS, ControllerOptions(home=HOME, model="ur10e")),
         connected(UrArm(arm_config(STRANGERS), CELL.lamp.output)) as arm,
@@ -245,7 +243,7 @@ def test_another_model_than_the_configured_one_is_found() -> None:
     assert differences[0].what == "The arm is a UR10, the cell file says ur5e."
 
 
-def test_program_stopped_at_the_pendant_stays_stopped_until_connect(arm: UrArm, control: ControlClient) -> None:
+def test_pendant_stop_program_stays_stopped_until_connect(arm: UrArm, control: ControlClient) -> None:
     control.fault("program_stop")
     wait_for(lambda: not arm.reading.program_running)
     assert stays_at_rest(control)
@@ -259,7 +257,7 @@ def test_program_stopped_at_the_pendant_stays_stopped_until_connect(arm: UrArm, 
     arm.move([NEAR], [LIMITS], StopToken())
 
 
-def test_slider_at_half_takes_longer_and_arrives(arm: UrArm, control: ControlClient) -> None:
+def test_move_half_speed_slider_reaches_the_goal(arm: UrArm, control: ControlClient) -> None:
     control.fault("speed_slider", fraction=0.5)
     goal = (HOME[0] + 0.2, *HOME[1:])
     arm.move([goal], [LIMITS], StopToken())
@@ -267,7 +265,7 @@ def test_slider_at_half_takes_longer_and_arrives(arm: UrArm, control: ControlCli
     assert arm.reading.speed_fraction == 0.5
 
 
-def test_second_client_is_told_that_the_arm_is_in_use(arm: UrArm) -> None:
+def test_connect_second_client_raises_arm_in_use(arm: UrArm) -> None:
     other = UrArm(arm_config(ADDRESS), CELL.lamp.output)
     try:
         with pytest.raises(RigError) as caught:
@@ -279,7 +277,7 @@ def test_second_client_is_told_that_the_arm_is_in_use(arm: UrArm) -> None:
     assert arm.preflight() == []
 
 
-def test_a_strangers_program_is_not_stopped(tmp_path: Path) -> None:
+def test_connect_foreign_program_is_not_stopped(tmp_path: Path) -> None:
     with controller(STRANGERS) as control:
         stranger = rtde_control.RTDEControlInterface(STRANGERS)
         stranger.moveJ(list(FAR), 0.2, 0.5, True)
@@ -295,7 +293,7 @@ def test_a_strangers_program_is_not_stopped(tmp_path: Path) -> None:
             stranger.disconnect()
 
 
-def test_nobody_at_the_arms_address() -> None:
+def test_connect_without_controller_raises_arm_unreachable() -> None:
     arm = UrArm(arm_config(ABSENT), CELL.lamp.output)
     with pytest.raises(RigError) as caught:
         arm.connect()
@@ -308,7 +306,7 @@ def test_nobody_at_the_arms_address() -> None:
     arm.close()
 
 
-def test_arm_without_power_connects_but_does_not_move() -> None:
+def test_connect_arm_without_power_refuses_moves() -> None:
     with controller(STRANGERS) as control:
         control.fault("power_off")
         with connected(UrArm(arm_config(STRANGERS), CELL.lamp.output)) as arm:
@@ -321,7 +319,7 @@ def test_arm_without_power_connects_but_does_not_move() -> None:
             assert control.state()["robot_mode"] == 3, "power is a person's to give"
 
 
-def test_stop_that_would_outlast_the_watchdog_is_refused() -> None:
+def test_arm_stop_longer_than_watchdog_raises_config_invalid() -> None:
     with pytest.raises(RigError) as caught:
         UrArm(arm_config(ADDRESS).model_copy(update={"stop_deceleration_rad_s2": 2.0}), CELL.lamp.output)
     assert caught.value.code == ErrorCode.CONFIG_INVALID

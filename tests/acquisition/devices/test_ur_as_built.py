@@ -63,7 +63,7 @@ def rms_deg(one: list[Light], other: list[Light]) -> float:
     return float(np.degrees(np.sqrt(np.mean(np.arcsin(sines) ** 2))))
 
 
-def test_lights_stand_where_they_are_logged_and_where_they_are_wanted(cell: CellConfig, control: ControlClient) -> None:
+def test_calibrated_kinematics_lights_match_log_and_plan(cell: CellConfig, control: ControlClient) -> None:
     lights = dome_lights(cell, CALIBRATION, 40)[::3]
     wanted = [light for light, no in zip(lights, refusals(lights, cell, CALIBRATION), strict=True) if no is None][:10]
     planned = route(wanted, cell.arm.home, cell, CALIBRATION)
@@ -93,7 +93,7 @@ def test_lights_stand_where_they_are_logged_and_where_they_are_wanted(cell: Cell
     assert rms_deg(true, drawn) > 0.1, "nominal kinematics would not have done"
 
 
-def test_another_arm_than_the_calibrated_one_is_found(cell: CellConfig, control: ControlClient) -> None:
+def test_preflight_other_factory_calibration_is_reported(cell: CellConfig, control: ControlClient) -> None:
     joints = cell.arm.kinematics
     assert joints is not None
     others = [joints[0].model_copy(update={"a_m": joints[0].a_m + 0.001}), *joints[1:]]

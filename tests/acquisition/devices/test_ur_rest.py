@@ -78,7 +78,7 @@ def rest(record: Path, since: float) -> float:
 
 
 @pytest.mark.parametrize("name", ["SIGKILL", "SIGSTOP"])
-def test_service(tmp_path: Path, name: str) -> None:
+def test_rest_times_service_halt(tmp_path: Path, name: str) -> None:
     record = tmp_path / "ticks.bin"
     with controller(ADDRESS, record) as control, moving_service(control) as process:
         since = control.state()["timestamp"]
@@ -90,7 +90,7 @@ def test_service(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["SIGKILL", "SIGSTOP", "SIGTERM"])
-def test_driver(tmp_path: Path, name: str) -> None:
+def test_rest_times_driver_loss(tmp_path: Path, name: str) -> None:
     record = tmp_path / "ticks.bin"
     with controller(ADDRESS, record) as control, moving_arm(control) as arm:
         driver = arm.driver_pid
@@ -110,7 +110,7 @@ def test_driver(tmp_path: Path, name: str) -> None:
         ("half a packet", {"kind": "half_packet"}),
     ],
 )
-def test_link(tmp_path: Path, what: str, fault: dict[str, object]) -> None:
+def test_rest_times_link_loss(tmp_path: Path, what: str, fault: dict[str, object]) -> None:
     record = tmp_path / "ticks.bin"
     with controller(ADDRESS, record) as control, moving_arm(control):
         since = control.state()["timestamp"]
@@ -122,7 +122,7 @@ def test_link(tmp_path: Path, what: str, fault: dict[str, object]) -> None:
 
 
 @pytest.mark.parametrize("fault", ["protective_stop", "emergency_stop", "safeguard_stop", "program_stop"])
-def test_stop_at_the_cell(tmp_path: Path, fault: str) -> None:
+def test_rest_times_stop_at_the_cell(tmp_path: Path, fault: str) -> None:
     record = tmp_path / "ticks.bin"
     with controller(ADDRESS, record) as control, moving_arm(control):
         since = control.state()["timestamp"]

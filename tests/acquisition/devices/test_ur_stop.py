@@ -89,7 +89,7 @@ def assert_stopped(control: ControlClient, before: dict[str, Any]) -> dict[str, 
     return control.state()
 
 
-def test_halt_by_the_driver_alone(shared_arm: UrArm, control: ControlClient) -> None:
+def test_halt_by_driver_alone_stops_the_arm(shared_arm: UrArm, control: ControlClient) -> None:
     shared_arm.close()
     with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_dashboard=False)) as arm:
         made_ready(arm, control)
@@ -103,7 +103,7 @@ def test_halt_by_the_driver_alone(shared_arm: UrArm, control: ControlClient) -> 
         arm.move([NEAR], [LIMITS], StopToken())
 
 
-def test_halt_by_the_dashboard_alone(shared_arm: UrArm, control: ControlClient) -> None:
+def test_halt_by_dashboard_alone_stops_the_arm(shared_arm: UrArm, control: ControlClient) -> None:
     shared_arm.close()
     with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_driver=False)) as arm:
         made_ready(arm, control)
@@ -118,7 +118,7 @@ def test_halt_by_the_dashboard_alone(shared_arm: UrArm, control: ControlClient) 
         assert any("by the dashboard" in line for line in control.log())
 
 
-def test_halt_while_the_driver_hangs(arm: UrArm, control: ControlClient) -> None:
+def test_halt_hanging_driver_stops_by_dashboard(arm: UrArm, control: ControlClient) -> None:
     journey = Journey(arm)
     moving = journey.wait_until_moving(control)
     assert arm.driver_pid is not None
@@ -130,7 +130,7 @@ def test_halt_while_the_driver_hangs(arm: UrArm, control: ControlClient) -> None
     assert not arm.is_open, "a driver that hangs is killed"
 
 
-def test_token_alone_halts(arm: UrArm, control: ControlClient) -> None:
+def test_move_token_set_meanwhile_halts(arm: UrArm, control: ControlClient) -> None:
     journey = Journey(arm)
     moving = journey.wait_until_moving(control)
     journey.stop.set()
@@ -138,7 +138,7 @@ def test_token_alone_halts(arm: UrArm, control: ControlClient) -> None:
     assert isinstance(journey.end(), Halted)
 
 
-def test_halt_ends_the_whole_path(arm: UrArm, control: ControlClient) -> None:
+def test_halt_mid_path_ends_all_segments(arm: UrArm, control: ControlClient) -> None:
     journey = Journey(arm, path=(FAR, HOME, FAR))
     moving = journey.wait_until_moving(control)
     journey.stop.set()
@@ -148,7 +148,7 @@ def test_halt_ends_the_whole_path(arm: UrArm, control: ControlClient) -> None:
     assert after["moves_started"] == moving["moves_started"]
 
 
-def test_killed_driver(arm: UrArm, control: ControlClient) -> None:
+def test_killed_driver_stops_the_arm(arm: UrArm, control: ControlClient) -> None:
     journey = Journey(arm)
     moving = journey.wait_until_moving(control)
     assert arm.driver_pid is not None
@@ -165,7 +165,7 @@ def test_killed_driver(arm: UrArm, control: ControlClient) -> None:
     made_ready(arm, control)
 
 
-def test_killed_driver_stops_by_the_controllers_own_watchdog(shared_arm: UrArm, control: ControlClient) -> None:
+def test_killed_driver_stops_by_controller_watchdog(shared_arm: UrArm, control: ControlClient) -> None:
     shared_arm.close()
     with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_dashboard=False)) as arm:
         made_ready(arm, control)
@@ -178,7 +178,7 @@ def test_killed_driver_stops_by_the_controllers_own_watchdog(shared_arm: UrArm, 
         assert "watchdog" in control.log()[-1]
 
 
-def test_hanging_driver(arm: UrArm, control: ControlClient) -> None:
+def test_hanging_driver_stops_the_arm(arm: UrArm, control: ControlClient) -> None:
     journey = Journey(arm)
     moving = journey.wait_until_moving(control)
     assert arm.driver_pid is not None
@@ -190,7 +190,7 @@ def test_hanging_driver(arm: UrArm, control: ControlClient) -> None:
     assert not arm.is_open
 
 
-def test_a_driver_that_slept_does_not_take_the_link_for_lost(arm: UrArm, control: ControlClient) -> None:
+def test_sleeping_driver_does_not_report_a_lost_link(arm: UrArm, control: ControlClient) -> None:
     pid = arm.driver_pid
     assert pid is not None
     os.kill(pid, signal.SIGSTOP)
@@ -203,7 +203,7 @@ def test_a_driver_that_slept_does_not_take_the_link_for_lost(arm: UrArm, control
     assert control.state()["runtime_state"] == STOPPED, "the controller's watchdog has ended the program meanwhile"
 
 
-def test_driver_ended_by_a_signal_stops_the_arm_itself(arm: UrArm, control: ControlClient) -> None:
+def test_driver_ended_by_signal_stops_the_arm(arm: UrArm, control: ControlClient) -> None:
     journey = Journey(arm)
     moving = journey.wait_until_moving(control)
     assert arm.driver_pid is not None
@@ -215,7 +215,7 @@ def test_driver_ended_by_a_signal_stops_the_arm_itself(arm: UrArm, control: Cont
     assert error.code == ErrorCode.DRIVER_LOST
 
 
-def test_program_stopped_at_the_pendant(arm: UrArm, control: ControlClient) -> None:
+def test_pendant_stop_during_move_raises_move_failed(arm: UrArm, control: ControlClient) -> None:
     journey = Journey(arm)
     moving = journey.wait_until_moving(control)
     control.fault("program_stop")
@@ -235,7 +235,7 @@ def test_program_stopped_at_the_pendant(arm: UrArm, control: ControlClient) -> N
         ("emergency_stop", ErrorCode.ARM_EMERGENCY_STOP),
     ],
 )
-def test_safety_stop_in_mid_move(fault: str, code: ErrorCode) -> None:
+def test_safety_stop_during_move_raises_its_code(fault: str, code: ErrorCode) -> None:
     with controller(SAFETY) as control, connected(UrArm(arm_config(SAFETY), CELL.lamp.output)) as arm:
         made_ready(arm, control)
         monitor = SafetyMonitor(arm, lambda latch: None)
@@ -271,7 +271,7 @@ def test_safety_stop_in_mid_move(fault: str, code: ErrorCode) -> None:
     ("fault", "shown"),
     [({"kind": "cut"}, "is closed|driver ended"), ({"kind": "stall", "seconds": 2.0}, "sends nothing|driver ended")],
 )
-def test_lost_link(fault: dict[str, Any], shown: str) -> None:
+def test_lost_link_during_move_stops_the_arm(fault: dict[str, Any], shown: str) -> None:
     with controller(LOST) as control, connected(UrArm(arm_config(LOST), CELL.lamp.output)) as arm:
         made_ready(arm, control)
         journey = Journey(arm)
@@ -287,7 +287,7 @@ def test_lost_link(fault: dict[str, Any], shown: str) -> None:
         assert stays_at_rest(control, 1.0)
 
 
-def test_controller_without_power() -> None:
+def test_power_loss_of_controller_is_reported() -> None:
     with (
         ControllerProcess(LOST, ControllerOptions(home=HOME)) as process,
         process.control() as control,
@@ -321,7 +321,7 @@ def service() -> Generator[tuple[subprocess.Popen[bytes], ControlClient]]:
             process.communicate()
 
 
-def test_killed_service() -> None:
+def test_killed_service_stops_the_arm() -> None:
     with service() as (process, control):
         moving = wait_until_moving(control)
         process.kill()
@@ -329,7 +329,7 @@ def test_killed_service() -> None:
         wait_for(lambda: control.state()["runtime_state"] == STOPPED)  # the driver has gone, its kicks with it
 
 
-def test_hanging_service() -> None:
+def test_hanging_service_expired_lease_stops_the_arm() -> None:
     with service() as (process, control):
         moving = wait_until_moving(control)
         process.send_signal(signal.SIGSTOP)
@@ -342,7 +342,7 @@ def test_hanging_service() -> None:
 
 
 @pytest.mark.long
-def test_slider_at_zero_is_not_waited_for_for_ever(arm: UrArm, control: ControlClient) -> None:
+def test_move_speed_slider_at_zero_fails_in_time(arm: UrArm, control: ControlClient) -> None:
     journey = Journey(arm)
     journey.wait_until_moving(control)
     control.fault("speed_slider", fraction=0.0)

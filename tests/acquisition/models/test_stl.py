@@ -22,7 +22,7 @@ def cell_with(folder: Path, obstacle: str) -> Path:
 
 
 @pytest.mark.parametrize("form", ["stl", "stl_ascii"])
-def test_vertices_of_both_forms(tmp_path: Path, form: str) -> None:
+def test_stl_vertices_binary_and_ascii_are_equal(tmp_path: Path, form: str) -> None:
     file = tmp_path / "box.stl"
     content = MESH.export(file_type=form)
     file.write_bytes(content if isinstance(content, bytes) else content.encode())
@@ -30,7 +30,7 @@ def test_vertices_of_both_forms(tmp_path: Path, form: str) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"solid nothing\nendsolid", b"vertex 1 2 nan\n" * 4])
-def test_what_is_no_mesh_is_refused(tmp_path: Path, content: bytes) -> None:
+def test_stl_vertices_invalid_file_is_refused(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "box.stl"
     file.write_bytes(content)
     with pytest.raises(ValueError, match="solid"):
@@ -47,7 +47,7 @@ base_from_mesh = { position_m = [0.0, 0.6, 0.15] }
 """
 
 
-def test_a_cell_holds_the_vertices_of_the_files_it_names(tmp_path: Path) -> None:
+def test_load_cell_reads_vertices_of_named_meshes(tmp_path: Path) -> None:
     MESH.export(tmp_path / "box.stl")
     cell = cell_config.load(cell_with(tmp_path, OBSTACLE))
     (lathe,) = cell.obstacles
@@ -58,14 +58,14 @@ def test_a_cell_holds_the_vertices_of_the_files_it_names(tmp_path: Path) -> None
     assert cell_config.load(tmp_path / "cell.toml").fingerprint != cell.fingerprint
 
 
-def test_a_mesh_file_that_is_missing_is_named(tmp_path: Path) -> None:
+def test_load_cell_missing_mesh_is_named(tmp_path: Path) -> None:
     with pytest.raises(RigError) as caught:
         cell_config.load(cell_with(tmp_path, OBSTACLE))
     assert caught.value.code == ErrorCode.CONFIG_INVALID
     assert "box.stl" in caught.value.detail
 
 
-def test_a_flat_mesh_is_refused(tmp_path: Path) -> None:
+def test_load_cell_flat_mesh_is_refused(tmp_path: Path) -> None:
     flat = """
 [[obstacles]]
 kind = "convex-mesh"

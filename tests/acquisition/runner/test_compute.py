@@ -33,7 +33,7 @@ def child(compute: Compute) -> int:
     return process.pid
 
 
-def test_a_job_returns_a_value_and_errors_keep_code_and_context(compute: Compute) -> None:
+def test_compute_job_returns_value_or_error_with_context(compute: Compute) -> None:
     route = compute.run(threading.Event(), "plan_route", [], CELL.arm.home, CELL, CALIBRATION)
     assert isinstance(route, Route)
     with pytest.raises(RigError) as error:
@@ -41,7 +41,7 @@ def test_a_job_returns_a_value_and_errors_keep_code_and_context(compute: Compute
     assert error.value.code is ErrorCode.WAYPOINTS_COLLISION
 
 
-def test_a_job_that_yields_gives_way_to_one_that_does_not(compute: Compute, tmp_path: Path) -> None:
+def test_compute_urgent_job_preempts_a_preemptible_one(compute: Compute, tmp_path: Path) -> None:
     compute.warm()
     ends: list[BaseException | None] = []
 
@@ -63,7 +63,7 @@ def test_a_job_that_yields_gives_way_to_one_that_does_not(compute: Compute, tmp_
     assert [type(end) for end in ends] == [Preempted]
 
 
-def test_its_death_is_the_jobs_failure_and_the_next_job_has_a_new_process(compute: Compute, tmp_path: Path) -> None:
+def test_compute_killed_process_fails_job_and_is_restarted(compute: Compute, tmp_path: Path) -> None:
     compute.warm()
     old = child(compute)
     killer = threading.Timer(0.3, lambda: os.kill(old, signal.SIGKILL))
@@ -76,7 +76,7 @@ def test_its_death_is_the_jobs_failure_and_the_next_job_has_a_new_process(comput
     assert child(compute) != old
 
 
-def test_a_stop_abandons_the_job(compute: Compute, tmp_path: Path) -> None:
+def test_compute_stop_token_abandons_the_job(compute: Compute, tmp_path: Path) -> None:
     compute.warm()
     stop = threading.Event()
     stop.set()
@@ -85,7 +85,7 @@ def test_a_stop_abandons_the_job(compute: Compute, tmp_path: Path) -> None:
     assert not (tmp_path / "reach.json").exists()
 
 
-def test_an_unknown_job_is_a_failed_step_and_not_a_dead_process(compute: Compute) -> None:
+def test_compute_unknown_job_raises_step_failed(compute: Compute) -> None:
     with pytest.raises(RigError) as error:
         compute.run(threading.Event(), "no_such_job")
     assert error.value.code is ErrorCode.SESSION_STEP_FAILED

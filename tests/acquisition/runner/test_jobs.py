@@ -35,7 +35,7 @@ def true_top_m() -> float:
     return scenes.TABLE_DEPTH - float(scene.depth[scene.mask].min())
 
 
-def test_an_object_may_reach_a_little_out_of_its_keep_out_and_no_further(found: NormalMap) -> None:
+def test_require_within_keep_out_allows_half_the_clearance(found: NormalMap) -> None:
     known, half = session_folder.calibration(), session_folder.cell().clearances.object_m / 2
     top_m = true_top_m()
     assert top_m > 0.02
@@ -47,7 +47,7 @@ def test_an_object_may_reach_a_little_out_of_its_keep_out_and_no_further(found: 
     assert caught.value.context["measured_top_m"] == pytest.approx(top_m, abs=0.008)
 
 
-def test_no_lights_are_planned_for_an_object_that_is_too_high(result: Path, tmp_path: Path) -> None:
+def test_further_lights_object_above_keep_out_is_refused(result: Path, tmp_path: Path) -> None:
     known = session_folder.calibration()
     taken = scenes.capture(session_folder.scene(), session_folder.LIGHTS, exposure_s=0.05)
     with pytest.raises(RigError, match="Nothing was moved"):

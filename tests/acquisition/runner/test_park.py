@@ -64,7 +64,7 @@ def left_at(rig: Rig, joints: tuple[float, ...]) -> None:
     rig.runner.acknowledge("a")
 
 
-def test_an_arm_that_was_left_somewhere_goes_home(rig: Rig) -> None:
+def test_park_displaced_arm_returns_home(rig: Rig) -> None:
     rig.runner.park("a")
     assert rig.outcome() == "at home"
     left_at(rig, (rig.home[0] + 1.2, rig.home[1] - 0.3, *rig.home[2:5], rig.home[5] + 0.5))
@@ -74,7 +74,7 @@ def test_an_arm_that_was_left_somewhere_goes_home(rig: Rig) -> None:
     assert rig.control.state()["collisions"] == 0
 
 
-def test_a_stop_ends_it(rig: Rig) -> None:
+def test_park_stop_halts_the_arm(rig: Rig) -> None:
     left_at(rig, (rig.home[0] + 2.5, *rig.home[1:]))
     rig.runner.park("a")
     deadline = time.monotonic() + 20
@@ -91,7 +91,7 @@ def test_a_stop_ends_it(rig: Rig) -> None:
     assert rig.outcome() == "at home"
 
 
-def test_where_no_way_is_known_a_person_must_move_it(rig: Rig) -> None:
+def test_park_without_free_path_raises_collision(rig: Rig) -> None:
     near_the_table = (rig.home[0] + 1.5, -0.135, 0.3, 0.0, 0.0, 0.0)  # 9 mm above it
     left_at(rig, near_the_table)
     with pytest.raises(RigError) as refused:

@@ -18,7 +18,7 @@ angles = st.lists(st.floats(-3, 3), min_size=6, max_size=6)
 
 
 @given(st.lists(angles, min_size=1, max_size=4), st.floats(0, 1), st.data())
-def test_wherever_along_its_way_an_arm_is_cut_off_it_is_near_and_a_third_of_a_radian_off_it_is_not(
+def test_require_near_path_accepts_the_path_and_rejects_beyond(
     way: list[list[float]], share: float, data: st.DataObject
 ) -> None:
     leg = data.draw(st.integers(0, max(len(way) - 2, 0)))
@@ -33,11 +33,11 @@ def test_wherever_along_its_way_an_arm_is_cut_off_it_is_near_and_a_third_of_a_ra
     assert refused.value.context["distance_rad"] <= 4.0 - place[5] + 1e-3
 
 
-def test_an_arm_that_was_sent_nowhere_may_stand_anywhere() -> None:
+def test_require_near_path_without_path_accepts_any_joints() -> None:
     preconditions.require_near_path([], [1.0] * 6)
 
 
-def test_the_first_arm_is_kept_and_another_is_refused(tmp_path: Path) -> None:
+def test_require_same_arm_other_serial_is_refused(tmp_path: Path) -> None:
     first = ArmIdentity("ur5e", "2020123", "5.12")
     preconditions.require_same_arm(tmp_path, first)
     preconditions.require_same_arm(tmp_path, ArmIdentity("ur5e", "2020123", "5.13"))
@@ -46,7 +46,7 @@ def test_the_first_arm_is_kept_and_another_is_refused(tmp_path: Path) -> None:
     assert refused.value.code is ErrorCode.RIG_CHANGED
 
 
-def test_a_session_must_fit_on_the_disk(tmp_path: Path) -> None:
+def test_require_space_too_large_session_raises_disk_full(tmp_path: Path) -> None:
     store = Store(tmp_path / "data")
     preconditions.require_space_for_session(store, Recipe(), calibration(64))
     preconditions.require_space_for_session(store, None, calibration(64))

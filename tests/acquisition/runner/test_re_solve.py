@@ -22,7 +22,7 @@ def shot(pass_number: int, number: int, kind: str, exposure_s: float = 0.05) -> 
     )  # fmt: skip
 
 
-def test_record_and_folder_tell_the_same_images_and_the_newest_lamp_off_frames() -> None:
+def test_observations_record_and_folder_give_the_same_images() -> None:
     lit = [shot(0, 0, "light"), shot(1, 0, "light", 0.08)]
     old, other, new = shot(0, 1, "dark"), shot(1, 1, "dark", 0.08), shot(1, 2, "dark")
     again = shot(0, 1000, "reference")

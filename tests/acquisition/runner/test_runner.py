@@ -77,7 +77,7 @@ def rests(rig: Rig) -> bool:
     return rig.control.state()["joints"] == pytest.approx(before, abs=1e-5)
 
 
-def test_a_stop_at_any_time_ends_stopped_with_the_arm_at_rest(rig: Rig) -> None:
+def test_stop_at_any_time_ends_with_the_arm_at_rest(rig: Rig) -> None:
     for number in range(8):
         session_id = new(rig)
         rig.runner.act(session_id, Trigger.START, "a")
@@ -91,7 +91,7 @@ def test_a_stop_at_any_time_ends_stopped_with_the_arm_at_rest(rig: Rig) -> None:
         assert rig.control.state()["digital_outputs"] == 0
 
 
-def test_the_same_start_twice_at_once_is_one_run_that_can_be_stopped(rig: Rig) -> None:
+def test_start_twice_at_once_runs_once_and_can_be_stopped(rig: Rig) -> None:
     session_id = new(rig)
     starts = [threading.Thread(target=rig.runner.act, args=(session_id, Trigger.START, str(n))) for n in range(3)]
     for start in starts:
@@ -104,7 +104,7 @@ def test_the_same_start_twice_at_once_is_one_run_that_can_be_stopped(rig: Rig) -
     assert rests(rig)
 
 
-def test_of_two_sessions_started_at_once_one_runs_and_one_is_told_who_holds_the_rig(rig: Rig) -> None:
+def test_start_of_two_sessions_one_is_refused_naming_the_holder(rig: Rig) -> None:
     sessions = [new(rig), new(rig)]
     refused: list[RigError] = []
 
@@ -128,7 +128,7 @@ def test_of_two_sessions_started_at_once_one_runs_and_one_is_told_who_holds_the_
     assert rig.store.journal.session(other).state is State.CREATED
 
 
-def test_a_pause_settles_between_steps_and_a_resume_takes_no_frame_twice(rig: Rig) -> None:
+def test_pause_and_resume_capture_no_frame_twice(rig: Rig) -> None:
     session_id = new(rig)
     rig.runner.act(session_id, Trigger.START, "a")
     deadline = time.monotonic() + 30
@@ -148,7 +148,7 @@ def test_a_pause_settles_between_steps_and_a_resume_takes_no_frame_twice(rig: Ri
     assert len([shot for shot in rig.store.journal.shots(session_id) if shot.kind == "light"]) == 3
 
 
-def test_a_protective_stop_interrupts_and_nothing_goes_on_before_a_person_has_looked(rig: Rig) -> None:
+def test_protective_stop_interrupts_until_acknowledged(rig: Rig) -> None:
     session_id = new(rig)
     rig.control.fault("protective_stop", at_move=2)
     rig.runner.act(session_id, Trigger.START, "a")
@@ -171,7 +171,7 @@ def test_a_protective_stop_interrupts_and_nothing_goes_on_before_a_person_has_lo
     assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
 
 
-def test_a_dead_lamp_is_found_and_told(rig: Rig) -> None:
+def test_dead_lamp_interrupts_with_the_reason(rig: Rig) -> None:
     rig.control.fault("output_stuck", output=0, level=False)
     session_id = new(rig)
     rig.runner.act(session_id, Trigger.START, "a")
@@ -182,7 +182,7 @@ def test_a_dead_lamp_is_found_and_told(rig: Rig) -> None:
     assert rig.store.journal.session(session_id).state is State.STOPPED
 
 
-def test_lights_that_cannot_be_reached_are_named_before_anything_moves(rig: Rig) -> None:
+def test_unreachable_lights_are_named_without_motion(rig: Rig) -> None:
     before = rig.control.state()["moves_started"]
     far = Recipe(method="user", user_lights=[(0.0, 0.1, -0.45), (0.1, 0.0, -0.45), (0.0, 3.0, -0.9)])
     session_id = new(rig, far)
@@ -236,7 +236,7 @@ def acknowledge(rig: Rig) -> None:
         return
 
 
-def test_a_plan_that_waits_for_a_person_can_be_replaced_by_lights_that_the_arm_reaches(rig: Rig) -> None:
+def test_replace_plan_under_review_uses_reachable_user_lights(rig: Rig) -> None:
     recipe = Recipe(method="random", pilot_lights=3, planned_lights=0, review_plan=True)
     foreseen = rig.runner.planning.dry_run(recipe)
     moves = rig.control.state()["moves_started"]
@@ -271,7 +271,7 @@ def test_a_plan_that_waits_for_a_person_can_be_replaced_by_lights_that_the_arm_r
     assert refused.value.code is ErrorCode.SESSION_ACTION_NOT_ALLOWED
 
 
-def test_an_arm_that_somebody_has_moved_goes_on_only_from_where_a_person_lets_it(rig: Rig) -> None:
+def test_resume_displaced_arm_requires_from_here(rig: Rig) -> None:
     session_id = interrupted(rig)
     joints = list(rig.control.state()["joints"])
     rig.control.fault("hand_move", joints=[joints[0] + 0.3, *joints[1:]], seconds=0)
@@ -286,7 +286,7 @@ def test_an_arm_that_somebody_has_moved_goes_on_only_from_where_a_person_lets_it
     assert kinds.count("reference") == 2  # after the interruption, and at the end of the pass
 
 
-def test_an_object_that_moved_while_the_session_was_interrupted_is_found_by_the_repeated_image(rig: Rig) -> None:
+def test_resume_moved_object_is_detected_by_repeated_image(rig: Rig) -> None:
     session_id = interrupted(rig)
     taken = len(rig.store.journal.shots(session_id))
     rig.control.fault("nudged_object", shift_m=[0.004, 0.0, 0.0])
@@ -301,7 +301,7 @@ def test_an_object_that_moved_while_the_session_was_interrupted_is_found_by_the_
     assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
 
 
-def test_an_object_that_moves_amid_the_pilot_is_found_at_its_end_and_all_its_images_are_taken_anew(rig: Rig) -> None:
+def test_object_moved_during_pilot_discards_all_its_images(rig: Rig) -> None:
     session_id = after_first_image(rig)
     rig.control.fault("nudged_object", shift_m=[0.004, 0.0, 0.0])
     wait_for(rig, session_id, State.PAUSED)
@@ -322,7 +322,7 @@ def test_an_object_that_moves_amid_the_pilot_is_found_at_its_end_and_all_its_ima
     assert all(sha256_of(folder / shot.frame.path) == shot.frame.sha256 for shot in shots)
 
 
-def test_a_dark_lamp_pauses_with_the_reason_and_lost_and_burnt_frames_are_taken_again(rig: Rig) -> None:
+def test_dark_frame_pauses_and_lost_frames_are_retaken(rig: Rig) -> None:
     rig.control.fault("lamp", fraction=0.0)
     session_id = new(rig)
     rig.runner.act(session_id, Trigger.START, "a")
@@ -341,7 +341,7 @@ def test_a_dark_lamp_pauses_with_the_reason_and_lost_and_burnt_frames_are_taken_
     assert any("saturated" in reason for reason in told)
 
 
-def test_a_fault_interrupts_a_paused_session_too(rig: Rig) -> None:
+def test_fault_interrupts_a_paused_session(rig: Rig) -> None:
     session_id = after_first_image(rig)
     rig.runner.act(session_id, Trigger.PAUSE, "a")
     wait_for(rig, session_id, State.PAUSED)
@@ -353,7 +353,7 @@ def test_a_fault_interrupts_a_paused_session_too(rig: Rig) -> None:
     assert rig.store.journal.session(session_id).state is State.STOPPED
 
 
-def test_a_protective_stop_is_unlocked_only_for_whoever_has_just_looked_and_stays_latched(rig: Rig) -> None:
+def test_recover_unlock_requires_the_actors_acknowledgement(rig: Rig) -> None:
     with pytest.raises(RigError) as refused:
         rig.runner.recover("unlock", "nobody has looked")
     assert refused.value.code is ErrorCode.SAFETY_NOT_ACKNOWLEDGED
@@ -379,7 +379,7 @@ def test_a_protective_stop_is_unlocked_only_for_whoever_has_just_looked_and_stay
     assert rig.runner.status().may_start
 
 
-def test_power_and_brakes_come_back_step_by_step(rig: Rig) -> None:
+def test_recover_power_and_brakes_in_two_steps(rig: Rig) -> None:
     rig.control.fault("power_off")
     rig.runner.acknowledge("c")
     for step, mode in (("power", 5), ("brakes", 7)):  # UR's robot modes: idle, running
@@ -392,7 +392,7 @@ def test_power_and_brakes_come_back_step_by_step(rig: Rig) -> None:
     acknowledge(rig)
 
 
-def test_a_rig_with_another_calibration_is_not_the_one_that_the_session_began_with(rig: Rig) -> None:
+def test_start_with_other_calibration_raises_rig_changed(rig: Rig) -> None:
     session_id = interrupted(rig)
     file = rig.store.folder(session_id) / "calibration.json"
     kept = file.read_text(encoding="utf-8")
@@ -405,7 +405,7 @@ def test_a_rig_with_another_calibration_is_not_the_one_that_the_session_began_wi
 
 
 @pytest.mark.long
-def test_an_object_that_moves_after_the_pilot_is_seen_in_the_first_planned_frame(rig: Rig) -> None:
+def test_object_moved_after_pilot_fails_first_planned_frame(rig: Rig) -> None:
     session_id = new(rig, Recipe(pilot_lights=3, planned_lights=1))
     rig.runner.act(session_id, Trigger.START, "a")
     deadline = time.monotonic() + 60

@@ -71,7 +71,7 @@ class Watched:
         self.monitor.poll()
 
 
-def test_normal_arm_is_clear() -> None:
+def test_monitor_normal_arm_is_clear() -> None:
     watched = Watched()
     watched.see(NORMAL)
     watched.monitor.require_clear()
@@ -79,7 +79,7 @@ def test_normal_arm_is_clear() -> None:
     assert watched.monitor.latch is None
 
 
-def test_powered_off_arm_is_no_safety_fault() -> None:
+def test_monitor_powered_off_arm_is_no_fault() -> None:
     assert classify(replace(NORMAL, robot_mode=3, program_running=False)) is None
 
 
@@ -87,7 +87,7 @@ def test_powered_off_arm_is_no_safety_fault() -> None:
     ("reading", "code"),
     [(PROTECTIVE, ErrorCode.ARM_PROTECTIVE_STOP), (EMERGENCY, ErrorCode.ARM_EMERGENCY_STOP)],
 )
-def test_stop_latches_until_it_is_over_and_acknowledged(reading: ArmReading, code: ErrorCode) -> None:
+def test_monitor_stop_latches_until_ended_and_acknowledged(reading: ArmReading, code: ErrorCode) -> None:
     watched = Watched()
     watched.see(NORMAL)
     watched.see(reading)
@@ -110,7 +110,7 @@ def test_stop_latches_until_it_is_over_and_acknowledged(reading: ArmReading, cod
     assert [None if latch is None else latch.code for latch in watched.announced] == [code, None]
 
 
-def test_one_fault_is_announced_once_and_the_first_is_kept() -> None:
+def test_monitor_first_fault_is_kept_and_announced_once() -> None:
     watched = Watched()
     watched.see(PROTECTIVE)
     watched.see(PROTECTIVE)
@@ -120,13 +120,13 @@ def test_one_fault_is_announced_once_and_the_first_is_kept() -> None:
     assert watched.monitor.latch.code == ErrorCode.ARM_PROTECTIVE_STOP
 
 
-def test_an_arm_never_connected_is_not_lost() -> None:
+def test_monitor_arm_never_connected_is_no_fault() -> None:
     watched = Watched(LOST)
     watched.see(LOST)
     assert watched.monitor.latch is None
 
 
-def test_lost_link_latches_and_may_be_acknowledged_while_it_lasts() -> None:
+def test_monitor_lost_link_can_be_acknowledged_while_lost() -> None:
     watched = Watched()
     watched.see(NORMAL)
     watched.see(LOST)
@@ -141,7 +141,7 @@ def test_lost_link_latches_and_may_be_acknowledged_while_it_lasts() -> None:
     assert watched.monitor.latch is not None
 
 
-def test_latch_outlives_the_service() -> None:
+def test_monitor_latch_outlives_the_service() -> None:
     latch = Latch(ErrorCode.ARM_PROTECTIVE_STOP, "Protective stop.", 1.0)
     watched = Watched(latched=latch)
     with pytest.raises(RigError) as caught:
@@ -150,13 +150,13 @@ def test_latch_outlives_the_service() -> None:
     assert watched.monitor.acknowledge("ada") == latch
 
 
-def test_acknowledging_nothing_announces_nothing() -> None:
+def test_monitor_acknowledge_without_latch_announces_nothing() -> None:
     watched = Watched()
     assert watched.monitor.acknowledge("ada") is None
     assert watched.announced == []
 
 
-def test_thread_sees_a_stop_by_itself() -> None:
+def test_monitor_thread_latches_a_stop() -> None:
     arm = ScriptedArm(NORMAL)
     seen = threading.Event()
     monitor = SafetyMonitor(arm, lambda latch: seen.set())

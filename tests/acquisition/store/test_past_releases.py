@@ -29,11 +29,11 @@ def store(request: pytest.FixtureRequest, tmp_path: Path):
     opened.close()
 
 
-def test_there_is_a_release() -> None:
+def test_past_releases_folder_is_not_empty() -> None:
     assert RELEASES
 
 
-def test_its_sessions_and_events_are_read(store: Store) -> None:
+def test_past_release_sessions_and_events_are_read(store: Store) -> None:
     stopped, completed = store.journal.sessions(10)
 
     assert (completed.state, stopped.state) == (State.COMPLETED, State.STOPPED)
@@ -48,7 +48,7 @@ def test_its_sessions_and_events_are_read(store: Store) -> None:
     assert sum(event.type == "normals.ready" for event in events) == 2
 
 
-def test_its_files_are_what_the_manifest_says_and_can_be_solved_again(store: Store) -> None:
+def test_past_release_files_match_manifest_and_solve_again(store: Store) -> None:
     (completed,) = (row for row in store.journal.sessions(10) if row.state is State.COMPLETED)
     folder = store.folder(completed.id)
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
@@ -63,7 +63,7 @@ def test_its_files_are_what_the_manifest_says_and_can_be_solved_again(store: Sto
     assert np.allclose(np.linalg.norm(found.normals[found.mask], axis=-1), 1, atol=1e-3)
 
 
-def test_it_takes_new_sessions(store: Store) -> None:
+def test_past_release_database_accepts_new_sessions(store: Store) -> None:
     (completed,) = (row for row in store.journal.sessions(10) if row.state is State.COMPLETED)
     row, new = store.journal.create_session(Recipe(), completed.cell, completed.fingerprint)
     assert new

@@ -40,7 +40,7 @@ def light_shot(store: Store, session_id: str, number: int) -> Shot:
     )  # fmt: skip
 
 
-def test_a_second_service_cannot_open_the_same_folder(store: Store) -> None:
+def test_store_second_service_raises_store_locked(store: Store) -> None:
     script = "import sys; from pathlib import Path; from acquisition.store import Store; Store(Path(sys.argv[1]))"
     second = subprocess.run(
         [sys.executable, "-c", script, str(store.data)], capture_output=True, text=True, check=False
@@ -49,7 +49,7 @@ def test_a_second_service_cannot_open_the_same_folder(store: Store) -> None:
     assert "store.locked" in second.stderr
 
 
-def test_two_sessions_cannot_hold_the_rig_and_the_refusal_names_the_holder(store: Store) -> None:
+def test_trigger_second_holder_is_refused_naming_the_first(store: Store) -> None:
     first, second = new(store), new(store)
     store.journal.trigger(first, Trigger.START, "a")
     with pytest.raises(RigError) as refused:
@@ -61,7 +61,7 @@ def test_two_sessions_cannot_hold_the_rig_and_the_refusal_names_the_holder(store
     assert store.journal.trigger(second, Trigger.START, "b") == (State.CREATED, State.RUNNING)
 
 
-def test_a_refused_action_is_kept_in_the_history_and_says_what_is_allowed(store: Store) -> None:
+def test_trigger_refused_action_is_recorded_with_alternatives(store: Store) -> None:
     session_id = new(store)
     with pytest.raises(RigError) as refused:
         store.journal.trigger(session_id, Trigger.PAUSE, "a")
@@ -70,7 +70,7 @@ def test_a_refused_action_is_kept_in_the_history_and_says_what_is_allowed(store:
     assert [(action.action, action.outcome) for action in store.journal.actions(session_id)] == [("pause", "refused")]
 
 
-def test_change_and_event_are_one_transaction(store: Store) -> None:
+def test_journal_change_and_event_are_one_transaction(store: Store) -> None:
     session_id = new(store)
     before = store.journal.last_event_id()
     shot = light_shot(store, session_id, 0)
@@ -82,7 +82,7 @@ def test_change_and_event_are_one_transaction(store: Store) -> None:
     assert store.journal.shots(session_id) == [shot]
 
 
-def test_an_idempotency_key_gives_the_same_session_and_refuses_another_recipe(store: Store) -> None:
+def test_create_session_same_idempotency_key_is_idempotent(store: Store) -> None:
     first, new_one = store.journal.create_session(Recipe(), "{}", "f", "key")
     again, new_two = store.journal.create_session(Recipe(), "{}", "f", "key")
     assert (first.id, new_one, new_two) == (again.id, True, False)
@@ -90,7 +90,7 @@ def test_an_idempotency_key_gives_the_same_session_and_refuses_another_recipe(st
         store.journal.create_session(Recipe(seed=3), "{}", "f", "key")
 
 
-def test_everything_is_there_after_a_restart(tmp_path: Path) -> None:
+def test_store_after_restart_holds_everything(tmp_path: Path) -> None:
     store = Store(tmp_path)
     session_id = new(store)
     store.journal.trigger(session_id, Trigger.START, "a")
@@ -109,7 +109,7 @@ def test_everything_is_there_after_a_restart(tmp_path: Path) -> None:
     store.close()
 
 
-def test_waiting_for_events_wakes_on_the_next_one_and_replays_by_session_and_type(store: Store) -> None:
+def test_wait_for_event_wakes_and_replays_by_session_and_type(store: Store) -> None:
     session_id, last = new(store), store.journal.last_event_id()
     assert not store.journal.wait_for_event(last, 0.01)
     timer = threading.Timer(0.05, lambda: store.journal.announce(session_id, "log.warning", {"text": "x"}))
@@ -122,7 +122,7 @@ def test_waiting_for_events_wakes_on_the_next_one_and_replays_by_session_and_typ
     assert {event.session_id for event in store.journal.events(0, session_id=session_id)} == {session_id}
 
 
-def test_many_threads_write_and_every_event_is_seen_once(store: Store) -> None:
+def test_events_many_writers_each_event_is_read_once(store: Store) -> None:
     session_id = new(store)
     first = store.journal.last_event_id()
 
@@ -141,7 +141,7 @@ def test_many_threads_write_and_every_event_is_seen_once(store: Store) -> None:
         assert [event.body["number"] for event in events if event.body["by"] == name] == list(range(25))
 
 
-def test_a_running_session_cannot_be_deleted(store: Store) -> None:
+def test_delete_session_running_is_refused(store: Store) -> None:
     session_id = new(store)
     store.journal.trigger(session_id, Trigger.START, "a")
     with pytest.raises(RigError, match="stop it first"):
@@ -153,7 +153,7 @@ def test_a_running_session_cannot_be_deleted(store: Store) -> None:
     assert gone.value.code is ErrorCode.SESSION_NOT_FOUND
 
 
-def test_a_newer_database_is_refused(tmp_path: Path) -> None:
+def test_database_of_newer_schema_is_refused(tmp_path: Path) -> None:
     Store(tmp_path).close()
     connection = sqlite3.connect(tmp_path / "rig.db")
     connection.execute("PRAGMA user_version = 99")
@@ -162,7 +162,7 @@ def test_a_newer_database_is_refused(tmp_path: Path) -> None:
         Store(tmp_path)
 
 
-def test_a_full_disk_leaves_no_half_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_write_bytes_full_disk_leaves_no_partial_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(_: int) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -173,7 +173,7 @@ def test_a_full_disk_leaves_no_half_file(tmp_path: Path, monkeypatch: pytest.Mon
     assert list(tmp_path.iterdir()) == []
 
 
-def test_frames_come_back_row_by_row_and_damage_is_named(tmp_path: Path) -> None:
+def test_folder_frames_rows_round_trip_and_damage_is_named(tmp_path: Path) -> None:
     pixels = np.arange(60, dtype=np.uint16).reshape(6, 10)
     frame = write_frame(tmp_path, "passes/0/shots/0.tiff", pixels)
     frames = FolderFrames(tmp_path)
@@ -184,7 +184,7 @@ def test_frames_come_back_row_by_row_and_damage_is_named(tmp_path: Path) -> None
         frames.rows(frame, 0, 6)
 
 
-def test_the_manifest_lists_every_file_with_its_checksum(tmp_path: Path) -> None:
+def test_write_manifest_lists_every_file_with_checksum(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     digest = write_bytes(tmp_path / "a" / "one.bin", b"1")
     write_manifest(tmp_path, {"session_id": "s"})
