@@ -59,7 +59,7 @@ def expose(source: StateSource, exposure_s: float) -> list[ExposureInterval]:
 
 def exposure_intervals(states: Sequence[CellState]) -> list[ExposureInterval]:
     """Intervals between states whose clock has advanced; neighbours in which the arm rests are merged into one."""
-    whole_s = states[-1].clock_s - states[0].clock_s
+    total_s = states[-1].clock_s - states[0].clock_s
     parts: list[ExposureInterval] = []
     for before, after in pairwise(states):
         passed_s = after.clock_s - before.clock_s
@@ -68,7 +68,7 @@ def exposure_intervals(states: Sequence[CellState]) -> list[ExposureInterval]:
         level = _mean_level(after, passed_s * after.speed_factor)
         still = max(abs(a - b) for a, b in zip(before.joints, after.joints, strict=True)) < STILL_RAD
         middle = tuple((a + b) / 2 for a, b in zip(before.joints, after.joints, strict=True))
-        parts.append(ExposureInterval(passed_s / whole_s, before.joints if still else middle, level))
+        parts.append(ExposureInterval(passed_s / total_s, before.joints if still else middle, level))
     merged: list[ExposureInterval] = []
     most = math.ceil(len(parts) / MAX_INTERVALS)
     members = 0

@@ -154,10 +154,10 @@ def test_camera_client_hanging_up_harms_nobody(cell: Cell, client: Client) -> No
 
 def test_camera_several_connections_are_served_in_turn(cell: Cell) -> None:
     clients = [Client() for _ in range(4)]
-    found: dict[int, np.ndarray] = {}
+    result: dict[int, np.ndarray] = {}
 
     def photograph(number: int) -> None:
-        found[number] = clients[number].ask(exposure_s=0.02, attempt=number)[1]
+        result[number] = clients[number].ask(exposure_s=0.02, attempt=number)[1]
 
     threads = [threading.Thread(target=photograph, args=(number,)) for number in range(4)]
     for thread in threads:
@@ -166,7 +166,7 @@ def test_camera_several_connections_are_served_in_turn(cell: Cell) -> None:
         thread.join(10)
     for client in clients:
         client.close()
-    assert {number: int(pixels[0, 0]) for number, pixels in found.items()} == {k: 200 + k for k in range(4)}
+    assert {number: int(pixels[0, 0]) for number, pixels in result.items()} == {k: 200 + k for k in range(4)}
     assert cell.most_at_once == 1
 
 

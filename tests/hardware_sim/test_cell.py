@@ -1,4 +1,4 @@
-"""The whole cell: real processes, real sockets, the real `ur-rtde` clients at the controller."""
+"""The complete cell: real processes, real sockets, the real `ur-rtde` clients at the controller."""
 
 import json
 import os
@@ -231,8 +231,8 @@ def test_cell_status_lines_follow_state(tmp_path: Path) -> None:
         with ControlClient("127.0.2.34") as control:
             assert control.state()["calibration_seed"] == 3
             control.fault("emergency_stop")
-            told = json.loads(sim.stdout.readline())
-            assert (told["robot_mode"], told["safety_mode"]) == ("POWER_OFF", "ROBOT_EMERGENCY_STOP")
+            reported = json.loads(sim.stdout.readline())
+            assert (reported["robot_mode"], reported["safety_mode"]) == ("POWER_OFF", "ROBOT_EMERGENCY_STOP")
         sim.send_signal(signal.SIGTERM)
         assert sim.wait(20) == 0
     trace = read_trace(record)

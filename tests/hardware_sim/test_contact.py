@@ -1,4 +1,4 @@
-"""What touches what: the controller's spheres against FCL on the maker's meshes and on the rendered object."""
+"""Collision check: the controller's spheres against FCL on the maker's meshes and on the rendered object."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -86,12 +86,12 @@ def pose(frame: FloatArray) -> fcl.Transform:
 
 def test_contact_arm_and_tool_with_bodies_agree_with_meshes(check: ContactCheck) -> None:
     mesh = objects.build("part", 1).mesh
-    thing = trimesh.Trimesh(mesh.triangles.reshape(-1, 3), np.arange(3 * len(mesh.triangles)).reshape(-1, 3))
-    thing.apply_transform(CELL.object.keep_out.base_from_object.matrix)
+    body_mesh = trimesh.Trimesh(mesh.triangles.reshape(-1, 3), np.arange(3 * len(mesh.triangles)).reshape(-1, 3))
+    body_mesh.apply_transform(CELL.object.keep_out.base_from_object.matrix)
     around = {
         "table": body(audit._mesh(CELL.table)),  # pyright: ignore[reportPrivateUsage]
         "camera": body(audit._mesh(CELL.camera_body[0])),  # pyright: ignore[reportPrivateUsage]
-        "object": body(thing),
+        "object": body(body_mesh),
     }
     tool = trimesh.util.concatenate(
         [audit._capsule(item) for item in CELL.arm.tool_capsules]  # pyright: ignore[reportPrivateUsage]
@@ -150,8 +150,8 @@ def test_distances_of_cones_and_hulls_agree_with_meshes(kind: str, size_m: float
     assert 4 < inside.sum() < 116
     around.save(tmp_path / "surroundings.npz")
     around = load(tmp_path / "surroundings.npz")
-    found = around.distances(points, around.names.index("it"))
-    assert found == pytest.approx(np.where(inside, -away, away), abs=2e-5)
+    result = around.distances(points, around.names.index("it"))
+    assert result == pytest.approx(np.where(inside, -away, away), abs=2e-5)
 
 
 def test_contact_arm_above_cone_or_hull_touches_at_top() -> None:
@@ -202,7 +202,7 @@ def first_contact(check: ContactCheck, goal: FloatArray, steps: int) -> FloatArr
 def test_advance_large_steps_finds_every_contact(check: ContactCheck) -> None:
     """The way that is looked at where something could have happened has the contacts of one looked at everywhere."""
     random = np.random.default_rng(7)
-    found = 0
+    result = 0
     for _ in range(3):
         goal = HOME + random.uniform(-1.5, 1.5, 6)
         one, many = (first_contact(check, goal, steps) for steps in (1, 30))
@@ -212,14 +212,14 @@ def test_advance_large_steps_finds_every_contact(check: ContactCheck) -> None:
             assert one is many
             assert not any(touching)
             continue
-        found += 1
+        result += 1
         assert one == pytest.approx(many, abs=0.003)
         at = np.argmax(np.abs(goal - HOME))
         share = (one - HOME)[at] / (goal - HOME)[at]
         assert not any(touching[: int(share * 59)])
         if any(touching):  # a graze may fall between two of these looks
             assert share <= shares[touching.index(True)] + 1e-9
-    assert found > 1
+    assert result > 1
 
 
 def test_surroundings_saved_file_reads_back(surroundings: Surroundings, tmp_path: Path) -> None:

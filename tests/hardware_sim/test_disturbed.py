@@ -32,12 +32,12 @@ def frame(world: DisturbedWorld, **wrong: Any) -> np.ndarray:
 
 
 def test_lamp_fault_dims_or_darkens_image(world: DisturbedWorld) -> None:
-    whole, half, dead = frame(world), frame(world, lamp_fraction=0.5), frame(world, lamp_fraction=0.0)
+    full, half, dead = frame(world), frame(world, lamp_fraction=0.5), frame(world, lamp_fraction=0.0)
     dark = world.world.frame([ExposureInterval(1.0, LIT, 0.0)], 0.02, 0)
     assert np.array_equal(dead, dark)
-    lit = whole > whole.min() + 100
+    lit = full > full.min() + 100
     assert lit.any()
-    ratio = (half - dark)[lit] / (whole - dark)[lit]
+    ratio = (half - dark)[lit] / (full - dark)[lit]
     assert ratio == pytest.approx(0.5, abs=0.02)
 
 
@@ -68,8 +68,8 @@ def test_nudged_object_moves_in_image_and_stays() -> None:
     after, moved = frame(world, **shift), world.world.truth().mask
     assert not np.array_equal(after, before)
     # 10 mm at 0.9 m under a focal length of 4600 · 48 / 1024 pixels.
-    way = np.nonzero(moved)[1].mean() - np.nonzero(mask)[1].mean()
-    assert way == pytest.approx(0.01 / 0.88 * 4600 * 48 / 1024, abs=0.3)
+    displacement = np.nonzero(moved)[1].mean() - np.nonzero(mask)[1].mean()
+    assert displacement == pytest.approx(0.01 / 0.88 * 4600 * 48 / 1024, abs=0.3)
     assert np.array_equal(frame(world, **shift), after)
 
 

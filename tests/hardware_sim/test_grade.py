@@ -151,11 +151,11 @@ def test_grade_folder_reads_results(ball: Truth, calibration: Calibration, tmp_p
     cv2.imwrite(str(tmp_path / "mask.png"), ball.mask.astype(np.uint8) * 255)
     without = grade.grade_folder(tmp_path, ball, calibration)
     tifffile.imwrite(tmp_path / "sigma_deg.tiff", np.full(ball.mask.shape, 0.7, np.float32))
-    found = grade.grade_folder(tmp_path, ball, calibration)
+    result = grade.grade_folder(tmp_path, ball, calibration)
     assert without.predicted_median_deg is None
-    assert found.mean_deg == pytest.approx(np.degrees(0.01), rel=1e-3)
-    assert found.predicted_median_deg == pytest.approx(0.833 * 0.7, rel=1e-4)
-    assert set(found.as_dict()) >= {"mean_deg", "median_deg", "p95_deg", "coverage"}
+    assert result.mean_deg == pytest.approx(np.degrees(0.01), rel=1e-3)
+    assert result.predicted_median_deg == pytest.approx(0.833 * 0.7, rel=1e-4)
+    assert set(result.as_dict()) >= {"mean_deg", "median_deg", "p95_deg", "coverage"}
 
 
 @pytest.mark.parametrize("damage", ["normals.tiff", "mask.png", "sigma_deg.tiff"])

@@ -1,4 +1,4 @@
-"""Bounced and ambient light against a path tracer written here, which knows no patches."""
+"""Interreflections and ambient light against a path tracer written here, which has no patches."""
 
 import numpy as np
 import pytest
@@ -79,10 +79,10 @@ def test_interreflections_agree_with_path_tracing(
 ) -> None:
     scene, tracer, indirect, points = made
     expected = trace_paths(scene, tracer, points, 200, lamp())
-    found = indirect.interreflections(lamp()).ravel()[points.pixels] / points.albedo
-    assert found.sum() == pytest.approx(expected.sum(), rel=0.06)
-    assert np.corrcoef(found, expected)[0, 1] > 0.92
-    assert np.sqrt(np.mean((found - expected) ** 2)) < 0.4 * np.sqrt(np.mean(expected**2))
+    result = indirect.interreflections(lamp()).ravel()[points.pixels] / points.albedo
+    assert result.sum() == pytest.approx(expected.sum(), rel=0.06)
+    assert np.corrcoef(result, expected)[0, 1] > 0.92
+    assert np.sqrt(np.mean((result - expected) ** 2)) < 0.4 * np.sqrt(np.mean(expected**2))
 
 
 def test_ambient_agrees_with_path_tracing(
@@ -90,6 +90,6 @@ def test_ambient_agrees_with_path_tracing(
 ) -> None:
     scene, tracer, indirect, points = made
     expected = trace_paths(scene, tracer, points, 200, None)
-    found = indirect.ambient().ravel()[points.pixels] / points.albedo
-    assert found.mean() == pytest.approx(expected.mean(), rel=0.02)
-    assert np.corrcoef(found, expected)[0, 1] > 0.9
+    result = indirect.ambient().ravel()[points.pixels] / points.albedo
+    assert result.mean() == pytest.approx(expected.mean(), rel=0.02)
+    assert np.corrcoef(result, expected)[0, 1] > 0.9

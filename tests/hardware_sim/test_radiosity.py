@@ -1,4 +1,4 @@
-"""Form factors and bounces against closed forms."""
+"""Form factors and indirect irradiance against closed forms."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The picture against closed forms: every expected number here is computed without the renderer."""
+"""The rendered image against closed forms: every expected number here is computed without the renderer."""
 
 import cv2
 import numpy as np
@@ -89,10 +89,10 @@ def test_lit_mask_sphere_casts_shadow_on_table() -> None:
     view = render.trace_view(scene, tracer, camera, 2)
     free = render.lit_mask(view.table.points, view.table.normals, position, tracer, scene)
     # The way from a point to the lamp passes the sphere's centre at this distance.
-    way = position - view.table.points
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    displacement = position - view.table.points
+    displacement /= np.linalg.norm(displacement, axis=1, keepdims=True)
     to_centre = np.array([0, 0, 0.04]) - view.table.points
-    passing = np.linalg.norm(to_centre - np.einsum("ni,ni->n", to_centre, way)[:, None] * way, axis=1)
+    passing = np.linalg.norm(to_centre - np.einsum("ni,ni->n", to_centre, displacement)[:, None] * displacement, axis=1)
     assert free[passing > 0.0401].all()
     assert not free[passing < 0.0399].any()
     assert (passing < 0.0399).sum() > 5000

@@ -44,16 +44,16 @@ def test_exposure_intervals_mean_level_is_exponential(factor: float, lamp_on: bo
     before = state(
         max(age_s - duration, 0.0) if age_s > duration else 5.0, lamp_on == (age_s > duration), factor=factor
     )
-    found = moments([before, state(age_s, lamp_on, factor=factor)], [0.0, duration])
-    assert found[0].lamp_level == pytest.approx(expected, abs=shutter.FULL_LEVEL_TOLERANCE + 1e-4)
+    result = moments([before, state(age_s, lamp_on, factor=factor)], [0.0, duration])
+    assert result[0].lamp_level == pytest.approx(expected, abs=shutter.FULL_LEVEL_TOLERANCE + 1e-4)
 
 
 def test_exposure_intervals_moving_arm_are_few_and_ordered() -> None:
     states = [state(1.0 + k / 100, shift=k / 100) for k in range(41)]
-    found = moments(states, [k / 100 for k in range(41)])
-    assert 4 <= len(found) <= shutter.MAX_INTERVALS
-    assert sum(moment.share for moment in found) == pytest.approx(1.0)
-    bases = [moment.joints[0] for moment in found]
+    result = moments(states, [k / 100 for k in range(41)])
+    assert 4 <= len(result) <= shutter.MAX_INTERVALS
+    assert sum(moment.share for moment in result) == pytest.approx(1.0)
+    bases = [moment.joints[0] for moment in result]
     assert bases == sorted(bases)
     assert bases[0] > REST[0]
     assert bases[-1] > REST[0] + 0.3
@@ -61,9 +61,9 @@ def test_exposure_intervals_moving_arm_are_few_and_ordered() -> None:
 
 def test_exposure_intervals_arm_stopping_midway_merge_rest() -> None:
     states = [state(1.0, shift=min(k, 3) / 100) for k in range(9)]
-    found = moments(states, [k / 10 for k in range(9)])
-    assert found[-1].share == pytest.approx(5 / 8)
-    assert found[-1].joints == pytest.approx(tuple(joint + 0.03 for joint in REST))
+    result = moments(states, [k / 10 for k in range(9)])
+    assert result[-1].share == pytest.approx(5 / 8)
+    assert result[-1].joints == pytest.approx(tuple(joint + 0.03 for joint in REST))
 
 
 def test_expose_takes_cell_time() -> None:
@@ -77,8 +77,8 @@ def test_expose_takes_cell_time() -> None:
 
     begun = time.monotonic()
     source = Source()
-    found = shutter.expose(source, 0.2)
-    assert [moment.lamp_level for moment in found] == [1.0]
+    result = shutter.expose(source, 0.2)
+    assert [moment.lamp_level for moment in result] == [1.0]
     assert 3 <= source.calls <= 40
 
 

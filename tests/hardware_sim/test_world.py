@@ -55,10 +55,10 @@ def test_truth_normals_agree_with_textbook_solve(cell: CellConfig) -> None:
     values, vectors, clear = [], [], np.ones(len(points), bool)
     for one in lamps:
         values.append(scene.lamp_image(one)[rows, columns])
-        way = one.position - points
-        distance = np.linalg.norm(way, axis=1, keepdims=True)
-        ahead = -(way @ one.axis)[:, None] / distance
-        vectors.append(way / distance * ahead**0.8 * (0.45 / distance) ** 2)
+        displacement = one.position - points
+        distance = np.linalg.norm(displacement, axis=1, keepdims=True)
+        ahead = -(displacement @ one.axis)[:, None] / distance
+        vectors.append(displacement / distance * ahead**0.8 * (0.45 / distance) ** 2)
         free = render.lit_mask(
             points.astype(np.float32),
             geometry.rotate(object_from_view, true.normals[rows, columns]).astype(np.float32),
@@ -67,11 +67,11 @@ def test_truth_normals_agree_with_textbook_solve(cell: CellConfig) -> None:
             scene.scene,
         )
         clear &= free
-    found = np.array(
+    result = np.array(
         [np.linalg.lstsq(a, b, rcond=None)[0] for a, b in zip(np.stack(vectors, 1), np.stack(values, 1), strict=True)]
     )
-    albedo = np.linalg.norm(found, axis=1)
-    in_view = geometry.rotate(geometry.inverse(object_from_view), found / albedo[:, None])
+    albedo = np.linalg.norm(result, axis=1)
+    in_view = geometry.rotate(geometry.inverse(object_from_view), result / albedo[:, None])
     error = np.degrees(
         np.arctan2(
             np.linalg.norm(np.cross(in_view, true.normals[rows, columns]), axis=1),
@@ -233,12 +233,12 @@ def test_lamp_is_fixed_to_flange(cell: CellConfig, direct: World) -> None:
     for angle, (d, a, twist) in zip(JOINTS, links, strict=True):
         flange = flange @ geometry.pose([0, 0, d], [0, 0, angle]) @ geometry.pose([a, 0, 0], [twist, 0, 0])
     expected = flange @ cell.arm.flange_from_tool.matrix
-    found = direct.base_from_lamp(JOINTS)
-    assert found == pytest.approx(expected, abs=1e-9)
+    result = direct.base_from_lamp(JOINTS)
+    assert result == pytest.approx(expected, abs=1e-9)
     centre = np.array([0.55, 0, 0.03])
-    way = centre - found[:3, 3]
-    assert np.linalg.norm(way) == pytest.approx(0.45, abs=1e-3)
-    assert found[:3, 2] == pytest.approx(way / np.linalg.norm(way), abs=1e-3)
+    displacement = centre - result[:3, 3]
+    assert np.linalg.norm(displacement) == pytest.approx(0.45, abs=1e-3)
+    assert result[:3, 2] == pytest.approx(displacement / np.linalg.norm(displacement), abs=1e-3)
 
 
 def test_lamp_follows_calibrated_arm(cell: CellConfig) -> None:

@@ -1,4 +1,4 @@
-"""Corners: how far from them the tool leaves its course, and that nothing jumps there."""
+"""Blends: how far from the corner the tool leaves its path, and that speeds stay continuous."""
 
 import itertools
 import math
@@ -35,9 +35,9 @@ def place_of(joints: np.ndarray) -> np.ndarray:
 
 
 def distance_to_segment(points: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    way = b - a
-    share = np.clip((points - a) @ way / max(way @ way, 1e-12), 0.0, 1.0)
-    return np.linalg.norm(points - a - share[:, None] * way, axis=1)
+    displacement = b - a
+    share = np.clip((points - a) @ displacement / max(displacement @ displacement, 1e-12), 0.0, 1.0)
+    return np.linalg.norm(points - a - share[:, None] * displacement, axis=1)
 
 
 def assert_rounded(record: Record, corners: list[np.ndarray], radii: list[float]) -> None:

@@ -1,4 +1,4 @@
-"""An arm as built: what it differs by from its drawings, and that its controller knows it exactly."""
+"""Calibrated arms: their deviation from the nominal arm, and that the controller knows it exactly."""
 
 import math
 from contextlib import ExitStack
@@ -22,7 +22,7 @@ def random_joints(count: int, seed: int) -> list[list[float]]:
 
 def product_of_links(arm: ArmModel, joints: list[float]) -> np.ndarray:
     """Forward kinematics from the textbook's four matrices per link."""
-    found = np.eye(4)
+    result = np.eye(4)
     for link, q in zip(arm.links, joints, strict=True):
         turn, twist = np.eye(4), np.eye(4)
         c, s = math.cos(q + link.offset), math.sin(q + link.offset)
@@ -30,8 +30,8 @@ def product_of_links(arm: ArmModel, joints: list[float]) -> np.ndarray:
         turn[2, 3] = link.distance
         twist[1:3, 1:3] = [[link.cos_twist, -link.sin_twist], [link.sin_twist, link.cos_twist]]
         twist[0, 3] = link.length
-        found = found @ turn @ twist
-    return found
+        result = result @ turn @ twist
+    return result
 
 
 def test_calibrated_without_seed_returns_nominal_arm() -> None:
@@ -89,11 +89,11 @@ def test_inverse_calibrated_reaches_pose_and_original_joints(name: str) -> None:
 
 def test_solutions_calibrated_cover_nearly_all_branches() -> None:
     arm, drawn = calibrated(MODELS["ur10e"], 3), MODELS["ur10e"]
-    found = expected = 0
+    result = expected = 0
     for joints in random_joints(40, 10):
-        found += len(kinematics.solutions(arm, kinematics.forward(arm, joints)))
+        result += len(kinematics.solutions(arm, kinematics.forward(arm, joints)))
         expected += len(kinematics.solutions(drawn, kinematics.forward(drawn, joints)))
-    assert found >= 0.97 * expected
+    assert result >= 0.97 * expected
 
 
 def test_movel_calibrated_arm_stays_straight() -> None:
@@ -101,10 +101,10 @@ def test_movel_calibrated_arm_stays_straight() -> None:
         " p0 = get_forward_kin()\n movel(pose_trans(p0, p[0.1, 0.05, 0.08, 0.2, 0, 0.3]), v=0.3)", calibration_seed=6
     )
     places = record.tools
-    way = places[-1] - places[0]
-    share = np.clip((places - places[0]) @ way / (way @ way), 0, 1)
-    assert np.linalg.norm(places - places[0] - share[:, None] * way, axis=1).max() < 1e-6
-    assert np.linalg.norm(way) == pytest.approx(math.hypot(0.1, 0.05, 0.08), abs=1e-8)
+    displacement = places[-1] - places[0]
+    share = np.clip((places - places[0]) @ displacement / (displacement @ displacement), 0, 1)
+    assert np.linalg.norm(places - places[0] - share[:, None] * displacement, axis=1).max() < 1e-6
+    assert np.linalg.norm(displacement) == pytest.approx(math.hypot(0.1, 0.05, 0.08), abs=1e-8)
 
 
 def test_client_calibrated_arm_reads_true_pose() -> None:

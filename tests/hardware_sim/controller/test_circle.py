@@ -1,4 +1,4 @@
-"""Circular moves against geometry: the circle, the speed on it, and both ways to turn the tool."""
+"""Circular moves against geometry: the circle, the speed on it, and both rotation modes."""
 
 import math
 
@@ -48,8 +48,8 @@ def test_movec_keeps_tool_on_circle_through_three_points(swept: float, mode: int
     normal = np.cross(along, [0.0, 1.0, 0.0])
     assert np.abs((record.tools - PLACE) @ normal).max() < 1e-6
     assert np.linalg.norm(record.tools - via, axis=1).min() < 2e-3
-    way = np.linalg.norm(np.diff(record.tools, axis=0), axis=1)
-    assert way.sum() == pytest.approx(RADIUS * swept, rel=1e-4)
+    displacement = np.linalg.norm(np.diff(record.tools, axis=0), axis=1)
+    assert displacement.sum() == pytest.approx(RADIUS * swept, rel=1e-4)
     length, speed, acceleration = RADIUS * swept, 0.15, 1.5
     expected = (
         length / speed + speed / acceleration
@@ -57,7 +57,7 @@ def test_movec_keeps_tool_on_circle_through_three_points(swept: float, mode: int
         else 2 * math.sqrt(length / acceleration)
     )
     assert record.seconds == pytest.approx(expected, abs=2 * TICK)
-    assert way.max() / TICK <= speed * 1.001
+    assert displacement.max() / TICK <= speed * 1.001
 
 
 def test_movec_free_rotation_ends_at_target_rotation() -> None:

@@ -1,4 +1,4 @@
-"""The real ur-rtde drives the arm into things: it stops by itself, and every collision is kept."""
+"""The real ur-rtde drives the arm into solid bodies: it stops by itself, and every collision is recorded."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -61,8 +61,8 @@ def collides(cell: Cell, joints: list[float], parts: set[str]) -> None:
         assert state["safety_popup"].startswith("PROTECTIVE_STOP: ")
         assert any("COLLISION" in line for line in control.log())
         # It was seen when it began, not where the arm came to rest.
-        way = max(abs(a - b) for a, b in zip(first["joints"], cell.receive.getActualQ(), strict=True))
-        assert way < 1.0 * 1.0 / (2 * 15.0) + 0.02
+        displacement = max(abs(a - b) for a, b in zip(first["joints"], cell.receive.getActualQ(), strict=True))
+        assert displacement < 1.0 * 1.0 / (2 * 15.0) + 0.02
         control.fault("clear")
 
 

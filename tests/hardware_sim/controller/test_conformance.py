@@ -9,7 +9,7 @@ What a controller has to pass, and where; docstrings of tests bear the numbers (
      5 straight move keeps to its line                  here   23 every failure        failures, failing_links, links
      6 forward kinematics is the reported pose          here   24 a secondary program disturbs no move         here
      7 inverse of forward is the identity               here   25 500 packets a second to three clients       links
-     8 a pose without solution is told                  here   26 125 and 10 packets a second                 links
+     8 a pose without solution is reported             here   26 125 and 10 packets a second                 links
      9 inverse kinematics without solution          failures   27 an unknown output is named                  links
     10 the tool's offset moves the pose                 here   28 two cells at once                           links
     11 payload                                          here   29 client killed: inputs are free              links
@@ -315,7 +315,7 @@ def test_watchdog_kicked_keeps_move_running(cell: Cell) -> None:
 def test_conformance_checks_each_have_a_test() -> None:
     text = "".join(path.read_text() for path in Path(__file__).parent.glob("test_*.py"))
     named = re.findall(r'\n    """Checks? ([\d, ]+)', text)
-    assert {int(number) for found in named for number in re.findall(r"\d+", found)} == set(range(1, 36)) - {23}
+    assert {int(number) for result in named for number in re.findall(r"\d+", result)} == set(range(1, 36)) - {23}
     assert text.count('"""Failure:') + text.count(" Failure:") >= 20  # check 23: a test for each
 
 

@@ -29,10 +29,10 @@ def test_solutions_include_all_of_oracle(name: str) -> None:
     model, oracle = kinematics.MODELS[name], getattr(ur_analytic_ik, name)
     for joints in random_joints(2):
         flange = kinematics.forward(model, joints)
-        found = np.array(kinematics.solutions(model, flange))
+        result = np.array(kinematics.solutions(model, flange))
         expected = np.array(oracle.inverse_kinematics(np.array(poses.matrix(flange)))).reshape(-1, 6)
-        assert len(found) == len(expected)
-        away = np.remainder(found[:, None] - expected[None] + math.pi, 2 * math.pi) - math.pi
+        assert len(result) == len(expected)
+        away = np.remainder(result[:, None] - expected[None] + math.pi, 2 * math.pi) - math.pi
         assert np.abs(away).max(axis=2).min(axis=0).max() < 1e-6
 
 
@@ -69,10 +69,10 @@ def test_velocity_equals_derivative_of_pose() -> None:
             for s in (step, -step)
         )
         middle = poses.compose(kinematics.forward(model, joints), tool)
-        found = kinematics.velocity(kinematics.chain(model, joints)[0], rates, poses.position(middle))
+        result = kinematics.velocity(kinematics.chain(model, joints)[0], rates, poses.position(middle))
         linear = [(ahead[i] - behind[i]) / (2 * step) for i in (3, 7, 11)]
         turning = [w / (2 * step) for w in poses.rotation_vector(poses.compose(ahead, poses.invert(behind)))]
-        assert found == pytest.approx(linear + turning, abs=1e-6)
+        assert result == pytest.approx(linear + turning, abs=1e-6)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 1.0, math.pi - 1e-9, math.pi])

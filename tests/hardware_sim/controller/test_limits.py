@@ -1,4 +1,4 @@
-"""What the arm may not do, and how the controller answers: each answer names joint and reason."""
+"""Limits of the arm, and how the controller answers: each answer names joint and reason."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Profiles and motions against formulas and against derivatives taken from the samples themselves."""
+"""Profiles and motions against formulas and against derivatives of the samples themselves."""
 
 import math
 
@@ -158,11 +158,11 @@ def test_movej_joints_stay_on_segment_within_limits() -> None:
     target = [0.5, -1.5, 1.2, -1.0, -1.9, 0.3]
     joints, controller = run(f"def f():\n movej({target}, a=1.4, v=1.05)\nend\n", 2.0)
     assert controller.arm.joints == target
-    way = np.array(target) - HOME
-    shares = (joints - HOME) / way
+    displacement = np.array(target) - HOME
+    shares = (joints - HOME) / displacement
     assert np.abs(shares - shares[:, :1]).max() < 1e-9
     speeds = np.diff(joints, axis=0) / TICK
-    assert np.abs(speeds).max() == pytest.approx(1.05, abs=1e-6) or np.abs(way).max() < 1.05**2 / 1.4
+    assert np.abs(speeds).max() == pytest.approx(1.05, abs=1e-6) or np.abs(displacement).max() < 1.05**2 / 1.4
     assert np.abs(np.diff(speeds, axis=0) / TICK).max() <= 1.4 * 1.001
 
 

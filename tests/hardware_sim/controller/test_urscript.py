@@ -1,4 +1,4 @@
-"""The language: what programs mean, without sockets."""
+"""URScript: syntax and semantics of programs, without sockets."""
 
 from collections.abc import Callable
 from typing import Any
