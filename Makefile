@@ -4,15 +4,26 @@ BIN := .venv/bin
 
 .PHONY: setup demo test test-long check bench openapi docs clean
 
+# All that tests and checks need.
 setup: .venv/ready
 
-.venv/ready: pyproject.toml deploy/constraints.txt
+# What sessions in the simulated cell need. Their kernels are compiled on two cores: what imports less than the other
+# is compiled beside it, and `runner.jobs` finds both in the cache.
+.venv/demo-ready: pyproject.toml deploy/constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv || python3 -m venv .venv
+	$(BIN)/pip install --quiet --no-compile --constraint deploy/constraints.txt --editable '.[sim]'
+	$(BIN)/python -c 'import acquisition.photometry'
+	$(BIN)/python -c 'import acquisition.normals' & \
+	$(BIN)/python -c 'import acquisition.waypoints.route, acquisition.plan' && wait $$!
+	$(BIN)/python -c 'import acquisition.runner.jobs, hardware_sim.world'
+	touch $@
+
+.venv/ready: .venv/demo-ready
 	$(BIN)/pip install --quiet --constraint deploy/constraints.txt --editable '.[sim,dev]'
 	$(BIN)/lightpose warm
 	touch $@
 
-demo: setup
+demo: .venv/demo-ready
 	$(BIN)/lightpose demo
 
 test: setup
