@@ -1,4 +1,4 @@
-"""What the service answers, as values or as a `ProblemError`; both clients read it by these functions."""
+"""Parsing of the service's answers, into values or a `ProblemError`; shared by both clients."""
 
 from collections.abc import Mapping
 from typing import Any, NoReturn, TypeVar
@@ -41,24 +41,24 @@ class ProblemError(Exception):
         return self.problem.model_extra or {}
 
 
-def completed(session: SessionResource) -> SessionResource:
-    """The session, if it is complete. Raises ProblemError with its reason."""
+def require_completed(session: SessionResource) -> SessionResource:
+    """Returns a completed session. Raises ProblemError with the session's reason if it is in any other state."""
     if session.state is State.COMPLETED:
         return session
     detail = f"Session {session.id} is {session.state}"
     raise ProblemError(session.reason or Problem.of(ErrorCode.SESSION_STEP_FAILED, detail))
 
 
-def parsed(answer: httpx.Response, model: type[ModelT]) -> ModelT:
-    """The body of an answer as a value."""
-    return model.model_validate_json(answer.content)
+def parsed(response: httpx.Response, model: type[ModelT]) -> ModelT:
+    """Parses the body of an answer into a value. Raises ValidationError when it is of another type."""
+    return model.model_validate_json(response.content)
 
 
-def raise_problem(answer: httpx.Response) -> NoReturn:
-    """Raises the problem in an answer as ProblemError."""
+def raise_problem(response: httpx.Response) -> NoReturn:
+    """Raises the problem object of an answer as ProblemError; another body as service.fault."""
     try:
-        problem = Problem.model_validate_json(answer.content)
+        problem = Problem.model_validate_json(response.content)
     except ValidationError:
-        detail = f"{answer.url} answered {answer.status_code}, not as this service does: {answer.text[:200]!r}"
+        detail = f"{response.url} answered {response.status_code}, not as this service does: {response.text[:200]!r}"
         problem = Problem.of(ErrorCode.SERVICE_FAULT, detail)
     raise ProblemError(problem)

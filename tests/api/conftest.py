@@ -12,7 +12,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from api.client.client import Client
+from api import Client
 from api.rest import server, settings
 from api.rest.server import Server
 from api.rest.settings import Settings

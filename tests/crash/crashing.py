@@ -18,7 +18,7 @@ from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.session import State
 from acquisition.store import Journal
-from api.client.client import Client, ProblemError
+from api import Client, ProblemError
 from api.rest.schemas import EventResource, SessionResource
 from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient

@@ -17,7 +17,7 @@ import pytest
 from acquisition.models.errors import ErrorCode
 from acquisition.session import State
 from acquisition.store.folder import RESERVED_BYTES
-from api.client.client import Client, ProblemError
+from api import Client, ProblemError
 from api.rest.schemas import SessionResource
 from tests.crash.crashing import (
     RECIPE,

@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 from acquisition.models.recipe import Recipe
-from api.client.client import Client
+from api import Client
 from api.rest import settings
 from hardware_sim.cell import Cell, CellOptions
 from tests.api.conftest import serve

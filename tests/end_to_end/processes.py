@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from api.client.client import Client
+from api import Client
 from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
 

@@ -12,7 +12,7 @@ import pytest
 from acquisition.models import cell_config
 from acquisition.models.recipe import Recipe
 from acquisition.session import State
-from api.client.client import Client
+from api import Client
 from hardware_sim import grade, truth
 from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient

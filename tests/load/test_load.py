@@ -24,7 +24,7 @@ import pytest
 from acquisition.models import cell_config
 from acquisition.models.recipe import Recipe
 from acquisition.session import ENDED, State
-from api.client.client import Client, ProblemError
+from api import Client, ProblemError
 from api.rest.keys import Role
 from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient

@@ -27,9 +27,9 @@ def lightpose(*arguments: str, timeout_s: float = 100.0) -> "subprocess.Complete
 
 def test_help_loads_no_numerical_kernel() -> None:
     script = (
-        "import sys\nfrom typer.testing import CliRunner\nfrom api.cli import app\n"
+        "import sys\nfrom typer.testing import CliRunner\nfrom api.cli.commands import app\n"
         "assert CliRunner().invoke(app, ['--help']).exit_code == 0\n"
-        "print([name for name in ('numba', 'scipy', 'cv2', 'trimesh', 'fastapi') if name in sys.modules])"
+        "print([name for name in ('numba', 'scipy', 'cv2', 'trimesh', 'fastapi', 'httpx') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.stdout.strip() == "[]", done.stderr

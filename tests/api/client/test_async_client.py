@@ -1,7 +1,6 @@
 """The awaited client does what the other one does, and many of it follow at once."""
 
 import asyncio
-import inspect
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any
@@ -11,16 +10,7 @@ import pytest
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.session import State
-from api.client.async_client import AsyncClient
-from api.client.client import Client
-from api.client.responses import ProblemError
-
-
-def test_both_clients_have_the_same_methods() -> None:
-    def methods(kind: type) -> set[str]:
-        return {name for name, _ in inspect.getmembers(kind, inspect.isfunction) if not name.startswith("_")}
-
-    assert methods(AsyncClient) == methods(Client)
+from api import AsyncClient, ProblemError
 
 
 def test_a_session_from_creation_to_deletion(own: Any) -> None:

@@ -8,7 +8,7 @@ from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import ResultSummary
 from acquisition.store.folder import write_manifest
-from api.client.client import ProblemError
+from api import ProblemError
 
 SUMMARY = ResultSummary(
     images=4, object_pixels=10, solved_pixels=10, mean_sigma_deg=1.0, median_sigma_deg=1.0, predicted_sigma_deg=None,

@@ -12,8 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 from acquisition.models.errors import ErrorCode, RigError
+from api import Client, ProblemError
 from api.cli.commands import app
-from api.client.client import Client, ProblemError
 from api.rest import keys
 from api.rest.app import description
 from api.rest.authentication import FAILURES

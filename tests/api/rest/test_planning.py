@@ -14,7 +14,7 @@ import pytest
 
 from acquisition.models.recipe import Method, Recipe
 from acquisition.session import State
-from api.client.client import Client
+from api import Client
 from api.rest import settings
 from api.rest.schemas import SessionResource
 from hardware_sim.cell import Cell, CellOptions

@@ -27,7 +27,7 @@ from acquisition.models.shot import Observations, Shot
 from acquisition.runner.re_solve import ACCEPTED, EXPORTS, FAILED, READY
 from acquisition.session import State
 from acquisition.store.folder import write_frame, write_value
-from api.client.client import ProblemError
+from api import ProblemError
 from api.rest import settings
 from tests.acquisition import scenes
 

@@ -14,7 +14,7 @@ import pytest
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.session import State, Trigger
-from api.client.client import ProblemError
+from api import ProblemError
 
 
 def test_an_empty_body_and_an_empty_object_are_good_sessions(shared: Any) -> None:

@@ -18,7 +18,7 @@ from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.session import Stage, State
 from acquisition.store import Store
-from api.client.client import ProblemError
+from api import ProblemError
 from api.rest import settings
 from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient

@@ -1,0 +1,36 @@
+"""The synchronous client is generated from the asynchronous one."""
+
+import inspect
+
+from api.client import generate
+from api.client.async_client import AsyncClient
+from api.client.client import Client
+
+
+def test_generate_committed_client_is_up_to_date() -> None:
+    expected = generate.synchronous(generate.SOURCE.read_text(encoding="utf-8"))
+    assert generate.TARGET.read_text(encoding="utf-8") == expected, "run python -m api.client.generate"
+
+
+def test_synchronous_awaited_calls_become_plain_calls() -> None:
+    source = (
+        "import asyncio\n"
+        "async def f(self: AsyncClient) -> AsyncGenerator[int, None]:\n"
+        '    async with a as b, await asyncio.to_thread(p.open, "wb") as file:\n'
+        "        await b.aclose()\n"
+        "        await asyncio.sleep(1)\n"
+    )
+    assert generate.synchronous(source).removeprefix(generate.HEADER) == (
+        "def f(self: Client) -> Generator[int, None, None]:\n"
+        '    with a as b, p.open("wb") as file:\n'
+        "        b.close()\n"
+        "        time.sleep(1)\n"
+    )
+
+
+def test_clients_have_the_same_methods_and_parameters() -> None:
+    def methods(kind: type) -> dict[str, list[str]]:
+        found = inspect.getmembers(kind, inspect.isfunction)
+        return {name: list(inspect.signature(method).parameters) for name, method in found if name[0] != "_"}
+
+    assert methods(AsyncClient) == methods(Client)
