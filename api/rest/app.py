@@ -1,6 +1,7 @@
-"""The web application: routes, gate, problem objects, and the life of the service behind them.
+"""The web application: routes, middleware, problem objects, and the lifespan of the service behind them.
 
-`create_app` takes what it serves and keeps nothing outside the app, so that a test may run several side by side.
+`create_app` is given all that it serves and keeps no state outside the app, so that tests can run several services side
+by side in one process.
 """
 
 from collections.abc import AsyncGenerator
@@ -17,43 +18,45 @@ from fastapi.responses import HTMLResponse
 
 from api.rest import (
     archive,
-    camera_view,
+    camera_preview,
+    drawings,
     events,
-    examples,
     metrics,
-    pictures,
-    planning,
+    openapi_examples,
+    plans,
     problems,
-    proposals,
+    region,
     results,
     rig,
     sessions,
     tickets,
 )
 from api.rest.authentication import Authentication
-from api.rest.camera_view import View
+from api.rest.camera_preview import CameraPreview
 from api.rest.events import EventFeed
-from api.rest.gate import Gate
 from api.rest.keys import KeyRing
-from api.rest.logs import RequestLog
+from api.rest.logs import RequestLogMiddleware
+from api.rest.request_checks import RequestChecks
 from api.rest.schemas import EventResource, Problem
 from api.rest.settings import Settings
 from api.rest.wiring import Service
 
 DESCRIPTION = (
-    "A robot arm carries a lamp round an object while a camera looks on; the lights are planned, the images solved to "
-    "normals with an uncertainty for each pixel. Create a session, start it, follow its events, fetch its answer."
+    "Photometric stereo with planned lights: a robot arm carries a lamp round an object while a fixed camera captures "
+    "images, which are solved to normals with an uncertainty (σ) for each pixel. Create a session, start it, follow "
+    "its events, download its answer."
 )
-_SCHEMAS_OF_NO_ROUTE = {"Problem": Problem, "EventResource": EventResource}
+_SCHEMAS_OUTSIDE_ROUTES = {"Problem": Problem, "EventResource": EventResource}
 
 
 def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
-    """The application that serves `service` to the holders of `keys`; it opens the service on start-up and closes it in
-    the end.
+    """Creates the application that serves `service` to the holders of `keys`.
+
+    It opens the service at start-up and closes it at shutdown.
     """
 
     @asynccontextmanager
-    async def life(app: FastAPI) -> AsyncGenerator[None, None]:
+    async def lifespan(app: FastAPI) -> AsyncGenerator[None, None]:
         feed: EventFeed = app.state.feed
         await anyio.to_thread.run_sync(service.open)
         keys.open()
@@ -65,14 +68,14 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
             await anyio.to_thread.run_sync(keys.close)
             await anyio.to_thread.run_sync(service.close)
 
-    app = _routed(life)
+    app = _with_routes(lifespan)
     app.state.service = service
     app.state.feed = EventFeed(service.store.journal)
-    app.state.view = View(service)
+    app.state.camera_preview = CameraPreview(service)
     app.state.keys = keys
-    app.add_middleware(Gate, settings=settings, authentication=Authentication(keys))
-    app.add_middleware(RequestLog)
-    # Outside the gate, so that a page that may call can read a refusal, and its preflight needs no key.
+    app.add_middleware(RequestChecks, settings=settings, authentication=Authentication(keys))
+    app.add_middleware(RequestLogMiddleware)
+    # Outside the request checks, so that an allowed page can read a refusal, and its preflight needs no key.
     if settings.allowed_origins:
         app.add_middleware(
             CORSMiddleware, allow_origins=list(settings.allowed_origins), allow_methods=["*"], allow_headers=["*"]
@@ -81,38 +84,38 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
 
 
 def description() -> dict[str, Any]:
-    """The OpenAPI description of all routes; no service is needed for it."""
-    return _routed(None).openapi()
+    """Generates the OpenAPI description of all routes; needs no service."""
+    return _with_routes(None).openapi()
 
 
-def _routed(life: Any) -> FastAPI:
+def _with_routes(lifespan: Any) -> FastAPI:
     app = FastAPI(
         title="lightpose",
         version=version("lightpose"),
         description=DESCRIPTION,
-        lifespan=life,
+        lifespan=lifespan,
         docs_url=None,  # the usual pages load scripts from elsewhere; this service works without a network
         redoc_url=None,
         redirect_slashes=False,  # one address for each thing
-        responses=problems.declared_for_all(),
+        responses=problems.default_response(),
         generate_unique_id_function=lambda route: route.name,
     )
     problems.install(app)
-    for part in (
+    for module in (
         rig,
-        camera_view,
+        camera_preview,
         sessions,
         results,
-        planning,
-        pictures,
-        proposals,
+        region,
+        plans,
+        drawings,
         archive,
         events,
         tickets,
         metrics,
         problems,
     ):
-        app.include_router(part.router)
+        app.include_router(module.router)
     app.add_api_route("/docs", _docs, include_in_schema=False, response_class=HTMLResponse)
     app.openapi = lambda: _openapi(app)
     return app
@@ -122,18 +125,18 @@ def _openapi(app: FastAPI) -> dict[str, Any]:
     if app.openapi_schema is None:
         schema = get_openapi(title=app.title, version=app.version, description=app.description, routes=app.routes)
         components = schema["components"]["schemas"]
-        for name, model in _SCHEMAS_OF_NO_ROUTE.items():
+        for name, model in _SCHEMAS_OUTSIDE_ROUTES.items():
             own = model.model_json_schema(ref_template="#/components/schemas/{model}", mode="serialization")
             components.update(own.pop("$defs", {}))
             components[name] = own
-        examples.into(components)
+        openapi_examples.add_to(components)
         schema["components"]["securitySchemes"] = {
-            "key": {"type": "http", "scheme": "bearer", "description": "Made by `lightpose keys add`"},
+            "key": {"type": "http", "scheme": "bearer", "description": "Created by `lightpose keys add`"},
             "ticket": {
                 "type": "apiKey",
                 "in": "query",
                 "name": "ticket",
-                "description": "Of POST /v1/tickets; GET only",
+                "description": "Issued by POST /v1/tickets; GET only",
             },
         }
         schema["security"] = [{"key": []}, {"ticket": []}, {}]  # none: on a machine without keys
@@ -142,7 +145,7 @@ def _openapi(app: FastAPI) -> dict[str, Any]:
 
 
 async def _docs(request: Request) -> HTMLResponse:
-    """The routes as a page for people."""
+    """The routes as an HTML page."""
     schema = request.app.openapi()
     rows = "".join(
         f"<tr><td><code>{method.upper()}</code><td><code>{escape(path)}</code><td>{escape(route['description'])}"

@@ -1,8 +1,8 @@
-"""A session to take home: its folder as one zip file, and its log as text.
+"""Export of a session: its folder as one zip file, and its log as text.
 
-The zip is streamed file by file and stored, not deflated: 16-bit frames hardly shrink, and a lab's disk is faster than
-one core. Only files that are whole go in, and the journal's part of the session goes with them, so that a folder means
-something without the database.
+The zip is streamed file by file and stored, not deflated: 16-bit frames hardly compress, and a lab's disk is faster
+than one core. Only completely written files are included, and the journal's entries about the session go with them, so
+that the folder can be understood without the database.
 """
 
 import json
@@ -14,33 +14,31 @@ from fastapi import APIRouter
 from fastapi.responses import PlainTextResponse, StreamingResponse
 from zipstream import ZIP_STORED, ZipStream
 
-from acquisition.models.errors import ErrorCode
 from acquisition.store import Event
 from api.rest import problems
-from api.rest.context import ServiceOf
-from api.rest.schemas import moment
+from api.rest.dependencies import ServiceOf
+from api.rest.schemas import as_datetime
 from api.rest.sessions import SessionId
 from api.rest.wiring import Service
 
 router = APIRouter(tags=["sessions"])
 
-_NOT_FOUND = problems.declared(ErrorCode.SESSION_NOT_FOUND, ErrorCode.REQUEST_NOT_FOUND)
-EVENTS_AT_ONCE = 500
+EVENTS_PER_QUERY = 500
 
 
 @router.get(
     "/v1/sessions/{session_id}/archive",
     response_class=StreamingResponse,
-    responses={200: {"content": {"application/zip": {}}}, **_NOT_FOUND},
+    responses={200: {"content": {"application/zip": {}}}, **problems.NOT_FOUND},
 )
 def archive(service: ServiceOf, session_id: SessionId) -> StreamingResponse:
-    """The session's folder as a zip file, with what the journal says of it in `journal.jsonl`."""
+    """The session's folder as a zip file, with the journal's entries about it in `journal.jsonl`."""
     folder = service.store.folder(session_id)
     packed = ZipStream(compress_type=ZIP_STORED, sized=True)
     journal = "".join(json.dumps(entry, ensure_ascii=False) + "\n" for entry in _entries(service, session_id))
     packed.add(journal.encode(), f"{session_id}/journal.jsonl")
     for path in sorted(folder.rglob("*")):
-        if _is_whole(path, folder):
+        if _is_exportable(path, folder):
             packed.add_path(path, f"{session_id}/{path.relative_to(folder).as_posix()}")
     return StreamingResponse(
         packed,
@@ -56,32 +54,33 @@ def archive(service: ServiceOf, session_id: SessionId) -> StreamingResponse:
 @router.get(
     "/v1/sessions/{session_id}/log",
     response_class=PlainTextResponse,
-    responses={200: {"content": {"text/plain": {}}}, **_NOT_FOUND},
+    responses={200: {"content": {"text/plain": {}}}, **problems.NOT_FOUND},
 )
 def log(service: ServiceOf, session_id: SessionId) -> PlainTextResponse:
-    """What happened, a line each: the session's events, and who asked for what."""
+    """The session's log as text: a line for each event, and for each action with its actor."""
     service.store.journal.session(session_id)
     lines = [f"{entry['at']}  {entry['what']:<20} {_facts(entry)}".rstrip() for entry in _entries(service, session_id)]
     return PlainTextResponse("\n".join([*lines, ""]))
 
 
 def _entries(service: Service, session_id: str) -> list[dict[str, Any]]:
-    """Events and actions in the order of time."""
+    """Events and actions in chronological order."""
     journal = service.store.journal
-    found = [
-        {"at": moment(event.at).isoformat(), "what": event.type, **event.body} for event in _events(service, session_id)
+    entries = [
+        {"at": as_datetime(event.at).isoformat(), "what": event.type, **event.body}
+        for event in _events(service, session_id)
     ]
-    found += [
-        {"at": moment(item.at).isoformat(), "what": "action", "action": item.action, "by": item.actor,
+    entries += [
+        {"at": as_datetime(item.at).isoformat(), "what": "action", "action": item.action, "by": item.actor,
          "outcome": item.outcome}
         for item in journal.actions(session_id)
     ]  # fmt: skip
-    return sorted(found, key=lambda entry: str(entry["at"]))
+    return sorted(entries, key=lambda entry: str(entry["at"]))
 
 
 def _events(service: Service, session_id: str) -> Iterator[Event]:
     last = 0
-    while batch := service.store.journal.events(last, EVENTS_AT_ONCE, session_id):
+    while batch := service.store.journal.events(last, EVENTS_PER_QUERY, session_id):
         yield from batch
         last = batch[-1].id
 
@@ -94,8 +93,8 @@ def _facts(entry: dict[str, Any]) -> str:
     )
 
 
-def _is_whole(path: Path, folder: Path) -> bool:
-    """Whether a file is one that may be handed out: not in the making, and no way out of the folder."""
-    inside = path.relative_to(folder).parts
-    hidden = any(part.startswith(".") or part.endswith(".part") for part in inside)
+def _is_exportable(path: Path, folder: Path) -> bool:
+    """Whether a file may be exported: completely written (neither hidden nor `.part`), and no symbolic link."""
+    parts = path.relative_to(folder).parts
+    hidden = any(part.startswith(".") or part.endswith(".part") for part in parts)
     return path.is_file() and not path.is_symlink() and not hidden

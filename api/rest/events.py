@@ -1,8 +1,8 @@
-"""Server-sent events: the journal's event table, read aloud.
+"""Server-sent events: streams the journal's event table to clients.
 
-The table is the bus. One thread waits for the journal to grow and wakes the listeners on the event loop; each listener
-then reads the table itself, from the last id it has sent, in batches. So a slow client falls behind by itself, costs a
-wake-up flag and misses nothing, and whoever comes back with the last id it saw reads on from there.
+The table is the message bus. One thread waits for the journal to grow and wakes the listeners on the event loop; each
+listener then reads the table itself, in batches, from the last id that it has sent. So a slow client falls behind on
+its own, costs one wake-up flag and misses nothing, and a client that reconnects with its last id resumes from there.
 """
 
 import asyncio
@@ -17,28 +17,33 @@ from fastapi.responses import StreamingResponse
 from acquisition.models.errors import ErrorCode
 from acquisition.store import Event, Journal
 from api.rest import problems
-from api.rest.schemas import EventResource, moment
+from api.rest.schemas import EventResource, as_datetime
 
 KEEP_ALIVE_S = 10.0
+"""Time between two keep-alive comments of a quiet stream, s."""
+
 BATCH = 200
+"""Events that a listener reads at once."""
+
 READERS = 4
-"""Threads that listeners may occupy together, so that a hundred of them leave the others to the rest of the service."""
-_LOOK_AGAIN_S = 0.2
+"""Threads that all listeners may occupy together, so that many of them leave threads to the rest of the service."""
+
+_POLL_S = 0.2
 
 
 class EventFeed:
-    """Wakes listeners when the journal grows; made and ended on the event loop that serves them."""
+    """Wakes listeners when the journal grows; created and ended on the event loop that serves them."""
 
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
         self._listeners: set[asyncio.Event] = set()
-        self._ending = threading.Event()
+        self._stopping = threading.Event()
         self._newest = 0
         self._readers = anyio.CapacityLimiter(READERS)
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Begins to watch the journal; called on the event loop."""
+        """Starts the thread that watches the journal; called on the event loop."""
         self._newest = self._journal.last_event_id()
         self._thread = threading.Thread(
             target=self._watch, args=(asyncio.get_running_loop(),), name="event-feed", daemon=True
@@ -46,25 +51,25 @@ class EventFeed:
         self._thread.start()
 
     def end(self) -> None:
-        """Ends all streams; on the event loop, waits for nothing."""
-        self._ending.set()
+        """Ends all streams; called on the event loop, does not wait."""
+        self._stopping.set()
         self._wake()
 
     def close(self) -> None:
-        """Ends all streams and the thread; the journal may be closed afterwards."""
+        """Ends all streams and joins the thread; the journal may be closed afterwards."""
         self.end()
         if self._thread is not None:
             self._thread.join()
 
     @property
     def listeners(self) -> int:
-        """How many clients listen."""
+        """The number of connected clients."""
         return len(self._listeners)
 
     async def stream(
         self, after: int | None, session_id: str | None = None, types: Sequence[str] = (), follow: bool = True
     ) -> AsyncGenerator[str, None]:
-        """Events above `after` (None: from now on) as the text of an event stream, until `end`.
+        """Yields events above `after` (None: from now on) as the text of an event stream, until `end`.
 
         Without `follow` the stream ends with the newest event.
         """
@@ -72,8 +77,8 @@ class EventFeed:
         self._listeners.add(wake)
         sent = self._newest if after is None else after
         try:
-            yield f"retry: 1000\nid: {sent}\n\n"  # no data, so no event: it says where to come back to
-            while not self._ending.is_set():
+            yield f"retry: 1000\nid: {sent}\n\n"  # no data, so no event: the id to resume from
+            while not self._stopping.is_set():
                 wake.clear()
                 newest = self._newest
                 batch = await anyio.to_thread.run_sync(
@@ -86,7 +91,7 @@ class EventFeed:
                     continue
                 if not follow:
                     return
-                sent = max(sent, newest)  # events of others up to there need not be looked at again
+                sent = max(sent, newest)  # other sessions' events up to this id are not read again
                 try:
                     await asyncio.wait_for(wake.wait(), KEEP_ALIVE_S)
                 except TimeoutError:
@@ -95,13 +100,13 @@ class EventFeed:
             self._listeners.discard(wake)
 
     def _watch(self, loop: asyncio.AbstractEventLoop) -> None:
-        seen = self._newest
-        while not self._ending.is_set():
-            if self._journal.wait_for_event(seen, _LOOK_AGAIN_S):
-                seen = self._journal.last_event_id()
-                loop.call_soon_threadsafe(self._grown, seen)
+        newest = self._newest
+        while not self._stopping.is_set():
+            if self._journal.wait_for_event(newest, _POLL_S):
+                newest = self._journal.last_event_id()
+                loop.call_soon_threadsafe(self._announce, newest)
 
-    def _grown(self, newest: int) -> None:
+    def _announce(self, newest: int) -> None:
         self._newest = newest
         self._wake()
 
@@ -118,18 +123,20 @@ router = APIRouter(tags=["events"])
     response_class=StreamingResponse,
     responses={
         200: {"description": "An endless stream; `data` is an EventResource", "content": {"text/event-stream": {}}},
-        **problems.declared(ErrorCode.REQUEST_INVALID),
+        **problems.responses_of(ErrorCode.REQUEST_INVALID),
     },
 )
 async def events(
     request: Request,
-    after: Annotated[int | None, Query(ge=0, le=2**62, description="Replay from here; none: from now on")] = None,
+    after: Annotated[
+        int | None, Query(ge=0, le=2**62, description="Replay events above this id; none: from now on")
+    ] = None,
     session_id: Annotated[str | None, Query(max_length=80)] = None,
-    type: Annotated[list[str], Query(max_length=20, description="These types only")] = [],  # noqa: A002, B006
+    type: Annotated[list[str], Query(max_length=20, description="Only events of these types")] = [],  # noqa: A002, B006
     follow: Annotated[bool, Query(description="false: end with the newest event")] = True,
-    last_event_id: Annotated[int | None, Header(ge=0, le=2**62, description="Goes before `after`")] = None,
+    last_event_id: Annotated[int | None, Header(ge=0, le=2**62, description="Takes precedence over `after`")] = None,
 ) -> StreamingResponse:
-    """What happens, as it happens (server-sent events); `Last-Event-ID` or `after` replays what was missed."""
+    """Streams events as they happen (server-sent events); `Last-Event-ID` or `after` replays missed ones."""
     feed: EventFeed = request.app.state.feed
     start = last_event_id if last_event_id is not None else after
     return StreamingResponse(
@@ -141,6 +148,6 @@ async def events(
 
 def _message(event: Event) -> str:
     data = EventResource(
-        id=event.id, session_id=event.session_id, type=event.type, at=moment(event.at), body=event.body
+        id=event.id, session_id=event.session_id, type=event.type, at=as_datetime(event.at), body=event.body
     )
     return f"id: {event.id}\nevent: {event.type}\ndata: {data.model_dump_json()}\n\n"

@@ -1,9 +1,9 @@
-"""API keys: who may do what, and the file that holds them.
+"""API keys, their roles, the file that stores them, and short-lived tickets.
 
-A key is 256 random bits, so its SHA-256 needs no salt and no slow hash: nobody guesses it, and whoever steals the file
-cannot turn a hash back. The hashes of a running service live in memory, where a stop finds them without touching the
-disk; a thread takes over what the command line changes, and a file that vanishes or breaks shuts everybody out rather
-than letting everybody in.
+A key is 256 random bits, so its SHA-256 needs no salt and no slow hash: it cannot be guessed, and whoever steals the
+file cannot invert a hash. A running service keeps the hashes in memory, where a stop checks them without touching the
+disk; a thread reloads the file when the command line changes it, and a file that vanishes or is damaged locks everybody
+out rather than letting everybody in.
 """
 
 import hashlib
@@ -24,11 +24,16 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from acquisition.models.errors import ErrorCode, RigError
 
 PREFIX = "lightpose_"
-"""Lets people and secret scanners see what leaked."""
+"""Lets people and secret scanners recognise a leaked key."""
 
-LOOK_AGAIN_S = 1.0
-TICKET_S = 300.0
-MOST_TICKETS = 10_000
+POLL_S = 1.0
+"""Time between two looks at the key file, s."""
+
+TICKET_LIFETIME_S = 300.0
+"""How long a ticket is valid, s."""
+
+MAX_TICKETS = 10_000
+"""Valid tickets at any time; bounds the memory."""
 
 _log = logging.getLogger(__name__)
 
@@ -48,14 +53,14 @@ class Role(StrEnum):
 
 @dataclass(frozen=True)
 class Caller:
-    """Who asks, for the record, and as what."""
+    """Name (for the record) and role of the caller of a request."""
 
     name: str
     role: Role
 
 
 class Key(BaseModel):
-    """One key as it is kept: never the secret."""
+    """One stored key: its hash, never the secret."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -66,7 +71,7 @@ class Key(BaseModel):
 
 
 class KeyFile(BaseModel):
-    """The whole file `keys.json`, readable by its owner alone."""
+    """Content of the file `keys.json`, readable by its owner alone."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -74,12 +79,12 @@ class KeyFile(BaseModel):
 
 
 def path_in(data: Path) -> Path:
-    """Where a data folder keeps its keys."""
+    """Path of the key file in a data folder."""
     return data / "keys.json"
 
 
 def read(path: Path) -> KeyFile | None:
-    """The key file, None where there is none. Raises RigError config.invalid for one that cannot be read."""
+    """Reads the key file; None without one. Raises RigError config.invalid for one that cannot be read."""
     try:
         return KeyFile.model_validate_json(path.read_bytes())
     except FileNotFoundError:
@@ -89,10 +94,12 @@ def read(path: Path) -> KeyFile | None:
 
 
 def add(path: Path, name: str, role: Role) -> str:
-    """Makes a key and returns its secret, which is shown this once. Raises RigError config.invalid for a name taken."""
+    """Creates a key and returns its secret, which is not stored. Raises RigError config.invalid for a name in use."""
     known = read(path) or KeyFile()
     if any(key.name == name for key in known.keys):
-        raise RigError(ErrorCode.CONFIG_INVALID, f"There is a key named {name!r}: revoke it first, or choose a name")
+        raise RigError(
+            ErrorCode.CONFIG_INVALID, f"There is a key named {name!r}: revoke it first, or choose another name"
+        )
     secret = PREFIX + secrets.token_urlsafe(32)
     try:
         key = Key(name=name, role=role, sha256=_digest(secret), created_at=time.time())
@@ -105,13 +112,13 @@ def add(path: Path, name: str, role: Role) -> str:
 
 
 def revoke(path: Path, name: str) -> None:
-    """Removes a key; a running service refuses it within a second. Raises RigError config.invalid if there is none."""
+    """Revokes a key; a running service refuses it within a second. Raises RigError config.invalid for no such key."""
     known = read(path) or KeyFile()
-    left = tuple(key for key in known.keys if key.name != name)
-    if len(left) == len(known.keys):
+    remaining = tuple(key for key in known.keys if key.name != name)
+    if len(remaining) == len(known.keys):
         names = ", ".join(key.name for key in known.keys) or "none"
         raise RigError(ErrorCode.CONFIG_INVALID, f"There is no key named {name!r}; there are: {names}")
-    _write(path, KeyFile(keys=left))
+    _write(path, KeyFile(keys=remaining))
 
 
 def _digest(secret: str) -> str:
@@ -120,19 +127,19 @@ def _digest(secret: str) -> str:
 
 def _write(path: Path, content: KeyFile) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_suffix(".part")
-    beside.unlink(missing_ok=True)
-    with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
+    partial = path.with_suffix(".part")
+    partial.unlink(missing_ok=True)
+    with os.fdopen(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
         json.dump(content.model_dump(mode="json"), file, indent=2)
         file.flush()
         os.fsync(file.fileno())
-    beside.rename(path)
+    partial.rename(path)
 
 
 class KeyRing:
-    """The keys of a running service, and the tickets that they have given out.
+    """The keys of a running service, reloaded when their file changes, and the tickets issued to their holders.
 
-    `required` is set for good once there has been a key: taking the last one away opens nothing. Raises RigError
+    `required` stays set once there has been a key: revoking the last one does not open the service. Raises RigError
     config.invalid when the file cannot be read at the start.
     """
 
@@ -141,56 +148,56 @@ class KeyRing:
         content = read(path)
         self._keys: tuple[Key, ...] = () if content is None else content.keys
         self.required = content is not None
-        self._seen = self._stamp()
+        self._loaded_stamp = self._stamp()
         self._tickets: dict[str, tuple[float, Caller]] = {}
-        self._ending = threading.Event()
+        self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="keys", daemon=True)
 
     def open(self) -> None:
-        """Begins to follow the file."""
+        """Starts the thread that follows the file."""
         self._thread.start()
 
     def close(self) -> None:
-        """Ends the thread."""
-        self._ending.set()
+        """Joins the thread."""
+        self._stopping.set()
         if self._thread.is_alive():
             self._thread.join()
 
     def caller(self, secret: str) -> Caller | None:
-        """Whose key this is; takes as long for a wrong key as for a right one."""
+        """The holder of a key, None for a wrong one; compares in constant time."""
         digest = _digest(secret)
-        found: Caller | None = None
+        caller: Caller | None = None
         for key in self._keys:
             if hmac.compare_digest(key.sha256, digest):
-                found = Caller(key.name, key.role)
-        return found
+                caller = Caller(key.name, key.role)
+        return caller
 
     def issue_ticket(self, caller: Caller, now: float) -> str:
-        """A ticket with which a page may look, and only look, until `now` (s, monotonic) + TICKET_S."""
-        while self._tickets:  # the oldest stands first and ends first
+        """Issues a ticket with which a page may read, and only read, until `now` (s, monotonic) + TICKET_LIFETIME_S."""
+        while self._tickets:  # in order of issue, and so of expiry
             oldest = next(iter(self._tickets))
-            if self._tickets[oldest][0] >= now and len(self._tickets) < MOST_TICKETS:
+            if self._tickets[oldest][0] >= now and len(self._tickets) < MAX_TICKETS:
                 break
             del self._tickets[oldest]
         ticket = secrets.token_urlsafe(32)
-        self._tickets[ticket] = (now + TICKET_S, Caller(caller.name, Role.VIEWER))
+        self._tickets[ticket] = (now + TICKET_LIFETIME_S, Caller(caller.name, Role.VIEWER))
         return ticket
 
     def holder(self, ticket: str, now: float) -> Caller | None:
-        """Who holds a ticket that is still good at `now` (s, monotonic), if its key is."""
+        """The holder of a ticket valid at `now` (s, monotonic) whose key is valid too, else None."""
         until, caller = self._tickets.get(ticket, (0.0, None))
         if caller is None or until < now or (self.required and caller.name not in {key.name for key in self._keys}):
             return None
         return caller
 
     def _watch(self) -> None:
-        while not self._ending.wait(LOOK_AGAIN_S):
+        while not self._stopping.wait(POLL_S):
             stamp = self._stamp()
-            if stamp != self._seen:
-                self._seen = stamp
-                self._take_over()
+            if stamp != self._loaded_stamp:
+                self._loaded_stamp = stamp
+                self._reload()
 
-    def _take_over(self) -> None:
+    def _reload(self) -> None:
         try:
             content = read(self._path)
         except RigError as error:
@@ -202,7 +209,7 @@ class KeyRing:
 
     def _stamp(self) -> tuple[int, int, int] | None:
         try:
-            found = self._path.stat()
+            status = self._path.stat()
         except OSError:
             return None
-        return found.st_mtime_ns, found.st_ino, found.st_size
+        return status.st_mtime_ns, status.st_ino, status.st_size

@@ -1,8 +1,8 @@
-"""The service's log: a line for people or a JSON object for machines, with the session that each entry belongs to.
+"""Configuration of logging, as text for people or JSON for machines, and the log of requests.
 
-The code logs by the standard library; here it is only decided what an entry looks like. The session is context: who
-works for one binds `session_id`, and every entry made meanwhile carries it, in whichever module. An address is logged
-as it was sent, percent-encoded, so that no request can write lines of its own.
+The code logs through the standard library; only the format is decided here. The session is context: work for one binds
+`session_id`, and every entry made meanwhile carries it, in whichever module. An address is logged as it was sent,
+percent-encoded, so that no request can forge log lines.
 """
 
 import logging
@@ -16,16 +16,17 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from structlog.contextvars import bound_contextvars, merge_contextvars
 from structlog.typing import Processor
 
-LogForm = Literal["text", "json"]
+LogFormat = Literal["text", "json"]
 
 _log = logging.getLogger(__name__)
 _SESSION = re.compile(rb"^/v1/sessions/([0-9A-Za-z-]{1,80})(?:/|$)")
-LONGEST_ADDRESS = 200
+MAX_ADDRESS_LENGTH = 200
+"""Characters of an address that are logged."""
 
 
-def configure(form: LogForm) -> None:
-    """Makes this process log to its standard error in that form, from INFO upwards."""
-    known: list[Processor] = [
+def configure(log_format: LogFormat) -> None:
+    """Configures this process to log to its standard error in a format, from INFO upwards."""
+    common: list[Processor] = [
         merge_contextvars,
         structlog.stdlib.add_log_level,
         structlog.stdlib.add_logger_name,
@@ -34,20 +35,20 @@ def configure(form: LogForm) -> None:
     ]
     last: list[Processor] = (
         [structlog.processors.format_exc_info, structlog.processors.JSONRenderer(ensure_ascii=False)]
-        if form == "json"
+        if log_format == "json"
         else [structlog.dev.ConsoleRenderer(colors=False, pad_event_to=0)]
     )
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(
         structlog.stdlib.ProcessorFormatter(
-            foreign_pre_chain=known, processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *last]
+            foreign_pre_chain=common, processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *last]
         )
     )
     logging.basicConfig(level=logging.INFO, handlers=[handler], force=True)
 
 
-class RequestLog:
-    """ASGI middleware: says who asked for what and what was answered; quiet about reading that succeeds."""
+class RequestLogMiddleware:
+    """ASGI middleware that logs caller, address and status of each request; successful reads at DEBUG."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -57,9 +58,9 @@ class RequestLog:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        begun, status = time.monotonic(), 500
+        started, status = time.monotonic(), 500
 
-        async def noting(message: Message) -> None:
+        async def record_status(message: Message) -> None:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
@@ -68,7 +69,7 @@ class RequestLog:
         named = _SESSION.match(scope["raw_path"])
         with bound_contextvars(**({"session_id": named[1].decode()} if named else {})):
             try:
-                await self._app(scope, receive, noting)
+                await self._app(scope, receive, record_status)
             finally:
                 quiet = scope["method"] in ("GET", "HEAD") and status < 400
                 _log.log(
@@ -76,10 +77,10 @@ class RequestLog:
                     "request",
                     extra={
                         "method": scope["method"],
-                        "path": scope["raw_path"][:LONGEST_ADDRESS].decode("ascii", "replace"),
+                        "path": scope["raw_path"][:MAX_ADDRESS_LENGTH].decode("ascii", "replace"),
                         "status": status,
                         "by": str(getattr(scope.get("state", {}).get("caller"), "name", "nobody")),
                         "host": scope["client"][0] if scope.get("client") else "local",
-                        "ms": round(1e3 * (time.monotonic() - begun), 1),
+                        "ms": round(1e3 * (time.monotonic() - started), 1),
                     },
                 )

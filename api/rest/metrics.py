@@ -1,4 +1,4 @@
-"""What Prometheus asks: read off journal and rig status at each scrape, so that a restart forgets nothing."""
+"""Prometheus metrics, computed from journal and rig status at each scrape, so that a restart loses none."""
 
 import math
 from collections.abc import Iterator
@@ -11,8 +11,8 @@ from prometheus_client.registry import Collector
 
 from acquisition.devices.ur.arm import UrArm
 from acquisition.session import State
-from api.rest.camera_view import View
-from api.rest.context import ServiceOf
+from api.rest.camera_preview import CameraPreview
+from api.rest.dependencies import ServiceOf
 from api.rest.events import EventFeed
 from api.rest.wiring import Service
 
@@ -23,20 +23,20 @@ router = APIRouter(tags=["health"])
     "/metrics", response_class=Response, responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}}
 )
 def metrics(service: ServiceOf, request: Request) -> Response:
-    """The service's figures in Prometheus' text format."""
+    """The service's metrics in Prometheus' text format."""
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(_Figures(service, request.app.state.feed, request.app.state.view))
+    registry.register(_RigCollector(service, request.app.state.feed, request.app.state.camera_preview))
     return Response(generate_latest(registry), headers={"Content-Type": CONTENT_TYPE_LATEST})
 
 
-class _Figures(Collector):
-    def __init__(self, service: Service, feed: EventFeed, view: View) -> None:
+class _RigCollector(Collector):
+    def __init__(self, service: Service, feed: EventFeed, preview: CameraPreview) -> None:
         self._service = service
         self._feed = feed
-        self._view = view
+        self._preview = preview
 
     def collect(self) -> Iterator[Metric]:
-        """All figures of this moment."""
+        """All metrics at this moment."""
         status, counts = self._service.runner.status(), self._service.store.journal.counts()
         yield InfoMetricFamily("lightpose_cell", "The cell", {"name": status.cell, "arm_model": status.arm_model})
         sessions = GaugeMetricFamily("lightpose_sessions", "Sessions by state", labels=["state"])
@@ -46,7 +46,9 @@ class _Figures(Collector):
         yield CounterMetricFamily("lightpose_events", "Events ever entered", value=counts.events)
         yield GaugeMetricFamily("lightpose_shots", "Images in the data folder's journal", value=counts.shots)
         yield GaugeMetricFamily("lightpose_event_listeners", "Clients that follow events", value=self._feed.listeners)
-        yield GaugeMetricFamily("lightpose_preview_viewers", "Clients that watch the camera", value=self._view.viewers)
+        yield GaugeMetricFamily(
+            "lightpose_preview_viewers", "Clients that watch the camera", value=self._preview.viewers
+        )
         yield GaugeMetricFamily("lightpose_arm_connected", "The arm answers", value=status.reading.connected)
         yield GaugeMetricFamily("lightpose_camera_ready", "The camera answers", value=status.camera_ready)
         yield GaugeMetricFamily("lightpose_may_start", "A session may start", value=status.may_start)
@@ -60,12 +62,12 @@ class _Figures(Collector):
         arm = self._service.rig.arm
         late = sorted(arm.lateness_s) if isinstance(arm, UrArm) else []
         if late:
-            figures = GaugeMetricFamily(
+            quantiles = GaugeMetricFamily(
                 "lightpose_lease_lateness_seconds",
                 "How late the lease was renewed while the arm moved; a lease older than 0.2 s stops the arm",
                 labels=["quantile"],
             )
             for quantile in (0.5, 0.99, 1.0):
-                figures.add_metric([str(quantile)], late[math.ceil(quantile * len(late)) - 1])
-            yield figures
+                quantiles.add_metric([str(quantile)], late[math.ceil(quantile * len(late)) - 1])
+            yield quantiles
             yield GaugeMetricFamily("lightpose_lease_renewals", "How many renewals these are of", value=len(late))

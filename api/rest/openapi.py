@@ -7,7 +7,7 @@ from api.rest.app import description
 
 
 def text() -> str:
-    """The description as it is committed."""
+    """The OpenAPI description as it is committed in `api/openapi.json`."""
     return json.dumps(description(), indent=2, ensure_ascii=False) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""Lists in parts: `?limit=&after=`, and the address of the next part in the answer."""
+"""Paging of lists by `?limit=&after=`, with the address of the next page in the answer."""
 
 from collections.abc import Sequence
 from typing import Annotated, Any, TypeVar
@@ -9,12 +9,12 @@ from api.rest.schemas import Page
 
 ItemT = TypeVar("ItemT")
 
-Limit = Annotated[int, Query(ge=1, le=200, description="The most items of one answer")]
-Seen = Annotated[int, Query(ge=0, le=2**62, description="How many items have been seen; `next` says it")]
+Limit = Annotated[int, Query(ge=1, le=200, description="Most items of one page")]
+Offset = Annotated[int, Query(ge=0, le=2**62, description="Number of items to skip; `next` holds it")]
 
 
 def page(request: Request, items: Sequence[ItemT], limit: int, after: int) -> Page[ItemT]:
-    """The items of a whole list past the first `after`, at most `limit`."""
+    """One page of a list: at most `limit` items, after the first `after` of them."""
     end = after + limit
     more = f"{request.url.path}?limit={limit}&after={end}" if end < len(items) else None
     return Page[Any](items=list(items[after:end]), next=more)

@@ -1,7 +1,8 @@
-"""Every error as `application/problem+json` (RFC 9457), made from the one table of codes.
+"""Problem objects (`application/problem+json`, RFC 9457) for every error, from the one table of codes.
 
-The problem's `type` is the address of a page of this service that says what the code means, so that a client can switch
-on `code` and a person can follow the link; nothing of an unexpected exception is shown, it is in the log.
+The `type` of a problem is the address of a page of this service that explains the code, so that a client can switch on
+`code` and a person can follow the link. An unexpected exception is logged with its traceback and answered without any
+of it, because a traceback may hold what the caller must not see.
 """
 
 import logging
@@ -20,11 +21,11 @@ from api.rest.schemas import FieldError, Problem, ProblemPage
 
 MEDIA_TYPE = "application/problem+json"
 
-LONGEST_INSTANCE = 300
-"""Of an address that was asked for, no more is said back."""
+MAX_INSTANCE_LENGTH = 300
+"""Characters of the requested address that a problem repeats."""
 
 _log = logging.getLogger(__name__)
-_OF_STATUS = {
+_CODE_OF_STATUS = {
     404: ErrorCode.REQUEST_NOT_FOUND,
     405: ErrorCode.REQUEST_METHOD_NOT_ALLOWED,
     413: ErrorCode.REQUEST_TOO_LARGE,
@@ -39,8 +40,8 @@ def response(
     instance: str | None = None,
     headers: Mapping[str, str] | None = None,
 ) -> JSONResponse:
-    """The problem as an HTTP response."""
-    problem = Problem.of(code, detail, context, instance and instance[:LONGEST_INSTANCE])
+    """Builds the HTTP response of a problem: its status, its media type, the problem object as the body."""
+    problem = Problem.of(code, detail, context, instance and instance[:MAX_INSTANCE_LENGTH])
     return JSONResponse(
         problem.model_dump(mode="json"), status_code=problem.status, media_type=MEDIA_TYPE, headers=headers
     )
@@ -51,21 +52,28 @@ def _declaration(description: str) -> dict[str, Any]:
     return {"description": description, "content": {MEDIA_TYPE: {"schema": schema}}}
 
 
-def declared(*codes: ErrorCode) -> dict[int | str, dict[str, Any]]:
-    """What a route declares in OpenAPI: the problems it is known for, by status."""
+def responses_of(*codes: ErrorCode) -> dict[int | str, dict[str, Any]]:
+    """OpenAPI responses of the problems that a route is known for, by HTTP status."""
     by_status: dict[int | str, list[ErrorCode]] = {}
     for code in codes:
         by_status.setdefault(PROBLEMS[code].status, []).append(code)
-    return {status: _declaration(" or ".join(f"`{code}`" for code in found)) for status, found in by_status.items()}
+    return {status: _declaration(" or ".join(f"`{code}`" for code in codes)) for status, codes in by_status.items()}
 
 
-def declared_for_all() -> dict[int | str, dict[str, Any]]:
-    """What every route declares: any other problem has the same shape."""
+def default_response() -> dict[int | str, dict[str, Any]]:
+    """OpenAPI response of every route: any other problem has the same schema."""
     return {"default": _declaration("any other problem; `code` says which")}
 
 
+BODY_CODES = (ErrorCode.REQUEST_INVALID, ErrorCode.REQUEST_TOO_LARGE, ErrorCode.REQUEST_MEDIA_TYPE)
+"""Problems of every route that has a body."""
+
+NOT_FOUND = responses_of(ErrorCode.SESSION_NOT_FOUND, ErrorCode.REQUEST_NOT_FOUND)
+"""Responses of a route about a part of a session."""
+
+
 def install(app: FastAPI) -> None:
-    """Makes the app answer every error as a problem object."""
+    """Registers the exception handlers that answer every error as a problem object."""
     app.add_exception_handler(RigError, _rig_error)
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(HTTPException, _http_error)
@@ -78,10 +86,10 @@ router = APIRouter(tags=["problems"])
 @router.get(
     "/problems/{code}",
     response_model=ProblemPage,
-    responses={200: {"content": {"text/html": {}}}, **declared(ErrorCode.REQUEST_NOT_FOUND)},
+    responses={200: {"content": {"text/html": {}}}, **responses_of(ErrorCode.REQUEST_NOT_FOUND)},
 )
 async def problem_page(request: Request, code: Annotated[str, Path(max_length=80)]) -> Response:
-    """What a problem code means and what to do: a page for a browser, JSON for a program."""
+    """The meaning and the remedy of a problem code: a page for a browser, JSON for a program."""
     known = next((item for item in ErrorCode if item == code), None)
     if known is None:
         raise RigError(ErrorCode.REQUEST_NOT_FOUND, "There is no such problem code", known=list(ErrorCode))
@@ -116,7 +124,7 @@ async def _invalid(request: Request, error: Exception) -> Response:
 
 async def _http_error(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)  # noqa: S101 - registered for this type
-    code = _OF_STATUS.get(error.status_code)
+    code = _CODE_OF_STATUS.get(error.status_code)
     if code is None:
         code = ErrorCode.REQUEST_INVALID if error.status_code < 500 else ErrorCode.SERVICE_FAULT
     detail = f"{request.method} {request.url.path[:200]}: {error.detail}"
@@ -125,9 +133,9 @@ async def _http_error(request: Request, error: Exception) -> Response:
 
 async def _fault(request: Request, error: Exception) -> Response:
     # The server logs the exception with its trace after this answer is sent.
-    return response(ErrorCode.SERVICE_FAULT, "An unexpected fault; its trace is in the log", None, request.url.path)
+    return response(ErrorCode.SERVICE_FAULT, "An unexpected error; its traceback is in the log", None, request.url.path)
 
 
 def _field(location: Sequence[str | int]) -> str:
-    """The name that the caller used: the part of the request is left out where a field follows it."""
+    """The dotted name of a field as the caller wrote it, without the part of the request (body, query) before it."""
     return ".".join(str(part) for part in (location[1:] if len(location) > 1 else location))

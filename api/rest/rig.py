@@ -1,7 +1,7 @@
-"""The rig over HTTP: who is there, may a session start, stop everything, "I looked, it is clear".
+"""Routes of the rig: health, status, stop, safety acknowledgement and recovery, parking, reach.
 
-Stop is `async def`: it uses no thread, no database and no lock before the devices are told to halt, so that it works
-however busy or stuck the rest of the service is.
+Stop is `async def`: it uses no thread, no database and no lock before the devices are commanded to halt, so that it
+works however busy or blocked the rest of the service is.
 """
 
 import time
@@ -18,7 +18,7 @@ from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
 from acquisition.runner.safety_monitor import Latch
 from acquisition.runner.status import RigStatus
 from api.rest import problems
-from api.rest.context import Actor, ServiceOf
+from api.rest.dependencies import Actor, ServiceOf
 from api.rest.schemas import (
     Accepted,
     ArmResource,
@@ -30,7 +30,7 @@ from api.rest.schemas import (
     RecoveryRequest,
     RigResource,
     SafetyResource,
-    moment,
+    as_datetime,
 )
 
 router = APIRouter()
@@ -54,9 +54,9 @@ async def live() -> Health:
     return Health()
 
 
-@router.get("/health/ready", tags=["health"], responses=problems.declared(ErrorCode.RIG_NOT_READY))
+@router.get("/health/ready", tags=["health"], responses=problems.responses_of(ErrorCode.RIG_NOT_READY))
 def ready(service: ServiceOf) -> Health:
-    """The devices answer; 503 says which does not. (Whether a session may start stands in `GET /v1/rig`.)"""
+    """The devices answer; 503 names one that does not. (`GET /v1/rig` says whether a session may start.)"""
     status = service.runner.status()
     if not status.camera_ready or not status.reading.connected:
         reasons = [reason.model_dump(mode="json") for reason in _reasons(status.reasons)]
@@ -67,28 +67,28 @@ def ready(service: ServiceOf) -> Health:
 
 @router.get("/v1/rig", tags=["rig"])
 def rig(service: ServiceOf) -> RigResource:
-    """Who is there, who holds the rig, and whether a session may start, with the reasons why not."""
+    """Status of the devices, the session that holds the rig, and whether another may start, with the reasons if not."""
     return _resource(service.runner.status())
 
 
 @router.post("/v1/rig/stop", tags=["rig"], status_code=202)
 async def stop(service: ServiceOf, actor: Actor) -> Accepted:
-    """Halts whatever moves and puts the lamp out, at once; the session that holds the rig is stopped."""
+    """Halts all motion and switches the lamp off, at once; the session that holds the rig is stopped."""
     service.runner.halt(actor)
     return Accepted(links={"rig": RIG_LINKS["self"], "events": RIG_LINKS["events"]})
 
 
 @router.get("/v1/rig/safety", tags=["rig"])
 def safety(service: ServiceOf) -> SafetyResource:
-    """The faults that nobody has acknowledged yet."""
+    """The unacknowledged safety faults."""
     return _safety(service.runner.status().latched)
 
 
 @router.post(
-    "/v1/rig/safety/acknowledgement", tags=["rig"], responses=problems.declared(ErrorCode.SAFETY_STILL_FAULTED)
+    "/v1/rig/safety/acknowledgement", tags=["rig"], responses=problems.responses_of(ErrorCode.SAFETY_STILL_FAULTED)
 )
 def acknowledge(service: ServiceOf, actor: Actor) -> SafetyResource:
-    """A person has looked at the cell and finds it clear; sessions may start or resume again."""
+    """Acknowledges the faults: a person has inspected the cell and finds it clear; sessions may start again."""
     service.runner.acknowledge(actor)
     return _safety(service.runner.status().latched)
 
@@ -97,13 +97,11 @@ def acknowledge(service: ServiceOf, actor: Actor) -> SafetyResource:
     "/v1/rig/safety/recovery",
     tags=["rig"],
     status_code=202,
-    responses=problems.declared(
+    responses=problems.responses_of(
         ErrorCode.SAFETY_RECOVERY_FORBIDDEN,
         ErrorCode.SAFETY_NOT_ACKNOWLEDGED,
         ErrorCode.SAFETY_RECOVERY_REFUSED,
-        ErrorCode.REQUEST_INVALID,
-        ErrorCode.REQUEST_TOO_LARGE,
-        ErrorCode.REQUEST_MEDIA_TYPE,
+        *problems.BODY_CODES,
         ErrorCode.RIG_NOT_READY,
         ErrorCode.ARM_UNREACHABLE,
     ),
@@ -111,8 +109,8 @@ def acknowledge(service: ServiceOf, actor: Actor) -> SafetyResource:
 async def recover(service: ServiceOf, actor: Actor, request: RecoveryRequest) -> Accepted:
     """Unlocks a protective stop, powers the arm on or releases its brakes; the arm itself stays where it is.
 
-    Off unless the cell file allows it, and only for the operator who has just acknowledged (which may have been refused
-    because the stop still stands). The latch stays until the cell is acknowledged again.
+    Disabled unless the cell file allows it, and only for the operator who has just acknowledged (which may have been
+    refused because the stop persists). The latch stays until the cell is acknowledged again.
     """
     await anyio.to_thread.run_sync(service.runner.recover, request.step, actor, limiter=service.limits.start)
     return Accepted(links={"safety": RIG_LINKS["safety"], "rig": RIG_LINKS["self"]})
@@ -122,7 +120,7 @@ async def recover(service: ServiceOf, actor: Actor, request: RecoveryRequest) ->
     "/v1/rig/park",
     tags=["rig"],
     status_code=202,
-    responses=problems.declared(
+    responses=problems.responses_of(
         ErrorCode.RIG_BUSY,
         ErrorCode.RIG_NOT_READY,
         ErrorCode.SAFETY_NOT_ACKNOWLEDGED,
@@ -138,9 +136,9 @@ async def recover(service: ServiceOf, actor: Actor, request: RecoveryRequest) ->
     ),
 )
 async def park(service: ServiceOf, actor: Actor) -> Accepted:
-    """Brings the arm home from wherever it stands, on a certified way; where there is none, a person must move it.
+    """Moves the arm home from its present position on a certified path; without one, a person must move it.
 
-    No session may hold the rig. The event `rig.parked` tells how it ended; `POST /v1/rig/stop` stops it.
+    No session may hold the rig. The event `rig.parked` reports the outcome; `POST /v1/rig/stop` stops it.
     """
     await anyio.to_thread.run_sync(service.runner.park, actor, limiter=service.limits.start)
     return Accepted(links={"rig": RIG_LINKS["self"], "stop": RIG_LINKS["stop"], "events": RIG_LINKS["events"]})
@@ -152,11 +150,11 @@ async def park(service: ServiceOf, actor: Actor) -> Accepted:
     response_class=Response,
     responses={
         200: {"description": "A ReachMap", "content": {"application/json": {"schema": {"type": "object"}}}},
-        **problems.declared(ErrorCode.RIG_BUSY, ErrorCode.RIG_NOT_READY),
+        **problems.responses_of(ErrorCode.RIG_BUSY, ErrorCode.RIG_NOT_READY),
     },
 )
 async def reach(service: ServiceOf) -> Response:
-    """Which light positions the arm can serve, and why not the others; made once for a cell, which takes a while."""
+    """Which light positions the arm can reach, and why not the others; computed once for a cell, in a minute or so."""
     content = await anyio.to_thread.run_sync(service.runner.reach, limiter=service.limits.reach)
     return Response(content, media_type="application/json")
 
@@ -198,8 +196,8 @@ def _resource(status: RigStatus) -> RigResource:
     )
 
 
-def _reasons(found: Iterable[Mapping[str, Any]]) -> list[Reason]:
-    return [Reason(code=ErrorCode(item["code"]), detail=item["detail"], remedy=item["remedy"]) for item in found]
+def _reasons(reasons: Iterable[Mapping[str, Any]]) -> list[Reason]:
+    return [Reason(code=ErrorCode(item["code"]), detail=item["detail"], remedy=item["remedy"]) for item in reasons]
 
 
 def _safety(latch: Latch | None) -> SafetyResource:
@@ -215,4 +213,4 @@ def _faults(latch: Latch | None) -> list[Fault]:
     if latch is None:
         return []
     remedy = PROBLEMS[latch.code].remedy
-    return [Fault(code=latch.code, detail=latch.detail, remedy=remedy, since=moment(latch.since))]
+    return [Fault(code=latch.code, detail=latch.detail, remedy=remedy, since=as_datetime(latch.since))]

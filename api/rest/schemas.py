@@ -1,6 +1,7 @@
-"""What crosses HTTP besides the values of `acquisition.types`: resources, links, lists and problems.
+"""Schemas of requests and responses besides the values of `acquisition.models`: resources, pages and problems.
 
-Resources are read off the journal and the runner for each request; nothing here is stored. Times are ISO 8601 in UTC.
+Resources are built from the journal and the runner for each request; none of them is stored, so that a schema can
+change without a migration. Times are ISO 8601 in UTC.
 """
 
 from collections.abc import Mapping
@@ -23,13 +24,13 @@ Links = dict[str, str]
 
 
 class Resource(BaseModel):
-    """Base of what the service answers; clients ignore fields that they do not know."""
+    """Base of all responses; clients ignore fields that they do not know."""
 
     model_config = ConfigDict(frozen=True)
 
 
 class Page(Resource, Generic[ItemT]):
-    """A part of a list, and the address of the next part."""
+    """One page of a list, and the address of the next."""
 
     items: list[ItemT]
     next: str | None = Field(default=None, description="Address of the next page; null at the end")
@@ -46,7 +47,7 @@ class FieldError(Resource):
 
 
 class Problem(Resource):
-    """What went wrong and what to do (RFC 9457); some codes add facts, such as `allowed`, `holder` or `errors`."""
+    """Problem object (RFC 9457): what went wrong and what to do; some codes add `allowed`, `holder` or `errors`."""
 
     model_config = ConfigDict(frozen=True, extra="allow")
 
@@ -77,7 +78,7 @@ class Problem(Resource):
 
 
 class ProblemPage(Resource):
-    """What a code means."""
+    """Meaning and remedy of a code."""
 
     code: ErrorCode
     status: int
@@ -89,7 +90,7 @@ class ProblemPage(Resource):
 
 
 class TicketResource(Resource):
-    """A short-lived right to look, for addresses that a browser opens by itself."""
+    """A short-lived permission to read, for addresses that a browser opens by itself."""
 
     ticket: str
     good_until: datetime
@@ -116,7 +117,7 @@ class Fault(Resource):
 
 
 class ArmResource(Resource):
-    """Who answered at the arm's address."""
+    """Identity of the arm's controller."""
 
     model: str
     serial: str
@@ -137,7 +138,7 @@ class ReadingResource(Resource):
 
 
 class CalibrationResource(Resource):
-    """How old the calibration is."""
+    """Age and validity of the calibration."""
 
     made_at: str
     valid_until: str
@@ -145,13 +146,13 @@ class CalibrationResource(Resource):
 
 
 class RigResource(Resource):
-    """The rig: who is there, and whether a session may start."""
+    """The rig: its devices, and whether a session may start."""
 
     cell: str
     fingerprint: str = Field(description="SHA-256 of the cell file's values")
     arm_model: str
     arm_address: str
-    arm: ArmResource | None = Field(description="Who answered at that address")
+    arm: ArmResource | None = Field(description="Identity of the controller at that address")
     connected: bool
     camera_ready: bool
     reading: ReadingResource | None
@@ -164,7 +165,7 @@ class RigResource(Resource):
 
 
 class SafetyResource(Resource):
-    """The latch: faults stay until a person says that the cell is clear."""
+    """The latched faults: they stay until a person acknowledges that the cell is clear."""
 
     clear: bool
     faults: list[Fault]
@@ -178,7 +179,7 @@ class Health(Resource):
 
 
 class Accepted(Resource):
-    """The request was taken; follow the link for what comes of it."""
+    """The request was accepted; the links lead to its outcome."""
 
     links: Links
 
@@ -187,20 +188,20 @@ class Accepted(Resource):
 
 
 class ActionRequest(BaseModel):
-    """What a person asks of a session."""
+    """An action requested of a session."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     action: Literal["start", "pause", "resume", "stop"]
     from_here: bool = Field(
         default=False,
-        description="With `resume`: a person has looked and lets the arm go on from where it stands, although it is "
-        "not where the session left it",
+        description="With `resume`: a person has inspected the cell and allows the arm to continue from its present "
+        "position, although it is not where the session left it",
     )
 
 
 class OwnLights(BaseModel):
-    """A person's own lights in the place of a plan."""
+    """A person's own lights, which replace those of a plan."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -220,7 +221,7 @@ class DryRunResource(Resource):
 
 
 class RecoveryRequest(BaseModel):
-    """One step out of a stop."""
+    """One step of recovery from a stop."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -228,7 +229,7 @@ class RecoveryRequest(BaseModel):
 
 
 class ActionResource(Resource):
-    """Who asked for what, and what came of it: the state that followed, or `refused`."""
+    """An action, its actor and its outcome: the state that followed, or `refused`."""
 
     action: str
     actor: str
@@ -237,7 +238,7 @@ class ActionResource(Resource):
 
 
 class ActionAccepted(Resource):
-    """The action was taken."""
+    """The action was accepted."""
 
     state: State
     links: Links
@@ -266,13 +267,13 @@ class ResultResource(Resource):
     summary: ResultSummary
     artefacts: list[ArtefactResource]
     exports: dict[str, str] = Field(
-        default_factory=dict[str, str], description="Addresses of files that are made when they are first fetched"
+        default_factory=dict[str, str], description="Addresses of files that are made on their first request"
     )
     links: Links
 
 
 class ResolveRequest(BaseModel):
-    """How a session is to be solved again."""
+    """Settings and images of a re-solve."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -283,7 +284,7 @@ class ResolveRequest(BaseModel):
 
 
 class ResolveAccepted(Resource):
-    """A solve was accepted; its result will have this number."""
+    """A re-solve was accepted; its result will have this number."""
 
     number: int
     links: Links
@@ -298,7 +299,7 @@ class AnswerChoice(BaseModel):
 
 
 class SessionResource(Resource):
-    """A session: what was asked, how far it is, what may be done."""
+    """A session: its recipe, its progress, its allowed actions."""
 
     id: str
     number: int
@@ -309,7 +310,7 @@ class SessionResource(Resource):
     seconds_left: float | None
     reason: Problem | None = Field(description="Why the session is in this state, when something went wrong")
     conclusion: str | None = Field(
-        default=None, description="Why no more lights are taken, where an accuracy was ordered and this is decided"
+        default=None, description="With an ordered accuracy: why no more lights are added, once this is decided"
     )
     allowed_actions: list[str]
     recipe: Recipe
@@ -331,7 +332,7 @@ class ShotResource(Resource):
 
 
 class PassSummary(Resource):
-    """One pass in short."""
+    """Summary of a pass."""
 
     number: int
     method: str
@@ -342,25 +343,25 @@ class PassSummary(Resource):
 
 
 class PassResource(Resource):
-    """One pass: its lights, the way through them, its images."""
+    """One pass: its lights, the path through them, its images."""
 
     number: int
     plan: LightPlan
     route: Route | None
     shots: list[ShotResource]
-    gain_pictures: list[str] = Field(description="For each planned light, the address of the picture of what it gains")
+    gain_pictures: list[str] = Field(description="For each planned light, the address of its gain map")
     links: Links
 
 
 class RegionResource(Resource):
-    """The region of interest that was taken."""
+    """The region of interest that was set."""
 
     pixels: int
     links: Links
 
 
 class EventResource(Resource):
-    """One thing that happened; `id` rises without end and names the place to read on from."""
+    """One event; `id` increases for ever, and a listener resumes after the last id that it has received."""
 
     id: int
     session_id: str | None
@@ -369,6 +370,6 @@ class EventResource(Resource):
     body: dict[str, Any]
 
 
-def moment(seconds: float) -> datetime:
-    """A time of the journal (seconds since 1970, UTC) as ISO 8601."""
+def as_datetime(seconds: float) -> datetime:
+    """Converts a time of the journal (seconds since 1970, UTC)."""
     return datetime.fromtimestamp(seconds, UTC)

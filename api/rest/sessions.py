@@ -1,8 +1,8 @@
-"""Sessions over HTTP: create, act, follow, fetch what was made.
+"""Routes of sessions: create, list, delete, actions, passes and images.
 
-A resource is read off the journal for each request. Creating moves nothing; only an action does, and start and resume
-may wait for devices, so actions have threads of their own: however many callers wait for a dead device, reading goes
-on, and a stop has threads that nothing else may take.
+A resource is built from the journal for each request. Creating moves nothing; only an action does, and start and resume
+may wait for devices, so actions have thread limits of their own: however many callers wait for a dead device, reading
+continues, and a stop has threads that no other request may occupy.
 """
 
 import json
@@ -21,10 +21,10 @@ from acquisition.models.route import Route
 from acquisition.models.shot import Shot
 from acquisition.session import Trigger
 from acquisition.store import Action, SessionRow
-from api.rest import preview, problems, results, stored
-from api.rest.context import Actor, CallerOf, Number, ServiceOf, SessionId
+from api.rest import image_encoding, problems, results, stored_files
+from api.rest.dependencies import Actor, CallerOf, Number, ServiceOf, SessionId
 from api.rest.keys import Caller, Role
-from api.rest.paging import Limit, Seen, page
+from api.rest.paging import Limit, Offset, page
 from api.rest.schemas import (
     ActionAccepted,
     ActionRequest,
@@ -35,19 +35,17 @@ from api.rest.schemas import (
     Problem,
     SessionResource,
     ShotResource,
-    moment,
+    as_datetime,
 )
 from api.rest.wiring import Service
 
 router = APIRouter(tags=["sessions"])
 
-_ACTORS = {
+_ACTOR_OF_ROLE = {
     Role.VIEWER: session.Actor.VIEWER,
     Role.OPERATOR: session.Actor.OPERATOR,
     Role.ADMIN: session.Actor.OPERATOR,
 }
-
-_NOT_FOUND = problems.declared(ErrorCode.SESSION_NOT_FOUND, ErrorCode.REQUEST_NOT_FOUND)
 
 
 # ------------------------------------------------------------------------------------------------------------ sessions
@@ -58,10 +56,8 @@ _NOT_FOUND = problems.declared(ErrorCode.SESSION_NOT_FOUND, ErrorCode.REQUEST_NO
     status_code=201,
     responses={
         200: {"model": SessionResource, "description": "The session that this Idempotency-Key made before"},
-        **problems.declared(
-            ErrorCode.REQUEST_INVALID,
-            ErrorCode.REQUEST_TOO_LARGE,
-            ErrorCode.REQUEST_MEDIA_TYPE,
+        **problems.responses_of(
+            *problems.BODY_CODES,
             ErrorCode.STORE_DISK_FULL,
         ),
     },
@@ -70,22 +66,24 @@ def create(
     service: ServiceOf,
     response: Response,
     caller: CallerOf,
-    recipe: Annotated[Recipe, Body(description="`{}` is a good session")] = Recipe(),  # noqa: B008 - frozen
+    recipe: Annotated[Recipe, Body(description="`{}`: the default session")] = Recipe(),  # noqa: B008 - frozen
     idempotency_key: Annotated[str | None, Header(min_length=1, max_length=200)] = None,
 ) -> SessionResource:
-    """Creates a session from a recipe; nothing moves. The same Idempotency-Key never makes a second one."""
+    """Creates a session from a recipe; nothing moves. The same Idempotency-Key never creates a second one."""
     row, new = service.runner.create(recipe, idempotency_key)
     response.status_code = 201 if new else 200
     response.headers["Location"] = f"/v1/sessions/{row.id}"
     return _resource(service, row, caller)
 
 
-@router.get("/v1/sessions", responses=problems.declared(ErrorCode.REQUEST_INVALID))
+@router.get("/v1/sessions", responses=problems.responses_of(ErrorCode.REQUEST_INVALID))
 def sessions(
     service: ServiceOf,
     caller: CallerOf,
     limit: Limit = 20,
-    after: Annotated[int | None, Query(ge=1, le=2**62, description="The number of the last session seen")] = None,
+    after: Annotated[
+        int | None, Query(ge=1, le=2**62, description="Number of the last session of the page before")
+    ] = None,
 ) -> Page[SessionResource]:
     """Sessions, newest first."""
     rows = service.store.journal.sessions(limit + 1, after)
@@ -93,19 +91,19 @@ def sessions(
     return Page[SessionResource](items=[_resource(service, row, caller) for row in rows[:limit]], next=more)
 
 
-@router.get("/v1/sessions/{session_id}", responses=_NOT_FOUND)
+@router.get("/v1/sessions/{session_id}", responses=problems.NOT_FOUND)
 def read(service: ServiceOf, session_id: SessionId, caller: CallerOf) -> SessionResource:
-    """One session: state, progress, what may be done, the answer."""
+    """One session: state, progress, allowed actions, answer."""
     return _resource(service, service.store.journal.session(session_id), caller)
 
 
 @router.delete(
     "/v1/sessions/{session_id}",
     status_code=204,
-    responses={**_NOT_FOUND, **problems.declared(ErrorCode.SESSION_ACTION_NOT_ALLOWED)},
+    responses={**problems.NOT_FOUND, **problems.responses_of(ErrorCode.SESSION_ACTION_NOT_ALLOWED)},
 )
 def delete(service: ServiceOf, session_id: SessionId) -> None:
-    """Removes a session that does not hold the rig, with all its files."""
+    """Deletes a session that does not hold the rig, with all its files."""
     folder = service.store.folder(session_id)
     service.store.journal.delete_session(session_id)
     if folder.exists():
@@ -119,8 +117,8 @@ def delete(service: ServiceOf, session_id: SessionId) -> None:
     "/v1/sessions/{session_id}/actions",
     status_code=202,
     responses={
-        **_NOT_FOUND,
-        **problems.declared(
+        **problems.NOT_FOUND,
+        **problems.responses_of(
             ErrorCode.SESSION_ACTION_NOT_ALLOWED,
             ErrorCode.RIG_BUSY,
             ErrorCode.RIG_CHANGED,
@@ -148,15 +146,15 @@ async def act(service: ServiceOf, session_id: SessionId, request: ActionRequest,
     return ActionAccepted(state=state, links={"session": f"/v1/sessions/{session_id}"})
 
 
-@router.get("/v1/sessions/{session_id}/actions", responses=_NOT_FOUND)
+@router.get("/v1/sessions/{session_id}/actions", responses=problems.NOT_FOUND)
 def actions(
     service: ServiceOf,
     request: Request,
     session_id: SessionId,
     limit: Limit = 100,
-    after: Seen = 0,
+    after: Offset = 0,
 ) -> Page[ActionResource]:
-    """Who asked for what, oldest first; what the service did of itself is there too."""
+    """The actions and their actors, oldest first, including those of the service itself."""
     service.store.journal.session(session_id)
     items = [_action(item) for item in service.store.journal.actions(session_id)]
     return page(request, items, limit, after)
@@ -165,9 +163,9 @@ def actions(
 # -------------------------------------------------------------------------------------------------------------- passes
 
 
-@router.get("/v1/sessions/{session_id}/passes", responses=_NOT_FOUND)
+@router.get("/v1/sessions/{session_id}/passes", responses=problems.NOT_FOUND)
 def passes(
-    service: ServiceOf, request: Request, session_id: SessionId, limit: Limit = 100, after: Seen = 0
+    service: ServiceOf, request: Request, session_id: SessionId, limit: Limit = 100, after: Offset = 0
 ) -> Page[PassSummary]:
     """The passes that have a plan."""
     service.store.journal.session(session_id)
@@ -186,33 +184,33 @@ def passes(
     return page(request, items, limit, after)
 
 
-@router.get("/v1/sessions/{session_id}/passes/{number}", responses=_NOT_FOUND)
+@router.get("/v1/sessions/{session_id}/passes/{number}", responses=problems.NOT_FOUND)
 def one_pass(service: ServiceOf, session_id: SessionId, number: Number) -> PassResource:
     """One pass: its lights, the way through them, its images."""
     folder = service.store.folder(session_id)
-    plan = stored.newest(service, session_id, "plan", number)
+    plan = stored_files.newest(service, session_id, "plan", number)
     if plan is None:
         raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Session {session_id} has no pass {number} (yet)")
-    route = stored.newest(service, session_id, "route", number)
-    here = f"/v1/sessions/{session_id}/passes/{number}"
+    route = stored_files.newest(service, session_id, "route", number)
+    pass_path = f"/v1/sessions/{session_id}/passes/{number}"
     return PassResource(
         number=number,
-        plan=LightPlan.model_validate_json(stored.content(folder / plan.path)),
-        route=None if route is None else Route.model_validate_json(stored.content(folder / route.path)),
+        plan=LightPlan.model_validate_json(stored_files.read_bytes(folder / plan.path)),
+        route=None if route is None else Route.model_validate_json(stored_files.read_bytes(folder / route.path)),
         shots=[
-            ShotResource(shot=shot, links={"image": f"{here}/shots/{shot.key.number}/image"})
+            ShotResource(shot=shot, links={"image": f"{pass_path}/shots/{shot.key.number}/image"})
             for shot in service.store.journal.shots(session_id)
             if shot.key.pass_number == number
         ],
-        gain_pictures=[f"{here}/lights/{light}/gain.png" for light in range(len(plan.body.get("pictures", [])))],
-        links={"self": here, "session": f"/v1/sessions/{session_id}"},
+        gain_pictures=[f"{pass_path}/lights/{light}/gain.png" for light in range(len(plan.body.get("pictures", [])))],
+        links={"self": pass_path, "session": f"/v1/sessions/{session_id}"},
     )
 
 
 @router.get(
     "/v1/sessions/{session_id}/passes/{number}/shots/{shot_number}/image",
     response_class=Response,
-    responses={200: {"content": {"image/png": {}, "image/tiff": {}}}, **_NOT_FOUND},
+    responses={200: {"content": {"image/png": {}, "image/tiff": {}}}, **problems.NOT_FOUND},
 )
 async def image(
     service: ServiceOf,
@@ -221,15 +219,15 @@ async def image(
     shot_number: Number,
     format: Annotated[Literal["png", "tiff"], Query()] = "png",  # noqa: A002 - the name in the address
 ) -> Response:
-    """One image: an 8-bit picture to look at, or with `?format=tiff` the linear 16-bit frame as it was taken."""
+    """One image: an 8-bit picture for display, or with `?format=tiff` the linear 16-bit frame as captured."""
     shot = await anyio.to_thread.run_sync(_shot, service, session_id, number, shot_number)
     path = service.store.data / "sessions" / session_id / shot.frame.path
     if format == "tiff":
-        return stored.answer(path, f"{session_id}-pass{number}-shot{shot_number}.tiff", shot.frame.sha256)
+        return stored_files.file_response(path, f"{session_id}-pass{number}-shot{shot_number}.tiff", shot.frame.sha256)
     picture = await anyio.to_thread.run_sync(
-        preview.png, path, service.calibration.sensor, limiter=service.limits.pictures
+        image_encoding.png, path, service.calibration.sensor, limiter=service.limits.pictures
     )
-    return Response(picture, media_type="image/png", headers=stored.kept(f"{shot.frame.sha256}-8"))
+    return Response(picture, media_type="image/png", headers=stored_files.immutable(f"{shot.frame.sha256}-8"))
 
 
 # ----------------------------------------------------------------------------------------------------------- resources
@@ -238,7 +236,7 @@ async def image(
 def _resource(service: Service, row: SessionRow, caller: Caller) -> SessionResource:
     progress = service.runner.progress(row.id)
     plans = service.store.journal.artifacts(row.id, "plan")
-    here = f"/v1/sessions/{row.id}"
+    session_path = f"/v1/sessions/{row.id}"
     return SessionResource(
         id=row.id,
         number=row.number,
@@ -247,32 +245,32 @@ def _resource(service: Service, row: SessionRow, caller: Caller) -> SessionResou
         stage=progress.stage,
         progress=progress.progress,
         seconds_left=progress.seconds_left,
-        reason=None if row.reason is None else _reason(row.reason, here),
+        reason=None if row.reason is None else _reason(row.reason, session_path),
         conclusion=plans[-1].body.get("conclusion") if plans else None,
-        allowed_actions=[str(action) for action in session.allowed_actions(row.state, _ACTORS[caller.role])],
+        allowed_actions=[str(action) for action in session.allowed_actions(row.state, _ACTOR_OF_ROLE[caller.role])],
         recipe=row.recipe,
         cell=json.loads(row.cell)["name"],
-        created=moment(row.created_at),
-        started=None if row.started_at is None else moment(row.started_at),
-        ended=None if row.ended_at is None else moment(row.ended_at),
+        created=as_datetime(row.created_at),
+        started=None if row.started_at is None else as_datetime(row.started_at),
+        ended=None if row.ended_at is None else as_datetime(row.ended_at),
         answer=results.answer(service, row.id),
         links={
-            "self": here,
-            "actions": f"{here}/actions",
+            "self": session_path,
+            "actions": f"{session_path}/actions",
             "events": f"/v1/events?session_id={row.id}&after=0",
-            "passes": f"{here}/passes",
-            "results": f"{here}/results",
+            "passes": f"{session_path}/passes",
+            "results": f"{session_path}/results",
         },
     )
 
 
-def _reason(kept: dict[str, Any], instance: str) -> Problem:
-    context = {key: value for key, value in kept.items() if key not in ("code", "detail")}
-    return Problem.of(ErrorCode(kept["code"]), kept["detail"], context, instance)
+def _reason(stored: dict[str, Any], instance: str) -> Problem:
+    context = {key: value for key, value in stored.items() if key not in ("code", "detail")}
+    return Problem.of(ErrorCode(stored["code"]), stored["detail"], context, instance)
 
 
 def _action(item: Action) -> ActionResource:
-    return ActionResource(action=item.action, actor=item.actor, outcome=item.outcome, at=moment(item.at))
+    return ActionResource(action=item.action, actor=item.actor, outcome=item.outcome, at=as_datetime(item.at))
 
 
 def _shot(service: Service, session_id: str, pass_number: int, number: int) -> Shot:

@@ -1,7 +1,7 @@
-"""Where the service runs: host, port, data folder, cell file, who may call from a web page.
+"""Settings of the service process: host, port, data folder, cell file, allowed web pages.
 
-What the cell *is* stands in the cell file; the environment (`LIGHTPOSE_…`) and the command line say only where this
-service lives, so that the same cell file serves on every machine.
+The cell is described by the cell file; the environment (`LIGHTPOSE_…`) and the command line hold only what depends on
+the machine, so that the same cell file can be used on every machine.
 """
 
 import ipaddress
@@ -12,22 +12,22 @@ from pydantic import Field, ValidationError, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from acquisition.models.errors import ErrorCode, RigError
-from api.rest.logs import LogForm
+from api.rest.logs import LogFormat
 
 Names = Annotated[tuple[str, ...], NoDecode]
 
 
 class Settings(BaseSettings):
-    """Read from the environment; what is given by name goes before it."""
+    """Settings from the environment; keyword arguments take precedence."""
 
     model_config = SettingsConfigDict(env_prefix="LIGHTPOSE_", frozen=True, extra="forbid")
 
     cell: Path = Field(description="The cell file")
-    data: Path = Field(Path("data"), description="The folder of journal and sessions")
+    data: Path = Field(Path("data"), description="Folder of journal and sessions")
     host: str = Field("127.0.0.1", min_length=1)
     port: int = Field(8000, ge=0, le=65535, description="0: any free port")
-    log: LogForm = Field("text", description="`json`: one object a line")
-    allowed_hosts: Names = Field((), description="More names in the Host header, comma-separated")
+    log: LogFormat = Field("text", description="`json`: one object a line")
+    allowed_hosts: Names = Field((), description="Further names accepted in the Host header, comma-separated")
     allowed_origins: Names = Field((), description="Web pages that may call, as scheme://host:port, comma-separated")
 
     @field_validator("allowed_hosts", "allowed_origins", mode="before")
@@ -38,10 +38,10 @@ class Settings(BaseSettings):
         return value
 
 
-def read(**given: Any) -> Settings:
-    """The settings of this process. Raises RigError config.invalid naming each bad variable."""
+def read(**values: Any) -> Settings:
+    """Reads the settings of this process. Raises RigError config.invalid naming each bad variable."""
     try:
-        return Settings(**given)
+        return Settings(**values)
     except ValidationError as error:
         fields = "; ".join(
             f"LIGHTPOSE_{'_'.join(map(str, item['loc'])).upper()}: {item['msg']}" for item in error.errors()
@@ -50,7 +50,7 @@ def read(**given: Any) -> Settings:
 
 
 def refuse_open_bind(host: str, keys: bool) -> None:
-    """Raises RigError config.invalid when others than this machine could call and there are no `keys` to tell them."""
+    """Refuses a host other than loopback without keys. Raises RigError config.invalid."""
     if not keys and not is_loopback(host):
         raise RigError(
             ErrorCode.CONFIG_INVALID,

@@ -1,4 +1,4 @@
-"""Tickets: how a page shows images and follows events, where the browser sends no key with the request."""
+"""Route that issues tickets, with which a page shows images and follows events: browsers send no key with those."""
 
 import time
 from datetime import UTC, datetime, timedelta
@@ -7,16 +7,16 @@ from fastapi import APIRouter, Request
 
 from acquisition.models.errors import ErrorCode
 from api.rest import problems
-from api.rest.context import CallerOf
-from api.rest.keys import TICKET_S, KeyRing
+from api.rest.dependencies import CallerOf
+from api.rest.keys import TICKET_LIFETIME_S, KeyRing
 from api.rest.schemas import TicketResource
 
 router = APIRouter(tags=["rig"])
 
 
-@router.post("/v1/tickets", status_code=201, responses=problems.declared(ErrorCode.REQUEST_UNAUTHENTICATED))
+@router.post("/v1/tickets", status_code=201, responses=problems.responses_of(ErrorCode.REQUEST_UNAUTHENTICATED))
 async def ticket(request: Request, caller: CallerOf) -> TicketResource:
-    """A ticket for `<img>` and `EventSource`: add `?ticket=…` to any GET; it can look and nothing else."""
+    """Issues a ticket for `<img>` and `EventSource`: add `?ticket=…` to any GET; it allows reading only."""
     keys: KeyRing = request.app.state.keys
-    good_until = datetime.now(UTC) + timedelta(seconds=TICKET_S)
+    good_until = datetime.now(UTC) + timedelta(seconds=TICKET_LIFETIME_S)
     return TicketResource(ticket=keys.issue_ticket(caller, time.monotonic()), good_until=good_until)

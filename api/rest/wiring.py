@@ -1,7 +1,7 @@
-"""The one place that chooses devices: from settings and cell file to a service that can run.
+"""Composition root: the only place that chooses devices; builds runner and service from settings and cell file.
 
-Nothing is connected here. The runner connects the devices when it can, so that the service starts when one is absent
-and says which.
+Nothing is connected here. The runner connects the devices when it can, so that the service starts although one is
+absent, and reports which.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ from api.rest.settings import Settings
 
 @dataclass(frozen=True)
 class Limits:
-    """How many threads each kind of slow request may occupy, so that none starves the others."""
+    """Threads that each kind of slow request may occupy, so that none starves the others."""
 
     start: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(4))  # start and resume wait for devices
     stop: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(8))
@@ -43,7 +43,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Service:
-    """What the routes serve."""
+    """The parts that the routes use."""
 
     cell: CellConfig
     calibration: Calibration
@@ -54,12 +54,12 @@ class Service:
     limits: Limits = field(default_factory=Limits)
 
     def open(self) -> None:
-        """Starts the runner and whatever solves again; nothing moves."""
+        """Starts the runner and the re-solving; nothing moves."""
         self.runner.open()
         self.resolving.open()
 
     def close(self) -> None:
-        """Halts, ends the runner and closes the journal."""
+        """Halts the arm, ends the runner and closes the journal."""
         self.runner.begin_shutdown()
         self.resolving.close()
         self.runner.close()
@@ -67,14 +67,14 @@ class Service:
 
 
 def build(settings: Settings) -> Service:
-    """The service of these settings. Raises RigError config.invalid, store.locked, store.corrupt."""
+    """Builds the service of these settings. Raises RigError config.invalid, store.locked, store.corrupt."""
     cell = cell_config.load(settings.cell)
     calibration = cell_config.load_calibration(settings.cell.parent / cell.calibration)
     return assemble(Store(settings.data), build_rig(cell), calibration, Compute())
 
 
 def assemble(store: Store, rig: Rig, calibration: Calibration, compute: Compute) -> Service:
-    """The service over these parts."""
+    """Assembles the service from its parts."""
 
     def safety_changed(latch: Latch | None) -> None:
         if latch is not None:
@@ -86,27 +86,27 @@ def assemble(store: Store, rig: Rig, calibration: Calibration, compute: Compute)
 
 
 def build_rig(cell: CellConfig) -> Rig:
-    """The devices that the cell file names, not connected. Raises RigError config.invalid."""
+    """Builds the devices of the cell file, not connected. Raises RigError config.invalid."""
     arm = build_arm(cell)
     return Rig(arm, UrLamp(arm, cell.lamp), build_camera(cell.camera), cell)
 
 
 def build_arm(cell: CellConfig) -> UrArm:
-    """The arm that the cell file names, not connected. Raises RigError config.invalid."""
+    """Builds the arm of the cell file, not connected. Raises RigError config.invalid."""
     model = kinematics.arm_model(cell.arm.model)
     flange_from_tool = cell.arm.flange_from_tool.matrix
     chain = None if cell.arm.kinematics is None else calibrated_kinematics.chain(cell.arm.kinematics)
 
     def expected_pose(joints: Sequence[float]) -> FloatArray:
-        here = np.array([joints], dtype=float)
-        frames = kinematics.forward(model, here) if chain is None else calibrated_kinematics.forward(chain, here)
+        batch = np.array([joints], dtype=float)
+        frames = kinematics.forward(model, batch) if chain is None else calibrated_kinematics.forward(chain, batch)
         return frames[0, -1] @ flange_from_tool
 
     return UrArm(cell.arm, cell.lamp.output, expected_pose)
 
 
 def build_camera(camera: AnyCamera) -> Camera:
-    """The camera of that kind, not connected. Raises RigError config.invalid when its library is not installed."""
+    """Builds the camera of a kind, not connected. Raises RigError config.invalid when its library is not installed."""
     return SimCamera(camera) if isinstance(camera, SimCameraConfig) else PylonCamera(camera)
 
 

@@ -57,7 +57,7 @@ def serve(chosen: Settings) -> Generator[Running]:
         said.append(url)
         listening.set()
 
-    made = server.make(chosen, say)
+    made = server.create(chosen, say)
     thread = threading.Thread(target=made.run)
     thread.start()
     try:

@@ -8,18 +8,20 @@ import time
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from api.cli.study import curves, whole
-from api.cli.study.curves import Draws, Piece, Sample
+from api.cli.study import error_curves, run
+from api.cli.study.error_curves import Draws, Piece, Sample
 
 
 @pytest.mark.parametrize("shape", ["part", "figure"])
 def test_a_draw_of_an_object(benchmark: BenchmarkFixture, shape: str) -> None:
-    curves.work(Piece("sphere", 0, 0, whole.SMALL_PIXELS, Draws({3: 1}, {3: 1}, {3: 1}), None))  # kernels are loaded
-    (piece,) = (one for one in curves.pieces(1, whole.FULL) if (one.shape, one.draw) == (shape, 1))
+    error_curves.work(
+        Piece("sphere", 0, 0, run.SMALL_PIXELS, Draws({3: 1}, {3: 1}, {3: 1}), None)
+    )  # kernels are loaded
+    (piece,) = (one for one in error_curves.pieces(1, run.FULL) if (one.shape, one.draw) == (shape, 1))
 
     def work() -> list[Sample]:
         begun = time.process_time()
-        samples = curves.work(piece)
+        samples = error_curves.work(piece)
         benchmark.extra_info["processor seconds"] = time.process_time() - begun
         benchmark.extra_info["sessions"] = len(samples)
         return samples

@@ -231,7 +231,7 @@ def quick_service(
         listening.append(address)
         ready.set()
 
-    made = server.around(service, chosen, KeyRing(keys.path_in(chosen.data)), say)
+    made = server.create_for(service, chosen, KeyRing(keys.path_in(chosen.data)), say)
     thread = threading.Thread(target=made.run)
     thread.start()
     try:

@@ -6,10 +6,10 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from api.cli.study import chart, curves, paper, three
+from api.cli.study import chart, error_curves, paper_criterion, three_images
 from api.cli.study.chart import Axis, Line
-from api.cli.study.curves import Curve
-from api.cli.study.found import Study
+from api.cli.study.error_curves import Curve
+from api.cli.study.study_result import Study
 from hardware_sim import footprint
 
 STYLE = """
@@ -127,12 +127,12 @@ def _errors(surface: str, found: Sequence[Curve]) -> list[str]:
 
 
 def _far_off(found: Study) -> list[str]:
-    shares = [curves.over_10(found.samples, method, 8) for method in curves.RIVALS]
+    shares = [error_curves.over_10(found.samples, method, 8) for method in error_curves.RIVALS]
     rows = [
         [shape, f"{share:.2%}", *(f"{value:.3%}" for of in shares if shape in of for value in of[shape])]
-        for shape, share in curves.straddling(found.samples).items()
+        for shape, share in error_curves.straddling(found.samples).items()
     ]
-    far_off = [f"{method}{whose}" for method in curves.RIVALS for whose in (", graded pixels", ", all pixels")]
+    far_off = [f"{method}{whose}" for method in error_curves.RIVALS for whose in (", graded pixels", ", all pixels")]
     return [
         "<p>A pixel straddles when some of eight points of its outline lie off the tangent plane at its centre by more "
         f"than a pixel, or have a normal more than {footprint.WIDEST_BEND_DEG:.0f}° from the one there: its picture is "
@@ -173,19 +173,22 @@ def _placements(found: Study) -> list[str]:
         ]
         for item in found.placements
     ]
-    spread = [[f"{share:g} %", f"{value:.4g}"] for share, value in zip(paper.PERCENTS, figure.percentiles, strict=True)]
+    spread = [
+        [f"{share:g} %", f"{value:.4g}"]
+        for share, value in zip(paper_criterion.PERCENTS, figure.percentiles, strict=True)
+    ]
     return [
         f"<figure>{drawn}<figcaption>tr(M (SᵀS)⁻¹) for the object <code>{figure.object}</code>.</figcaption></figure>",
         _table(head, rows),
         f"<p>{figure.triples:,} random triples for the object <code>{figure.object}</code>, by percentile:</p>",
         _table(["percentile", "criterion"], spread),
-        f"<p>The paper reports {paper.REPORTED_PHI['ours']} for its own lights and {paper.REPORTED_PHI['heuristic']} "
+        f"<p>The paper reports {paper_criterion.REPORTED_PHI['ours']} for its own lights and {paper_criterion.REPORTED_PHI['heuristic']} "
         "for the heuristic. No unit lights come below the bound over an object's normals: the first needs light "
         "vectors about nine times as long, and the second fits a single normal (bound 4/3), not an object.</p>",
     ]
 
 
-def _errata(errata: paper.Errata) -> list[str]:
+def _errata(errata: paper_criterion.Errata) -> list[str]:
     b = [
         [albedo, f"{errata.idempotence[albedo]:.2g}", f"{errata.scaled_idempotence[albedo]:.2g}",
          f"{errata.trace_times_norm[albedo]:.3f}"]
@@ -207,12 +210,12 @@ def _errata(errata: paper.Errata) -> list[str]:
     ]
 
 
-def _three(rows: Sequence[three.Row]) -> list[str]:
+def _three(rows: Sequence[three_images.Row]) -> list[str]:
     objects = list(dict.fromkeys(row.object for row in rows))
     by_place = {(row.condition, row.object): row for row in rows}
     names = list(dict.fromkeys(row.condition for row in rows))
     body = [[f"{name} (reported)", f"{mean:.2f} / {median:.2f}", *[""] * (len(objects) - 1)]
-            for name, (mean, median) in three.REPORTED.items()]  # fmt: skip
+            for name, (mean, median) in three_images.REPORTED.items()]  # fmt: skip
     for name in names:
         found = [by_place[name, shape] for shape in objects]
         share = "" if all(row.share > 0.999 for row in found) else " ({:.0%} of the pixels)"

@@ -16,7 +16,7 @@ from api import Client, ProblemError
 from api.cli.commands import app
 from api.rest import keys
 from api.rest.app import description
-from api.rest.authentication import FAILURES
+from api.rest.authentication import MAX_FAILURES
 from api.rest.keys import KeyRing, Role
 
 SECRETS = dict[Role, str]
@@ -104,7 +104,7 @@ def test_a_ticket_looks_and_nothing_else(locked: Any, secrets: SECRETS) -> None:
 
 
 def test_guessing_is_slowed_down_and_right_keys_pass_all_the_same(locked: Any, secrets: SECRETS) -> None:
-    for _ in range(FAILURES):
+    for _ in range(MAX_FAILURES):
         assert locked.http.get("/v1/rig", headers={"Authorization": "Bearer wrong"}).status_code == 401
     answer = locked.http.get("/v1/rig", headers={"Authorization": "Bearer wrong"})
     assert answer.status_code == 429
@@ -180,7 +180,7 @@ def test_tickets_end_and_do_not_pile_up(tmp_path: Path) -> None:
     first = ring.issue_ticket(caller, 0.0)
     assert ring.holder(first, keys.TICKET_S - 1) == caller
     assert ring.holder(first, keys.TICKET_S + 1) is None
-    for _ in range(keys.MOST_TICKETS + 5):
+    for _ in range(keys.MAX_TICKETS + 5):
         last = ring.issue_ticket(caller, 1.0)
     assert ring.holder(first, 2.0) is None
     assert ring.holder(last, 2.0) == caller

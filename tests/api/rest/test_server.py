@@ -44,7 +44,7 @@ def process(cell_file: Path, data: Path) -> Generator[tuple[subprocess.Popen[str
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.5", "::", "lab-server", "example.org"])  # noqa: S104
 def test_it_listens_on_this_machine_only(cell_file: Path, tmp_path: Path, host: str) -> None:
     with pytest.raises(RigError) as refused:
-        server.make(settings.read(cell=cell_file, data=tmp_path / "data", host=host))
+        server.create(settings.read(cell=cell_file, data=tmp_path / "data", host=host))
 
     assert refused.value.code is ErrorCode.CONFIG_INVALID
     assert "SSH tunnel" in refused.value.detail
@@ -84,7 +84,7 @@ def test_settings_come_from_the_environment(monkeypatch: pytest.MonkeyPatch, cel
 
 def test_a_cell_file_that_there_is_not(tmp_path: Path) -> None:
     with pytest.raises(RigError) as refused:
-        server.make(settings.read(cell=tmp_path / "nothing.toml", data=tmp_path / "data"))
+        server.create(settings.read(cell=tmp_path / "nothing.toml", data=tmp_path / "data"))
 
     assert refused.value.code is ErrorCode.CONFIG_INVALID
     assert "nothing.toml" in refused.value.detail
@@ -92,7 +92,7 @@ def test_a_cell_file_that_there_is_not(tmp_path: Path) -> None:
 
 def test_one_service_for_a_data_folder(own: Any) -> None:
     with pytest.raises(RigError) as refused:
-        server.make(own.settings)
+        server.create(own.settings)
 
     assert refused.value.code is ErrorCode.STORE_LOCKED
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from api.cli.study import paper
+from api.cli.study import paper_criterion
 
 
 def projector(seed: int, flat: float = 1.0) -> np.ndarray:
@@ -22,8 +22,8 @@ def test_no_unit_lights_beat_the_bound(seed: int, count: int, flat: float) -> No
     lights = np.random.default_rng(seed).normal(size=(2000, count, 3))
     lights /= np.linalg.norm(lights, axis=-1, keepdims=True)
     weight = projector(seed, flat)
-    values = paper.phi(lights, weight)
-    assert np.min(values) >= paper.lower_bound(weight, count) * (1 - 1e-9)
+    values = paper_criterion.phi(lights, weight)
+    assert np.min(values) >= paper_criterion.lower_bound(weight, count) * (1 - 1e-9)
     direct = np.trace(weight @ np.linalg.inv(lights[0].T @ lights[0]))
     assert values[0] == pytest.approx(direct, rel=1e-6)
 
@@ -31,14 +31,14 @@ def test_no_unit_lights_beat_the_bound(seed: int, count: int, flat: float) -> No
 @pytest.mark.parametrize("count", range(3, 13))
 def test_the_search_reaches_the_bound(count: int) -> None:
     weight = projector(count)
-    lights = paper.best_unit_lights(weight, count, seed=1, starts=4)
+    lights = paper_criterion.best_unit_lights(weight, count, seed=1, starts=4)
     np.testing.assert_allclose(np.linalg.norm(lights, axis=1), 1, atol=1e-12)
     assert np.all(lights[:, 2] >= 0)
-    assert paper.phi(lights, weight) == pytest.approx(paper.lower_bound(weight, count), rel=1e-3)
+    assert paper_criterion.phi(lights, weight) == pytest.approx(paper_criterion.lower_bound(weight, count), rel=1e-3)
 
 
 def test_the_errata_are_what_numbers_say() -> None:
-    found = paper.errata(projector(1), seed=1, triples=20_000)
+    found = paper_criterion.errata(projector(1), seed=1, triples=20_000)
     assert found.idempotence["1"] < 1e-12
     assert found.idempotence["0.5"] == pytest.approx(1.0)
     assert all(value < 1e-12 for value in found.scaled_idempotence.values())
@@ -48,11 +48,11 @@ def test_the_errata_are_what_numbers_say() -> None:
     lengths = [length for *_, length in found.literal]
     assert values == sorted(values, reverse=True)
     assert lengths == sorted(lengths)
-    assert values[-1] < paper.lower_bound(projector(1), 3) / 10  # far below what unit lights can reach
+    assert values[-1] < paper_criterion.lower_bound(projector(1), 3) / 10  # far below what unit lights can reach
     assert found.single_normal_bound == pytest.approx(4 / 3)
     assert found.single_normal_random > found.single_normal_bound
 
 
 def test_lights_in_one_plane_are_worthless() -> None:
     flat = np.array([[1.0, 0, 0], [0, 1, 0], [0.6, 0.8, 0]])
-    assert paper.phi(flat, projector(1)) == np.inf
+    assert paper_criterion.phi(flat, projector(1)) == np.inf

@@ -18,8 +18,8 @@ from acquisition import geometry, photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.light_plan import Light
 from acquisition.plan import baselines
-from api.cli.study import paper
-from api.cli.study.scenes import Scene
+from api.cli.study import paper_criterion
+from api.cli.study.simulated_scene import Scene
 from hardware_sim import grade, render
 from hardware_sim.render import Lamp
 
@@ -66,7 +66,7 @@ def ring(slant_deg: float) -> Callable[[Scene, np.random.Generator], FloatArray]
 
 def equation_23(scene: Scene, rng: np.random.Generator) -> FloatArray:
     """Three unit lights of least criterion for the object's own normals, none below the horizon."""
-    best = paper.best_unit_lights(paper.mean_projector(scene), 3, int(rng.integers(2**31)))
+    best = paper_criterion.best_unit_lights(paper_criterion.mean_projector(scene), 3, int(rng.integers(2**31)))
     slant, azimuth = geometry.slant_azimuth(best)
     return geometry.direction(np.minimum(slant, np.radians(baselines.LARGEST_SLANT_DEG)), azimuth)
 

@@ -22,8 +22,8 @@ from acquisition.models.shot import FrameQuality, Shot, ShotKey
 from acquisition.session import Trigger
 from acquisition.store.folder import write_frame
 from api.rest import keys
+from api.rest.image_encoding import jpeg
 from api.rest.keys import Role
-from api.rest.preview import jpeg
 
 CAMERA = "127.0.15.1"
 SIDE = 64

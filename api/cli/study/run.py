@@ -17,11 +17,11 @@ import numpy as np
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from acquisition.models.errors import ErrorCode, RigError
-from api.cli.study import curves, page, paper, scenes, three
-from api.cli.study.curves import Draws, Scale
-from api.cli.study.found import Study
-from api.cli.study.paper import Errata, Placement
-from api.cli.study.three import Row
+from api.cli.study import error_curves, page, paper_criterion, simulated_scene, three_images
+from api.cli.study.error_curves import Draws, Scale
+from api.cli.study.paper_criterion import Errata, Placement
+from api.cli.study.study_result import Study
+from api.cli.study.three_images import Row
 
 PROCESSES = 2
 SMALL_PIXELS = 128
@@ -30,9 +30,9 @@ T = TypeVar("T")
 
 
 FULL = Scale(
-    pixels=scenes.PIXELS,
-    objects=scenes.OBJECTS,
-    glossy_objects=scenes.OBJECTS,
+    pixels=simulated_scene.PIXELS,
+    objects=simulated_scene.OBJECTS,
+    glossy_objects=simulated_scene.OBJECTS,
     matt=Draws(
         rivals={3: 1, 6: 1, 8: 6, 12: 6, 20: 6, 24: 1}, compared={3: 1, 8: 6, 24: 1}, others={3: 1, 8: 1, 24: 1}
     ),
@@ -69,12 +69,12 @@ def measure(seed: int, scale: Scale, *, quick: bool) -> Study:
     begun = time.monotonic()
     for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[name] = "1"  # read by the processes that are spawned: each has one core
-    work = curves.pieces(seed, scale)
+    work = error_curves.pieces(seed, scale)
     with ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool:
         of_paper = [pool.submit(_placement, shape, seed) for shape in scale.objects]
         of_table = [pool.submit(_table, shape, seed, scale.table_draws) for shape in scale.table_objects]
         wrong = pool.submit(_errata, seed)
-        of_curves = [pool.submit(curves.work, piece) for piece in work]
+        of_curves = [pool.submit(error_curves.work, piece) for piece in work]
         _show([*of_paper, *of_table, wrong, *of_curves])
         samples = [sample for part in _results(of_curves) for sample in part]
         placements, table = _results(of_paper), [row for part in _results(of_table) for row in part]
@@ -88,14 +88,14 @@ def measure(seed: int, scale: Scale, *, quick: bool) -> Study:
         errata=errata,
         table=table,
         samples=samples,
-        matt=curves.curves(samples, glossy=False),
-        glossy=curves.curves(samples, glossy=True),
+        matt=error_curves.curves(samples, glossy=False),
+        glossy=error_curves.curves(samples, glossy=True),
     )
 
 
 def summary(found: Study) -> dict[str, Any]:
     """The figures for programs: errors by method and number of images, the criterion's values, the forecast's truth."""
-    told = curves.predicted_over_found(found.samples)
+    told = error_curves.predicted_over_found(found.samples)
     every = [value for values in told.values() for value in values]
     figure = found.placements[-1]
     return {
@@ -103,14 +103,14 @@ def summary(found: Study) -> dict[str, Any]:
         "quick": found.quick,
         "pixels": found.scale.pixels,
         "objects": list(found.scale.objects),
-        "ring_slant_deg": scenes.RING_SLANT_DEG,
+        "ring_slant_deg": simulated_scene.RING_SLANT_DEG,
         "errors_deg": {curve.method: curve.error_deg for curve in found.matt},
         "half_widths_deg": {curve.method: curve.half_width_deg for curve in found.matt},
         "glossy_errors_deg": {curve.method: curve.error_deg for curve in found.glossy},
         "glossy_half_widths_deg": {curve.method: curve.half_width_deg for curve in found.glossy},
         "errors_by_object_deg": {curve.method: curve.by_object for curve in found.matt},
         "over_10": {curve.method: curve.over_10 for curve in found.matt},
-        "straddling": curves.straddling(found.samples),
+        "straddling": error_curves.straddling(found.samples),
         "errors_of_all_deg": {curve.method: curve.error_of_all_deg for curve in found.matt},
         "glossy_errors_of_all_deg": {curve.method: curve.error_of_all_deg for curve in found.glossy},
         "over_10_of_all": {curve.method: curve.over_10_of_all for curve in found.matt},
@@ -136,9 +136,9 @@ def ratios(found: Study) -> list[dict[str, Any]]:
     """Ours over each rival at 8, 12 and 20 images, on the same draws."""
     told: list[dict[str, Any]] = []
     for glossy in (False, True):
-        for rival in scenes.METHODS[1:]:
+        for rival in simulated_scene.METHODS[1:]:
             for lights in (8, 12, 20):
-                value, half = curves.ratio(found.samples, "optimal", rival, lights, glossy=glossy)
+                value, half = error_curves.ratio(found.samples, "optimal", rival, lights, glossy=glossy)
                 if np.isfinite(value):
                     told.append(
                         {"rival": rival, "lights": lights, "glossy": glossy, "ratio": value, "half_width": half}
@@ -147,16 +147,18 @@ def ratios(found: Study) -> list[dict[str, Any]]:
 
 
 def _placement(shape: str, seed: int) -> Placement:
-    return paper.placement(scenes.Scene(scenes.traced(shape, 1000 * seed, SMALL_PIXELS)), seed)
+    return paper_criterion.placement(
+        simulated_scene.Scene(simulated_scene.traced(shape, 1000 * seed, SMALL_PIXELS)), seed
+    )
 
 
 def _table(shape: str, seed: int, draws: int) -> list[Row]:
-    return three.table(scenes.Scene(scenes.traced(shape, 1000 * seed, SMALL_PIXELS)), draws)
+    return three_images.table(simulated_scene.Scene(simulated_scene.traced(shape, 1000 * seed, SMALL_PIXELS)), draws)
 
 
 def _errata(seed: int) -> Errata:
-    scene = scenes.Scene(scenes.traced("figure", 1000 * seed, SMALL_PIXELS))
-    return paper.errata(paper.mean_projector(scene), seed)
+    scene = simulated_scene.Scene(simulated_scene.traced("figure", 1000 * seed, SMALL_PIXELS))
+    return paper_criterion.errata(paper_criterion.mean_projector(scene), seed)
 
 
 def _results(futures: Sequence["Future[T]"]) -> list[T]:

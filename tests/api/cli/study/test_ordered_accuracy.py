@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from acquisition.models.recipe import Recipe
-from api.cli.study import scenes
+from api.cli.study import simulated_scene
 
 ROOT = Path(__file__).parents[4]
 WANTED_DEG = (1.0, 0.65, 0.5)
@@ -34,11 +34,11 @@ def runs(shape: str, draw: int) -> list[dict[str, Any]]:
     done = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True)
     kept = ROOT / "build" / f"order-{done.stdout.strip()}" / f"{shape}-{draw}.json"
     if not kept.exists():
-        scene = scenes.Scene(scenes.Geometry(shape, 500 + draw))
+        scene = simulated_scene.Scene(simulated_scene.Geometry(shape, 500 + draw))
 
         @functools.cache
         def fixed(lights: int) -> Errors:
-            return errors(scene.run(scenes.recipe("optimal", lights, draw)))
+            return errors(scene.run(simulated_scene.recipe("optimal", lights, draw)))
 
         told = []
         for wanted in WANTED_DEG:
@@ -53,7 +53,7 @@ def runs(shape: str, draw: int) -> list[dict[str, Any]]:
     return json.loads(kept.read_text(encoding="utf-8"))
 
 
-def errors(run: scenes.Run) -> Errors:
+def errors(run: simulated_scene.Run) -> Errors:
     return float(np.mean(run.found.all_deg)), run.found.mean_deg
 
 

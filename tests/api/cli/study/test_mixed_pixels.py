@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from api.cli.study.scenes import Geometry, Scene
+from api.cli.study.simulated_scene import Geometry, Scene
 
 PIXELS = 128
 

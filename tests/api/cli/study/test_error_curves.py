@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from api.cli.study import curves, page, paper, three, whole
-from api.cli.study.curves import Draws, Sample
-from api.cli.study.found import Study
+from api.cli.study import error_curves, page, paper_criterion, run, three_images
+from api.cli.study.error_curves import Draws, Sample
+from api.cli.study.study_result import Study
 
 WHO = Sample("sphere", 0, False, "optimal", 8, 0.6, 0.5, 0.0, 0.05, 0.9, 0.02, 0.7, 0.65, None)
 
@@ -21,55 +21,57 @@ def drawn(method: str, level: float, noise: float = 0.0, draws: int = 6, lights:
     return [
         replace(WHO, shape=shape, draw=draw, method=method, lights=lights,
                 mean_deg=level * (1 + number + noise * rng.normal()))
-        for number, shape in enumerate(curves.OBJECTS)
+        for number, shape in enumerate(error_curves.OBJECTS)
         for draw in range(draws)
     ]  # fmt: skip
 
 
 def test_the_interval_is_of_the_draws_and_not_of_the_objects() -> None:
     same = [np.array([value, value]) for value in (1.0, 5.0, 9.0)]
-    assert curves.half_width(same) == 0
-    assert curves.half_width([np.array([1.0])]) == 0
+    assert error_curves.half_width(same) == 0
+    assert error_curves.half_width([np.array([1.0])]) == 0
     values = np.random.default_rng(1).normal(size=12)
-    assert curves.half_width([values]) == pytest.approx(stats.t.ppf(0.975, 11) * np.std(values, ddof=1) / np.sqrt(12))
+    assert error_curves.half_width([values]) == pytest.approx(
+        stats.t.ppf(0.975, 11) * np.std(values, ddof=1) / np.sqrt(12)
+    )
 
 
 def test_a_ratio_is_of_the_same_draws_and_surer_than_the_errors() -> None:
     samples = drawn("optimal", 0.9, noise=0.5) + drawn("two-rings", 1.0, noise=0.5) + drawn("ring", 2.0, draws=2)
-    value, half = curves.ratio(samples, "optimal", "two-rings", 8, glossy=False)
+    value, half = error_curves.ratio(samples, "optimal", "two-rings", 8, glossy=False)
     assert value == pytest.approx(0.9)
     assert half < 1e-9
-    (curve,) = [item for item in curves.curves(samples, glossy=False) if item.method == "optimal"]
+    (curve,) = [item for item in error_curves.curves(samples, glossy=False) if item.method == "optimal"]
     assert curve.half_width_deg[8] > 0.01
-    assert curves.ratio(samples, "optimal", "ring", 8, glossy=False)[0] < 0.9
-    assert np.isnan(curves.ratio(samples, "optimal", "paper", 8, glossy=False)[0])
+    assert error_curves.ratio(samples, "optimal", "ring", 8, glossy=False)[0] < 0.9
+    assert np.isnan(error_curves.ratio(samples, "optimal", "paper", 8, glossy=False)[0])
 
 
 def test_every_draw_of_the_full_study_is_asked_for_once() -> None:
-    pieces = curves.pieces(2, whole.FULL)
+    pieces = error_curves.pieces(2, run.FULL)
     assert len({(piece.shape, piece.draw) for piece in pieces}) == len(pieces)
     assert all(piece.matt is not None and piece.glossy is not None for piece in pieces)
-    assert all(whole.FULL.matt.rivals[lights] >= 6 for lights in (8, 12, 20))
-    assert all(min(whole.FULL.matt.of(method)) == 3 and max(whole.FULL.matt.of(method)) == 24 for method in
+    assert all(run.FULL.matt.rivals[lights] >= 6 for lights in (8, 12, 20))
+    assert all(min(run.FULL.matt.of(method)) == 3 and max(run.FULL.matt.of(method)) == 24 for method in
                ("optimal", "random"))  # fmt: skip
 
 
 def test_the_page_needs_no_network_and_holds_what_was_found(tmp_path: Path) -> None:
     weight = np.diag([0.6, 0.6, 0.8])
-    placement = paper.Placement(
+    placement = paper_criterion.Placement(
         "sphere", 1.9, 1.9, 1.95, 1.91, 58.0, 2.0, [(20.0, 3.0), (58.0, 1.91), (85.0, 9.0)], [2.0] * 9, 1000
     )
     samples = [item for lights in (8, 12) for name, level in (("optimal", 0.9), ("two-rings", 1.0), ("random", 1.7))
                for item in drawn(name, level, 0.1, lights=lights)]  # fmt: skip
     samples += [replace(item, glossy=True) for item in samples]
-    rows = [three.Row(item.name, "sphere", 2.0, 0.6, 1.0) for item in three.conditions(1)]
-    scale = replace(whole.QUICK, objects=("sphere",), matt=Draws({8: 6}, {8: 6}, {8: 6}))
+    rows = [three_images.Row(item.name, "sphere", 2.0, 0.6, 1.0) for item in three_images.conditions(1)]
+    scale = replace(run.QUICK, objects=("sphere",), matt=Draws({8: 6}, {8: 6}, {8: 6}))
     found = Study(
         seed=1, quick=True, scale=scale, seconds=1.0, placements=[placement],
-        errata=paper.errata(weight, 1, triples=100), table=rows, samples=samples,
-        matt=curves.curves(samples, glossy=False), glossy=curves.curves(samples, glossy=True),
+        errata=paper_criterion.errata(weight, 1, triples=100), table=rows, samples=samples,
+        matt=error_curves.curves(samples, glossy=False), glossy=error_curves.curves(samples, glossy=True),
     )  # fmt: skip
-    told = whole.summary(found)
+    told = run.summary(found)
     page.write(tmp_path / "study.html", found, told)
     text = (tmp_path / "study.html").read_text(encoding="utf-8")
 
@@ -78,7 +80,7 @@ def test_the_page_needs_no_network_and_holds_what_was_found(tmp_path: Path) -> N
     assert "0.900" in text
     assert json.loads(json.dumps(told, allow_nan=False))["errors_deg"]["optimal"]["8"] > 0
     assert told["phi"]["bound"] == 1.9
-    assert told["straddling"] == dict.fromkeys(curves.OBJECTS, pytest.approx(0.05))
+    assert told["straddling"] == dict.fromkeys(error_curves.OBJECTS, pytest.approx(0.05))
     assert told["over_10"]["optimal"][8] == 0
     assert told["over_10_of_all"]["optimal"][8] == pytest.approx(0.02)
     assert "5.00%" in text

@@ -1,9 +1,8 @@
-"""What a request must be before any route sees it: for this host, from no foreign page, of somebody who may, small, and
-JSON if anything.
+"""Checks of every request before any route sees it: host, origin, authorisation, size, media type, well-formed JSON.
 
-Even on loopback a web page must not move the arm. A page that resolves its own name to this machine betrays itself by
-the Host header, any other page by its Origin, and a form by its media type. The checks run on the event loop, take no
-lock and start no thread, so that a stop passes them at once.
+Even on loopback a web page must not move the arm. A page that resolves its own name to this machine (DNS rebinding) is
+recognised by the Host header, any other page by its Origin, and a form by its media type. The checks run on the event
+loop, take no lock and start no thread, so that a stop passes them at once.
 """
 
 import asyncio
@@ -19,14 +18,14 @@ from api.rest.authentication import Authentication
 from api.rest.settings import Settings, is_loopback
 
 MAX_BODY_BYTES = 262_144
-"""A recipe of 80 lights is below 10 kB."""
+"""Largest body, bytes; a recipe of 80 lights is below 10 kB."""
 
-BODY_WITHIN_S = 10.0
-"""So long a body may take to arrive."""
+BODY_TIMEOUT_S = 10.0
+"""Time limit for the arrival of a body, s."""
 
 
-class Gate:
-    """ASGI middleware; answers with a problem object, or passes a request whose body is whole and well-formed."""
+class RequestChecks:
+    """ASGI middleware that answers a bad request with a problem object, and passes any other with its complete body."""
 
     def __init__(self, app: ASGIApp, settings: Settings, authentication: Authentication) -> None:
         self._app = app
@@ -44,23 +43,23 @@ class Gate:
             self._refuse_foreign(scope, headers)
             scope.setdefault("state", {})["caller"] = self._authentication.caller(scope, headers)
             try:
-                async with asyncio.timeout(BODY_WITHIN_S):
-                    body = await _read(headers, receive)
+                async with asyncio.timeout(BODY_TIMEOUT_S):
+                    body = await _read_body(headers, receive)
             except TimeoutError as error:
-                detail = f"The body was not whole within {BODY_WITHIN_S:g} s"
+                detail = f"The body was not complete within {BODY_TIMEOUT_S:g} s"
                 raise RigError(ErrorCode.REQUEST_TIMEOUT, detail) from error
             if body:
                 _refuse_malformed(scope, headers, body)
         except RigError as error:
             answer = problems.response(error.code, error.detail, error.context, scope["path"])
-            answer.headers["Connection"] = "close"  # what is left of the body is not read
+            answer.headers["Connection"] = "close"  # the rest of the body is not read
             if error.code is ErrorCode.REQUEST_UNAUTHENTICATED:
                 answer.headers["WWW-Authenticate"] = "Bearer"
             if "retry_after_s" in error.context:
                 answer.headers["Retry-After"] = str(error.context["retry_after_s"])
             await answer(scope, receive, send)
             return
-        await self._app(scope, _replayed(body, receive), send)
+        await self._app(scope, _replay(body, receive), send)
 
     def _refuse_foreign(self, scope: Scope, headers: Headers) -> None:
         host = headers.get("host", "")
@@ -75,14 +74,14 @@ class Gate:
             raise RigError(ErrorCode.REQUEST_FOREIGN, f"The request comes from the page {origin[:100]!r}")
 
 
-async def _read(headers: Headers, receive: Receive) -> bytes:
+async def _read_body(headers: Headers, receive: Receive) -> bytes:
     length = headers.get("content-length", "0")
     if not length.isascii() or not length.isdigit() or int(length[:20]) > MAX_BODY_BYTES:
         raise RigError(ErrorCode.REQUEST_TOO_LARGE, f"A body may have {MAX_BODY_BYTES} bytes", limit=MAX_BODY_BYTES)
     body = bytearray()
     while True:
         message = await receive()
-        if message["type"] != "http.request":  # the client is gone; the route will see so
+        if message["type"] != "http.request":  # the client has disconnected; the route will notice
             return bytes(body)
         body += message.get("body", b"")
         if len(body) > MAX_BODY_BYTES:
@@ -94,7 +93,7 @@ async def _read(headers: Headers, receive: Receive) -> bytes:
 def _refuse_malformed(scope: Scope, headers: Headers, body: bytes) -> None:
     media_type = headers.get("content-type", "").partition(";")[0].strip().lower()
     if media_type == "image/png" and scope["method"] == "PUT" and scope["path"].endswith(".png"):
-        return  # a picture for an address that holds one: its route looks into it
+        return  # an image for an address that holds one: its route validates it
     if media_type != "application/json":
         raise RigError(ErrorCode.REQUEST_MEDIA_TYPE, f"The body is {media_type[:80] or 'of no stated type'}")
     try:
@@ -113,13 +112,13 @@ def _invalid(message: str) -> RigError:
     return RigError(ErrorCode.REQUEST_INVALID, message, errors=[{"field": "body", "message": message}])
 
 
-def _replayed(body: bytes, receive: Receive) -> Receive:
-    waiting = True
+def _replay(body: bytes, receive: Receive) -> Receive:
+    delivered = False
 
     async def replay() -> Message:
-        nonlocal waiting
-        if waiting:
-            waiting = False
+        nonlocal delivered
+        if not delivered:
+            delivered = True
             return {"type": "http.request", "body": body, "more_body": False}
         return await receive()
 

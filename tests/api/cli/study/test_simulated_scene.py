@@ -9,8 +9,8 @@ from acquisition.models import cell_config
 from acquisition.models.base import FloatArray
 from acquisition.models.recipe import Exposure, Recipe
 from acquisition.models.shot import Observations
-from api.cli.study import scenes
-from api.cli.study.scenes import Geometry, Scene
+from api.cli.study import simulated_scene
+from api.cli.study.simulated_scene import Geometry, Scene
 from hardware_sim import nominal, render
 from hardware_sim.render import Lamp
 from hardware_sim.world import World
@@ -50,7 +50,7 @@ def test_pictures_and_truth_are_those_of_the_simulated_cell(shared: Geometry) ->
 
 
 def test_an_image_depends_on_draw_and_place_only(shared: Geometry) -> None:
-    lights = Scene(shared).run(scenes.recipe("ring", 3)).plan.lights
+    lights = Scene(shared).run(simulated_scene.recipe("ring", 3)).plan.lights
     one, other = Scene(shared).capture(lights), Scene(shared).capture([*reversed(lights)])
     for shot in one.shots:
         (same,) = [item for item in other.shots if item.light == shot.light]
@@ -70,7 +70,7 @@ def levels(scene: Scene, taken: Observations) -> FloatArray:
 
 def test_images_that_nothing_foretells_stay_below_their_target_and_others_are_nearest_to_it(shared: Geometry) -> None:
     scene, step, noise = Scene(shared), exposure.STEP, 1.01
-    pattern = scene.run(scenes.recipe("two-rings", 8))
+    pattern = scene.run(simulated_scene.recipe("two-rings", 8))
     lights = pattern.plan.lights
     images = {8: pattern.found.observations} | {count: scene.capture(lights, count) for count in (None, 3, 0)}
     for unforeseen, taken in images.items():
@@ -98,7 +98,7 @@ def test_of_a_planned_run_only_the_pilot_is_unforeseen(shared: Geometry) -> None
 def test_few_shadow_rays_say_what_all_would(shared: Geometry) -> None:
     """All that is missed are shadows narrower than a pixel that pass between centres: of pixels as coarse as these some
     thousandths, of the study's less than one in thousand."""
-    for light in Scene(shared).run(scenes.recipe("ring", 3)).plan.lights:
+    for light in Scene(shared).run(simulated_scene.recipe("ring", 3)).plan.lights:
         position = geometry.transform(shared.object_from_view, np.array(light.position))
         lamp = Lamp(position, np.array([0.0, 0.0, -1.0]), 1.0, 0.45, 0.8)
         for view, told in zip(shared.views, shared.reached(light.position, lamp), strict=True):
@@ -108,7 +108,7 @@ def test_few_shadow_rays_say_what_all_would(shared: Geometry) -> None:
 
 def test_shadows_are_those_of_each_finish(shared: Geometry) -> None:
     """A glossy picture whose shadows the matt one had traced before is the one that it would be alone."""
-    lights = Scene(shared).run(scenes.recipe("ring", 3)).plan.lights
+    lights = Scene(shared).run(simulated_scene.recipe("ring", 3)).plan.lights
     after = Scene(shared, glossy=True).capture(lights)
     alone = Scene(Geometry("part", 3, PIXELS), glossy=True).capture(lights)
     matt = Scene(shared).capture(lights)

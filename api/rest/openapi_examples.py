@@ -1,7 +1,7 @@
-"""One session in a small cell as examples of every body: real values, so that an example can never be out of shape.
+"""Examples of every request and response body for the OpenAPI description: one session in a small cell.
 
-They go into the OpenAPI description beside the schemas: who reads it sees what a thing looks like, and who tests with
-it has something to begin with.
+They are instances of the models, so that an example can never contradict its schema; a person sees what a body looks
+like, and a test generator has valid values to begin with.
 """
 
 from datetime import UTC, datetime, timedelta
@@ -50,8 +50,8 @@ from api.rest.schemas import (
 )
 
 _ID = "20261121-101500-3f9c2a"
-_HERE = f"/v1/sessions/{_ID}"
-_BEGUN = datetime(2026, 11, 21, 10, 15, tzinfo=UTC)
+_SESSION_PATH = f"/v1/sessions/{_ID}"
+_CREATED_AT = datetime(2026, 11, 21, 10, 15, tzinfo=UTC)
 _SHA256 = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"
 _POSE = ((1.0, 0.0, 0.0, 0.42), (0.0, -1.0, 0.0, 0.1), (0.0, 0.0, -1.0, 0.45), (0.0, 0.0, 0.0, 1.0))
 _JOINTS = (3.14, -1.6, 1.8, -1.77, -1.57, 1.57)
@@ -61,16 +61,18 @@ _RECIPE = Recipe(label="coin, obverse")
 
 
 def _problem(code: ErrorCode, detail: str, **context: Any) -> Problem:
-    return Problem.of(code, detail, context, _HERE)
+    return Problem.of(code, detail, context, _SESSION_PATH)
 
 
 _STOPPED = _problem(ErrorCode.ARM_PROTECTIVE_STOP, "The controller reports a protective stop")
-_FAULT = Fault(code=_STOPPED.code, detail=_STOPPED.detail, remedy=_STOPPED.remedy, since=_BEGUN + timedelta(seconds=40))
+_FAULT = Fault(
+    code=_STOPPED.code, detail=_STOPPED.detail, remedy=_STOPPED.remedy, since=_CREATED_AT + timedelta(seconds=40)
+)
 _RESULT = ResultResource(
     number=1,
     passes=[0, 1],
     settings=SolveSettings(),
-    created=_BEGUN + timedelta(seconds=70),
+    created=_CREATED_AT + timedelta(seconds=70),
     seconds=1.9,
     summary=ResultSummary(
         images=8,
@@ -85,10 +87,16 @@ _RESULT = ResultResource(
         noise={"read": 0.0012, "intensity": 0.01},
     ),
     artefacts=[
-        ArtefactResource(name="normals.png", bytes=2_402_113, sha256=_SHA256, href=f"{_HERE}/results/1/normals.png")
+        ArtefactResource(
+            name="normals.png", bytes=2_402_113, sha256=_SHA256, href=f"{_SESSION_PATH}/results/1/normals.png"
+        )
     ],
-    exports={"mesh.ply": f"{_HERE}/results/1/mesh.ply"},
-    links={"self": f"{_HERE}/results/1", "manifest": f"{_HERE}/results/1/manifest.json", "session": _HERE},
+    exports={"mesh.ply": f"{_SESSION_PATH}/results/1/mesh.ply"},
+    links={
+        "self": f"{_SESSION_PATH}/results/1",
+        "manifest": f"{_SESSION_PATH}/results/1/manifest.json",
+        "session": _SESSION_PATH,
+    },
 )
 _SESSION = SessionResource(
     id=_ID,
@@ -102,20 +110,20 @@ _SESSION = SessionResource(
     allowed_actions=["pause", "stop"],
     recipe=_RECIPE,
     cell="simulated cell",
-    created=_BEGUN,
-    started=_BEGUN + timedelta(seconds=5),
+    created=_CREATED_AT,
+    started=_CREATED_AT + timedelta(seconds=5),
     ended=None,
     answer=None,
     links={
-        "self": _HERE,
-        "actions": f"{_HERE}/actions",
+        "self": _SESSION_PATH,
+        "actions": f"{_SESSION_PATH}/actions",
         "events": f"/v1/events?session_id={_ID}&after=0",
-        "passes": f"{_HERE}/passes",
-        "results": f"{_HERE}/results",
+        "passes": f"{_SESSION_PATH}/passes",
+        "results": f"{_SESSION_PATH}/results",
     },
 )
 _PASS = PassSummary(
-    number=0, method="optimal", lights=4, shots=5, predicted_sigma_deg=None, links={"self": f"{_HERE}/passes/0"}
+    number=0, method="optimal", lights=4, shots=5, predicted_sigma_deg=None, links={"self": f"{_SESSION_PATH}/passes/0"}
 )
 _PLAN = LightPlan(lights=[_LIGHT], method="optimal", reasons=["the smallest slant that can be reached"])
 _ROUTE = Route(
@@ -138,10 +146,10 @@ _SHOT = Shot(
     base_from_tool=_POSE,
     lamp_on=True,
     arm_time_s=4021.5,
-    taken_at=(_BEGUN + timedelta(seconds=12)).timestamp(),
+    taken_at=(_CREATED_AT + timedelta(seconds=12)).timestamp(),
     quality=FrameQuality(saturated=0.0, bright_level=0.81, accepted=True),
 )
-_ACTION = ActionResource(action="start", actor="lab@127.0.0.1", outcome="running", at=_BEGUN)
+_ACTION = ActionResource(action="start", actor="lab@127.0.0.1", outcome="running", at=_CREATED_AT)
 
 VALUES: tuple[BaseModel, ...] = (
     _RECIPE,
@@ -152,13 +160,13 @@ VALUES: tuple[BaseModel, ...] = (
     RecoveryRequest(step="unlock"),
     ResolveRequest(settings=SolveSettings(robust=False), last_pass=0),
     Accepted(links={"rig": "/v1/rig", "events": "/v1/events"}),
-    ActionAccepted(state=State.RUNNING, links={"session": _HERE}),
+    ActionAccepted(state=State.RUNNING, links={"session": _SESSION_PATH}),
     DryRunResource(plan=_PLAN, route=_ROUTE, seconds=2.4),
     EventResource(
         id=4711,
         session_id=_ID,
         type="session.state",
-        at=_BEGUN,
+        at=_CREATED_AT,
         body={"from": "created", "state": "running", "by": "lab@127.0.0.1"},
     ),
     Health(),
@@ -170,9 +178,9 @@ VALUES: tuple[BaseModel, ...] = (
         number=0,
         plan=_PLAN,
         route=_ROUTE,
-        shots=[ShotResource(shot=_SHOT, links={"image": f"{_HERE}/passes/0/shots/0/image"})],
+        shots=[ShotResource(shot=_SHOT, links={"image": f"{_SESSION_PATH}/passes/0/shots/0/image"})],
         gain_pictures=[],
-        links={"self": f"{_HERE}/passes/0", "session": _HERE},
+        links={"self": f"{_SESSION_PATH}/passes/0", "session": _SESSION_PATH},
     ),
     _problem(ErrorCode.RIG_BUSY, f"Session {_ID} holds the rig", holder=_ID),
     ProblemPage(
@@ -181,8 +189,8 @@ VALUES: tuple[BaseModel, ...] = (
         title=PROBLEMS[ErrorCode.RIG_BUSY].title,
         remedy=PROBLEMS[ErrorCode.RIG_BUSY].remedy,
     ),
-    RegionResource(pixels=52_113, links={"self": f"{_HERE}/region.png", "session": _HERE}),
-    ResolveAccepted(number=2, links={"result": f"{_HERE}/results/2", "session": _HERE}),
+    RegionResource(pixels=52_113, links={"self": f"{_SESSION_PATH}/region.png", "session": _SESSION_PATH}),
+    ResolveAccepted(number=2, links={"result": f"{_SESSION_PATH}/results/2", "session": _SESSION_PATH}),
     _RESULT,
     RigResource(
         cell="simulated cell",
@@ -213,12 +221,12 @@ VALUES: tuple[BaseModel, ...] = (
     ),
     SafetyResource(clear=False, faults=[_FAULT], links={"acknowledgement": "/v1/rig/safety/acknowledgement"}),
     _SESSION,
-    TicketResource(ticket="uM3vC0c4mJ7hT6m3i3rQbq0t4bXn2lW6", good_until=_BEGUN + timedelta(minutes=5)),
+    TicketResource(ticket="uM3vC0c4mJ7hT6m3i3rQbq0t4bXn2lW6", good_until=_CREATED_AT + timedelta(minutes=5)),
 )
 
 
-def into(schemas: dict[str, Any]) -> None:
-    """Adds the examples to the schemas of an OpenAPI description, each to that of its own type."""
+def add_to(schemas: dict[str, Any]) -> None:
+    """Adds each example to the schema of its type in an OpenAPI description."""
     for value in VALUES:
         name = type(value).__name__.replace("[", "_").replace("]", "_")
         schemas[name].setdefault("examples", []).append(value.model_dump(mode="json"))

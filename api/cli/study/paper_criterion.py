@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 from acquisition import geometry
 from acquisition.models.base import FloatArray
-from api.cli.study.scenes import Scene
+from api.cli.study.simulated_scene import Scene
 
 RANDOM_TRIPLES = 1_000_000
 BATCH = 100_000

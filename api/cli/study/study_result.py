@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from api.cli.study.curves import Curve, Sample, Scale
-from api.cli.study.paper import Errata, Placement
-from api.cli.study.three import Row
+from api.cli.study.error_curves import Curve, Sample, Scale
+from api.cli.study.paper_criterion import Errata, Placement
+from api.cli.study.three_images import Row
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import httpx
 import pytest
 
 from acquisition.models.errors import ErrorCode
-from api.rest import connection, gate
+from api.rest import http_protocol, request_checks
 
 MEDIA_TYPE = "application/problem+json"
 
@@ -79,8 +79,8 @@ def test_a_request_smuggled_behind_another_is_not_served(shared: Any) -> None:
 def test_a_request_that_trickles_in_is_given_up(
     start: Callable[..., AbstractContextManager[Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connection, "HEAD_WITHIN_S", 0.3)
-    monkeypatch.setattr(gate, "BODY_WITHIN_S", 0.3)
+    monkeypatch.setattr(http_protocol, "HEAD_TIMEOUT_S", 0.3)
+    monkeypatch.setattr(request_checks, "BODY_TIMEOUT_S", 0.3)
     with start() as service:
         head = b"POST /v1/sessions HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
 
@@ -95,7 +95,7 @@ def test_a_request_that_trickles_in_is_given_up(
 def test_trickling_connections_keep_nobody_from_the_stop(
     start: Callable[..., AbstractContextManager[Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connection, "HEAD_WITHIN_S", 1.0)
+    monkeypatch.setattr(http_protocol, "HEAD_TIMEOUT_S", 1.0)
     with start() as service:
         host, port = service.url.removeprefix("http://").split(":")
         many = [socket.create_connection((host, int(port)), 10) for _ in range(200)]
@@ -112,7 +112,7 @@ def test_trickling_connections_keep_nobody_from_the_stop(
 def test_an_answer_that_takes_its_time_is_not_cut_off(
     start: Callable[..., AbstractContextManager[Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connection, "HEAD_WITHIN_S", 0.2)
+    monkeypatch.setattr(http_protocol, "HEAD_TIMEOUT_S", 0.2)
     with start() as service, service.http.stream("GET", "/v1/events?after=0") as answer:
         parts = answer.iter_text()
         next(parts)

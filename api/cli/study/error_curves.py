@@ -13,8 +13,8 @@ import numpy as np
 from scipy import stats
 
 from acquisition.models.base import FloatArray
-from api.cli.study import scenes
-from api.cli.study.scenes import METHODS, OBJECTS, Run, Scene
+from api.cli.study import simulated_scene
+from api.cli.study.simulated_scene import METHODS, OBJECTS, Run, Scene
 
 RIVALS = ("optimal", "two-rings")
 COMPARED = ("ring", "drbohlav", "random")
@@ -126,7 +126,7 @@ def pieces(seed: int, scale: Scale) -> list[Piece]:
 
 def work(piece: Piece) -> list[Sample]:
     """All sessions of one piece."""
-    shared = scenes.traced(piece.shape, piece.seed, piece.pixels)
+    shared = simulated_scene.traced(piece.shape, piece.seed, piece.pixels)
     return [
         _sample(piece, scene, method, lights)
         for scene, draws in ((Scene(shared), piece.matt), (Scene(shared, glossy=True), piece.glossy))
@@ -138,7 +138,7 @@ def work(piece: Piece) -> list[Sample]:
 
 
 def _sample(piece: Piece, scene: Scene, method: str, lights: int) -> Sample:
-    run: Run = scene.run(scenes.recipe(method, lights, piece.seed))
+    run: Run = scene.run(simulated_scene.recipe(method, lights, piece.seed))
     error = run.found.error_deg
     sigma = run.found.normal_map.sigma_deg[scene.graded]
     return Sample(

@@ -1,4 +1,4 @@
-"""What a route is given: the service, and who asks."""
+"""Dependencies that FastAPI injects into routes (service, caller, actor), and the types of path parameters."""
 
 from typing import Annotated
 

@@ -1,0 +1,70 @@
+"""Routes of rendered drawings: the reach of the arm, and a route, as a still or a 3-D page; rendered on request."""
+
+from functools import partial
+from typing import Annotated, Any, Literal
+
+import anyio.to_thread
+from fastapi import APIRouter
+from fastapi import Path as InPath
+from fastapi.responses import Response
+
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.route import Route
+from api.rest import problems, stored_files
+from api.rest.dependencies import Number, ServiceOf, SessionId
+from api.rest.wiring import Service
+
+router = APIRouter()
+
+Format = Annotated[Literal["png", "html"], InPath(description="A still, or a 3-D page")]
+_TYPES = {"png": "image/png", "html": "text/html"}
+_PICTURE: dict[int | str, dict[str, Any]] = {200: {"content": {kind: {} for kind in _TYPES.values()}}}
+_BUSY = problems.responses_of(ErrorCode.RIG_BUSY, ErrorCode.RIG_NOT_READY, ErrorCode.SESSION_STEP_FAILED)
+
+
+@router.get("/v1/rig/reach.{form}", tags=["rig"], response_class=Response, responses={**_PICTURE, **_BUSY})
+async def reach_picture(service: ServiceOf, form: Format) -> Response:
+    """The reach of the arm: the dome seen from the camera, or cell and dome in 3-D, with the reason of each refusal."""
+    runner = service.runner
+    await anyio.to_thread.run_sync(runner.reach, limiter=service.limits.reach)
+    draw = partial(runner.render, "draw_reach", service.cell, service.calibration, runner.reach_file, form)
+    return await _rendered(service, draw, form)
+
+
+@router.get(
+    "/v1/sessions/{session_id}/passes/{number}/route.{form}",
+    tags=["sessions"],
+    response_class=Response,
+    responses={
+        **_PICTURE,
+        **_BUSY,
+        **problems.responses_of(ErrorCode.SESSION_NOT_FOUND, ErrorCode.REQUEST_NOT_FOUND, ErrorCode.STORE_CORRUPT),
+    },
+)
+async def route_picture(service: ServiceOf, session_id: SessionId, number: Number, form: Format) -> Response:
+    """The cell, a pass's lights in the order of travel, and the lamp's path through them and home."""
+    route, cell, calibration = await anyio.to_thread.run_sync(
+        _stored_route, service, session_id, number, limiter=service.limits.pictures
+    )
+    return await _rendered(service, partial(service.runner.render, "draw_route", route, cell, calibration, form), form)
+
+
+def _stored_route(service: Service, session_id: str, number: int) -> tuple[Route, CellConfig, Calibration]:
+    """Reads a pass's route, and the cell and calibration with which the session began."""
+    service.store.journal.session(session_id)
+    entry = stored_files.newest(service, session_id, "route", number)
+    if entry is None:
+        raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Pass {number} of session {session_id} has no route (yet)")
+    folder = service.store.folder(session_id)
+    return (
+        Route.model_validate_json(stored_files.read_bytes(folder / entry.path)),
+        CellConfig.model_validate_json(stored_files.read_bytes(folder / "cell.json")),
+        Calibration.model_validate_json(stored_files.read_bytes(folder / "calibration.json")),
+    )
+
+
+async def _rendered(service: Service, draw: partial[bytes], form: str) -> Response:
+    content = await anyio.to_thread.run_sync(draw, limiter=service.limits.pictures)
+    return Response(content, media_type=_TYPES[form])

@@ -1,0 +1,66 @@
+"""HTTP/1.1 protocol of the server: uvicorn's, with a time limit for a request's head and problem objects for bad bytes.
+
+uvicorn waits for ever for a request that is never completed, so a client that sends a byte now and then could use up
+the process's connections and keep an operator from the stop (slowloris). Here the head of a request has
+`HEAD_TIMEOUT_S` from the moment the connection is ready for it; the body is limited by `request_checks`, which reads
+it.
+"""
+
+import asyncio
+from typing import Any
+
+import h11
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from acquisition.models.errors import ErrorCode
+from api.rest import problems
+from api.rest.schemas import Problem
+
+HEAD_TIMEOUT_S = 10.0
+"""Time limit for the head of a request, s."""
+
+
+class TimeLimitedH11Protocol(H11Protocol):
+    """Closes a connection whose request does not arrive in time; answers malformed HTTP by a problem object."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._head_timer: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Starts the time limit of the first request."""
+        super().connection_made(transport)  # pyright: ignore[reportArgumentType] - uvicorn narrows the type
+        self._expect_head()
+
+    def on_response_complete(self) -> None:
+        """Starts the time limit of the next request."""
+        super().on_response_complete()
+        self._expect_head()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Cancels the time limit."""
+        if self._head_timer is not None:
+            self._head_timer.cancel()
+        super().connection_lost(exc)
+
+    def send_400_response(self, msg: str) -> None:
+        """Answers malformed HTTP by a problem object and closes the connection."""
+        # The request is malformed as a whole, no field of it, so the status is 400 and not the 422 of the table.
+        body = Problem.of(ErrorCode.REQUEST_INVALID, msg).model_copy(update={"status": 400}).model_dump_json().encode()
+        headers = [
+            ("Content-Type", problems.MEDIA_TYPE), ("Content-Length", str(len(body))), ("Connection", "close"),
+        ]  # fmt: skip
+        head = h11.Response(status_code=400, headers=headers, reason=b"Bad Request")
+        for event in (head, h11.Data(data=body), h11.EndOfMessage()):
+            self.transport.write(self.conn.send(event) or b"")
+        self.transport.close()
+
+    def _expect_head(self) -> None:
+        if self._head_timer is not None:
+            self._head_timer.cancel()
+        self._head_timer = self.loop.call_later(HEAD_TIMEOUT_S, self._close_idle)
+
+    def _close_idle(self) -> None:
+        answering = bool(self.cycle) and not self.cycle.response_complete  # none before the first request
+        if not answering and not self.transport.is_closing():
+            self.transport.close()

@@ -1,0 +1,72 @@
+"""Files that the journal names, as HTTP responses.
+
+A file that was announced never changes, so browsers may cache it for good, under its digest as ETag; the exceptions
+are images under an address that may be given another content, which a browser has to revalidate.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from fastapi.responses import FileResponse
+
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.store import Artifact
+from api.rest.wiring import Service
+
+MEDIA_TYPES = {
+    ".png": "image/png",
+    ".tiff": "image/tiff",
+    ".json": "application/json",
+    ".html": "text/html",
+    ".exr": "image/x-exr",
+    ".ply": "application/octet-stream",
+    ".lp": "text/plain",
+    ".dome": "application/json",
+    ".zip": "application/zip",
+    ".npz": "application/octet-stream",
+}
+
+
+def newest(service: Service, session_id: str, kind: str, number: int) -> Artifact | None:
+    """The newest artefact of a kind and number in a session, None without one."""
+    entries = [item for item in service.store.journal.artifacts(session_id, kind) if item.number == number]
+    return entries[-1] if entries else None
+
+
+def read_bytes(path: Path) -> bytes:
+    """Reads a file that the journal names. Raises RigError store.corrupt when it cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise RigError(ErrorCode.STORE_CORRUPT, f"{path.name}: {error.strerror}", file=path.name) from error
+
+
+def manifest_entries(manifest: Path) -> dict[str, dict[str, Any]]:
+    """Reads a manifest's entries (size, digest, …) by file name. Raises RigError store.corrupt when it is missing."""
+    return json.loads(read_bytes(manifest))["files"]
+
+
+def file_response(path: Path, name: str, digest: str) -> FileResponse:
+    """Responds with a file, to be saved as `name` and cached for good. Raises RigError store.corrupt without it."""
+    if not path.is_file():
+        raise RigError(ErrorCode.STORE_CORRUPT, f"{path.name} is missing", file=path.name)
+    media_type = MEDIA_TYPES.get(path.suffix, "application/octet-stream")
+    return FileResponse(
+        path, media_type=media_type, filename=name, content_disposition_type="inline", headers=immutable(digest)
+    )
+
+
+def immutable(digest: str) -> dict[str, str]:
+    """Headers of content that never changes: its digest as ETag, to be cached for a year."""
+    return {"ETag": f'"{digest}"', "Cache-Control": "private, max-age=31536000, immutable"}
+
+
+def revalidated_png(path: Path, digest: str) -> FileResponse:
+    """Responds with a PNG whose address may later hold another one, so a browser has to revalidate it by its ETag.
+
+    Raises RigError store.corrupt when the file is missing.
+    """
+    if not path.is_file():
+        raise RigError(ErrorCode.STORE_CORRUPT, f"{path.name} is missing", file=path.name)
+    return FileResponse(path, media_type="image/png", headers={"ETag": f'"{digest}"', "Cache-Control": "no-cache"})
