@@ -1,8 +1,8 @@
-"""What `lightpose check` says of a cell before anything moves: each thing that is wrong, with its remedy.
+"""`lightpose check`: checks a cell before anything moves and prints each finding with its remedy.
 
-It goes on after a finding, so that one visit to the cell mends all: files, calibration's age, reach and route, arm
-(and each setting in which it differs from the cell file), camera. Beside a running service the arm is in use, and is
-told so.
+It continues after a finding, so that one visit to the cell is enough: files, calibration's age, reach and route, arm
+(and each setting in which it differs from the cell file), camera. Beside a running service the arm is in use, and the
+check says so.
 """
 
 from collections.abc import Callable
@@ -25,54 +25,54 @@ from api.rest import keys, wiring
 
 
 def check(cell_file: Path, *, offline: bool, data: Path | None = None) -> bool:
-    """Checks a cell, and where given the service's data folder, and prints what it finds; True when nothing is wrong.
+    """Checks a cell, and the service's data folder if given, and prints the findings; moves nothing.
 
-    Moves nothing.
+    Returns True when nothing is wrong.
     """
     console = Console(highlight=False, markup=False, soft_wrap=True)
-    found: list[bool] = []
+    passed: list[bool] = []
     if data is not None:
-        found.append(_told(console, lambda: _data(console, data)))
+        passed.append(_passes(console, lambda: _data(console, data)))
     try:
         cell = cell_config.load(cell_file)
     except RigError as error:
-        _tell(console, error)
+        _print_finding(console, error)
         return False
     console.print(
         f"ok    cell '{cell.name}': {cell.arm.model} at {cell.arm.address}, fingerprint {cell.fingerprint[:12]}"
     )
-    found.append(_told(console, lambda: _reckoned(console, cell, cell_file)))
+    passed.append(_passes(console, lambda: _offline(console, cell, cell_file)))
     if not offline:
-        found.append(_told(console, lambda: _arm(console, cell)))
-        found.append(_told(console, lambda: _as_built(console, cell)))
-        found.append(_told(console, lambda: _camera(console, cell)))
-    return all(found)
+        passed.append(_passes(console, lambda: _arm(console, cell)))
+        passed.append(_passes(console, lambda: _factory_calibration(console, cell)))
+        passed.append(_passes(console, lambda: _camera(console, cell)))
+    return all(passed)
 
 
-def _told(console: Console, part: Callable[[], bool]) -> bool:
-    """Whether a part of the check finds nothing wrong; what it raises is told."""
+def _passes(console: Console, part: Callable[[], bool]) -> bool:
+    """Runs a part of the check; prints a RigError as a finding. Returns True without findings."""
     try:
         return part()
     except RigError as error:
-        _tell(console, error)
+        _print_finding(console, error)
         return False
 
 
 def _data(console: Console, data: Path) -> bool:
-    """Whether the data folder's keys can be read, and room for a session."""
+    """Checks that the data folder's keys can be read, and that there is room for a session."""
     content = keys.read(keys.path_in(data))
     if content is None:
         console.print("ok    no keys: only this machine may call, and whoever is on it is an operator")
     else:
         console.print(f"ok    {len(content.keys)} keys may call")
-    there = next(folder for folder in (data, *data.resolve().parents) if folder.is_dir())
-    require_space(there, 0)
+    existing = next(folder for folder in (data, *data.resolve().parents) if folder.is_dir())
+    require_space(existing, 0)
     console.print(f"ok    data folder {data}")
     return True
 
 
-def _reckoned(console: Console, cell: CellConfig, cell_file: Path) -> bool:
-    """All that can be said without devices: the calibration, its age, and what the arm can reach."""
+def _offline(console: Console, cell: CellConfig, cell_file: Path) -> bool:
+    """Checks what needs no device: the calibration, its age, and the reach of the arm."""
     calibration = cell_config.load_calibration(cell_file.parent / cell.calibration)
     console.print(f"ok    calibration of {calibration.made_at}: {calibration.width} × {calibration.height} pixels")
     valid_until = datetime.fromisoformat(calibration.made_at) + timedelta(days=calibration.valid_days)
@@ -85,7 +85,7 @@ def _reckoned(console: Console, cell: CellConfig, cell_file: Path) -> bool:
 
 
 def _motions(console: Console, cell: CellConfig, calibration: Calibration) -> None:
-    """Reach, pilot and route, as the service would make them."""
+    """Computes reach, pilot and route as the service does, and prints them."""
     with TemporaryDirectory() as folder:
         cache = Path(folder) / "reach.json"
         jobs.make_reach(cell, calibration, cache)
@@ -102,7 +102,7 @@ def _motions(console: Console, cell: CellConfig, calibration: Calibration) -> No
 
 
 def _arm(console: Console, cell: CellConfig) -> bool:
-    """Whether the arm answers and is as the cell file says."""
+    """Checks that the arm answers and agrees with the cell file."""
     arm = wiring.build_arm(cell)
     try:
         identity = arm.connect()
@@ -126,18 +126,18 @@ def _camera(console: Console, cell: CellConfig) -> bool:
     return True
 
 
-def _as_built(console: Console, cell: CellConfig) -> bool:
-    """The arm as built: told as lines for the cell file where they are not in it."""
-    told = primary.kinematics(cell.arm.address)
-    if told is None:
-        console.print("      the controller does not tell the arm's factory calibration")
-    elif told == cell.arm.kinematics:
+def _factory_calibration(console: Console, cell: CellConfig) -> bool:
+    """Compares the controller's factory calibration (DH parameters) with the cell file; prints lines for the latter."""
+    reported = primary.kinematics(cell.arm.address)
+    if reported is None:
+        console.print("      the controller does not report the arm's factory calibration")
+    elif reported == cell.arm.kinematics:
         console.print("ok    the arm's factory calibration is the cell file's")
     else:
         wrong = cell.arm.kinematics is not None
         console.print(f"{'WRONG' if wrong else '     '} the arm's factory calibration; for [arm] in the cell file:")
         console.print("kinematics = [")
-        for joint in told:
+        for joint in reported:
             numbers = ", ".join(f"{name} = {value!r}" for name, value in joint.model_dump().items())
             console.print(f"  {{ {numbers} }},")
         console.print("]")
@@ -145,6 +145,6 @@ def _as_built(console: Console, cell: CellConfig) -> bool:
     return True
 
 
-def _tell(console: Console, error: RigError) -> None:
+def _print_finding(console: Console, error: RigError) -> None:
     console.print(f"WRONG {error.code}: {error.detail}")
     console.print(f"        what to do: {PROBLEMS[error.code].remedy}")

@@ -1,7 +1,7 @@
 """The command line: `lightpose demo | sim | serve | check | solve | replay | …`.
 
-Each command imports what it needs when it runs, so that `lightpose --help` answers at once and loads no numerical
-kernel.
+Each command imports what it needs when it runs, so that `lightpose --help` answers at once and loads neither numerical
+kernels nor an HTTP library.
 """
 
 import json
@@ -23,15 +23,15 @@ app = typer.Typer(
 
 
 class Profile(StrEnum):
-    """What the simulated world does that the calibration does not know."""
+    """Deviations of the simulated cell from its calibration."""
 
     IDEAL = "ideal"
     DIRECT = "direct"
     REALISTIC = "realistic"
 
 
-class LogForm(StrEnum):
-    """What an entry of the log looks like."""
+class LogFormat(StrEnum):
+    """Format of log entries."""
 
     TEXT = "text"
     JSON = "json"
@@ -44,7 +44,7 @@ ObjectName = Annotated[
     ),
 ]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of object, errors and noise")]
-Speed = Annotated[float, typer.Option(help="How many times faster than life the simulated arm moves")]
+Speed = Annotated[float, typer.Option(help="Speed of the simulated arm as a multiple of real time")]
 Pixels = Annotated[int, typer.Option(help="Width and height of the simulated image")]
 
 
@@ -66,10 +66,10 @@ def demo(
     data: Annotated[Path, typer.Option(help="Folder for the cell and the results")] = Path("demo"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
 ) -> None:
-    """Runs a whole session in a simulated cell, over HTTP, and grades the normals that it finds."""
+    """Runs a full session in a simulated cell, over HTTP, and grades its normals against the truth."""
     from api.cli import demo as demonstration
 
-    wishes = demonstration.Wishes(
+    options = demonstration.DemoOptions(
         object_name=object_name,
         seed=seed,
         pilot_lights=pilot,
@@ -82,7 +82,7 @@ def demo(
         data=data,
         lights=lights,
     )
-    outcome = _told(lambda: demonstration.run(wishes))
+    outcome = _explain_errors(lambda: demonstration.run(options))
     if as_json:
         print(json.dumps(outcome), flush=True)
 
@@ -95,23 +95,21 @@ def sim(
     profile: Profile = Profile.REALISTIC,
     speed: Speed = 1.0,
     pixels: Pixels = 1024,
-    folder: Annotated[Path | None, typer.Option(help="Where cell file, calibration and truth are written")] = None,
-    cell: Annotated[
-        Path | None, typer.Option(help="The cell file to stand in for; default: the simulated cell")
-    ] = None,
+    folder: Annotated[Path | None, typer.Option(help="Folder for cell file, calibration and truth")] = None,
+    cell: Annotated[Path | None, typer.Option(help="The cell file to simulate; default: the simulated cell")] = None,
     calibration_seed: Annotated[
-        int | None, typer.Option(help="An arm that differs from its drawings by millimetres, as real ones do")
+        int | None, typer.Option(help="Seed of kinematic deviations of millimetres, as real arms have them")
     ] = None,
-    record: Annotated[Path | None, typer.Option(help="Write every tick of the controller to this file")] = None,
+    record: Annotated[Path | None, typer.Option(help="Record every tick of the controller to this file")] = None,
     programs: Annotated[
         Path | None, typer.Option(help="Folder of programs (NAME.urp) that the dashboard loads")
     ] = None,
     json_status: Annotated[bool, typer.Option("--json-status", help="A JSON line at each change of the arm")] = False,
 ) -> None:
-    """Runs a simulated cell until interrupted; prints a line `ready …` when it can be connected to."""
+    """Runs a simulated cell until interrupted; prints a line `ready …` when it accepts connections."""
     from hardware_sim import cell as simulation
 
-    _told(
+    _explain_errors(
         lambda: simulation.run(
             simulation.CellOptions(
                 address,
@@ -143,7 +141,7 @@ def serve(
         int | None, typer.Option(min=0, max=65535, help="0: any free port; default: LIGHTPOSE_PORT, else 8000")
     ] = None,
     log: Annotated[
-        LogForm | None, typer.Option(help="Lines for people or JSON objects; default: LIGHTPOSE_LOG, else text")
+        LogFormat | None, typer.Option(help="Lines for people or JSON objects; default: LIGHTPOSE_LOG, else text")
     ] = None,
 ) -> None:
     """Runs the service for one cell."""
@@ -151,21 +149,23 @@ def serve(
 
     given = {"cell": cell, "data": data, "host": host, "port": port, "log": None if log is None else log.value}
     wanted = {name: value for name, value in given.items() if value is not None}
-    _told(lambda: server.serve(settings.read(**wanted)))
+    _explain_errors(lambda: server.serve(settings.read(**wanted)))
 
 
 @app.command()
 def check(
     cell: Annotated[Path | None, typer.Option(help="The cell file; default: the simulated cell's")] = None,
-    offline: Annotated[bool, typer.Option(help="Leave out whether arm and camera answer")] = False,
-    data: Annotated[Path | None, typer.Option(help="The service's data folder: its keys and space too")] = None,
+    offline: Annotated[bool, typer.Option(help="Do not connect to arm and camera")] = False,
+    data: Annotated[
+        Path | None, typer.Option(help="The service's data folder, to check its keys and free space too")
+    ] = None,
 ) -> None:
-    """Checks cell file, calibration, reach, pilot and route, and the devices; names each problem; moves nothing."""
+    """Checks cell file, calibration, reach, pilot, route and devices; names each problem; moves nothing."""
     from api.cli import checking
     from hardware_sim import nominal
 
     cell_file = cell or nominal.default_cell_file()
-    if not _told(lambda: checking.check(cell_file, offline=offline, data=data)):
+    if not _explain_errors(lambda: checking.check(cell_file, offline=offline, data=data)):
         raise typer.Exit(1)
 
 
@@ -178,35 +178,35 @@ Data = Annotated[Path, typer.Option(help="The service's data folder")]
 def add_key(
     name: str,
     role: Annotated[
-        str, typer.Option(help="viewer looks, operator moves the arm, admin deletes sessions too")
+        str, typer.Option(help="viewer reads, operator moves the arm, admin deletes sessions too")
     ] = "operator",
     data: Data = Path("data"),
 ) -> None:
-    """Makes a key and prints its secret, this once."""
+    """Creates a key and prints its secret, which is not stored."""
     from api.rest import keys
 
     roles = [str(item) for item in keys.Role]
     if role not in roles:
         raise typer.BadParameter(f"choose of {', '.join(roles)}", param_hint="--role")
-    print(_told(lambda: keys.add(keys.path_in(data), name, keys.Role(role))))
+    print(_explain_errors(lambda: keys.add(keys.path_in(data), name, keys.Role(role))))
 
 
 @keys_app.command("revoke")
 def revoke_key(name: str, data: Data = Path("data")) -> None:
-    """Removes a key; a running service refuses it within a second."""
+    """Revokes a key; a running service refuses it within a second."""
     from api.rest import keys
 
-    _told(lambda: keys.revoke(keys.path_in(data), name))
+    _explain_errors(lambda: keys.revoke(keys.path_in(data), name))
 
 
 @keys_app.command("list")
 def list_keys(data: Data = Path("data")) -> None:
-    """Names and roles of the keys; secrets are not kept."""
+    """Lists names and roles of the keys; secrets are not stored."""
     from datetime import UTC, datetime
 
     from api.rest import keys
 
-    content = _told(lambda: keys.read(keys.path_in(data)))
+    content = _explain_errors(lambda: keys.read(keys.path_in(data)))
     for key in content.keys if content is not None else ():
         print(f"{key.name}\t{key.role}\tmade {datetime.fromtimestamp(key.created_at, UTC):%Y-%m-%d}")
 
@@ -214,26 +214,27 @@ def list_keys(data: Data = Path("data")) -> None:
 @app.command()
 def prune(
     older_than: Annotated[float, typer.Option(min=0, help="Days since a session ended")] = 30,
-    keep: Annotated[int, typer.Option(min=0, help="So many of the newest ended sessions stay in any case")] = 10,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be removed")] = False,
+    keep: Annotated[
+        int, typer.Option(min=0, help="Number of the newest ended sessions that are kept in any case")
+    ] = 10,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only list what would be removed")] = False,
     data: Data = Path("data"),
 ) -> None:
-    """Removes old ended sessions with their files; what holds the rig or has not ended stays."""
+    """Removes old ended sessions with their files; sessions that hold the rig or have not ended are kept."""
     import time
     from datetime import UTC, datetime
 
     from acquisition.store import retention
 
-    found = _told(
+    removed = _explain_errors(
         lambda: retention.prune(data, older_than_days=older_than, keep=keep, now=time.time(), dry_run=dry_run)
     )
-    for item in found:
+    for item in removed:
         print(
             f"{item.session_id}\tended {datetime.fromtimestamp(item.ended_at, UTC):%Y-%m-%d}\t{item.bytes / 1e6:.1f} MB"
         )
-    print(
-        f"{'would remove' if dry_run else 'removed'} {len(found)} sessions, {sum(i.bytes for i in found) / 1e6:.1f} MB"
-    )
+    megabytes = sum(item.bytes for item in removed) / 1e6
+    print(f"{'would remove' if dry_run else 'removed'} {len(removed)} sessions, {megabytes:.1f} MB")
 
 
 class Solver(StrEnum):
@@ -252,8 +253,8 @@ def solve_folder(
         Path, typer.Argument(help="DiLiGenT-style, .lp with images, near light (lights.json), or a session's folder")
     ],
     solver: Annotated[Solver, typer.Option(help="auto chooses by the residuals and says why")] = Solver.AUTO,
-    near: Annotated[bool, typer.Option("--near", help="Insist on the near-light model")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for maps and report; it appears whole or not at all")] = None,
+    near: Annotated[bool, typer.Option("--near", help="Require the near-light model")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for maps and report, written atomically")] = None,
     exports: Annotated[
         list[str] | None,
         typer.Option(
@@ -262,17 +263,19 @@ def solve_folder(
             "their images), diligent (with them), integration, or all; may be repeated",
         ),
     ] = None,
-    sphere: Annotated[str | None, typer.Option(help="cx,cy,r: a sphere in the image that the errors are for")] = None,
+    sphere: Annotated[
+        str | None, typer.Option(help="cx,cy,r: a sphere in the image, px, that errors are graded against")
+    ] = None,
     keep_steps: Annotated[
-        bool, typer.Option("--keep-steps", help="Let depth jump where normals disagree with their neighbours")
+        bool, typer.Option("--keep-steps", help="Allow depth discontinuities where neighbouring normals disagree")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
 ) -> None:
-    """Solves a folder of images to normals with an uncertainty for each pixel, and grades them where truth is known."""
+    """Solves a folder of images to normals with an uncertainty for each pixel; grades them where truth is known."""
     from api.cli import solving
 
-    outcome = _told(
-        lambda: solving.run(solving.wishes(folder, solver.value, near, out, sphere, exports or [], keep_steps))
+    outcome = _explain_errors(
+        lambda: solving.run(solving.solve_request(folder, solver.value, near, out, sphere, exports or [], keep_steps))
     )
     if as_json:
         print(json.dumps(outcome), flush=True)
@@ -287,7 +290,7 @@ def replay(
     """Solves a session's images again and compares with its stored result; writes nothing."""
     from api.cli import solving
 
-    outcome = _told(lambda: solving.replay(folder, result))
+    outcome = _explain_errors(lambda: solving.replay(folder, result))
     if as_json:
         print(json.dumps(outcome), flush=True)
 
@@ -299,13 +302,13 @@ def study(
     out: Annotated[Path, typer.Option(help="Folder for study.html and study.json")] = Path("study"),
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
 ) -> None:
-    """Compares ways of placing lights, and checks the paper's figures, as one page and JSON; moves nothing."""
-    from api.cli.study import whole
+    """Compares methods of placing lights and checks the paper's figures, as one page and JSON; moves nothing."""
+    from api.cli.study import run
 
-    told = _told(lambda: whole.run(seed, out, quick=quick))
+    figures = _explain_errors(lambda: run.run(seed, out, quick=quick))
     print(out / "study.html")
     if as_json:
-        print(json.dumps(told), flush=True)
+        print(json.dumps(figures), flush=True)
 
 
 @app.command()
@@ -328,19 +331,19 @@ def main() -> None:
     app()
 
 
-def _told(work: Callable[[], T]) -> T:
-    """Runs a command and tells a person what went wrong and what to do."""
-    from api.client.client import ProblemError
+def _explain_errors(work: Callable[[], T]) -> T:
+    """Runs a command; prints a RigError or ProblemError with its remedy and exits with status 2."""
+    from api import ProblemError
 
     try:
         return work()
     except RigError as error:
-        _explain(error.code, error.detail)
+        _exit_with_remedy(error.code, error.detail)
     except ProblemError as error:
-        _explain(error.code, error.detail)
+        _exit_with_remedy(error.code, error.detail)
 
 
-def _explain(code: ErrorCode, detail: str) -> NoReturn:
+def _exit_with_remedy(code: ErrorCode, detail: str) -> NoReturn:
     print(f"{code}: {detail}", file=sys.stderr)
     print(f"  What to do: {PROBLEMS[code].remedy}", file=sys.stderr)
     raise typer.Exit(2)

@@ -1,7 +1,7 @@
-"""One whole session in a simulated cell, as a user would run it, and what came of it against the truth.
+"""`lightpose demo`: a full session in a simulated cell, as a user would run it, graded against the truth.
 
-Cell and service are processes of their own and the session goes over HTTP by the client that scripts use; only the
-grading looks at the cell's truth.
+Cell and service are processes of their own, and the session is run over HTTP by the client that scripts use, so that
+the demonstration exercises what a user gets; only the grading reads the cell's truth.
 """
 
 import contextlib
@@ -27,15 +27,21 @@ from api.cli import lights_file
 from api.client.client import Client
 from hardware_sim import grade, truth
 
-READY_WITHIN_S = 90.0
-END_WITHIN_S = 15.0
+START_TIMEOUT_S = 90.0
+"""Time limit for cell and service to become ready, s."""
+
+STOP_TIMEOUT_S = 15.0
+"""Time limit for their end before they are killed, s."""
+
 CELL_PORTS = (29999, 30001, 30002, 30003, 30004, 30100, 30200)
+"""Ports that a simulated cell binds."""
+
 STAGES = ("pilot", "waypoints", "capture", "normals", "plan")
 
 
 @dataclass(frozen=True)
-class Wishes:
-    """What the demonstration shall show."""
+class DemoOptions:
+    """Options of the demonstration: object, method, errors, image size, folders."""
 
     object_name: str
     seed: int
@@ -50,37 +56,37 @@ class Wishes:
     lights: Path | None = None
 
 
-def run(wishes: Wishes) -> dict[str, Any]:
-    """Runs the demonstration and returns its figures; prints progress and a table on the way.
+def run(options: DemoOptions) -> dict[str, Any]:
+    """Runs the demonstration and returns its figures; prints progress and a table.
 
     Raises RigError when cell, service or session fail.
     """
     console = Console(stderr=False)
-    recipe = _recipe(wishes, wishes.method)
-    folder = wishes.data.resolve()
+    recipe = _recipe(options, options.method)
+    folder = options.data.resolve()
     (folder / "log").mkdir(parents=True, exist_ok=True)
-    Store(folder / "data").close()  # in use, it raises before the cell in use, which is graded against, is overwritten
-    begun = time.monotonic()
-    with _cell(wishes, folder) as cell_file, _service(cell_file, folder) as url, Client(url) as client:
-        started = time.monotonic() - begun
-        console.print(f"Service at {url}, simulated cell with the object '{wishes.object_name}', seed {wishes.seed}")
-        _end_what_was_left(client)
+    Store(folder / "data").close()  # raises while in use, before the cell of a running demo is overwritten
+    start = time.monotonic()
+    with _cell(options, folder) as cell_file, _service(cell_file, folder) as url, Client(url) as client:
+        connect_s = time.monotonic() - start
+        console.print(f"Service at {url}, simulated cell with the object '{options.object_name}', seed {options.seed}")
+        _end_previous_session(client)
         session_id = _capture(client, recipe)
         grades = _grades(folder, cell_file, session_id)
         stages = _seconds(client, session_id)
         predicted = client.results(session_id)[-1].summary.predicted_median_deg
         random_grade = None
-        if wishes.compare_random and wishes.method != "random":
-            other = _capture(client, _recipe(wishes, "random"))
+        if options.compare_random and options.method != "random":
+            other = _capture(client, _recipe(options, "random"))
             random_grade = _grades(folder, cell_file, other)[-1]
         final, results = grades[-1], folder / "data" / "sessions" / session_id / "results" / str(len(grades) - 1)
         gradings = _gradings(cell_file, results)
     outcome = {
         "session_id": session_id,
-        "object": wishes.object_name,
-        "seed": wishes.seed,
-        "method": wishes.method,
-        "profile": wishes.profile,
+        "object": options.object_name,
+        "seed": options.seed,
+        "method": options.method,
+        "profile": options.profile,
         "lights_total": recipe.lights_total,
         "mean_deg": final.mean_deg,
         "median_deg": final.median_deg,
@@ -95,32 +101,32 @@ def run(wishes: Wishes) -> dict[str, Any]:
         "coverage": final.coverage,
         "graded_pixels": final.graded_pixels,
         "gradings": {name: graded.as_dict() for name, graded in gradings.items()},
-        "seconds": {"connect": round(started, 2), **stages, "total": round(time.monotonic() - begun, 2)},
+        "seconds": {"connect": round(connect_s, 2), **stages, "total": round(time.monotonic() - start, 2)},
         "results": str(results),
     }
-    _show(console, wishes, grades, random_grade, outcome)
+    _show(console, options, grades, random_grade, outcome)
     return outcome
 
 
-def _recipe(wishes: Wishes, method: str) -> Recipe:
-    given: dict[str, Any] = {
+def _recipe(options: DemoOptions, method: str) -> Recipe:
+    values: dict[str, Any] = {
         "method": method,
-        "pilot_lights": wishes.pilot_lights,
-        "planned_lights": wishes.planned_lights,
-        "seed": wishes.seed,
-        "label": f"{wishes.object_name}, {method}",
+        "pilot_lights": options.pilot_lights,
+        "planned_lights": options.planned_lights,
+        "seed": options.seed,
+        "label": f"{options.object_name}, {method}",
     }
-    if method == "user" and wishes.lights is not None:
-        given["user_lights"] = lights_file.read(wishes.lights)
+    if method == "user" and options.lights is not None:
+        values["user_lights"] = lights_file.read(options.lights)
     try:
-        return Recipe.model_validate(given)
+        return Recipe.model_validate(values)
     except ValueError as error:
         raise RigError(ErrorCode.REQUEST_INVALID, str(error)) from error
 
 
-def _end_what_was_left(client: Client) -> None:
-    """Stops the session of a demonstration that was broken off, and acknowledges what its end has latched: the cell in
-    which it ran is gone, and nobody stands in the simulated one.
+def _end_previous_session(client: Client) -> None:
+    """Stops the session of an interrupted demonstration and acknowledges the faults that its end has latched: its cell
+    is gone, and there is nobody in the simulated one.
     """
     holder = client.rig().holder
     if holder is not None:
@@ -130,12 +136,12 @@ def _end_what_was_left(client: Client) -> None:
 
 
 def _capture(client: Client, recipe: Recipe) -> str:
-    """Runs one session to its end; gives its id. Raises ProblemError when it does not complete."""
+    """Runs one session to its end; returns its id. Raises ProblemError when it does not complete."""
     return client.capture(recipe, progress=True).id
 
 
 def _grades(folder: Path, cell_file: Path, session_id: str) -> list[grade.Grade]:
-    """Each result of a session against the truth, the pilot's first."""
+    """Grades each result of a session against the truth, the pilot's first."""
     true = truth.load(cell_file.parent / "truth.npz")
     calibration = cell_config.load_calibration(cell_file.parent / "calibration.json")
     results = sorted((folder / "data" / "sessions" / session_id / "results").iterdir(), key=lambda path: int(path.name))
@@ -164,7 +170,7 @@ def _seconds(client: Client, session_id: str) -> dict[str, float]:
 
 def _show(
     console: Console,
-    wishes: Wishes,
+    options: DemoOptions,
     grades: list[grade.Grade],
     random_grade: grade.Grade | None,
     outcome: dict[str, Any],
@@ -175,9 +181,9 @@ def _show(
     )
     for column in ("lights", "images", "mean", "median", "95 %", "coverage"):
         table.add_column(column, justify="left" if column == "lights" else "right")
-    rows = [(wishes.method, outcome["lights_total"], grades[-1])]
+    rows = [(options.method, outcome["lights_total"], grades[-1])]
     if len(grades) > 1:
-        rows.insert(0, ("pilot", wishes.pilot_lights, grades[0]))
+        rows.insert(0, ("pilot", options.pilot_lights, grades[0]))
     if random_grade is not None:
         rows.append(("random", outcome["lights_total"], random_grade))
     for name, images, row in rows:
@@ -196,10 +202,12 @@ def _show(
         f"78°, {means['object']:.2f}° over all pixels of the object"
     )
     forecast = outcome["predicted_median_deg"]
-    told = "none for fixed patterns" if forecast is None else f"{forecast:.2f}°"
+    predicted = "none for fixed patterns" if forecast is None else f"{forecast:.2f}°"
     sigma = outcome["sigma_median_deg"]
-    said = "" if sigma is None else f", by the result's own σ {sigma:.2f}°"
-    console.print(f"Median error: predicted before the capture {told}{said}, found {outcome['median_deg']:.2f}°")
+    by_sigma = "" if sigma is None else f", by the result's own σ {sigma:.2f}°"
+    console.print(
+        f"Median error: predicted before the capture {predicted}{by_sigma}, observed {outcome['median_deg']:.2f}°"
+    )
     console.print(
         "Seconds: " + ", ".join(f"{name} {seconds:g}" for name, seconds in outcome["seconds"].items()), highlight=False
     )
@@ -208,11 +216,11 @@ def _show(
 
 
 @contextlib.contextmanager
-def _cell(wishes: Wishes, folder: Path) -> Generator[Path]:
-    """The simulated cell as a process of its own; gives its cell file."""
+def _cell(options: DemoOptions, folder: Path) -> Generator[Path]:
+    """Runs the simulated cell as a process; yields its cell file."""
     arguments = [
-        "sim", "--address", _free_address(), "--object", wishes.object_name, "--seed", str(wishes.seed),
-        "--profile", wishes.profile, "--speed", str(wishes.speed), "--pixels", str(wishes.pixels),
+        "sim", "--address", _free_address(), "--object", options.object_name, "--seed", str(options.seed),
+        "--profile", options.profile, "--speed", str(options.speed), "--pixels", str(options.pixels),
         "--folder", str(folder / "cell"), "--record", str(folder / "cell" / "ticks.record"),
     ]  # fmt: skip
     (folder / "cell").mkdir(exist_ok=True)
@@ -222,7 +230,7 @@ def _cell(wishes: Wishes, folder: Path) -> Generator[Path]:
 
 @contextlib.contextmanager
 def _service(cell_file: Path, folder: Path) -> Generator[str]:
-    """The service as a process of its own; gives its address."""
+    """Runs the service as a process; yields its address."""
     arguments = ["serve", "--cell", str(cell_file), "--data", str(folder / "data"), "--port", "0"]
     with _process(arguments, folder / "log" / "serve.log", r"(http://[\d.]+:\d+)") as match:
         yield match.group(1)
@@ -230,24 +238,24 @@ def _service(cell_file: Path, folder: Path) -> Generator[str]:
 
 @contextlib.contextmanager
 def _process(arguments: list[str], log: Path, ready: str) -> Generator[re.Match[str]]:
-    """A lightpose command as a process, from the line that says it is ready until it is no longer wanted."""
+    """Runs a lightpose command as a process; yields the match of `ready` in its log, and ends it at exit."""
     with log.open("w", encoding="utf-8") as file:
         process = subprocess.Popen(  # noqa: S603 - our own command
             [sys.executable, "-m", "api.cli", *arguments], stdout=file, stderr=subprocess.STDOUT
         )
     try:
-        yield _await(process, log, ready)
+        yield _wait_for_line(process, log, ready)
     finally:
         process.terminate()
         try:
-            process.wait(END_WITHIN_S)
+            process.wait(STOP_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
 
 
-def _await(process: "subprocess.Popen[bytes]", log: Path, ready: str) -> re.Match[str]:
-    deadline = time.monotonic() + READY_WITHIN_S
+def _wait_for_line(process: "subprocess.Popen[bytes]", log: Path, ready: str) -> re.Match[str]:
+    deadline = time.monotonic() + START_TIMEOUT_S
     while time.monotonic() < deadline:
         text = log.read_text(encoding="utf-8", errors="replace")
         match = re.search(ready, text, re.MULTILINE)
@@ -256,12 +264,12 @@ def _await(process: "subprocess.Popen[bytes]", log: Path, ready: str) -> re.Matc
         if process.poll() is not None:
             raise RigError(ErrorCode.SERVICE_FAULT, f"a process of the demonstration ended: {text[-800:].strip()}")
         time.sleep(0.05)
-    raise RigError(ErrorCode.SERVICE_FAULT, f"not ready within {READY_WITHIN_S:g} s; see {log}")
+    raise RigError(ErrorCode.SERVICE_FAULT, f"not ready within {START_TIMEOUT_S:g} s; see {log}")
 
 
 def _free_address() -> str:
-    """A loopback address whose controller ports nobody uses."""
-    first = os.getpid() % 250  # two demonstrations that start at once look at different addresses
+    """A loopback address whose controller ports are free. Raises RigError service.fault without one."""
+    first = os.getpid() % 250  # two demonstrations that start at once try different addresses
     for number in range(250):
         address = f"127.0.7.{2 + (first + number) % 250}"
         try:

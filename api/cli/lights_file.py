@@ -1,8 +1,8 @@
-"""Positions of lights from a file, for method `user`.
+"""Reads positions of lights from a file, for method `user`.
 
-JSON (a list of [x, y, z], or the `plan.json` of one pass), text (three numbers on each line), or a session's folder,
-the lights of all whose passes are taken again; metres, view frame (origin at the camera, x right, y up, z to the
-camera).
+JSON (a list of [x, y, z], or the `plan.json` of one pass), text (three numbers on each line), or a session's folder, for
+the lights of all its passes; metres, view frame (origin at the camera, x right, y up, z towards the camera). The form
+is recognised by the content, not by the suffix.
 """
 
 import json
@@ -16,7 +16,7 @@ from acquisition.models.errors import ErrorCode, RigError
 
 
 def read(path: Path) -> list[Vector3]:
-    """The positions in a file or a session's folder. Raises RigError request.invalid naming file and place in it."""
+    """Reads the positions in a file or a session's folder. Raises RigError request.invalid naming file and line."""
     if path.is_dir():
         plans = sorted(path.glob("passes/*/plan.json"), key=lambda plan: int(plan.parent.name))
         if not plans:

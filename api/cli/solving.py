@@ -1,7 +1,7 @@
-"""`lightpose solve` and `lightpose replay`: folders to normals, without a service, a cell or a journal.
+"""`lightpose solve` and `lightpose replay`: solve folders of images without a service, a cell or a journal.
 
-Reading finds all that is wrong before anything is solved; writing goes to a hidden folder that takes its name at the
-end. Progress is for people, on the error stream; what programs read is one JSON object as the last line of the output.
+The input is validated before anything is solved; the output is written to a hidden folder that is renamed at the end.
+Progress goes to the error stream, for people; programs read one JSON object as the last line of the output.
 """
 
 import json
@@ -39,8 +39,8 @@ SAME_DEG = 0.01
 
 
 @dataclass(frozen=True)
-class Wishes:
-    """What a person asked for; `exports` are names of `export.FILES` and `export.FOLDERS`."""
+class SolveRequest:
+    """Options of one solve; `exports` are names of `export.FILES` and `export.FOLDERS`."""
 
     folder: Path
     solver: distant.Solver = "auto"
@@ -53,21 +53,21 @@ class Wishes:
 
 @dataclass(frozen=True)
 class Solved:
-    """A result, the images it was solved from, how, and its mean σ."""
+    """A normal map, the images it was solved from, the solver and why it was chosen, and the mean σ, degrees."""
 
-    found: NormalMap
+    normal_map: NormalMap
     images: ImageSet
     solver: str
     why: str
     sigma_mean_deg: float | None
-    """Of a session as its summary has it, over the facing pixels; of others over all solved ones; none without σ."""
+    """Of a session over the facing pixels, as in its summary; of others over all solved pixels; None without σ."""
 
 
-def wishes(
+def solve_request(
     folder: Path, solver: str, near: bool, out: Path | None, sphere: str | None, exports: Sequence[str],
     keep_steps: bool = False,
-) -> Wishes:  # fmt: skip
-    """The wishes of a command line: `sphere` as `cx,cy,r`, `exports` by name, `all` for all of them.
+) -> SolveRequest:  # fmt: skip
+    """Parses the options of a command line: `sphere` as `cx,cy,r`, `exports` by name, `all` for all of them.
 
     Raises RigError request.invalid.
     """
@@ -81,7 +81,7 @@ def wishes(
         raise RigError(ErrorCode.REQUEST_INVALID, f"--solver {solver}: choose of {', '.join(get_args(distant.Solver))}")
     chosen = known if "all" in exports else tuple(name for name in known if name in exports)
     ball = None if sphere is None else _sphere(sphere)
-    return Wishes(folder, cast(distant.Solver, solver), near, out, ball, chosen, keep_steps)
+    return SolveRequest(folder, cast(distant.Solver, solver), near, out, ball, chosen, keep_steps)
 
 
 def _sphere(text: str) -> Sphere:
@@ -96,27 +96,27 @@ def _sphere(text: str) -> Sphere:
     return Sphere(column, row, radius)
 
 
-def run(asked: Wishes) -> dict[str, Any]:
-    """Reads, solves, grades and writes one folder; prints a table for people and returns what programs read."""
-    begun = time.monotonic()
-    _refuse(asked)
+def run(request: SolveRequest) -> dict[str, Any]:
+    """Reads, solves, grades and writes one folder; prints a table for people and returns the figures for programs."""
+    started = time.monotonic()
+    _refuse(request)
     seconds: dict[str, float] = {}
     console = Console(stderr=True, markup=False)
-    with _bar(console) as bar, _scratch(asked.out) as scratch:
-        solved = _solved(asked, scratch, bar, seconds)
-        graded = grade(solved.found, solved.images)
-        if asked.out is not None:
+    with _bar(console) as bar, _scratch(request.out) as scratch:
+        solved = _solved(request, scratch, bar, seconds)
+        graded = grade(solved.normal_map, solved.images)
+        if request.out is not None:
             with _timed(seconds, "write"), _step(bar, "writing"):
-                _write(asked, solved, graded, seconds, asked.out)
-    outcome = _outcome(asked, solved, graded, seconds, time.monotonic() - begun)
-    _show(console, outcome, report.sentences(solved.found, _facts(asked, solved, graded, seconds)))
+                _write(request, solved, graded, seconds, request.out)
+    outcome = _outcome(request, solved, graded, seconds, time.monotonic() - started)
+    _show(console, outcome, report.sentences(solved.normal_map, _facts(request, solved, graded, seconds)))
     return outcome
 
 
 def replay(folder: Path, number: int | None = None) -> dict[str, Any]:
-    """Solves a session's images again, as its stored result (default: the last) was, and compares; writes nothing.
+    """Solves a session's images again with the settings of a stored result (default: the last) and compares them.
 
-    Raises RigError folder.invalid when the folder holds no such result, or does not say how it was solved.
+    Writes nothing. Raises RigError folder.invalid when the folder has no such result or lacks its settings.
     """
     capture = session.read(folder)
     chosen = number if number is not None else max(capture.results, default=-1)
@@ -132,16 +132,16 @@ def replay(folder: Path, number: int | None = None) -> dict[str, Any]:
     console = Console(stderr=True, markup=False)
     seconds: dict[str, float] = {}
     with _bar(console) as bar, _timed(seconds, "solve"), _step(bar, "solving"):
-        found = _solve_session(capture, len(stored.flags), settings)
-    outcome = _compared(stored, found, capture.calibration) | {
+        normal_map = _solve_session(capture, len(stored.flags), settings)
+    outcome = _compared(stored, normal_map, capture.calibration) | {
         "result": chosen,
-        "images": len(found.flags),
+        "images": len(normal_map.flags),
         "seconds": seconds["solve"],
     }
     table = Table(title=f"Result {chosen} of {folder.name}, solved again")
     for column in ("", "stored", "again"):
         table.add_column(column, justify="right" if column else "left")
-    table.add_row("normals", str(np.count_nonzero(stored.mask)), str(np.count_nonzero(found.mask)))
+    table.add_row("normals", str(np.count_nonzero(stored.mask)), str(np.count_nonzero(normal_map.mask)))
     table.add_row("mean σ", *(f"{outcome[name]:.3f}°" for name in ("sigma_before_deg", "sigma_deg")))
     console.print(table)
     verdict = "the same" if outcome["same"] else "different"
@@ -155,41 +155,46 @@ def replay(folder: Path, number: int | None = None) -> dict[str, Any]:
 # ------------------------------------------------------------------------------------------------------------- solving
 
 
-def _solved(asked: Wishes, scratch: Path, bar: Progress, seconds: dict[str, float]) -> Solved:
-    kind = folders.kind_of(asked.folder)
+def _solved(request: SolveRequest, scratch: Path, bar: Progress, seconds: dict[str, float]) -> Solved:
+    kind = folders.kind_of(request.folder)
     if kind == "session":
         with _timed(seconds, "read"):
-            capture = session.read(asked.folder)
+            capture = session.read(request.folder)
         with _timed(seconds, "solve"), _step(bar, "solving"):
-            found = _solve_session(capture, None, _settings(asked))
+            normal_map = _solve_session(capture, None, _settings(request))
         last = len(capture.plans) - 1
-        images = session.images(capture.observations(last), capture.calibration, found.silhouette)
-        sigma_deg = photometry.mean_sigma_deg(found, capture.calibration)
-        return Solved(found, images, *_chosen(found, asked.solver), sigma_deg)
+        images = session.images(capture.observations(last), capture.calibration, normal_map.silhouette)
+        sigma_deg = photometry.mean_sigma_deg(normal_map, capture.calibration)
+        return Solved(normal_map, images, *_solver_and_reason(normal_map, request.solver), sigma_deg)
     with _timed(seconds, "read"):
         task = bar.add_task("reading", total=None)
         images = folders.read(
-            asked.folder,
+            request.folder,
             scratch,
-            sphere=asked.sphere,
+            sphere=request.sphere,
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
     distant_lights = isinstance(images.lights, DistantLights)
-    if asked.near and distant_lights:
+    if request.near and distant_lights:
         raise RigError(
             ErrorCode.FOLDER_INVALID,
-            f"{asked.folder}: gives directions, not positions: --near needs a folder with lights.json",
-            file=str(asked.folder),
+            f"{request.folder}: gives directions, not positions: --near needs a folder with lights.json",
+            file=str(request.folder),
         )
     with _timed(seconds, "solve"), _step(bar, "solving"):
         if distant_lights:
-            found = distant.solve(images, asked.solver, keep_steps=asked.keep_steps)
-        elif asked.solver == "ls":
-            found = near_light.solve_least_squares(images, keep_steps=asked.keep_steps)
+            normal_map = distant.solve(images, request.solver, keep_steps=request.keep_steps)
+        elif request.solver == "ls":
+            normal_map = near_light.solve_least_squares(images, keep_steps=request.keep_steps)
         else:
-            found = near_light.solve(images, _settings(asked))
-    sigma = found.sigma_deg[found.mask & np.isfinite(found.sigma_deg)]
-    return Solved(found, images, *_chosen(found, asked.solver), float(np.mean(sigma)) if sigma.size else None)
+            normal_map = near_light.solve(images, _settings(request))
+    sigma = normal_map.sigma_deg[normal_map.mask & np.isfinite(normal_map.sigma_deg)]
+    return Solved(
+        normal_map,
+        images,
+        *_solver_and_reason(normal_map, request.solver),
+        float(np.mean(sigma)) if sigma.size else None,
+    )
 
 
 def _solve_session(capture: SessionCapture, count: int | None, settings: SolveSettings) -> NormalMap:
@@ -200,80 +205,80 @@ def _solve_session(capture: SessionCapture, count: int | None, settings: SolveSe
 
 
 def _settings_of(manifest: Path) -> SolveSettings:
-    """What a stored result was solved with; without a manifest beside it, what sessions solve with."""
+    """The settings of a stored result; without a manifest beside it, the default settings of sessions."""
     if not manifest.exists():
         return SolveSettings()
     try:
         return SolveSettings.model_validate(json.loads(manifest.read_bytes())["settings"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RigError(
-            ErrorCode.FOLDER_INVALID, f"{manifest}: does not say how it was solved: {error}; restore it",
+            ErrorCode.FOLDER_INVALID, f"{manifest}: does not hold the settings of the solve: {error}; restore it",
             file=str(manifest),
         ) from error  # fmt: skip
 
 
-def _settings(asked: Wishes) -> SolveSettings:
-    """The solver for near light is one; what can be left out of it is the robust weighting, and telling shadows apart.
+def _settings(request: SolveRequest) -> SolveSettings:
+    """Settings of the near-light solver: it is one, and only robust weighting and shadow detection can be switched off.
 
-    Raises RigError request.invalid for a solver that near light has none of.
+    Raises RigError request.invalid for a solver of distant light.
     """
-    match asked.solver:
+    match request.solver:
         case "thresholded":
             raise RigError(
                 ErrorCode.REQUEST_INVALID, "--solver thresholded is for many distant lights: ask for auto or robust"
             )
         case "ls":
-            return SolveSettings(robust=False, shadow_threshold=0.0, keep_steps=asked.keep_steps)
+            return SolveSettings(robust=False, shadow_threshold=0.0, keep_steps=request.keep_steps)
         case "weighted":
-            return SolveSettings(robust=False, keep_steps=asked.keep_steps)
+            return SolveSettings(robust=False, keep_steps=request.keep_steps)
         case _:
-            return SolveSettings(keep_steps=asked.keep_steps)
+            return SolveSettings(keep_steps=request.keep_steps)
 
 
-def _chosen(found: NormalMap, wished: str) -> tuple[str, str]:
-    """Which solver it was, and why: the solver's own words, or what the near-light one found in the images."""
-    if "solver" in found.notes:
-        return str(found.notes["solver"]), str(found.notes.get("why", ""))
-    bounced, lobe = found.notes.get("interreflection", {}), found.notes.get("lobe", {})
-    why = f"near light; share of bounced light {bounced.get('share', 0):.1%}, gloss {lobe.get('strength', 0):.2f}"
-    if wished == "glossy":
+def _solver_and_reason(normal_map: NormalMap, requested: str) -> tuple[str, str]:
+    """Name of the solver used, and why: from its notes, or the near-light model's share of indirect light and gloss."""
+    if "solver" in normal_map.notes:
+        return str(normal_map.notes["solver"]), str(normal_map.notes.get("why", ""))
+    indirect, lobe = normal_map.notes.get("interreflection", {}), normal_map.notes.get("lobe", {})
+    why = f"near light; share of indirect light {indirect.get('share', 0):.1%}, gloss {lobe.get('strength', 0):.2f}"
+    if requested == "glossy":
         why += "; glossy was asked for: near light has one solver, which looks for gloss in any case"
-    return ("near" if wished in {"auto", "glossy"} else wished), why
+    return ("near" if requested in {"auto", "glossy"} else requested), why
 
 
 # ------------------------------------------------------------------------------------------------------------- writing
 
 
-def _refuse(asked: Wishes) -> None:
-    """Refuses what cannot be written, before anything is read."""
-    if asked.out is not None:
-        export.refuse_foreign(asked.out, SUMMARY)
-        if asked.out.resolve() == asked.folder.resolve():
-            raise RigError(ErrorCode.FOLDER_INVALID, f"{asked.out}: is the capture itself: name another folder")
-    elif asked.exports:
+def _refuse(request: SolveRequest) -> None:
+    """Refuses outputs that cannot be written, before anything is read. Raises RigError."""
+    if request.out is not None:
+        export.refuse_foreign(request.out, SUMMARY)
+        if request.out.resolve() == request.folder.resolve():
+            raise RigError(ErrorCode.FOLDER_INVALID, f"{request.out}: is the capture itself: name another folder")
+    elif request.exports:
         raise RigError(ErrorCode.REQUEST_INVALID, "--export writes files: name a folder with --out")
 
 
-def _write(asked: Wishes, solved: Solved, graded: Grade | None, seconds: dict[str, float], out: Path) -> None:
-    source = export.Source(solved.found, solved.images)
+def _write(request: SolveRequest, solved: Solved, graded: Grade | None, seconds: dict[str, float], out: Path) -> None:
+    source = export.Source(solved.normal_map, solved.images)
     with export.whole_folder(out) as partial, ThreadPoolExecutor(WRITERS) as pool:
         work = [
-            pool.submit(export.write_maps, solved.found, partial),
-            pool.submit(report.write, solved.found, _facts(asked, solved, graded, seconds), partial),
-            *(pool.submit(export.make, name, source, partial) for name in asked.exports),
+            pool.submit(export.write_maps, solved.normal_map, partial),
+            pool.submit(report.write, solved.normal_map, _facts(request, solved, graded, seconds), partial),
+            *(pool.submit(export.make, name, source, partial) for name in request.exports),
         ]
         for future in work:
             future.result()
-        summary = _outcome(asked, solved, graded, seconds, sum(seconds.values()))
+        summary = _outcome(request, solved, graded, seconds, sum(seconds.values()))
         (partial / SUMMARY).write_text(json.dumps(summary, indent=2), encoding="utf-8")
 
 
-def _facts(asked: Wishes, solved: Solved, graded: Grade | None, seconds: dict[str, float]) -> report.Facts:
+def _facts(request: SolveRequest, solved: Solved, graded: Grade | None, seconds: dict[str, float]) -> report.Facts:
     images = solved.images
     error = {} if graded is None else {"mean": graded.mean_deg, "median": graded.median_deg, "95 %": graded.p95_deg}
-    centre = export.Source(solved.found, images).centre
+    centre = export.Source(solved.normal_map, images).centre
     return report.Facts(
-        title=asked.folder.resolve().name,
+        title=request.folder.resolve().name,
         names=images.names,
         directions=lights.directions(images, centre),
         solver=solved.solver,
@@ -285,9 +290,9 @@ def _facts(asked: Wishes, solved: Solved, graded: Grade | None, seconds: dict[st
 
 
 def _outcome(
-    asked: Wishes, solved: Solved, graded: Grade | None, seconds: dict[str, float], total: float
+    request: SolveRequest, solved: Solved, graded: Grade | None, seconds: dict[str, float], total: float
 ) -> dict[str, Any]:
-    """What `--json` prints: errors are null where no truth is known."""
+    """The figures of `--json`: errors are null where no truth is known."""
     nothing: dict[str, Any] = dict.fromkeys(field.name for field in fields(Grade))
     errors = nothing if graded is None else asdict(graded)
     return {
@@ -295,19 +300,19 @@ def _outcome(
         "seconds": round(total, 3),
         "solver": solved.solver,
         "why": solved.why,
-        "folder": str(asked.folder),
+        "folder": str(request.folder),
         "format": solved.images.notes["format"],
         "images": solved.images.count,
-        "normals": int(np.count_nonzero(solved.found.mask)),
+        "normals": int(np.count_nonzero(solved.normal_map.mask)),
         "sigma_mean_deg": solved.sigma_mean_deg,
         "seconds_of": {name: round(value, 3) for name, value in seconds.items()},
-        "out": None if asked.out is None else str(asked.out),
+        "out": None if request.out is None else str(request.out),
         "warnings": list(solved.images.notes["warnings"]),
     }
 
 
 def _compared(before: NormalMap, after: NormalMap, calibration: Calibration) -> dict[str, Any]:
-    """How two results of the same images differ, degrees over the pixels that both have; σ as the summary has it."""
+    """Compares two results of the same images: angles in degrees over the pixels of both; σ as in the summary."""
     both = before.mask & after.mask
     one, two = before.normals[both].astype(np.float64), after.normals[both].astype(np.float64)
     angle = np.degrees(np.arctan2(np.linalg.norm(np.cross(one, two), axis=-1), np.sum(one * two, axis=-1)))
@@ -347,7 +352,7 @@ def _show(console: Console, outcome: dict[str, Any], warnings: list[str]) -> Non
 
 @contextmanager
 def _scratch(out: Path | None) -> Generator[Path]:
-    """A folder for what is unpacked, on the disk of the output where there is one; it does not outlive the command."""
+    """A temporary folder for unpacked images, on the disk of the output if there is one."""
     try:
         if out is not None:
             out.resolve().parent.mkdir(parents=True, exist_ok=True)
@@ -376,6 +381,6 @@ def _step(bar: Progress, what: str) -> Generator[None]:
 
 @contextmanager
 def _timed(seconds: dict[str, float], name: str) -> Generator[None]:
-    begun = time.monotonic()
+    started = time.monotonic()
     yield
-    seconds[name] = time.monotonic() - begun
+    seconds[name] = time.monotonic() - started

@@ -1,4 +1,4 @@
-"""What a piece of the study costs: one draw of one object with the numbers of images that the bars are read at.
+"""What a item of the study costs: one draw of one object with the numbers of images that the bars are read at.
 
 The whole study is six such draws of six objects, and once all other numbers: about fifty times as much.
 """
@@ -9,19 +9,19 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from api.cli.study import error_curves, run
-from api.cli.study.error_curves import Draws, Piece, Sample
+from api.cli.study.error_curves import Draws, Sample, WorkItem
 
 
 @pytest.mark.parametrize("shape", ["part", "figure"])
 def test_a_draw_of_an_object(benchmark: BenchmarkFixture, shape: str) -> None:
-    error_curves.work(
-        Piece("sphere", 0, 0, run.SMALL_PIXELS, Draws({3: 1}, {3: 1}, {3: 1}), None)
+    error_curves.run_item(
+        WorkItem("sphere", 0, 0, run.SMALL_PIXELS, Draws({3: 1}, {3: 1}, {3: 1}), None)
     )  # kernels are loaded
-    (piece,) = (one for one in error_curves.pieces(1, run.FULL) if (one.shape, one.draw) == (shape, 1))
+    (item,) = (one for one in error_curves.work_items(1, run.FULL) if (one.shape, one.draw) == (shape, 1))
 
     def work() -> list[Sample]:
         begun = time.process_time()
-        samples = error_curves.work(piece)
+        samples = error_curves.run_item(item)
         benchmark.extra_info["processor seconds"] = time.process_time() - begun
         benchmark.extra_info["sessions"] = len(samples)
         return samples

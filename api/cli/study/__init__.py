@@ -1,5 +1,7 @@
-"""What planning brings, measured: the paper's own figures, its errata, and errors against the number of images.
+"""`lightpose study`: the benefit of planned lights, measured in simulation without an arm.
 
-`scenes` gives objects, images and errors without an arm; `paper`, `three` and `curves` each measure one part; `whole`
-runs them in two processes and `page` shows what they found.
+`scene_geometry` and `simulated_scene` simulate sessions, graded where a pixel shows one surface. Three parts are
+measured: `error_curves` (error against the number of images), `paper_criterion` (the paper's figure 9 and its errata)
+and `three_images` (the paper's table). `run` executes them in two processes, `study_result` holds what they measured,
+`page` and `chart` show it.
 """

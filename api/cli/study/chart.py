@@ -1,4 +1,4 @@
-"""Line charts as SVG text: a page that holds them needs no library, no script and no network."""
+"""Log–log line charts as SVG text, so that a page with charts needs no library, no script and no network."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class Axis:
 
 
 def svg(lines: Sequence[Line], x: Axis, y: Axis) -> str:
-    """A chart of lines with both axes logarithmic; all values must be positive."""
+    """Draws lines in a chart with both axes logarithmic; all values must be positive."""
     across = _Scale(x, [point[0] for line in lines for point in line.points], LEFT, WIDTH - RIGHT)
     up = _Scale(y, [point[1] for line in lines for point in line.points], HEIGHT - BOTTOM, TOP)
     parts = [
@@ -44,12 +44,12 @@ def svg(lines: Sequence[Line], x: Axis, y: Axis) -> str:
         f"{escape(y.label)}</text>",
     ]
     for number, line in enumerate(lines):
-        parts += _drawn(line, COLOURS[number % len(COLOURS)], across, up, TOP + 12 + 20 * number)
+        parts += _line_svg(line, COLOURS[number % len(COLOURS)], across, up, TOP + 12 + 20 * number)
     return "\n".join([*parts, "</svg>"])
 
 
 class _Scale:
-    """Takes values to places along one axis."""
+    """Maps values to positions along one logarithmic axis."""
 
     def __init__(self, axis: Axis, values: Sequence[float], start: float, end: float) -> None:
         self._low = log10(axis.low or min(values) / 1.08)
@@ -64,28 +64,28 @@ class _Scale:
         return self._start + min(max(share, 0.0), 1.0) * (self._end - self._start)
 
 
-def _mark(place: float, start: float, end: float, text: str, *, upright: bool) -> str:
+def _mark(position: float, start: float, end: float, text: str, *, upright: bool) -> str:
     if upright:
-        line = f'x1="{place:.1f}" x2="{place:.1f}" y1="{start}" y2="{end}"'
-        label = f'<text x="{place:.1f}" y="{start + 18}" text-anchor="middle">{text}</text>'
+        line = f'x1="{position:.1f}" x2="{position:.1f}" y1="{start}" y2="{end}"'
+        label = f'<text x="{position:.1f}" y="{start + 18}" text-anchor="middle">{text}</text>'
     else:
-        line = f'y1="{place:.1f}" y2="{place:.1f}" x1="{start}" x2="{end}"'
-        label = f'<text x="{start - 6}" y="{place + 4:.1f}" text-anchor="end">{text}</text>'
+        line = f'y1="{position:.1f}" y2="{position:.1f}" x1="{start}" x2="{end}"'
+        label = f'<text x="{start - 6}" y="{position + 4:.1f}" text-anchor="end">{text}</text>'
     return f'<line {line} stroke="#8884" />{label}'
 
 
-def _drawn(line: Line, colour: str, across: _Scale, up: _Scale, legend_y: float) -> list[str]:
-    places = [(across.at(x), up.at(y)) for x, y in line.points]
-    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
+def _line_svg(line: Line, colour: str, across: _Scale, up: _Scale, legend_y: float) -> list[str]:
+    positions = [(across.at(x), up.at(y)) for x, y in line.points]
+    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in positions)
     dashes = ' stroke-dasharray="5 4"' if line.dashed else ""
     parts = [f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="2"{dashes} />']
-    for (_, y), (left, _), half in zip(line.points, places, line.half_heights, strict=False):
+    for (_, y), (left, _), half in zip(line.points, positions, line.half_heights, strict=False):
         if half > 0:
             low, high = up.at(max(y - half, 1e-6)), up.at(y + half)
             parts.append(f'<line x1="{left:.1f}" x2="{left:.1f}" y1="{low:.1f}" y2="{high:.1f}" stroke="{colour}" />')
 
     if not line.dashed:
-        parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2.6" fill="{colour}" />' for x, y in places]
+        parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2.6" fill="{colour}" />' for x, y in positions]
     edge = WIDTH - RIGHT + 12
     parts.append(
         f'<line x1="{edge}" x2="{edge + 22}" y1="{legend_y}" y2="{legend_y}" stroke="{colour}" stroke-width="2"'

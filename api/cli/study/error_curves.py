@@ -1,8 +1,8 @@
-"""Errors against the number of images, for every method, matt and glossy: the same solver and as many images for all.
+"""Mean error against the number of images for every method, diffuse and glossy, with the same solver for all.
 
-A piece of the work is one draw of one object, matt and glossy: what the camera sees is traced once, pictures are shared
-by all methods and numbers, and pieces run in two processes. The rivals that matter (ours and two rings) are drawn more
-often where they are compared, and so are those with which eight images are compared.
+A work item is one draw of one object, diffuse and glossy: its geometry is traced once, images are shared by all methods
+and numbers of lights, and items run in two processes. The two methods that matter (optimal and two rings) are drawn
+more often where they are compared, and so are the others with which eight images are compared.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ import numpy as np
 from scipy import stats
 
 from acquisition.models.base import FloatArray
-from api.cli.study import simulated_scene
+from api.cli.study import scene_geometry, simulated_scene
 from api.cli.study.simulated_scene import METHODS, OBJECTS, Run, Scene
 
 RIVALS = ("optimal", "two-rings")
@@ -25,7 +25,7 @@ RAYLEIGH_MEAN = 0.886
 
 @dataclass(frozen=True)
 class Draws:
-    """How often each number of images is drawn, for the rivals, those compared with and the other methods."""
+    """Number of draws by number of images: of the rivals, of the methods compared with, and of the others."""
 
     rivals: dict[int, int]
     compared: dict[int, int]
@@ -39,41 +39,41 @@ class Draws:
 
     @property
     def most(self) -> int:
-        """The most often that any number is drawn."""
+        """The largest number of draws."""
         return max(*self.rivals.values(), *self.compared.values(), *self.others.values())
 
 
 @dataclass(frozen=True)
 class Scale:
-    """How much is drawn: pixels, objects and draws of the error curves; objects and draws of the table of three."""
+    """Size of a study: pixels, objects and draws of the error curves; objects and draws of the three-image table."""
 
     pixels: int
     objects: tuple[str, ...]
     glossy_objects: tuple[str, ...]
-    matt: Draws
+    diffuse: Draws
     glossy: Draws
     table_objects: tuple[str, ...]
     table_draws: int
 
 
 @dataclass(frozen=True)
-class Piece:
-    """One draw of one object; `matt` and `glossy`: how often each number of images is drawn, none: not this finish."""
+class WorkItem:
+    """One draw of one object; `diffuse` and `glossy`: the draws of that finish, None to leave it out."""
 
     shape: str
     draw: int
     seed: int
     pixels: int
-    matt: Draws | None
+    diffuse: Draws | None
     glossy: Draws | None
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One session: what was found, and what the planner had predicted; degrees.
+    """One session: its errors, and what the planner had predicted; degrees.
 
-    Errors are of the graded pixels; `straddling` is the share left out because they show two surfaces, and the figures
-    `of_all` count these too.
+    Errors are of the graded pixels; `straddling` is the share of mixed pixels, which show two surfaces and are left
+    out; the figures `of_all` count these too. The names are keys of `study.json`.
     """
 
     shape: str
@@ -95,7 +95,7 @@ class Sample:
 @dataclass(frozen=True)
 class Curve:
     """Mean error over objects by number of images, with half widths of 95 % confidence intervals; the figures `of_all`
-    count the pixels that straddle two surfaces too."""
+    count the mixed pixels too."""
 
     method: str
     error_deg: dict[int, float]
@@ -107,52 +107,52 @@ class Curve:
     by_object: dict[int, dict[str, float]] = field(default_factory=dict[int, dict[str, float]])
 
 
-def pieces(seed: int, scale: Scale) -> list[Piece]:
-    """All pieces, those with most to do first."""
+def work_items(seed: int, scale: Scale) -> list[WorkItem]:
+    """All work items, the longest first."""
     return [
-        Piece(
+        WorkItem(
             shape,
             draw,
             1000 * seed + draw,
             scale.pixels,
-            scale.matt if shape in scale.objects and draw < scale.matt.most else None,
+            scale.diffuse if shape in scale.objects and draw < scale.diffuse.most else None,
             scale.glossy if shape in scale.glossy_objects and draw < scale.glossy.most else None,
         )
-        for draw in range(max(scale.matt.most, scale.glossy.most))
+        for draw in range(max(scale.diffuse.most, scale.glossy.most))
         for shape in OBJECTS
         if shape in (*scale.objects, *scale.glossy_objects)
     ]
 
 
-def work(piece: Piece) -> list[Sample]:
-    """All sessions of one piece."""
-    shared = simulated_scene.traced(piece.shape, piece.seed, piece.pixels)
+def run_item(item: WorkItem) -> list[Sample]:
+    """Runs all sessions of one work item."""
+    shared = scene_geometry.cached_geometry(item.shape, item.seed, item.pixels)
     return [
-        _sample(piece, scene, method, lights)
-        for scene, draws in ((Scene(shared), piece.matt), (Scene(shared, glossy=True), piece.glossy))
+        _sample(item, scene, method, lights)
+        for scene, draws in ((Scene(shared), item.diffuse), (Scene(shared, glossy=True), item.glossy))
         if draws is not None
         for method in METHODS
         for lights, times in sorted(draws.of(method).items())
-        if piece.draw < times
+        if item.draw < times
     ]
 
 
-def _sample(piece: Piece, scene: Scene, method: str, lights: int) -> Sample:
-    run: Run = scene.run(simulated_scene.recipe(method, lights, piece.seed))
-    error = run.found.error_deg
-    sigma = run.found.normal_map.sigma_deg[scene.graded]
+def _sample(item: WorkItem, scene: Scene, method: str, lights: int) -> Sample:
+    run: Run = scene.run(simulated_scene.recipe(method, lights, item.seed))
+    error = run.result.error_deg
+    sigma = run.result.normal_map.sigma_deg[scene.graded]
     return Sample(
-        shape=piece.shape,
-        draw=piece.draw,
+        shape=item.shape,
+        draw=item.draw,
         glossy=scene.glossy,
         method=method,
         lights=lights,
         mean_deg=float(np.mean(error)),
         median_deg=float(np.median(error)),
         over_10=float(np.mean(error > FAR_OFF_DEG)),
-        straddling=len(run.found.straddling_deg) / len(run.found.all_deg),
-        mean_of_all_deg=float(np.mean(run.found.all_deg)),
-        over_10_of_all=float(np.mean(run.found.all_deg > FAR_OFF_DEG)),
+        straddling=len(run.result.mixed_error_deg) / len(run.result.all_error_deg),
+        mean_of_all_deg=float(np.mean(run.result.all_error_deg)),
+        over_10_of_all=float(np.mean(run.result.all_error_deg > FAR_OFF_DEG)),
         sigma_deg=float(np.nanmean(sigma)),
         predicted_sigma_deg=run.plan.predicted_sigma_deg,
         fallback=run.plan.fallback,
@@ -170,14 +170,14 @@ def curves(samples: Sequence[Sample], *, glossy: bool) -> list[Curve]:
 def _curve(method: str, samples: Sequence[Sample]) -> Curve:
     curve = Curve(method, {}, {}, {}, {}, {}, {})
     for lights, group in groupby(sorted(samples, key=lambda item: item.lights), key=lambda item: item.lights):
-        found = list(group)
-        shapes = [shape for shape in OBJECTS if any(item.shape == shape for item in found)]
-        errors = [np.array([item.mean_deg for item in found if item.shape == shape]) for shape in shapes]
+        chosen = list(group)
+        shapes = [shape for shape in OBJECTS if any(item.shape == shape for item in chosen)]
+        errors = [np.array([item.mean_deg for item in chosen if item.shape == shape]) for shape in shapes]
         curve.error_deg[lights] = float(np.mean([np.mean(values) for values in errors]))
         curve.half_width_deg[lights] = half_width(errors)
-        curve.over_10[lights] = _over_objects(found, "over_10")
-        curve.error_of_all_deg[lights] = _over_objects(found, "mean_of_all_deg")
-        curve.over_10_of_all[lights] = _over_objects(found, "over_10_of_all")
+        curve.over_10[lights] = _over_objects(chosen, "over_10")
+        curve.error_of_all_deg[lights] = _over_objects(chosen, "mean_of_all_deg")
+        curve.over_10_of_all[lights] = _over_objects(chosen, "over_10_of_all")
         curve.draws[lights] = max(len(values) for values in errors)
         curve.by_object[lights] = {shape: float(np.mean(values)) for shape, values in zip(shapes, errors, strict=True)}
     return curve
@@ -189,8 +189,8 @@ def _over_objects(samples: Sequence[Sample], name: str) -> float:
     return float(np.mean([np.mean(group) for group in groups if group]))
 
 
-def straddling(samples: Sequence[Sample]) -> dict[str, float]:
-    """For each object the share of its pixels that are not graded because they show two surfaces."""
+def mixed_share(samples: Sequence[Sample]) -> dict[str, float]:
+    """For each object the share of mixed pixels, which are not graded because they show two surfaces."""
     return {
         shape: float(np.mean([item.straddling for item in samples if item.shape == shape]))
         for shape in OBJECTS
@@ -199,7 +199,7 @@ def straddling(samples: Sequence[Sample]) -> dict[str, float]:
 
 
 def over_10(samples: Sequence[Sample], method: str, lights: int) -> dict[str, tuple[float, float]]:
-    """For each matt object a method's share of pixels more than 10° off: of the graded ones, and of all."""
+    """For each diffuse object a method's share of pixels with an error above 10°: of the graded ones, and of all."""
     chosen = [item for item in samples if (item.method, item.lights, item.glossy) == (method, lights, False)]
     return {
         shape: (
@@ -214,7 +214,7 @@ def over_10(samples: Sequence[Sample], method: str, lights: int) -> dict[str, tu
 def half_width(groups: Sequence[FloatArray]) -> float:
     """Half the 95 % confidence interval of the mean of the groups' means, from the scatter within groups.
 
-    Objects are the ones that are there; only the draws are chance. Zero where nothing was drawn twice.
+    The objects are fixed; only the draws are random. Zero where nothing was drawn twice.
     """
     freedom = sum(len(values) - 1 for values in groups)
     if freedom == 0:
@@ -224,7 +224,7 @@ def half_width(groups: Sequence[FloatArray]) -> float:
 
 
 def ratio(samples: Sequence[Sample], method: str, rival: str, lights: int, *, glossy: bool) -> tuple[float, float]:
-    """Mean error of a method over its rival's on the same draws, and half the 95 % confidence interval."""
+    """Ratio of a method's mean error to its rival's on the same draws, and half the 95 % confidence interval."""
     ours, theirs = (
         {
             (item.shape, item.draw): item.mean_deg
@@ -244,10 +244,10 @@ def ratio(samples: Sequence[Sample], method: str, rival: str, lights: int, *, gl
     return quotient, half_width([values for values in rest if len(values)])
 
 
-def predicted_over_found(samples: Sequence[Sample]) -> dict[str, list[float]]:
-    """For each matt object the planned runs' predicted mean error over the found one."""
-    told: dict[str, list[float]] = {}
+def predicted_over_observed(samples: Sequence[Sample]) -> dict[str, list[float]]:
+    """For each diffuse object the ratios of predicted to observed mean error of the planned sessions."""
+    ratios: dict[str, list[float]] = {}
     for item in samples:
         if item.method == "optimal" and not item.glossy and item.predicted_sigma_deg is not None:
-            told.setdefault(item.shape, []).append(RAYLEIGH_MEAN * item.predicted_sigma_deg / item.mean_deg)
-    return told
+            ratios.setdefault(item.shape, []).append(RAYLEIGH_MEAN * item.predicted_sigma_deg / item.mean_deg)
+    return ratios

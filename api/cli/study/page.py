@@ -1,4 +1,4 @@
-"""The study as one page that needs no network, and as JSON."""
+"""Writes the study as one HTML page that needs no network, and as JSON."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -9,7 +9,7 @@ from typing import Any
 from api.cli.study import chart, error_curves, paper_criterion, three_images
 from api.cli.study.chart import Axis, Line
 from api.cli.study.error_curves import Curve
-from api.cli.study.study_result import Study
+from api.cli.study.study_result import StudyResult
 from hardware_sim import footprint
 
 STYLE = """
@@ -23,52 +23,52 @@ figcaption { font-size: 90%; opacity: .8 }
 """
 
 
-def write(path: Path, found: Study, told: Mapping[str, Any]) -> None:
-    """Writes the page; a reader never sees half of it."""
+def write(path: Path, result: StudyResult, figures: Mapping[str, Any]) -> None:
+    """Writes the page atomically."""
     parts = [
-        f"<!doctype html><html lang=en><meta charset=utf-8><title>lightpose study, seed {found.seed}</title>",
+        f"<!doctype html><html lang=en><meta charset=utf-8><title>lightpose study, seed {result.seed}</title>",
         f"<style>{STYLE}</style><h1>What planning the lights brings</h1>",
-        f"<p>Seed {found.seed}, simulated objects ({', '.join(found.scale.objects)}), "
-        f"{found.scale.pixels} × {found.scale.pixels} pixels, profile "
+        f"<p>Seed {result.seed}, simulated objects ({', '.join(result.scale.objects)}), "
+        f"{result.scale.pixels} × {result.scale.pixels} pixels, profile "
         "<code>direct</code>: every image has an unknown intensity error of 1 % and an unknown lamp-position error of "
         "1 mm per axis, besides the sensor's noise. All methods have as many images (ours with its pilot) and the same "
         "solver. Errors are angles in degrees over all pixels whose true normal is within 78° of the viewing ray, "
-        "shadowed ones included; pixels that straddle two surfaces, whose share is stated below, have no one normal "
-        "and are left out. Intervals are 95 %, over draws of object and errors."
-        + (" <b>A quick run: few draws.</b></p>" if found.quick else "</p>"),
+        "shadowed ones included; mixed pixels, which show two surfaces and whose share is stated below, have no "
+        "single normal and are left out. Intervals are 95 %, over draws of object and errors."
+        + (" <b>A quick run: few draws.</b></p>" if result.quick else "</p>"),
         "<h2>Ours against each other method</h2>",
-        _ratios(told["ratios"]),
+        _ratios(figures["ratios"]),
         "<h2>Error against the number of images</h2>",
-        *_errors("matt", found.matt),
-        *_errors("slightly glossy", found.glossy),
-        "<h2>By object, eight images, matt</h2>",
-        _by_object(found.matt, 8),
-        "<h2>Pixels that straddle two surfaces, and pixels far off</h2>",
-        *_far_off(found),
-        "<h2>Predicted before the capture over found</h2>",
+        *_errors("diffuse", result.diffuse),
+        *_errors("slightly glossy", result.glossy),
+        "<h2>By object, eight images, diffuse</h2>",
+        _by_object(result.diffuse, 8),
+        "<h2>Mixed pixels, and pixels with large errors</h2>",
+        *_far_off(result),
+        "<h2>Predicted before the capture over observed</h2>",
         _table(
-            ["object", "predicted / found mean error"],
-            [[shape, f"{value:.2f}"] for shape, value in told["predicted_over_found_by_object"].items()],
+            ["object", "predicted / observed mean error"],
+            [[shape, f"{value:.2f}"] for shape, value in figures["predicted_over_found_by_object"].items()],
         ),
         "<p>The <code>part</code> has steps that its integrated depth does not show, and errors beside them that no "
-        "variance knows of.</p>",
+        "variance accounts for.</p>",
         "<h2>The paper's figure 9: three unit lights, no shadows</h2>",
-        *_placements(found),
-        "<h2>The paper's formulas against numbers</h2>",
-        *_errata(found.errata),
+        *_placements(result),
+        "<h2>The paper's formulas, checked numerically</h2>",
+        *_errata(result.errata),
         "<h2>Exactly three images, plain inversion: which conditions give the paper's errors</h2>",
-        *_three(found.table),
+        *_three(result.table),
         "</html>",
     ]
-    _whole(path, "\n".join(parts))
+    _write_atomically(path, "\n".join(parts))
 
 
-def write_json(path: Path, told: Mapping[str, Any]) -> None:
-    """Writes the figures for programs."""
-    _whole(path, json.dumps(told, indent=1) + "\n")
+def write_json(path: Path, figures: Mapping[str, Any]) -> None:
+    """Writes the figures for programs atomically."""
+    _write_atomically(path, json.dumps(figures, indent=1) + "\n")
 
 
-def _whole(path: Path, text: str) -> None:
+def _write_atomically(path: Path, text: str) -> None:
     part = path.with_name(f".{path.name}.part")
     part.write_text(text, encoding="utf-8")
     part.replace(path)
@@ -85,39 +85,39 @@ def _with_interval(value: float, half_width: float, digits: int = 2) -> str:
     return f"{value:.{digits}f} ± {half_width:.{digits}f}" if half_width > 0 else f"{value:.{digits}f}"
 
 
-def _ratios(told: Sequence[Mapping[str, Any]]) -> str:
+def _ratios(items: Sequence[Mapping[str, Any]]) -> str:
     rows = [
         [
             f"{item['rival']}{' (slant 35°)' if item['rival'] == 'ring' else ''}",
-            "glossy" if item["glossy"] else "matt",
+            "glossy" if item["glossy"] else "diffuse",
             str(item["lights"]),
             _with_interval(item["ratio"], item["half_width"], 3),
         ]
-        for item in told
+        for item in items
     ]
     return _table(["rival", "surface", "images", "our mean error / the rival's"], rows)
 
 
-def _errors(surface: str, found: Sequence[Curve]) -> list[str]:
+def _errors(surface: str, curves: Sequence[Curve]) -> list[str]:
     lines = [
         Line(
             curve.method,
             [(lights, error) for lights, error in curve.error_deg.items()],
             list(curve.half_width_deg.values()),
         )
-        for curve in found
+        for curve in curves
         if curve.error_deg
     ]
     if not lines:
         return []
-    numbers = sorted({lights for curve in found for lights in curve.error_deg})
+    numbers = sorted({lights for curve in curves for lights in curve.error_deg})
     rows = [
         [curve.method]
         + [
             _with_interval(curve.error_deg[lights], curve.half_width_deg[lights]) if lights in curve.error_deg else "–"
             for lights in numbers
         ]
-        for curve in found
+        for curve in curves
     ]
     drawn = chart.svg(lines, Axis("images", marks=numbers), Axis("mean error, degrees"))
     return [
@@ -126,34 +126,34 @@ def _errors(surface: str, found: Sequence[Curve]) -> list[str]:
     ]
 
 
-def _far_off(found: Study) -> list[str]:
-    shares = [error_curves.over_10(found.samples, method, 8) for method in error_curves.RIVALS]
+def _far_off(result: StudyResult) -> list[str]:
+    shares = [error_curves.over_10(result.samples, method, 8) for method in error_curves.RIVALS]
     rows = [
         [shape, f"{share:.2%}", *(f"{value:.3%}" for of in shares if shape in of for value in of[shape])]
-        for shape, share in error_curves.straddling(found.samples).items()
+        for shape, share in error_curves.mixed_share(result.samples).items()
     ]
     far_off = [f"{method}{whose}" for method in error_curves.RIVALS for whose in (", graded pixels", ", all pixels")]
     return [
-        "<p>A pixel straddles when some of eight points of its outline lie off the tangent plane at its centre by more "
-        f"than a pixel, or have a normal more than {footprint.WIDEST_BEND_DEG:.0f}° from the one there: its picture is "
-        "a mixture, and no light tells the normal at its centre. The rule asks the true shape only. Shares of pixels, "
-        "and of those more than 10° off with eight images, matt:</p>",
-        _table(["object", "straddling, not graded", *far_off], rows),
+        "<p>A pixel is mixed when some of eight points of its outline lie off the tangent plane at its centre by "
+        f"more than a pixel, or have a normal more than {footprint.WIDEST_BEND_DEG:.0f}° from the one there: its "
+        "value is a mixture, and no light determines the normal at its centre. The rule uses the true shape only. "
+        "Shares of pixels, and of those with an error above 10° with eight images, diffuse:</p>",
+        _table(["object", "mixed, not graded", *far_off], rows),
     ]
 
 
-def _by_object(found: Sequence[Curve], lights: int) -> str:
-    shapes = list(found[0].by_object[lights])
+def _by_object(curves: Sequence[Curve], lights: int) -> str:
+    shapes = list(curves[0].by_object[lights])
     rows = [
         [curve.method, *(f"{error:.2f}" for error in curve.by_object[lights].values())]
-        for curve in found
+        for curve in curves
         if lights in curve.by_object
     ]
     return _table(["method", *shapes], rows)
 
 
-def _placements(found: Study) -> list[str]:
-    figure = found.placements[-1]
+def _placements(result: StudyResult) -> list[str]:
+    figure = result.placements[-1]
     flat = [point for point in figure.heuristic_curve if 20 <= point[0] <= 85]
     ends = (flat[0][0], flat[-1][0])
     levels = {"bound": figure.bound, "ours": figure.ours, "best of the random triples": figure.best_random}
@@ -171,7 +171,7 @@ def _placements(found: Study) -> list[str]:
             f"{item.drbohlav:.4f}",
             f"{item.best_random:.4f}",
         ]
-        for item in found.placements
+        for item in result.placements
     ]
     spread = [
         [f"{share:g} %", f"{value:.4g}"]
@@ -182,9 +182,10 @@ def _placements(found: Study) -> list[str]:
         _table(head, rows),
         f"<p>{figure.triples:,} random triples for the object <code>{figure.object}</code>, by percentile:</p>",
         _table(["percentile", "criterion"], spread),
-        f"<p>The paper reports {paper_criterion.REPORTED_PHI['ours']} for its own lights and {paper_criterion.REPORTED_PHI['heuristic']} "
-        "for the heuristic. No unit lights come below the bound over an object's normals: the first needs light "
-        "vectors about nine times as long, and the second fits a single normal (bound 4/3), not an object.</p>",
+        f"<p>The paper reports {paper_criterion.REPORTED_PHI['ours']} for its own lights and "
+        f"{paper_criterion.REPORTED_PHI['heuristic']} for the heuristic. No unit lights come below the bound over an "
+        "object's normals: the first needs light vectors about nine times as long, and the second fits a single normal "
+        "(bound 4/3), not an object.</p>",
     ]
 
 
@@ -217,9 +218,11 @@ def _three(rows: Sequence[three_images.Row]) -> list[str]:
     body = [[f"{name} (reported)", f"{mean:.2f} / {median:.2f}", *[""] * (len(objects) - 1)]
             for name, (mean, median) in three_images.REPORTED.items()]  # fmt: skip
     for name in names:
-        found = [by_place[name, shape] for shape in objects]
-        share = "" if all(row.share > 0.999 for row in found) else " ({:.0%} of the pixels)"
-        body.append([name, *(f"{row.mean_deg:.2f} / {row.median_deg:.2f}{share.format(row.share)}" for row in found)])
+        of_condition = [by_place[name, shape] for shape in objects]
+        share = "" if all(row.share > 0.999 for row in of_condition) else " ({:.0%} of the pixels)"
+        body.append(
+            [name, *(f"{row.mean_deg:.2f} / {row.median_deg:.2f}{share.format(row.share)}" for row in of_condition)]
+        )
     return [
         _table(["condition: mean / median error", *objects], body),
         "<p>Mean near median, both near nine degrees, is the mark of a near lamp taken for a distant one; a mean far "

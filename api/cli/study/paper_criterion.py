@@ -1,9 +1,9 @@
-"""The paper's own figures, checked by numbers: Gardi, Walter and Garbe's criterion for three distant unit lights.
+"""Numerical check of the paper's figures: Gardi, Walter and Garbe's A-optimality criterion for three distant lights.
 
 The criterion is the mean over the object's normals of tr(B (SᵀS)⁻¹ Bᵀ), B = I − n nᵀ, which for unit albedo is
 tr(M (SᵀS)⁻¹) with M the mean of B. For unit lights it has a least value in closed form, (tr √M)²/m (the eigenvalues of
-SᵀS share a fixed trace m), so a search can be told from the truth. Everything that the paper leaves out (near light,
-shadows, more than three images) is left out here too; the other parts of the study put it back.
+SᵀS share a fixed trace m), so the result of a search can be compared with the optimum. What the paper leaves out (near
+light, shadows, more than three images) is left out here too; the other parts of the study include it.
 """
 
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ from api.cli.study.simulated_scene import Scene
 RANDOM_TRIPLES = 1_000_000
 BATCH = 100_000
 STARTS = 12
-LITERAL_STEPS = 400
-LITERAL_RATE = 0.5
+DESCENT_STEPS = 400
+DESCENT_RATE = 0.5
 REPORTED_PHI = {"ours": 0.0211, "heuristic": 1.8657}
 """What the paper's figure 9 reports."""
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Least values of the criterion for three unit lights and one object, and how random triples are spread.
+    """Minima of the criterion for three unit lights and one object, and its distribution over random triples.
 
     `heuristic_curve` holds slant (deg) and value of equally spaced lights; `percentiles` those of the random triples at
     `PERCENTS`.
@@ -49,7 +49,7 @@ PERCENTS = (0.0, 0.01, 0.1, 1.0, 10.0, 25.0, 50.0, 75.0, 90.0)
 
 @dataclass(frozen=True)
 class Errata:
-    """The paper's formulas against numbers.
+    """The paper's formulas, checked numerically; the names are keys of `study.json`.
 
     `idempotence`: ‖B² − B‖/‖B‖ at albedo 1, 0.5 and 0.25, `scaled_idempotence` the same of B² − B/|Ñ|,
     `trace_times_norm` tr(B)·|Ñ| (2 is right). `gradient_error`: relative difference of Appendix A with the element-wise
@@ -111,13 +111,13 @@ def best_unit_lights(weight: FloatArray, count: int, seed: int, starts: int = ST
         slope = (slope - np.sum(slope * units, axis=1, keepdims=True) * units) / length
         return float(phi(units, weight)), slope.ravel()
 
-    found = [
+    solutions = [
         minimize(descend, rng.normal(size=3 * count), jac=True, method="L-BFGS-B", options={"maxiter": 300})
         for _ in range(starts)
     ]
-    best = min(found, key=lambda result: float(result.fun)).x.reshape(count, 3)
+    best = min(solutions, key=lambda result: float(result.fun)).x.reshape(count, 3)
     best /= np.linalg.norm(best, axis=1, keepdims=True)
-    return np.where(best[:, 2:] < 0, -best, best)  # the criterion does not know s from −s; lamps stand above
+    return np.where(best[:, 2:] < 0, -best, best)  # the criterion is even in s; lamps are above the object
 
 
 def placement(scene: Scene, seed: int, triples: int = RANDOM_TRIPLES) -> Placement:
@@ -157,7 +157,7 @@ def errata(weight: FloatArray, seed: int, triples: int = RANDOM_TRIPLES) -> Erra
     projector = np.eye(3) - np.outer(normal, normal)
     jacobians = {f"{albedo:g}": projector / albedo for albedo in (1.0, 0.5, 0.25)}
 
-    def apart(one: FloatArray, other: FloatArray) -> float:
+    def relative_difference(one: FloatArray, other: FloatArray) -> float:
         return float(np.linalg.norm(one - other) / np.linalg.norm(other))
 
     cosines, errors = zip(*(_gradients(rng, weight) for _ in range(200)), strict=True)
@@ -166,12 +166,12 @@ def errata(weight: FloatArray, seed: int, triples: int = RANDOM_TRIPLES) -> Erra
     single = rng.normal(size=(triples, 3, 3))
     single /= np.linalg.norm(single, axis=-1, keepdims=True)
     return Errata(
-        idempotence={albedo: apart(b @ b, b) for albedo, b in jacobians.items()},
-        scaled_idempotence={albedo: apart(b @ b, b / float(albedo)) for albedo, b in jacobians.items()},
+        idempotence={albedo: relative_difference(b @ b, b) for albedo, b in jacobians.items()},
+        scaled_idempotence={albedo: relative_difference(b @ b, b / float(albedo)) for albedo, b in jacobians.items()},
         trace_times_norm={albedo: float(np.trace(b)) * float(albedo) for albedo, b in jacobians.items()},
         gradient_error=float(np.max(errors)),
         matrix_product_cosine=float(np.median(cosines)),
-        literal=_literal(lights, weight),
+        literal=_unconstrained_descent(lights, weight),
         scale_law_error=float(abs(phi(3 * lights, weight) * 9 / phi(lights, weight) - 1)),
         single_normal_bound=lower_bound(projector, 3),
         single_normal_random=float(np.min(phi(single, projector))),
@@ -188,10 +188,10 @@ def _gradients(rng: np.random.Generator, weight: FloatArray) -> tuple[float, flo
     true = gradient(lights, weight)
     step = 1e-6
     numeric = np.zeros((3, 3))
-    for place in np.ndindex(3, 3):
+    for entry in np.ndindex(3, 3):
         moved = np.zeros((3, 3))
-        moved[place] = step
-        numeric[place] = (phi(lights + moved, weight) - phi(lights - moved, weight)) / (2 * step)
+        moved[entry] = step
+        numeric[entry] = (phi(lights + moved, weight) - phi(lights - moved, weight)) / (2 * step)
     normal = rng.normal(size=3)
     normal[2] = abs(normal[2])
     normal /= np.linalg.norm(normal)
@@ -204,12 +204,12 @@ def _gradients(rng: np.random.Generator, weight: FloatArray) -> tuple[float, flo
     return cosine, float(np.linalg.norm(numeric - true) / np.linalg.norm(true))
 
 
-def _literal(start: FloatArray, weight: FloatArray) -> list[tuple[int, float, float]]:
+def _unconstrained_descent(start: FloatArray, weight: FloatArray) -> list[tuple[int, float, float]]:
     """Step, value and mean |s| of plain gradient descent on Eq. 23 as it stands."""
-    lights, told = start.copy(), []
-    for step in range(LITERAL_STEPS + 1):
-        if step in (0, 1, 3, 10, 30, 100, 200, LITERAL_STEPS):
-            told.append((step, float(phi(lights, weight)), float(np.mean(np.linalg.norm(lights, axis=1)))))
+    lights, trace = start.copy(), []
+    for step in range(DESCENT_STEPS + 1):
+        if step in (0, 1, 3, 10, 30, 100, 200, DESCENT_STEPS):
+            trace.append((step, float(phi(lights, weight)), float(np.mean(np.linalg.norm(lights, axis=1)))))
         slope = gradient(lights, weight)
-        lights = lights - LITERAL_RATE * slope / max(1.0, float(np.linalg.norm(slope)))
-    return told
+        lights = lights - DESCENT_RATE * slope / max(1.0, float(np.linalg.norm(slope)))
+    return trace

@@ -1,4 +1,4 @@
-"""What a study found, as a value."""
+"""The result of a study: what `run` measures, `page` shows and `study.json` holds."""
 
 from dataclasses import dataclass
 
@@ -8,8 +8,8 @@ from api.cli.study.three_images import Row
 
 
 @dataclass(frozen=True)
-class Study:
-    """What was found."""
+class StudyResult:
+    """All measurements of one study."""
 
     seed: int
     quick: bool
@@ -19,5 +19,5 @@ class Study:
     errata: Errata
     table: list[Row]
     samples: list[Sample]
-    matt: list[Curve]
+    diffuse: list[Curve]
     glossy: list[Curve]

@@ -1,8 +1,8 @@
-"""Exactly three images and plain inversion: under which conditions the paper's figures come out, and under which not.
+"""Three images and plain inversion (Woodham 1980): which conditions reproduce the paper's errors, and which do not.
 
-A mean error near the median, both near nine degrees, is the mark of a near lamp taken for a distant one; a mean far
-above the median is the mark of shadows. The paper's best figures are what a ring at 25–35° gives when lamp and model
-are distant; its criterion with unit lights, which sends the lights to grazing slants, gives anything but.
+A mean error near the median, both near nine degrees, is typical of a near lamp modelled as a distant one; a mean far
+above the median is typical of shadows. The paper's best figures are those of a ring at 25–35° with a distant lamp and
+model; its criterion with unit lights, which moves the lights to grazing slants, does not give them.
 
 0.5 % noise and 8 bits; each image exposed by its 99.5th percentile; errors over the graded pixels, shadowed ones
 included unless said.
@@ -38,7 +38,7 @@ BRIGHT_PERCENTILE, BRIGHT_LEVEL = 99.5, 0.8
 
 @dataclass(frozen=True)
 class Condition:
-    """How the three images are taken and inverted; several draws of lights give the median of their errors."""
+    """How the three images are captured and inverted; the errors are medians over the draws of lights."""
 
     name: str
     distance_m: float
@@ -50,7 +50,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Row:
-    """What a condition gave for one object: mean and median error in degrees, and the share of pixels counted."""
+    """Errors of one condition and object: mean and median in degrees, and the share of pixels counted."""
 
     condition: str
     object: str
@@ -71,7 +71,7 @@ def equation_23(scene: Scene, rng: np.random.Generator) -> FloatArray:
     return geometry.direction(np.minimum(slant, np.radians(baselines.LARGEST_SLANT_DEG)), azimuth)
 
 
-def at_random(scene: Scene, rng: np.random.Generator) -> FloatArray:
+def random_directions(scene: Scene, rng: np.random.Generator) -> FloatArray:
     """Three directions drawn evenly from the dome's cap."""
     cosine = rng.uniform(np.cos(np.radians(75)), np.cos(np.radians(8)), 3)
     return geometry.direction(np.arccos(cosine), rng.uniform(0, 2 * np.pi, 3))
@@ -89,7 +89,7 @@ def conditions(draws: int) -> list[Condition]:
         Condition("distant lamp and model, ring 25°", DISTANT_M, "distant", ring(25)),
         Condition("distant lamp and model, Drbohlav–Chantler 54.74°", DISTANT_M, "distant", diagonal),
         Condition("distant lamp and model, Eq. 23 with unit lights", DISTANT_M, "distant", equation_23, few),
-        Condition("distant lamp and model, random", DISTANT_M, "distant", at_random, draws),
+        Condition("distant lamp and model, random", DISTANT_M, "distant", random_directions, draws),
         Condition("lit by all three only: ring 35°", DISTANT_M, "distant", ring(35), lit_by_all=True),
         Condition("lit by all three only: Drbohlav–Chantler", DISTANT_M, "distant", diagonal, lit_by_all=True),
         Condition("lit by all three only: Eq. 23", DISTANT_M, "distant", equation_23, few, lit_by_all=True),
@@ -102,11 +102,11 @@ def table(scene: Scene, draws: int) -> list[Row]:
 
 
 def _row(scene: Scene, condition: Condition) -> Row:
-    found: list[tuple[float, float, float]] = []
+    errors: list[tuple[float, float, float]] = []
     for draw in range(condition.draws):
         rng = np.random.default_rng([scene.geometry.seed, draw])
-        found.append(_errors(scene, condition, condition.directions(scene, rng), rng))
-    mean_deg, median_deg, share = np.median(np.array(found), axis=0)
+        errors.append(_errors(scene, condition, condition.directions(scene, rng), rng))
+    mean_deg, median_deg, share = np.median(np.array(errors), axis=0)
     return Row(condition.name, scene.geometry.shape, float(mean_deg), float(median_deg), float(share))
 
 
@@ -138,7 +138,7 @@ def _errors(
 
 
 def _image(scene: Scene, position: FloatArray, distance_m: float, rng: np.random.Generator) -> Float32Array:
-    """What an 8-bit camera gives, in units of a white surface that faces the lamp at its distance from the centre."""
+    """Simulates an image of an 8-bit camera, in units of a white surface that faces the lamp at this distance."""
     lamp = Lamp(
         geometry.transform(scene.geometry.object_from_view, position),
         geometry.rotate(scene.geometry.object_from_view, _unit(scene.dome.center - position)),
@@ -155,10 +155,10 @@ def _image(scene: Scene, position: FloatArray, distance_m: float, rng: np.random
 def _lit(scene: Scene, position: FloatArray) -> BoolArray:
     """Where (H, W) the pixel centres see the lamp."""
     shared = scene.geometry
-    seen = shared.centres
-    place = geometry.transform(shared.object_from_view, position)
+    centres = shared.centres
+    lamp_position = geometry.transform(shared.object_from_view, position)
     lit = np.zeros(shared.lens.height * shared.lens.width, dtype=bool)
-    lit[seen.pixels] = render.lit_mask(seen.points, seen.normals, place, shared.tracer, scene.surface)
+    lit[centres.pixels] = render.lit_mask(centres.points, centres.normals, lamp_position, shared.tracer, scene.surface)
     return lit.reshape(shared.lens.height, shared.lens.width)
 
 

@@ -1,4 +1,4 @@
-"""`lightpose solve` and `lightpose replay`: folders to results, whole or not at all."""
+"""`lightpose solve` and `lightpose replay`: folders to results, written atomically."""
 
 import json
 import shutil
@@ -23,9 +23,9 @@ ROOT = Path(__file__).parents[3]
 RECORDED = ROOT / "tests/data/release_0.1/sessions/20261121-190041-de2be6"
 
 
-def wishes(folder: Path, **more: object) -> solving.Wishes:
+def request(folder: Path, **more: object) -> solving.SolveRequest:
     given = {"solver": "auto", "near": False, "out": None, "sphere": None, "exports": ()} | more
-    return solving.wishes(folder, **given)  # type: ignore[arg-type]
+    return solving.solve_request(folder, **given)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_the_command_ends_with_one_json_object(tmp_path: Path) -> None:
 
 
 def test_a_folder_without_truth_has_no_errors(tmp_path: Path) -> None:
-    outcome = solving.run(wishes(small.lp(tmp_path / "in")))
+    outcome = solving.run(request(small.lp(tmp_path / "in")))
     assert outcome["mean_deg"] is None
     assert outcome["sigma_ratio"] is None
     assert outcome["normals"] > 500
@@ -67,7 +67,7 @@ def test_a_folder_without_truth_has_no_errors(tmp_path: Path) -> None:
 
 def test_near_light_is_solved_as_such_and_albedo_is_absolute(tmp_path: Path) -> None:
     folder, out = small.near(tmp_path / "in"), tmp_path / "out"
-    outcome = solving.run(wishes(folder, near=True, out=out, exports=["all"]))
+    outcome = solving.run(request(folder, near=True, out=out, exports=["all"]))
     assert outcome["solver"] == "near"
     assert outcome["median_deg"] < 0.5
     assert outcome["coverage"] > 0.9
@@ -81,7 +81,7 @@ def test_near_light_is_solved_as_such_and_albedo_is_absolute(tmp_path: Path) -> 
 def test_near_light_by_plain_least_squares(tmp_path: Path) -> None:
     """Without a shadow beyond the rim it is as good; at the rough depth alone it would not be."""
     folder, out = small.near(tmp_path / "in"), tmp_path / "out"
-    outcome = solving.run(wishes(folder, solver="ls", near=True, out=out))
+    outcome = solving.run(request(folder, solver="ls", near=True, out=out))
     assert outcome["solver"] == "ls"
     assert outcome["median_deg"] < 0.7
     assert outcome["coverage"] == 1
@@ -92,12 +92,12 @@ def test_near_light_by_plain_least_squares(tmp_path: Path) -> None:
 
 def test_gloss_that_is_asked_for_near_is_what_near_light_does_in_any_case(tmp_path: Path) -> None:
     folder, out = small.near(tmp_path / "in"), tmp_path / "out"
-    outcome = solving.run(wishes(folder, solver="glossy", near=True, out=out))
+    outcome = solving.run(request(folder, solver="glossy", near=True, out=out))
     assert outcome["solver"] == "near"
     assert "glossy was asked for" in outcome["why"]
     assert "glossy was asked for" in (out / "report.html").read_text(encoding="utf-8")
     with pytest.raises(RigError) as refused:
-        solving.run(wishes(folder, solver="thresholded", near=True))
+        solving.run(request(folder, solver="thresholded", near=True))
     assert refused.value.code is ErrorCode.REQUEST_INVALID
 
 
@@ -107,7 +107,7 @@ def test_steps_are_kept_where_a_person_asks_for_it(solver: str, tmp_path: Path) 
     make = small.diligent if solver == "weighted" else small.near
     folder, asked = make(tmp_path / "in"), "auto" if solver == "near" else solver
     for name, keep in (("smooth", False), ("kept", True)):
-        solving.run(wishes(folder, solver=asked, out=tmp_path / name, keep_steps=keep))
+        solving.run(request(folder, solver=asked, out=tmp_path / name, keep_steps=keep))
     normals, depth = (
         [tifffile.imread(tmp_path / name / f"{what}.tiff") for name in ("smooth", "kept")]
         for what in ("normals", "depth")
@@ -118,23 +118,23 @@ def test_steps_are_kept_where_a_person_asks_for_it(solver: str, tmp_path: Path) 
 
 def test_what_was_exported_solves_to_the_same_normals(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
-    solving.run(wishes(small.diligent(tmp_path / "in"), solver="weighted", out=first, exports=["diligent"]))
-    solving.run(wishes(first / "diligent", solver="weighted", out=second))
+    solving.run(request(small.diligent(tmp_path / "in"), solver="weighted", out=first, exports=["diligent"]))
+    solving.run(request(first / "diligent", solver="weighted", out=second))
     one, two = (tifffile.imread(folder / "normals.tiff") for folder in (first, second))
     np.testing.assert_allclose(one, two, atol=1e-5)
 
 
 def test_our_own_result_may_be_replaced_and_nothing_else(tmp_path: Path) -> None:
     folder, out = small.diligent(tmp_path / "in"), tmp_path / "out"
-    solving.run(wishes(folder, solver="ls", out=out))
-    assert solving.run(wishes(folder, solver="weighted", out=out))["out"] == str(out)
+    solving.run(request(folder, solver="ls", out=out))
+    assert solving.run(request(folder, solver="weighted", out=out))["out"] == str(out)
     assert json.loads((out / solving.SUMMARY).read_text())["solver"] == "weighted"
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letters.txt").write_text("kept")
     for target in (tmp_path / "mine", folder):
         before = sorted(target.iterdir())
         with pytest.raises(RigError) as refused:
-            solving.run(wishes(folder, out=target))
+            solving.run(request(folder, out=target))
         assert refused.value.code is ErrorCode.FOLDER_INVALID
         assert sorted(target.iterdir()) == before
 
@@ -152,7 +152,7 @@ def test_a_bad_folder_leaves_nothing_behind(broken: str, tmp_path: Path) -> None
         case _:
             np.save(folder / "normals_gt.npy", np.zeros((2, 2, 3)))
     with pytest.raises(RigError) as refused:
-        solving.run(wishes(folder, out=out))
+        solving.run(request(folder, out=out))
     assert refused.value.code is ErrorCode.FOLDER_INVALID
     assert refused.value.context["file"].startswith(str(folder))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in"]
@@ -174,12 +174,12 @@ def test_a_bad_folder_leaves_nothing_behind(broken: str, tmp_path: Path) -> None
 def test_what_cannot_be_done_is_refused(more: dict[str, object], said: str, tmp_path: Path) -> None:
     folder = small.diligent(tmp_path / "in")
     with pytest.raises(RigError, match=said):
-        solving.run(wishes(folder, **more))
+        solving.run(request(folder, **more))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in"]
 
 
 def test_a_session_is_a_folder_like_any_other(session: Path, tmp_path: Path) -> None:
-    outcome = solving.run(wishes(session, out=tmp_path / "out", exports=["all"]))
+    outcome = solving.run(request(session, out=tmp_path / "out", exports=["all"]))
     assert outcome["format"] == "session"
     assert outcome["images"] == len(session_folder.LIGHTS)
     assert session_folder.error_deg(tifffile.imread(tmp_path / "out" / "normals.tiff")) < 2
@@ -207,7 +207,7 @@ def test_solve_replay_and_summary_say_the_same_mean_sigma(tmp_path: Path, capsys
     summary = jobs.solve_normals(
         taken.observations(1), taken.cell, taken.calibration, SolveSettings(), None, None, result
     )
-    replayed, solved = solving.replay(folder), solving.run(wishes(folder))
+    replayed, solved = solving.replay(folder), solving.run(request(folder))
     assert replayed["sigma_before_deg"] == summary.mean_sigma_deg
     assert solved["sigma_mean_deg"] == replayed["sigma_deg"] == pytest.approx(summary.mean_sigma_deg, rel=1e-6)
     stored = export.read(result)

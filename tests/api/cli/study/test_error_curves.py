@@ -11,7 +11,7 @@ from scipy import stats
 
 from api.cli.study import error_curves, page, paper_criterion, run, three_images
 from api.cli.study.error_curves import Draws, Sample
-from api.cli.study.study_result import Study
+from api.cli.study.study_result import StudyResult
 
 WHO = Sample("sphere", 0, False, "optimal", 8, 0.6, 0.5, 0.0, 0.05, 0.9, 0.02, 0.7, 0.65, None)
 
@@ -48,11 +48,11 @@ def test_a_ratio_is_of_the_same_draws_and_surer_than_the_errors() -> None:
 
 
 def test_every_draw_of_the_full_study_is_asked_for_once() -> None:
-    pieces = error_curves.pieces(2, run.FULL)
-    assert len({(piece.shape, piece.draw) for piece in pieces}) == len(pieces)
-    assert all(piece.matt is not None and piece.glossy is not None for piece in pieces)
-    assert all(run.FULL.matt.rivals[lights] >= 6 for lights in (8, 12, 20))
-    assert all(min(run.FULL.matt.of(method)) == 3 and max(run.FULL.matt.of(method)) == 24 for method in
+    items = error_curves.work_items(2, run.FULL)
+    assert len({(item.shape, item.draw) for item in items}) == len(items)
+    assert all(item.diffuse is not None and item.glossy is not None for item in items)
+    assert all(run.FULL.diffuse.rivals[lights] >= 6 for lights in (8, 12, 20))
+    assert all(min(run.FULL.diffuse.of(method)) == 3 and max(run.FULL.diffuse.of(method)) == 24 for method in
                ("optimal", "random"))  # fmt: skip
 
 
@@ -65,11 +65,11 @@ def test_the_page_needs_no_network_and_holds_what_was_found(tmp_path: Path) -> N
                for item in drawn(name, level, 0.1, lights=lights)]  # fmt: skip
     samples += [replace(item, glossy=True) for item in samples]
     rows = [three_images.Row(item.name, "sphere", 2.0, 0.6, 1.0) for item in three_images.conditions(1)]
-    scale = replace(run.QUICK, objects=("sphere",), matt=Draws({8: 6}, {8: 6}, {8: 6}))
-    found = Study(
+    scale = replace(run.QUICK, objects=("sphere",), diffuse=Draws({8: 6}, {8: 6}, {8: 6}))
+    found = StudyResult(
         seed=1, quick=True, scale=scale, seconds=1.0, placements=[placement],
         errata=paper_criterion.errata(weight, 1, triples=100), table=rows, samples=samples,
-        matt=error_curves.curves(samples, glossy=False), glossy=error_curves.curves(samples, glossy=True),
+        diffuse=error_curves.curves(samples, glossy=False), glossy=error_curves.curves(samples, glossy=True),
     )  # fmt: skip
     told = run.summary(found)
     page.write(tmp_path / "study.html", found, told)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from api.cli.study.simulated_scene import Geometry, Scene
+from api.cli.study.scene_geometry import Geometry
+from api.cli.study.simulated_scene import Scene
 
 PIXELS = 128
 
@@ -20,14 +21,14 @@ def test_every_sample_of_a_graded_pixel_lies_on_the_surface_of_its_centre(part: 
     normals[part.centres.pixels] = part.centres.normals
     cosine = np.sum(fine.normals * normals[fine.pixels], axis=1)
     assert np.min(cosine[graded]) > np.cos(np.radians(45))
-    straddling = Scene(part).straddling.ravel()[fine.pixels]
+    straddling = Scene(part).mixed.ravel()[fine.pixels]
     assert np.mean(cosine[straddling] < np.cos(np.radians(45))) > 0.05
 
 
 def test_graded_and_straddling_pixels_are_all_that_are_not_seen_edge_on(part: Geometry) -> None:
     scene = Scene(part)
-    assert not np.any(scene.graded & scene.straddling)
-    np.testing.assert_array_equal(scene.graded | scene.straddling, part.facing)
+    assert not np.any(scene.graded & scene.mixed)
+    np.testing.assert_array_equal(scene.graded | scene.mixed, part.facing)
     assert 0.02 < np.mean(part.one_surface[part.facing]) < 0.98
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from acquisition.models.recipe import Recipe
-from api.cli.study import simulated_scene
+from api.cli.study import scene_geometry, simulated_scene
 
 ROOT = Path(__file__).parents[4]
 WANTED_DEG = (1.0, 0.65, 0.5)
@@ -34,7 +34,7 @@ def runs(shape: str, draw: int) -> list[dict[str, Any]]:
     done = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True)
     kept = ROOT / "build" / f"order-{done.stdout.strip()}" / f"{shape}-{draw}.json"
     if not kept.exists():
-        scene = simulated_scene.Scene(simulated_scene.Geometry(shape, 500 + draw))
+        scene = simulated_scene.Scene(scene_geometry.Geometry(shape, 500 + draw))
 
         @functools.cache
         def fixed(lights: int) -> Errors:
@@ -43,7 +43,7 @@ def runs(shape: str, draw: int) -> list[dict[str, Any]]:
         told = []
         for wanted in WANTED_DEG:
             run = scene.run(Recipe(target_sigma_deg=wanted / 0.886, seed=draw))
-            images = len(run.found.observations.shots)
+            images = len(run.result.observations.shots)
             told.append({
                 "shape": shape, "draw": draw, "wanted_deg": wanted, "found_deg": errors(run), "images": images,
                 "fixed_deg": {lights: fixed(lights) for lights in range(4, images - 1)}, "why": run.plan.conclusion,
@@ -54,7 +54,7 @@ def runs(shape: str, draw: int) -> list[dict[str, Any]]:
 
 
 def errors(run: simulated_scene.Run) -> Errors:
-    return float(np.mean(run.found.all_deg)), run.found.mean_deg
+    return float(np.mean(run.result.all_error_deg)), run.result.mean_deg
 
 
 @pytest.mark.parametrize("draw", DRAWS)

@@ -10,7 +10,8 @@ from acquisition.models.base import FloatArray
 from acquisition.models.recipe import Exposure, Recipe
 from acquisition.models.shot import Observations
 from api.cli.study import simulated_scene
-from api.cli.study.simulated_scene import Geometry, Scene
+from api.cli.study.scene_geometry import Geometry
+from api.cli.study.simulated_scene import Scene
 from hardware_sim import nominal, render
 from hardware_sim.render import Lamp
 from hardware_sim.world import World
@@ -72,10 +73,10 @@ def test_images_that_nothing_foretells_stay_below_their_target_and_others_are_ne
     scene, step, noise = Scene(shared), exposure.STEP, 1.01
     pattern = scene.run(simulated_scene.recipe("two-rings", 8))
     lights = pattern.plan.lights
-    images = {8: pattern.found.observations} | {count: scene.capture(lights, count) for count in (None, 3, 0)}
-    for unforeseen, taken in images.items():
+    images = {8: pattern.result.observations} | {count: scene.capture(lights, count) for count in (None, 3, 0)}
+    for unpredicted, taken in images.items():
         found = levels(scene, taken)
-        first, later = found[:unforeseen], found[len(found) if unforeseen is None else unforeseen :]
+        first, later = found[:unpredicted], found[len(found) if unpredicted is None else unpredicted :]
         assert np.all((first > 1 / step / noise) & (first < noise))
         assert np.all((later > step**-0.5 / noise) & (later < step**0.5 * noise))
         # Some images would have been exposed otherwise had they been the other kind.
@@ -85,7 +86,7 @@ def test_images_that_nothing_foretells_stay_below_their_target_and_others_are_ne
 
 def test_of_a_planned_run_only_the_pilot_is_unforeseen(shared: Geometry) -> None:
     scene, step, noise = Scene(shared), exposure.STEP, 1.01
-    taken = scene.run(Recipe(pilot_lights=8, planned_lights=6)).found.observations
+    taken = scene.run(Recipe(pilot_lights=8, planned_lights=6)).result.observations
     found = levels(scene, taken)
     assert np.all((found[:8] > 1 / step / noise) & (found[:8] < noise))
     assert np.all((found[8:] > step**-0.5 / noise) & (found[8:] < step**0.5 * noise))
@@ -101,13 +102,13 @@ def test_few_shadow_rays_say_what_all_would(shared: Geometry) -> None:
     for light in Scene(shared).run(simulated_scene.recipe("ring", 3)).plan.lights:
         position = geometry.transform(shared.object_from_view, np.array(light.position))
         lamp = Lamp(position, np.array([0.0, 0.0, -1.0]), 1.0, 0.45, 0.8)
-        for view, told in zip(shared.views, shared.reached(light.position, lamp), strict=True):
+        for view, told in zip(shared.views, shared.illuminated(light.position, lamp), strict=True):
             for some, every in zip(told, render.lit_samples(view, shared.glossy, shared.tracer, lamp), strict=True):
                 assert np.count_nonzero(some != every) <= 0.005 * len(every)
 
 
 def test_shadows_are_those_of_each_finish(shared: Geometry) -> None:
-    """A glossy picture whose shadows the matt one had traced before is the one that it would be alone."""
+    """A glossy picture whose shadows the diffuse one had traced before is the one that it would be alone."""
     lights = Scene(shared).run(simulated_scene.recipe("ring", 3)).plan.lights
     after = Scene(shared, glossy=True).capture(lights)
     alone = Scene(Geometry("part", 3, PIXELS), glossy=True).capture(lights)
