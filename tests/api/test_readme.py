@@ -22,7 +22,7 @@ def block(language: str, holding: str) -> str:
     return found[0]
 
 
-def test_the_session_in_python_and_in_the_shell(tmp_path: Path) -> None:
+def test_readme_session_in_python_and_shell_runs(tmp_path: Path) -> None:
     script, commands = block("python", "client.capture"), block("sh", "curl")
     assert len(script.splitlines()) <= 15
     with quick_service(tmp_path, "127.0.15.32", with_keys=False) as (server, _, url, _secrets):
@@ -48,6 +48,6 @@ def test_the_session_in_python_and_in_the_shell(tmp_path: Path) -> None:
     assert states == [State.COMPLETED] * 2
 
 
-def test_the_body_of_a_person_s_own_lights_is_what_the_service_takes() -> None:
+def test_readme_own_lights_body_is_valid() -> None:
     (body,) = re.findall(r"passes/1/plan .* -d '(.*)'", REST)
     assert len(OwnLights.model_validate_json(body).lights) == 2

@@ -20,7 +20,7 @@ RUNBOOK = "\n".join((ROOT / "docs" / page).read_text(encoding="utf-8") for page 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_every_problem_code_has_its_cure() -> None:
+def test_runbook_has_a_remedy_for_each_problem_code() -> None:
     table = RUNBOOK.partition("## Problem codes")[2]
 
     told = re.findall(r"^\| `([a-z_.]+)` \| [^|]+ \| [^|]+ \|$", table, re.MULTILINE)
@@ -28,21 +28,21 @@ def test_every_problem_code_has_its_cure() -> None:
     assert sorted(told) == sorted(ErrorCode)
 
 
-def test_the_example_cell_is_a_cell() -> None:
+def test_runbook_example_cell_is_valid() -> None:
     cell = cell_config.load(ROOT / "deploy" / "cell.toml")
 
     assert cell.camera.kind == "pylon"
     assert cell.obstacles[0].name == "camera stand"
 
 
-def test_what_it_links_to_is_there() -> None:
+def test_runbook_links_resolve() -> None:
     headings = {line[3:].lower().replace(" ", "-") for line in RUNBOOK.splitlines() if line.startswith("## ")}
     assert set(re.findall(r"\]\(#([a-z-]+)\)", RUNBOOK)) <= headings
     for path in re.findall(r"`((?:acquisition|api|deploy)/[\w./]+)`", RUNBOOK + README):
         assert (ROOT / path).exists(), path
 
 
-def test_a_backup_of_a_running_service_can_be_restored(own: Any, tmp_path: Path) -> None:
+def test_runbook_backup_of_running_service_restores(own: Any, tmp_path: Path) -> None:
     made = own.client.create(Recipe(label="kept"))
     (tmp_path / "backup").mkdir()
     command = re.search(r'-c "(import sqlite3.*)"', RUNBOOK)
@@ -58,7 +58,7 @@ def test_a_backup_of_a_running_service_can_be_restored(own: Any, tmp_path: Path)
     restored.close()
 
 
-def test_the_prometheus_names_are_the_services_own(own: Any) -> None:
+def test_runbook_metric_names_exist(own: Any) -> None:
     told = own.http.get("/metrics").text
     for name in re.findall(r"lightpose_\w+", RUNBOOK):
         if "lateness" not in name:  # told once an arm has moved
@@ -66,7 +66,7 @@ def test_the_prometheus_names_are_the_services_own(own: Any) -> None:
 
 
 @pytest.mark.parametrize("variable", sorted(set(re.findall(r"LIGHTPOSE_[A-Z_]+", RUNBOOK + README))))
-def test_every_variable_is_read_by_somebody(variable: str) -> None:
+def test_runbook_variables_are_read_by_the_service(variable: str) -> None:
     files = [path for folder in ("api", "tests") for path in (ROOT / folder).rglob("*.py")]
     sources = "".join(path.read_text(encoding="utf-8") for path in files)
     name = variable.removeprefix("LIGHTPOSE_").lower()

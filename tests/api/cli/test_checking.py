@@ -18,7 +18,7 @@ CELL_FILE = Path(__file__).parents[3] / "tests" / "data" / "cell.test.toml"
 NOBODY, ARM = "127.0.15.30", "127.0.15.31"
 
 
-def test_what_is_wrong_does_not_hide_what_else_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_one_problem_does_not_hide_others(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     nominal.write(tmp_path, NOBODY, 64, CELL_FILE)
     (tmp_path / "calibration.json").write_text('{"width": 64}')
     (tmp_path / "data").mkdir()
@@ -32,9 +32,7 @@ def test_what_is_wrong_does_not_hide_what_else_is(tmp_path: Path, capsys: pytest
     assert said.count("what to do:") == said.count("WRONG") == 5  # the arm's calibration cannot be asked either
 
 
-def test_a_cell_file_that_cannot_be_read_is_all_that_can_be_said(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_unreadable_cell_file_reports_only_that(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "cell.toml").write_text("name = ")
 
     assert not checking.check(tmp_path / "cell.toml", offline=False)
@@ -42,7 +40,7 @@ def test_a_cell_file_that_cannot_be_read_is_all_that_can_be_said(
     assert capsys.readouterr().out.count("WRONG config.invalid") == 1
 
 
-def test_a_calibration_that_is_out_of_date_is_named_and_keys_are_counted(
+def test_check_expired_calibration_is_reported_and_keys_counted(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     nominal.write(tmp_path, NOBODY, 64, CELL_FILE)
@@ -59,9 +57,7 @@ def test_a_calibration_that_is_out_of_date_is_named_and_keys_are_counted(
     assert said.count("WRONG") == said.count("what to do:") == 1
 
 
-def test_an_arm_that_is_another_one_is_named_with_what_differs(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_check_other_arm_reports_each_difference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     nominal.write(tmp_path, ARM, 64, CELL_FILE)
     cell_file = tmp_path / "cell.toml"
     text = cell_file.read_text()

@@ -25,7 +25,7 @@ def lightpose(*arguments: str, timeout_s: float = 100.0) -> "subprocess.Complete
     )  # fmt: skip
 
 
-def test_help_loads_no_numerical_kernel() -> None:
+def test_help_loads_neither_kernels_nor_http_library() -> None:
     script = (
         "import sys\nfrom typer.testing import CliRunner\nfrom api.cli.commands import app\n"
         "assert CliRunner().invoke(app, ['--help']).exit_code == 0\n"
@@ -50,7 +50,7 @@ def test_help_loads_no_numerical_kernel() -> None:
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
-def test_bad_input_is_named_with_what_to_do(
+def test_command_bad_input_exits_2_and_names_remedy(
     arguments: tuple[str, ...], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(ROOT)
@@ -61,7 +61,7 @@ def test_bad_input_is_named_with_what_to_do(
     assert isinstance(done.exception, SystemExit)  # told, not thrown
 
 
-def test_what_is_wrong_ends_the_command_without_a_traceback() -> None:
+def test_command_error_exits_without_traceback() -> None:
     done = lightpose("solve", "no-such-folder")
     assert done.returncode == 2
     assert "no-such-folder" in done.stderr
@@ -69,14 +69,14 @@ def test_what_is_wrong_ends_the_command_without_a_traceback() -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_check_says_what_the_cell_can_do() -> None:
+def test_check_offline_reports_reach_and_route() -> None:
     offline = lightpose("check", "--offline")
     assert offline.returncode == 0, offline.stderr
     assert "positions on the dome" in offline.stdout
     assert "route of the pilot" in offline.stdout
 
 
-def test_the_demonstration_ends_with_one_json_object(tmp_path: Path) -> None:
+def test_demo_json_prints_one_object_as_last_line(tmp_path: Path) -> None:
     """Also where an earlier one was broken off amid its session."""
     with contextlib.closing(Store(tmp_path / "data")) as store:
         broken_off = store.journal.create_session(Recipe(), "{}", "fingerprint")[0].id
@@ -97,7 +97,7 @@ def test_the_demonstration_ends_with_one_json_object(tmp_path: Path) -> None:
     assert set(outcome["seconds"]) >= {"pilot", "waypoints", "capture", "normals", "plan", "total"}
 
 
-def test_a_demonstration_leaves_the_cell_of_a_running_one_alone(tmp_path: Path) -> None:
+def test_demo_beside_running_demo_keeps_its_cell(tmp_path: Path) -> None:
     truth = tmp_path / "cell" / "truth.npz"
     truth.parent.mkdir()
     truth.write_bytes(b"of the running one")
@@ -108,7 +108,7 @@ def test_a_demonstration_leaves_the_cell_of_a_running_one_alone(tmp_path: Path) 
     assert truth.read_bytes() == b"of the running one"
 
 
-def test_what_is_not_said_the_environment_says(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_serve_missing_options_come_from_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """So a unit file needs no arguments; the cell that is named there is not there, which ends it."""
     monkeypatch.setenv("LIGHTPOSE_CELL", str(tmp_path / "of-the-environment.toml"))
     monkeypatch.setenv("LIGHTPOSE_HOST", "0.0.0.0")  # noqa: S104

@@ -12,7 +12,7 @@ from api.cli import lights_file
 POSITIONS = [(0.0, 0.25, -0.5), (0.1, -0.2, -0.45), (-0.125, 0.0, -1e-1)]
 
 
-def test_text_json_and_an_earlier_plan_are_read(tmp_path: Path) -> None:
+def test_lights_file_text_json_and_plan_are_read(tmp_path: Path) -> None:
     text = tmp_path / "lights.txt"
     text.write_text("# x y z, m\n0 0.25 -0.5\n\n0.1, -0.2, -0.45  # left\n-0.125;0;-1e-1\n", encoding="utf-8")
     listed = tmp_path / "lights.json"
@@ -24,7 +24,7 @@ def test_text_json_and_an_earlier_plan_are_read(tmp_path: Path) -> None:
     assert lights_file.read(text) == lights_file.read(listed) == lights_file.read(plan) == POSITIONS
 
 
-def test_a_session_folder_gives_the_lights_of_all_its_passes_in_order(tmp_path: Path) -> None:
+def test_lights_file_session_folder_gives_all_passes_in_order(tmp_path: Path) -> None:
     many = [(0.01 * number, 0.2, -0.5) for number in range(11)]
     for number, position in enumerate(many):  # of which 10 comes after 9, not after 1
         folder = tmp_path / "passes" / str(number)
@@ -49,7 +49,7 @@ def test_a_session_folder_gives_the_lights_of_all_its_passes_in_order(tmp_path: 
         ("[[0, 0", "JSON"),
     ],
 )
-def test_what_is_wrong_is_named(tmp_path: Path, content: str, said: str) -> None:
+def test_lights_file_bad_content_is_named(tmp_path: Path, content: str, said: str) -> None:
     path = tmp_path / "lights"
     path.write_text(content, encoding="utf-8")
     with pytest.raises(RigError, match=said) as wrong:

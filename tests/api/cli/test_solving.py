@@ -33,7 +33,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return session_folder.make(tmp_path_factory.mktemp("sessions") / "small")
 
 
-def test_the_command_ends_with_one_json_object(tmp_path: Path) -> None:
+def test_solve_json_prints_one_object_as_last_line(tmp_path: Path) -> None:
     folder = small.diligent(tmp_path / "in")
     sphere = f"{small.SIZE / 2},{small.SIZE / 2},{small.RADIUS}"
     done = subprocess.run(
@@ -56,7 +56,7 @@ def test_the_command_ends_with_one_json_object(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "out"]
 
 
-def test_a_folder_without_truth_has_no_errors(tmp_path: Path) -> None:
+def test_solve_folder_without_truth_has_null_errors(tmp_path: Path) -> None:
     outcome = solving.run(request(small.lp(tmp_path / "in")))
     assert outcome["mean_deg"] is None
     assert outcome["sigma_ratio"] is None
@@ -65,7 +65,7 @@ def test_a_folder_without_truth_has_no_errors(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in"]
 
 
-def test_near_light_is_solved_as_such_and_albedo_is_absolute(tmp_path: Path) -> None:
+def test_solve_near_light_folder_gives_absolute_albedo(tmp_path: Path) -> None:
     folder, out = small.near(tmp_path / "in"), tmp_path / "out"
     outcome = solving.run(request(folder, near=True, out=out, exports=["all"]))
     assert outcome["solver"] == "near"
@@ -78,7 +78,7 @@ def test_near_light_is_solved_as_such_and_albedo_is_absolute(tmp_path: Path) -> 
     assert {*export.FILES, *export.FOLDERS} <= {path.name for path in out.iterdir()}
 
 
-def test_near_light_by_plain_least_squares(tmp_path: Path) -> None:
+def test_solve_near_light_least_squares_gives_normals(tmp_path: Path) -> None:
     """Without a shadow beyond the rim it is as good; at the rough depth alone it would not be."""
     folder, out = small.near(tmp_path / "in"), tmp_path / "out"
     outcome = solving.run(request(folder, solver="ls", near=True, out=out))
@@ -90,7 +90,7 @@ def test_near_light_by_plain_least_squares(tmp_path: Path) -> None:
     assert np.ptp(depth[depth > 0]) == pytest.approx(0.035, abs=0.01)
 
 
-def test_gloss_that_is_asked_for_near_is_what_near_light_does_in_any_case(tmp_path: Path) -> None:
+def test_solve_glossy_near_light_uses_the_near_light_solver(tmp_path: Path) -> None:
     folder, out = small.near(tmp_path / "in"), tmp_path / "out"
     outcome = solving.run(request(folder, solver="glossy", near=True, out=out))
     assert outcome["solver"] == "near"
@@ -102,7 +102,7 @@ def test_gloss_that_is_asked_for_near_is_what_near_light_does_in_any_case(tmp_pa
 
 
 @pytest.mark.parametrize("solver", ["weighted", "near"])
-def test_steps_are_kept_where_a_person_asks_for_it(solver: str, tmp_path: Path) -> None:
+def test_solve_keep_steps_allows_depth_discontinuities(solver: str, tmp_path: Path) -> None:
     """The normals are the same, the depth is not."""
     make = small.diligent if solver == "weighted" else small.near
     folder, asked = make(tmp_path / "in"), "auto" if solver == "near" else solver
@@ -116,7 +116,7 @@ def test_steps_are_kept_where_a_person_asks_for_it(solver: str, tmp_path: Path) 
     np.testing.assert_array_equal(normals[0], normals[1])
 
 
-def test_what_was_exported_solves_to_the_same_normals(tmp_path: Path) -> None:
+def test_solve_exported_folder_gives_same_normals(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
     solving.run(request(small.diligent(tmp_path / "in"), solver="weighted", out=first, exports=["diligent"]))
     solving.run(request(first / "diligent", solver="weighted", out=second))
@@ -124,7 +124,7 @@ def test_what_was_exported_solves_to_the_same_normals(tmp_path: Path) -> None:
     np.testing.assert_allclose(one, two, atol=1e-5)
 
 
-def test_our_own_result_may_be_replaced_and_nothing_else(tmp_path: Path) -> None:
+def test_solve_out_replaces_own_result_only(tmp_path: Path) -> None:
     folder, out = small.diligent(tmp_path / "in"), tmp_path / "out"
     solving.run(request(folder, solver="ls", out=out))
     assert solving.run(request(folder, solver="weighted", out=out))["out"] == str(out)
@@ -140,7 +140,7 @@ def test_our_own_result_may_be_replaced_and_nothing_else(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("broken", ["image", "directions", "mask", "truth"])
-def test_a_bad_folder_leaves_nothing_behind(broken: str, tmp_path: Path) -> None:
+def test_solve_bad_folder_writes_nothing(broken: str, tmp_path: Path) -> None:
     folder, out = small.diligent(tmp_path / "in"), tmp_path / "out"
     match broken:
         case "image":
@@ -171,14 +171,14 @@ def test_a_bad_folder_leaves_nothing_behind(broken: str, tmp_path: Path) -> None
         ({"solver": "glossy"}, "12 lights"),
     ],
 )
-def test_what_cannot_be_done_is_refused(more: dict[str, object], said: str, tmp_path: Path) -> None:
+def test_solve_request_impossible_option_is_refused(more: dict[str, object], said: str, tmp_path: Path) -> None:
     folder = small.diligent(tmp_path / "in")
     with pytest.raises(RigError, match=said):
         solving.run(request(folder, **more))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in"]
 
 
-def test_a_session_is_a_folder_like_any_other(session: Path, tmp_path: Path) -> None:
+def test_solve_session_folder_writes_result(session: Path, tmp_path: Path) -> None:
     outcome = solving.run(request(session, out=tmp_path / "out", exports=["all"]))
     assert outcome["format"] == "session"
     assert outcome["images"] == len(session_folder.LIGHTS)
@@ -188,7 +188,7 @@ def test_a_session_is_a_folder_like_any_other(session: Path, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(("number", "images"), [(None, 6), (0, 3)])
-def test_a_replay_finds_what_was_stored(number: int | None, images: int, session: Path) -> None:
+def test_replay_unchanged_session_gives_stored_normals(number: int | None, images: int, session: Path) -> None:
     before = sorted(session.rglob("*"))
     outcome = solving.replay(session, number)
     assert outcome["same"]
@@ -198,7 +198,7 @@ def test_a_replay_finds_what_was_stored(number: int | None, images: int, session
     assert sorted(session.rglob("*")) == before
 
 
-def test_solve_replay_and_summary_say_the_same_mean_sigma(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_solve_replay_and_summary_have_same_mean_sigma(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Over the facing pixels; over all that are solved it is another figure, which tells the two apart."""
     folder = tmp_path / "a [b]"  # which is no markup
     shutil.copytree(RECORDED, folder)
@@ -217,7 +217,7 @@ def test_solve_replay_and_summary_say_the_same_mean_sigma(tmp_path: Path, capsys
     assert said.count(f"{summary.mean_sigma_deg:.3f}°") == 3
 
 
-def test_a_replay_sees_a_difference(session: Path, tmp_path: Path) -> None:
+def test_replay_changed_result_reports_difference(session: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
     shutil.copytree(session, other)
     stored = tifffile.imread(other / "results" / "1" / "normals.tiff")
@@ -228,7 +228,7 @@ def test_a_replay_sees_a_difference(session: Path, tmp_path: Path) -> None:
     assert outcome["mean_deg"] > 5
 
 
-def test_a_replay_solves_with_the_settings_of_the_result(session: Path, tmp_path: Path) -> None:
+def test_replay_uses_settings_of_stored_result(session: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
     shutil.copytree(session, other)
     manifest = other / "results" / "1" / "manifest.json"
@@ -240,7 +240,7 @@ def test_a_replay_solves_with_the_settings_of_the_result(session: Path, tmp_path
     assert refused.value.context["file"] == str(manifest)
 
 
-def test_replays_that_cannot_be(session: Path, tmp_path: Path) -> None:
+def test_replay_missing_result_or_settings_is_refused(session: Path, tmp_path: Path) -> None:
     with pytest.raises(RigError, match="no result 7, only 0, 1"):
         solving.replay(session, 7)
     other = tmp_path / "other"

@@ -13,7 +13,7 @@ from acquisition.session import State
 from api import AsyncClient, ProblemError
 
 
-def test_a_session_from_creation_to_deletion(own: Any) -> None:
+def test_async_client_session_from_creation_to_deletion(own: Any) -> None:
     async def script() -> None:
         async with AsyncClient(own.url) as client:
             assert not (await client.rig()).may_start
@@ -35,7 +35,7 @@ def test_a_session_from_creation_to_deletion(own: Any) -> None:
     asyncio.run(script())
 
 
-def test_waiting_for_a_rig_that_is_not_there_says_why(shared: Any) -> None:
+def test_wait_ready_absent_rig_raises_reasons(shared: Any) -> None:
     async def script() -> None:
         async with AsyncClient(shared.url) as client:
             with pytest.raises(ProblemError) as missing:
@@ -45,7 +45,7 @@ def test_waiting_for_a_rig_that_is_not_there_says_why(shared: Any) -> None:
     asyncio.run(script())
 
 
-def test_listeners_side_by_side_miss_nothing_over_a_restart(start: Callable[..., AbstractContextManager[Any]]) -> None:
+def test_events_concurrent_listeners_miss_none_over_restart(start: Callable[..., AbstractContextManager[Any]]) -> None:
     async def listen(client: AsyncClient, count: int) -> list[int]:
         found: list[int] = []
         async for event in client.events(after=0):

@@ -19,7 +19,7 @@ from api.client.responses import ProblemError
 DAY_S = 86_400.0
 
 
-def test_the_archive_holds_the_folder_and_the_journal(own: Any) -> None:
+def test_archive_holds_folder_and_journal(own: Any) -> None:
     session = own.client.create(Recipe(label="to take home"))
     folder: Path = own.service.store.folder(session.id)
     (folder / "passes" / "0").mkdir(parents=True)
@@ -43,7 +43,7 @@ def test_the_archive_holds_the_folder_and_the_journal(own: Any) -> None:
     assert json.loads(lines[0])["what"] == "session.created"
 
 
-def test_the_log_tells_events_and_actions_in_order(own: Any) -> None:
+def test_log_lists_events_and_actions_in_order(own: Any) -> None:
     session = own.client.create(Recipe())
     own.http.post(f"/v1/sessions/{session.id}/actions", json={"action": "pause"})
     own.http.post(f"/v1/sessions/{session.id}/actions", json={"action": "stop"})
@@ -56,14 +56,14 @@ def test_the_log_tells_events_and_actions_in_order(own: Any) -> None:
 
 
 @pytest.mark.parametrize("what", ["archive", "log"])
-def test_of_no_session_there_is_neither(shared: Any, what: str) -> None:
+def test_archive_and_log_unknown_session_are_not_found(shared: Any, what: str) -> None:
     for name in ("nobody", "..%2F..%2Fetc", "%2e%2e"):
         answer = shared.http.get(f"/v1/sessions/{name}/{what}")
         assert answer.status_code == 404
         assert answer.headers["content-type"] == "application/problem+json"
 
 
-def test_figures_for_monitoring(own: Any) -> None:
+def test_metrics_report_sessions_and_devices(own: Any) -> None:
     own.client.create(Recipe())
     text = own.http.get("/metrics").text
     assert 'lightpose_sessions{state="created"} 1.0' in text
@@ -80,7 +80,7 @@ def _ended(journal: Journal, data: Path) -> str:
     return row.id
 
 
-def test_only_old_ended_sessions_are_forgotten(tmp_path: Path) -> None:
+def test_prune_removes_only_old_ended_sessions(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "rig.db")
     old, newer = _ended(journal, tmp_path), _ended(journal, tmp_path)
     created, _ = journal.create_session(Recipe(), "{}", "x")
@@ -105,7 +105,7 @@ def test_only_old_ended_sessions_are_forgotten(tmp_path: Path) -> None:
     journal.close()
 
 
-def test_the_command_line_prunes(tmp_path: Path) -> None:
+def test_prune_command_removes_old_sessions(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "rig.db")
     old = _ended(journal, tmp_path)
     journal.close()
@@ -115,13 +115,13 @@ def test_the_command_line_prunes(tmp_path: Path) -> None:
     assert CliRunner().invoke(app, ["prune", "--data", str(tmp_path / "nowhere")]).exit_code == 2
 
 
-def test_what_is_no_data_folder_is_refused(tmp_path: Path) -> None:
+def test_prune_folder_without_journal_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RigError, match="no data folder"):
         retention.prune(tmp_path, older_than_days=0, keep=0, now=0, dry_run=False)
     assert not (tmp_path / "rig.db").exists()
 
 
-def test_the_client_takes_a_session_home(own: Any, tmp_path: Path) -> None:
+def test_client_archive_downloads_session(own: Any, tmp_path: Path) -> None:
     session = own.client.create(Recipe(label="to take home"))
 
     path = own.client.archive(session.id, tmp_path / "home.zip")

@@ -120,7 +120,7 @@ class Viewer:
             self._kept += next(self.parts)
 
 
-def test_one_picture_and_its_exposure_follows_the_scene(
+def test_preview_exposure_follows_the_scene(
     camera: PlainCamera, start: Callable[..., AbstractContextManager[Any]]
 ) -> None:
     with start(address=CAMERA) as service:
@@ -139,14 +139,14 @@ def test_one_picture_and_its_exposure_follows_the_scene(
     assert levels[-1] == pytest.approx(0.5, rel=0.05)
 
 
-def test_where_no_camera_answers_it_says_so(shared: Any) -> None:
+def test_preview_absent_camera_is_a_problem(shared: Any) -> None:
     for path in ("/v1/rig/preview.jpg", "/v1/rig/preview.mjpeg"):
         answer = shared.http.get(path)
         assert answer.status_code == 503
         assert answer.json()["code"] == ErrorCode.CAMERA_UNREACHABLE
 
 
-def test_all_who_watch_are_shown_one_exposure(
+def test_preview_many_viewers_share_one_exposure(
     camera: PlainCamera, start: Callable[..., AbstractContextManager[Any]]
 ) -> None:
     with start(address=CAMERA) as service:
@@ -163,7 +163,7 @@ def test_all_who_watch_are_shown_one_exposure(
         assert len(camera.exposures) <= (time.monotonic() - begun) / 0.2 + 2
 
 
-def test_a_viewer_that_stalls_drops_pictures_and_holds_up_nobody(
+def test_preview_stalled_viewer_drops_images_and_delays_nobody(
     camera: PlainCamera, start: Callable[..., AbstractContextManager[Any]]
 ) -> None:
     with start(address=CAMERA) as service:
@@ -175,7 +175,7 @@ def test_a_viewer_that_stalls_drops_pictures_and_holds_up_nobody(
                 assert [viewer.picture().shape for _ in range(5)] == [(SIDE, SIDE)] * 5
 
 
-def test_while_a_session_holds_the_rig_its_frames_are_the_view(
+def test_preview_during_session_shows_its_last_frame(
     camera: PlainCamera, start: Callable[..., AbstractContextManager[Any]]
 ) -> None:
     with start(address=CAMERA) as service:
@@ -195,7 +195,7 @@ def test_while_a_session_holds_the_rig_its_frames_are_the_view(
         assert before < len(camera.exposures) <= before + 2
 
 
-def test_the_stream_outlives_a_camera_that_fails_and_ends_with_the_service(
+def test_preview_stream_survives_camera_failure_ends_with_service(
     camera: PlainCamera, start: Callable[..., AbstractContextManager[Any]]
 ) -> None:
     with start(address=CAMERA) as service, service.http.stream("GET", "/v1/rig/preview.mjpeg") as answer:
@@ -211,7 +211,7 @@ def test_the_stream_outlives_a_camera_that_fails_and_ends_with_the_service(
         assert all(part is not None for part in viewer.parts)  # the stream ends, it does not break
 
 
-def test_a_look_gives_way_to_a_session(own: Any) -> None:
+def test_preview_yields_camera_to_session(own: Any) -> None:
     preview = own.service.runner.preview
     held(own)
     with pytest.raises(RigError) as refused:
@@ -219,7 +219,7 @@ def test_a_look_gives_way_to_a_session(own: Any) -> None:
     assert refused.value.code is ErrorCode.RIG_BUSY
 
 
-def test_a_page_looks_with_a_ticket(
+def test_preview_with_ticket_is_allowed(
     tmp_path: Path, camera: PlainCamera, start: Callable[..., AbstractContextManager[Any]]
 ) -> None:
     secret = keys.add(keys.path_in(tmp_path / "data"), "lab", Role.VIEWER)
@@ -230,7 +230,7 @@ def test_a_page_looks_with_a_ticket(
             assert Viewer(answer).picture().shape == (SIDE, SIDE)
 
 
-def test_large_frames_are_shown_small_and_dark_ones_bright(shared: Any) -> None:
+def test_jpeg_large_frames_are_reduced_dark_ones_brightened(shared: Any) -> None:
     sensor = shared.service.calibration.sensor
     large = decoded(jpeg(np.full((1500, 3000), 2000, np.uint16), sensor))
     dim = np.full((20, 20), round(sensor.black_level_dn), np.uint16)

@@ -31,7 +31,7 @@ def with_results(service: Any, *origins: str) -> str:
     return session_id
 
 
-def test_a_person_may_choose_the_answer(own: Any) -> None:
+def test_choose_answer_replaces_default_answer(own: Any) -> None:
     session_id = with_results(own, "session", "session", "resolve")
     assert own.client.session(session_id).answer.number == 1  # the newest that the session itself made
 
@@ -48,7 +48,7 @@ def test_a_person_may_choose_the_answer(own: Any) -> None:
     assert own.http.patch(f"/v1/sessions/{session_id}", json={"answer": 1, "state": "stopped"}).status_code == 422
 
 
-def test_results_and_actions_have_pages(own: Any) -> None:
+def test_results_and_actions_are_paged(own: Any) -> None:
     session_id = with_results(own, *["session"] * 5)
     for number in range(5):
         own.client.choose_answer(session_id, number)

@@ -136,11 +136,15 @@ def keeps_its_word(
 @pytest.mark.parametrize(
     ("method", "path", "mode"), [item for item in OPERATIONS if not item[1].startswith(RECKONING)], ids=str
 )
-def test_a_few_requests(contracts: Any, shared: Any, method: str, path: str, mode: GenerationMode) -> None:
+def test_contract_few_generated_requests_conform(
+    contracts: Any, shared: Any, method: str, path: str, mode: GenerationMode
+) -> None:
     keeps_its_word(contracts, shared, method, path, mode, 1)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(("method", "path", "mode"), OPERATIONS, ids=str)
-def test_many_requests(contracts: Any, shared: Any, method: str, path: str, mode: GenerationMode) -> None:
+def test_contract_many_generated_requests_conform(
+    contracts: Any, shared: Any, method: str, path: str, mode: GenerationMode
+) -> None:
     keeps_its_word(contracts, shared, method, path, mode, CASES)

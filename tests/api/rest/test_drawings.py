@@ -12,7 +12,7 @@ from tests.api.conftest import running
 
 
 @pytest.mark.long
-def test_reach_and_route_as_still_and_as_page(tmp_path: Path) -> None:
+def test_drawings_reach_and_route_as_png_and_html(tmp_path: Path) -> None:
     with running(tmp_path) as service:
         still = service.http.get("/v1/rig/reach.png", timeout=120)
         assert still.status_code == 200

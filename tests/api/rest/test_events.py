@@ -21,14 +21,14 @@ def announce(service: Any, count: int, session_id: str | None = None) -> None:
         service.service.store.journal.announce(session_id, "test.event", {"number": number})
 
 
-def test_replay_begins_after_the_id_given(own: Any) -> None:
+def test_events_replay_begins_after_given_id(own: Any) -> None:
     announce(own, 5)
 
     assert ids(list(islice(own.client.events(after=0), 5))) == [1, 2, 3, 4, 5]
     assert ids(list(islice(own.client.events(after=3), 2))) == [4, 5]
 
 
-def test_the_header_goes_before_the_query(own: Any) -> None:
+def test_events_header_takes_precedence_over_query(own: Any) -> None:
     announce(own, 5)
 
     answer = own.http.get("/v1/events?after=1&follow=false", headers={"Last-Event-ID": "4"})
@@ -42,7 +42,7 @@ def test_the_header_goes_before_the_query(own: Any) -> None:
     assert data["body"] == {"number": 4}
 
 
-def test_without_an_id_the_stream_begins_now(own: Any) -> None:
+def test_events_without_id_begin_now(own: Any) -> None:
     announce(own, 3)
     stream = own.client.events()
     with ThreadPoolExecutor(1) as pool:
@@ -53,7 +53,7 @@ def test_without_an_id_the_stream_begins_now(own: Any) -> None:
         assert first.result(10).id == 4
 
 
-def test_sessions_and_types_can_be_chosen(own: Any) -> None:
+def test_events_filter_by_session_and_type(own: Any) -> None:
     one, other = own.client.create(), own.client.create()
     announce(own, 2, one.id)
     own.client.stop(other.id)
@@ -65,14 +65,14 @@ def test_sessions_and_types_can_be_chosen(own: Any) -> None:
     assert "session.created" not in chosen
 
 
-def test_more_events_than_a_batch(own: Any) -> None:
+def test_events_more_than_a_batch_are_all_sent(own: Any) -> None:
     count = 2 * events_module.BATCH + 7
     announce(own, count)
 
     assert ids(list(islice(own.client.events(after=0), count))) == list(range(1, count + 1))
 
 
-def test_a_chosen_session_is_followed_past_the_events_of_others(own: Any) -> None:
+def test_events_of_session_are_followed_past_those_of_others(own: Any) -> None:
     made = own.client.create()
     stream = own.client.events(made.id, after=0)
     assert next(stream).type == "session.created"
@@ -83,7 +83,7 @@ def test_a_chosen_session_is_followed_past_the_events_of_others(own: Any) -> Non
     assert next(stream).body["state"] == "stopped"
 
 
-def test_a_quiet_stream_is_kept_alive(own: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_events_quiet_stream_sends_keep_alive(own: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(events_module, "KEEP_ALIVE_S", 0.05)
     with own.http.stream("GET", "/v1/events") as answer:
         text = ""
@@ -95,7 +95,7 @@ def test_a_quiet_stream_is_kept_alive(own: Any, monkeypatch: pytest.MonkeyPatch)
     assert text.count(": keep-alive") >= 2
 
 
-def test_nobody_misses_an_event_while_others_write_and_one_stalls(own: Any) -> None:
+def test_events_concurrent_writers_and_stall_lose_none(own: Any) -> None:
     writers, each, listeners = 3, 60, 20
     host, port = own.url.removeprefix("http://").split(":")
     with socket.create_connection((host, int(port))) as stalled, ThreadPoolExecutor(listeners + writers) as pool:
@@ -108,7 +108,7 @@ def test_nobody_misses_an_event_while_others_write_and_one_stalls(own: Any) -> N
         assert all(future.result(30) == list(range(1, writers * each + 1)) for future in heard)
 
 
-def test_a_client_reads_on_where_the_last_service_ended(start: Any) -> None:
+def test_client_events_resume_after_service_restart(start: Any) -> None:
     """The stream ends in good order when the service does; the generator connects again to the next one."""
     heard: list[int] = []
     three, five = threading.Event(), threading.Event()
@@ -138,7 +138,7 @@ def test_a_client_reads_on_where_the_last_service_ended(start: Any) -> None:
     assert heard == [1, 2, 3, 4, 5]
 
 
-def test_listeners_that_leave_are_forgotten(own: Any) -> None:
+def test_events_disconnected_listeners_are_removed(own: Any) -> None:
     for _ in range(5):
         with own.http.stream("GET", "/v1/events?after=0") as answer:
             next(answer.iter_text())
@@ -152,7 +152,7 @@ def test_listeners_that_leave_are_forgotten(own: Any) -> None:
     assert own.server._feed.listeners == 0
 
 
-def test_a_client_that_stalls_holds_up_nobody_and_misses_nothing(own: Any) -> None:
+def test_events_stalled_client_delays_nobody_and_misses_none(own: Any) -> None:
     count, journal = 60, own.service.store.journal
     for number in range(count):
         journal.announce(None, "test.large", {"number": number, "filling": "x" * 100_000})

@@ -49,7 +49,7 @@ def done(live: Any) -> tuple[Any, list[Any]]:
     return live.client.wait(created.id, heard.append), heard
 
 
-def test_the_rig_is_ready(live: Any) -> None:
+def test_rig_with_simulated_cell_is_ready(live: Any) -> None:
     rig = live.client.rig()
 
     assert rig.may_start
@@ -60,7 +60,7 @@ def test_the_rig_is_ready(live: Any) -> None:
     assert live.http.get("/health/ready").status_code == 200
 
 
-def test_the_session_completes_and_every_event_is_heard_once(live: Any, done: tuple[Any, list[Any]]) -> None:
+def test_session_completes_and_each_event_arrives_once(live: Any, done: tuple[Any, list[Any]]) -> None:
     session, heard = done
 
     assert session.state is State.COMPLETED
@@ -74,7 +74,7 @@ def test_the_session_completes_and_every_event_is_heard_once(live: Any, done: tu
     assert [event.body["number"] for event in heard if event.type == "normals.ready"] == [0, 1]
 
 
-def test_the_answer_is_the_last_result(live: Any, done: tuple[Any, list[Any]]) -> None:
+def test_session_answer_is_last_result(live: Any, done: tuple[Any, list[Any]]) -> None:
     session, _ = done
 
     results = live.client.results(session.id)
@@ -89,7 +89,7 @@ def test_the_answer_is_the_last_result(live: Any, done: tuple[Any, list[Any]]) -
     }
 
 
-def test_each_artefact_is_what_the_manifest_says(live: Any, done: tuple[Any, list[Any]]) -> None:
+def test_result_files_match_manifest(live: Any, done: tuple[Any, list[Any]]) -> None:
     session, _ = done
     manifest = live.http.get(session.answer.links["manifest"]).json()
 
@@ -103,7 +103,7 @@ def test_each_artefact_is_what_the_manifest_says(live: Any, done: tuple[Any, lis
     assert live.http.get(f"{session.answer.links['self']}/normals.png").headers["content-type"] == "image/png"
 
 
-def test_a_download_is_checked_and_whole(live: Any, done: tuple[Any, list[Any]], tmp_path: Path) -> None:
+def test_download_is_verified_and_atomic(live: Any, done: tuple[Any, list[Any]], tmp_path: Path) -> None:
     session, _ = done
 
     normals = tifffile.imread(live.client.download(session.id, 1, "normals.tiff", tmp_path / "normals.tiff"))
@@ -120,7 +120,7 @@ def test_a_download_is_checked_and_whole(live: Any, done: tuple[Any, list[Any]],
     assert sorted(path.name for path in tmp_path.iterdir()) == ["m.png", "normals.tiff"]
 
 
-def test_a_damaged_file_is_not_taken(live: Any, done: tuple[Any, list[Any]], tmp_path: Path) -> None:
+def test_download_damaged_file_is_refused(live: Any, done: tuple[Any, list[Any]], tmp_path: Path) -> None:
     session, _ = done
     stored = live.service.store.folder(session.id) / "results" / "0" / "albedo.tiff"
     kept = stored.read_bytes()
@@ -139,7 +139,7 @@ def test_a_damaged_file_is_not_taken(live: Any, done: tuple[Any, list[Any]], tmp
     "name",
     ["../../../recipe.json", "..%2f..%2frecipe.json", "%2e%2e/%2e%2e/cell.json", "normals.png%00", "/etc/passwd"],
 )
-def test_no_name_leaves_the_result(live: Any, done: tuple[Any, list[Any]], name: str) -> None:
+def test_result_file_name_with_traversal_is_refused(live: Any, done: tuple[Any, list[Any]], name: str) -> None:
     session, _ = done
     host, port = live.url.removeprefix("http://").split(":")
     connection = http.client.HTTPConnection(host, int(port), timeout=20)
@@ -153,7 +153,7 @@ def test_no_name_leaves_the_result(live: Any, done: tuple[Any, list[Any]], name:
     assert found["code"] == ErrorCode.REQUEST_NOT_FOUND
 
 
-def test_passes_tell_plan_route_and_shots(live: Any, done: tuple[Any, list[Any]]) -> None:
+def test_passes_hold_plan_route_and_shots(live: Any, done: tuple[Any, list[Any]]) -> None:
     session, _ = done
 
     passes = live.client.passes(session.id)
@@ -168,7 +168,7 @@ def test_passes_tell_plan_route_and_shots(live: Any, done: tuple[Any, list[Any]]
     assert all(item.shot.light is not None for item in first.shots if item.shot.kind == "light")
 
 
-def test_a_shot_can_be_looked_at_and_fetched_raw(live: Any, done: tuple[Any, list[Any]]) -> None:
+def test_shot_image_as_png_and_raw_tiff(live: Any, done: tuple[Any, list[Any]]) -> None:
     session, _ = done
     shots = live.client.one_pass(session.id, 0).shots
     lit = next(item for item in shots if item.shot.kind == "light")
@@ -188,14 +188,14 @@ def test_a_shot_can_be_looked_at_and_fetched_raw(live: Any, done: tuple[Any, lis
     assert live.http.get(f"{lit.links['image']}?format=bmp").status_code == 422
 
 
-def test_the_reach_says_why_not(live: Any, done: tuple[Any, list[Any]]) -> None:
+def test_reach_states_reason_of_each_refusal(live: Any, done: tuple[Any, list[Any]]) -> None:
     reach = live.http.get("/v1/rig/reach", timeout=60)
 
     assert reach.status_code == 200
     assert reach.json()
 
 
-def test_a_stop_in_mid_capture_leaves_arm_and_lamp_at_rest(live: Any, done: tuple[Any, list[Any]]) -> None:
+def test_stop_during_capture_leaves_arm_and_lamp_at_rest(live: Any, done: tuple[Any, list[Any]]) -> None:
     created = live.client.create(Recipe(method="two-rings", planned_lights=8))
     live.client.start(created.id)
     for event in live.client.events(created.id, after=0):
@@ -213,7 +213,7 @@ def test_a_stop_in_mid_capture_leaves_arm_and_lamp_at_rest(live: Any, done: tupl
     assert live.client.rig().may_start
 
 
-def test_an_arm_that_a_stop_left_on_its_way_is_parked(live: Any, done: tuple[Any, list[Any]]) -> None:
+def test_park_after_stop_moves_arm_home(live: Any, done: tuple[Any, list[Any]]) -> None:
     seen = live.service.store.journal.last_event_id()
 
     live.client.park()
@@ -223,7 +223,7 @@ def test_an_arm_that_a_stop_left_on_its_way_is_parked(live: Any, done: tuple[Any
     assert live.client.rig().reading.joints == pytest.approx(live.service.cell.arm.home, abs=0.01)
 
 
-def test_capture_shows_progress_and_raises_what_went_wrong(
+def test_client_capture_shows_progress_and_raises_reason(
     live: Any, done: tuple[Any, list[Any]], capsys: pytest.CaptureFixture[str]
 ) -> None:
     far = Recipe(method="user", user_lights=[(0.0, 0.0, 5.0), (0.1, 0.0, 5.0), (0.0, 0.1, 5.0)])
@@ -237,7 +237,7 @@ def test_capture_shows_progress_and_raises_what_went_wrong(
     assert live.client.rig().may_start
 
 
-def test_a_dry_run_tells_lights_way_and_time_and_keeps_nothing(live: Any, done: tuple[Any, list[Any]]) -> None:
+def test_dry_run_gives_lights_path_and_time_and_stores_nothing(live: Any, done: tuple[Any, list[Any]]) -> None:
     session, _ = done
     before = [item.id for item in live.client.sessions()]
 
@@ -256,7 +256,7 @@ def test_a_dry_run_tells_lights_way_and_time_and_keeps_nothing(live: Any, done: 
     assert refused.json()["code"] in ("waypoints.unreachable", "plan.infeasible")
 
 
-def test_a_plan_is_reviewed_over_http(live: Any, done: tuple[Any, list[Any]]) -> None:
+def test_plan_under_review_can_be_replaced(live: Any, done: tuple[Any, list[Any]]) -> None:
     created = live.client.create(Recipe(method="random", pilot_lights=3, planned_lights=0, review_plan=True))
     live.client.start(created.id)
     waiting = live.client.wait(created.id)
@@ -283,7 +283,7 @@ def test_a_plan_is_reviewed_over_http(live: Any, done: tuple[Any, list[Any]]) ->
     assert late.json()["allowed"] == []
 
 
-def test_recovery_is_the_pendants_unless_the_cell_file_says_otherwise(shared: Any) -> None:
+def test_recovery_not_allowed_by_cell_file_is_forbidden(shared: Any) -> None:
     refused = shared.http.post("/v1/rig/safety/recovery", json={"step": "unlock"})
 
     assert refused.status_code == 403
@@ -291,7 +291,7 @@ def test_recovery_is_the_pendants_unless_the_cell_file_says_otherwise(shared: An
     assert shared.http.post("/v1/rig/safety/recovery", json={"step": "jump"}).status_code == 422
 
 
-def test_a_session_that_was_served_elsewhere_is_not_waited_for_in_vain(live: Any, done: tuple[Any, list[Any]]) -> None:
+def test_wait_session_interrupted_by_other_service_returns(live: Any, done: tuple[Any, list[Any]]) -> None:
     session, heard = done
     again: list[Any] = []
 
@@ -299,7 +299,7 @@ def test_a_session_that_was_served_elsewhere_is_not_waited_for_in_vain(live: Any
     assert [event.id for event in again] == [event.id for event in heard]
 
 
-def test_a_signal_in_mid_capture_interrupts_the_session_and_ends_the_service(live: Any) -> None:
+def test_signal_during_capture_interrupts_session_and_ends_service(live: Any) -> None:
     """The last test of this module: it ends the service that the others share."""
     created = live.client.create(Recipe(method="two-rings", planned_lights=8))
     live.client.start(created.id)

@@ -45,7 +45,7 @@ def problem_in(answer: bytes) -> dict[str, Any]:
     ],
     ids=["tls", "version", "header", "two hosts", "two lengths", "endless header"],
 )
-def test_bytes_that_are_no_http_are_a_problem_object_too(shared: Any, request_bytes: bytes) -> None:
+def test_protocol_malformed_http_is_a_problem_object(shared: Any, request_bytes: bytes) -> None:
     answer = raw(shared, request_bytes)
 
     assert answer.startswith(b"HTTP/1.1 400 ")
@@ -55,14 +55,14 @@ def test_bytes_that_are_no_http_are_a_problem_object_too(shared: Any, request_by
     assert shared.http.get("/health/live").status_code == 200
 
 
-def test_a_long_address_is_not_said_back(shared: Any) -> None:
+def test_problem_long_address_is_truncated(shared: Any) -> None:
     answer = shared.http.get("/" + "a" * 60_000)
 
     assert answer.status_code == 404
     assert len(answer.content) < 2_000
 
 
-def test_a_request_smuggled_behind_another_is_not_served(shared: Any) -> None:
+def test_protocol_smuggled_request_is_not_served(shared: Any) -> None:
     """A length and chunks at once: HTTP lets the chunks hold, and what follows them is no body's rest."""
     before = len(shared.service.store.journal.sessions(200))
 
@@ -76,7 +76,7 @@ def test_a_request_smuggled_behind_another_is_not_served(shared: Any) -> None:
     assert len(shared.service.store.journal.sessions(200)) == before
 
 
-def test_a_request_that_trickles_in_is_given_up(
+def test_protocol_slow_request_is_closed(
     start: Callable[..., AbstractContextManager[Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(http_protocol, "HEAD_TIMEOUT_S", 0.3)
@@ -92,7 +92,7 @@ def test_a_request_that_trickles_in_is_given_up(
         assert service.service.store.journal.sessions(10) == []
 
 
-def test_trickling_connections_keep_nobody_from_the_stop(
+def test_stop_beside_many_slow_connections_is_served(
     start: Callable[..., AbstractContextManager[Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(http_protocol, "HEAD_TIMEOUT_S", 1.0)
@@ -109,7 +109,7 @@ def test_trickling_connections_keep_nobody_from_the_stop(
             opened.close()
 
 
-def test_an_answer_that_takes_its_time_is_not_cut_off(
+def test_protocol_slow_response_is_not_cut_off(
     start: Callable[..., AbstractContextManager[Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(http_protocol, "HEAD_TIMEOUT_S", 0.2)
@@ -139,7 +139,7 @@ PLACES = (
 @pytest.mark.parametrize(
     "name", ["..", "../../rig.db", "..%2f..%2frig.db", "%2e%2e%2frig.db", "..%5crig.db", "%00", "rig.db%00.png", "~"]
 )
-def test_no_name_leads_out_of_its_place(shared: Any, place: str, name: str) -> None:
+def test_paths_with_traversal_are_refused(shared: Any, place: str, name: str) -> None:
     answer = raw(shared, f"GET {place.format(name)} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n".encode())
 
     assert answer.split(b" ")[1] in (b"404", b"422"), answer
@@ -148,7 +148,7 @@ def test_no_name_leads_out_of_its_place(shared: Any, place: str, name: str) -> N
 
 
 @pytest.mark.parametrize("header", ["Idempotency-Key", "X-Request-Id", "Authorization"])
-def test_no_header_breaks_out_of_an_answer(shared: Any, header: str) -> None:
+def test_headers_with_injection_do_not_reach_response(shared: Any, header: str) -> None:
     head = "POST /v1/sessions HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n"
     request = f"{head}{header}: a%0d%0aX-Evil: 1\u0085\r\n\r\n"
 
@@ -157,7 +157,7 @@ def test_no_header_breaks_out_of_an_answer(shared: Any, header: str) -> None:
     assert b"x-evil" not in answer.partition(b"\r\n\r\n")[0].lower()
 
 
-def test_an_address_with_line_ends_adds_no_header(shared: Any) -> None:
+def test_address_with_line_ends_adds_no_header(shared: Any) -> None:
     answer: httpx.Response = shared.http.get("/v1/nothing%0d%0aX-Evil:%201")
 
     assert answer.status_code == 404
@@ -177,14 +177,14 @@ def test_an_address_with_line_ends_adds_no_header(shared: Any) -> None:
         "/v1/sessions?limit=1e3",
     ],
 )
-def test_huge_and_odd_numbers_are_refused(shared: Any, address: str) -> None:
+def test_query_huge_and_odd_numbers_are_refused(shared: Any, address: str) -> None:
     answer = shared.http.get(address)
 
     assert answer.status_code in (404, 422)
     assert answer.headers["content-type"] == MEDIA_TYPE
 
 
-def test_the_session_id_in_an_archive_is_the_services_own(own: Any) -> None:
+def test_archive_session_id_is_that_of_the_service(own: Any) -> None:
     """Names in the zip are the session's id and what lies in its folder; a label cannot make one."""
     made = own.http.post("/v1/sessions", json={"label": '../../evil"\r\nX-Evil: 1', "notes": "\u202e/etc/passwd"})
 

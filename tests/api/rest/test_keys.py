@@ -38,7 +38,7 @@ def as_(role: Role, secrets: SECRETS) -> dict[str, str]:
     return {"Authorization": f"Bearer {secrets[role]}"}
 
 
-def test_nothing_but_health_and_problem_pages_answers_without_a_key(locked: Any) -> None:
+def test_request_without_key_gets_only_health_and_problem_pages(locked: Any) -> None:
     for path, methods in description()["paths"].items():
         for method in methods:
             address = path.replace("{code}", "rig.busy").replace("{session_id}", "x")
@@ -52,14 +52,14 @@ def test_nothing_but_health_and_problem_pages_answers_without_a_key(locked: Any)
         assert locked.http.get(path).status_code in (401, 429)
 
 
-def test_a_refusal_says_how_to_ask(locked: Any) -> None:
+def test_refusal_without_key_names_bearer_scheme(locked: Any) -> None:
     answer = locked.http.get("/v1/rig")
     assert answer.status_code == 401
     assert answer.headers["www-authenticate"] == "Bearer"
     assert answer.json()["code"] == "request.unauthenticated"
 
 
-def test_roles(locked: Any, secrets: SECRETS) -> None:
+def test_role_decides_which_requests_are_allowed(locked: Any, secrets: SECRETS) -> None:
     http: httpx.Client = locked.http
     viewer, operator, admin = (as_(role, secrets) for role in Role)
     assert http.get("/v1/rig", headers=viewer).status_code == 200
@@ -72,7 +72,7 @@ def test_roles(locked: Any, secrets: SECRETS) -> None:
     assert http.delete(made.headers["location"], headers=admin).status_code == 204
 
 
-def test_a_session_offers_each_key_what_it_may_do(locked: Any, secrets: SECRETS) -> None:
+def test_session_allowed_actions_depend_on_role(locked: Any, secrets: SECRETS) -> None:
     bearer = {role: {"Authorization": f"Bearer {secret}"} for role, secret in secrets.items()}
     made = locked.http.post("/v1/sessions", json={}, headers=bearer[Role.OPERATOR]).json()
 
@@ -84,7 +84,7 @@ def test_a_session_offers_each_key_what_it_may_do(locked: Any, secrets: SECRETS)
     assert offered == {Role.VIEWER: [], Role.OPERATOR: ["start", "stop"], Role.ADMIN: ["start", "stop"]}
 
 
-def test_every_key_may_stop_and_the_journal_names_it(locked: Any, secrets: SECRETS) -> None:
+def test_stop_with_any_key_is_allowed_and_recorded(locked: Any, secrets: SECRETS) -> None:
     made = locked.http.post("/v1/sessions", json={}, headers=as_(Role.OPERATOR, secrets)).headers["location"]
     assert locked.http.post("/v1/rig/stop", headers=as_(Role.VIEWER, secrets)).status_code == 202
     answer = locked.http.post(f"{made}/actions", json={"action": "stop"}, headers=as_(Role.OPERATOR, secrets))
@@ -93,7 +93,7 @@ def test_every_key_may_stop_and_the_journal_names_it(locked: Any, secrets: SECRE
     assert history[-1]["actor"].startswith("the-operator@")
 
 
-def test_a_ticket_looks_and_nothing_else(locked: Any, secrets: SECRETS) -> None:
+def test_ticket_allows_reading_only(locked: Any, secrets: SECRETS) -> None:
     ticket = locked.http.post("/v1/tickets", headers=as_(Role.ADMIN, secrets)).json()["ticket"]
     assert locked.http.get("/v1/rig", params={"ticket": ticket}).status_code == 200
     events = locked.http.get("/v1/events", params={"ticket": ticket, "after": 0, "follow": False})
@@ -103,7 +103,7 @@ def test_a_ticket_looks_and_nothing_else(locked: Any, secrets: SECRETS) -> None:
     assert locked.http.get("/v1/rig", params={"ticket": "x" + ticket[1:]}).status_code == 401
 
 
-def test_guessing_is_slowed_down_and_right_keys_pass_all_the_same(locked: Any, secrets: SECRETS) -> None:
+def test_keys_many_failures_are_throttled_valid_keys_pass(locked: Any, secrets: SECRETS) -> None:
     for _ in range(MAX_FAILURES):
         assert locked.http.get("/v1/rig", headers={"Authorization": "Bearer wrong"}).status_code == 401
     answer = locked.http.get("/v1/rig", headers={"Authorization": "Bearer wrong"})
@@ -112,13 +112,15 @@ def test_guessing_is_slowed_down_and_right_keys_pass_all_the_same(locked: Any, s
     assert locked.http.post("/v1/rig/stop", headers=as_(Role.VIEWER, secrets)).status_code == 202
 
 
-def test_odd_headers_let_nobody_in(locked: Any) -> None:
+def test_keys_odd_headers_are_refused(locked: Any) -> None:
     for header in ("", "Bearer", "Basic b3BlcmF0b3I6eA==", "Bearer \x80\xff", "x" * 5000):
         answer = locked.http.get("/v1/rig", headers={"Authorization": header.encode("latin-1")})
         assert answer.status_code == 401
 
 
-def test_the_client_takes_a_key(locked: Any, secrets: SECRETS, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_client_sends_key_given_or_of_environment(
+    locked: Any, secrets: SECRETS, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with Client(locked.url, key=secrets[Role.OPERATOR]) as client:
         assert client.rig().cell
     monkeypatch.setenv("LIGHTPOSE_KEY", secrets[Role.VIEWER])
@@ -129,7 +131,9 @@ def test_the_client_takes_a_key(locked: Any, secrets: SECRETS, monkeypatch: pyte
     assert refused.value.code is ErrorCode.REQUEST_FORBIDDEN
 
 
-def test_keys_change_under_a_running_service(tmp_path: Path, start: Callable[..., AbstractContextManager[Any]]) -> None:
+def test_keys_changes_apply_to_running_service(
+    tmp_path: Path, start: Callable[..., AbstractContextManager[Any]]
+) -> None:
     data = tmp_path / "data"
 
     def status(secret: str) -> int:
@@ -160,7 +164,7 @@ def test_keys_change_under_a_running_service(tmp_path: Path, start: Callable[...
         assert running.http.get("/v1/rig").status_code in (401, 429)
 
 
-def test_the_file_holds_no_secret_and_is_its_owners_alone(tmp_path: Path) -> None:
+def test_key_file_holds_no_secret_and_is_private(tmp_path: Path) -> None:
     file = keys.path_in(tmp_path)
     secret = keys.add(file, "lab", Role.OPERATOR)
     assert secret not in file.read_text()
@@ -173,13 +177,13 @@ def test_the_file_holds_no_secret_and_is_its_owners_alone(tmp_path: Path) -> Non
     assert ring.caller("") is None
 
 
-def test_tickets_end_and_do_not_pile_up(tmp_path: Path) -> None:
+def test_tickets_expire_and_are_bounded(tmp_path: Path) -> None:
     keys.add(keys.path_in(tmp_path), "lab", Role.VIEWER)
     ring = KeyRing(keys.path_in(tmp_path))
     caller = keys.Caller("lab", Role.VIEWER)
     first = ring.issue_ticket(caller, 0.0)
-    assert ring.holder(first, keys.TICKET_S - 1) == caller
-    assert ring.holder(first, keys.TICKET_S + 1) is None
+    assert ring.holder(first, keys.TICKET_LIFETIME_S - 1) == caller
+    assert ring.holder(first, keys.TICKET_LIFETIME_S + 1) is None
     for _ in range(keys.MAX_TICKETS + 5):
         last = ring.issue_ticket(caller, 1.0)
     assert ring.holder(first, 2.0) is None
@@ -187,13 +191,13 @@ def test_tickets_end_and_do_not_pile_up(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["", "a b", "x" * 61, "../x", "ключ"])
-def test_bad_names_are_refused(tmp_path: Path, name: str) -> None:
+def test_keys_bad_names_are_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(RigError, match=r"no name for a key"):
         keys.add(keys.path_in(tmp_path), name, Role.VIEWER)
     assert not keys.path_in(tmp_path).exists()
 
 
-def test_the_command_line_makes_lists_and_revokes(tmp_path: Path) -> None:
+def test_keys_command_adds_lists_and_revokes(tmp_path: Path) -> None:
     runner = CliRunner()
     data = ["--data", str(tmp_path)]
     made = runner.invoke(app, ["keys", "add", "lab", "--role", "viewer", *data])

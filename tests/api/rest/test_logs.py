@@ -17,7 +17,7 @@ def entries(captured: str) -> list[dict[str, Any]]:
     return [json.loads(line) for line in captured.splitlines()]
 
 
-def test_an_entry_made_for_a_session_names_it_in_whatever_module(capsys: pytest.CaptureFixture[str]) -> None:
+def test_log_entry_of_session_work_names_the_session(capsys: pytest.CaptureFixture[str]) -> None:
     logs.configure("json")
     other = threading.Thread(target=lambda: logging.getLogger("elsewhere").info("meanwhile"))
     with bound_contextvars(session_id="20261121-101500-3f9c2a"):
@@ -39,7 +39,7 @@ def test_an_entry_made_for_a_session_names_it_in_whatever_module(capsys: pytest.
     assert "ValueError: deep" in failed["exception"]
 
 
-def test_as_text_it_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_log_text_format_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     logs.configure("text")
     with bound_contextvars(session_id="20261121-101500-3f9c2a"):
         logging.getLogger("some.module").warning("dark")
@@ -50,7 +50,7 @@ def test_as_text_it_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert "\x1b" not in line
 
 
-def test_requests_are_logged_with_who_asked_and_what_came(shared: Any, capsys: pytest.CaptureFixture[str]) -> None:
+def test_request_log_names_caller_and_status(shared: Any, capsys: pytest.CaptureFixture[str]) -> None:
     logs.configure("json")
     made = shared.http.post("/v1/sessions", json={}).json()
     shared.http.post(f"/v1/sessions/{made['id']}/actions", json={"action": "resume"})
@@ -70,7 +70,7 @@ def test_requests_are_logged_with_who_asked_and_what_came(shared: Any, capsys: p
     assert foreign["by"] == "nobody"
 
 
-def test_the_environment_chooses_the_form(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
+def test_log_format_comes_from_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
     monkeypatch.setenv("LIGHTPOSE_LOG", "json")
     assert settings.read(cell=tmp_path).log == "json"
     assert settings.read(cell=tmp_path, log="text").log == "text"

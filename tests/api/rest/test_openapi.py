@@ -14,11 +14,11 @@ from api.rest.openapi import text
 COMMITTED = Path(__file__).parents[3] / "api" / "openapi.json"
 
 
-def test_the_committed_description_is_up_to_date() -> None:
+def test_openapi_committed_description_is_up_to_date() -> None:
     assert COMMITTED.read_text(encoding="utf-8") == text(), "run: python -m api.rest.openapi > api/openapi.json"
 
 
-def test_every_route_declares_problems_and_says_what_it_is_for() -> None:
+def test_openapi_each_route_has_problems_and_description() -> None:
     for path, methods in description()["paths"].items():
         for method, route in methods.items():
             assert route["description"], (method, path)
@@ -28,7 +28,7 @@ def test_every_route_declares_problems_and_says_what_it_is_for() -> None:
                     assert list(answer["content"]) == ["application/problem+json"], (method, path, status)
 
 
-def test_every_reference_leads_somewhere() -> None:
+def test_openapi_references_resolve() -> None:
     schema = description()
     names = set(schema["components"]["schemas"])
     wanted = {part.split('"')[0] for part in text().split("#/components/schemas/")[1:]}
@@ -48,7 +48,7 @@ def bodies() -> Iterator[tuple[str, str]]:
                     yield f"{method} {path}", reference.rpartition("/")[2]
 
 
-def test_every_body_has_an_example() -> None:
+def test_openapi_each_body_has_an_example() -> None:
     schemas = description()["components"]["schemas"]
 
     without = {(where, name) for where, name in bodies() if not schemas[name].get("examples")}
@@ -58,7 +58,7 @@ def test_every_body_has_an_example() -> None:
     assert schemas["EventResource"]["examples"]
 
 
-def test_every_example_is_valid() -> None:
+def test_openapi_examples_are_valid() -> None:
     """Against the schemas as they stand in the description, by a validator that is not the models' own."""
     whole = description()
     for name, schema in whole["components"]["schemas"].items():
@@ -69,7 +69,7 @@ def test_every_example_is_valid() -> None:
             assert not [error.message for error in check.iter_errors(example)], name
 
 
-def test_it_is_served_with_a_page_that_needs_no_network(shared: object) -> None:
+def test_openapi_is_served_with_an_offline_page(shared: object) -> None:
     http: httpx.Client = shared.http  # type: ignore[attr-defined]
 
     assert http.get("/openapi.json").json() == description()
@@ -81,6 +81,6 @@ def test_it_is_served_with_a_page_that_needs_no_network(shared: object) -> None:
 
 
 @pytest.mark.parametrize("code", list(ErrorCode))
-def test_each_code_says_what_to_do(code: ErrorCode) -> None:
+def test_error_codes_each_have_a_remedy(code: ErrorCode) -> None:
     assert PROBLEMS[code].remedy.endswith(".")
     assert 400 <= PROBLEMS[code].status < 600

@@ -55,9 +55,7 @@ def followed(client: Client, session_id: str) -> SessionResource:
     return client.wait(session_id)
 
 
-def test_an_ordered_accuracy_is_met_in_the_region_although_the_service_was_ended_midway(
-    cell: Cell, tmp_path: Path, serving: Any
-) -> None:
+def test_session_ordered_accuracy_in_region_survives_restart(cell: Cell, tmp_path: Path, serving: Any) -> None:
     chosen = settings.read(cell=cell.cell_file, data=tmp_path / "data", host="127.0.48.2", port=0)
     mask = tmp_path / "mask.png"
     mask.write_bytes(png(square(PIXELS, half=14)))
@@ -110,7 +108,7 @@ def test_an_ordered_accuracy_is_met_in_the_region_although_the_service_was_ended
         assert refused.status_code == 404
 
 
-def test_every_method_takes_its_lights_through_the_same_session(cell: Cell, tmp_path: Path, serving: Any) -> None:
+def test_session_each_method_captures_its_lights(cell: Cell, tmp_path: Path, serving: Any) -> None:
     with serving(settings.read(cell=cell.cell_file, data=tmp_path / "data", host="127.0.48.2", port=0)) as service:
         service.client.wait_ready()
         for method in get_args(Method):

@@ -54,7 +54,7 @@ def problem(answer: httpx.Response, code: ErrorCode) -> dict[str, Any]:
         ("[" * 100_000, "body"),
     ],
 )
-def test_an_invalid_recipe_names_its_field(shared: Any, body: str, field: str) -> None:
+def test_problem_invalid_recipe_names_its_field(shared: Any, body: str, field: str) -> None:
     answer = shared.http.post("/v1/sessions", content=body.encode(), headers=JSON)
 
     found = problem(answer, ErrorCode.REQUEST_INVALID)
@@ -63,26 +63,26 @@ def test_an_invalid_recipe_names_its_field(shared: Any, body: str, field: str) -
     assert shared.service.store.journal.sessions(10) == []
 
 
-def test_bytes_that_are_no_text(shared: Any) -> None:
+def test_problem_body_of_invalid_utf8_is_refused(shared: Any) -> None:
     answer = shared.http.post("/v1/sessions", content=b'{"label": "\xff\xfe"}', headers=JSON)
 
     problem(answer, ErrorCode.REQUEST_INVALID)
 
 
 @pytest.mark.parametrize("media_type", ["text/plain", "application/x-www-form-urlencoded", ""])
-def test_a_body_that_is_not_json_by_type(shared: Any, media_type: str) -> None:
+def test_problem_body_of_other_media_type_is_refused(shared: Any, media_type: str) -> None:
     answer = shared.http.post("/v1/sessions", content=b"{}", headers={"Content-Type": media_type})
 
     problem(answer, ErrorCode.REQUEST_MEDIA_TYPE)
 
 
-def test_a_body_that_is_too_large(shared: Any) -> None:
+def test_problem_too_large_body_is_refused(shared: Any) -> None:
     answer = shared.http.post("/v1/sessions", content=b" " * 300_000, headers=JSON)
 
     assert problem(answer, ErrorCode.REQUEST_TOO_LARGE)["limit"] == 262_144
 
 
-def test_a_body_that_grows_too_large_without_saying_so(shared: Any) -> None:
+def test_problem_too_large_chunked_body_is_refused(shared: Any) -> None:
     def blocks() -> Any:
         for _ in range(40):
             yield b" " * 10_000
@@ -95,13 +95,13 @@ def test_a_body_that_grows_too_large_without_saying_so(shared: Any) -> None:
     problem(answer, ErrorCode.REQUEST_TOO_LARGE)
 
 
-def test_an_address_where_nothing_is(shared: Any) -> None:
+def test_problem_unknown_address_is_404(shared: Any) -> None:
     found = problem(shared.http.get("/v1/nothing"), ErrorCode.REQUEST_NOT_FOUND)
 
     assert found["instance"] == "/v1/nothing"
 
 
-def test_a_method_that_is_not_taken(shared: Any) -> None:
+def test_problem_wrong_method_is_405(shared: Any) -> None:
     answer = shared.http.put("/v1/rig/stop")
 
     problem(answer, ErrorCode.REQUEST_METHOD_NOT_ALLOWED)
@@ -120,7 +120,7 @@ def test_a_method_that_is_not_taken(shared: Any) -> None:
         (f"/v1/sessions?after={2**70}", "after"),
     ],
 )
-def test_an_invalid_parameter_is_named(shared: Any, address: str, field: str) -> None:
+def test_problem_invalid_parameter_is_named(shared: Any, address: str, field: str) -> None:
     found = problem(shared.http.get(f"{address}"), ErrorCode.REQUEST_INVALID)
 
     assert found["errors"][0]["field"] == field
@@ -139,35 +139,35 @@ def test_an_invalid_parameter_is_named(shared: Any, address: str, field: str) ->
         "/results/0/mask.png",
     ],
 )
-def test_a_session_that_there_is_not(shared: Any, path: str) -> None:
+def test_problem_unknown_session_is_404(shared: Any, path: str) -> None:
     problem(shared.http.get(f"/v1/sessions/nope{path}"), ErrorCode.SESSION_NOT_FOUND)
 
 
 @pytest.mark.parametrize("host", ["evil.example", "127.0.0.1.evil.example", "10.0.0.1", "evil.example:8000", ""])
-def test_a_foreign_host_is_refused(shared: Any, host: str) -> None:
+def test_request_foreign_host_is_refused(shared: Any, host: str) -> None:
     answer = shared.http.post("/v1/sessions", headers={"Host": host, **JSON}, content=b"{}")
 
     problem(answer, ErrorCode.REQUEST_FOREIGN)
 
 
 @pytest.mark.parametrize("host", ["localhost", "localhost:8000", "127.0.0.1", "[::1]:80", "LOCALHOST"])
-def test_this_machine_has_several_names(shared: Any, host: str) -> None:
+def test_request_loopback_names_are_accepted(shared: Any, host: str) -> None:
     assert shared.http.get("/health/live", headers={"Host": host}).status_code == 200
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "https://127.0.4.2", "http://127.0.4.2:1"])
-def test_a_foreign_page_is_refused_even_a_stop(shared: Any, origin: str) -> None:
+def test_request_foreign_origin_is_refused_even_for_stop(shared: Any, origin: str) -> None:
     for path in ("/v1/sessions", "/v1/rig/stop"):
         problem(shared.http.post(f"{path}", headers={"Origin": origin}), ErrorCode.REQUEST_FOREIGN)
 
 
-def test_its_own_page_may_call(shared: Any) -> None:
+def test_request_own_origin_is_accepted(shared: Any) -> None:
     answer = shared.http.get("/v1/rig", headers={"Origin": shared.url})
 
     assert answer.status_code == 200
 
 
-def test_an_allowed_page_may_call_and_read(start: Any) -> None:
+def test_request_allowed_origin_may_call_and_read(start: Any) -> None:
     with start(allowed_origins="http://lab.example:3000, http://other.example/") as service:
         answer = service.http.get("/v1/rig", headers={"Origin": "http://lab.example:3000"})
         asked = service.http.options(
@@ -182,7 +182,7 @@ def test_an_allowed_page_may_call_and_read(start: Any) -> None:
     problem(refused, ErrorCode.REQUEST_FOREIGN)
 
 
-def test_a_request_without_a_host(shared: Any) -> None:
+def test_request_without_host_is_refused(shared: Any) -> None:
     host, port = shared.url.removeprefix("http://").split(":")
     connection = http.client.HTTPConnection(host, int(port), timeout=10)
     connection.putrequest("GET", "/v1/rig", skip_host=True)
@@ -192,7 +192,7 @@ def test_a_request_without_a_host(shared: Any) -> None:
     connection.close()
 
 
-def test_an_unexpected_fault_shows_nothing_of_itself(own: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_problem_unexpected_exception_hides_its_message(own: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken() -> None:
         raise ZeroDivisionError("secret")
 
@@ -206,7 +206,7 @@ def test_an_unexpected_fault_shows_nothing_of_itself(own: Any, monkeypatch: pyte
 
 
 @pytest.mark.parametrize("code", list(ErrorCode))
-def test_each_code_has_its_page(shared: Any, code: ErrorCode) -> None:
+def test_problem_page_exists_for_each_code(shared: Any, code: ErrorCode) -> None:
     plain = shared.http.get(f"/problems/{code}")
     page = shared.http.get(f"/problems/{code}", headers={"Accept": "text/html,*/*"})
 
@@ -220,7 +220,7 @@ def test_each_code_has_its_page(shared: Any, code: ErrorCode) -> None:
     assert f"<code>{code}</code>" in page.text
 
 
-def test_a_code_that_there_is_not(shared: Any) -> None:
+def test_problem_page_unknown_code_is_404(shared: Any) -> None:
     found = problem(shared.http.get("/problems/no.such"), ErrorCode.REQUEST_NOT_FOUND)
 
     assert "rig.busy" in json.dumps(found["known"])

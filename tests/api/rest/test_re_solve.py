@@ -127,7 +127,7 @@ def normals(service: Any, identity: str, number: int) -> np.ndarray:
     return tifffile.imread(io.BytesIO(content))
 
 
-def test_it_is_accepted_solved_and_told_apart_from_the_sessions_own(service: Any, ended: str) -> None:
+def test_re_solve_is_accepted_solved_and_has_its_own_origin(service: Any, ended: str) -> None:
     answer = service.http.post(f"/v1/sessions/{ended}/results", json={})
 
     assert answer.status_code == 202
@@ -148,7 +148,7 @@ def test_it_is_accepted_solved_and_told_apart_from_the_sessions_own(service: Any
     assert np.mean(scene().error_deg(normals(service, ended, accepted["number"]))) < 2
 
 
-def test_settings_and_passes_are_as_asked(service: Any, ended: str, solved: int) -> None:
+def test_re_solve_uses_requested_settings_and_passes(service: Any, ended: str, solved: int) -> None:
     asked = SolveSettings(shadow_threshold=0.3, depth_rounds=0)
 
     other = service.client.resolve(ended, asked)
@@ -163,7 +163,7 @@ def test_settings_and_passes_are_as_asked(service: Any, ended: str, solved: int)
     assert np.abs(one - two).max() > 1e-3
 
 
-def test_the_report_is_a_file_of_the_result(service: Any, ended: str, solved: int) -> None:
+def test_result_report_is_one_of_its_files(service: Any, ended: str, solved: int) -> None:
     known = {item.name: item for item in service.client.result(ended, solved).artefacts}
 
     page = service.http.get(known["report.html"].href)
@@ -175,7 +175,7 @@ def test_the_report_is_a_file_of_the_result(service: Any, ended: str, solved: in
 
 
 @pytest.mark.parametrize("name", EXPORTS)
-def test_exports_are_made_when_they_are_fetched(service: Any, ended: str, solved: int, name: str) -> None:
+def test_result_exports_are_made_on_first_request(service: Any, ended: str, solved: int, name: str) -> None:
     address = service.client.result(ended, solved).exports[name]
 
     first, second = service.http.get(address), service.http.get(address)
@@ -196,14 +196,14 @@ def test_exports_are_made_when_they_are_fetched(service: Any, ended: str, solved
             assert first.content.startswith({"png": b"\x89PNG", "exr": b"v/1\x01", "ply": b"ply\n"}[suffix])
 
 
-def test_a_file_that_there_is_not(service: Any, ended: str, solved: int) -> None:
+def test_result_unknown_file_is_404(service: Any, ended: str, solved: int) -> None:
     for name in ("mesh.stl", "diligent", "exports"):
         answer = service.http.get(f"/v1/sessions/{ended}/results/{solved}/{name}")
         assert answer.status_code == 404
         assert {"report.html", "mesh.ply"} <= set(answer.json()["artefacts"])
 
 
-def test_what_is_being_solved_is_not_ready_and_what_was_never_asked_for_is_not_there(service: Any, ended: str) -> None:
+def test_result_pending_is_not_ready_unrequested_is_not_found(service: Any, ended: str) -> None:
     number = service.client.resolve(ended)
     answer = service.http.get(f"/v1/sessions/{ended}/results/{number}")
 
@@ -214,7 +214,7 @@ def test_what_is_being_solved_is_not_ready_and_what_was_never_asked_for_is_not_t
     assert service.http.get(f"/v1/sessions/{ended}/results/{number}").status_code == 200
 
 
-def test_a_session_that_may_still_take_images_is_refused(service: Any) -> None:
+def test_re_solve_unfinished_session_is_refused(service: Any) -> None:
     identity = capture(service)
 
     with pytest.raises(ProblemError) as refused:
@@ -235,14 +235,14 @@ def test_a_session_that_may_still_take_images_is_refused(service: Any) -> None:
         {"settings": None},
     ],
 )
-def test_a_request_that_is_not_valid(service: Any, ended: str, body: dict[str, Any]) -> None:
+def test_re_solve_invalid_request_is_refused(service: Any, ended: str, body: dict[str, Any]) -> None:
     answer = service.http.post(f"/v1/sessions/{ended}/results", json=body)
 
     assert answer.status_code == 422
     assert answer.json()["code"] == ErrorCode.REQUEST_INVALID
 
 
-def test_sessions_that_cannot_be_solved(service: Any, ended: str) -> None:
+def test_re_solve_session_without_images_is_refused(service: Any, ended: str) -> None:
     empty = service.client.create().id
     service.client.stop(empty)
     for identity, last_pass in ((empty, None), (ended, 7)):
@@ -254,7 +254,7 @@ def test_sessions_that_cannot_be_solved(service: Any, ended: str) -> None:
     assert unknown.value.code is ErrorCode.SESSION_NOT_FOUND
 
 
-def test_a_failure_is_told_and_stays(service: Any) -> None:
+def test_re_solve_failure_is_announced_and_kept(service: Any) -> None:
     identity = capture(service)
     service.client.stop(identity)
     frame = service.service.store.folder(identity) / "passes/1/shots/1.tiff"
@@ -274,7 +274,7 @@ def test_a_failure_is_told_and_stays(service: Any) -> None:
 
 
 @pytest.mark.long
-def test_what_was_asked_for_before_a_restart_is_done_after_it(serving: Any, here: Any, tmp_path: Path) -> None:
+def test_re_solve_requested_before_restart_is_done_after_it(serving: Any, here: Any, tmp_path: Path) -> None:
     chosen = here.model_copy(update={"data": tmp_path / "data"})
     with serving(chosen) as before:
         identity = capture(before)
@@ -288,7 +288,7 @@ def test_what_was_asked_for_before_a_restart_is_done_after_it(serving: Any, here
 
 
 @pytest.mark.long
-def test_a_session_deleted_meanwhile_is_forgotten(service: Any) -> None:
+def test_re_solve_of_deleted_session_is_dropped(service: Any) -> None:
     identity = capture(service)
     service.client.stop(identity)
     service.client.resolve(identity)

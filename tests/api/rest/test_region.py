@@ -32,7 +32,7 @@ def put(http: httpx.Client, session_id: str, content: bytes, media_type: str = "
     return http.put(f"/v1/sessions/{session_id}/region.png", content=content, headers={"Content-Type": media_type})
 
 
-def test_the_newest_mask_holds_and_comes_back_as_it_was_drawn(own: Any, tmp_path: Path) -> None:
+def test_region_newest_mask_is_returned_unchanged(own: Any, tmp_path: Path) -> None:
     session = own.client.create(Recipe())
     assert own.http.get(f"/v1/sessions/{session.id}/region.png").status_code == 404
 
@@ -62,7 +62,7 @@ def test_the_newest_mask_holds_and_comes_back_as_it_was_drawn(own: Any, tmp_path
     ],
     ids=["of another size", "empty", "beside the object", "no PNG", "cut short", "no body"],
 )
-def test_a_mask_that_cannot_be_used_is_refused_with_what_to_do(shared: Any, content: bytes, said: str) -> None:
+def test_region_unusable_mask_is_refused_with_remedy(shared: Any, content: bytes, said: str) -> None:
     session = shared.client.create(Recipe())
 
     answer = put(shared.http, session.id, content)
@@ -73,7 +73,7 @@ def test_a_mask_that_cannot_be_used_is_refused_with_what_to_do(shared: Any, cont
     assert shared.http.get(f"/v1/sessions/{session.id}/region.png").status_code == 404
 
 
-def test_only_a_picture_is_taken_and_only_for_a_session_that_has_not_begun(own: Any) -> None:
+def test_region_accepts_only_png_and_only_before_planning(own: Any) -> None:
     session = own.client.create(Recipe())
     assert put(own.http, session.id, png(square()), "application/octet-stream").status_code == 415
     assert put(own.http, "no-such", png(square())).status_code == 404

@@ -42,7 +42,7 @@ def process(cell_file: Path, data: Path) -> Generator[tuple[subprocess.Popen[str
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.5", "::", "lab-server", "example.org"])  # noqa: S104
-def test_it_listens_on_this_machine_only(cell_file: Path, tmp_path: Path, host: str) -> None:
+def test_create_foreign_host_without_keys_is_refused(cell_file: Path, tmp_path: Path, host: str) -> None:
     with pytest.raises(RigError) as refused:
         server.create(settings.read(cell=cell_file, data=tmp_path / "data", host=host))
 
@@ -52,11 +52,11 @@ def test_it_listens_on_this_machine_only(cell_file: Path, tmp_path: Path, host: 
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.0.4.2", "::1", "localhost"])
-def test_loopback_has_several_names(host: str) -> None:
+def test_is_loopback_accepts_several_names(host: str) -> None:
     settings.refuse_open_bind(host, keys=False)
 
 
-def test_with_keys_it_may_listen_to_others() -> None:
+def test_create_foreign_host_with_keys_is_allowed() -> None:
     settings.refuse_open_bind("0.0.0.0", keys=True)  # noqa: S104
 
 
@@ -64,14 +64,14 @@ def test_with_keys_it_may_listen_to_others() -> None:
     ("given", "name"),
     [({"port": 70000}, "LIGHTPOSE_PORT"), ({"host": ""}, "LIGHTPOSE_HOST"), ({"colour": 1}, "LIGHTPOSE_COLOUR")],
 )
-def test_bad_settings_name_the_variable(cell_file: Path, given: dict[str, Any], name: str) -> None:
+def test_settings_invalid_value_names_the_variable(cell_file: Path, given: dict[str, Any], name: str) -> None:
     with pytest.raises(RigError, match=name) as refused:
         settings.read(cell=cell_file, **given)
 
     assert refused.value.code is ErrorCode.CONFIG_INVALID
 
 
-def test_settings_come_from_the_environment(monkeypatch: pytest.MonkeyPatch, cell_file: Path) -> None:
+def test_settings_are_read_from_environment(monkeypatch: pytest.MonkeyPatch, cell_file: Path) -> None:
     monkeypatch.setenv("LIGHTPOSE_CELL", str(cell_file))
     monkeypatch.setenv("LIGHTPOSE_PORT", "8123")
     monkeypatch.setenv("LIGHTPOSE_ALLOWED_ORIGINS", "http://a.example, HTTP://B.example/")
@@ -82,7 +82,7 @@ def test_settings_come_from_the_environment(monkeypatch: pytest.MonkeyPatch, cel
     assert found.allowed_origins == ("http://a.example", "http://b.example")
 
 
-def test_a_cell_file_that_there_is_not(tmp_path: Path) -> None:
+def test_create_missing_cell_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RigError) as refused:
         server.create(settings.read(cell=tmp_path / "nothing.toml", data=tmp_path / "data"))
 
@@ -90,14 +90,14 @@ def test_a_cell_file_that_there_is_not(tmp_path: Path) -> None:
     assert "nothing.toml" in refused.value.detail
 
 
-def test_one_service_for_a_data_folder(own: Any) -> None:
+def test_create_data_folder_in_use_is_refused(own: Any) -> None:
     with pytest.raises(RigError) as refused:
         server.create(own.settings)
 
     assert refused.value.code is ErrorCode.STORE_LOCKED
 
 
-def test_a_port_that_is_taken(cell_file: Path, tmp_path: Path) -> None:
+def test_serve_port_in_use_is_refused(cell_file: Path, tmp_path: Path) -> None:
     with socket.create_server(("127.0.4.5", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(RigError, match=f"127.0.4.5:{port}") as refused:
@@ -106,7 +106,7 @@ def test_a_port_that_is_taken(cell_file: Path, tmp_path: Path) -> None:
     assert refused.value.code is ErrorCode.CONFIG_INVALID
 
 
-def test_a_signal_halts_although_the_interrupted_code_holds_a_lock(own: Any) -> None:
+def test_signal_while_lock_is_held_halts_the_arm(own: Any) -> None:
     """The handler may find the stop token locked by the very thread that it interrupts."""
     runner = own.service.runner
     with runner._token._cond:
@@ -119,7 +119,7 @@ def test_a_signal_halts_although_the_interrupted_code_holds_a_lock(own: Any) -> 
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_it_ends_in_good_order_although_somebody_listens(cell_file: Path, tmp_path: Path, number: int) -> None:
+def test_shutdown_with_open_event_stream_is_orderly(cell_file: Path, tmp_path: Path, number: int) -> None:
     with (
         process(cell_file, tmp_path / "data") as (started, url),
         httpx.stream("GET", f"{url}/v1/events?after=0", timeout=20) as answer,
@@ -134,7 +134,7 @@ def test_it_ends_in_good_order_although_somebody_listens(cell_file: Path, tmp_pa
     assert "Traceback" not in errors
 
 
-def test_the_service_imports_no_kernel_and_no_ray_tracer() -> None:
+def test_service_import_loads_no_kernel_and_no_ray_tracer() -> None:
     code = (
         "import sys, api.rest.app, api.rest.server, api.rest.wiring, api.client; "
         f"print([name for name in {HEAVY!r} if name in sys.modules])"

@@ -17,7 +17,7 @@ from acquisition.session import State, Trigger
 from api import ProblemError
 
 
-def test_an_empty_body_and_an_empty_object_are_good_sessions(shared: Any) -> None:
+def test_create_empty_body_or_object_uses_defaults(shared: Any) -> None:
     for content, headers in ((b"", {}), (b"{}", {"Content-Type": "application/json; charset=utf-8"})):
         answer = shared.http.post("/v1/sessions", content=content, headers=headers)
 
@@ -34,7 +34,7 @@ def test_an_empty_body_and_an_empty_object_are_good_sessions(shared: Any) -> Non
         assert all(shared.http.get(link).status_code == 200 for name, link in made["links"].items() if name != "events")
 
 
-def test_the_recipe_is_kept_as_it_was_asked_for(shared: Any) -> None:
+def test_create_stores_recipe_as_requested(shared: Any) -> None:
     recipe = Recipe(
         method="user", user_lights=[(0.1, 0.2, 0.5), (0.0, 0.1, 0.5), (0.2, 0.0, 0.5)], label="Münze", retakes=0
     )
@@ -45,7 +45,7 @@ def test_the_recipe_is_kept_as_it_was_asked_for(shared: Any) -> None:
     assert shared.client.session(made.id).recipe == recipe
 
 
-def test_a_key_makes_one_session_only(own: Any) -> None:
+def test_create_same_idempotency_key_creates_one_session(own: Any) -> None:
     with ThreadPoolExecutor(4) as pool:
         made = [future.result() for future in [pool.submit(own.client.create, Recipe(), "key-1") for _ in range(8)]]
 
@@ -60,7 +60,7 @@ def test_a_key_makes_one_session_only(own: Any) -> None:
     assert len(list(own.client.sessions())) == 1
 
 
-def test_the_list_has_pages(own: Any) -> None:
+def test_sessions_list_is_paged(own: Any) -> None:
     made = [own.client.create(Recipe(seed=seed)) for seed in range(7)]
 
     first = own.http.get("/v1/sessions?limit=3").json()
@@ -72,7 +72,7 @@ def test_the_list_has_pages(own: Any) -> None:
     assert own.http.get("/v1/sessions?limit=7").json()["next"] is None
 
 
-def test_a_start_where_nobody_listens_is_refused_and_moves_nothing(shared: Any) -> None:
+def test_start_without_devices_is_refused_and_moves_nothing(shared: Any) -> None:
     made = shared.client.create()
 
     with pytest.raises(ProblemError) as refused:
@@ -89,7 +89,7 @@ def test_a_start_where_nobody_listens_is_refused_and_moves_nothing(shared: Any) 
     assert rig.reasons[0].code == ErrorCode.ARM_UNREACHABLE
 
 
-def test_each_absent_device_is_named(shared: Any) -> None:
+def test_rig_names_each_absent_device(shared: Any) -> None:
     deadline = time.monotonic() + 15
     while (found := {reason.code for reason in shared.client.rig().reasons}) != {
         ErrorCode.ARM_UNREACHABLE,
@@ -99,7 +99,7 @@ def test_each_absent_device_is_named(shared: Any) -> None:
         time.sleep(0.1)
 
 
-def test_health_says_which_device_is_absent(shared: Any) -> None:
+def test_health_ready_names_absent_device(shared: Any) -> None:
     assert shared.http.get("/health/live").json() == {"status": "ok"}
 
     answer = shared.http.get("/health/ready")
@@ -110,7 +110,7 @@ def test_health_says_which_device_is_absent(shared: Any) -> None:
 
 
 @pytest.mark.parametrize("action", ["start", "pause", "resume"])
-def test_an_action_on_an_ended_session(shared: Any, action: str) -> None:
+def test_action_on_ended_session_is_refused(shared: Any, action: str) -> None:
     made = shared.client.create()
     assert shared.client.stop(made.id) is State.STOPPED
     assert shared.client.stop(made.id) is State.STOPPED  # asking again is no error
@@ -125,7 +125,7 @@ def test_an_action_on_an_ended_session(shared: Any, action: str) -> None:
 
 
 @pytest.mark.parametrize("body", [b"{}", b'{"action": "finish"}', b'{"action": "start", "force": true}', b""])
-def test_an_action_that_there_is_not(shared: Any, body: bytes) -> None:
+def test_action_unknown_is_refused(shared: Any, body: bytes) -> None:
     made = shared.client.create()
 
     answer = shared.http.post(made.links["actions"], content=body, headers={"Content-Type": "application/json"})
@@ -135,7 +135,7 @@ def test_an_action_that_there_is_not(shared: Any, body: bytes) -> None:
     assert shared.client.session(made.id).state is State.CREATED
 
 
-def test_a_second_session_is_refused_while_one_holds_the_rig(own: Any) -> None:
+def test_start_while_other_session_holds_rig_is_refused(own: Any) -> None:
     first, second = own.client.create(), own.client.create()
     own.service.store.journal.trigger(first.id, Trigger.START, "test")
 
@@ -152,7 +152,7 @@ def test_a_second_session_is_refused_while_one_holds_the_rig(own: Any) -> None:
     assert kept.value.code is ErrorCode.SESSION_ACTION_NOT_ALLOWED
 
 
-def test_results_asked_for_too_early(shared: Any) -> None:
+def test_result_before_solve_is_not_ready(shared: Any) -> None:
     made = shared.client.create()
 
     for path in ("results/0", "results/1", "results/1/normals.png"):
@@ -167,7 +167,7 @@ def test_results_asked_for_too_early(shared: Any) -> None:
     assert shared.http.get(f"/v1/sessions/{made.id}/results/0").status_code == 404  # it will never come
 
 
-def test_passes_and_shots_that_there_are_not_yet(shared: Any) -> None:
+def test_passes_and_shots_before_capture_are_not_found(shared: Any) -> None:
     made = shared.client.create()
 
     for path in ("passes/0", "passes/0/shots/0/image"):
@@ -175,7 +175,7 @@ def test_passes_and_shots_that_there_are_not_yet(shared: Any) -> None:
         assert (answer.status_code, answer.json()["code"]) == (404, ErrorCode.REQUEST_NOT_FOUND)
 
 
-def test_deleting_takes_the_files_along(shared: Any) -> None:
+def test_delete_removes_session_files(shared: Any) -> None:
     made = shared.client.create()
     folder = shared.service.store.folder(made.id)
     assert (folder / "recipe.json").is_file()
@@ -188,7 +188,7 @@ def test_deleting_takes_the_files_along(shared: Any) -> None:
     assert gone.value.code is ErrorCode.SESSION_NOT_FOUND
 
 
-def test_a_session_whose_folder_is_gone_can_be_deleted(shared: Any) -> None:
+def test_delete_session_with_missing_folder_succeeds(shared: Any) -> None:
     made = shared.client.create()
     shutil.rmtree(shared.service.store.folder(made.id))
 
@@ -197,7 +197,7 @@ def test_a_session_whose_folder_is_gone_can_be_deleted(shared: Any) -> None:
     assert made.id not in [session.id for session in shared.client.sessions()]
 
 
-def test_the_history_says_who_asked_for_what(shared: Any) -> None:
+def test_actions_list_actor_and_outcome(shared: Any) -> None:
     made = shared.client.create()
     shared.client.stop(made.id)
     with pytest.raises(ProblemError):
@@ -214,14 +214,14 @@ def test_the_history_says_who_asked_for_what(shared: Any) -> None:
     assert shared.http.get(short["next"]).json()["items"] == answer["items"][1:]
 
 
-def test_stop_and_acknowledgement_are_never_refused_at_rest(shared: Any) -> None:
+def test_stop_and_acknowledge_at_rest_are_accepted(shared: Any) -> None:
     assert shared.http.post("/v1/rig/stop").status_code == 202
     assert shared.http.post("/v1/rig/stop", json={"why": "because"}).status_code == 202
     assert shared.client.safety().clear
     assert shared.client.acknowledge().clear
 
 
-def test_a_latched_fault_waits_for_a_person(start: Any) -> None:
+def test_safety_latched_fault_waits_for_acknowledgement(start: Any) -> None:
     with start() as service:
         service.service.store.journal.latch(ErrorCode.ARM_PROTECTIVE_STOP, "The arm hit something.")
     with start() as service:  # the latch outlives the service
@@ -239,7 +239,7 @@ def test_a_latched_fault_waits_for_a_person(start: Any) -> None:
     assert acknowledged.clear
 
 
-def test_the_service_answers_while_the_arm_is_silent(start: Any) -> None:
+def test_service_answers_while_arm_is_silent(start: Any) -> None:
     """An address that accepts connections and never says a word, and more waiting starts than there are threads."""
     with socket.create_server(("127.0.4.3", 29999), backlog=50) as silent, ThreadPoolExecutor(12) as pool:
         silent.settimeout(5)
@@ -259,7 +259,7 @@ def test_the_service_answers_while_the_arm_is_silent(start: Any) -> None:
     assert codes <= {ErrorCode.ARM_UNREACHABLE, ErrorCode.SESSION_ACTION_NOT_ALLOWED, ErrorCode.RIG_NOT_READY}
 
 
-def test_whoever_waits_for_devices_is_told_that_the_service_ends(start: Any) -> None:
+def test_start_waiting_for_devices_is_refused_at_shutdown(start: Any) -> None:
     with (
         socket.create_server(("127.0.4.3", 29999), backlog=50),
         ThreadPoolExecutor(6) as pool,
@@ -276,7 +276,7 @@ def test_whoever_waits_for_devices_is_told_that_the_service_ends(start: Any) -> 
     assert "The service is ending" in [item["detail"] for item in found]
 
 
-def test_stop_halts_even_when_the_journal_is_stuck(own: Any) -> None:
+def test_stop_with_blocked_journal_halts_the_arm(own: Any) -> None:
     """A disk that hangs: the journal's lock is held for as long as the stop is tried."""
     journal, stuck, done = own.service.store.journal, threading.Event(), threading.Event()
 

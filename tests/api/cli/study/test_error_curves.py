@@ -26,7 +26,7 @@ def drawn(method: str, level: float, noise: float = 0.0, draws: int = 6, lights:
     ]  # fmt: skip
 
 
-def test_the_interval_is_of_the_draws_and_not_of_the_objects() -> None:
+def test_half_width_equal_draws_of_unlike_objects_is_zero() -> None:
     same = [np.array([value, value]) for value in (1.0, 5.0, 9.0)]
     assert error_curves.half_width(same) == 0
     assert error_curves.half_width([np.array([1.0])]) == 0
@@ -36,7 +36,7 @@ def test_the_interval_is_of_the_draws_and_not_of_the_objects() -> None:
     )
 
 
-def test_a_ratio_is_of_the_same_draws_and_surer_than_the_errors() -> None:
+def test_ratio_paired_draws_has_narrower_interval_than_errors() -> None:
     samples = drawn("optimal", 0.9, noise=0.5) + drawn("two-rings", 1.0, noise=0.5) + drawn("ring", 2.0, draws=2)
     value, half = error_curves.ratio(samples, "optimal", "two-rings", 8, glossy=False)
     assert value == pytest.approx(0.9)
@@ -47,7 +47,7 @@ def test_a_ratio_is_of_the_same_draws_and_surer_than_the_errors() -> None:
     assert np.isnan(error_curves.ratio(samples, "optimal", "paper", 8, glossy=False)[0])
 
 
-def test_every_draw_of_the_full_study_is_asked_for_once() -> None:
+def test_work_items_full_study_has_each_draw_once() -> None:
     items = error_curves.work_items(2, run.FULL)
     assert len({(item.shape, item.draw) for item in items}) == len(items)
     assert all(item.diffuse is not None and item.glossy is not None for item in items)
@@ -56,7 +56,7 @@ def test_every_draw_of_the_full_study_is_asked_for_once() -> None:
                ("optimal", "random"))  # fmt: skip
 
 
-def test_the_page_needs_no_network_and_holds_what_was_found(tmp_path: Path) -> None:
+def test_page_of_known_samples_is_offline_and_holds_figures(tmp_path: Path) -> None:
     weight = np.diag([0.6, 0.6, 0.8])
     placement = paper_criterion.Placement(
         "sphere", 1.9, 1.9, 1.95, 1.91, 58.0, 2.0, [(20.0, 3.0), (58.0, 1.91), (85.0, 9.0)], [2.0] * 9, 1000

@@ -14,7 +14,7 @@ def part() -> Geometry:
     return Geometry("part", 1, PIXELS)
 
 
-def test_every_sample_of_a_graded_pixel_lies_on_the_surface_of_its_centre(part: Geometry) -> None:
+def test_graded_pixels_all_samples_lie_on_surface_of_centre(part: Geometry) -> None:
     fine = part.views[0].surface
     graded = Scene(part).graded.ravel()[fine.pixels]
     normals = np.zeros((PIXELS**2, 3), np.float32)
@@ -25,13 +25,13 @@ def test_every_sample_of_a_graded_pixel_lies_on_the_surface_of_its_centre(part: 
     assert np.mean(cosine[straddling] < np.cos(np.radians(45))) > 0.05
 
 
-def test_graded_and_straddling_pixels_are_all_that_are_not_seen_edge_on(part: Geometry) -> None:
+def test_graded_and_mixed_pixels_partition_facing_pixels(part: Geometry) -> None:
     scene = Scene(part)
     assert not np.any(scene.graded & scene.mixed)
     np.testing.assert_array_equal(scene.graded | scene.mixed, part.facing)
     assert 0.02 < np.mean(part.one_surface[part.facing]) < 0.98
 
 
-def test_a_smooth_surface_stays_graded() -> None:
+def test_one_surface_smooth_object_keeps_all_facing_pixels() -> None:
     ball = Geometry("sphere", 1, PIXELS)
     assert np.all(ball.one_surface[ball.facing])

@@ -59,12 +59,12 @@ def errors(run: simulated_scene.Run) -> Errors:
 
 @pytest.mark.parametrize("draw", DRAWS)
 @pytest.mark.parametrize("shape", MATT)
-def test_each_run_says_why_it_stopped(shape: str, draw: int) -> None:
+def test_ordered_accuracy_each_run_states_why_it_stopped(shape: str, draw: int) -> None:
     for run in runs(shape, draw):
         assert run["why"].startswith(("target met", "the most lights", "no light")), run
 
 
-def test_targets_are_met() -> None:
+def test_ordered_accuracy_targets_are_met() -> None:
     """The stepped part is left out: beside its steps there are errors that no variance knows of."""
     told = all_runs()
     missed, beside = late(told, ALL), late(told, ONE_SURFACE)
@@ -75,7 +75,7 @@ def test_targets_are_met() -> None:
     assert len(missed) <= 0.1 * len(told), missed
 
 
-def test_hardly_an_image_is_taken_more_than_needed() -> None:
+def test_ordered_accuracy_uses_at_most_one_image_too_many() -> None:
     told = all_runs()
     wasteful, beside = lavish(told, ALL), lavish(told, ONE_SURFACE)
     print(

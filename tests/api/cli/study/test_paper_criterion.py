@@ -18,7 +18,7 @@ def projector(seed: int, flat: float = 1.0) -> np.ndarray:
 
 @given(st.integers(0, 10_000), st.integers(3, 9), st.floats(0.1, 2))
 @settings(max_examples=50, deadline=None)
-def test_no_unit_lights_beat_the_bound(seed: int, count: int, flat: float) -> None:
+def test_lower_bound_random_unit_lights_are_not_below(seed: int, count: int, flat: float) -> None:
     lights = np.random.default_rng(seed).normal(size=(2000, count, 3))
     lights /= np.linalg.norm(lights, axis=-1, keepdims=True)
     weight = projector(seed, flat)
@@ -29,7 +29,7 @@ def test_no_unit_lights_beat_the_bound(seed: int, count: int, flat: float) -> No
 
 
 @pytest.mark.parametrize("count", range(3, 13))
-def test_the_search_reaches_the_bound(count: int) -> None:
+def test_best_unit_lights_reach_lower_bound(count: int) -> None:
     weight = projector(count)
     lights = paper_criterion.best_unit_lights(weight, count, seed=1, starts=4)
     np.testing.assert_allclose(np.linalg.norm(lights, axis=1), 1, atol=1e-12)
@@ -37,7 +37,7 @@ def test_the_search_reaches_the_bound(count: int) -> None:
     assert paper_criterion.phi(lights, weight) == pytest.approx(paper_criterion.lower_bound(weight, count), rel=1e-3)
 
 
-def test_the_errata_are_what_numbers_say() -> None:
+def test_errata_agree_with_numerical_checks() -> None:
     found = paper_criterion.errata(projector(1), seed=1, triples=20_000)
     assert found.idempotence["1"] < 1e-12
     assert found.idempotence["0.5"] == pytest.approx(1.0)
@@ -53,6 +53,6 @@ def test_the_errata_are_what_numbers_say() -> None:
     assert found.single_normal_random > found.single_normal_bound
 
 
-def test_lights_in_one_plane_are_worthless() -> None:
+def test_phi_coplanar_lights_is_infinite() -> None:
     flat = np.array([[1.0, 0, 0], [0, 1, 0], [0.6, 0.8, 0]])
     assert paper_criterion.phi(flat, projector(1)) == np.inf

@@ -24,7 +24,7 @@ def shared() -> Geometry:
     return Geometry("part", 3, PIXELS)
 
 
-def test_pictures_and_truth_are_those_of_the_simulated_cell(shared: Geometry) -> None:
+def test_scene_images_and_truth_equal_simulated_cell(shared: Geometry) -> None:
     scene = Scene(shared)
     cell, known = cell_config.load(nominal.default_cell_file()), nominal.calibration(PIXELS)
     world = World(cell, known, "part", 3, "direct")
@@ -50,7 +50,7 @@ def test_pictures_and_truth_are_those_of_the_simulated_cell(shared: Geometry) ->
     assert np.mean(np.abs(ratio / np.median(ratio) - 1) < 0.1) > 0.9
 
 
-def test_an_image_depends_on_draw_and_place_only(shared: Geometry) -> None:
+def test_scene_image_depends_on_draw_and_position_only(shared: Geometry) -> None:
     lights = Scene(shared).run(simulated_scene.recipe("ring", 3)).plan.lights
     one, other = Scene(shared).capture(lights), Scene(shared).capture([*reversed(lights)])
     for shot in one.shots:
@@ -69,7 +69,7 @@ def levels(scene: Scene, taken: Observations) -> FloatArray:
     return (bright - known.sensor.black_level_dn) / known.sensor.full_scale_dn / Exposure().target
 
 
-def test_images_that_nothing_foretells_stay_below_their_target_and_others_are_nearest_to_it(shared: Geometry) -> None:
+def test_capture_unpredicted_exposes_below_target_predicted_nearest(shared: Geometry) -> None:
     scene, step, noise = Scene(shared), exposure.STEP, 1.01
     pattern = scene.run(simulated_scene.recipe("two-rings", 8))
     lights = pattern.plan.lights
@@ -84,7 +84,7 @@ def test_images_that_nothing_foretells_stay_below_their_target_and_others_are_ne
         assert not len(later) or np.max(later) > noise
 
 
-def test_of_a_planned_run_only_the_pilot_is_unforeseen(shared: Geometry) -> None:
+def test_run_planned_recipe_exposes_only_pilot_unpredicted(shared: Geometry) -> None:
     scene, step, noise = Scene(shared), exposure.STEP, 1.01
     taken = scene.run(Recipe(pilot_lights=8, planned_lights=6)).result.observations
     found = levels(scene, taken)
@@ -96,7 +96,7 @@ def test_of_a_planned_run_only_the_pilot_is_unforeseen(shared: Geometry) -> None
         assert times != [shot.exposure_s for shot in scene.capture(lights, others).shots]
 
 
-def test_few_shadow_rays_say_what_all_would(shared: Geometry) -> None:
+def test_illuminated_few_shadow_rays_agrees_with_all_rays(shared: Geometry) -> None:
     """All that is missed are shadows narrower than a pixel that pass between centres: of pixels as coarse as these some
     thousandths, of the study's less than one in thousand."""
     for light in Scene(shared).run(simulated_scene.recipe("ring", 3)).plan.lights:
@@ -107,7 +107,7 @@ def test_few_shadow_rays_say_what_all_would(shared: Geometry) -> None:
                 assert np.count_nonzero(some != every) <= 0.005 * len(every)
 
 
-def test_shadows_are_those_of_each_finish(shared: Geometry) -> None:
+def test_scene_glossy_after_diffuse_equals_glossy_alone(shared: Geometry) -> None:
     """A glossy picture whose shadows the diffuse one had traced before is the one that it would be alone."""
     lights = Scene(shared).run(simulated_scene.recipe("ring", 3)).plan.lights
     after = Scene(shared, glossy=True).capture(lights)

@@ -43,46 +43,46 @@ def found() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("rival", MATT_8)
-def test_eight_matt_images(found: dict[str, Any], rival: str) -> None:
+def test_study_eight_diffuse_images_beats_other_methods(found: dict[str, Any], rival: str) -> None:
     errors = found["errors_deg"]
     assert errors["optimal"]["8"] <= MATT_8[rival] * errors[rival]["8"]
 
 
 @pytest.mark.parametrize("lights", ["12", "20"])
-def test_more_matt_images(found: dict[str, Any], lights: str) -> None:
+def test_study_more_diffuse_images_beats_other_methods(found: dict[str, Any], lights: str) -> None:
     errors = found["errors_deg"]
     assert errors["optimal"][lights] <= 0.95 * errors["two-rings"][lights]
 
 
-def test_no_object_is_much_worse_and_flat_relief_gains_most(found: dict[str, Any]) -> None:
+def test_study_each_object_is_not_much_worse_and_relief_gains_most(found: dict[str, Any]) -> None:
     ours, rings = (found["errors_by_object_deg"][method]["8"] for method in ("optimal", "two-rings"))
     assert ours["relief"] <= 0.80 * rings["relief"]
     assert {shape: ours[shape] / rings[shape] for shape in ours if ours[shape] > 1.05 * rings[shape]} == {}
 
 
-def test_few_pixels_are_far_off(found: dict[str, Any]) -> None:
+def test_study_errors_above_10_degrees_are_few(found: dict[str, Any]) -> None:
     assert {n: share for n, share in found["over_10"]["optimal"].items() if int(n) >= 8 and share > 0.001} == {}
 
 
-def test_few_pixels_are_left_out_for_seeing_two_surfaces(found: dict[str, Any]) -> None:
+def test_study_mixed_pixels_are_few(found: dict[str, Any]) -> None:
     """Steps and rims only: fine relief is graded nearly whole."""
     most = {"part": 0.08, "figure": 0.02, "relief": 0.02}
     assert {shape: share for shape, share in found["straddling"].items() if share > most.get(shape, 0.001)} == {}
 
 
 @pytest.mark.parametrize(("lights", "bar"), [("8", 1.0), ("12", 0.95)])
-def test_slightly_glossy(found: dict[str, Any], lights: str, bar: float) -> None:
+def test_study_glossy_objects_beats_other_methods(found: dict[str, Any], lights: str, bar: float) -> None:
     errors = found["glossy_errors_deg"]
     assert errors["optimal"][lights] <= bar * errors["two-rings"][lights]
 
 
-def test_the_criterion_reaches_its_bound(found: dict[str, Any]) -> None:
+def test_study_criterion_reaches_its_bound(found: dict[str, Any]) -> None:
     for bound, ours, best_random, best_heuristic in found["phi_by_object"].values():
         assert bound * (1 - 1e-9) <= ours <= 1.001 * bound
         assert min(best_random, best_heuristic) >= bound
 
 
-def test_the_forecast_is_right(found: dict[str, Any]) -> None:
+def test_study_forecast_agrees_with_observed_error(found: dict[str, Any]) -> None:
     """Found over predicted mean error in 0.8–1.25 for nine tenths of the matt runs; the stepped part is apart."""
     study = json.loads((folder() / "study.json").read_text(encoding="utf-8"))
     ratios = [
@@ -97,7 +97,7 @@ def test_the_forecast_is_right(found: dict[str, Any]) -> None:
     assert len(right) >= 0.9 * len(ratios), sorted(ratios)
 
 
-def test_a_seed_gives_the_same_figures_and_a_page_that_needs_no_network(tmp_path: Path) -> None:
+def test_study_same_seed_gives_same_figures_and_offline_page(tmp_path: Path) -> None:
     one, other = (ran(tmp_path / name, "--quick", "--seed", "7") for name in ("one", "other"))
     assert one == other
     text = (tmp_path / "one" / "study.html").read_text(encoding="utf-8")
