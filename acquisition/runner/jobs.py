@@ -1,8 +1,8 @@
-"""The jobs of the compute process: each calls one pure stage, with files in the session folder for what is large.
+"""The jobs of the compute process: each calls one pure stage; large data are files in the session folder.
 
-Pilot, plan, route and solve meet here and in the runner only. The functions are module level and their arguments small,
-so that they cross to the process by name; what they return is a value of `types`, which the web process can read
-without importing a stage.
+Pilot, plan, route and solve are combined here and in the runner only. The functions are at module level and their
+arguments small, because they are sent to the process by name; they return values of `models`, which the web process can
+read without importing a stage.
 """
 
 import shutil
@@ -36,20 +36,20 @@ from acquisition.waypoints import route as routing
 
 
 def make_reach(cell: CellConfig, calibration: Calibration, cache: Path) -> None:
-    """Makes the cell's reach and keeps it in the cache file, unless it is there."""
+    """Computes the cell's reach and stores it in the cache file, unless it is there."""
     _reach(cell, calibration, cache)
 
 
 def _reach(cell: CellConfig, calibration: Calibration, cache: Path) -> reaching.ReachMap:
     if cache.exists():
-        kept = reaching.ReachMap.model_validate_json(cache.read_bytes())
-        if kept.cell == cell and kept.calibration == calibration:
-            return kept
-    found = reaching.reach(cell, calibration)
-    beside = cache.with_suffix(".part")
-    beside.write_text(found.model_dump_json(), encoding="utf-8")
-    beside.rename(cache)
-    return found
+        cached = reaching.ReachMap.model_validate_json(cache.read_bytes())
+        if cached.cell == cell and cached.calibration == calibration:
+            return cached
+    reach_map = reaching.reach(cell, calibration)
+    partial = cache.with_suffix(".part")
+    partial.write_text(reach_map.model_dump_json(), encoding="utf-8")
+    partial.rename(cache)
+    return reach_map
 
 
 Rows = npt.NDArray[np.int64]
@@ -57,9 +57,9 @@ Rows = npt.NDArray[np.int64]
 PictureForm = Literal["png", "html"]
 
 _TOP_PERCENTILE = 99.0
-"""Of the heights of all pixels: single ones at steps are integrated too high."""
+"""Percentile of the heights of all pixels that is the object's top: single pixels at discontinuities are too high."""
 FORECAST_COUNTS = (1, 2, 4, 8, 16)
-"""Numbers of further lights for which a plan tells what is to be expected."""
+"""Numbers of further lights for which a plan forecasts the error."""
 
 
 def first_lights(recipe: Recipe, cell: CellConfig, calibration: Calibration, cache: Path) -> LightPlan:
@@ -79,43 +79,43 @@ def first_lights(recipe: Recipe, cell: CellConfig, calibration: Calibration, cac
 
 def further_lights(
     recipe: Recipe, cell: CellConfig, calibration: Calibration, cache: Path, result: Path, observations: Observations,
-    drawn: Path | None,
+    region_file: Path | None,
 ) -> tuple[LightPlan, list[bytes]]:  # fmt: skip
     """The next pass's lights, planned from the last result, and for each a picture (PNG) of what it gains.
 
-    `drawn` is the mask of the region of interest, none: the whole object. Raises RigError config.invalid when the
-    object is seen to be higher than its keep-out.
+    `region_file` is the mask of the region of interest, none: the whole object. Raises RigError config.invalid when the
+    object is measured to be higher than its keep-out.
     """
     normal_map = export.read(result)
     require_within_keep_out(normal_map, cell, calibration)
     reach = _reach(cell, calibration, cache)
-    known, wanted_part = (normal_map, observations, recipe, reach, calibration), _drawn(drawn, calibration)
+    known, region_mask = (normal_map, observations, recipe, reach, calibration), _region_mask(region_file, calibration)
     if recipe.target_sigma_deg is None:
-        chosen = plan.choose(*known, region=wanted_part, forecast_counts=FORECAST_COUNTS)
+        chosen = plan.choose(*known, region=region_mask, forecast_counts=FORECAST_COUNTS)
     else:
-        chosen = plan.approach(*known, region=wanted_part)
+        chosen = plan.approach(*known, region=region_mask)
     if not chosen.lights:
         return chosen, []
-    found = explain.gains(normal_map, observations, recipe, chosen.lights, calibration)
-    pictures = [explain.picture(found, light, normal_map.silhouette) for light in range(len(chosen.lights))]
-    told = {
+    gain_maps = explain.gains(normal_map, observations, recipe, chosen.lights, calibration)
+    pictures = [explain.picture(gain_maps, light, normal_map.silhouette) for light in range(len(chosen.lights))]
+    summary = {
         "levels_per_s": expected_levels(normal_map, chosen.lights, calibration),
-        "brightest_gain_deg": found.brightest_deg,
+        "brightest_gain_deg": gain_maps.brightest_deg,
     }
-    return chosen.model_copy(update=told), pictures
+    return chosen.model_copy(update=summary), pictures
 
 
 def require_within_keep_out(normal_map: NormalMap, cell: CellConfig, calibration: Calibration) -> None:
     """Raises RigError config.invalid when the measured object takes half its clearance from the arm, or more.
 
-    The session ends, and no way is planned round what was measured: the same keep-out holds for parking, for the way
-    home and for the next session, and only a person who corrects the cell file makes all of them safe.
+    The session ends, and no path is planned round the measured surface: the same keep-out holds for parking, for the
+    path home and for the next session, and only a person who corrects the cell file makes all of them safe.
     """
     rays = photometry.rays(calibration, slice(0, calibration.height), slice(0, calibration.width))
-    sure = normal_map.mask if normal_map.doubtful is None else normal_map.mask & ~normal_map.doubtful
-    if not sure.any():
+    reliable = normal_map.mask if normal_map.doubtful is None else normal_map.mask & ~normal_map.doubtful
+    if not reliable.any():
         return
-    points = photometry.points(rays, normal_map.depth)[:, sure].T
+    points = photometry.points(rays, normal_map.depth)[:, reliable].T
     keep_out = cell.object.keep_out
     object_from_view = geometry.inverse(keep_out.base_from_object.matrix) @ lamp_pose.base_from_view(calibration)
     top_m = float(np.percentile(geometry.transform(object_from_view, points)[:, 2], _TOP_PERCENTILE))
@@ -130,7 +130,7 @@ def require_within_keep_out(normal_map: NormalMap, cell: CellConfig, calibration
         )
 
 
-def _drawn(mask: Path | None, calibration: Calibration) -> BoolArray | None:
+def _region_mask(mask: Path | None, calibration: Calibration) -> BoolArray | None:
     return None if mask is None else region.decode_mask(mask.read_bytes(), calibration)
 
 
@@ -146,7 +146,7 @@ def expected_levels(normal_map: NormalMap, lights: list[Light], calibration: Cal
 
 
 def predict_images(lights: list[Light], calibration: Calibration, result: Path) -> list[bytes]:
-    """For each light a small picture (16-bit PNG, brightest 65535) of the object under it, by a stored result."""
+    """Predicts a small image (16-bit PNG, brightest 65535) of the object under each light, from a stored result."""
     normal_map = export.read(result)
     rows, columns = np.nonzero(normal_map.mask)
     pictures: list[bytes] = []
@@ -231,35 +231,35 @@ def draw_route(route: Route, cell: CellConfig, calibration: Calibration, form: P
 
 def make_export(observations: Observations, calibration: Calibration, result: Path, name: str) -> None:
     """Makes one export of a stored result, `result`/exports/`name`, unless it is there; a folder becomes a zip file."""
-    made = result / "exports" / name
-    if made.exists():
+    file = result / "exports" / name
+    if file.exists():
         return
-    found = export.read(result)
-    source = export.Source(found, session_images.images(observations, calibration, found.silhouette))
-    made.parent.mkdir(exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".", dir=made.parent) as partial:
+    normal_map = export.read(result)
+    source = export.Source(normal_map, session_images.images(observations, calibration, normal_map.silhouette))
+    file.parent.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".", dir=file.parent) as partial:
         stem = name.removesuffix(".zip") if name.endswith(".zip") else name
         export.make(stem, source, Path(partial))
         if name.endswith(".zip"):
             shutil.make_archive(str(Path(partial) / stem), "zip", Path(partial) / stem)
-        (Path(partial) / name).rename(made)
+        (Path(partial) / name).rename(file)
 
 
 def _facts(
-    found: NormalMap, observations: Observations, cell: CellConfig, calibration: Calibration,
+    normal_map: NormalMap, observations: Observations, cell: CellConfig, calibration: Calibration,
     forecast: LightPlan | None, folder: Path, seconds: dict[str, float],
 ) -> report.Facts:  # fmt: skip
     """What the report of a session's result says beside the maps; the folder is sessions/<id>/results/<number>."""
     session = folder.parent.parent
-    images = session_images.images(observations, calibration, found.silhouette)
+    images = session_images.images(observations, calibration, normal_map.silhouette)
     passes = [shot.key.pass_number for shot in observations.shots if shot.light is not None]
     return report.Facts(
         title=f"Session {session.name}, result {folder.name}",
         names=images.names,
-        directions=light_files.directions(images, export.Source(found, images).centre),
+        directions=light_files.directions(images, export.Source(normal_map, images).centre),
         groups=tuple("first pass" if number == 0 else "planned" for number in passes),
-        solver=str(found.notes.get("solver", "")),
-        why=str(found.notes.get("why", "")),
+        solver=str(normal_map.notes.get("solver", "")),
+        why=str(normal_map.notes.get("why", "")),
         seconds=seconds,
         predicted_sigma_deg=None if forecast is None else forecast.predicted_sigma_deg,
         drawings=tuple(sketch.views(_routes(session, max(passes, default=0)), cell, calibration)),
@@ -267,40 +267,42 @@ def _facts(
 
 
 def _routes(session: Path, last_pass: int) -> list[Route]:
-    """Each pass's whole route; shorter ones are what was left after an interruption."""
-    whole: list[Route] = []
+    """Each pass's full route; shorter ones are what was left after an interruption."""
+    routes: list[Route] = []
     for number in range(last_pass + 1):
         files = sorted((session / f"passes/{number}").glob("route*.json"), reverse=True)
-        made = [Route.model_validate_json(file.read_bytes()) for file in files]
-        whole += [max(made, key=lambda route: len(route.waypoints))] if made else []
-    return whole
+        planned = [Route.model_validate_json(file.read_bytes()) for file in files]
+        routes += [max(planned, key=lambda route: len(route.waypoints))] if planned else []
+    return routes
 
 
 def solve_normals(
     observations: Observations, cell: CellConfig, calibration: Calibration, settings: SolveSettings,
-    forecast: LightPlan | None, drawn: Path | None, folder: Path,
+    forecast: LightPlan | None, region_file: Path | None, folder: Path,
 ) -> ResultSummary:  # fmt: skip
-    """Solves all images and writes the result into `folder`; `drawn` is the mask of the region of interest, if any."""
+    """Solves all images and writes the result into `folder`; `region_file` is the region of interest, if any."""
     begun = time.monotonic()
-    found = solve_in_cell(observations, cell, calibration, settings)
+    normal_map = solve_in_cell(observations, cell, calibration, settings)
     seconds = {"solve": time.monotonic() - begun}
     with export.whole_folder(folder) as partial:
-        export.write_into(found, partial)
-        report.write(found, _facts(found, observations, cell, calibration, forecast, folder, seconds), partial)
-    sigma = found.sigma_deg[found.mask]
-    lights_used = export.lights_used(found)[found.silhouette]
+        export.write_into(normal_map, partial)
+        report.write(
+            normal_map, _facts(normal_map, observations, cell, calibration, forecast, folder, seconds), partial
+        )
+    sigma = normal_map.sigma_deg[normal_map.mask]
+    lights_used = export.lights_used(normal_map)[normal_map.silhouette]
     return ResultSummary(
         images=len(observations.shots),
-        object_pixels=int(np.count_nonzero(found.silhouette)),
-        solved_pixels=int(np.count_nonzero(found.mask)),
-        mean_sigma_deg=photometry.mean_sigma_deg(found, calibration),
+        object_pixels=int(np.count_nonzero(normal_map.silhouette)),
+        solved_pixels=int(np.count_nonzero(normal_map.mask)),
+        mean_sigma_deg=photometry.mean_sigma_deg(normal_map, calibration),
         median_sigma_deg=float(np.median(sigma)),
         region_sigma_deg=None
-        if drawn is None
-        else photometry.mean_sigma_deg(found, calibration, _drawn(drawn, calibration)),
+        if region_file is None
+        else photometry.mean_sigma_deg(normal_map, calibration, _region_mask(region_file, calibration)),
         predicted_sigma_deg=None if forecast is None else forecast.predicted_sigma_deg,
         predicted_median_deg=None if forecast is None else forecast.predicted_median_deg,
         fewer_than_three_lights=float(np.mean(lights_used < 3)),
-        intensity_factors=[float(factor) for factor in found.intensity_factors],
-        noise=found.noise,
+        intensity_factors=[float(factor) for factor in normal_map.intensity_factors],
+        noise=normal_map.noise,
     )

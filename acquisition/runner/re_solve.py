@@ -153,14 +153,14 @@ class ReSolveService:
                     allowed=[str(action) for action in session.allowed_actions(row.state)],
                 )
             record = self._store.record(session_id)
-            taken = [number for number, work in enumerate(record.passes) if work.shots]
-            last = max(taken, default=0) if last_pass is None else last_pass
+            captured_passes = [number for number, work in enumerate(record.passes) if work.shots]
+            last = max(captured_passes, default=0) if last_pass is None else last_pass
             shots = observations(record, self._store.folder(session_id), last).shots
-            if len(shots) < 3 or last not in taken:
+            if len(shots) < 3 or last not in captured_passes:
                 raise RigError(
                     ErrorCode.NORMALS_INFEASIBLE,
                     f"Session {session_id} has {len(shots)} images up to pass {last}: three are the least",
-                    passes=taken,
+                    passes=captured_passes,
                 )
             used = [item.number for item in self._store.journal.artifacts(session_id, "result")]
             used += [request.number for request in self._submitted(session_id, with_finished=True)]
