@@ -1,4 +1,4 @@
-"""Captured images: what was measured while each was exposed, and the set of all that a session has taken."""
+"""Captured images: what was measured while each was exposed, and the set of all that a session has captured."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -74,8 +74,8 @@ class FrameSource(Protocol):
 
 @dataclass(frozen=True)
 class Observations:
-    """All images taken so far: lit shots, the lamp-off frame for each exposure time, and where to read them; `repeats`
-    are lit shots and lamp-off frames that were taken twice, which tell of noise only."""
+    """All images captured so far: lit shots, the lamp-off frame for each exposure time, and where to read them;
+    `repeats` are second captures of lit shots and lamp-off frames, which serve the noise estimate only."""
 
     shots: Sequence[Shot]
     darks: dict[float, Shot]
@@ -84,7 +84,7 @@ class Observations:
 
     @classmethod
     def of(cls, captured: Iterable[Shot], frames: FrameSource) -> "Observations":
-        """What passes took, in the order of its keys; the lamp-off frame of an exposure time is the newest one."""
+        """Sorts shots by key into lit, lamp-off and repeated ones; the newest lamp-off frame of an exposure counts."""
         shots = sorted(captured, key=lambda shot: (shot.key.pass_number, shot.key.number))
         darks = {shot.exposure_s: shot for shot in shots if shot.kind == "dark"}
         again = [shot for shot in shots if shot.kind == "reference"]

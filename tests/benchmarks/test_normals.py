@@ -1,4 +1,4 @@
-"""How long a solve takes."""
+"""Time of a near-light solve."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The last solve in blocks of rows against the solve in one piece, and images read again against those held."""
+"""The final solve in blocks of rows against all rows at once, and streamed images against those held in memory."""
 
 from dataclasses import replace
 
@@ -47,7 +47,7 @@ def model(known: Calibration, stack: ImageStack | StoredImages) -> Scene:
 
 
 def refined(gathered: PyramidLevel, noise: photometry.Noise, lobe: Lobe, received: float) -> AlternationResult:
-    """A coarse surface that is not flat, as refining might have left it."""
+    """A coarse surface that is not flat, as an alternation might end with."""
     coarse = gathered.coarse
     count, lights = coarse.values.shape[1], len(coarse.values)
     wave = 0.86 + 0.004 * np.sin(np.arange(count) / 9)
@@ -103,7 +103,7 @@ def test_solve_in_blocks_of_rows_equals_solve_in_one(
 
 
 def test_solve_streamed_images_equals_solve_in_memory(cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From frames, with silhouette, refining and table: in blocks, and from memory in one."""
+    """From frames, with silhouette, alternation and table: in blocks from files, and at once from memory."""
     taken, table = scenes.capture(cushion, LIGHTS, seed=1), np.full((SIZE, SIZE), scenes.TABLE_DEPTH, np.float32)
 
     def solved() -> NormalMap:

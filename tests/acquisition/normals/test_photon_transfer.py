@@ -1,4 +1,4 @@
-"""Gain and read noise from differences whose law is known."""
+"""Photon transfer on synthetic differences of known gain and read noise."""
 
 import numpy as np
 import pytest

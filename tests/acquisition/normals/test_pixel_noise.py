@@ -1,4 +1,4 @@
-"""Noise as neighbours show it, of a textured cushion under lamps that are not quite where they are said to be."""
+"""Noise estimated from neighbouring pixels of a textured cushion under lamps with position errors."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Noise read off residuals, and what shared errors of the lamps do to normals."""
+"""Noise scales estimated from residuals, and the normals' variance by shared errors of the lamps."""
 
 from dataclasses import replace
 

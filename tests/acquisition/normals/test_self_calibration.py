@@ -1,4 +1,4 @@
-"""How wrong the lamps' intensities and positions are, as a calibration finds and shows it."""
+"""Self-calibration of lamp intensities and positions: evidence, normal equations, recovered offsets and their σ."""
 
 from dataclasses import replace
 
@@ -21,14 +21,14 @@ TURNED = np.linalg.qr(np.random.default_rng(0).normal(size=(8, 8)))[0]
 
 
 def normal_equations(found: list[float], precision: list[float]) -> tuple[np.ndarray, np.ndarray]:
-    """Of eight log intensities, and of a shift (m) that the images tell nothing of; `found` along turned axes."""
+    """Of eight log intensities, and of a shift (m) that the images do not determine; `found` along rotated axes."""
     matrix = np.zeros((9, 9))
     matrix[:8, :8] = TURNED @ np.diag(precision) @ TURNED.T
     return matrix, matrix @ np.append(TURNED @ found, 0.0)
 
 
 def test_evidence_undetermined_directions_are_ignored() -> None:
-    """Five of eight combinations are found to be off by 3 %; of three the images know nothing."""
+    """Five of eight combinations are off by 3 %; three are not determined by the images."""
     matrix, right = normal_equations([0.03, -0.03, 0.03, 0.03, -0.03, 0, 0, 0], [500.0**2] * 5 + [0.0] * 3)
     assert self_calibration.evidence_maximised_sigma(matrix, right, np.array([33.0**2]), STATED) == pytest.approx(
         0.03, rel=0.25
@@ -42,7 +42,7 @@ def test_evidence_below_bayes_factor_keeps_stated_sigma(size: float) -> None:
 
 
 def test_evidence_residuals_explained_by_shift_keep_stated_sigma() -> None:
-    """The same residuals, which a shift of 10 mm leaves as well, are explained by the shift."""
+    """The same residuals, which a shift of 10 mm also causes, are explained by the shift."""
     matrix, _ = normal_equations([0.0] * 8, [500.0**2] * 8)
     slope = TURNED[:, 0] * 4.0
     matrix[:8, 8] = matrix[8, :8] = matrix[:8, :8] @ slope
@@ -51,7 +51,7 @@ def test_evidence_residuals_explained_by_shift_keep_stated_sigma() -> None:
 
 
 def test_step_flat_glossy_surface_recovers_intensities() -> None:
-    """Tilt, highlight and intensities would feed one another if the highlight were taken as it is."""
+    """Tilt, highlight and intensities would drift together if the highlight were held fixed."""
     made = measured(largest_slant=0.15)
     rng = np.random.default_rng(5)
     wrong = rng.normal(0, 0.03, 8)
@@ -86,7 +86,7 @@ def test_step_flat_glossy_surface_recovers_intensities() -> None:
 
 
 def test_step_eliminated_pixels_equals_dense_solution() -> None:
-    """Pixels' own unknowns are eliminated one pixel after another; the whole system, solved densely, says the same."""
+    """The step with each pixel's unknowns eliminated equals the dense solution of the full system."""
     made, rng, offset_sigma, shift_sigma = measured(size=9), np.random.default_rng(2), 0.003, 0.03
     values = (made.values * (1 + rng.normal(0, 0.001, made.values.shape))).astype(np.float32)
     found = pixel_solve.solve(
@@ -131,7 +131,7 @@ def test_step_eliminated_pixels_equals_dense_solution() -> None:
 @pytest.mark.parametrize("glossy", [False, True])
 @pytest.mark.parametrize("count", [5, 8, 21])
 def test_step_random_pixels_equals_sum_of_dense_pixels(count: int, *, glossy: bool) -> None:
-    """Random pixels lit by some of the lamps, with a lobe and without: dense matrices of each pixel say the same."""
+    """Random pixels lit by some of the lamps, with a lobe and without, against dense matrices of each pixel."""
     rng, pixels, offset_sigma = np.random.default_rng(count), 90, 0.003
     lobes = 2 if glossy else 0
 
@@ -200,8 +200,8 @@ def test_position_derivative_equals_finite_difference() -> None:
 
 
 def test_step_displaced_lamps_recovers_offsets_with_true_sigma() -> None:
-    """What the images cannot tell, such as all lamps and the object moved together, stays with the prior."""
-    asides, left, said = [], [], []
+    """Directions that images do not determine, such as all lamps and the object moved together, keep their prior."""
+    offsets_m, left, said = [], [], []
     for seed in range(6):
         rng = np.random.default_rng(seed)
         made = measured(size=60)
@@ -226,15 +226,15 @@ def test_step_displaced_lamps_recovers_offsets_with_true_sigma() -> None:
                 0.0,
                 step.covariance,
             )
-        asides.append(wrong)
+        offsets_m.append(wrong)
         left.append(present.lamp_offset_m - wrong)
         said.append(np.sqrt(np.diag(present.covariance)[8:]))
-    assert np.std(left) < 0.85 * np.std(asides)
+    assert np.std(left) < 0.85 * np.std(offsets_m)
     assert np.std(left) == pytest.approx(np.sqrt(np.mean(np.square(said))), rel=0.2)
 
 
-def taken_aside(true: scenes.Scene, told: list[Light], lamp_offset_m: np.ndarray, seed: int) -> Observations:
-    """Images of lamps that stand `lamp_offset_m` (F, 3) of where the records say that they do."""
+def captured_with_offsets(true: scenes.Scene, told: list[Light], lamp_offset_m: np.ndarray, seed: int) -> Observations:
+    """Images of lamps displaced by `lamp_offset_m` (F, 3) from their recorded positions."""
     there = [
         Light(position=tuple((np.array(light.position) + by).tolist()), axis=light.axis)
         for light, by in zip(told, lamp_offset_m, strict=True)
@@ -245,14 +245,14 @@ def taken_aside(true: scenes.Scene, told: list[Light], lamp_offset_m: np.ndarray
 
 
 def test_solve_displaced_lamps_lowers_normal_error() -> None:
-    """Against a calibration that is sure of where its lamps are, with images whose intensities are right."""
+    """Against a calibration whose position σ is nearly zero, with images of exact intensities."""
     true = scenes.scene(scenes.sphere, scenes.calibration(96))
-    told, aside_sigma = [*scenes.ring(6, 30.0), *scenes.ring(6, 55.0, 0.3)], 0.004
-    asides, found, error = [], [], {"sought": [], "held": []}
+    told, offset_sigma_m = [*scenes.ring(6, 30.0), *scenes.ring(6, 55.0, 0.3)], 0.004
+    offsets_m, found, error = [], [], {"sought": [], "held": []}
     for seed in range(3):
-        asides.append(np.random.default_rng(seed).normal(0, aside_sigma, (len(told), 3)))
-        taken = taken_aside(true, told, asides[-1], seed)
-        for name, sigma in (("sought", aside_sigma), ("held", 1e-6)):
+        offsets_m.append(np.random.default_rng(seed).normal(0, offset_sigma_m, (len(told), 3)))
+        taken = captured_with_offsets(true, told, offsets_m[-1], seed)
+        for name, sigma in (("sought", offset_sigma_m), ("held", 1e-6)):
             known = scenes.calibration(96, lamp_position_sigma_m=sigma)
             normal_map = normals.solve(taken, known, SolveSettings(), initial_depth_m=0.87, region=true.mask)
             error[name].append(np.mean(true.error_deg(normal_map.normals)))
@@ -260,6 +260,6 @@ def test_solve_displaced_lamps_lowers_normal_error() -> None:
                 found.append(normal_map.notes["lamps_aside_m"])
             else:
                 assert np.max(np.abs(normal_map.notes["lamps_aside_m"])) < 1e-6
-    assert np.corrcoef(np.ravel(found), np.ravel(asides))[0, 1] > 0.7
-    assert np.std(np.array(found) - asides) < 0.75 * np.std(asides)
+    assert np.corrcoef(np.ravel(found), np.ravel(offsets_m))[0, 1] > 0.7
+    assert np.std(np.array(found) - offsets_m) < 0.75 * np.std(offsets_m)
     assert np.mean(error["sought"]) < 0.9 * np.mean(error["held"])

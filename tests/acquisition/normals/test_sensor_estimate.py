@@ -1,4 +1,4 @@
-"""The sensor that a session's frames show, of simulated sensors whose gain and read noise are known."""
+"""Gain and read noise estimated from a session's frames, of simulated sensors of known gain and read noise."""
 
 from dataclasses import replace
 from typing import Any
@@ -152,7 +152,7 @@ def test_estimate_fine_detail_shifted_keeps_calibration() -> None:
 
 
 def test_estimate_lamp_off_frames_of_one_exposure_are_a_pair() -> None:
-    """Room light with fine detail is in both; one of them alone would take it for noise."""
+    """Room light with fine detail is in both; in one of them alone it would count as noise."""
     known, rng = SENSORS["12 bits"], np.random.default_rng(3)
     taken = session(known, scene(rng), darks=1)
     room = rng.uniform(0, 0.02, (SIZE, SIZE)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Object against table by brightness alone."""
+"""Segmentation of object and table by brightness."""
 
 import numpy as np
 import pytest

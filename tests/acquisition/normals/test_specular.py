@@ -1,4 +1,4 @@
-"""The lobe that all pixels find together."""
+"""The Blinn–Phong lobe fit and the derivatives of its highlight."""
 
 from dataclasses import replace
 
@@ -53,7 +53,7 @@ def test_fit_four_lights_gives_no_lobe() -> None:
 
 
 def test_derivatives_equal_finite_differences() -> None:
-    """Against differences over a small turn of g and small changes of the lobe."""
+    """Against differences over a small rotation of g and small changes of the lobe."""
     made, gloss = measured(), Lobe(0.2, 30.0)
     found = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene, PixelSolveOptions(0.15))
     said = gloss.derivatives(found, made.ray_direction)
@@ -70,7 +70,7 @@ def test_derivatives_equal_finite_differences() -> None:
 
 
 def test_solve_with_highlight_derivative_halves_error() -> None:
-    """Two turns from a solve that knows nothing of it; taken as fixed, the highlight throws normals to and fro."""
+    """Two iterations from a solve without the highlight; with the highlight held fixed the normals oscillate."""
     made, gloss = measured(), Lobe(0.4, 30.0)
     glossy = made.values + blinn(made, 0.4, 30.0).astype(np.float32)
 
