@@ -1,9 +1,9 @@
 """A UR e-Series controller (PolyScope 5.11.1) in software: real sockets, the real library on the other side.
 
-    sockets · delay → rtde (registers · publication) · dashboard · scripts · control_port      protocols
+    sockets · delay → rtde (registers · publication) · dashboard · scripts · control_port      the protocols
     syntax · syntax_tree → compiler → program + …_functions (semantics · script_values) ← program_loader  URScript
     kinematics · calibration · poses → profile · curves → moves · blend · process_path · steering · limits → arm
-    surroundings · contact → collisions · safety · watchdogs · outputs                         stops
+    surroundings · contact → collisions · safety · watchdogs · outputs                         causes of stops
     freedrive · hand_guiding                                                                   the arm moved by hand
     robot                                                                                      what these see of it
     controller                                                                                 one tick of 2 ms
