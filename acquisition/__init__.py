@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from acquisition.formats.export import read as read_result
     from acquisition.formats.export import write as write_result
     from acquisition.formats.folders import read as read_folder
-    from acquisition.formats.folders.session import read as read_session
+    from acquisition.formats.folders.session_folder import read as read_session
     from acquisition.models.calibration import Calibration
     from acquisition.models.errors import ErrorCode, RigError
     from acquisition.models.light_plan import Light, LightPlan
@@ -54,7 +54,7 @@ _SOURCES: dict[str, tuple[str, str]] = {
     "State": ("session", "State"),
     "read_folder": ("formats.folders", "read"),
     "read_result": ("formats.export", "read"),
-    "read_session": ("formats.folders.session", "read"),
+    "read_session": ("formats.folders.session_folder", "read"),
     "solve_distant": ("normals.distant", "solve"),
     "solve_near": ("normals.near_light", "solve"),
     "write_result": ("formats.export", "write"),

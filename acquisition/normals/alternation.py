@@ -24,6 +24,8 @@ from acquisition.normals import (
     self_calibration,
     specular,
 )
+from acquisition.normals.discontinuity import ShadowImages
+from acquisition.normals.interreflection import Surface
 from acquisition.normals.pixel_solve import Estimate, Pixels, PixelSolveOptions, Scene
 from acquisition.normals.pyramid import PyramidLevel
 from acquisition.normals.self_calibration import Priors, SharedParameters
@@ -162,15 +164,14 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene) -> Alternat
             extra_variance=(np.float32(specular.HIGHLIGHT_SIGMA) * highlight) ** 2,
         )  # fmt: skip
         previous, normals = normals, pixel_solve.clamp_to_visible(estimate.normals, ray_direction)
-        certainty = integration.certainty(estimate.variance.copy())
+        confidence = integration.confidence(estimate.variance.copy())
         start = coarse.image(depth, float(np.mean(depth)))
-        smooth = coarse.take(integration.depth(coarse.image(normals), mask, ray, coarse.image(certainty), start))
+        smooth = coarse.take(integration.depth(coarse.image(normals), mask, ray, coarse.image(confidence), start))
         discontinuous_depth = None
         if discontinuous:
             cuts = INITIAL_DISCONTINUITY_ROUNDS if turn == 0 else 1
-            discontinuous_depth = discontinuity.depth(
-                coarse, measured - highlight, estimate, normals, certainty, depth, smooth, present.lamps, cuts
-            )
+            shadows = ShadowImages(coarse, measured - highlight, estimate.light, present.lamps)
+            discontinuous_depth = discontinuity.discontinuous_depth(shadows, normals, confidence, depth, smooth, cuts)
         discontinuous = discontinuous_depth is not None
         depth, continuity_weight = discontinuous_depth or (smooth, np.ones_like(smooth))
 
@@ -230,11 +231,12 @@ def _indirect_light(
     coarse = level.coarse
 
     def predicted(every: int) -> _IndirectLight:
-        irradiance = interreflection.received(
-            coarse, diffuse, estimate, depth_m, normals, level.table, scene.lamps, scene.calibration, every
+        surface = Surface(depth_m, normals, estimate.albedo, level.table)
+        irradiance = interreflection.received_irradiance(
+            coarse, diffuse, surface, scene.lamps, scene.calibration, every
         )
-        radiance = interreflection.sent_on(irradiance, diffuse, direct, estimate.albedo)
-        scale = interreflection.scale(coarse, diffuse, radiance, estimate)
+        radiance = interreflection.reflected_radiosity(irradiance, diffuse, direct, estimate.albedo)
+        scale = interreflection.prediction_scale(coarse, diffuse, radiance, estimate)
         radiance = (np.float32(scale) * radiance).astype(np.float32)
         share = np.sum(radiance[:, ::every], axis=0) / np.maximum(np.sum(diffuse[:, ::every], axis=0), 1e-6)
         significant = float(np.quantile(share, 0.98)) > MIN_INDIRECT_SHARE
@@ -254,7 +256,7 @@ def _shared_normal_variance(
 ) -> Float32Array:
     """Variance (N,) in rad² of the normals by errors that pixels share (lamps) or images share (indirect light)."""
     by_lamps = self_calibration.normal_variance(estimate, lamps, shared.covariance)
-    return by_lamps + interreflection.spread(estimate, indirect)
+    return by_lamps + interreflection.normal_variance(estimate, indirect)
 
 
 def divide_intensity(values: Float32Array, log_intensity: FloatArray) -> Float32Array:

@@ -130,8 +130,8 @@ def solve(
     _regularise(maps["normals"][window], maps["sigma_deg"][window], surface["variance"], masked.ray)
     depth = integration.depth(
         maps["normals"][window].transpose(2, 0, 1), masked.mask, masked.ray,
-        integration.certainty(surface.pop("variance")), surface.pop("start"),
-        whole=surface.pop("continuity_weight", None), keep_steps=scene.settings.keep_steps,
+        integration.confidence(surface.pop("variance")), surface.pop("start"),
+        continuity_weight=surface.pop("continuity_weight", None), keep_steps=scene.settings.keep_steps,
     )  # fmt: skip
     unsolved = ~maps["mask"]
     maps["normals"][unsolved] = 0
@@ -163,13 +163,13 @@ def solve(
 def _regularise(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array, ray: Float32Array) -> None:
     """Smooths uncertain pixels, projects the normals onto integrable ones, and smooths again, all in place.
 
-    Arrays are those of `integrability.settle`: normals (h, w, 3), σ (h, w) in degrees, variance (h, w), rays (2, h, w).
+    Arrays: normals (h, w, 3), σ (h, w) in degrees, variance (h, w) in rad², rays (2, h, w).
     """
     regularisation.smooth_uncertain(normals, sigma_deg)
     lowered = np.radians(sigma_deg)
     lowered *= lowered
     np.fmin(variance, lowered, out=variance)
-    integrability.settle(normals, sigma_deg, variance, ray)
+    integrability.project_integrable(normals, sigma_deg, variance, ray)
     regularisation.smooth_uncertain(normals, sigma_deg)
 
 
@@ -262,7 +262,7 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> _Pi
         direct, values = values, measured - highlight
         extra = np.square(np.float32(specular.HIGHLIGHT_SIGMA) * highlight)
         if state.indirect_irradiance is not None:
-            indirect = interreflection.sent_on(state.indirect_irradiance, values, direct, estimate.albedo)
+            indirect = interreflection.reflected_radiosity(state.indirect_irradiance, values, direct, estimate.albedo)
             values = values - indirect
             extra = extra + np.square(np.float32(photometry.PREDICTED_BOUNCE_SIGMA) * indirect)
         estimate = once(values, extra, iterations, gloss)

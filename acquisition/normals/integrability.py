@@ -1,14 +1,16 @@
-"""What of a normal map no surface can have is noise, and is taken out.
+"""Projection of a normal map onto integrable ones: generalised least squares under the zero-curl constraint.
 
-A normal has two unknowns and a surface but one at each pixel: its slopes across and down the picture are those of one
-depth, so round any two by two pixels they add up to nothing. Pixels are solved one by one and know nothing of that.
-What their slopes add up to is therefore error, and the least change of all normals, each weighed by how sure it is,
-that makes them those of a surface takes half of the variance away that pixels do not share. It smooths nothing: relief
-of any fineness is a surface and stays as it is, and lamps that are wrong tilt all normals much as a surface could.
+A normal has two unknowns, a surface only one at each pixel: its slopes along rows and columns are those of one depth,
+so their circulation round any cell of two by two pixels is zero (integrability; Frankot & Chellappa 1988). Pixels are
+solved one by one, without that constraint. A circulation is therefore error, and the least change of all normals in
+the metric of their covariances that removes it takes away half of the variance which pixels do not share. This smooths
+nothing: relief of any fineness is integrable and stays as it is, and an error of the lamps, which tilts all normals
+much as a surface could, stays too.
 
-Where the slopes round four pixels miss each other by more than their noise explains, or where the surface bends so much
-that a pixel's mean normal has not its mean slope, the four are joined as loosely as that asks: at limbs, steps and
-creases. The change is small, so slopes are linear in it, and local, so strips of rows are changed one after another.
+Where a circulation is larger than its noise explains, or where curvature makes a pixel's mean normal differ from its
+mean slope, the constraint of that cell gets a variance of its own: at occluding contours, discontinuities and creases.
+The change is small, so slopes are linear in it, and local, so strips of rows are projected one after another. The dual
+problem, with one multiplier per cell, is solved by Jacobi-preconditioned conjugate gradients.
 
 Kernels compile at import, into numba's cache.
 """
@@ -19,26 +21,28 @@ import numpy as np
 from acquisition.models.base import Float32Array
 from acquisition.normals.regularisation import UNSURE_DEG
 
-MISMATCH = 2.5
-"""Whitened sum of the slopes round four pixels beyond which it is no noise."""
+CIRCULATION_LIMIT = 2.5
+"""Circulation round a cell, in its 1 σ, beyond which it is not noise alone."""
 
-BENT = 0.05
-"""1 σ of that sum, as a share of how much slopes differ among the four: pixels are not points."""
+CURVATURE_SIGMA = 0.05
+"""1 σ of the circulation as a share of the slope differences within the cell: pixels are areas, not points."""
 
 LEAST_COSINE = 0.05
-"""Surfaces seen more edge-on than this, 87°, have no slope to speak of."""
+"""Cosine to the viewing ray, that of 87°, below which a slope is too uncertain to constrain its neighbours."""
 
 ROUNDS = 10
-"""Steps of conjugate gradients: noise is local, and after five of them errors fall by less than a hundredth."""
+"""Iterations of conjugate gradients: noise is local, and after five of them errors fall by less than a hundredth."""
 
-ROWS, AROUND = 256, 12
-"""Rows of a strip, and those above and below that are solved with it for its own rows' sake."""
+STRIP_ROWS, OVERLAP_ROWS = 256, 12
+"""Rows of a strip, and the rows above and below that are solved with it so that strips leave no seam."""
 
 
-def settle(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array, ray: Float32Array) -> None:
-    """Turns unit normals (H, W, 3), view frame, as little as makes them those of a surface, and lowers σ, in place.
+def project_integrable(
+    normals: Float32Array, sigma_deg: Float32Array, variance: Float32Array, ray: Float32Array
+) -> None:
+    """Projects unit normals (H, W, 3), view frame, onto integrable ones by least squares, and lowers their σ, in place.
 
-    Where σ is large it is not noise but what too few lights leave open, which neighbours share, and it stays.
+    Where σ is above UNSURE_DEG it comes from too few lights, an error that neighbours share, and is not lowered.
 
     `sigma_deg` (H, W) is 1 σ over both tangential directions, as in NormalMap, NaN where there is no normal; `variance`
     (H, W) in rad² is the part of its square that comes from errors which pixels do not share, and is lowered as well;
@@ -49,55 +53,55 @@ def settle(normals: Float32Array, sigma_deg: Float32Array, variance: Float32Arra
         return
     pitch = np.float32(abs(ray[0, height // 2, -1] - ray[0, height // 2, 0]) / (width - 1))
     above = normals[:0].copy(), variance[:0].copy()
-    for start in range(0, height, ROWS):
-        stop, below = min(start + ROWS, height), min(start + ROWS + AROUND, height)
-        there = np.isfinite(sigma_deg[start:below])
+    for start in range(0, height, STRIP_ROWS):
+        stop, below = min(start + STRIP_ROWS, height), min(start + STRIP_ROWS + OVERLAP_ROWS, height)
+        known = np.isfinite(sigma_deg[start:below])
         strip = np.concatenate([above[0], normals[start:below]])
-        before = np.concatenate([above[1], np.where(there, variance[start:below], 0)])
+        before = np.concatenate([above[1], np.where(known, variance[start:below], 0)])
         first = len(above[0])
         last = first + stop - start
-        above = strip[max(last - AROUND, 0) : last].copy(), before[max(last - AROUND, 0) : last]
+        above = strip[max(last - OVERLAP_ROWS, 0) : last].copy(), before[max(last - OVERLAP_ROWS, 0) : last]
         if len(strip) < 2:
             continue
-        left = _settled(strip, before, ray[:, start - first : below], pitch)[first:last]
+        left = _project_strip(strip, before, ray[:, start - first : below], pitch)[first:last]
         normals[start:stop] = strip[first:last]
-        gone = np.where(sigma_deg[start:stop] > UNSURE_DEG, 0, (1 - left) * before[first:last])
-        sigma_deg[start:stop] = np.degrees(np.sqrt(np.radians(sigma_deg[start:stop]) ** 2 - gone))
-        variance[start:stop] -= gone
+        removed = np.where(sigma_deg[start:stop] > UNSURE_DEG, 0, (1 - left) * before[first:last])
+        sigma_deg[start:stop] = np.degrees(np.sqrt(np.radians(sigma_deg[start:stop]) ** 2 - removed))
+        variance[start:stop] -= removed
 
 
-def _settled(normals: Float32Array, variance: Float32Array, ray: Float32Array, pitch: np.float32) -> Float32Array:
-    """Turns the normals (h, w, 3) of a strip, in place; the share (h, w) of their variance that is left.
+def _project_strip(normals: Float32Array, variance: Float32Array, ray: Float32Array, pitch: np.float32) -> Float32Array:
+    """Projects the normals (h, w, 3) of one strip, in place; the share (h, w) of their variance that is left.
 
-    A variance of zero says that there is no normal.
+    A variance of zero marks a pixel without a normal.
     """
     height, width = variance.shape
     down, across = (np.gradient(ray, axis=axis) / pitch for axis in (1, 2))
     rays = np.ascontiguousarray(np.concatenate([ray, across, down]), np.float32)
     slope = np.empty((5, height, width), np.float32)
     _slopes(normals, variance, rays, slope)
-    shape = (height + 1, width + 1)  # an unknown for each four pixels, and zeros at the border
-    total, loose, inverse = (np.zeros(shape, np.float32) for _ in range(3))
-    _sums(slope, total, loose, inverse)
-    pull, change = np.zeros(shape, np.float32), np.empty((2, height, width), np.float32)
-    way, image = inverse * total, np.zeros(shape, np.float32)
-    remains = total
-    power = float(np.vdot(remains, way))
+    shape = (height + 1, width + 1)  # a multiplier for each cell of 2 × 2 pixels, and zeros at the border
+    circulation, slack, inverse = (np.zeros(shape, np.float32) for _ in range(3))
+    _circulations(slope, circulation, slack, inverse)
+    multiplier, change = np.zeros(shape, np.float32), np.empty((2, height, width), np.float32)
+    direction, image = inverse * circulation, np.zeros(shape, np.float32)
+    residual = circulation
+    power = float(np.vdot(residual, direction))
     for _ in range(ROUNDS):
         if power <= 0:
             break
-        _changes(way, slope, change)
-        _misses(change, way, loose, image)
-        step = np.float32(power / float(np.vdot(way, image)))
-        pull += step * way
-        remains -= step * image
-        eased = inverse * remains
-        before, power = power, float(np.vdot(remains, eased))
-        way *= np.float32(power / before)
-        way += eased
-    _changes(pull, slope, change)
+        _slope_changes(direction, slope, change)
+        _apply(change, direction, slack, image)
+        step = np.float32(power / float(np.vdot(direction, image)))
+        multiplier += step * direction
+        residual -= step * image
+        conditioned = inverse * residual
+        before, power = power, float(np.vdot(residual, conditioned))
+        direction *= np.float32(power / before)
+        direction += conditioned
+    _slope_changes(multiplier, slope, change)
     left = np.empty((height, width), np.float32)
-    _turn(normals, rays, slope, change, loose, inverse, left)
+    _update_normals(normals, rays, slope, change, slack, inverse, left)
     return left
 
 
@@ -106,10 +110,10 @@ def _settled(normals: Float32Array, variance: Float32Array, ray: Float32Array, p
     cache=True, parallel=True, fastmath={"contract", "arcp", "nsz", "reassoc"}, error_model="numpy",
 )  # fmt: skip
 def _slopes(normals: Float32Array, variance: Float32Array, rays: Float32Array, out: Float32Array) -> None:
-    """Change of log depth to the right and down, in units of the pitch, and its covariance: p, q, C_pp, C_pq, C_qq.
+    """Slopes of log depth along rows and columns, per pitch, and covariance, from normals: p, q, C_pp, C_pq, C_qq.
 
-    n·∂(Zr)/∂u = 0 gives p = −n·r_u / n·r; with the tangent t_u = r_u + p r a turn δn makes it −t_u·δn / n·r, so that
-    noise which is alike in both tangential directions has the covariance σ²/2 (t·t) / (n·r)². Zero where there is none.
+    n·∂(Zr)/∂u = 0 gives p = −n·r_u / n·r; with the tangent t_u = r_u + p r a rotation δn changes it by −t_u·δn / n·r;
+    noise that is isotropic in the tangent plane has the covariance σ²/2 (t·t) / (n·r)². Zero without a normal.
     """
     height, width = variance.shape
     for i in numba.prange(height):
@@ -137,8 +141,8 @@ def _slopes(normals: Float32Array, variance: Float32Array, rays: Float32Array, o
     "void(float32[:,:,::1], float32[:,::1], float32[:,::1], float32[:,::1])",
     cache=True, parallel=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
-def _sums(slope: Float32Array, total: Float32Array, loose: Float32Array, inverse: Float32Array) -> None:
-    """For each four pixels what their slopes add up to, how loosely they are joined, and 1 / the total variance."""
+def _circulations(slope: Float32Array, total: Float32Array, slack: Float32Array, inverse: Float32Array) -> None:
+    """Circulation of the slopes round each cell, the variance of its constraint, and 1 / the total variance."""
     height, width = slope.shape[1:]
     for i in numba.prange(height - 1):
         for j in range(width - 1):
@@ -153,25 +157,25 @@ def _sums(slope: Float32Array, total: Float32Array, loose: Float32Array, inverse
             mixed = slope[3, i, j + 1] + slope[3, i + 1, j] - slope[3, i, j] - slope[3, i + 1, j + 1]
             noise += np.float32(2.0) * mixed
             noise *= np.float32(0.25)
-            bent = (p00 - p11) ** 2 + (p01 - p10) ** 2 + (q00 - q11) ** 2 + (q01 - q10) ** 2
-            known = noise + np.float32(BENT**2) * bent
-            whole = max(known, added * added / np.float32(MISMATCH**2))
+            curvature = (p00 - p11) ** 2 + (p01 - p10) ** 2 + (q00 - q11) ** 2 + (q01 - q10) ** 2
+            known = noise + np.float32(CURVATURE_SIGMA**2) * curvature
+            variance = max(known, added * added / np.float32(CIRCULATION_LIMIT**2))
             total[i + 1, j + 1] = added
-            loose[i + 1, j + 1] = whole - noise
-            inverse[i + 1, j + 1] = 1 / whole
+            slack[i + 1, j + 1] = variance - noise
+            inverse[i + 1, j + 1] = 1 / variance
 
 
 @numba.njit(
     "void(float32[:,::1], float32[:,:,::1], float32[:,:,::1])",
     cache=True, parallel=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
-def _changes(pull: Float32Array, slope: Float32Array, change: Float32Array) -> None:
-    """By how much slopes (2, h, w) give way to a pull on each four pixels."""
+def _slope_changes(multiplier: Float32Array, slope: Float32Array, change: Float32Array) -> None:
+    """Change of the slopes (2, h, w) for a multiplier of each cell: covariance times adjoint curl."""
     height, width = slope.shape[1:]
     half = np.float32(0.5)
     for i in numba.prange(height):
         for j in range(width):
-            a, b, c, d = pull[i, j], pull[i, j + 1], pull[i + 1, j], pull[i + 1, j + 1]
+            a, b, c, d = multiplier[i, j], multiplier[i, j + 1], multiplier[i + 1, j], multiplier[i + 1, j + 1]
             p, q = half * (a + b - c - d), half * (b + d - a - c)
             change[0, i, j] = slope[2, i, j] * p + slope[3, i, j] * q
             change[1, i, j] = slope[3, i, j] * p + slope[4, i, j] * q
@@ -181,15 +185,15 @@ def _changes(pull: Float32Array, slope: Float32Array, change: Float32Array) -> N
     "void(float32[:,:,::1], float32[:,::1], float32[:,::1], float32[:,::1])",
     cache=True, parallel=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
-def _misses(change: Float32Array, pull: Float32Array, loose: Float32Array, out: Float32Array) -> None:
-    """What the changes of slopes add up to round each four pixels, and what looseness adds."""
+def _apply(change: Float32Array, multiplier: Float32Array, slack: Float32Array, out: Float32Array) -> None:
+    """The dual system's matrix times a multiplier: circulation of the slope changes plus the constraint's variance."""
     height, width = change.shape[1:]
     half = np.float32(0.5)
     for i in numba.prange(height - 1):
         for j in range(width - 1):
             across = change[0, i + 1, j] + change[0, i + 1, j + 1] - change[0, i, j] - change[0, i, j + 1]
             down = change[1, i, j] + change[1, i + 1, j] - change[1, i, j + 1] - change[1, i + 1, j + 1]
-            out[i + 1, j + 1] = half * (across + down) + loose[i + 1, j + 1] * pull[i + 1, j + 1]
+            out[i + 1, j + 1] = half * (across + down) + slack[i + 1, j + 1] * multiplier[i + 1, j + 1]
 
 
 @numba.njit(
@@ -197,14 +201,14 @@ def _misses(change: Float32Array, pull: Float32Array, loose: Float32Array, out: 
     " float32[:,::1])",
     cache=True, parallel=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
-def _turn(
-    normals: Float32Array, rays: Float32Array, slope: Float32Array, change: Float32Array, loose: Float32Array,
+def _update_normals(
+    normals: Float32Array, rays: Float32Array, slope: Float32Array, change: Float32Array, slack: Float32Array,
     inverse: Float32Array, left: Float32Array,
 ) -> None:  # fmt: skip
-    """Normals of the slopes less their changes, and the share of the variance that this leaves.
+    """Normals of the slopes less their changes, and the share of the variance that this leaves, approximately.
 
-    Each four pixels are a measurement of a pixel's slopes, as uncertain as the other three together; that they are
-    measured themselves meanwhile makes two thirds of it, which for pixels that are equally sure gives the exact half.
+    Each cell is a measurement of a pixel's slopes, as uncertain as its other three pixels together; these are improved
+    by their own cells meanwhile, hence two thirds of that, which for equal variances gives the exact half.
     """
     height, width = left.shape
     for i in numba.prange(height):
@@ -219,17 +223,17 @@ def _turn(
             nx, ny, nz = vy * uz - vz * uy, vz * ux - vx * uz, vx * uy - vy * ux
             length = np.sqrt(nx * nx + ny * ny + nz * nz)
             normals[i, j, 0], normals[i, j, 1], normals[i, j, 2] = nx / length, ny / length, nz / length
-            told = np.float32(0)  # by those round the pixel, in units of what it knows itself
+            information = np.float32(0)  # from the cells round the pixel, in units of its own
             for a in range(2):
                 for b in range(2):
                     if inverse[i + a, j + b] <= 0:
                         continue
                     mixed = -slope[3, i, j] if a == b else slope[3, i, j]
                     own = np.float32(0.25) * (slope[2, i, j] + slope[4, i, j]) + np.float32(0.5) * mixed
-                    held = loose[i + a, j + b]
-                    others = 1 / inverse[i + a, j + b] - held - own
-                    told += np.float32(0.5) * own / (np.float32(2 / 3) * others + held)
-            left[i, j] = 1 / (1 + told)
+                    cell = slack[i + a, j + b]
+                    others = 1 / inverse[i + a, j + b] - cell - own
+                    information += np.float32(0.5) * own / (np.float32(2 / 3) * others + cell)
+            left[i, j] = 1 / (1 + information)
 
 
-KERNELS = (_slopes, _sums, _changes, _misses, _turn)
+KERNELS = (_slopes, _circulations, _slope_changes, _apply, _update_normals)

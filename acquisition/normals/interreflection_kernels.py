@@ -1,9 +1,9 @@
-"""Kernels over a height field that the camera sees: what light arrives from above horizons, walls, and shadows.
+"""Kernels over a height field that the camera sees: horizon gathering of radiosity, wall detection, shadow rays.
 
-In a plane through the camera's ray, walking outwards from a receiver, each surface that rises above the horizon so far
-fills the angle between, and the cosine-weighted integral over that angle, from α₁ to α₂, is that of
-(a cos α + b sin α) cos α, with a and b the normal's parts across the ray and along it. What is walked over is the same
-for all receivers, so it is laid down once.
+In a plane through the viewing ray, outwards from a receiver, each surface that rises above the horizon so far fills the
+angle between, and the cosine-weighted integral over that angle, from α₁ to α₂, is that of (a cos α + b sin α) cos α,
+with a and b the normal's components across the ray and along it. The ray march over the grid is the same for all
+receivers, so it is tabulated once.
 
 Kernels compile at import, into numba's cache.
 """
@@ -17,25 +17,29 @@ LEVELS = 3
 """Parts of a wall's height that have a radiosity of their own."""
 
 WALL_SLOPE = 2.5
+"""Rise over run between neighbouring cells from which there is a wall between them."""
+
 SHADOW_CLEARANCE_M = 0.0003
-BEYOND_PICTURE = 0.5
-"""Radiosity of the table beyond the picture, as a share of what its border sends."""
+"""Height, m, above a shadow ray from which the surface occludes it."""
+
+BEYOND_IMAGE = 0.5
+"""Radiosity of the table beyond the image, as a share of that at its border."""
 
 
 @numba.njit("Tuple((float32[:,::1], int64[:,:,::1], float32[:,::1]))(int64, int64)", cache=True, error_model="numpy")
-def _ways(azimuths: int, longest: int) -> tuple[Float32Array, np.ndarray, Float32Array]:
-    """The cells that lie on the way from a cell in each direction, as far as `longest` cells.
+def _ray_march(azimuths: int, longest: int) -> tuple[Float32Array, np.ndarray, Float32Array]:
+    """Tabulates a ray march over grid cells in each direction, as far as `longest` cells, with growing strides.
 
-    The directions in the picture (A, 2). At each step the way passes between two cells that are neighbours in a row
-    or, where the direction is nearer to that of rows, in a column: row and column of the upper or left one, from those
-    of the first cell (A, steps, 2), and the other one's share (A, steps).
+    Directions in the image (A, 2). Each step passes between two cells that are neighbours in a row or, where the
+    direction is nearer to that of rows, in a column: row and column of the upper or left one relative to the first cell
+    (A, steps, 2), and the interpolation weight of the other one (A, steps).
     """
     steps = 0
-    gone, stride = 0.0, 1.0
-    while gone < longest:
-        gone, steps = gone + stride, steps + 1
-        if gone > 8:
-            stride = min(np.floor(gone / 6.0), 6.0)
+    distance, stride = 0.0, 1.0
+    while distance < longest:
+        distance, steps = distance + stride, steps + 1
+        if distance > 8:
+            stride = min(np.floor(distance / 6.0), 6.0)
     directions = np.empty((azimuths, 2), np.float32)
     cells = np.empty((azimuths, steps, 2), np.int64)
     shares = np.empty((azimuths, steps), np.float32)
@@ -44,18 +48,18 @@ def _ways(azimuths: int, longest: int) -> tuple[Float32Array, np.ndarray, Float3
         across, down = np.cos(azimuth), np.sin(azimuth)
         directions[k, 0], directions[k, 1] = across, down
         major = max(abs(across), abs(down))
-        gone, stride = 0.0, 1.0
+        distance, stride = 0.0, 1.0
         for n in range(steps):
-            gone += stride
-            u, v = gone * across / major, gone * down / major
+            distance += stride
+            u, v = distance * across / major, distance * down / major
             if abs(across) >= abs(down):
                 cells[k, n, 0], cells[k, n, 1] = np.floor(v), np.round(u)
                 shares[k, n] = v - np.floor(v)
             else:
                 cells[k, n, 0], cells[k, n, 1] = np.round(v), np.floor(u)
                 shares[k, n] = u - np.floor(u)
-            if gone > 8:
-                stride = min(np.floor(gone / 6.0), 6.0)
+            if distance > 8:
+                stride = min(np.floor(distance / 6.0), 6.0)
     return directions, cells, shares
 
 
@@ -69,33 +73,34 @@ def _ways(azimuths: int, longest: int) -> tuple[Float32Array, np.ndarray, Float3
 )
 def gather(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     point: Float32Array,  # (h, w, 3)
-    place: Float32Array,  # (K, 3) receivers
+    receiver: Float32Array,  # (K, 3) points
     normal: Float32Array,  # (K, 3)
     cell: np.ndarray,  # (K, 2)
     radiosity: Float32Array,  # (h, w, F)
     wall_number: np.ndarray,  # (h, w)
-    wall_sent: Float32Array,  # (W, LEVELS, F)
+    wall_radiosity: Float32Array,  # (W, LEVELS, F)
     azimuths: int,
     out: Float32Array,  # (K, F)
 ) -> None:
+    """Irradiance of each receiver: cosine-weighted integral of the radiosity above its horizon in each azimuth."""
     height, width, count = radiosity.shape
     zero, one, half, steep = np.float32(0), np.float32(1), np.float32(0.5), np.float32(WALL_SLOPE)
     share_of_one, far = np.float32(2.0 / azimuths), np.float32(1e6)
-    directions, cells, shares = _ways(azimuths, max(height, width))
-    # Unsigned places in flat arrays: numba has nothing to check there.
+    directions, cells, shares = _ray_march(azimuths, max(height, width))
+    # Unsigned indices into flat arrays spare numba the check for negative ones.
     points, numbers = point.reshape(height * width, 3), wall_number.reshape(height * width)
-    sent = radiosity.reshape(height * width, count)
-    # Between two cells the surface is interpolated, except across a step: to the right, and down.
-    broken = np.zeros((2, height * width), np.bool_)
+    radiosities = radiosity.reshape(height * width, count)
+    # Between two cells the surface is interpolated, except across a discontinuity: to the right, and down.
+    discontinuous = np.zeros((2, height * width), np.bool_)
     for v in numba.prange(height):
         for u in range(width):
             for side in range(2):
                 v1, u1 = v + side, u + 1 - side
                 if v1 < height and u1 < width:
                     apart = abs(point[v1, u1, 0] - point[v, u, 0]) + abs(point[v1, u1, 1] - point[v, u, 1])
-                    broken[side, v * width + u] = abs(point[v1, u1, 2] - point[v, u, 2]) > steep * apart
-    for i in numba.prange(place.shape[0]):
-        px, py, pz = place[i, 0], place[i, 1], place[i, 2]
+                    discontinuous[side, v * width + u] = abs(point[v1, u1, 2] - point[v, u, 2]) > steep * apart
+    for i in numba.prange(receiver.shape[0]):
+        px, py, pz = receiver[i, 0], receiver[i, 1], receiver[i, 2]
         nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
         inverse = one / np.sqrt(px * px + py * py + pz * pz)
         vx, vy, vz = -px * inverse, -py * inverse, -pz * inverse  # to the camera
@@ -107,13 +112,13 @@ def gather(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
             side = 1 if abs(across) >= abs(down) else 0
             beside = np.uintp(width if side else 1)
             rows, columns = np.uintp(height - side), np.uintp(width - 1 + side)
-            # the unit vector across the camera's ray, towards that side of the picture
+            # the unit vector across the viewing ray, towards that side of the image
             dot = across * vx - down * vy
             tx, ty, tz = across - dot * vx, -down - dot * vy, -dot * vz
             inverse = one / np.sqrt(tx * tx + ty * ty + tz * tz)
             tx, ty, tz = tx * inverse, ty * inverse, tz * inverse
             a = nx * tx + ny * ty + nz * tz
-            # Only directions before the tangent plane receive, a cos α + b sin α > 0: from where tan α is `lowest`.
+            # Light arrives only from above the tangent plane, a cos α + b sin α > 0: from where tan α is `lowest`.
             steepest = far
             if b >= 0:
                 square = np.float32(1) / (a * a + b * b)
@@ -128,13 +133,13 @@ def gather(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
             lx, ly, lz = points[near, 0], points[near, 1], points[near, 2]
             for n in range(cells.shape[1]):
                 row, column = np.uintp(cell[i, 0] + cells[k, n, 0]), np.uintp(cell[i, 1] + cells[k, n, 1])
-                if row >= rows or column >= columns:  # a negative one is very large
+                if row >= rows or column >= columns:  # as unsigned, a negative one is very large
                     break
                 first = row * np.uintp(width) + column
                 second = first + beside
                 share = shares[k, n]
                 before, near = near, first if share < half else second
-                if broken[side, first]:
+                if discontinuous[side, first]:
                     share = zero if share < half else one
                 rest = one - share
                 x = rest * points[first, 0] + share * points[second, 0]
@@ -158,16 +163,16 @@ def gather(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
                         middle = pz + (slope + max(lowest, (lz - pz) / outward)) * half * outward
                         level = int(min(max((middle - lz) / rise, zero), np.float32(0.999)) * LEVELS)
                         for f in range(count):
-                            out[i, f] += weight * wall_sent[wall, level, f]
+                            out[i, f] += weight * wall_radiosity[wall, level, f]
                     else:
                         for f in range(count):
-                            out[i, f] += weight * sent[near, f]
+                            out[i, f] += weight * radiosities[near, f]
                     lowest, below = slope, above
                 lx, ly, lz = x, y, z
             if lowest < 0:
-                weight = np.float32(BEYOND_PICTURE) * -below * share_of_one
+                weight = np.float32(BEYOND_IMAGE) * -below * share_of_one
                 for f in range(count):
-                    out[i, f] += weight * sent[near, f]
+                    out[i, f] += weight * radiosities[near, f]
 
 
 @numba.njit(
@@ -176,13 +181,13 @@ def gather(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     error_model="numpy",
 )
 def find_walls(point: Float32Array, inside: BoolArray) -> tuple[np.ndarray, np.ndarray, Float32Array, Float32Array]:
-    """Cells at the foot of a step: numbers (h, w), cells (W, 2), the wall's normals (W, 3) and its edge's z (W,)."""
+    """Detects walls at discontinuities: numbers (h, w), cells of the feet (W, 2), normals (W, 3), z of edges (W,)."""
     height, width = inside.shape
     number = np.full((height, width), -1, np.int32)
     cell = np.empty((height * width, 2), np.int32)
     normal = np.zeros((height * width, 3), np.float32)
     top = np.empty(height * width, np.float32)
-    found = 0
+    count = 0
     for v in range(1, height - 1):
         for u in range(1, width - 1):
             x, y, z = point[v, u, 0], point[v, u, 1], point[v, u, 2]
@@ -200,12 +205,12 @@ def find_walls(point: Float32Array, inside: BoolArray) -> tuple[np.ndarray, np.n
                         highest = max(highest, rise)
             length = np.sqrt(across * across + up * up)
             if highest > 0 and length > 0:
-                number[v, u] = found
-                cell[found, 0], cell[found, 1] = v, u
-                normal[found, 0], normal[found, 1] = across / length, up / length
-                top[found] = z + highest
-                found += 1
-    return number, cell[:found].copy(), normal[:found].copy(), top[:found].copy()
+                number[v, u] = count
+                cell[count, 0], cell[count, 1] = v, u
+                normal[count, 0], normal[count, 1] = across / length, up / length
+                top[count] = z + highest
+                count += 1
+    return number, cell[:count].copy(), normal[:count].copy(), top[:count].copy()
 
 
 @numba.njit(
@@ -215,28 +220,29 @@ def find_walls(point: Float32Array, inside: BoolArray) -> tuple[np.ndarray, np.n
     fastmath=True,
     error_model="numpy",
 )
-def lit(
+def lamp_visibility(
     point: Float32Array,  # (h, w, 3)
-    place: Float32Array,  # (K, 3)
+    receiver: Float32Array,  # (K, 3)
     normal: Float32Array,  # (K, 3)
     lamp: Float32Array,  # (F, 6)
     affine: np.ndarray,  # column and row as factor and offset of the rays
-    out: Float32Array,  # (K, F): 1 where the way to the lamp is free
+    out: Float32Array,  # (K, F): 1 where nothing occludes the lamp
 ) -> None:
+    """Shadow rays over the height field, about one step a pixel, from receivers to all lamps."""
     height, width = point.shape[0], point.shape[1]
-    for i in numba.prange(place.shape[0]):
+    for i in numba.prange(receiver.shape[0]):
         for f in range(lamp.shape[0]):
-            dx, dy, dz = lamp[f, 0] - place[i, 0], lamp[f, 1] - place[i, 1], lamp[f, 2] - place[i, 2]
+            dx, dy, dz = lamp[f, 0] - receiver[i, 0], lamp[f, 1] - receiver[i, 1], lamp[f, 2] - receiver[i, 2]
             out[i, f] = 0.0
             if dx * normal[i, 0] + dy * normal[i, 1] + dz * normal[i, 2] <= 0:
                 continue
             out[i, f] = 1.0
-            pace = abs(place[i, 2] / affine[0]) / (np.sqrt(dx * dx + dy * dy) + 1e-6)
+            pace = abs(receiver[i, 2] / affine[0]) / (np.sqrt(dx * dx + dy * dy) + 1e-6)
             for n in range(1, 1024):
                 t = n * pace
                 if t > 0.5:
                     break
-                x, y, z = place[i, 0] + t * dx, place[i, 1] + t * dy, place[i, 2] + t * dz
+                x, y, z = receiver[i, 0] + t * dx, receiver[i, 1] + t * dy, receiver[i, 2] + t * dz
                 u = int(np.round(-x / z * affine[0] + affine[1]))
                 v = int(np.round(y / z * affine[2] + affine[3]))
                 if u < 0 or v < 0 or u >= width or v >= height:
@@ -246,4 +252,4 @@ def lit(
                     break
 
 
-KERNELS = (_ways, gather, find_walls, lit)
+KERNELS = (_ray_march, gather, find_walls, lamp_visibility)

@@ -16,7 +16,7 @@ from acquisition.models.light_plan import Light
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.normals import pixel_noise, session_images, silhouette
 from acquisition.normals.distant import pixel_blocks, point_lights
-from acquisition.normals.distant.distant_solve import refuse_unusable, whole
+from acquisition.normals.distant.distant_solve import refuse_unusable, solve_blocks
 from acquisition.normals.image_set import ImageSet, NearLights, check
 from acquisition.normals.session_images import ImageStack, StoredImages, ValuesAndClipped
 from acquisition.normals.solve import solve_stack
@@ -76,7 +76,7 @@ def solve_least_squares(images: ImageSet, *, keep_steps: bool = False) -> Normal
     notes = {"solver": "ls", "why": "as asked"}
 
     def solved() -> NormalMap:
-        return whole(images, point_lights.plain(images, depth), luma=False, notes=notes, keep_steps=keep_steps)
+        return solve_blocks(images, point_lights.plain(images, depth), luma=False, notes=notes, keep_steps=keep_steps)
 
     for _ in range(DEPTH_ROUNDS):
         normal_map = solved()

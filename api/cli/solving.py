@@ -21,10 +21,10 @@ from rich.table import Table
 
 from acquisition import photometry, report
 from acquisition.formats import export, folders
-from acquisition.formats.export import lights
-from acquisition.formats.folders import Sphere, session
-from acquisition.formats.folders.grade import Grade, grade
-from acquisition.formats.folders.session import SessionCapture
+from acquisition.formats.export import light_files
+from acquisition.formats.folders import Sphere, session_folder
+from acquisition.formats.folders.angular_error import Grade, grade
+from acquisition.formats.folders.session_folder import SessionCapture
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
@@ -118,7 +118,7 @@ def replay(folder: Path, number: int | None = None) -> dict[str, Any]:
 
     Writes nothing. Raises RigError folder.invalid when the folder has no such result or lacks its settings.
     """
-    capture = session.read(folder)
+    capture = session_folder.read(folder)
     chosen = number if number is not None else max(capture.results, default=-1)
     if chosen not in capture.results:
         have = ", ".join(str(one) for one in capture.results) or "none"
@@ -128,7 +128,7 @@ def replay(folder: Path, number: int | None = None) -> dict[str, Any]:
             file=str(folder),
         )
     stored = export.read(folder / "results" / str(chosen))
-    settings = _settings_of(folder / "results" / str(chosen) / session.MANIFEST)
+    settings = _settings_of(folder / "results" / str(chosen) / session_folder.MANIFEST)
     console = Console(stderr=True, markup=False)
     seconds: dict[str, float] = {}
     with _bar(console) as bar, _timed(seconds, "solve"), _step(bar, "solving"):
@@ -159,11 +159,11 @@ def _solved(request: SolveRequest, scratch: Path, bar: Progress, seconds: dict[s
     kind = folders.kind_of(request.folder)
     if kind == "session":
         with _timed(seconds, "read"):
-            capture = session.read(request.folder)
+            capture = session_folder.read(request.folder)
         with _timed(seconds, "solve"), _step(bar, "solving"):
             normal_map = _solve_session(capture, None, _settings(request))
         last = len(capture.plans) - 1
-        images = session.images(capture.observations(last), capture.calibration, normal_map.silhouette)
+        images = session_folder.images(capture.observations(last), capture.calibration, normal_map.silhouette)
         sigma_deg = photometry.mean_sigma_deg(normal_map, capture.calibration)
         return Solved(normal_map, images, *_solver_and_reason(normal_map, request.solver), sigma_deg)
     with _timed(seconds, "read"):
@@ -261,7 +261,7 @@ def _refuse(request: SolveRequest) -> None:
 
 def _write(request: SolveRequest, solved: Solved, graded: Grade | None, seconds: dict[str, float], out: Path) -> None:
     source = export.Source(solved.normal_map, solved.images)
-    with export.whole_folder(out) as partial, ThreadPoolExecutor(WRITERS) as pool:
+    with export.atomic_folder(out) as partial, ThreadPoolExecutor(WRITERS) as pool:
         work = [
             pool.submit(export.write_maps, solved.normal_map, partial),
             pool.submit(report.write, solved.normal_map, _facts(request, solved, graded, seconds), partial),
@@ -280,7 +280,7 @@ def _facts(request: SolveRequest, solved: Solved, graded: Grade | None, seconds:
     return report.Facts(
         title=request.folder.resolve().name,
         names=images.names,
-        directions=lights.directions(images, centre),
+        directions=light_files.directions(images, centre),
         solver=solved.solver,
         why=solved.why,
         seconds=dict(seconds),

@@ -24,7 +24,7 @@ NAMES = {
     "State": "session.State",
     "read_folder": "formats.folders.read",
     "read_result": "formats.export.read",
-    "read_session": "formats.folders.session.read",
+    "read_session": "formats.folders.session_folder.read",
     "solve_distant": "normals.distant.solve",
     "solve_near": "normals.near_light.solve",
     "write_result": "formats.export.write",

@@ -114,7 +114,7 @@ def test_integration_masked_time(benchmark: BenchmarkFixture, height: int, width
     normals = (normals / np.linalg.norm(normals, axis=0)).astype(np.float32)
     mask = (np.hypot(x / 1.2, y) < 0.46 + 0.03 * np.sin(7 * np.arctan2(y, x))) & (np.hypot(x - 0.1, y) > 0.06)
     arguments = (normals, mask, np.ones(mask.shape, np.float32))
-    found = benchmark.pedantic(integration.relief, args=arguments, rounds=3, warmup_rounds=1)
+    found = benchmark.pedantic(integration.orthographic_depth, args=arguments, rounds=3, warmup_rounds=1)
     true = -(0.05 * np.sin(9 * x) * np.cos(7 * y))[mask] * height
     benchmark.extra_info["megapixels in the mask"] = round(np.count_nonzero(mask) / 1e6, 2)
     benchmark.extra_info["rms error in pixels"] = round(float(np.std(found[mask] - true)), 4)

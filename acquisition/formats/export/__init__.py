@@ -4,11 +4,21 @@ Pictures are for people and for normal-integration tools: normals as (n + 1)/2 i
 OpenGL green (+Y up) unless the name says DirectX. Each file carries its convention in its own metadata.
 """
 
+from acquisition.formats.export.atomic_write import atomic_folder, refuse_foreign
 from acquisition.formats.export.catalogue import FILES, FOLDERS, Source, make
-from acquisition.formats.export.result import ARCHIVE, lights_used, read, write, write_into, write_maps
-from acquisition.formats.export.whole import refuse_foreign, whole_folder
+from acquisition.formats.export.result_folder import ARCHIVE, lights_used, read, write, write_into, write_maps
 
 __all__ = [
-    "ARCHIVE", "FILES", "FOLDERS", "Source", "lights_used", "make", "read", "refuse_foreign", "whole_folder", "write",
-    "write_into", "write_maps",
+    "ARCHIVE",
+    "FILES",
+    "FOLDERS",
+    "Source",
+    "atomic_folder",
+    "lights_used",
+    "make",
+    "read",
+    "refuse_foreign",
+    "write",
+    "write_into",
+    "write_maps",
 ]  # fmt: skip

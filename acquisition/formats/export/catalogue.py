@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from acquisition import photometry
-from acquisition.formats.export import diligent, exr, lights, mesh
-from acquisition.formats.export import images as pictures
+from acquisition.formats.export import diligent, exr, light_files, map_files, mesh
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.result import NormalMap
 from acquisition.normals.image_set import ImageSet
@@ -33,8 +32,8 @@ class Source:
     def centre(self) -> FloatArray:
         """The middle (3,) of the solved surface, view frame, in the unit of `points`."""
         mask, total = self.normal_map.mask, np.zeros(3)
-        for start in range(0, len(mask), pictures.STRIP):
-            rows = slice(start, min(start + pictures.STRIP, len(mask)))
+        for start in range(0, len(mask), map_files.STRIP):
+            rows = slice(start, min(start + map_files.STRIP, len(mask)))
             total += self._points(rows)[:, mask[rows]].sum(axis=1, dtype=np.float64)
         return total / max(np.count_nonzero(mask), 1)
 
@@ -53,13 +52,13 @@ class Source:
         camera = self.images.camera
         return (
             None
-            if camera is None or pictures.depth_unit(self.normal_map) != "m"
+            if camera is None or map_files.depth_unit(self.normal_map) != "m"
             else float(-self.centre[2] * self.images.width / camera.matrix[0, 0])
         )
 
 
 def _directx(source: Source, path: Path) -> None:
-    pictures.normals_png(path, source.normal_map.normals, source.normal_map.mask, "directx")
+    map_files.normals_png(path, source.normal_map.normals, source.normal_map.mask, "directx")
 
 
 def _exr(source: Source, path: Path) -> None:
@@ -68,15 +67,15 @@ def _exr(source: Source, path: Path) -> None:
 
 def _mesh(source: Source, path: Path) -> None:
     found = source.normal_map
-    mesh.write(path, source.points, found.normals, found.mask, pictures.depth_unit(found))
+    mesh.write(path, source.points, found.normals, found.mask, map_files.depth_unit(found))
 
 
 def _lp(source: Source, path: Path) -> None:
-    lights.write_lp(path, source.images.names, lights.directions(source.images, source.centre))
+    light_files.write_lp(path, source.images.names, light_files.directions(source.images, source.centre))
 
 
 def _dome(source: Source, path: Path) -> None:
-    lights.write_dome(path, source.images, source.centre, source.width_m)
+    light_files.write_dome(path, source.images, source.centre, source.width_m)
 
 
 def _diligent(source: Source, path: Path) -> None:
@@ -88,8 +87,8 @@ def _integration(source: Source, path: Path) -> None:
     """normal_map.png, mask.png and, where the camera is calibrated, K.txt, as normal-integration tools read them."""
     path.mkdir()
     found = source.normal_map
-    pictures.normals_png(path / "normal_map.png", found.normals, found.mask)
-    pictures.png(path / "mask.png", found.mask.astype(np.uint8) * 255)
+    map_files.normals_png(path / "normal_map.png", found.normals, found.mask)
+    map_files.png(path / "mask.png", found.mask.astype(np.uint8) * 255)
     if source.images.camera is not None:
         np.savetxt(path / "K.txt", source.images.camera.matrix, fmt="%.9g")
 

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.formats.export import images as pictures
-from acquisition.formats.export import lights
+from acquisition.formats.export import light_files, map_files
 from acquisition.models.base import FloatArray
 from acquisition.normals.image_set import DistantLights, ImageSet
 
@@ -24,12 +23,12 @@ def write(folder: Path, images: ImageSet, centre_m: FloatArray) -> None:
     """Writes 001.png … (16 bits), filenames, directions, intensities and mask.png into an existing folder."""
     names = [f"{number:03d}.png" for number in range(1, images.count + 1)]
     for index, name in enumerate(names):
-        pictures.png(folder / name, _sixteen(images, index))
-    power = lights.intensities(images, centre_m)
+        map_files.png(folder / name, _sixteen(images, index))
+    power = light_files.intensities(images, centre_m)
     (folder / "filenames.txt").write_text("\n".join(names) + "\n", encoding="utf-8")
-    np.savetxt(folder / "light_directions.txt", lights.directions(images, centre_m), fmt="%.9f")
+    np.savetxt(folder / "light_directions.txt", light_files.directions(images, centre_m), fmt="%.9f")
     np.savetxt(folder / "light_intensities.txt", np.broadcast_to(power, (images.count, 3)), fmt="%.9g")
-    pictures.png(folder / "mask.png", images.mask.astype(np.uint8) * 255)
+    map_files.png(folder / "mask.png", images.mask.astype(np.uint8) * 255)
     if not isinstance(images.lights, DistantLights):
         (folder / "README.txt").write_text(NEAR_LIGHT, encoding="utf-8")
 

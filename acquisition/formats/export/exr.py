@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.formats.export import images
+from acquisition.formats.export import map_files
 from acquisition.models.result import NormalMap
 
 TEXTS = {
-    "convention": f"N.X N.Y N.Z: unit normal, {images.FRAME}",
+    "convention": f"N.X N.Y N.Z: unit normal, {map_files.FRAME}",
     "units": "sigma_deg: degrees; albedo: share of the light, R G B of each channel; zero where unsolved",
 }
 
@@ -33,5 +33,5 @@ def write(path: Path, normal_map: NormalMap) -> None:
     floats = {"Z": normal_map.depth, "sigma_deg": normal_map.sigma_deg, "indirect": normal_map.indirect}
     channels |= {name: np.nan_to_num(values, nan=0.0) for name, values in floats.items() if values is not None}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage} | TEXTS
-    header["units"] = f"Z: depth along the camera's axis, {images.depth_unit(normal_map)}; {header['units']}"
+    header["units"] = f"Z: depth along the camera's axis, {map_files.depth_unit(normal_map)}; {header['units']}"
     OpenEXR.File(header, channels).write(str(path))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.formats.export import images
+from acquisition.formats.export import map_files
 from acquisition.models.base import BoolArray, Float32Array
 
 STEEPEST = 8.0
@@ -26,7 +26,7 @@ def write(path: Path, points: Float32Array, normals: Float32Array, mask: BoolArr
         [
             "ply",
             "format binary_little_endian 1.0",
-            f"comment {images.FRAME}; unit {unit}",
+            f"comment {map_files.FRAME}; unit {unit}",
             f"element vertex {len(vertex)}",
             *[f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")],
             f"element face {len(face)}",

@@ -13,11 +13,11 @@ from typing import Literal
 
 import numpy as np
 
-from acquisition.formats.folders import diligent, lp, near, session, truth
-from acquisition.formats.folders.pixels import Progress
+from acquisition.formats.folders import diligent_folder, ground_truth, lp_folder, near_light_folder, session_folder
+from acquisition.formats.folders.ground_truth import Sphere
+from acquisition.formats.folders.image_files import Progress
 from acquisition.formats.folders.refusal import refusal
-from acquisition.formats.folders.session import SessionCapture
-from acquisition.formats.folders.truth import Sphere
+from acquisition.formats.folders.session_folder import SessionCapture
 from acquisition.models.errors import RigError
 from acquisition.normals.image_set import ImageSet, check
 
@@ -25,8 +25,8 @@ __all__ = ["Kind", "Progress", "SessionCapture", "Sphere", "kind_of", "read"]
 
 Kind = Literal["diligent", "lp", "near", "session"]
 READERS: dict[Kind, tuple[str, Callable[[Path, Path, Progress | None], ImageSet]]] = {
-    "diligent": (diligent.DIRECTIONS, diligent.read),
-    "near": (near.LIGHTS, near.read),
+    "diligent": (diligent_folder.DIRECTIONS, diligent_folder.read),
+    "near": (near_light_folder.LIGHTS, near_light_folder.read),
 }
 
 
@@ -36,17 +36,18 @@ def kind_of(folder: Path) -> Kind:
         return "lp"
     if not folder.is_dir():
         raise refusal(folder, "is no folder: name the folder that holds the images")
-    if (folder / near.LIGHTS).is_file():
+    if (folder / near_light_folder.LIGHTS).is_file():
         return "near"
-    if (folder / session.RECIPE).is_file() and (folder / session.CALIBRATION).is_file():
+    if (folder / session_folder.RECIPE).is_file() and (folder / session_folder.CALIBRATION).is_file():
         return "session"
-    if any((folder / name).is_file() for name in (diligent.DIRECTIONS, diligent.NAMES, diligent.INTENSITIES)):
+    if any((folder / name).is_file() for name in diligent_folder.LISTS):
         return "diligent"
     if list(folder.glob("*.lp")):
         return "lp"
     raise refusal(
         folder,
-        f"holds neither {diligent.DIRECTIONS} nor an .lp file nor {near.LIGHTS} nor a session: add the lights' file",
+        f"holds neither {diligent_folder.DIRECTIONS} nor an .lp file nor {near_light_folder.LIGHTS} nor a session: "
+        "add the lights' file",
     )
 
 
@@ -67,8 +68,8 @@ def read(folder: Path, scratch: Path, *, sphere: Sphere | None = None, progress:
     except RigError as error:
         raise RigError(error.code, f"{lights}: {error.detail}", **{"file": str(lights), **error.context}) from error
     if sphere is None:
-        return replace(images, truth=truth.read(lights.parent, images.height, images.width))
-    normals, inside = truth.sphere_normals(sphere, images.height, images.width, images.camera)
+        return replace(images, truth=ground_truth.read(lights.parent, images.height, images.width))
+    normals, inside = ground_truth.sphere_normals(sphere, images.height, images.width, images.camera)
     graded = inside & (images.mask if images.evaluation_mask is None else images.evaluation_mask)
     if not np.any(graded):
         raise refusal(folder, f"the sphere {tuple(sphere)} has no pixel of the mask: give column, row and radius")
@@ -83,4 +84,4 @@ def _images(folder: Path, kind: Kind, scratch: Path, progress: Progress | None) 
     found = [folder] if folder.is_file() else sorted(folder.glob("*.lp"))
     if len(found) > 1:
         raise refusal(folder, f"holds {', '.join(one.name for one in found)}: name the one to solve")
-    return found[0], lp.read(found[0], scratch, progress)
+    return found[0], lp_folder.read(found[0], scratch, progress)

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from acquisition.formats.folders import pixels
-from acquisition.formats.folders.pixels import Stored
+from acquisition.formats.folders import image_files
+from acquisition.formats.folders.image_files import Stored
 from acquisition.models.base import BoolArray
 
 MASK, EVALUATION_MASK = "mask.png", "eval_mask.png"
@@ -13,13 +13,13 @@ LOSSY = (".jpg", ".jpeg")
 def solving(folder: Path, height: int, width: int) -> BoolArray | None:
     """The object's mask (H, W), none when the folder has none. Raises RigError folder.invalid."""
     path = folder / MASK
-    return pixels.mask(path, height, width) if path.exists() else None
+    return image_files.mask(path, height, width) if path.exists() else None
 
 
 def evaluation(folder: Path, height: int, width: int) -> BoolArray | None:
     """Where errors are graded (H, W), none when the folder does not say. Raises RigError folder.invalid."""
     path = folder / EVALUATION_MASK
-    return pixels.mask(path, height, width) if path.exists() else None
+    return image_files.mask(path, height, width) if path.exists() else None
 
 
 def depth_warning(stored: Stored) -> list[str]:

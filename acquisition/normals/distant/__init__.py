@@ -5,6 +5,6 @@ through one of the `methods`; `choice` picks it where nobody has.
 """
 
 from acquisition.normals.distant.distant_solve import solve
-from acquisition.normals.distant.methods import Solver
+from acquisition.normals.distant.solvers import Solver
 
 __all__ = ["Solver", "solve"]

@@ -13,8 +13,8 @@ from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import HIGHLIGHT, LIT, FisherInformation, NormalMap
 from acquisition.normals import integration, memory_mapped
-from acquisition.normals.distant import method_selection, methods, pixel_blocks
-from acquisition.normals.distant.methods import Solver
+from acquisition.normals.distant import pixel_blocks, solver_selection, solvers
+from acquisition.normals.distant.solvers import Solver
 from acquisition.normals.image_set import DistantLights, ImageSet, check
 
 SAMPLE = 900
@@ -37,10 +37,10 @@ def solve(images: ImageSet, solver: Solver = "auto", *, with_depth: bool = True,
     refuse_unusable(images, values, clipped)
     chosen, why = (solver, "as asked")
     if solver == "auto":
-        chosen, why = method_selection.best(values, clipped, directions)
-    method, notes = methods.prepare(chosen, values, clipped, directions)
+        chosen, why = solver_selection.best(values, clipped, directions)
+    method, notes = solvers.prepare(chosen, values, clipped, directions)
     notes = {"solver": chosen, "why": why} | notes
-    return whole(images, method, luma=chosen == "ls", notes=notes, with_depth=with_depth, keep_steps=keep_steps)
+    return solve_blocks(images, method, luma=chosen == "ls", notes=notes, with_depth=with_depth, keep_steps=keep_steps)
 
 
 def refuse_unusable(images: ImageSet, values: Float32Array, clipped: BoolArray) -> None:
@@ -58,11 +58,11 @@ def refuse_unusable(images: ImageSet, values: Float32Array, clipped: BoolArray) 
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, f"{name} {what}", file=name)
 
 
-def whole(
-    images: ImageSet, method: methods.Method, *, luma: bool, notes: dict[str, Any], with_depth: bool = True,
+def solve_blocks(
+    images: ImageSet, method: solvers.Method, *, luma: bool, notes: dict[str, Any], with_depth: bool = True,
     keep_steps: bool = False,
 ) -> NormalMap:  # fmt: skip
-    """All blocks, one after another, into a normal map; `luma` and `notes` as in `blocks.read` and NormalMap."""
+    """Solves all blocks of rows into one normal map; `luma` as for `pixel_blocks.read`, `notes` for the NormalMap."""
     size = (images.height, images.width)
     normals = np.zeros((*size, 3), np.float32)
     albedo, residual = np.zeros(size, np.float32), np.zeros(size, np.float32)
@@ -118,23 +118,25 @@ def _depth(
     """Depth and its unit: m, share of the rough depth that is unknown (`relative`), or pixels where orthographic."""
     planar = normals.transpose(2, 0, 1)  # no copy: it is read twice only
     if images.camera is None:
-        return integration.relief(planar, solved, _certainty(solved, sigma), keep_steps=keep_steps), "pixel"
+        return integration.orthographic_depth(
+            planar, solved, _confidence(solved, sigma), keep_steps=keep_steps
+        ), "pixel"
     rows, columns = slice(0, images.height), slice(0, images.width)
     ray = photometry.camera_rays(images.camera.matrix, images.camera.distortion, rows, columns)
     rough = images.rough_depth_m
     start = np.broadcast_to(np.asarray(1.0 if rough is None else rough, np.float32), solved.shape)
-    found = integration.depth(planar, solved, ray, _certainty(solved, sigma), start, keep_steps=keep_steps)
+    found = integration.depth(planar, solved, ray, _confidence(solved, sigma), start, keep_steps=keep_steps)
     found[~solved] = 0
     return found, "relative" if rough is None else "m"
 
 
-def _certainty(solved: BoolArray, sigma: Float32Array) -> Float32Array:
+def _confidence(solved: BoolArray, sigma: Float32Array) -> Float32Array:
     """How far each normal is to be believed in integration (H, W), 0–1; kept by nobody else, since memory counts."""
     variance = np.radians(np.nan_to_num(sigma, nan=90.0))
     variance *= variance
-    certainty = integration.certainty(variance)
-    certainty[~solved] = 0
-    return certainty
+    confidence = integration.confidence(variance)
+    confidence[~solved] = 0
+    return confidence
 
 
 def _no_information() -> FisherInformation:

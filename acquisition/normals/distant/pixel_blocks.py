@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
-from acquisition.normals.distant import colour
+from acquisition.normals.distant import grey_conversion
 from acquisition.normals.image_set import DistantLights, ImageSet
 
 LUMA = np.array([0.2989, 0.5870, 0.1140], np.float32)
@@ -83,8 +83,10 @@ def read(images: ImageSet, start: int, stop: int, *, luma: bool) -> Block:
     if images.channels == 1:
         return Block(start, stop, stored.reshape(images.count, size), gain[:, 0].copy(), clipped_from, None)
     stack, tint = np.empty((images.count, size), np.float32), np.empty((size, 3), np.float32)
-    colour.mix(stored.reshape(images.count, size, 3), gain, clipped_from, LUMA, _trust(strength), luma, stack, tint)
-    return Block(start, stop, stack, np.ones(images.count, np.float32), colour.CLIPPED / 2, tint)
+    grey_conversion.mix(
+        stored.reshape(images.count, size, 3), gain, clipped_from, LUMA, _trust(strength), luma, stack, tint
+    )
+    return Block(start, stop, stack, np.ones(images.count, np.float32), grey_conversion.CLIPPED / 2, tint)
 
 
 def _trust(strength: FloatArray) -> Float32Array:

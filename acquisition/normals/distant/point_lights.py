@@ -11,10 +11,10 @@ from acquisition import photometry
 from acquisition.models.base import Float32Array
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import LIT, SATURATED
-from acquisition.normals.distant import methods
+from acquisition.normals.distant import solvers
 from acquisition.normals.distant.least_squares_kernels import BLOCK, signatures, solve3
-from acquisition.normals.distant.methods import Found, Method
 from acquisition.normals.distant.pixel_blocks import Block
+from acquisition.normals.distant.solvers import Found, Method
 from acquisition.normals.image_set import ImageSet, NearLights
 
 CHUNK = 100_000
@@ -57,7 +57,7 @@ def plain(images: ImageSet, depth_m: Float32Array) -> Method:
             inverse = np.linalg.inv(matrix + np.float32(1e-5) * np.eye(3, dtype=np.float32))
             along = np.einsum("an,nab,bn->n", normals[:, here], inverse, normals[:, here], optimize=True)
             leverage[part] = np.trace(inverse, axis1=1, axis2=2) - along
-        variance = methods.angular_variance(spread, leverage, albedo[chosen], used)
+        variance = solvers.angular_variance(spread, leverage, albedo[chosen], used)
         return Found(normals[:, chosen], albedo[chosen], variance, np.sqrt(spread), flags)
 
     return solve

@@ -46,7 +46,7 @@ def settled(found: np.ndarray, sigma_deg: float, ray: np.ndarray) -> tuple[np.nd
     """Normals, σ in degrees and the variance of what pixels do not share, where all of σ is that at first."""
     out, sigma = found.copy(), np.full(found.shape[:2], sigma_deg, np.float32)
     variance = np.radians(sigma) ** 2
-    integrability.settle(out, sigma, variance, ray)
+    integrability.project_integrable(out, sigma, variance, ray)
     return out, sigma, variance
 
 
@@ -66,7 +66,7 @@ def test_sure_neighbours_tell_an_unsure_pixel_more_than_it_tells_them() -> None:
     unsure = np.random.default_rng(3).random(ray.shape[1:]) < 0.2
     found, sigma = np.where(unsure[..., None], shaken(true, 2.0, 4), shaken(true, 0.5, 5)), np.where(unsure, 2.0, 0.5)
     sigma = sigma.astype(np.float32)
-    integrability.settle(found, sigma, np.radians(sigma) ** 2, ray)
+    integrability.project_integrable(found, sigma, np.radians(sigma) ** 2, ray)
     for some in (unsure, ~unsure):
         left = np.sqrt(np.mean(error_deg(found, true)[some] ** 2))
         assert np.sqrt(np.mean(sigma[some] ** 2)) == pytest.approx(left, rel=0.2)
@@ -87,7 +87,7 @@ def test_what_pixels_share_stays_in_sigma() -> None:
     ray = rays(30, 30)
     sigma = np.full((30, 30), 2.0, np.float32)
     variance = np.radians(np.full_like(sigma, 1.0)) ** 2
-    integrability.settle(shaken(normals(bumpy(30, 30, 3, 0.05), ray), 1.0, 4), sigma, variance, ray)
+    integrability.project_integrable(shaken(normals(bumpy(30, 30, 3, 0.05), ray), 1.0, 4), sigma, variance, ray)
     assert np.median(sigma) == pytest.approx(np.sqrt(3.5), rel=0.02)
 
 
@@ -98,7 +98,7 @@ def test_pixels_without_a_normal_are_left_out() -> None:
     holes = np.random.default_rng(7).random(sigma.shape) < 0.3
     out[holes], sigma[holes] = 0, np.nan
     variance = np.radians(np.nan_to_num(sigma, nan=50.0)) ** 2
-    integrability.settle(out, sigma, variance, ray)
+    integrability.project_integrable(out, sigma, variance, ray)
     assert not np.any(out[holes])
     assert np.all(np.isnan(sigma[holes]))
     np.testing.assert_allclose(np.linalg.norm(out[~holes], axis=-1), 1, atol=1e-5)
@@ -120,7 +120,7 @@ def test_strips_of_rows_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     ray = rays(120, 20)
     shown = shaken(normals(bumpy(120, 20, 9), ray), 1.0, 10)
     whole, sigma, _ = settled(shown, 1.0, ray)
-    monkeypatch.setattr(integrability, "ROWS", 25)
+    monkeypatch.setattr(integrability, "STRIP_ROWS", 25)
     parts, sigma_of_parts, _ = settled(shown, 1.0, ray)
     assert np.max(error_deg(whole, parts)) < 0.01
     np.testing.assert_allclose(sigma, sigma_of_parts, rtol=1e-3)

@@ -114,7 +114,7 @@ def slab(size: int = 128) -> tuple[np.ndarray, Float32Array, np.ndarray]:
 def test_an_orthographic_surface_comes_back_in_pixels() -> None:
     depth, normal, mask = slab()
     smooth = mask & (np.mgrid[:128, :128][1] < 70)
-    found = integration.relief(normal, smooth, np.ones(mask.shape, np.float32))
+    found = integration.orthographic_depth(normal, smooth, np.ones(mask.shape, np.float32))
     error = (found - depth)[smooth]
     assert np.std(error) < 0.01
     assert abs(float(np.mean(found[smooth]))) < 1e-3
@@ -126,7 +126,7 @@ def test_steps_are_kept_where_asked() -> None:
     certainty = np.ones(mask.shape, np.float32)
 
     def error(keep_steps: bool) -> np.ndarray:
-        off = (integration.relief(normal, mask, certainty, keep_steps=keep_steps) - depth)[mask]
+        off = (integration.orthographic_depth(normal, mask, certainty, keep_steps=keep_steps) - depth)[mask]
         return np.abs(off - np.median(off))
 
     smeared, kept = error(False), error(True)

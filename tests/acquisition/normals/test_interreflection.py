@@ -26,14 +26,16 @@ def test_the_albedo_is_right_whatever_is_left_of_the_bounced_light(
     values = (albedo * (falling + received)).astype(np.float32)
     rest = (values - (1 - left) * albedo * received).astype(np.float32)
     fitted = albedo * np.sum(rest, axis=0) / np.sum(albedo * falling, axis=0)
-    sent = interreflection.sent_on(received, values, rest, fitted.astype(np.float32))
+    sent = interreflection.reflected_radiosity(received, values, rest, fitted.astype(np.float32))
     np.testing.assert_allclose(sent, albedo * received, rtol=1e-3, atol=1e-6)
 
 
 def test_nothing_sends_more_than_it_receives() -> None:
     received = np.full((4, 1), 0.2, np.float32)
     values = np.full((4, 1), 3.0, np.float32)
-    np.testing.assert_allclose(interreflection.sent_on(received, values, values, np.array([2.5], np.float32)), received)
+    np.testing.assert_allclose(
+        interreflection.reflected_radiosity(received, values, values, np.array([2.5], np.float32)), received
+    )
 
 
 def test_normals_turn_as_far_as_said_where_indirect_light_is_off_by_a_factor() -> None:
@@ -48,10 +50,10 @@ def test_normals_turn_as_far_as_said_where_indirect_light_is_off_by_a_factor() -
     right = solved(made.values)
     wrong = solved((made.values + np.float32(0.1) * indirect).astype(np.float32))
     turned = np.arccos(np.clip(np.sum(right.normals * wrong.normals, axis=0), -1, 1))
-    said = 0.1 / interreflection.TOGETHER * np.sqrt(interreflection.spread(right, indirect))
+    said = 0.1 / interreflection.COMMON_MODE_SIGMA * np.sqrt(interreflection.normal_variance(right, indirect))
     assert np.median(turned) > 1e-3
     assert np.median(turned / said) == pytest.approx(1, abs=0.1)
-    assert np.all(interreflection.spread(right, np.zeros_like(indirect)) == 0)
+    assert np.all(interreflection.normal_variance(right, np.zeros_like(indirect)) == 0)
 
 
 def test_black_shadows_say_that_nothing_bounces_and_a_few_wrong_ones_do_not() -> None:
@@ -70,9 +72,9 @@ def test_black_shadows_say_that_nothing_bounces_and_a_few_wrong_ones_do_not() ->
     values, dark = made.values[:, order], away[:, order]
     predicted = np.full_like(values, 0.02)
     assert np.count_nonzero(dark) > 500
-    assert interreflection.scale(made.pixels, values, predicted, estimate) == 0
+    assert interreflection.prediction_scale(made.pixels, values, predicted, estimate) == 0
     some = np.where(dark & (np.arange(values.shape[1]) % 2 == 0), predicted, values).astype(np.float32)
-    assert interreflection.scale(made.pixels, some, predicted, estimate) == 1
+    assert interreflection.prediction_scale(made.pixels, some, predicted, estimate) == 1
 
 
 def test_a_tilted_pixel_receives_what_the_plane_below_it_sends() -> None:
@@ -84,9 +86,8 @@ def test_a_tilted_pixel_receives_what_the_plane_below_it_sends() -> None:
     bright = np.ones_like(made.values)
 
     def light(every: int) -> np.ndarray:
-        return interreflection.received(
-            made.pixels, bright, found, made.depth_m, normals, None, made.lamp, made.calibration, every
-        )
+        surface = interreflection.Surface(made.depth_m, normals, found.albedo, table=None)
+        return interreflection.received_irradiance(made.pixels, bright, surface, made.lamp, made.calibration, every)
 
     every_one = light(1)
     middle = 30 * 60 + 30

@@ -69,10 +69,10 @@ def test_beside_an_edge_neighbours_that_differ_say_little() -> None:
 
 
 def test_strips_of_rows_make_no_seam() -> None:
-    height = regularisation.ROWS + 7
+    height = regularisation.STRIP_ROWS + 7
     sigma = np.full((height, 6), 6.0, np.float32)
     normals = shaken(dome(height, 6), sigma, 2)
-    top = regularisation.ROWS - 5
+    top = regularisation.STRIP_ROWS - 5
     around = slice(top - 1, top + 11)
     cut, cut_sigma = normals[around].copy(), sigma[around].copy()
     regularisation.smooth_uncertain(normals, sigma)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from acquisition.formats.folders.session import SessionCapture
+from acquisition.formats.folders.session_folder import SessionCapture
 from acquisition.models import cell_config
 from acquisition.models.recipe import Recipe
 from acquisition.models.shot import Shot

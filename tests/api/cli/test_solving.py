@@ -11,7 +11,7 @@ import pytest
 import tifffile
 
 from acquisition.formats import export
-from acquisition.formats.folders.session import read as read_session
+from acquisition.formats.folders.session_folder import read as read_session
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import SolveSettings
 from acquisition.runner import jobs

@@ -200,18 +200,18 @@ def test_a_folder_appears_whole_or_not_at_all(tmp_path: Path) -> None:
     target = tmp_path / "out"
 
     def broken() -> None:
-        with export.whole_folder(target) as partial:
+        with export.atomic_folder(target) as partial:
             (partial / "half").write_text("half")
             raise subprocess.SubprocessError("in the middle")
 
     with pytest.raises(subprocess.SubprocessError):
         broken()
     assert list(tmp_path.iterdir()) == []
-    with export.whole_folder(target) as partial:
+    with export.atomic_folder(target) as partial:
         (partial / "all").write_text("all")
         assert not target.exists()
     assert [path.name for path in target.iterdir()] == ["all"]
-    with export.whole_folder(target) as partial:
+    with export.atomic_folder(target) as partial:
         (partial / "new").write_text("new")
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
     assert [path.name for path in target.iterdir()] == ["new"]

@@ -12,7 +12,7 @@ import tifffile
 from scipy.io import savemat
 
 from acquisition.formats import folders
-from acquisition.formats.folders import pixels, truth
+from acquisition.formats.folders import ground_truth, image_files
 from acquisition.normals import near_light
 from acquisition.normals.image_set import Camera, DistantLights, ImageSet, NearLights
 from tests.acquisition.formats.folders import small
@@ -191,7 +191,7 @@ def test_plain_tiff_is_read_where_it_lies_and_all_else_from_scratch(tmp_path: Pa
     for name, expected in cases.items():
         scratch = tmp_path / name
         scratch.mkdir()
-        stored = pixels.store([tmp_path / f"{name}.tiff"], scratch)
+        stored = image_files.store([tmp_path / f"{name}.tiff"], scratch)
         rows = pickle.loads(pickle.dumps(stored.rows))  # noqa: S301 - made here
         np.testing.assert_array_equal(rows(0, 2, 5), expected[2:5])
         assert rows(0, 2, 5).dtype == np.uint16  # native byte order
@@ -247,15 +247,15 @@ def test_a_sphere_seen_in_perspective(tmp_path: Path) -> None:
     images = folders.read(small.near(tmp_path / "in"), tmp_path)
     focal = images.camera.matrix[0, 0]  # type: ignore[union-attr]
     radius = focal * np.tan(np.arcsin(40 / 500))
-    normals, inside = truth.sphere_normals(
-        truth.Sphere(small.SIZE / 2, small.SIZE / 2, radius), images.height, images.width, images.camera
+    normals, inside = ground_truth.sphere_normals(
+        ground_truth.Sphere(small.SIZE / 2, small.SIZE / 2, radius), images.height, images.width, images.camera
     )
     assert images.truth is not None
     np.testing.assert_array_equal(inside, images.mask)
     assert error_deg(normals, images.truth).max() < 0.1
     # Off the axis every normal on the outline is at right angles to its ray.
     wide = Camera(np.array([[100.0, 0, 50], [0, 100, 50], [0, 0, 1]]))
-    normals, inside = truth.sphere_normals(truth.Sphere(120.0, 80.0, 30.0), 150, 200, wide)
+    normals, inside = ground_truth.sphere_normals(ground_truth.Sphere(120.0, 80.0, 30.0), 150, 200, wide)
     row, column = np.mgrid[:150, :200]
     ray = np.stack([(column - 50) / 100, -(row - 50) / 100, -np.ones(row.shape)], -1)
     cosine = -np.sum(normals * ray, axis=-1)[inside] / np.linalg.norm(ray, axis=-1)[inside]

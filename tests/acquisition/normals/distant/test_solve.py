@@ -8,7 +8,7 @@ import pytest
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
 from acquisition.normals import distant
-from acquisition.normals.distant import glossy, methods, pixel_blocks, point_lights
+from acquisition.normals.distant import pixel_blocks, point_lights, reflectance_fit, solvers
 from acquisition.normals.image_set import DistantLights, ImageSet
 from tests.acquisition.normals.distant import gloss_scenes
 from tests.acquisition.normals.distant.gloss_scenes import REFLECTANCES, Rows, lights
@@ -189,16 +189,20 @@ def test_a_pixel_that_starts_badly_is_helped_by_its_neighbours() -> None:
     normals, mask = ball()
     row = np.flatnonzero(mask)
     row = row[row // SIZE == SIZE // 2]
-    true, table = normals.reshape(-1, 3)[row], glossy.light_table(lights())
+    true, table = normals.reshape(-1, 3)[row], reflectance_fit.light_table(lights())
     half = np.clip(true @ table[3:], 0, 1)
     values = (0.5 * np.maximum(true @ table[:3], 0) + 0.4 * half**60).astype(np.float32)
     clipped = np.zeros(values.shape, np.bool_)
-    fits = glossy.fit(values, clipped, table, glossy.LAMBERT, glossy.start(values, clipped, lights()))
+    fits = reflectance_fit.fit(
+        values, clipped, table, reflectance_fit.LAMBERT, reflectance_fit.start(values, clipped, lights())
+    )
     bad = np.arange(len(row)) % 3 == 1
     spoiled = {name: part.copy() for name, part in vars(fits).items()}
     spoiled["normals"][bad] = [0.0, 0.8, 0.6]
     spoiled["loss"][bad] += 1
-    helped = glossy.from_neighbours(glossy.Fits(**spoiled), values, clipped, table, glossy.LAMBERT, row, SIZE)
+    helped = reflectance_fit.from_neighbours(
+        reflectance_fit.Fits(**spoiled), values, clipped, table, reflectance_fit.LAMBERT, row, SIZE
+    )
     everywhere = np.ones(len(row), np.bool_)
     assert errors(spoiled["normals"], true, everywhere).max() > 40
     assert errors(helped.normals, true, everywhere).max() < 2
@@ -207,16 +211,16 @@ def test_a_pixel_that_starts_badly_is_helped_by_its_neighbours() -> None:
 
 def test_how_far_normals_turn_with_the_form_of_the_matt_part_is_foretold() -> None:
     normals, mask = ball(14)
-    true, table = normals[mask & (normals[..., 2] > np.cos(np.radians(50)))], glossy.light_table(lights())
+    true, table = normals[mask & (normals[..., 2] > np.cos(np.radians(50)))], reflectance_fit.light_table(lights())
     half = np.clip(true @ table[3:], 0, 1)
     values = (0.5 * np.maximum(true @ table[:3], 0) + 0.2 * half**40).astype(np.float32)
     clipped = np.zeros(values.shape, np.bool_)
     start = true.astype(np.float32)
-    straight = glossy.fit(values, clipped, table, glossy.LAMBERT, start, ring=0.0)
-    foretold = glossy.form_variance(straight, values, clipped, table, glossy.LAMBERT)
+    straight = reflectance_fit.fit(values, clipped, table, reflectance_fit.LAMBERT, start, ring=0.0)
+    foretold = reflectance_fit.form_variance(straight, values, clipped, table, reflectance_fit.LAMBERT)
     turned = np.zeros(len(true))
-    for change in 0.2 * np.diag(glossy.FORM_SIGMA):
-        bent = glossy.fit(values, clipped, table, glossy.LAMBERT + change, straight.normals, ring=0.0)
+    for change in 0.2 * np.diag(reflectance_fit.FORM_SIGMA):
+        bent = reflectance_fit.fit(values, clipped, table, reflectance_fit.LAMBERT + change, straight.normals, ring=0.0)
         turned += (errors(bent.normals, straight.normals, np.ones(len(true), np.bool_)) / 0.2) ** 2
     ratio = np.radians(np.sqrt(turned)) / np.sqrt(foretold)
     assert 0.8 < np.median(ratio) < 1.25
@@ -227,12 +231,12 @@ def test_roughness_is_noise_and_not_curvature() -> None:
     normals, mask = ball(96)
     mask = mask & (normals[..., 2] > np.cos(np.radians(50)))
     place, smooth = np.flatnonzero(mask), normals[mask]
-    assert np.degrees(glossy.roughness(smooth, place, 96).max()) < 0.1
+    assert np.degrees(reflectance_fit.roughness(smooth, place, 96).max()) < 0.1
     noisy = smooth + np.random.default_rng(7).normal(0, 0.02, smooth.shape)
     noisy /= np.linalg.norm(noisy, axis=1, keepdims=True)
     # The larger of two estimates of √2 · 0.02, each with two degrees of freedom.
-    assert 1.0 < np.sqrt(np.mean(glossy.roughness(noisy, place, 96) ** 2)) / (np.sqrt(2) * 0.02) < 1.4
-    assert np.all(glossy.roughness(noisy[:1], place[:1], 96) == 0)
+    assert 1.0 < np.sqrt(np.mean(reflectance_fit.roughness(noisy, place, 96) ** 2)) / (np.sqrt(2) * 0.02) < 1.4
+    assert np.all(reflectance_fit.roughness(noisy[:1], place[:1], 96) == 0)
 
 
 GLOSSY = tuple((shape, material) for shape in ("ball", "figure-side", "vase-side") for material in REFLECTANCES)
@@ -410,4 +414,4 @@ def test_values_that_are_not_finite_are_refused_by_name() -> None:
 
 
 def test_gloss_of_a_few_lights_is_refused() -> None:
-    assert str(methods.GLOSSY_LIGHTS) in refused(good(), "glossy").detail
+    assert str(solvers.GLOSSY_LIGHTS) in refused(good(), "glossy").detail

@@ -12,8 +12,8 @@ from zipfile import BadZipFile
 import numpy as np
 import tifffile
 
-from acquisition.formats.export import images
-from acquisition.formats.export.whole import whole_folder
+from acquisition.formats.export import map_files
+from acquisition.formats.export.atomic_write import atomic_folder
 from acquisition.models.base import BoolArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import FisherInformation, NormalMap
@@ -38,7 +38,7 @@ def write(normal_map: NormalMap, folder: Path) -> list[str]:
     normals.png (16-bit RGB, OpenGL green), mask.png, lights_used.png (count), normals/depth/sigma_deg/albedo/residual
     and, where they are known, albedo_rgb and indirect .tiff (float32; m, degrees), doubtful.png, normal_map.npz.
     """
-    with whole_folder(folder) as partial:
+    with atomic_folder(folder) as partial:
         write_into(normal_map, partial)
         return sorted(path.name for path in partial.iterdir())
 
@@ -54,16 +54,16 @@ def write_into(normal_map: NormalMap, folder: Path) -> None:
 
 def write_maps(normal_map: NormalMap, folder: Path) -> None:
     """The pictures and float maps alone, into an existing folder."""
-    images.normals_png(folder / "normals.png", normal_map.normals, normal_map.mask)
-    images.png(folder / "mask.png", normal_map.mask.astype(np.uint8) * 255)
-    images.png(folder / "lights_used.png", lights_used(normal_map))
+    map_files.normals_png(folder / "normals.png", normal_map.normals, normal_map.mask)
+    map_files.png(folder / "mask.png", normal_map.mask.astype(np.uint8) * 255)
+    map_files.png(folder / "lights_used.png", lights_used(normal_map))
     if normal_map.doubtful is not None:
-        images.png(folder / "doubtful.png", normal_map.doubtful.astype(np.uint8) * 255)
+        map_files.png(folder / "doubtful.png", normal_map.doubtful.astype(np.uint8) * 255)
     for name, unit in UNITS.items():
         values = getattr(normal_map, name)
         if values is not None:
-            more = f", {images.depth_unit(normal_map)}" if name == "depth" else ""
-            images.float_tiff(folder / f"{name}.tiff", values, f"{unit}{more}; {images.FRAME}")
+            more = f", {map_files.depth_unit(normal_map)}" if name == "depth" else ""
+            map_files.float_tiff(folder / f"{name}.tiff", values, f"{unit}{more}; {map_files.FRAME}")
 
 
 def lights_used(normal_map: NormalMap) -> np.ndarray:

@@ -15,8 +15,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import ConfigDict, Field, ValidationError
 
-from acquisition.formats.folders import image_sets, masks, pixels, table
-from acquisition.formats.folders.pixels import Progress
+from acquisition.formats.folders import assembly, image_files, masks, text_table
+from acquisition.formats.folders.image_files import Progress
 from acquisition.formats.folders.refusal import refusal, text
 from acquisition.geometry import VIEW_FROM_CAMERA
 from acquisition.models.base import Value, Vector3
@@ -71,8 +71,8 @@ def read(folder: Path, scratch: Path, progress: Progress | None = None) -> Image
         raise refusal(path, "camera.distortion holds more than k1 k2 p1 p2 k3: undistort the images with the rest")
     distortion = np.zeros(5)
     distortion[: min(len(told), 5)] = told[:5]
-    paths = [table.beside(folder, light.file) for light in given.lights]
-    stored = pixels.store(paths, scratch, given.black_level, progress)
+    paths = [text_table.beside(folder, light.file) for light in given.lights]
+    stored = image_files.store(paths, scratch, given.black_level, progress)
     middle = np.array([stored.width / 2, stored.height / 2])
     off_axis = np.degrees(np.arctan(np.linalg.norm((middle - matrix[:2, 2]) / matrix[[0, 1], [0, 1]])))
     if off_axis > MOST_OFF_AXIS_DEG:
@@ -97,7 +97,7 @@ def read(folder: Path, scratch: Path, progress: Progress | None = None) -> Image
         given.reference_mm / 1000,
     )
     names = [light.file for light in given.lights]
-    images = image_sets.made(folder, names, paths, stored, lights, mask, kind="near light", warnings=warnings)
+    images = assembly.made(folder, names, paths, stored, lights, mask, kind="near light", warnings=warnings)
     return replace(
         images,
         saturated_from=images.saturated_from - given.black_level / stored.full_scale,

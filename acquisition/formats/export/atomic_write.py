@@ -21,7 +21,7 @@ def refuse_foreign(folder: Path, sign: str) -> None:
 
 
 @contextmanager
-def whole_folder(folder: Path) -> Generator[Path]:
+def atomic_folder(folder: Path) -> Generator[Path]:
     """Gives a hidden folder to write into; it takes the name `folder` when the block ends, and is gone when it fails.
 
     What stood there before is replaced as a whole.

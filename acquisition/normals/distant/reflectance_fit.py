@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
-from acquisition.normals.distant import reflectance, robust
+from acquisition.normals.distant import reflectance_kernels, robust_regression
 
 SHADOW = 0.15
 """Of a pixel's bright values (80th percentile): what is darker is left out, being lit by other surfaces if at all."""
@@ -71,9 +71,9 @@ def light_table(directions: FloatArray) -> FloatArray:
 def start(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> Float32Array:
     """First normals (N, 3): least squares over the middle ranks."""
     found, figures = np.empty((len(values), 3), np.float32), np.empty((len(values), 2), np.float32)
-    robust.solve(
+    robust_regression.solve(
         values, (~clipped).astype(np.uint8), directions, np.empty((0, 3), np.int64), np.empty((0, 3, 3)),
-        np.array([*robust.MIDDLE, 0.0, 0.0]), found, figures,
+        np.array([*robust_regression.MIDDLE, 0.0, 0.0]), found, figures,
     )  # fmt: skip
     found[:, 2] = np.maximum(found[:, 2], 0.03 * np.linalg.norm(found, axis=1) + 1e-9)
     return found / np.linalg.norm(found, axis=1, keepdims=True)
@@ -96,10 +96,10 @@ def fit(
     y[clipped] = 0.0
     count = len(values)
     normals = np.empty((count, 3), np.float32)
-    strengths = np.empty((count, reflectance.STRENGTHS), np.float32)
+    strengths = np.empty((count, reflectance_kernels.STRENGTHS), np.float32)
     figures = np.empty((count, 3), np.float32)
-    reflectance.fit(
-        y, trust, table, form, reflectance.WIDTHS, np.array([CAUCHY_SCALE, LEAST_SPREAD, iterations, ring]),
+    reflectance_kernels.fit(
+        y, trust, table, form, reflectance_kernels.WIDTHS, np.array([CAUCHY_SCALE, LEAST_SPREAD, iterations, ring]),
         np.ascontiguousarray(first, dtype=np.float32), normals, strengths, figures,
     )  # fmt: skip
     return Fits(normals, strengths * typical.astype(np.float32), figures[:, 2], figures[:, 1], figures[:, 0])
@@ -223,7 +223,7 @@ def _form_variance(
     across = np.cross(fits.normals, aside)
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     rows = [moved(across), moved(np.cross(fits.normals, across))]
-    for one in np.eye(reflectance.FORM):
+    for one in np.eye(reflectance_kernels.FORM):
         bent = matt(fits.normals, table, form + STEP * one) * strengths[:, :1]
         rows.append((bent - lobes[:, 0]) / STEP)
     root = np.sqrt(weight)
@@ -254,6 +254,8 @@ def brightness(fits: Fits, table: FloatArray, form: FloatArray) -> FloatArray:
 
 
 def _every_basis(normals: np.ndarray, table: FloatArray, form: FloatArray) -> Float32Array:
-    out = np.empty((len(normals), reflectance.STRENGTHS, table.shape[1]), np.float32)
-    reflectance.many(np.ascontiguousarray(normals, dtype=np.float64), table, form, reflectance.WIDTHS, out)
+    out = np.empty((len(normals), reflectance_kernels.STRENGTHS, table.shape[1]), np.float32)
+    reflectance_kernels.many(
+        np.ascontiguousarray(normals, dtype=np.float64), table, form, reflectance_kernels.WIDTHS, out
+    )
     return out

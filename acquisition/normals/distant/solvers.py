@@ -13,7 +13,7 @@ import numpy as np
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
-from acquisition.normals.distant import glossy, least_squares_kernels, robust
+from acquisition.normals.distant import least_squares_kernels, reflectance_fit, robust_regression
 from acquisition.normals.distant.pixel_blocks import Block
 
 Solver = Literal["auto", "ls", "weighted", "thresholded", "robust", "glossy"]
@@ -72,11 +72,11 @@ def prepare(
             return _weighted(directions), {"shadow_share": SHADOW}
         case "glossy":
             step = max(1, len(values) // FORM_SAMPLE)
-            form = glossy.matt_form(values[::step], clipped[::step], directions)
+            form = reflectance_fit.matt_form(values[::step], clipped[::step], directions)
             names = ("kappa", "omega", "gamma")
             return _glossy(directions, form), {"matt_form": dict(zip(names, form.tolist(), strict=True))}
         case _:
-            return _robust(directions, rounds=0 if solver == "thresholded" else robust.ROUNDS), {}
+            return _robust(directions, rounds=0 if solver == "thresholded" else robust_regression.ROUNDS), {}
 
 
 def usable(values: Float32Array, clipped: BoolArray) -> BoolArray:
@@ -90,13 +90,13 @@ def robust_fit(
 ) -> tuple[Float32Array, Float32Array]:
     """Albedo × normal (N, 3); variance of one measurement and leverage (N, 2)."""
     found, figures = np.empty((len(values), 3), np.float32), np.empty((len(values), 2), np.float32)
-    many = len(directions) >= robust.MANY_LIGHTS or rounds == 0
+    many = len(directions) >= robust_regression.MANY_LIGHTS or rounds == 0
     chosen, inverses = (
-        (np.empty((0, 3), np.int64), np.empty((0, 3, 3))) if many else robust.triples(directions)
+        (np.empty((0, 3), np.int64), np.empty((0, 3, 3))) if many else robust_regression.triples(directions)
     )  # fmt: skip
-    settings = np.array([*ranks, robust.CAUCHY_SCALE if rounds else 0.0, rounds])
+    settings = np.array([*ranks, robust_regression.CAUCHY_SCALE if rounds else 0.0, rounds])
     light = np.ascontiguousarray(directions, dtype=np.float64)
-    robust.solve(values, lit.astype(np.uint8), light, chosen, inverses, settings, found, figures)
+    robust_regression.solve(values, lit.astype(np.uint8), light, chosen, inverses, settings, found, figures)
     return found, figures
 
 
@@ -150,7 +150,7 @@ def _robust(directions: FloatArray, rounds: int) -> Method:
     def solve(block: Block, chosen: np.ndarray) -> Found:
         values, clipped = block.pixels(chosen)
         lit = usable(values, clipped)
-        found, figures = robust_fit(values, lit, directions, robust.MIDDLE, rounds)
+        found, figures = robust_fit(values, lit, directions, robust_regression.MIDDLE, rounds)
         albedo = np.linalg.norm(found, axis=1)
         normals = found / np.maximum(albedo, 1e-20)[:, None]
         predicted = found @ directions.T.astype(np.float32)
@@ -169,24 +169,24 @@ def _robust(directions: FloatArray, rounds: int) -> Method:
 
 def _glossy(directions: FloatArray, form: FloatArray) -> Method:
     """Matt part and lobes of each pixel, the matt part's form given."""
-    table = glossy.light_table(directions)
+    table = reflectance_fit.light_table(directions)
 
     def solve(block: Block, chosen: np.ndarray) -> Found:
         values, clipped = block.pixels(chosen)
-        fits = glossy.fit(values, clipped, table, form, glossy.start(values, clipped, directions))
+        fits = reflectance_fit.fit(values, clipped, table, form, reflectance_fit.start(values, clipped, directions))
         width = block.stack.shape[1] // (block.stop - block.start)
-        fits = glossy.from_neighbours(fits, values, clipped, table, form, chosen, width)
-        matt = glossy.matt(fits.normals, table, form) * fits.strengths[:, :1]
-        lit = glossy.trusted(values, clipped)
+        fits = reflectance_fit.from_neighbours(fits, values, clipped, table, form, chosen, width)
+        matt = reflectance_fit.matt(fits.normals, table, form) * fits.strengths[:, :1]
+        lit = reflectance_fit.trusted(values, clipped)
         highlight = lit & (values > (1 + EXCESS) * matt + EXCESS * fits.strengths[:, :1])
         flags = _flags(lit & ~highlight, highlight, clipped, fits.normals @ directions.T.astype(np.float32))
         # A pixel that is all gloss has a normal too, though no matt albedo to speak of.
         albedo = np.maximum(fits.strengths[:, 0], np.float32(1e-6) * np.sum(fits.strengths, axis=1))
         residual = fits.spread * np.median(values, axis=1)
-        bent = glossy.form_variance(fits, values, clipped, table, form)
+        bent = reflectance_fit.form_variance(fits, values, clipped, table, form)
         # What lobes and matt part trade with each other, and shadows half cast, show among neighbours, if anywhere.
         # Noise shows there as well as in the residuals, so that the larger of the two holds both.
-        own = np.maximum(fits.variance, np.square(glossy.roughness(fits.normals, chosen, width)))
+        own = np.maximum(fits.variance, np.square(reflectance_fit.roughness(fits.normals, chosen, width)))
         variance = np.minimum(own + bent + LEAST_RAD2, UNKNOWN_RAD2).astype(np.float32)
         return Found(fits.normals.T, albedo, variance, residual.astype(np.float32), flags)
 

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from acquisition.formats.folders import masks, pixels
-from acquisition.formats.folders.pixels import Stored
+from acquisition.formats.folders import image_files, masks
+from acquisition.formats.folders.image_files import Stored
 from acquisition.models.base import BoolArray
 from acquisition.normals.image_set import DistantLights, ImageSet, NearLights
 
@@ -23,9 +23,9 @@ def made(
 
     Raises RigError folder.invalid naming an image that is black or overexposed, or an evaluation mask that is wrong.
     """
-    merged = stored.dtype == "float32" and pixels.exceeds(stored, 1.0)
+    merged = stored.dtype == "float32" and image_files.exceeds(stored, 1.0)
     clipped_from = NEVER if merged else SATURATED_FROM
-    pixels.look(stored, paths, mask, clipped_from)
+    image_files.look(stored, paths, mask, clipped_from)
     return ImageSet(
         names=tuple(names),
         height=stored.height,

@@ -8,8 +8,8 @@ which no model predicts, not to decide.
 import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
-from acquisition.normals.distant import glossy, methods, robust
-from acquisition.normals.distant.methods import Solver
+from acquisition.normals.distant import reflectance_fit, robust_regression, solvers
+from acquisition.normals.distant.solvers import Solver
 
 FOLDS = 4
 SAMPLE = 300
@@ -26,13 +26,13 @@ def best(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> tu
     """The solver and a sentence that says why, from a sample of pixels (K, F)."""
     step = max(1, len(values) // SAMPLE)
     values, clipped = np.ascontiguousarray(values[::step]), np.ascontiguousarray(clipped[::step])
-    many = len(directions) >= methods.GLOSSY_LIGHTS * FOLDS // (FOLDS - 1)
-    solvers = FEW + MANY if many else FEW
+    many = len(directions) >= solvers.GLOSSY_LIGHTS * FOLDS // (FOLDS - 1)
+    candidates = FEW + MANY if many else FEW
     if len(directions) <= FOLDS + 1:
         return "weighted", f"{len(directions)} lights leave none to test other solvers by"
-    errors = {solver: held_out_error(solver, values, clipped, directions) for solver in solvers}
-    chosen = solvers[0]
-    for solver in solvers[1:]:
+    errors = {solver: held_out_error(solver, values, clipped, directions) for solver in candidates}
+    chosen = candidates[0]
+    for solver in candidates[1:]:
         if errors[solver] < ADVANTAGE * errors[chosen]:
             chosen = solver
     figures = ", ".join(f"{solver} {100 * error:.2f} %" for solver, error in errors.items())
@@ -43,7 +43,11 @@ def held_out_error(solver: Solver, values: Float32Array, clipped: BoolArray, dir
     """Geometric mean over pixels of the relative error that MOST held-out lights stay below, over all folds."""
     count = len(directions)
     # The form's three numbers stand for all pixels: that they have seen every light tells no pixel anything.
-    form = glossy.matt_form(values[::2], clipped[::2], directions) if solver == "glossy" else glossy.LAMBERT
+    form = (
+        reflectance_fit.matt_form(values[::2], clipped[::2], directions)
+        if solver == "glossy"
+        else reflectance_fit.LAMBERT
+    )
     errors = np.full(values.shape, np.nan)
     order = np.random.default_rng(0).permutation(count)
     for fold in range(FOLDS):
@@ -54,8 +58,8 @@ def held_out_error(solver: Solver, values: Float32Array, clipped: BoolArray, dir
             directions[shown], directions[left], form,
         )  # fmt: skip
         typical = np.maximum(np.median(values, axis=1, keepdims=True), 1e-9)
-        errors[:, left] = np.abs(predicted - values[:, left]) / (values[:, left] + glossy.SOFTENING * typical)
-    errors[~methods.usable(values, clipped)] = np.nan
+        errors[:, left] = np.abs(predicted - values[:, left]) / (values[:, left] + reflectance_fit.SOFTENING * typical)
+    errors[~solvers.usable(values, clipped)] = np.nan
     known = np.count_nonzero(np.isfinite(errors), axis=1) >= 3
     if not np.any(known):
         return np.inf
@@ -72,9 +76,11 @@ def _predict(
 ) -> FloatArray:
     """Brightness (N, L) under lights that were left out (L, 3)."""
     if solver == "glossy":
-        fits = glossy.fit(values, clipped, glossy.light_table(shown), form, glossy.start(values, clipped, shown))
-        return glossy.brightness(fits, glossy.light_table(left), form)
-    ranks = (0.0, 1.0) if solver == "weighted" else robust.MIDDLE
-    rounds = robust.ROUNDS if solver == "robust" else 0
-    found, _ = methods.robust_fit(values, methods.usable(values, clipped), shown, ranks, rounds)
+        fits = reflectance_fit.fit(
+            values, clipped, reflectance_fit.light_table(shown), form, reflectance_fit.start(values, clipped, shown)
+        )
+        return reflectance_fit.brightness(fits, reflectance_fit.light_table(left), form)
+    ranks = (0.0, 1.0) if solver == "weighted" else robust_regression.MIDDLE
+    rounds = robust_regression.ROUNDS if solver == "robust" else 0
+    found, _ = solvers.robust_fit(values, solvers.usable(values, clipped), shown, ranks, rounds)
     return np.maximum(found @ left.T, 0)

@@ -8,26 +8,28 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.formats.folders import image_sets, masks, pixels, table
-from acquisition.formats.folders.pixels import Progress
+from acquisition.formats.folders import assembly, image_files, masks, text_table
+from acquisition.formats.folders.image_files import Progress
 from acquisition.formats.folders.refusal import refusal
 from acquisition.normals.image_set import DistantLights, ImageSet
 
 NAMES, DIRECTIONS, INTENSITIES = "filenames.txt", "light_directions.txt", "light_intensities.txt"
+LISTS = (DIRECTIONS, NAMES, INTENSITIES)
+"""Any of these files marks a folder as DiLiGenT-style."""
 
 
 def read(folder: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
     """Reads the folder. Raises RigError folder.invalid naming the file that is wrong."""
-    names = tuple(table.lines(folder / NAMES))
+    names = tuple(text_table.lines(folder / NAMES))
     if not names:
         raise refusal(folder / NAMES, "names no images: write one file name a line")
-    directions = table.rows(folder / DIRECTIONS, (3,), len(names), NAMES)
-    intensities = table.rows(folder / INTENSITIES, (1, 3), len(names), NAMES)
+    directions = text_table.rows(folder / DIRECTIONS, (3,), len(names), NAMES)
+    intensities = text_table.rows(folder / INTENSITIES, (1, 3), len(names), NAMES)
     if np.any(intensities <= 0):
         row = 1 + int(np.argmax(np.any(intensities <= 0, axis=1)))
         raise refusal(folder / INTENSITIES, f"line {row} is not positive: correct it, or take the image out")
-    paths = [table.beside(folder, name) for name in names]
-    stored = pixels.store(paths, scratch, progress=progress)
+    paths = [text_table.beside(folder, name) for name in names]
+    stored = image_files.store(paths, scratch, progress=progress)
     warnings: list[str] = []
     if stored.channels == 1 and intensities.shape[1] == 3:
         if not np.allclose(intensities, intensities[:, :1]):
@@ -35,6 +37,6 @@ def read(folder: Path, scratch: Path, progress: Progress | None = None) -> Image
         intensities = intensities.mean(axis=1, keepdims=True)
     elif stored.channels == 3 and intensities.shape[1] == 1:
         intensities = np.repeat(intensities, 3, axis=1)
-    mask = pixels.mask(folder / masks.MASK, stored.height, stored.width)
+    mask = image_files.mask(folder / masks.MASK, stored.height, stored.width)
     lights = DistantLights(directions, intensities)
-    return image_sets.made(folder, names, paths, stored, lights, mask, kind="DiLiGenT", warnings=warnings)
+    return assembly.made(folder, names, paths, stored, lights, mask, kind="DiLiGenT", warnings=warnings)

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.formats.folders import image_sets, masks, pixels, table
-from acquisition.formats.folders.pixels import Progress
+from acquisition.formats.folders import assembly, image_files, masks, text_table
+from acquisition.formats.folders.image_files import Progress
 from acquisition.formats.folders.refusal import refusal
 from acquisition.normals.image_set import DistantLights, ImageSet
 
 
 def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSet:
     """Reads an `.lp` file and its images. Raises RigError folder.invalid naming the file that is wrong."""
-    first, *rest = table.lines(path) or [""]
+    first, *rest = text_table.lines(path) or [""]
     if not first.isdigit():
         raise refusal(path, f"line 1 is {first[:40]!r}: write the number of images there")
     if int(first) != len(rest):
@@ -28,14 +28,14 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
         if len(words) != 4:
             raise refusal(path, f"line {line} is {row[:60]!r}: write `name x y z`")
         names.append(words[0])
-        directions.append(table.numbers(path, line, words[1:]))
+        directions.append(text_table.numbers(path, line, words[1:]))
         if not np.any(directions[-1]):
             raise refusal(path, f"line {line} has a direction of length zero: correct it, or take the image out")
     if not names:
         raise refusal(path, "names no images: write `name x y z` for each")
     folder = path.parent
-    paths = [table.beside(folder, name) for name in names]
-    stored = pixels.store(paths, scratch, progress=progress)
+    paths = [text_table.beside(folder, name) for name in names]
+    stored = image_files.store(paths, scratch, progress=progress)
     found = masks.solving(folder, stored.height, stored.width)
     warnings = ["All lights are taken as equally bright: an .lp file does not say."]
     if found is None:
@@ -44,4 +44,4 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
         warnings.append("JPEG images are compressed and mostly gamma-encoded: normals will lean and flatten.")
     mask = np.ones((stored.height, stored.width), np.bool_) if found is None else found
     lights = DistantLights(np.array(directions), np.ones((len(names), stored.channels)))
-    return image_sets.made(folder, names, paths, stored, lights, mask, kind=".lp", warnings=warnings)
+    return assembly.made(folder, names, paths, stored, lights, mask, kind=".lp", warnings=warnings)

@@ -7,7 +7,7 @@ in non-negative strengths, and only two unknowns, the tangential directions, are
 with Levenberg–Marquardt, Golub & Pereyra 1973, Kaufman 1975).
 
 What cannot be left to each pixel is how its matt part falls off with n·l, since bending it and tilting the normal look
-alike. Its form (three numbers) is therefore shared by the whole object, see `glossy`.
+alike. Its form (three numbers) is therefore shared by the whole object, see `reflectance_fit`.
 """
 
 import numba
