@@ -22,7 +22,7 @@ HEAVY = ("numba", "trimesh", "embreex", "matplotlib", "rtde_control", "rtde_rece
 @contextmanager
 def process(cell_file: Path, data: Path) -> Generator[tuple[subprocess.Popen[str], str]]:
     code = (
-        "import sys; from pathlib import Path; from api import server, settings; "
+        "import sys; from pathlib import Path; from api.rest import server, settings; "
         "server.serve(settings.read(cell=Path(sys.argv[1]), data=Path(sys.argv[2]), host='127.0.4.4', port=0))"
     )
     started = subprocess.Popen(

@@ -223,7 +223,7 @@ def test_stop_and_acknowledge_at_rest_are_accepted(shared: Any) -> None:
 
 def test_safety_latched_fault_waits_for_acknowledgement(start: Any) -> None:
     with start() as service:
-        service.service.store.journal.latch(ErrorCode.ARM_PROTECTIVE_STOP, "The arm hit something.")
+        service.service.store.journal.record_fault(ErrorCode.ARM_PROTECTIVE_STOP, "The arm hit something.")
     with start() as service:  # the latch outlives the service
         made = service.client.create()
         safety = service.client.safety()
