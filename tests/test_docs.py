@@ -76,7 +76,9 @@ def _defined(module: Path) -> dict[str, set[str]]:
             case _:
                 return []
 
-    for statement in ast.parse(module.read_text(encoding="utf-8")).body:
+    body = ast.parse(module.read_text(encoding="utf-8")).body
+    conditional = [inner for statement in body if isinstance(statement, ast.If) for inner in statement.body]
+    for statement in body + conditional:  # conditional: `if TYPE_CHECKING` of a lazy package
         inner = statement.body if isinstance(statement, ast.ClassDef) else []
         for name in targets(statement):
             names[name] = {item for part in inner for item in targets(part)}
