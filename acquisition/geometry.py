@@ -15,7 +15,7 @@ FloatArray = npt.NDArray[np.float64]
 
 VIEW_FROM_CAMERA: FloatArray = np.diag([1.0, -1.0, -1.0, 1.0])
 CAMERA_FROM_VIEW: FloatArray = VIEW_FROM_CAMERA
-_SMALL = 1e-9
+_SMALL_ANGLE_RAD = 1e-9
 
 
 def pose(position_m: Sequence[float] | FloatArray, rotation_vector_rad: Sequence[float] | FloatArray) -> FloatArray:
@@ -24,8 +24,8 @@ def pose(position_m: Sequence[float] | FloatArray, rotation_vector_rad: Sequence
     angle = math.sqrt(x * x + y * y + z * z)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     # Rodrigues' formula with sin(θ)/θ and (1 − cos θ)/θ², which have finite limits where the axis is undefined.
-    first = math.sin(angle) / angle if angle > _SMALL else 1.0
-    second = 0.5 * (math.sin(angle / 2) / (angle / 2)) ** 2 if angle > _SMALL else 0.5
+    first = math.sin(angle) / angle if angle > _SMALL_ANGLE_RAD else 1.0
+    second = 0.5 * (math.sin(angle / 2) / (angle / 2)) ** 2 if angle > _SMALL_ANGLE_RAD else 0.5
     matrix = np.eye(4)
     matrix[:3, :3] += first * cross + second * cross @ cross
     matrix[:3, 3] = position_m

@@ -14,7 +14,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
 
-LEAST_SUPPORT = 0.05
+MIN_SUPPORT = 0.05
 """Candidates must lean by this much (sine of the slant) to every side, else they lie in one half-plane."""
 
 
@@ -49,7 +49,7 @@ def directions(candidates: FloatArray, center: FloatArray, count: int) -> FloatA
     units = offsets / np.linalg.norm(offsets, axis=-1, keepdims=True)
     around = np.arange(72) * 2 * np.pi / 72
     support = np.max(units[:, :2] @ np.stack([np.cos(around), np.sin(around)]), axis=0)
-    if np.min(support) < LEAST_SUPPORT:
+    if np.min(support) < MIN_SUPPORT:
         side = int(np.degrees(around[np.argmin(support)]))
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
@@ -107,8 +107,8 @@ def tool_poses(positions: FloatArray, axes: FloatArray, rolls: int, calibration:
     The lamp is round, so the roll about its axis is free; `rolls` equal steps of it are given.
     """
     z = axes / np.linalg.norm(axes, axis=-1, keepdims=True)
-    aside = np.where(np.abs(z[:, 2:3]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
-    x = np.cross(aside, z)
+    reference = np.where(np.abs(z[:, 2:3]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])
+    x = np.cross(reference, z)
     x /= np.linalg.norm(x, axis=-1, keepdims=True)
     y = np.cross(z, x)
     angles = np.arange(rolls) * (2 * np.pi / rolls)

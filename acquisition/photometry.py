@@ -35,17 +35,23 @@ from acquisition.models.result import NormalMap
 DEPTH_SIGMA_M = 0.0015
 """1 σ of a pixel's depth after integration that the direction term allows for; larger errors are the depth column's."""
 
+OFFSET_SIGMA_M = 0.003
+"""1 σ prior (m) of a pixel's depth offset, the nuisance parameter beside g in planner and solver alike."""
+
+PRIOR_SCALE = 0.5
+"""1 σ of the weak prior of g = ρn in units of the albedo: it keeps σ finite (about 40°) where no light reaches."""
+
 FLAT_FIELD_SIGMA = 0.005
 """1 σ of what remains of the flat field and of the lobe, as a fraction."""
 
-PREDICTED_BOUNCE_SIGMA = 0.1
+PREDICTED_INDIRECT_SIGMA = 0.1
 """1 σ of the predicted bounced light, as a share of it, that differs from light to light: what measurements are
 weighed by."""
 
 PREDICTED_HIGHLIGHT_SIGMA = 0.2
 """1 σ of the predicted highlight, once the lobe has been found, as a share of it."""
 
-SATURATED_FROM = 0.985
+SATURATION_SHARE = 0.985
 """Share of the clipping level above which a value is taken as clipped."""
 
 RAY_ROWS = 256
@@ -143,7 +149,9 @@ def normalised(
 
 def clipping_dn(sensor: SensorModel) -> float:
     """The value above which pixels count as saturated: the converter's end or the full well, whichever is lower."""
-    return sensor.black_level_dn + SATURATED_FROM * min(sensor.full_scale_dn, sensor.full_well_e / sensor.gain_e_per_dn)
+    return sensor.black_level_dn + SATURATION_SHARE * min(
+        sensor.full_scale_dn, sensor.full_well_e / sensor.gain_e_per_dn
+    )
 
 
 def saturated(frame: npt.NDArray[np.uint16], sensor: SensorModel) -> BoolArray:

@@ -23,8 +23,8 @@ from acquisition.models.route import Reach
 TOP_SLANT_DEG = 20.0
 RING_SLANT_DEG = 52.5
 SLANT_OF_THREE_DEG = 30.0
-TURNS = 24
-WORST_MISS_DEG = 60.0
+AZIMUTH_STEPS = 24
+MAX_MISS_DEG = 60.0
 """A light further than this from its ideal place no longer stands on its side of the object."""
 
 
@@ -44,11 +44,11 @@ def pattern(recipe: Recipe, reach: Reach) -> list[Light]:
     free = np.ones(len(units), dtype=np.bool_)
     patterns = [
         lamp_pose.nearest_distinct(geometry.direction(slants, turn + azimuths), units, free)
-        for turn in np.arange(TURNS) * step / TURNS
+        for turn in np.arange(AZIMUTH_STEPS) * step / AZIMUTH_STEPS
     ]
     chosen, miss = min(patterns, key=lambda one: float(np.sum(one[1] ** 2)))
     worst_deg = float(np.degrees(np.max(miss)))
-    if worst_deg > WORST_MISS_DEG:
+    if worst_deg > MAX_MISS_DEG:
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
             f"the pilot's lights at {slant_deg:g}° cannot be placed: one would stand {worst_deg:.0f}° from "

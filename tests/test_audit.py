@@ -15,19 +15,19 @@ def pairs(joints: tuple[float, ...], **cell_update: object) -> set[tuple[str, st
     return {(hit.first, hit.second) for hit in audit.audit(np.array([joints]), cell)}
 
 
-def test_a_free_arm_touches_nothing() -> None:
+def test_audit_free_arm_has_no_hits() -> None:
     assert pairs(HOME) == set()
 
 
-def test_an_arm_laid_into_the_table_touches_it() -> None:
+def test_audit_arm_in_table_hits_table() -> None:
     assert ("forearm", "table") in pairs((3.14, 0.3, 0.0, 0.0, 0.0, 0.0))
 
 
-def test_a_folded_arm_touches_itself() -> None:
+def test_audit_folded_arm_hits_itself() -> None:
     assert ("shoulder", "forearm") in pairs((3.14, -1.6, 3.1, -1.77, -1.57, 1.57))
 
 
-def test_tool_camera_and_object_are_seen() -> None:
+def test_audit_tool_camera_and_object_are_checked() -> None:
     cell, _ = simulated_cell()
     tool = audit.link_frames("ur5e", np.array([HOME]))[0, 6] @ np.array([0, 0, 0.1, 1.0])
     x, y, z = tool[:3].tolist()
@@ -39,7 +39,7 @@ def test_tool_camera_and_object_are_seen() -> None:
     assert ("tool 0", "object") in {(hit.first, hit.second) for hit in hits}
 
 
-def test_the_sample_that_touches_is_named() -> None:
+def test_audit_hits_name_their_samples() -> None:
     joints = audit.samples_along([HOME, (3.14, 0.3, 0.0, 0.0, 0.0, 0.0), HOME], 0.05)
     hits = audit.audit(joints, simulated_cell()[0])
     touching = sorted({hit.sample for hit in hits})
@@ -48,7 +48,7 @@ def test_the_sample_that_touches_is_named() -> None:
     assert touching == list(range(touching[0], touching[-1] + 1))
 
 
-def test_thinning_leaves_no_gap() -> None:
+def test_thinned_trace_leaves_no_gap() -> None:
     joints = audit.samples_along([HOME, (2.14, -1.2, 1.8, -1.77, -1.57, 1.57)], 0.0005)
     kept = audit.thinned(joints, 0.005)
     assert len(kept) < len(joints) / 5

@@ -32,9 +32,6 @@ from acquisition.normals.self_calibration import Priors, SharedParameters
 from acquisition.normals.specular import Lobe
 from acquisition.photometry import Noise
 
-OFFSET_SIGMA_M = 0.003
-"""1 σ of a pixel's depth offset in the joint solve, m."""
-
 CALIBRATION_DEPTH_SIGMA_M = 0.01
 """1 σ of a pixel's depth beside the common shift, m, in self-calibration. Integrated depth is wrong by that much behind
 occluding contours that no normal leads round; thousands of pixels held to the final solve's 3 mm explain it by a shift

@@ -87,7 +87,7 @@ def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) 
         solution = _solve_pixels(sample, state, replace(scene, noise=noise))
         noise = residual_noise.estimate(
             solution.estimate, solution.values, noise, scene.noise, ray_direction, scene.lamps,
-            alternation.OFFSET_SIGMA_M, solution.extra_variance,
+            photometry.OFFSET_SIGMA_M, solution.extra_variance,
         )  # fmt: skip
         albedo = pixel_solve.median_albedo(solution.estimate, solution.measured, sample.clipped)
     return replace(scene, noise=noise, median_albedo=albedo)
@@ -247,7 +247,7 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> _Pi
         return pixel_solve.solve(
             pixels, values, state.depth_m, scene,
             PixelSolveOptions(
-                scene.settings.shadow_threshold, alternation.OFFSET_SIGMA_M, scene.cauchy_scale, iterations
+                scene.settings.shadow_threshold, photometry.OFFSET_SIGMA_M, scene.cauchy_scale, iterations
             ),
             extra_variance=extra, highlight_by_g=None if gloss is None else gloss.by_g,
         )  # fmt: skip
@@ -264,7 +264,7 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> _Pi
         if state.indirect_irradiance is not None:
             indirect = interreflection.reflected_radiosity(state.indirect_irradiance, values, direct, estimate.albedo)
             values = values - indirect
-            extra = extra + np.square(np.float32(photometry.PREDICTED_BOUNCE_SIGMA) * indirect)
+            extra = extra + np.square(np.float32(photometry.PREDICTED_INDIRECT_SIGMA) * indirect)
         estimate = once(values, extra, iterations, gloss)
     return _PixelSolution(estimate, measured, values, extra, indirect)
 
@@ -289,7 +289,7 @@ def _measurement_flags(
             + np.float32(scale[1][number])
             + np.float32(noise.intensity) * np.abs(predicted)
             + np.float32(noise.direction) * strength
-            + np.float32(photometry.PREDICTED_BOUNCE_SIGMA) * indirect[number]
+            + np.float32(photometry.PREDICTED_INDIRECT_SIGMA) * indirect[number]
         )
         excess = measured[number] - indirect[number] - predicted
         highlight = usable & (excess > np.maximum(HIGHLIGHT_DEVIATIONS * spread, np.float32(MIN_HIGHLIGHT) * strength))

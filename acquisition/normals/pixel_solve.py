@@ -25,8 +25,6 @@ changes the mean error on path-traced objects by 1–2 %."""
 CAUCHY_SCALE: float | None = 2.5
 """Scale of Cauchy's weight function, in σ of the residual; none: least squares without reweighting."""
 
-PRIOR_SCALE = 0.5
-"""1 σ of the weak prior on g, as a share of the pixel's albedo."""
 
 IRLS_ITERATIONS = 6
 """Gauss–Newton steps with reweighting."""
@@ -232,7 +230,7 @@ def solve(
             [noise.intensity, noise.direction, options.cauchy_scale or 0.0, options.offset_sigma_m], dtype=np.float32
         ),
         np.ascontiguousarray(axis * albedo, dtype=np.float32),
-        (1.0 / (PRIOR_SCALE * albedo) ** 2).astype(np.float32),
+        (1.0 / (photometry.PRIOR_SCALE * albedo) ** 2).astype(np.float32),
         options.iterations,
         out.g,
         out.offset_m,

@@ -1,12 +1,13 @@
-"""Which lights to add, from what the images so far say of the object.
+"""Light positions by optimum experimental design: the next lights that lower the variance of the normals most.
 
 Before: `normals`, whose normal map, albedo, depth, σ and information per pixel are all that is read. After:
-`waypoints`, or nothing when the recipe is fulfilled. `approach` also chooses how many lights an ordered accuracy takes.
-`baseline` gives the patterns that planning is compared with.
+`waypoints`, or nothing when the recipe is fulfilled. `choose` plans a number of lights, `plan_to_target` also chooses
+how many an ordered accuracy takes, `forecast` predicts σ against that number, and `baseline` gives the fixed patterns
+that planning is compared with.
 """
 
 from acquisition.plan.baselines import baseline
-from acquisition.plan.planner import choose, forecast
-from acquisition.plan.stopping_rule import approach
+from acquisition.plan.planner import PlanOptions, choose, forecast
+from acquisition.plan.stopping_rule import plan_to_target
 
-__all__ = ["approach", "baseline", "choose", "forecast"]
+__all__ = ["PlanOptions", "baseline", "choose", "forecast", "plan_to_target"]

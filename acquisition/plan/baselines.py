@@ -18,9 +18,9 @@ DRBOHLAV_SLANT_DEG = 54.74
 """arccos(1/√3): orthogonal lights when there are three (Drbohlav and Chantler 2005)."""
 
 VIEWING_AXIS = np.array([0.0, 0.0, 1.0])
-TURNS = 12
+AZIMUTH_STEPS = 12
 PAPER_STARTS = 20
-LARGEST_SLANT_DEG = 75.0
+MAX_SLANT_DEG = 75.0
 """Unbounded, the paper's criterion sends all lights to the horizon of a surface that faces the camera."""
 
 
@@ -39,13 +39,13 @@ def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightP
         chosen = [int(index) for index in rng.permutation(len(units))[:count]]
         return _plan(method, chosen, units, reach, ["drawn at random"] * count, [])
     if method == "max-distance":
-        chosen = _farthest(units, count)
+        chosen = _maximin(units, count)
         return _plan(method, chosen, units, reach, ["as far as can be from the others"] * count, [])
     if method == "paper":
-        ideals = [unit_lights(count, rng)]
+        ideals = [least_trace_directions(count, rng)]
         why = "least trace of the inverse Gram matrix, unit lights"
     else:
-        ideals = [_rings(method, count, recipe.slant_deg, turn) for turn in np.arange(TURNS) / TURNS]
+        ideals = [_rings(method, count, recipe.slant_deg, turn) for turn in np.arange(AZIMUTH_STEPS) / AZIMUTH_STEPS]
         why = f"its place in the pattern {method}"
     options = [lamp_pose.nearest_distinct(ideal, units, free) for ideal in ideals]
     chosen, miss = min(options, key=lambda option: float(np.sum(option[1] ** 2)))
@@ -71,7 +71,7 @@ def two_rings(count: int, turn: float = 0.0) -> FloatArray:
     return np.concatenate(rings)
 
 
-def unit_lights(count: int, rng: np.random.Generator) -> FloatArray:
+def least_trace_directions(count: int, rng: np.random.Generator) -> FloatArray:
     """Unit directions (count, 3) in the upper half space of least tr(B(SᵀS)⁻¹Bᵀ) for a surface facing the camera.
 
     Gradient descent on the sphere of unit lights (the criterion without that bound has no minimum: growing lights makes
@@ -81,7 +81,7 @@ def unit_lights(count: int, rng: np.random.Generator) -> FloatArray:
 
     def upper(lights: FloatArray) -> FloatArray:
         slant, azimuth = geometry.slant_azimuth(lights)
-        return geometry.direction(np.minimum(slant, np.radians(LARGEST_SLANT_DEG)), azimuth)
+        return geometry.direction(np.minimum(slant, np.radians(MAX_SLANT_DEG)), azimuth)
 
     def value(lights: FloatArray) -> float:
         return float(np.trace(tangential @ np.linalg.inv(lights.T @ lights + 1e-9 * np.eye(3))))
@@ -113,22 +113,22 @@ def _rings(method: Method, count: int, slant_deg: float, turn: float) -> FloatAr
     return geometry.direction(np.radians(slants[method]), (turn + np.arange(count)) * 2 * np.pi / count)
 
 
-def _farthest(units: FloatArray, count: int) -> list[int]:
+def _maximin(units: FloatArray, count: int) -> list[int]:
     """Candidates that keep the greatest least angle: farthest-point start, then exchange."""
-    near = np.clip(units @ units.T, -1, 1)
+    cosines = np.clip(units @ units.T, -1, 1)
     chosen = [int(np.argmax(units[:, 2]))]
     while len(chosen) < count:
-        chosen.append(int(np.argmin(np.max(near[:, chosen], axis=1))))
+        chosen.append(int(np.argmin(np.max(cosines[:, chosen], axis=1))))
     improved = True
     while improved:
         improved = False
-        for place in range(count):
-            others = [index for number, index in enumerate(chosen) if number != place]
-            closest = np.max(near[:, others], axis=1)
+        for slot in range(count):
+            others = [index for number, index in enumerate(chosen) if number != slot]
+            closest = np.max(cosines[:, others], axis=1)
             closest[others] = np.inf
             best = int(np.argmin(closest))
-            if closest[best] < closest[chosen[place]] - 1e-12:
-                chosen[place] = best
+            if closest[best] < closest[chosen[slot]] - 1e-12:
+                chosen[slot] = best
                 improved = True
     return chosen
 
@@ -139,12 +139,14 @@ def _plan(
     return LightPlan(
         lights=[lamp_pose.light_at(reach.candidates[index], reach.center) for index in chosen],
         method=method,
-        reasons=[f"{place(units[index])}: {reason}" for index, reason in zip(chosen, reasons, strict=True)],
+        reasons=[
+            f"{describe_direction(units[index])}: {reason}" for index, reason in zip(chosen, reasons, strict=True)
+        ],
         notes=notes,
     )
 
 
-def place(unit: FloatArray) -> str:
+def describe_direction(unit: FloatArray) -> str:
     """A direction in words."""
     slant, azimuth = geometry.slant_azimuth(unit)
     return f"slant {np.degrees(slant):.0f}°, azimuth {np.degrees(azimuth) % 360:.0f}°"

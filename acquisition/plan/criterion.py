@@ -27,17 +27,15 @@ from acquisition.plan import criterion_kernels, planned_noise, visibility
 from acquisition.plan.planned_noise import Gloss
 from acquisition.plan.visibility import Surface
 
-LEVELS = (1 / 6, 1 / 2, 5 / 6)
-OFFSET_SIGMA_M = 0.003
-PRIOR_SCALE = 0.5
-LEAST_COSINE = 0.08
-SURE = 0.9
+VISIBILITY_LEVELS = (1 / 6, 1 / 2, 5 / 6)
+MIN_COSINE = 0.08
+CERTAIN_VISIBILITY = 0.9
 ATTACHED_SIGMA = 0.06
 CAST_SIGMA = 0.04
-LARGEST_BELIEVED_SHARE = 0.5
+MAX_INDIRECT_SHARE = 0.5
 """Share of bounced light in a pixel's images beyond which it is not believed."""
 
-DETERMINED_BY = 3
+MIN_LIGHTS = 3
 """Lights that a pixel's normal takes."""
 
 
@@ -48,15 +46,15 @@ class Samples:
     row: np.ndarray  # (P,)
     column: np.ndarray  # (P,)
     point: Float32Array  # (3, P) m, view frame
-    along: Float32Array  # (3, P) ∂x/∂Z
+    ray_direction: Float32Array  # (3, P) ∂x/∂Z
     normal: Float32Array  # (3, P)
     albedo: Float32Array  # (P,)
     sigma: Float32Array  # (P,) rad
     information: FloatArray  # (P, 4, 4) of (g, ζ), weak prior included
     lit: Float32Array  # (P,) images so far that see the pixel
-    unresolved: Float32Array  # (P,) rad², variance that no light removes
-    bounced: Float32Array  # (P,) y that other surfaces made, mean of the images so far
-    taken: FloatArray  # (T, 3) unit directions of the lights of those images
+    curvature_variance: Float32Array  # (P,) rad², variance that no light removes
+    indirect: Float32Array  # (P,) y that other surfaces made, mean of the images so far
+    captured_directions: FloatArray  # (T, 3) unit directions of the lights of those images
 
     @cached_property
     def packed(self) -> FloatArray:
@@ -65,9 +63,9 @@ class Samples:
         return np.ascontiguousarray(self.information[:, upper[0], upper[1]].T)
 
     @property
-    def weak(self) -> FloatArray:
+    def prior(self) -> FloatArray:
         """The weak prior's part (P, 4, 4) of the information."""
-        return _weak(self.albedo)
+        return _prior_information(self.albedo)
 
     @cached_property
     def inverse_albedo2(self) -> Float32Array:
@@ -77,13 +75,13 @@ class Samples:
     def thinned(self, step: int) -> "Samples":
         """Every `step`-th pixel."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
-        over_first = ("row", "column", "albedo", "sigma", "information", "lit", "unresolved", "bounced")
+        over_first = ("row", "column", "albedo", "sigma", "information", "lit", "curvature_variance", "indirect")
         thinned = {
             name: np.ascontiguousarray(value[::step] if name in over_first else value[:, ::step])
             for name, value in values.items()
-            if name != "taken"
+            if name != "captured_directions"
         }
-        return Samples(**thinned, taken=self.taken)
+        return Samples(**thinned, captured_directions=self.captured_directions)
 
 
 @dataclass(frozen=True)
@@ -121,47 +119,48 @@ def directions(lights: Sequence[Light]) -> FloatArray:
 
 
 def samples(
-    normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray, taken: Sequence[Light] = ()
+    normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray, captured: Sequence[Light] = ()
 ) -> Samples:
     """The sample pixels of a normal map with these numbers in its `information`; `taken`: the lights it was made of."""
     rows, columns = normal_map.information.rows[chosen], normal_map.information.columns[chosen]
     ray = visibility.rays_at(calibration, rows, columns)
     depth = normal_map.depth[rows, columns]
     albedo = np.maximum(normal_map.albedo[rows, columns], 1e-3)
-    scale = np.array([1.0, 1.0, 1.0, OFFSET_SIGMA_M])
+    scale = np.array([1.0, 1.0, 1.0, photometry.OFFSET_SIGMA_M])
     information = normal_map.information.matrices[chosen] * np.outer(scale, scale)
     return Samples(
         row=rows,
         column=columns,
         point=photometry.points(ray, depth),
-        along=photometry.ray_directions(ray),
+        ray_direction=photometry.ray_directions(ray),
         normal=np.ascontiguousarray(normal_map.normals[rows, columns].T),
         albedo=albedo,
         sigma=np.radians(np.nan_to_num(normal_map.sigma_deg[rows, columns], nan=40.0)).astype(np.float32),
-        information=information + _weak(albedo),
+        information=information + _prior_information(albedo),
         lit=np.count_nonzero(normal_map.flags[:, rows, columns] & LIT, axis=0).astype(np.float32),
-        unresolved=planned_noise.unresolved(normal_map, rows, columns),
-        bounced=np.zeros_like(albedo),
-        taken=directions(taken),
+        curvature_variance=planned_noise.curvature_variance(normal_map, rows, columns),
+        indirect=np.zeros_like(albedo),
+        captured_directions=directions(captured),
     )
 
 
-def _weak(albedo: Float32Array) -> FloatArray:
-    weak = np.zeros((len(albedo), 4, 4))
-    weak[:, (0, 1, 2), (0, 1, 2)] = (1.0 / (PRIOR_SCALE * albedo) ** 2)[:, None]
-    weak[:, 3, 3] = 1.0
-    return weak
+def _prior_information(albedo: Float32Array) -> FloatArray:
+    """Prior information (P, 4, 4): ±`PRIOR_SCALE` ρ of each component of g, ±1 of the scaled depth offset ζ."""
+    prior = np.zeros((len(albedo), 4, 4))
+    prior[:, (0, 1, 2), (0, 1, 2)] = (1.0 / (photometry.PRIOR_SCALE * albedo) ** 2)[:, None]
+    prior[:, 3, 3] = 1.0
+    return prior
 
 
-def usable(normal_map: NormalMap, calibration: Calibration) -> np.ndarray:
+def usable_pixels(normal_map: NormalMap, calibration: Calibration) -> np.ndarray:
     """Numbers of the information's pixels that a plan can reason about: finite, and among those that errors count."""
     information = normal_map.information
     rows, columns = information.rows, information.columns
     if not len(rows):
         return np.empty(0, dtype=np.int64)
-    along = photometry.ray_directions(visibility.rays_at(calibration, rows, columns))
+    ray_direction = photometry.ray_directions(visibility.rays_at(calibration, rows, columns))
     normal = normal_map.normals[rows, columns].T
-    cosine = -np.sum(normal * along, axis=0) / np.sqrt(np.sum(along * along, axis=0))
+    cosine = -np.sum(normal * ray_direction, axis=0) / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
     finite = (
         np.isfinite(information.matrices).all(axis=(1, 2))
         & np.isfinite(normal).all(axis=0)
@@ -189,54 +188,69 @@ def _shading(sample: Samples, lamp: Float32Array, calibration: Calibration) -> _
     strength = np.sqrt(np.einsum("fcp,fcp->fp", light, light))
     distance = np.sqrt(np.sum((lamp[:, :3, None] - sample.point[None]) ** 2, axis=1))
     cosine = np.einsum("fcp,cp->fp", light, sample.normal) / np.maximum(strength, 1e-9)
-    return _Shading(light, strength, distance, cosine, np.maximum(cosine, LEAST_COSINE) * strength * sample.albedo)
+    return _Shading(light, strength, distance, cosine, np.maximum(cosine, MIN_COSINE) * strength * sample.albedo)
 
 
 def candidates(
     sample: Samples, lights: list[Light], surface: Surface, calibration: Calibration, recipe: Recipe,
-    gloss: Gloss = planned_noise.MATT, *, cautious: bool = False,
+    gloss: Gloss = planned_noise.DIFFUSE, *, cautious: bool = False,
 ) -> Candidates:  # fmt: skip
     """Rows and visibilities of lights at the sample pixels, with the exposure that each light would get; with the noise
     that is expected, or `cautious`, to choose by."""
     lamp = photometry.lamps(lights)
-    there = _shading(sample, lamp, calibration)
-    spread = sample.sigma / np.sqrt(2.0)
-    margin = surface.clearance(sample.point, lamp)
-    seen = ndtr((there.cosine - LEAST_COSINE) / np.hypot(ATTACHED_SIGMA, spread)) * ndtr(
-        margin / np.hypot(CAST_SIGMA, spread)
+    shading = _shading(sample, lamp, calibration)
+    direction_sigma = sample.sigma / np.sqrt(2.0)
+    clearance = surface.clearance(sample.point, lamp)
+    visibility_probability = ndtr((shading.cosine - MIN_COSINE) / np.hypot(ATTACHED_SIGMA, direction_sigma)) * ndtr(
+        clearance / np.hypot(CAST_SIGMA, direction_sigma)
     )
-    lit = np.where(seen > 0.5, there.value, 0.0)
+    lit = np.where(visibility_probability > 0.5, shading.value, 0.0)
     brightest = np.maximum(np.quantile(lit, 0.995, axis=1), 1e-4)
     level = recipe.exposure.target / brightest
     if recipe.exposure.seconds is not None:
         level = np.full_like(brightest, recipe.exposure.seconds * calibration.lamp_intensity)
     sensor = calibration.sensor
     clipping = (photometry.clipping_dn(sensor) - sensor.black_level_dn) / sensor.full_scale_dn
-    seen = np.where(there.value * level[:, None] > clipping, 0.0, seen)
+    visibility_probability = np.where(shading.value * level[:, None] > clipping, 0.0, visibility_probability)
 
-    strength = sample.albedo * there.strength
+    strength = sample.albedo * shading.strength
     expected = planned_noise.variance(
-        there.value, there.cosine, strength, there.distance, level, calibration, sample.bounced, cautious=cautious
+        shading.value,
+        shading.cosine,
+        strength,
+        shading.distance,
+        level,
+        calibration,
+        sample.indirect,
+        cautious=cautious,
     )
     if gloss.sigma > 0:
-        expected = expected + (gloss.sigma * there.strength * _half_way(sample, there) ** gloss.exponent) ** 2
+        expected = (
+            expected + (gloss.sigma * shading.strength * _half_vector_cosine(sample, shading) ** gloss.exponent) ** 2
+        )
     deviation = np.sqrt(expected)
-    turning = np.einsum("fcp,cp->fp", there.light, sample.along) / np.maximum(there.strength, 1e-9)
-    facing = np.einsum("cp,cp->p", sample.normal, sample.along)
-    slope = -strength / there.distance * (facing - 3 * there.cosine * turning) * OFFSET_SIGMA_M
-    row = np.concatenate([there.light, slope[:, None]], axis=1) / deviation[:, None]
-    return Candidates(np.ascontiguousarray(row, np.float32), np.ascontiguousarray(seen, np.float32), directions(lights))
+    light_ray_cosine = np.einsum("fcp,cp->fp", shading.light, sample.ray_direction) / np.maximum(shading.strength, 1e-9)
+    normal_ray = np.einsum("cp,cp->p", sample.normal, sample.ray_direction)
+    slope = (
+        -strength / shading.distance * (normal_ray - 3 * shading.cosine * light_ray_cosine) * photometry.OFFSET_SIGMA_M
+    )
+    row = np.concatenate([shading.light, slope[:, None]], axis=1) / deviation[:, None]
+    return Candidates(
+        np.ascontiguousarray(row, np.float32),
+        np.ascontiguousarray(visibility_probability, np.float32),
+        directions(lights),
+    )
 
 
-def _half_way(sample: Samples, there: _Shading) -> Float32Array:
+def _half_vector_cosine(sample: Samples, shading: _Shading) -> Float32Array:
     """Cosines (K, P) between the normal and the direction half way between lamp and camera."""
-    to_camera = -sample.along / np.sqrt(np.sum(sample.along**2, axis=0))
-    half = there.light / np.maximum(there.strength, 1e-9)[:, None] + to_camera
+    to_camera = -sample.ray_direction / np.sqrt(np.sum(sample.ray_direction**2, axis=0))
+    half = shading.light / np.maximum(shading.strength, 1e-9)[:, None] + to_camera
     aligned = np.einsum("fcp,cp->fp", half, sample.normal)
     return np.clip(aligned / np.sqrt(np.einsum("fcp,fcp->fp", half, half)), 0, 1)
 
 
-def reweighed(
+def reweight(
     sample: Samples, normal_map: NormalMap, observations: Observations, calibration: Calibration, *,
     cautious: bool = False,
 ) -> Samples:  # fmt: skip
@@ -247,25 +261,25 @@ def reweighed(
     if not shots or len(shots) != len(normal_map.flags):
         return sample
     lamp = photometry.lamps([shot.light for shot in shots if shot.light is not None])
-    there = _shading(sample, lamp, calibration)
+    shading = _shading(sample, lamp, calibration)
     level = np.array([shot.exposure_s for shot in shots]) * calibration.lamp_intensity
-    strength = sample.albedo * there.strength
+    strength = sample.albedo * shading.strength
     lit = normal_map.flags[:, sample.row, sample.column] & LIT > 0
-    bounced = np.zeros_like(sample.albedo)
+    indirect = np.zeros_like(sample.albedo)
     if normal_map.indirect is not None:
-        share = np.clip(normal_map.indirect[sample.row, sample.column], 0, LARGEST_BELIEVED_SHARE)
-        bounced = np.asarray(np.mean(np.where(lit, there.value, 0), axis=0) * share / (1 - share), np.float32)
+        share = np.clip(normal_map.indirect[sample.row, sample.column], 0, MAX_INDIRECT_SHARE)
+        indirect = np.asarray(np.mean(np.where(lit, shading.value, 0), axis=0) * share / (1 - share), np.float32)
     assumed = planned_noise.solved_variance(
-        there.value, strength, float(np.mean(there.distance)), level, calibration, normal_map, bounced
+        shading.value, strength, float(np.mean(shading.distance)), level, calibration, normal_map, indirect
     )
     expected = planned_noise.variance(
-        there.value, there.cosine, strength, there.distance, level, calibration, bounced, cautious=cautious
+        shading.value, shading.cosine, strength, shading.distance, level, calibration, indirect, cautious=cautious
     )
-    before = np.sum(np.where(lit, there.strength**2 / assumed, 0.0), axis=0)
-    after = np.sum(np.where(lit, there.strength**2 / expected, 0.0), axis=0)
+    before = np.sum(np.where(lit, shading.strength**2 / assumed, 0.0), axis=0)
+    after = np.sum(np.where(lit, shading.strength**2 / expected, 0.0), axis=0)
     scale = np.divide(after, before, out=np.ones_like(before), where=before > 0)
-    information = (sample.information - sample.weak) * scale[:, None, None] + sample.weak
-    return replace(sample, information=information, bounced=bounced)
+    information = (sample.information - sample.prior) * scale[:, None, None] + sample.prior
+    return replace(sample, information=information, indirect=indirect)
 
 
 def unexplained_shadows(
@@ -281,25 +295,25 @@ def unexplained_shadows(
     lights = [shot.light for shot in observations.shots if shot.kind == "light" and shot.light is not None]
     if not lights or len(lights) != len(normal_map.flags):
         return 0.0
-    sure = candidates(sample, lights, surface, calibration, recipe).visibility > SURE
-    sure &= sample.lit >= DETERMINED_BY
+    surely_lit = candidates(sample, lights, surface, calibration, recipe).visibility > CERTAIN_VISIBILITY
+    surely_lit &= sample.lit >= MIN_LIGHTS
     dark = normal_map.flags[:, sample.row, sample.column] & (ATTACHED | CAST) > 0
-    return float(np.mean(dark[sure])) if np.any(sure) else 0.0
+    return float(np.mean(dark[surely_lit])) if np.any(surely_lit) else 0.0
 
 
-def mirrored(sample: Samples, units: FloatArray, gloss: Gloss) -> float:
+def mirrored_share(sample: Samples, units: FloatArray, gloss: Gloss) -> float:
     """Largest share of the pixels that show half of the highlight's peak or more of one of unit lights (K, 3) at once;
     none on a matt surface."""
     if gloss.sigma == 0 or not len(units):
         return 0.0
-    to_camera = -sample.along / np.sqrt(np.sum(sample.along**2, axis=0))
+    to_camera = -sample.ray_direction / np.sqrt(np.sum(sample.ray_direction**2, axis=0))
     half = units[:, :, None] + to_camera
     aligned = np.einsum("kcp,cp->kp", half, sample.normal) / np.sqrt(np.einsum("kcp,kcp->kp", half, half))
     return float(np.max(np.mean(np.maximum(aligned, 0) ** gloss.exponent > 0.5, axis=1)))
 
 
 @dataclass(frozen=True)
-class Expectation:
+class Posterior:
     """What is expected of all sample pixels in all scenarios after some lights."""
 
     covariance: Float32Array  # (S, 10, P) of (g, ζ)
@@ -313,31 +327,31 @@ class Expectation:
         return np.degrees(np.mean(np.sqrt(self.variance), axis=0))
 
 
-def none(sample: Samples) -> Candidates:
+def no_candidates(sample: Samples) -> Candidates:
     """No lights at all."""
     pixels = len(sample.albedo)
     return Candidates(np.empty((0, 4, pixels), np.float32), np.empty((0, pixels), np.float32), np.empty((0, 3)))
 
 
-def expect(sample: Samples, lights: Candidates, weight: FloatArray | None = None) -> Expectation:
+def posterior(sample: Samples, lights: Candidates, weight: FloatArray | None = None) -> Posterior:
     """What is to be expected after adding all of `lights`, each `weight` (K,) times; none: once."""
-    shape = (len(LEVELS), len(sample.albedo))
-    out = Expectation(
+    shape = (len(VISIBILITY_LEVELS), len(sample.albedo))
+    out = Posterior(
         np.empty((shape[0], 10, shape[1]), np.float32),
         np.empty(shape),
         np.empty(shape, dtype=np.float32),
-        np.concatenate([sample.taken, lights.unit]),
+        np.concatenate([sample.captured_directions, lights.unit]),
     )
-    criterion_kernels.expect(
+    criterion_kernels.posterior(
         sample.packed,
         lights.row,
         lights.visibility,
         np.ones(len(lights.row)) if weight is None else weight,
-        np.array(LEVELS, np.float32),
+        np.array(VISIBILITY_LEVELS, np.float32),
         sample.normal,
         sample.inverse_albedo2,
         out.covariance,
         out.variance,
         out.lit,
     )
-    return replace(out, lit=out.lit + sample.lit, variance=out.variance + sample.unresolved)
+    return replace(out, lit=out.lit + sample.lit, variance=out.variance + sample.curvature_variance)

@@ -47,7 +47,7 @@ def _invert(m: FloatArray, p: int) -> tuple[float, float, float, float, float, f
     fastmath=True,
     error_model="numpy",
 )
-def expect(
+def posterior(
     prior: FloatArray,  # (10, P) information of (g, ζ) before
     row: Float32Array,  # (K, 4, P)
     visibility: Float32Array,  # (K, P)
@@ -263,4 +263,4 @@ def clearance(
             out[k, p] = least
 
 
-KERNELS = (expect, scan, gradient, clearance)
+KERNELS = (posterior, scan, gradient, clearance)

@@ -19,7 +19,7 @@ from acquisition.models.result import NormalMap
 from acquisition.models.shot import Observations
 from acquisition.plan import criterion, planned_noise, visibility
 
-PICTURE_PX = 160
+IMAGE_PX = 160
 """Longer side of a picture of the object."""
 BRIGHTEST_PERCENTILE = 98.0
 OUTSIDE = (32, 32, 32)
@@ -44,30 +44,32 @@ def gains(
     normal_map: NormalMap, observations: Observations, recipe: Recipe, lights: list[Light], calibration: Calibration
 ) -> Gains:
     """What each of the planned `lights` gains, by the normal map that they were planned from."""
-    usable = criterion.usable(normal_map, calibration)
+    usable = criterion.usable_pixels(normal_map, calibration)
     sample = criterion.samples(normal_map, calibration, usable)
-    sample = criterion.reweighed(sample, normal_map, observations, calibration)
+    sample = criterion.reweight(sample, normal_map, observations, calibration)
     surface = visibility.surface(normal_map, calibration)
-    there = criterion.candidates(sample, lights, surface, calibration, recipe, planned_noise.gloss(normal_map))
-    with_all = criterion.expect(sample, there).sigma_deg
+    planned = criterion.candidates(sample, lights, surface, calibration, recipe, planned_noise.gloss(normal_map))
+    with_all = criterion.posterior(sample, planned).sigma_deg
     every = np.arange(len(lights))
-    gain = [criterion.expect(sample, there.only(np.delete(every, light))).sigma_deg - with_all for light in every]
+    gain = [criterion.posterior(sample, planned.only(np.delete(every, light))).sigma_deg - with_all for light in every]
     return Gains(sample.row, sample.column, with_all, np.array(gain).reshape(len(lights), len(with_all)))
 
 
-def picture(found: Gains, light: int, silhouette: BoolArray) -> bytes:
+def gain_image(pixel_gains: Gains, light: int, silhouette: BoolArray) -> bytes:
     """One light's gains over the object as a PNG, cut to the object; dark is no gain.
 
     `silhouette` (H, W) is the object; each of its pixels shows the nearest sample pixel.
     """
     rows, columns = np.flatnonzero(silhouette.any(axis=1)), np.flatnonzero(silhouette.any(axis=0))
     cut = silhouette[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    step = max(1, -(-max(cut.shape) // PICTURE_PX))
+    step = max(1, -(-max(cut.shape) // IMAGE_PX))
     inside = cut[::step, ::step]
-    place = np.argwhere(inside) * step + (rows[0], columns[0])
-    _, nearest = KDTree(np.column_stack([found.rows, found.columns])).query(place)
-    shown = np.zeros(inside.shape, np.uint8)
-    shown[inside] = np.clip(255 * found.gain_deg[light][nearest] / found.brightest_deg, 0, 255).astype(np.uint8)
-    coloured = cv2.applyColorMap(shown, cv2.COLORMAP_INFERNO)
+    pixels = np.argwhere(inside) * step + (rows[0], columns[0])
+    _, nearest = KDTree(np.column_stack([pixel_gains.rows, pixel_gains.columns])).query(pixels)
+    levels = np.zeros(inside.shape, np.uint8)
+    levels[inside] = np.clip(255 * pixel_gains.gain_deg[light][nearest] / pixel_gains.brightest_deg, 0, 255).astype(
+        np.uint8
+    )
+    coloured = cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)
     coloured[~inside] = OUTSIDE
     return cv2.imencode(".png", coloured)[1].tobytes()

@@ -19,26 +19,26 @@ from acquisition.plan.criterion import Candidates, Samples
 from acquisition.plan.deadline import Deadline
 from acquisition.plan.objective import Loss
 
-FEW_PIXELS = 300
-RANDOM_LIGHTS = 80
+COARSE_PIXELS = 300
+RANDOM_START_LIGHTS = 80
 """Random starts have this many lights together, so that few lights, which have more local minima, get more starts. One
 start of eight finds the best set, and two passes of exchange are enough to see it."""
 
-QUICK_RANDOM_LIGHTS = 40
+QUICK_RANDOM_START_LIGHTS = 40
 """As many in a quick search: on one cushion seen by sixteen domes of candidates, the σ of four lights is within 1.1 %
 of what the whole search finds, of eight within 2.6 %. With 24, sets are found whose σ is 4 % larger at a loss that is
 hardly larger."""
 
 SHORTLIST = 4
-PAIRS = 12
-STEPS_DEG = (4.0, 2.0, 1.0, 0.5)
-ROUNDS = 3
+PAIR_TRIALS = 12
+REFINE_STEPS_DEG = (4.0, 2.0, 1.0, 0.5)
+REFINE_ROUNDS = 3
 """Times that all lights are tried at one step, while any of them moves."""
 
-DIRECTIONS = 8
+REFINE_DIRECTIONS = 8
 """Places round a light that it may move to."""
 
-WORTH_MOVING = 1e-4
+MIN_IMPROVEMENT = 1e-4
 
 
 def search(
@@ -47,27 +47,29 @@ def search(
 ) -> list[int]:  # fmt: skip
     """Numbers of the best set of `count` options found: short searches on few pixels from all starts, then exchange on
     all pixels, from whichever set is best there, the patterns included; `quick` for what is forecast, not driven to."""
-    step = max(1, len(sample.albedo) // FEW_PIXELS)
-    few, few_options = sample.thinned(step), options.thinned(step)
+    step = max(1, len(sample.albedo) // COARSE_PIXELS)
+    coarse, coarse_options = sample.thinned(step), options.thinned(step)
     rng = np.random.default_rng(seed)
-    starts = [greedy(few, few_options, loss, count, until)]
-    starts += [min(patterns, key=lambda chosen: value(few, few_options, loss, chosen))] if patterns else []
-    random_starts = QUICK_RANDOM_LIGHTS // count if quick else max(2, RANDOM_LIGHTS // count)
+    starts = [greedy(coarse, coarse_options, loss, count, until)]
+    starts += [min(patterns, key=lambda chosen: value(coarse, coarse_options, loss, chosen))] if patterns else []
+    random_starts = QUICK_RANDOM_START_LIGHTS // count if quick else max(2, RANDOM_START_LIGHTS // count)
     for _ in range(random_starts if count > 1 else 0):  # a single light has been scanned already
         starts.append([int(index) for index in rng.permutation(len(options.row))[:count]])
-    found = [exchange(few, few_options, loss, start, until, passes=2) for start in starts]
+    solutions = [exchange(coarse, coarse_options, loss, start, until, passes=2) for start in starts]
     if not quick:
-        found.sort(key=lambda chosen: value(few, few_options, loss, chosen))
-        found = [exchange(few, few_options, loss, chosen, until, passes=4) for chosen in found[:SHORTLIST]]
-        found.sort(key=lambda chosen: value(few, few_options, loss, chosen))
-        found.append(pair_exchange(few, few_options, loss, found[0], rng, until))
-    best = min([*found, *patterns], key=lambda chosen: value(sample, options, loss, chosen))
+        solutions.sort(key=lambda chosen: value(coarse, coarse_options, loss, chosen))
+        solutions = [
+            exchange(coarse, coarse_options, loss, chosen, until, passes=4) for chosen in solutions[:SHORTLIST]
+        ]
+        solutions.sort(key=lambda chosen: value(coarse, coarse_options, loss, chosen))
+        solutions.append(pair_exchange(coarse, coarse_options, loss, solutions[0], rng, until))
+    best = min([*solutions, *patterns], key=lambda chosen: value(sample, options, loss, chosen))
     return exchange(sample, options, loss, best, until, passes=2 if quick else 5)
 
 
 def value(sample: Samples, options: Candidates, loss: Loss, chosen: list[int]) -> float:
     """The mean loss with these options."""
-    return loss.of(criterion.expect(sample, options.only(chosen)))
+    return loss.evaluate(criterion.posterior(sample, options.only(chosen)))
 
 
 def greedy(sample: Samples, options: Candidates, loss: Loss, count: int, until: Deadline) -> list[int]:
@@ -76,7 +78,7 @@ def greedy(sample: Samples, options: Candidates, loss: Loss, count: int, until: 
     for _ in range(count):
         if until.passed:
             return chosen + [index for index in range(len(options.row)) if index not in chosen][: count - len(chosen)]
-        losses = loss.scan(sample, criterion.expect(sample, options.only(chosen)), options)
+        losses = loss.scan(sample, criterion.posterior(sample, options.only(chosen)), options)
         losses[chosen] = np.inf
         chosen.append(int(np.argmin(losses)))
     return chosen
@@ -87,19 +89,19 @@ def exchange(
 ) -> list[int]:
     """Exchanges one light at a time for the best candidate until nothing improves."""
     chosen = list(start)
-    settled = 0
+    unchanged = 0
     for turn in range(passes * len(chosen)):
-        place = turn % len(chosen)
-        others = chosen[:place] + chosen[place + 1 :]
-        losses = loss.scan(sample, criterion.expect(sample, options.only(others)), options)
+        slot = turn % len(chosen)
+        others = chosen[:slot] + chosen[slot + 1 :]
+        losses = loss.scan(sample, criterion.posterior(sample, options.only(others)), options)
         losses[others] = np.inf
         best = int(np.argmin(losses))
         # What stays is compared by the same scan: its sums are in single precision.
-        better = losses[best] < losses[chosen[place]] * (1 - WORTH_MOVING)
-        settled = 0 if better else settled + 1
+        better = losses[best] < losses[chosen[slot]] * (1 - MIN_IMPROVEMENT)
+        unchanged = 0 if better else unchanged + 1
         if better:
-            chosen[place] = best
-        if settled >= len(chosen) or until.passed:
+            chosen[slot] = best
+        if unchanged >= len(chosen) or until.passed:
             break
     return chosen
 
@@ -110,21 +112,21 @@ def pair_exchange(
     """Takes two lights out at a time and refills and exchanges from there: the way out of most local minima."""
     chosen, best = list(start), value(sample, options, loss, start)
     pairs = list(combinations(range(len(chosen)), 2))
-    for number in rng.permutation(len(pairs))[:PAIRS]:
+    for number in rng.permutation(len(pairs))[:PAIR_TRIALS]:
         if until.passed:
             break
         trial = [index for place, index in enumerate(chosen) if place not in pairs[number]]
         removed = [chosen[place] for place in pairs[number]]
         while len(trial) < len(chosen):
-            losses = loss.scan(sample, criterion.expect(sample, options.only(trial)), options)
+            losses = loss.scan(sample, criterion.posterior(sample, options.only(trial)), options)
             losses[trial] = np.inf
             if len(trial) == len(chosen) - 2:
                 losses[removed] = np.inf
             trial.append(int(np.argmin(losses)))
         trial = exchange(sample, options, loss, trial, until, passes=2)
-        found = value(sample, options, loss, trial)
-        if found < best * (1 - WORTH_MOVING):
-            best, chosen = found, trial
+        trial_value = value(sample, options, loss, trial)
+        if trial_value < best * (1 - MIN_IMPROVEMENT):
+            best, chosen = trial_value, trial
     return chosen
 
 
@@ -133,7 +135,7 @@ def refine(
     positions: FloatArray,
     center: FloatArray,
     loss: Loss,
-    make: Callable[[FloatArray], Candidates],
+    candidates_at: Callable[[FloatArray], Candidates],
     allowed: Callable[[FloatArray], bool],
     until: Deadline,
 ) -> FloatArray:
@@ -142,41 +144,43 @@ def refine(
     `make` gives the candidates of positions (K, 3). A pattern search, because visibility makes the loss jump.
     """
     positions = positions.copy()
-    current = make(positions)
-    start = loss.of(criterion.expect(sample, current))
-    for step_deg in STEPS_DEG:
-        near: dict[int, Candidates] = {}  # what is round each light that has not moved since
-        for _ in range(ROUNDS):
-            around = np.stack([_around(position, center, step_deg) for position in positions])
-            fresh = [place for place in range(len(positions)) if place not in near]
-            if not fresh:
+    current = candidates_at(positions)
+    start = loss.evaluate(criterion.posterior(sample, current))
+    for step_deg in REFINE_STEPS_DEG:
+        neighbourhoods: dict[int, Candidates] = {}  # what is round each light that has not moved since
+        for _ in range(REFINE_ROUNDS):
+            neighbours = np.stack([_neighbours(position, center, step_deg) for position in positions])
+            stale = [slot for slot in range(len(positions)) if slot not in neighbourhoods]
+            if not stale:
                 break
-            made = make(around[fresh].reshape(-1, 3))
-            for number, place in enumerate(fresh):
-                near[place] = made.only(np.arange(number * DIRECTIONS, (number + 1) * DIRECTIONS))
+            evaluated = candidates_at(neighbours[stale].reshape(-1, 3))
+            for number, place in enumerate(stale):
+                neighbourhoods[place] = evaluated.only(
+                    np.arange(number * REFINE_DIRECTIONS, (number + 1) * REFINE_DIRECTIONS)
+                )
             for place in range(len(positions)):
                 if until.passed:
                     return positions
                 others = [index for index in range(len(positions)) if index != place]
-                own = near[place]
+                own = neighbourhoods[place]
                 losses = loss.scan(
-                    sample, criterion.expect(sample, current.only(others)), own.joined(current.only([place]))
+                    sample, criterion.posterior(sample, current.only(others)), own.joined(current.only([place]))
                 )
-                best = int(np.argmin(losses[:DIRECTIONS]))
-                better = losses[best] < losses[DIRECTIONS] - WORTH_MOVING * start
-                if better and allowed(around[place, best]):
-                    positions[place] = around[place, best]
+                best = int(np.argmin(losses[:REFINE_DIRECTIONS]))
+                better = losses[best] < losses[REFINE_DIRECTIONS] - MIN_IMPROVEMENT * start
+                if better and allowed(neighbours[place, best]):
+                    positions[place] = neighbours[place, best]
                     current.row[place], current.visibility[place] = own.row[best], own.visibility[best]
-                    del near[place]
+                    del neighbourhoods[place]
     return positions
 
 
-def _around(position: FloatArray, center: FloatArray, step_deg: float) -> FloatArray:
+def _neighbours(position: FloatArray, center: FloatArray, step_deg: float) -> FloatArray:
     """DIRECTIONS positions (8, 3) at `step_deg` from one, along slant, along azimuth and between."""
     offset = position - center
     radius = np.linalg.norm(offset)
     slant, azimuth = geometry.slant_azimuth(offset / radius)
-    turns = np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
+    turns = np.arange(REFINE_DIRECTIONS) * 2 * np.pi / REFINE_DIRECTIONS
     step = np.radians(step_deg)
     slants = np.abs(slant + step * np.cos(turns))
     azimuths = azimuth + step * np.sin(turns) / max(np.sin(slant), np.sin(step))

@@ -27,34 +27,34 @@ from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import HIGHLIGHT, NormalMap
 
-AFTER_SELF_CALIBRATION = 0.3
+SELF_CALIBRATION_FACTOR = 0.3
 """Share of an image's intensity error that is left and matters: of 0.010 at eight images 0.0055, most of it common to
 all images, which only the albedo feels. Planning with the covariance of the intensities found (a Schur complement over
 images) in place of this number changes the errors by less than can be measured."""
 
-OWN_LEFT = 0.5
+INTEGRABILITY_FACTOR = 0.5
 """Part of the variance that pixels do not share which is left once normals are those of a surface. Found over expected
 mean errors of eight images are 0.83–1.0 of smooth objects and figures with it, 1.0–1.3 of parts and fine relief."""
 
-MIXED = 0.09
+SUBPIXEL_FACTOR = 0.09
 """Error of a pixel's normal as a share of the second difference of the normals round it, for relief and steps alike:
 0.09–0.12 of fine relief where these are 4–40°."""
 
-NOISE_OF_BEND = float(np.radians(3.0))
-NOISE_OF_SIGMA = 3.0
+DIFFERENCE_NOISE_RAD = float(np.radians(3.0))
+DIFFERENCE_NOISE_SIGMAS = 3.0
 """Second differences of the first size, or of the second in units of the pixel's own σ, are the pilot's own noise."""
 
-BOUNCED_SIGMA = 0.4
+INDIRECT_SIGMA = 0.4
 """1 σ of what is left of bounced light, as a share of it, for each light: not only what differs from light to light, by
 which the solver weighs (`photometry.PREDICTED_BOUNCE_SIGMA`). Of single lights a tenth is left, but what is missed
 under all lights alike, a fifth and more, also turns normals least where they see many lights well: eight images
 path-traced with 0.4 come out at 0.98–0.99 times the error of two rings, without it at 1.03."""
 
-GLOSSY_FROM = 0.03
+GLOSSY_SHARE = 0.03
 """Share of pixels with a highlight in some image above which a surface is glossy: 0.5–2 % on matt ones, 4–13 % on
 slightly glossy ones."""
 
-USUAL_STRENGTH, USUAL_EXPONENT = 0.15, 30.0
+DEFAULT_LOBE_STRENGTH, DEFAULT_LOBE_EXPONENT = 0.15, 30.0
 """The lobe where nothing but the presence of highlights is known, its strength in units of albedo. What is planned for
 is the error that the final solve leaves, not the highlight: lights that keep clear of all highlights would tell nothing
 of the lobe, and flat surfaces then take it for a shift of the object."""
@@ -65,10 +65,10 @@ class Gloss:
     """Variance of y from highlights: (sigma |s| (n·h)^exponent)², h half way between lamp and camera."""
 
     sigma: float = 0.0
-    exponent: float = USUAL_EXPONENT
+    exponent: float = DEFAULT_LOBE_EXPONENT
 
 
-MATT = Gloss()
+DIFFUSE = Gloss()
 
 
 def gloss(normal_map: NormalMap) -> Gloss:
@@ -76,13 +76,13 @@ def gloss(normal_map: NormalMap) -> Gloss:
     sigma, lobe = photometry.PREDICTED_HIGHLIGHT_SIGMA, normal_map.notes.get("lobe")
     if lobe is not None and lobe["strength"] > 0:
         return Gloss(sigma * float(lobe["strength"]), float(lobe["exponent"]))
-    shown = np.any(normal_map.flags[:, normal_map.mask] & HIGHLIGHT, axis=0)
-    return Gloss(sigma * USUAL_STRENGTH) if shown.size and np.mean(shown) > GLOSSY_FROM else MATT
+    highlighted = np.any(normal_map.flags[:, normal_map.mask] & HIGHLIGHT, axis=0)
+    return Gloss(sigma * DEFAULT_LOBE_STRENGTH) if highlighted.size and np.mean(highlighted) > GLOSSY_SHARE else DIFFUSE
 
 
 def variance(
     value: FloatArray | Float32Array, cosine: FloatArray | Float32Array, strength: FloatArray | Float32Array,
-    distance: FloatArray | Float32Array, level: FloatArray, calibration: Calibration, bounced: Float32Array, *,
+    distance: FloatArray | Float32Array, level: FloatArray, calibration: Calibration, indirect: Float32Array, *,
     cautious: bool = False,
 ) -> FloatArray:  # fmt: skip
     """Variance of y (K, P) of lights at `distance` (K, P) in m that fall on a surface of strength ρ|s| (K, P) at
@@ -90,45 +90,51 @@ def variance(
 
     `bounced` (P,) is the light from other surfaces, in y.
     """
-    unforeseen = (BOUNCED_SIGMA * bounced) ** 2
+    indirect_variance = (INDIRECT_SIGMA * indirect) ** 2
     if cautious:
-        told = photometry.noise(calibration, list(level / calibration.lamp_intensity), float(np.mean(distance)))
-        told = replace(told, shot=OWN_LEFT * told.shot, floor=OWN_LEFT * told.floor)
-        known = told.variance(np.asarray(value, np.float64), np.asarray(strength, np.float64))
-        return np.asarray(known + unforeseen)
+        assumed = photometry.noise(calibration, list(level / calibration.lamp_intensity), float(np.mean(distance)))
+        assumed = replace(assumed, shot=INTEGRABILITY_FACTOR * assumed.shot, floor=INTEGRABILITY_FACTOR * assumed.floor)
+        sensor_and_lamp = assumed.variance(np.asarray(value, np.float64), np.asarray(strength, np.float64))
+        return np.asarray(sensor_and_lamp + indirect_variance)
     shot, floor = photometry.sensor_noise(calibration, list(level / calibration.lamp_intensity))
-    aside = calibration.lamp_position_sigma_m / distance
-    left = AFTER_SELF_CALIBRATION**2 * (calibration.intensity_sigma**2 + (2 * aside) ** 2)
-    turn = aside**2 * np.clip(1 - cosine**2, 0, 1)
-    own = shot[:, None] * value + floor[:, None] + photometry.FLAT_FIELD_SIGMA**2 * value**2
-    return np.asarray(OWN_LEFT * own + left * value**2 + turn * strength**2 + unforeseen)
+    lamp_angle = calibration.lamp_position_sigma_m / distance
+    intensity_variance = SELF_CALIBRATION_FACTOR**2 * (calibration.intensity_sigma**2 + (2 * lamp_angle) ** 2)
+    direction_variance = lamp_angle**2 * np.clip(1 - cosine**2, 0, 1)
+    pixel_variance = shot[:, None] * value + floor[:, None] + photometry.FLAT_FIELD_SIGMA**2 * value**2
+    return np.asarray(
+        INTEGRABILITY_FACTOR * pixel_variance
+        + intensity_variance * value**2
+        + direction_variance * strength**2
+        + indirect_variance
+    )
 
 
 def solved_variance(
     value: Float32Array, strength: Float32Array, distance_m: float, level: FloatArray, calibration: Calibration,
-    normal_map: NormalMap, bounced: Float32Array,
+    normal_map: NormalMap, indirect: Float32Array,
 ) -> FloatArray:  # fmt: skip
     """The variance (K, P) by which the solver of `normal_map` weighted values of such images; `bounced` as above."""
     assumed = photometry.noise(calibration, list(level / calibration.lamp_intensity), distance_m)
     intensity = normal_map.noise.get("intensity", assumed.intensity)
     direction = normal_map.noise.get("direction", assumed.direction)
     lamps = (intensity * value) ** 2 + (direction * strength) ** 2
-    predicted = (photometry.PREDICTED_BOUNCE_SIGMA * bounced) ** 2
+    predicted = (photometry.PREDICTED_INDIRECT_SIGMA * indirect) ** 2
     return assumed.shot[:, None] * value + assumed.floor[:, None] + lamps + predicted
 
 
-def unresolved(normal_map: NormalMap, rows: np.ndarray, columns: np.ndarray) -> Float32Array:
+def curvature_variance(normal_map: NormalMap, rows: np.ndarray, columns: np.ndarray) -> Float32Array:
     """Variance (P,) in rad² that the normals of pixels keep, because the surface bends within them."""
     height, width = normal_map.mask.shape
-    here = normal_map.normals[rows, columns].astype(np.float64)
-    square = np.zeros(len(rows))
+    normal = normal_map.normals[rows, columns].astype(np.float64)
+    squared_difference = np.zeros(len(rows))
     for down, right in ((0, 1), (1, 0)):
         before = np.maximum(rows - down, 0), np.maximum(columns - right, 0)
         after = np.minimum(rows + down, height - 1), np.minimum(columns + right, width - 1)
         inside: BoolArray = normal_map.mask[before] & normal_map.mask[after]
-        bend = np.nan_to_num(normal_map.normals[before] + normal_map.normals[after] - 2 * here)
-        square += np.where(inside, np.sum(bend**2, axis=1), 0.0)
+        second_difference = np.nan_to_num(normal_map.normals[before] + normal_map.normals[after] - 2 * normal)
+        squared_difference += np.where(inside, np.sum(second_difference**2, axis=1), 0.0)
     sigma = np.radians(np.nan_to_num(normal_map.sigma_deg[rows, columns], nan=40.0))
-    return (MIXED**2 * np.maximum(square / 2 - NOISE_OF_BEND**2 - (NOISE_OF_SIGMA * sigma) ** 2, 0.0)).astype(
-        np.float32
-    )
+    return (
+        SUBPIXEL_FACTOR**2
+        * np.maximum(squared_difference / 2 - DIFFERENCE_NOISE_RAD**2 - (DIFFERENCE_NOISE_SIGMAS * sigma) ** 2, 0.0)
+    ).astype(np.float32)

@@ -1,6 +1,8 @@
-"""Which lights to add: what the images say, what each light would bring, the search, and what is expected of it.
+"""Sequential optimum experimental design of the lights: sample, search, check, certify, report.
 
-What is reported is predicted on pixels that the search has not seen, because those it has seen flatter it.
+The criterion is a mean over pixels of the angular variance of the normal (A-optimality of the tangential components,
+with a cap; `objective`), the prior is the Fisher information of the images so far. Everything reported is predicted on
+held-out pixels, because the variance of the pixels that the search has used is optimistic.
 """
 
 from collections.abc import Sequence
@@ -27,28 +29,55 @@ from acquisition.plan import (
     two_ring_pattern,
     visibility,
 )
-from acquisition.plan.criterion import Candidates, Expectation, Samples
+from acquisition.plan.criterion import Candidates, Posterior, Samples
 from acquisition.plan.deadline import Deadline
-from acquisition.plan.fallback import Doubts
+from acquisition.plan.fallback import PlanDiagnostics
 from acquisition.plan.objective import Loss
 from acquisition.plan.planned_noise import Gloss
 from acquisition.plan.visibility import Surface
 
 SAMPLE_PIXELS = 900
-REFINE_EVERY = 2
-"""Every so many sample pixels are asked when lights leave the candidates' grid, where most shadow rays are cast."""
+"""Pixels of the search; between 50 and 4,000 random pixels the errors of the plans are the same within 5 %."""
+
+REFINE_STRIDE = 2
+"""Every n-th sample pixel is used while lights leave the candidates' grid, where most shadow rays are cast."""
 
 CERTIFICATE_PIXELS = 300
-LEAST_PIXELS = 20
-BLIND_FROM = 0.35
-"""Share of pixels lit by fewer than three lights so far that a person should know of; a usual pilot leaves 1–26 %."""
+"""About so many pixels enter the lower bound, which costs seconds on all of them."""
 
-MOST_CANDIDATES = 300
+MIN_PIXELS = 20
+"""Fewer usable sample pixels are refused."""
+
+MAX_UNDETERMINED_SHARE = 0.35
+"""Share of pixels lit by fewer than three lights so far that causes a warning; a usual pilot leaves 1–26 %."""
+
+MAX_CANDIDATES = 300
+"""Positions searched; 300 and 800 lead to the same errors."""
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """What a plan is limited to, and what it reports beside the lights."""
+
+    region: BoolArray | None = None
+    """(H, W) pixels whose normals count; none: the full object."""
+
+    deadline_s: float | None = None
+    """Seconds after which the best set so far is returned; none: no limit, and a deterministic plan."""
+
+    certify: bool = True
+    """Whether the relaxation's lower bound is computed."""
+
+    forecast_counts: Sequence[int] = ()
+    """Numbers of further lights for which the plan's `forecast` predicts σ, as far as there are so many candidates."""
+
+
+_DEFAULT_OPTIONS = PlanOptions()
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What a plan is made from: sample pixels to search by and fresh ones to predict by, and candidate lights."""
+    """A design problem: pixels to search by, held-out pixels to predict by, and the candidate lights."""
 
     normal_map: NormalMap
     observations: Observations
@@ -57,8 +86,8 @@ class Problem:
     calibration: Calibration
     recipe: Recipe
     reach: Reach
-    known: Samples
-    fresh: Samples
+    search_sample: Samples
+    holdout_sample: Samples
     positions: FloatArray  # (K, 3) m, view frame
     units: FloatArray  # (K, 3)
 
@@ -67,29 +96,29 @@ class Problem:
         center = self.reach.center
         return [lamp_pose.light_at(position, center) for position in positions]
 
-    def candidates(self, positions: FloatArray) -> Candidates:
-        """What lights at positions (M, 3) would tell the known pixels, to choose by."""
-        return self.told(self.known, positions, cautious=True)
+    def search_candidates(self, positions: FloatArray) -> Candidates:
+        """Design rows (M, 4, P) of lights at positions (M, 3) at the search pixels, with cautious noise."""
+        return self.design_rows(self.search_sample, positions, cautious=True)
 
-    def forecast(self, positions: FloatArray) -> Candidates:
-        """What lights at positions (M, 3) are expected to tell the fresh pixels."""
-        return self.told(self.fresh, positions, cautious=False)
+    def holdout_candidates(self, positions: FloatArray) -> Candidates:
+        """Design rows of lights at positions (M, 3) at the held-out pixels, with the expected noise."""
+        return self.design_rows(self.holdout_sample, positions, cautious=False)
 
-    def expected(self, positions: FloatArray) -> Expectation:
-        """What is expected of the fresh pixels after lights at positions (M, 3)."""
+    def holdout_posterior(self, positions: FloatArray) -> Posterior:
+        """Posterior of the held-out pixels after lights at positions (M, 3)."""
         if not len(positions):
-            return criterion.expect(self.fresh, criterion.none(self.fresh))
-        return criterion.expect(self.fresh, self.forecast(positions))
+            return criterion.posterior(self.holdout_sample, criterion.no_candidates(self.holdout_sample))
+        return criterion.posterior(self.holdout_sample, self.holdout_candidates(positions))
 
-    def told(self, sample: Samples, positions: FloatArray, *, cautious: bool) -> Candidates:
-        """What lights at positions (M, 3) would tell sample pixels."""
+    def design_rows(self, sample: Samples, positions: FloatArray, *, cautious: bool) -> Candidates:
+        """Whitened design rows and visibilities of lights at positions (M, 3) at sample pixels."""
         return criterion.candidates(
             sample, self.lights(positions), self.surface, self.calibration, self.recipe, self.gloss, cautious=cautious
         )
 
     @property
-    def taken(self) -> FloatArray:
-        """Unit directions (T, 3) of the lights taken already."""
+    def captured_directions(self) -> FloatArray:
+        """Unit directions (T, 3) of the lights captured so far."""
         shots = self.observations.shots
         lights = [shot.light.position for shot in shots if shot.kind == "light" and shot.light is not None]
         offsets = np.array(lights).reshape(-1, 3) - self.reach.center
@@ -103,53 +132,51 @@ def choose(
     reach: Reach,
     calibration: Calibration,
     count: int | None = None,
-    *,
-    region: BoolArray | None = None,
-    deadline_s: float | None = None,
-    certify: bool = True,
-    forecast_counts: Sequence[int] = (),
+    options: PlanOptions = _DEFAULT_OPTIONS,
 ) -> LightPlan:
-    """The lights that make the normals most certain, given what all images so far say.
+    """A-optimal sequential design: the `count` lights that lower the recipe's loss of the angular variance most.
 
-    `count` lights, or as many as the recipe still lacks; an empty plan says that it is fulfilled. `region` (H, W) is
-    the part of the image that matters, none: the whole object. After `deadline_s` seconds the best so far is returned.
-    The plan's `forecast` tells what each of `forecast_counts` further lights would bring instead, as far as the arm
-    reaches so many positions. Where a plan is not to be trusted, two rings are completed instead, and `fallback` says
-    why. Raises RigError plan.infeasible when the arm reaches too few positions or the normal map has too few pixels to
-    plan by.
+    Bayesian: the normal map's information is the prior of the new lights. Exchange over the dome's candidates
+    (`optimise.search`), then a pattern search off their grid (`optimise.refine`), then a fallback to two rings where
+    `PlanDiagnostics` rejects the plan, and the relaxation's lower bound as certificate. `count` None: as many lights as
+    the recipe still lacks; an empty plan says that it is fulfilled. Raises RigError plan.infeasible when the arm
+    reaches too few positions or the normal map has too few pixels to plan by.
     """
+    region, deadline_s = options.region, options.deadline_s
     until = Deadline.within(deadline_s)
-    taken = sum(shot.kind == "light" for shot in observations.shots)
-    wanted = max(recipe.lights_total - taken, 0) if count is None else count
-    problem = _problem(normal_map, observations, recipe, reach, calibration, region, wanted)
-    before_deg = problem.expected(np.empty((0, 3))).sigma_deg
-    if wanted == 0:
-        return _described([], [], [], before_deg, ["all lights of the recipe have been taken"])
-    options = problem.candidates(problem.positions)
-    loss, sets = _judged(problem, options, wanted)
-    chosen = optimise.search(problem.known, options, loss, sets, wanted, recipe.seed, until)
-    few = problem.known.thinned(REFINE_EVERY)
+    captured = sum(shot.kind == "light" for shot in observations.shots)
+    count_to_add = max(recipe.lights_total - captured, 0) if count is None else count
+    problem = _build_problem(normal_map, observations, recipe, reach, calibration, region, count_to_add)
+    before_deg = problem.holdout_posterior(np.empty((0, 3))).sigma_deg
+    if count_to_add == 0:
+        return _light_plan([], [], [], before_deg, ["all lights of the recipe have been captured"])
+    candidates = problem.search_candidates(problem.positions)
+    loss, sets = _loss_and_patterns(problem, candidates, count_to_add)
+    chosen = optimise.search(problem.search_sample, candidates, loss, sets, count_to_add, recipe.seed, until)
+    refine_sample = problem.search_sample.thinned(REFINE_STRIDE)
     positions = optimise.refine(
-        few,
+        refine_sample,
         problem.positions[chosen],
         reach.center,
         loss,
-        lambda places: problem.told(few, places, cautious=True),
+        lambda places: problem.design_rows(refine_sample, places, cautious=True),
         lambda place: reach.allows(place) is None,
         until,
     )
-    rings = problem.expected(problem.positions[sets[0]])
-    gain = 1 - loss.of(problem.expected(positions)) / loss.of(rings)
-    unexplained = criterion.unexplained_shadows(
-        problem.known, normal_map, problem.surface, observations, calibration, recipe
+    rings = problem.holdout_posterior(problem.positions[sets[0]])
+    gain = 1 - loss.evaluate(problem.holdout_posterior(positions)) / loss.evaluate(rings)
+    unexplained_shadows = criterion.unexplained_shadows(
+        problem.search_sample, normal_map, problem.surface, observations, calibration, recipe
     )
-    mirrored = criterion.mirrored(problem.known, problem.units, problem.gloss)
-    fallback = Doubts(unexplained, mirrored, gain).fallback
+    mirrored_share = criterion.mirrored_share(problem.search_sample, problem.units, problem.gloss)
+    fallback = PlanDiagnostics(unexplained_shadows, mirrored_share, gain).fallback_reason
     if fallback is not None:
-        positions = problem.positions[two_ring_pattern.instead(problem.taken, problem.units, wanted)]
+        positions = problem.positions[
+            two_ring_pattern.fallback_rings(problem.captured_directions, problem.units, count_to_add)
+        ]
 
-    there = problem.forecast(positions)
-    sigma_deg = criterion.expect(problem.fresh, there).sigma_deg
+    planned_rows = problem.holdout_candidates(positions)
+    sigma_deg = criterion.posterior(problem.holdout_sample, planned_rows).sigma_deg
     notes = [
         f"mean σ {np.mean(before_deg):.2f}° so far, {np.mean(sigma_deg):.2f}° expected with these lights, "
         f"{np.mean(rings.sigma_deg):.2f}° with two rings"
@@ -157,23 +184,23 @@ def choose(
     if fallback is not None:
         notes.append(f"two rings instead of planned lights: {fallback}")
     if until.passed:
-        notes.append(f"the search was cut short after {deadline_s:g} s: the best so far is taken")
-    blind = float(np.mean(problem.known.lit < criterion.DETERMINED_BY))
-    if observations.shots and blind > BLIND_FROM:
+        notes.append(f"the search was cut short after {deadline_s:g} s: the best set so far is used")
+    undetermined = float(np.mean(problem.search_sample.lit < criterion.MIN_LIGHTS))
+    if observations.shots and undetermined > MAX_UNDETERMINED_SHARE:
         notes.append(
-            f"{blind:.0%} of the pixels were lit by fewer than {criterion.DETERMINED_BY} lights so far: the shape that "
-            "this is planned from is a guess there; check that all lamps were on and nothing stood in their way"
+            f"{undetermined:.0%} of the pixels were lit by fewer than {criterion.MIN_LIGHTS} lights so far: the "
+            "shape behind this plan is unreliable there; check that all lamps were on and nothing blocked their light"
         )
-    dark = float(np.mean(np.sum(there.visibility > 0.5, axis=0) == 0))
-    if dark > 0.02:
-        notes.append(f"{dark:.0%} of the pixels are expected to see none of the new lights")
-    reasons, gains = _worth(problem.fresh, there, (positions - reach.center))
-    plan = _described(problem.lights(positions), reasons, gains, sigma_deg, notes)
-    within_reach = [further for further in forecast_counts if further <= len(problem.positions)]
-    curve = _curve(problem, options, taken, within_reach)
+    unlit = float(np.mean(np.sum(planned_rows.visibility > 0.5, axis=0) == 0))
+    if unlit > 0.02:
+        notes.append(f"{unlit:.0%} of the pixels are expected to see none of the new lights")
+    reasons, gains = _gains_and_reasons(problem.holdout_sample, planned_rows, (positions - reach.center))
+    plan = _light_plan(problem.lights(positions), reasons, gains, sigma_deg, notes)
+    within_reach = [further for further in options.forecast_counts if further <= len(problem.positions)]
+    curve = _forecast_curve(problem, candidates, captured, within_reach)
     plan = plan.model_copy(update={"fallback": fallback, "forecast": curve})
-    if certify:
-        plan = plan.model_copy(update=_certificate(problem, options, positions, sets[0], until))
+    if options.certify:
+        plan = plan.model_copy(update=_certificate(problem, candidates, positions, sets[0], until))
     return plan
 
 
@@ -187,34 +214,34 @@ def forecast(
     *,
     region: BoolArray | None = None,
 ) -> list[ForecastPoint]:
-    """The error to be expected after each of `counts` further lights, chosen almost as `choose` would; in that order.
+    """Expected σ after each of `counts` further lights, by a quick search for each count; in that order.
 
     Raises RigError plan.infeasible as `choose` does.
     """
-    taken = sum(shot.kind == "light" for shot in observations.shots)
-    problem = _problem(normal_map, observations, recipe, reach, calibration, region, max(counts, default=0))
-    return _curve(problem, problem.candidates(problem.positions), taken, counts)
+    captured = sum(shot.kind == "light" for shot in observations.shots)
+    problem = _build_problem(normal_map, observations, recipe, reach, calibration, region, max(counts, default=0))
+    return _forecast_curve(problem, problem.search_candidates(problem.positions), captured, counts)
 
 
-def _curve(problem: Problem, options: Candidates, taken: int, counts: Sequence[int]) -> list[ForecastPoint]:
-    """What is expected after each of `counts` further lights, found by a quick search among `options`."""
+def _forecast_curve(problem: Problem, options: Candidates, captured: int, counts: Sequence[int]) -> list[ForecastPoint]:
+    """Forecast for each of `counts` further lights, by a quick search among the candidates `options`."""
     points: list[ForecastPoint] = []
     for count in counts:
         chosen: list[int] = []
         if count:
-            loss, sets = _judged(problem, options, count)
+            loss, sets = _loss_and_patterns(problem, options, count)
             seed = problem.recipe.seed
-            chosen = optimise.search(problem.known, options, loss, sets, count, seed, Deadline(), quick=True)
-        sigma_deg = float(np.mean(problem.expected(problem.positions[chosen]).sigma_deg))
-        points.append(ForecastPoint(added=count, lights=taken + count, sigma_deg=sigma_deg))
+            chosen = optimise.search(problem.search_sample, options, loss, sets, count, seed, Deadline(), quick=True)
+        sigma_deg = float(np.mean(problem.holdout_posterior(problem.positions[chosen]).sigma_deg))
+        points.append(ForecastPoint(added=count, lights=captured + count, sigma_deg=sigma_deg))
     return points
 
 
-def _problem(
+def _build_problem(
     normal_map: NormalMap, observations: Observations, recipe: Recipe, reach: Reach, calibration: Calibration,
     region: BoolArray | None, count: int,
 ) -> Problem:  # fmt: skip
-    usable = criterion.usable(normal_map, calibration)
+    usable = criterion.usable_pixels(normal_map, calibration)
     where = ""
     if region is not None:
         if region.shape != normal_map.mask.shape:
@@ -226,23 +253,23 @@ def _problem(
         information = normal_map.information
         usable = usable[region[information.rows[usable], information.columns[usable]]]
         where = " in the region of interest"
-    if len(usable) < LEAST_PIXELS:
+    if len(usable) < MIN_PIXELS:
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
-            f"only {len(usable)} sample pixels of the normal map can be planned by{where}, {LEAST_PIXELS} are needed: "
+            f"only {len(usable)} sample pixels of the normal map can be planned by{where}, {MIN_PIXELS} are needed: "
             "check the pilot's images and the region",
             pixels=len(usable),
         )
 
-    taken = [shot.light for shot in observations.shots if shot.kind == "light" and shot.light is not None]
+    captured = [shot.light for shot in observations.shots if shot.kind == "light" and shot.light is not None]
     order = np.random.default_rng(recipe.seed).permutation(usable)
-    half = max(len(order) // 2, LEAST_PIXELS // 2)
-    known, fresh = (
-        criterion.samples(normal_map, calibration, np.sort(numbers[:SAMPLE_PIXELS]), taken)
+    half = max(len(order) // 2, MIN_PIXELS // 2)
+    search_sample, holdout_sample = (
+        criterion.samples(normal_map, calibration, np.sort(numbers[:SAMPLE_PIXELS]), captured)
         for numbers in (order[:half], order[half:])
     )
     units = lamp_pose.directions(reach.candidates, reach.center, count)
-    thin = np.linspace(0, len(units) - 1, min(len(units), MOST_CANDIDATES)).round().astype(int)
+    kept = np.linspace(0, len(units) - 1, min(len(units), MAX_CANDIDATES)).round().astype(int)
     return Problem(
         normal_map=normal_map,
         observations=observations,
@@ -251,49 +278,52 @@ def _problem(
         calibration=calibration,
         recipe=recipe,
         reach=reach,
-        known=criterion.reweighed(known, normal_map, observations, calibration, cautious=True),
-        fresh=criterion.reweighed(fresh, normal_map, observations, calibration),
-        positions=reach.candidates[thin],
-        units=units[thin],
+        search_sample=criterion.reweight(search_sample, normal_map, observations, calibration, cautious=True),
+        holdout_sample=criterion.reweight(holdout_sample, normal_map, observations, calibration),
+        positions=reach.candidates[kept],
+        units=units[kept],
     )
 
 
-def _judged(problem: Problem, options: Candidates, count: int) -> tuple[Loss, list[list[int]]]:
-    """The recipe's loss, by what rings give the known pixels, and two-ring completions of the lights taken, the best
-    balanced first."""
-    sets = two_ring_pattern.completions(problem.taken, problem.units, count)
-    rings = criterion.expect(problem.known, options.only(sets[0]))
+def _loss_and_patterns(problem: Problem, options: Candidates, count: int) -> tuple[Loss, list[list[int]]]:
+    """The recipe's loss, scaled by two rings' posterior of the search pixels, and the two-ring completions of the
+    captured lights, the best balanced first."""
+    sets = two_ring_pattern.completions(problem.captured_directions, problem.units, count)
+    rings = criterion.posterior(problem.search_sample, options.only(sets[0]))
     return objective.loss(problem.recipe.objective, rings), sets
 
 
 def _certificate(
     problem: Problem, options: Candidates, positions: FloatArray, pattern: list[int], until: Deadline
 ) -> dict[str, float | str]:
-    """The lower bound, and what plan and pattern come to against it; the plan's own lights are candidates too.
+    """Efficiency of plan and two rings against the relaxation's lower bound, as fields of `LightPlan`.
 
-    The variance that no light removes is left out: it would make all look alike.
+    The plan's own positions are candidates too. The sub-pixel curvature variance, which no light removes, is left out:
+    it would draw all efficiencies to 1.
     """
-    step = max(1, len(problem.known.albedo) // CERTIFICATE_PIXELS)
-    sample = problem.known.thinned(step)
-    sample = replace(sample, unresolved=np.zeros_like(sample.unresolved))
-    ours = problem.candidates(positions).thinned(step)
-    few = options.thinned(step)
-    found = relaxation.bound(sample, few.joined(ours), len(positions), until)
-    variance, rings = (float(np.mean(criterion.expect(sample, set_).variance)) for set_ in (ours, few.only(pattern)))
+    step = max(1, len(problem.search_sample.albedo) // CERTIFICATE_PIXELS)
+    sample = problem.search_sample.thinned(step)
+    sample = replace(sample, curvature_variance=np.zeros_like(sample.curvature_variance))
+    planned = problem.search_candidates(positions).thinned(step)
+    thinned = options.thinned(step)
+    bound = relaxation.bound(sample, thinned.joined(planned), len(positions), until)
+    variance, rings = (
+        float(np.mean(criterion.posterior(sample, set_).variance)) for set_ in (planned, thinned.only(pattern))
+    )
     return {
-        "lower_bound_sigma_deg": found.sigma_deg,
-        "efficiency": float(np.sqrt(found.variance / variance)),
-        "two_rings_efficiency": float(np.sqrt(found.variance / rings)),
-        "relaxation_gap": found.gap,
+        "lower_bound_sigma_deg": bound.sigma_deg,
+        "efficiency": float(np.sqrt(bound.variance / variance)),
+        "two_rings_efficiency": float(np.sqrt(bound.variance / rings)),
+        "relaxation_gap": bound.gap,
         "certificate_note": (
-            f"no choice of {len(positions)} among the {len(few.row) + len(positions)} positions looked at brings the "
-            f"root mean square σ below {found.sigma_deg:.2f}°; this plan is expected to reach "
+            f"no choice of {len(positions)} among the {len(thinned.row) + len(positions)} candidate positions "
+            f"brings the root mean square σ below {bound.sigma_deg:.2f}°; this plan is expected to reach "
             f"{np.degrees(np.sqrt(variance)):.2f}°, two rings {np.degrees(np.sqrt(rings)):.2f}°"
         ),
     }
 
 
-def _described(
+def _light_plan(
     lights: list[Light], reasons: list[str], gains: list[float], sigma_deg: FloatArray, notes: list[str]
 ) -> LightPlan:
     return LightPlan(
@@ -307,19 +337,21 @@ def _described(
     )
 
 
-def _worth(sample: Samples, lights: Candidates, offsets: FloatArray) -> tuple[list[str], list[float]]:
-    """What each light brings beside the others: in words, and as the share by which mean σ would rise without it."""
+def _gains_and_reasons(sample: Samples, lights: Candidates, offsets: FloatArray) -> tuple[list[str], list[float]]:
+    """Leave-one-out gains: for each light a sentence, and the fraction by which mean σ rises without it."""
     directions = offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
-    with_all = criterion.expect(sample, lights).sigma_deg
+    with_all = criterion.posterior(sample, lights).sigma_deg
     reasons: list[str] = []
     gains: list[float] = []
     for number, direction in enumerate(directions):
-        without = criterion.expect(sample, lights.only(np.delete(np.arange(len(lights.row)), number))).sigma_deg
-        better = with_all < 0.95 * without
-        brings = "makes all pixels a little more certain"
-        if np.any(better):
-            fell = f"from {np.median(without[better]):.1f}° to {np.median(with_all[better]):.1f}°"
-            brings = f"makes {np.mean(better):.0%} of the pixels more certain, their median σ falls {fell}"
-        reasons.append(f"{baselines.place(direction)}: {brings}")
-        gains.append(float(np.mean(without) / np.mean(with_all) - 1))
+        sigma_without = criterion.posterior(
+            sample, lights.only(np.delete(np.arange(len(lights.row)), number))
+        ).sigma_deg
+        improved = with_all < 0.95 * sigma_without
+        effect = "makes all pixels a little more certain"
+        if np.any(improved):
+            change = f"from {np.median(sigma_without[improved]):.1f}° to {np.median(with_all[improved]):.1f}°"
+            effect = f"makes {np.mean(improved):.0%} of the pixels more certain, their median σ falls {change}"
+        reasons.append(f"{baselines.describe_direction(direction)}: {effect}")
+        gains.append(float(np.mean(sigma_without) / np.mean(with_all) - 1))
     return reasons, gains

@@ -17,13 +17,13 @@ import numpy as np
 
 from acquisition.models.base import FloatArray
 from acquisition.plan import criterion, criterion_kernels
-from acquisition.plan.criterion import LEVELS, Candidates, Samples
+from acquisition.plan.criterion import VISIBILITY_LEVELS, Candidates, Samples
 from acquisition.plan.deadline import Deadline
 
-LARGEST_GAP = 0.001
-MOST_ROUNDS = 400
-BOLDEST = 4.0
-SMALLEST = 1e-4
+MAX_GAP = 0.001
+MAX_ROUNDS = 400
+MAX_EXPONENT = 4.0
+MIN_RELATIVE_WEIGHT = 1e-4
 """Shares below this part of the largest are dropped. The bound stays one; the gap shows it if they were needed."""
 
 
@@ -33,7 +33,7 @@ class Bound:
     relaxation's own gap: how far its value at the best shares found lies above the bound, as a fraction."""
 
     variance: float
-    shares: FloatArray
+    weights: FloatArray
     gap: float
 
     @property
@@ -44,52 +44,52 @@ class Bound:
 
 def bound(sample: Samples, options: Candidates, count: int, until: Deadline) -> Bound:
     """The best lower bound found until its gap closes or time is up; `count` of the candidates (K ≥ count ≥ 1)."""
-    shares = np.full(len(options.row), count / len(options.row))
-    value, slope = _value(sample, options, shares)
-    least, best, best_shares = -np.inf, value, shares
-    boldness = 2.0
-    for _ in range(MOST_ROUNDS):
-        least = max(least, value - float(slope @ shares) + float(np.sum(np.partition(slope, count - 1)[:count])))
-        if best - least <= LARGEST_GAP * best or until.passed:
+    weights = np.full(len(options.row), count / len(options.row))
+    value, gradient = _value_and_gradient(sample, options, weights)
+    lower, best, best_weights = -np.inf, value, weights
+    exponent = 2.0
+    for _ in range(MAX_ROUNDS):
+        lower = max(lower, value - float(gradient @ weights) + float(np.sum(np.partition(gradient, count - 1)[:count])))
+        if best - lower <= MAX_GAP * best or until.passed:
             break
-        trial = _of_sum(shares * (slope / np.mean(slope)) ** boldness, count)
-        trial_value, trial_slope = _value(sample, options, trial)
-        if trial_value > value * (1 + 1e-9) and boldness > 0.05:
-            boldness *= 0.5
+        trial = _scaled_to_sum(weights * (gradient / np.mean(gradient)) ** exponent, count)
+        trial_value, trial_gradient = _value_and_gradient(sample, options, trial)
+        if trial_value > value * (1 + 1e-9) and exponent > 0.05:
+            exponent *= 0.5
             continue
-        boldness = min(boldness * 1.15, BOLDEST)
-        shares, value, slope = trial, trial_value, trial_slope
+        exponent = min(exponent * 1.15, MAX_EXPONENT)
+        weights, value, gradient = trial, trial_value, trial_gradient
         if value < best:
-            best, best_shares = value, shares
-    return Bound(max(least, 0.0), best_shares, float((best - least) / best))
+            best, best_weights = value, weights
+    return Bound(max(lower, 0.0), best_weights, float((best - lower) / best))
 
 
-def _value(sample: Samples, options: Candidates, shares: FloatArray) -> tuple[float, FloatArray]:
+def _value_and_gradient(sample: Samples, options: Candidates, weights: FloatArray) -> tuple[float, FloatArray]:
     """Mean variance with each candidate taken to its share, and its slope (K,) in each share."""
-    used = np.flatnonzero(shares)
-    there = criterion.expect(sample, options.only(used), shares[used])
-    slope = np.empty(len(shares))
+    used = np.flatnonzero(weights)
+    relaxed = criterion.posterior(sample, options.only(used), weights[used])
+    gradient = np.empty(len(weights))
     criterion_kernels.gradient(
-        there.covariance,
+        relaxed.covariance,
         options.row,
         options.visibility,
         sample.normal,
         sample.inverse_albedo2,
-        np.array(LEVELS, np.float32),
-        slope,
+        np.array(VISIBILITY_LEVELS, np.float32),
+        gradient,
     )
-    return float(np.mean(there.variance)), slope
+    return float(np.mean(relaxed.variance)), gradient
 
 
-def _of_sum(shares: FloatArray, count: int) -> FloatArray:
+def _scaled_to_sum(weights: FloatArray, count: int) -> FloatArray:
     """Shares scaled so that, cut at 1, they add up to `count`."""
-    shares = np.where(shares < SMALLEST * np.max(shares), 0.0, shares)
+    weights = np.where(weights < MIN_RELATIVE_WEIGHT * np.max(weights), 0.0, weights)
     for _ in range(50):
-        full = shares >= 1.0
-        shares = np.where(full, 1.0, shares)
+        full = weights >= 1.0
+        weights = np.where(full, 1.0, weights)
         rest = count - float(np.count_nonzero(full))
-        free = float(np.sum(shares[~full]))
+        free = float(np.sum(weights[~full]))
         if free <= 0 or abs(free - rest) < 1e-12:
             break
-        shares = np.where(full, 1.0, shares * (rest / free))
-    return np.minimum(shares, 1.0)
+        weights = np.where(full, 1.0, weights * (rest / free))
+    return np.minimum(weights, 1.0)

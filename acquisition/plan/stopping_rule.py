@@ -40,12 +40,12 @@ FIRST_SLACK, LATER_SLACK = 0.2, 0.03
 is taken for nothing, and forecasts from the pilot are found 5–14 % too large. By the first the pilot itself must keep
 below the target: too few images to find the lamps by say little of their own errors (0.9–1.5 of what they say)."""
 
-WORTH = 0.05
+NEGLIGIBLE_GAIN = 0.05
 """Where even all lights allowed do not meet the target, the last ones are not taken that lower the mean σ by less than
 this share together."""
 
 
-def approach(
+def plan_to_target(
     normal_map: NormalMap,
     observations: Observations,
     recipe: Recipe,
@@ -62,50 +62,54 @@ def approach(
     target = recipe.target_sigma_deg
     if target is None:
         raise RigError(ErrorCode.REQUEST_INVALID, "the recipe has no target_sigma_deg")
-    taken = sum(shot.kind == "light" for shot in observations.shots)
-    reached = reached_deg(normal_map, calibration, region)
-    state = f"mean σ {reached:.2f}°"
-    allowed = recipe.max_lights - taken
-    first = taken <= recipe.pilot_lights and allowed > 0
-    if reached <= (target / (1 + FIRST_SLACK) if first else target * (1 + TOLERANCE)):
-        return _concluded(f"target met with {taken} images: {state}, wanted {target:.3g}°")
+    captured = sum(shot.kind == "light" for shot in observations.shots)
+    achieved = achieved_sigma_deg(normal_map, calibration, region)
+    state = f"mean σ {achieved:.2f}°"
+    allowed = recipe.max_lights - captured
+    first = captured <= recipe.pilot_lights and allowed > 0
+    if achieved <= (target / (1 + FIRST_SLACK) if first else target * (1 + TOLERANCE)):
+        return _conclusion(f"target met with {captured} images: {state}, wanted {target:.3g}°")
     if allowed <= 0:
-        return _concluded(f"the most lights allowed were taken ({taken}): {state} > {target:.3g}°")
+        return _conclusion(f"the most lights allowed were taken ({captured}): {state} > {target:.3g}°")
     counts = [count for count in COUNTS if count < allowed] + [allowed]
     now, *curve = planner.forecast(normal_map, observations, recipe, reach, calibration, [0, *counts], region=region)
     slack = FIRST_SLACK
     if not first:
-        curve = [point.model_copy(update={"sigma_deg": point.sigma_deg * reached / now.sigma_deg}) for point in curve]
+        curve = [point.model_copy(update={"sigma_deg": point.sigma_deg * achieved / now.sigma_deg}) for point in curve]
         slack = LATER_SLACK
-    least = min(point.sigma_deg for point in curve)
-    beyond = least > target
-    aim = (1 + WORTH) * least if beyond else target
-    if beyond and reached <= aim:
-        return _concluded(
-            f"no light is worth taking after {taken} images: {state}, with all {recipe.max_lights} lights allowed "
-            f"{least:.2f}° would be expected; wanted {target:.3g}°"
+    lowest_deg = min(point.sigma_deg for point in curve)
+    unreachable = lowest_deg > target
+    aim_deg = (1 + NEGLIGIBLE_GAIN) * lowest_deg if unreachable else target
+    if unreachable and achieved <= aim_deg:
+        return _conclusion(
+            f"no light is worth taking after {captured} images: {state}, with all {recipe.max_lights} lights allowed "
+            f"{lowest_deg:.2f}° would be expected; wanted {target:.3g}°"
         )
-    wanted = _first_that_meets(curve, (1 + slack) * aim)
-    chosen = planner.choose(normal_map, observations, recipe, reach, calibration, wanted, region=region)
-    notes = [f"{state} with {taken} images; {target:.3g}° is wanted"]
-    if beyond:
-        notes.append(f"the target may not be met: {least:.2f}° is expected with all {recipe.max_lights} lights allowed")
+    count = _fewest_lights_meeting(curve, (1 + slack) * aim_deg)
+    chosen = planner.choose(
+        normal_map, observations, recipe, reach, calibration, count, planner.PlanOptions(region=region)
+    )
+    notes = [f"{state} with {captured} images; {target:.3g}° is wanted"]
+    if unreachable:
+        notes.append(
+            f"the target may not be met: {lowest_deg:.2f}° is expected with all {recipe.max_lights} lights allowed"
+        )
     return chosen.model_copy(update={"notes": [*notes, *chosen.notes], "forecast": curve})
 
 
-def reached_deg(normal_map: NormalMap, calibration: Calibration, region: BoolArray | None = None) -> float:
+def achieved_sigma_deg(normal_map: NormalMap, calibration: Calibration, region: BoolArray | None = None) -> float:
     """Mean σ in degrees over the facing pixels, of `region` (H, W) where one is given, with what bends leave in it.
 
     Raises RigError normals.infeasible when there are none.
     """
     rows, columns = np.nonzero(normal_map.mask)
     sigma = normal_map.sigma_deg.copy()
-    left = np.degrees(np.sqrt(planned_noise.unresolved(normal_map, rows, columns)))
-    sigma[rows, columns] = np.hypot(sigma[rows, columns], left)
+    subpixel_deg = np.degrees(np.sqrt(planned_noise.curvature_variance(normal_map, rows, columns)))
+    sigma[rows, columns] = np.hypot(sigma[rows, columns], subpixel_deg)
     return photometry.mean_sigma_deg(replace(normal_map, sigma_deg=sigma), calibration, region)
 
 
-def _first_that_meets(curve: Sequence[ForecastPoint], target_deg: float) -> int:
+def _fewest_lights_meeting(curve: Sequence[ForecastPoint], target_deg: float) -> int:
     """The least number of further lights whose expected σ meets the target; the last number of the curve if none."""
     if curve[0].sigma_deg <= target_deg:
         return curve[0].added
@@ -113,12 +117,12 @@ def _first_that_meets(curve: Sequence[ForecastPoint], target_deg: float) -> int:
         if after.sigma_deg > target_deg:
             continue
         added = np.arange(before.added, after.added + 1)
-        taken = after.lights - after.added
-        places = np.log([taken + before.added, taken + after.added])
-        sigma = np.exp(np.interp(np.log(taken + added), places, np.log([before.sigma_deg, after.sigma_deg])))
+        captured = after.lights - after.added
+        log_lights = np.log([captured + before.added, captured + after.added])
+        sigma = np.exp(np.interp(np.log(captured + added), log_lights, np.log([before.sigma_deg, after.sigma_deg])))
         return int(added[np.argmax(sigma <= target_deg * (1 + 1e-9))])
     return curve[-1].added
 
 
-def _concluded(why: str) -> LightPlan:
-    return LightPlan(lights=[], method="optimal", reasons=[], conclusion=why, notes=[why])
+def _conclusion(reason: str) -> LightPlan:
+    return LightPlan(lights=[], method="optimal", reasons=[], conclusion=reason, notes=[reason])

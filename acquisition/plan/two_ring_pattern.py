@@ -14,57 +14,57 @@ from acquisition import geometry, lamp_pose
 from acquisition.models.base import FloatArray
 from acquisition.plan.baselines import INNER_SLANT_DEG, OUTER_SLANT_DEG
 
-TURNS = 12
-TOP_SLANT_DEG, BETWEEN_SLANT_DEG = 15.0, 40.0
+AZIMUTH_STEPS = 12
+TOP_MAX_SLANT_DEG, INNER_MAX_SLANT_DEG = 15.0, 40.0
 """Lights taken below the first stand on top of the object, up to the second on the inner ring, beyond on the outer."""
 
-STEEP_SLANT_DEG, STEEPER_SLANT_DEG = 60.0, 65.0
-STEEPER_FROM = 12
+FALLBACK_SLANT_DEG, FALLBACK_SLANT_MANY_DEG = 60.0, 65.0
+FALLBACK_MANY = 12
 """Outer rings that are completed in place of a plan, the second one from so many images in all. The pilot's light on
 top tells little of the normals, and a steeper ring makes up for it. Errors in those of two rings: eight images of a
 machined part 0.95 at 60°, 1.04 at 55°; twelve of glossy relief 0.88 at 65°, 0.93 at 60°, 1.07 at 55°, and of a glossy
 part 1.05 at 65°, no worse than at 55°. With eight images walls leave too many pixels dark at 65° (1.14)."""
 
-MISFIT = 0.5
+MISFIT_WEIGHT = 0.5
 """Weight of the distance of lights from their places, rad, against imbalance."""
 
 
 def completions(
-    taken: FloatArray, units: FloatArray, count: int, outer_slant_deg: float = OUTER_SLANT_DEG
+    captured: FloatArray, units: FloatArray, count: int, outer_slant_deg: float = OUTER_SLANT_DEG
 ) -> list[list[int]]:
     """Sets of `count` distinct numbers of `units` (K, 3) that complete unit lights `taken` (T, 3) to two rings.
 
     One set for each likely number of lights inside, the most even one first.
     """
-    slant = np.degrees(geometry.slant_azimuth(taken)[0])
-    inside = taken[(slant > TOP_SLANT_DEG) & (slant <= BETWEEN_SLANT_DEG)]
-    outside = taken[slant > BETWEEN_SLANT_DEG]
-    total = len(taken) + count
-    wanted = round(total / 3) - np.count_nonzero(slant <= BETWEEN_SLANT_DEG)
+    slant = np.degrees(geometry.slant_azimuth(captured)[0])
+    captured_inner = captured[(slant > TOP_MAX_SLANT_DEG) & (slant <= INNER_MAX_SLANT_DEG)]
+    captured_outer = captured[slant > INNER_MAX_SLANT_DEG]
+    total = len(captured) + count
+    inner_missing = round(total / 3) - np.count_nonzero(slant <= INNER_MAX_SLANT_DEG)
     free = np.ones(len(units), dtype=np.bool_)
-    found: list[tuple[float, list[int]]] = []
-    for inner in sorted({int(np.clip(wanted + more, 0, count)) for more in (-1, 0, 1)}):
+    scored: list[tuple[float, list[int]]] = []
+    for inner in sorted({int(np.clip(inner_missing + more, 0, count)) for more in (-1, 0, 1)}):
         rings = [
-            [_places(ring, number, slant_deg, turn) for turn in np.arange(TURNS) / TURNS]
+            [_open_positions(ring, number, slant_deg, turn) for turn in np.arange(AZIMUTH_STEPS) / AZIMUTH_STEPS]
             for ring, number, slant_deg in (
-                (inside, inner, INNER_SLANT_DEG),
-                (outside, count - inner, outer_slant_deg),
+                (captured_inner, inner, INNER_SLANT_DEG),
+                (captured_outer, count - inner, outer_slant_deg),
             )
         ]
-        moments = [np.array([np.sum(_moments(places), axis=0) for places, _ in ring]) for ring in rings]
+        moments = [np.array([np.sum(_circular_moments(places), axis=0) for places, _ in ring]) for ring in rings]
         misfits = [np.array([misfit for _, misfit in ring]) for ring in rings]
-        together = np.sum(_moments(taken), axis=0) + moments[0][:, None] + moments[1]
-        uneven = np.linalg.norm(together, axis=-1) / total + MISFIT * (misfits[0][:, None] + misfits[1])
-        first, second = np.unravel_index(int(np.argmin(np.round(uneven, 6))), uneven.shape)
+        moment_sums = np.sum(_circular_moments(captured), axis=0) + moments[0][:, None] + moments[1]
+        score = np.linalg.norm(moment_sums, axis=-1) / total + MISFIT_WEIGHT * (misfits[0][:, None] + misfits[1])
+        first, second = np.unravel_index(int(np.argmin(np.round(score, 6))), score.shape)
         best = np.concatenate([rings[0][int(first)][0], rings[1][int(second)][0]])
-        found.append((float(uneven[first, second]), lamp_pose.nearest_distinct(best, units, free)[0]))
-    return [chosen for _, chosen in sorted(found)]
+        scored.append((float(score[first, second]), lamp_pose.nearest_distinct(best, units, free)[0]))
+    return [chosen for _, chosen in sorted(scored)]
 
 
-def instead(taken: FloatArray, units: FloatArray, count: int) -> list[int]:
+def fallback_rings(captured: FloatArray, units: FloatArray, count: int) -> list[int]:
     """The completion, as numbers of `units` (K, 3), that is taken where a plan is not to be trusted."""
-    many = len(taken) + count >= STEEPER_FROM
-    return completions(taken, units, count, STEEPER_SLANT_DEG if many else STEEP_SLANT_DEG)[0]
+    many = len(captured) + count >= FALLBACK_MANY
+    return completions(captured, units, count, FALLBACK_SLANT_MANY_DEG if many else FALLBACK_SLANT_DEG)[0]
 
 
 def imbalance(units: FloatArray) -> float:
@@ -72,28 +72,30 @@ def imbalance(units: FloatArray) -> float:
 
     The first two circular moments, weighted by the sine of the slant and its square; 0 of no lights.
     """
-    return float(np.linalg.norm(np.sum(_moments(units), axis=0))) / max(len(units), 1)
+    return float(np.linalg.norm(np.sum(_circular_moments(units), axis=0))) / max(len(units), 1)
 
 
 def imbalance_with_each(units: FloatArray, further: FloatArray) -> FloatArray:
     """The imbalance (K,) of unit lights (N, 3) together with each one of further ones (K, 3)."""
-    return np.linalg.norm(np.sum(_moments(units), axis=0) + _moments(further), axis=1) / (len(units) + 1)
+    return np.linalg.norm(np.sum(_circular_moments(units), axis=0) + _circular_moments(further), axis=1) / (
+        len(units) + 1
+    )
 
 
-def _moments(units: FloatArray) -> FloatArray:
+def _circular_moments(units: FloatArray) -> FloatArray:
     x, y = units[:, 0], units[:, 1]
     return np.column_stack([x, y, x * x - y * y, 2 * x * y])
 
 
-def _places(ring: FloatArray, count: int, slant_deg: float, turn: float) -> tuple[FloatArray, float]:
+def _open_positions(ring: FloatArray, count: int, slant_deg: float, turn: float) -> tuple[FloatArray, float]:
     """The `count` places (count, 3) of an even ring that lights `ring` (R, 3) leave, and by how much these miss the
     places that they fill, rms in rad of azimuth; `turn` in steps of the ring."""
-    whole = len(ring) + count
-    azimuth = (turn + np.arange(whole)) * 2 * np.pi / max(whole, 1)
+    ring_size = len(ring) + count
+    azimuth = (turn + np.arange(ring_size)) * 2 * np.pi / max(ring_size, 1)
     ideal = geometry.direction(np.radians(slant_deg), azimuth)
     if not len(ring):
         return ideal, 0.0
-    away = geometry.slant_azimuth(ring)[1][:, None] - azimuth
-    away = np.abs((away + np.pi) % (2 * np.pi) - np.pi)
-    rows, filled = linear_sum_assignment(away**2)
-    return np.delete(ideal, filled, axis=0), float(np.sqrt(np.mean(away[rows, filled] ** 2)))
+    misses = geometry.slant_azimuth(ring)[1][:, None] - azimuth
+    misses = np.abs((misses + np.pi) % (2 * np.pi) - np.pi)
+    rows, filled = linear_sum_assignment(misses**2)
+    return np.delete(ideal, filled, axis=0), float(np.sqrt(np.mean(misses[rows, filled] ** 2)))

@@ -52,8 +52,8 @@ class Surface:
 
 def surface(normal_map: NormalMap, calibration: Calibration) -> Surface:
     """The surface of a normal map that has some finite depth."""
-    known = normal_map.mask & (normal_map.depth > 0) & np.isfinite(normal_map.depth)
-    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    solved = normal_map.mask & (normal_map.depth > 0) & np.isfinite(normal_map.depth)
+    rows, columns = np.flatnonzero(solved.any(axis=1)), np.flatnonzero(solved.any(axis=0))
     corners = rays_at(
         calibration, np.array([rows[0], rows[0], rows[-1], rows[-1]]), np.array([columns[0], columns[-1]] * 2)
     )
@@ -65,11 +65,16 @@ def surface(normal_map: NormalMap, calibration: Calibration) -> Surface:
     ray = np.stack(grid).astype(np.float32)
     directions = photometry.ray_directions(ray).reshape(3, -1)
     pixels = photometry.project(calibration, directions.T).reshape(*ray.shape[1:], 2).astype(np.float32)
-    nearest, farthest = float(normal_map.depth[known].min()), float(normal_map.depth[known].max())
-    far = farthest + 0.05
-    filled = np.where(known, normal_map.depth, np.float32(far)).astype(np.float32)
+    nearest, farthest = float(normal_map.depth[solved].min()), float(normal_map.depth[solved].max())
+    background = farthest + 0.05
+    filled = np.where(solved, normal_map.depth, np.float32(background)).astype(np.float32)
     depth = cv2.remap(
-        filled, pixels[..., 0], pixels[..., 1], cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=far
+        filled,
+        pixels[..., 0],
+        pixels[..., 1],
+        cv2.INTER_NEAREST,
+        borderMode=cv2.BORDER_CONSTANT,
+        borderValue=background,
     )
     return Surface(np.ascontiguousarray(depth, np.float32), float(first[0]), float(first[1]), pitch, nearest)
 

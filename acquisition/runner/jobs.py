@@ -91,13 +91,13 @@ def further_lights(
     reach = _reach(cell, calibration, cache)
     known, region_mask = (normal_map, observations, recipe, reach, calibration), _region_mask(region_file, calibration)
     if recipe.target_sigma_deg is None:
-        chosen = plan.choose(*known, region=region_mask, forecast_counts=FORECAST_COUNTS)
+        chosen = plan.choose(*known, options=plan.PlanOptions(region=region_mask, forecast_counts=FORECAST_COUNTS))
     else:
-        chosen = plan.approach(*known, region=region_mask)
+        chosen = plan.plan_to_target(*known, region=region_mask)
     if not chosen.lights:
         return chosen, []
     gain_maps = explain.gains(normal_map, observations, recipe, chosen.lights, calibration)
-    pictures = [explain.picture(gain_maps, light, normal_map.silhouette) for light in range(len(chosen.lights))]
+    pictures = [explain.gain_image(gain_maps, light, normal_map.silhouette) for light in range(len(chosen.lights))]
     summary = {
         "levels_per_s": expected_levels(normal_map, chosen.lights, calibration),
         "brightest_gain_deg": gain_maps.brightest_deg,

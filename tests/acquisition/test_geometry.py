@@ -11,9 +11,7 @@ VECTOR = st.tuples(*[st.floats(-7.0, 7.0)] * 3)
 
 
 @given(VECTOR, VECTOR)
-def test_a_pose_is_what_scipy_says_and_its_inverse_undoes_it(
-    position: tuple[float, ...], turn: tuple[float, ...]
-) -> None:
+def test_pose_agrees_with_scipy_and_inverse_undoes_it(position: tuple[float, ...], turn: tuple[float, ...]) -> None:
     pose = geometry.pose(position, turn)
     assert np.allclose(pose[:3, :3], Rotation.from_rotvec(turn).as_matrix(), atol=1e-12)
     assert np.allclose(geometry.inverse(pose) @ pose, np.eye(4), atol=1e-12)
@@ -24,18 +22,18 @@ def test_a_pose_is_what_scipy_says_and_its_inverse_undoes_it(
 
 
 @given(st.floats(0, 1e-6))
-def test_small_turns_are_exact(angle: float) -> None:
+def test_pose_small_rotation_is_exact(angle: float) -> None:
     turn = angle * np.array([0.6, 0.0, 0.8])
     assert np.allclose(geometry.pose([0, 0, 0], turn)[:3, :3], Rotation.from_rotvec(turn).as_matrix(), atol=1e-15)
 
 
 @given(st.floats(0.01, 3.1), st.floats(-3.1, 3.1))
-def test_slant_and_azimuth_come_back(slant: float, azimuth: float) -> None:
+def test_slant_azimuth_of_direction_round_trips(slant: float, azimuth: float) -> None:
     found = geometry.slant_azimuth(3.0 * geometry.direction(slant, azimuth))
     assert np.allclose(found, (slant, azimuth), atol=1e-9)
 
 
-def test_the_view_frame_is_the_camera_with_y_up_and_z_towards_it() -> None:
+def test_base_from_view_is_camera_with_y_up_and_z_towards_it() -> None:
     above = np.diag([1.0, -1.0, -1.0, 1.0])  # a camera that looks down along -z of the base
     assert np.allclose(geometry.base_from_view(above), np.eye(4))
     assert np.allclose(geometry.rotate(geometry.VIEW_FROM_CAMERA, [0.1, 0.2, 0.3]), [0.1, -0.2, -0.3])

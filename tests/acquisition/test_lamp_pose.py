@@ -6,7 +6,7 @@ from acquisition import geometry, lamp_pose
 from tests.acquisition.waypoints.cells import simulated_cell
 
 
-def test_a_tool_pose_gives_back_the_light_it_was_made_for() -> None:
+def test_tool_poses_light_from_tool_round_trips() -> None:
     _, calibration = simulated_cell()
     offset = geometry.pose((0.01, -0.02, 0.03), (0.1, 0.2, -0.3))
     tilted = calibration.model_copy(update={"tool_from_lamp": tuple(map(tuple, offset.tolist()))})

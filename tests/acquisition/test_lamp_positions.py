@@ -10,7 +10,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from tests.acquisition.scenes import Dome
 
 
-def test_a_light_looks_at_the_center() -> None:
+def test_light_at_position_looks_at_center() -> None:
     light = lamp_pose.light_at(np.array([0.3, -0.2, -0.5]), np.array([0.0, 0.1, -0.9]))
     offset = np.array([0.0, 0.1, -0.9]) - np.array(light.position)
     np.testing.assert_allclose(np.array(light.axis) * np.linalg.norm(offset), offset, atol=1e-12)
@@ -23,7 +23,7 @@ def test_directions_are_unit_and_point_outwards() -> None:
 
 
 @pytest.mark.parametrize("count", [0, 2, 7])
-def test_too_few_positions_are_refused_with_both_numbers(count: int) -> None:
+def test_directions_too_few_positions_names_both_numbers(count: int) -> None:
     reach = Dome(count=100, refused=0)
     with pytest.raises(RigError) as caught:
         lamp_pose.directions(reach.candidates[:count], reach.center, 8)
@@ -32,7 +32,7 @@ def test_too_few_positions_are_refused_with_both_numbers(count: int) -> None:
 
 
 @pytest.mark.parametrize("azimuth_deg", [0, 70, 145, 260])
-def test_one_half_plane_is_refused_and_the_empty_side_named(azimuth_deg: float) -> None:
+def test_directions_one_half_plane_names_the_empty_side(azimuth_deg: float) -> None:
     reach = Dome(refused=0)
     toward = geometry.direction(np.pi / 2, np.radians(azimuth_deg))
     kept = reach.candidates[(reach.candidates - reach.center) @ toward < 0]
@@ -43,7 +43,7 @@ def test_one_half_plane_is_refused_and_the_empty_side_named(azimuth_deg: float) 
     assert away < 10
 
 
-def test_a_position_that_is_no_number_is_refused() -> None:
+def test_directions_non_finite_position_is_refused() -> None:
     reach = Dome()
     candidates = reach.candidates.copy()
     candidates[3, 1] = np.nan
@@ -53,7 +53,7 @@ def test_a_position_that_is_no_number_is_refused() -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(1, 8), st.integers(0, 2**31 - 1))
-def test_each_place_gets_its_own_free_candidate_and_the_miss_is_its_angle(count: int, seed: int) -> None:
+def test_nearest_distinct_gives_own_free_candidate_and_its_angle(count: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     units = rng.normal(size=(40, 3))
     units /= np.linalg.norm(units, axis=1, keepdims=True)
@@ -69,7 +69,7 @@ def test_each_place_gets_its_own_free_candidate_and_the_miss_is_its_angle(count:
     assert np.isclose(miss.min(), np.arccos(np.clip(np.max(ideal @ units[free].T), -1, 1)), atol=1e-9)
 
 
-def test_a_pattern_larger_than_what_is_free_is_refused() -> None:
+def test_nearest_distinct_more_ideals_than_free_is_refused() -> None:
     units = geometry.direction(0.5, np.arange(5.0))
     free = np.array([True, True, False, False, False])
     with pytest.raises(RigError, match=r"3 places .* 2 reachable"):

@@ -29,31 +29,31 @@ def vectors(points: list[list[float]], light: Light, known: Calibration) -> Floa
     return photometry.light_vectors(point, photometry.lamps([light]), known)[0].astype(float)
 
 
-def test_strength_falls_with_the_square_of_distance(known: Calibration) -> None:
+def test_light_vectors_strength_falls_with_squared_distance(known: Calibration) -> None:
     near, far = (np.linalg.norm(vectors([[0, 0, -0.9]], lamp_above(r), known)) for r in (0.3, 0.9))
     assert near / far == pytest.approx(9.0, rel=1e-4)
 
 
-def test_strength_is_one_on_the_axis_at_the_reference_distance(known: Calibration) -> None:
+def test_light_vectors_on_axis_at_reference_distance_is_one(known: Calibration) -> None:
     found = vectors([[0, 0, -0.9]], lamp_above(known.reference_m), known)[:, 0]
     np.testing.assert_allclose(found, [0, 0, 1], atol=1e-5)
 
 
 @pytest.mark.parametrize("angle_deg", [10, 30, 50])
-def test_the_lobe_is_a_power_of_the_cosine_off_axis(angle_deg: float, known: Calibration) -> None:
+def test_light_vectors_off_axis_follows_cosine_power(angle_deg: float, known: Calibration) -> None:
     lateral = 0.45 * np.tan(np.radians(angle_deg))
     found = np.linalg.norm(vectors([[lateral, 0, -0.9]], lamp_above(0.45), known))
     cosine = np.cos(np.radians(angle_deg))
     assert found == pytest.approx(cosine**known.lobe_exponent * cosine**2, rel=1e-4)
 
 
-def test_nothing_is_lit_behind_the_lamp(known: Calibration) -> None:
+def test_light_vectors_behind_lamp_is_zero(known: Calibration) -> None:
     assert not np.any(vectors([[0.1, 0, -0.2]], lamp_above(0.3), known))
 
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**31 - 1))
-def test_light_vectors_are_the_formula(seed: int) -> None:
+def test_light_vectors_agree_with_formula(seed: int) -> None:
     rng = np.random.default_rng(seed)
     known = scenes.calibration(32, lobe_exponent=float(rng.uniform(0, 3)))
     x, p = rng.uniform(-0.1, 0.1, (3, 5)) - [[0], [0], [0.9]], rng.uniform(-0.3, 0.3, 3) - [0, 0, 0.5]
@@ -67,7 +67,7 @@ def test_light_vectors_are_the_formula(seed: int) -> None:
     np.testing.assert_allclose(found, expected, rtol=2e-4, atol=2e-5)
 
 
-def test_a_white_surface_facing_the_lamp_has_albedo_one(known: Calibration) -> None:
+def test_normalised_white_surface_has_value_one(known: Calibration) -> None:
     """`lamp_intensity` is the share of full scale per second there: units are absolute."""
     seconds, sensor = 0.02, known.sensor
     share = known.lamp_intensity * seconds
@@ -78,12 +78,12 @@ def test_a_white_surface_facing_the_lamp_has_albedo_one(known: Calibration) -> N
     assert photometry.electrons_per_value(known, seconds) == pytest.approx(counted)
 
 
-def test_a_frame_darker_than_its_lamp_off_frame_does_not_wrap_round(known: Calibration) -> None:
+def test_normalised_frame_darker_than_dark_does_not_wrap(known: Calibration) -> None:
     frame, dark = np.array([[60]], np.uint16), np.array([[64]], np.uint16)
     assert -1e-2 < photometry.normalised(frame, dark, 0.02, known)[0, 0] < 0
 
 
-def test_rays_are_undone_by_the_lens(known: Calibration) -> None:
+def test_rays_distorted_lens_round_trips(known: Calibration) -> None:
     ray = photometry.rays(known, slice(10, 90), slice(5, 70)).astype(float)
     points = np.stack([ray[0], ray[1], np.ones_like(ray[0])], axis=-1).reshape(-1, 3) * 0.77
     pixels, _ = cv2.projectPoints(
@@ -94,7 +94,7 @@ def test_rays_are_undone_by_the_lens(known: Calibration) -> None:
     np.testing.assert_allclose(pixels[:, 0, 1], rows.ravel(), atol=2e-3)
 
 
-def test_points_project_back_to_their_pixels(known: Calibration) -> None:
+def test_project_points_returns_their_pixels(known: Calibration) -> None:
     ray = photometry.rays(known, slice(0, 96), slice(0, 96))
     depth = np.random.default_rng(0).uniform(0.7, 1.0, (96, 96)).astype(np.float32)
     point = photometry.points(ray, depth)
@@ -105,20 +105,20 @@ def test_points_project_back_to_their_pixels(known: Calibration) -> None:
     np.testing.assert_allclose(pixels[..., 1], rows, atol=2e-3)
 
 
-def test_view_frame_has_x_right_and_y_up(known: Calibration) -> None:
+def test_points_view_frame_has_x_right_y_up(known: Calibration) -> None:
     point = photometry.points(photometry.rays(known, slice(0, 96), slice(0, 96)), np.full((96, 96), 0.9, np.float32))
     assert point[0, 48, 95] > 0 > point[0, 48, 0]
     assert point[1, 0, 48] > 0 > point[1, 95, 48]
 
 
-def test_a_step_in_depth_moves_points_along_their_directions(known: Calibration) -> None:
+def test_ray_directions_are_derivative_of_points_by_depth(known: Calibration) -> None:
     ray = photometry.rays(known, slice(0, 96), slice(0, 96))
     near, far = (photometry.points(ray, np.full((96, 96), z, np.float32)) for z in (0.8, 0.9))
     np.testing.assert_allclose(far - near, 0.1 * photometry.ray_directions(ray), atol=1e-6)
 
 
 @pytest.mark.parametrize("level", [0.003, 0.1, 0.9])
-def test_shot_and_read_noise_are_what_counting_electrons_gives(level: float) -> None:
+def test_sensor_noise_agrees_with_counted_electrons(level: float) -> None:
     known = scenes.calibration(32)
     seconds, count = 0.03, 200_000
     rng = np.random.default_rng(1)
@@ -137,7 +137,7 @@ def test_shot_and_read_noise_are_what_counting_electrons_gives(level: float) -> 
     assert np.var(values) == pytest.approx(predicted, rel=0.02)
 
 
-def test_lamp_errors_give_the_intensity_and_direction_terms() -> None:
+def test_noise_lamp_errors_give_intensity_and_direction_terms() -> None:
     """A facing surface feels the lamp's distance, a grazing one its direction; the flat field is beside both."""
     known = scenes.calibration(32)
     rng = np.random.default_rng(2)
@@ -151,7 +151,7 @@ def test_lamp_errors_give_the_intensity_and_direction_terms() -> None:
     assert across == pytest.approx(noise.direction, rel=0.03)
 
 
-def test_variance_adds_its_four_terms() -> None:
+def test_noise_variance_adds_its_four_terms() -> None:
     noise = photometry.Noise(np.array([2e-4, 1e-4]), np.array([3e-6, 1e-6]), 0.012, 0.004)
     value, strength = np.array([[0.5, -0.1], [0.2, 0.0]]), np.array([[0.6, 0.6], [0.3, 0.3]])
     by_hand = [
@@ -161,7 +161,7 @@ def test_variance_adds_its_four_terms() -> None:
     np.testing.assert_allclose(noise.variance(value, strength), by_hand)
 
 
-def test_ambient_light_adds_its_shot_noise_twice() -> None:
+def test_sensor_noise_ambient_adds_shot_noise_twice() -> None:
     known = scenes.calibration(32)
     without, with_it = (photometry.noise(known, [0.02], 0.45, [ambient]).floor[0] for ambient in (0.0, 100.0))
     scale = photometry.electrons_per_value(known, 0.02)
@@ -169,7 +169,7 @@ def test_ambient_light_adds_its_shot_noise_twice() -> None:
 
 
 @pytest.mark.parametrize("full_well_e", [10077.5, 5000.0])
-def test_saturation_begins_just_below_the_lower_of_converter_and_full_well(full_well_e: float) -> None:
+def test_clipping_dn_is_just_below_lower_of_converter_and_well(full_well_e: float) -> None:
     sensor = scenes.calibration(32).sensor.model_copy(update={"full_well_e": full_well_e})
     end = min(4095.0, 64 + full_well_e / sensor.gain_e_per_dn)
     frame = np.array([[round(0.97 * end), round(end - 1), min(round(end), 4095)]], np.uint16)

@@ -21,7 +21,7 @@ def gaps(azimuth_deg: FloatArray) -> FloatArray:
     return np.diff(np.append(around, around[0] + 360))
 
 
-def test_three_lights_do_not_lie_in_one_plane() -> None:
+def test_pattern_three_lights_are_not_coplanar() -> None:
     reach = Dome(refused=0)
     slant, azimuth = slants_azimuths(pilot.pattern(Recipe(pilot_lights=3), reach), reach)
     assert np.all(np.abs(slant - 30) < 6)
@@ -29,7 +29,7 @@ def test_three_lights_do_not_lie_in_one_plane() -> None:
 
 
 @pytest.mark.parametrize("count", [4, 5, 8, 16])
-def test_one_on_top_and_an_even_ring_at_fifty_two_and_a_half_degrees(count: int) -> None:
+def test_pattern_has_top_light_and_even_ring_at_52_5_degrees(count: int) -> None:
     reach = Dome(refused=0)
     lights = pilot.pattern(Recipe(pilot_lights=count), reach)
     slant, azimuth = slants_azimuths(lights, reach)
@@ -42,7 +42,7 @@ def test_one_on_top_and_an_even_ring_at_fifty_two_and_a_half_degrees(count: int)
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_all_lights_are_distinct_candidates_with_holes_in_the_reach(seed: int) -> None:
+def test_pattern_reach_with_holes_gives_distinct_candidates(seed: int) -> None:
     reach = Dome(seed=seed, refused=0.5)
     lights = pilot.pattern(Recipe(pilot_lights=4), reach)
     positions = np.array([light.position for light in lights])
@@ -54,7 +54,7 @@ def test_all_lights_are_distinct_candidates_with_holes_in_the_reach(seed: int) -
     assert np.all(gaps(azimuth[1:]) > 80)
 
 
-def test_the_ring_turns_to_where_the_arm_serves_it() -> None:
+def test_pattern_ring_turns_to_reachable_azimuths() -> None:
     reach = Dome(refused=0)
     units = (reach.candidates - reach.center) / reach.radius_m
     azimuth = np.degrees(np.arctan2(units[:, 1], units[:, 0]))
@@ -65,12 +65,12 @@ def test_the_ring_turns_to_where_the_arm_serves_it() -> None:
     np.testing.assert_allclose(np.sort(found[1:] % 360), [40, 160, 280], atol=15.1)
 
 
-def test_the_pattern_does_not_depend_on_the_seed() -> None:
+def test_pattern_does_not_depend_on_seed() -> None:
     reach = Dome(seed=2)
     assert pilot.pattern(Recipe(seed=1), reach) == pilot.pattern(Recipe(seed=99), reach)
 
 
-def test_too_few_positions_are_named() -> None:
+def test_pattern_too_few_positions_is_refused() -> None:
     reach = Dome(refused=0)
     reach.candidates = reach.candidates[:3]
     with pytest.raises(RigError, match="reaches only 3 positions") as caught:
@@ -78,7 +78,7 @@ def test_too_few_positions_are_named() -> None:
     assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
 
 
-def test_a_reach_on_one_side_is_named() -> None:
+def test_pattern_reach_on_one_side_is_refused() -> None:
     reach = Dome(refused=0)
     reach.candidates = reach.candidates[reach.candidates[:, 0] > 0.0]
     with pytest.raises(RigError, match="one side") as caught:
@@ -86,7 +86,7 @@ def test_a_reach_on_one_side_is_named() -> None:
     assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
 
 
-def test_a_ring_light_on_the_wrong_side_is_refused() -> None:
+def test_pattern_ring_light_far_from_ideal_is_refused() -> None:
     reach = Dome(refused=0, min_slant_deg=2)
     units = (reach.candidates - reach.center) / reach.radius_m
     # A cap of 20° and two spots at 52.5°: some ring light always lands far from its place on a ring of ten.

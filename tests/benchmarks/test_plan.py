@@ -45,7 +45,7 @@ def test_plan(
 
     def choose() -> float | None:
         arguments = (normal_map, cases.NOTHING_TAKEN, Recipe(), reach, true.calibration, lights)
-        return plan.choose(*arguments, certify=certify, forecast_counts=counts).predicted_sigma_deg
+        return plan.choose(*arguments, plan.PlanOptions(certify=certify, forecast_counts=counts)).predicted_sigma_deg
 
     predicted = benchmark.pedantic(choose, rounds=3, warmup_rounds=1)
     benchmark.extra_info["predicted mean σ in degrees"] = round(predicted or np.nan, 3)

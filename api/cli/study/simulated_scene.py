@@ -179,7 +179,9 @@ class Scene:
 
     def _further(self, known: SceneResult, recipe: Recipe) -> LightPlan:
         arguments = (known.normal_map, known.observations, recipe, self.dome, self.calibration)
-        return plan.choose(*arguments, certify=False) if recipe.target_sigma_deg is None else plan.approach(*arguments)
+        if recipe.target_sigma_deg is not None:
+            return plan.plan_to_target(*arguments)
+        return plan.choose(*arguments, options=plan.PlanOptions(certify=False))
 
     def _picture(self, light: Light, repeat: int) -> Float32Array:
         """Signal (H, W), fraction of full scale per second, with the image's own error of intensity and position."""

@@ -32,15 +32,15 @@ def random_case(seed: int, pixels: int = 20, lights: int = 6) -> tuple[Samples, 
         row=np.zeros(pixels, np.int64),
         column=np.zeros(pixels, np.int64),
         point=np.zeros((3, pixels), np.float32),
-        along=np.zeros((3, pixels), np.float32),
+        ray_direction=np.zeros((3, pixels), np.float32),
         normal=facing_camera(rng, pixels).astype(np.float32),
         albedo=rng.uniform(0.2, 0.9, pixels).astype(np.float32),
         sigma=np.zeros(pixels, np.float32),
         information=half @ half.transpose(0, 2, 1) + 5 * np.eye(4),
         lit=np.zeros(pixels, np.float32),
-        unresolved=np.zeros(pixels, np.float32),
-        bounced=np.zeros(pixels, np.float32),
-        taken=np.empty((0, 3)),
+        curvature_variance=np.zeros(pixels, np.float32),
+        indirect=np.zeros(pixels, np.float32),
+        captured_directions=np.empty((0, 3)),
     )
     row = rng.normal(size=(lights, 4, pixels)) * 60
     seen = rng.random((lights, pixels)).astype(np.float32)
@@ -54,15 +54,15 @@ def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -
         row=np.zeros(pixels, np.int64),
         column=np.zeros(pixels, np.int64),
         point=np.zeros((3, pixels), np.float32),
-        along=np.zeros((3, pixels), np.float32),
+        ray_direction=np.zeros((3, pixels), np.float32),
         normal=normal.astype(np.float32),
         albedo=np.ones(pixels, np.float32),
         sigma=np.zeros(pixels, np.float32),
         information=np.tile(np.diag([1.0, 1.0, 1.0, 1.0]), (pixels, 1, 1)),
         lit=np.zeros(pixels, np.float32),
-        unresolved=np.zeros(pixels, np.float32),
-        bounced=np.zeros(pixels, np.float32),
-        taken=np.empty((0, 3)),
+        curvature_variance=np.zeros(pixels, np.float32),
+        indirect=np.zeros(pixels, np.float32),
+        captured_directions=np.empty((0, 3)),
     )
     row = np.zeros((len(units), 4, pixels), np.float32)
     row[:, :3] = scale * units[:, :, None]
@@ -134,7 +134,7 @@ def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: in
     samples = criterion.samples(blank, known, np.arange(len(rows)))
     there = told(samples, lights, blank, known)
     row = there.row.astype(float) * (there.visibility[:, None] > 0.5)
-    row[:, 3] /= criterion.OFFSET_SIGMA_M
+    row[:, 3] /= photometry.OFFSET_SIGMA_M
     return made(np.einsum("kap,kbp->pab", row, row))
 
 
@@ -154,8 +154,8 @@ def noise_by_hand(
     known, sensor = true.calibration, true.calibration.sensor
     electrons = sensor.gain_e_per_dn * sensor.full_scale_dn * level
     aside = known.lamp_position_sigma_m / distance
-    share = planned_noise.AFTER_SELF_CALIBRATION**2 * (known.intensity_sigma**2 + (2 * aside) ** 2)
+    share = planned_noise.SELF_CALIBRATION_FACTOR**2 * (known.intensity_sigma**2 + (2 * aside) ** 2)
     turn = aside**2 * (1 - cosine**2)
     floor = 2 * (sensor.read_noise_e**2 + sensor.gain_e_per_dn**2 / 12) / electrons**2
     own = value / electrons + floor + photometry.FLAT_FIELD_SIGMA**2 * value**2
-    return planned_noise.OWN_LEFT * own + share * value**2 + turn * strength**2
+    return planned_noise.INTEGRABILITY_FACTOR * own + share * value**2 + turn * strength**2

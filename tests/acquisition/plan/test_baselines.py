@@ -28,7 +28,7 @@ def azimuths_deg(directions: FloatArray) -> FloatArray:
 
 @pytest.mark.parametrize("method", PATTERNS)
 @pytest.mark.parametrize("count", [4, 8, 20])
-def test_all_lights_are_distinct_candidates_and_each_has_its_reason(method: Method, count: int) -> None:
+def test_baseline_all_methods_gives_distinct_candidates_and_reasons(method: Method, count: int) -> None:
     reach = Dome(seed=3)
     chosen = plan.baseline(method, count, Recipe(method=method, seed=5), reach)
     positions = np.array([light.position for light in chosen.lights])
@@ -43,7 +43,7 @@ def test_all_lights_are_distinct_candidates_and_each_has_its_reason(method: Meth
 
 
 @pytest.mark.parametrize("count", [6, 8, 9, 12, 20])
-def test_two_rings_a_third_inside_and_staggered(count: int) -> None:
+def test_two_rings_many_lights_has_a_third_inside_staggered(count: int) -> None:
     lights = baselines.two_rings(count, turn=0.3)
     slant = np.degrees(geometry.slant_azimuth(lights)[0])
     inner = lights[np.isclose(slant, 25)]
@@ -57,14 +57,14 @@ def test_two_rings_a_third_inside_and_staggered(count: int) -> None:
     assert np.min(first) == pytest.approx(180 / len(outer))
 
 
-def test_three_or_fewer_lights_are_one_ring() -> None:
+def test_two_rings_three_or_fewer_lights_is_one_ring() -> None:
     for count in (1, 2, 3):
         slant = geometry.slant_azimuth(baselines.two_rings(count))[0]
         np.testing.assert_allclose(np.degrees(slant), 55)
 
 
 @pytest.mark.parametrize(("method", "slant_deg"), [("ring", 25.0), ("ring", 60.0), ("drbohlav", 54.7356)])
-def test_one_ring_stands_at_its_slant_and_even_azimuths(method: Method, slant_deg: float) -> None:
+def test_baseline_ring_has_its_slant_and_even_azimuths(method: Method, slant_deg: float) -> None:
     reach = Dome(count=3000, refused=0)
     recipe = Recipe(method=method, slant_deg=slant_deg if method == "ring" else 45.0)
     chosen = plan.baseline(method, 6, recipe, reach)
@@ -74,19 +74,19 @@ def test_one_ring_stands_at_its_slant_and_even_azimuths(method: Method, slant_de
     assert not chosen.notes
 
 
-def test_three_lights_of_drbohlav_and_chantler_are_orthogonal() -> None:
+def test_baseline_drbohlav_three_lights_are_orthogonal() -> None:
     lights = geometry.direction(np.radians(baselines.DRBOHLAV_SLANT_DEG), np.arange(3) * 2 * np.pi / 3)
     np.testing.assert_allclose(lights @ lights.T, np.eye(3), atol=2e-4)
 
 
-def test_random_is_reproduced_by_its_seed_and_only_by_it() -> None:
+def test_baseline_random_is_reproduced_by_its_seed_only() -> None:
     reach = Dome()
     drawn = [plan.baseline("random", 8, Recipe(method="random", seed=seed), reach).lights for seed in (1, 1, 2)]
     assert drawn[0] == drawn[1]
     assert drawn[0] != drawn[2]
 
 
-def test_random_serves_the_whole_reach() -> None:
+def test_baseline_random_covers_the_full_reach() -> None:
     reach = Dome(refused=0)
     all_units = np.concatenate(
         [units(plan.baseline("random", 20, Recipe(method="random", seed=seed), reach), reach) for seed in range(30)]
@@ -96,7 +96,7 @@ def test_random_serves_the_whole_reach() -> None:
 
 
 @pytest.mark.parametrize("count", [4, 8, 12])
-def test_max_distance_keeps_a_greater_least_angle_than_others(count: int) -> None:
+def test_baseline_max_distance_has_greatest_minimum_angle(count: int) -> None:
     reach = Dome(refused=0)
 
     def least_angle(directions: FloatArray) -> float:
@@ -111,11 +111,11 @@ def test_max_distance_keeps_a_greater_least_angle_than_others(count: int) -> Non
 
 
 @pytest.mark.parametrize("count", [3, 4, 8])
-def test_the_papers_lights_beat_all_random_ones_in_its_own_criterion(count: int) -> None:
+def test_baseline_paper_beats_random_lights_in_its_criterion(count: int) -> None:
     def value(lights: FloatArray) -> float:
         return float(np.trace(np.diag([1.0, 1.0, 0.0]) @ np.linalg.inv(lights.T @ lights)))
 
-    lights = baselines.unit_lights(count, np.random.default_rng(0))
+    lights = baselines.least_trace_directions(count, np.random.default_rng(0))
     np.testing.assert_allclose(np.linalg.norm(lights, axis=1), 1, atol=1e-9)
     assert np.all(lights[:, 2] > np.cos(np.radians(75.1)))
     rng = np.random.default_rng(1)
@@ -128,7 +128,7 @@ def test_the_papers_lights_beat_all_random_ones_in_its_own_criterion(count: int)
     assert bound < value(lights) < 1.2 * bound / np.sin(np.radians(75)) ** 2
 
 
-def test_a_light_far_from_its_place_is_noted() -> None:
+def test_baseline_light_far_from_ideal_is_noted() -> None:
     reach = Dome(refused=0)
     around = (reach.candidates - reach.center) / reach.radius_m
     azimuth = np.degrees(np.arctan2(around[:, 1], around[:, 0]))
@@ -138,7 +138,7 @@ def test_a_light_far_from_its_place_is_noted() -> None:
 
 
 @pytest.mark.parametrize("method", PATTERNS)
-def test_more_lights_than_the_arm_reaches_are_refused(method: Method) -> None:
+def test_baseline_more_lights_than_candidates_is_refused(method: Method) -> None:
     reach = Dome(refused=0)
     reach.candidates = reach.candidates[:7]
     with pytest.raises(RigError) as caught:
@@ -146,13 +146,13 @@ def test_more_lights_than_the_arm_reaches_are_refused(method: Method) -> None:
     assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
 
 
-def test_the_planned_method_is_no_pattern() -> None:
+def test_baseline_optimal_method_is_refused() -> None:
     with pytest.raises(RigError) as caught:
         plan.baseline("optimal", 8, Recipe(), Dome())
     assert caught.value.code == ErrorCode.REQUEST_INVALID
 
 
-def test_the_users_lights_are_taken_as_given() -> None:
+def test_baseline_user_lights_are_used_unchanged() -> None:
     reach = Dome()
     given = [tuple(float(x) for x in reach.center + reach.radius_m * geometry.direction(0.5, a)) for a in (0, 2, 4)]
     chosen = plan.baseline("user", 3, Recipe(method="user", user_lights=given), reach)
@@ -162,7 +162,7 @@ def test_the_users_lights_are_taken_as_given() -> None:
         np.testing.assert_allclose(light.axis, toward, atol=1e-9)
 
 
-def test_the_users_unreachable_lights_are_named_by_number() -> None:
+def test_baseline_unreachable_user_lights_are_named_by_number() -> None:
     reach = Dome()
     slants = (0.5, 1.4, 0.6, 1.5)
     given = [tuple(float(x) for x in reach.center + 0.45 * geometry.direction(slant, slant)) for slant in slants]

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition import geometry
+from acquisition import geometry, photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Exposure, Recipe
 from acquisition.models.result import CAST, LIT
 from acquisition.plan import criterion, two_ring_pattern, visibility
-from acquisition.plan.criterion import LEVELS, Candidates, Samples
+from acquisition.plan.criterion import VISIBILITY_LEVELS, Candidates, Samples
 from acquisition.plan.objective import CAP_DEG, CAPPED
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
@@ -21,8 +21,8 @@ from tests.acquisition.plan import cases
 
 def variance_by_hand(sample: Samples, lights: Candidates, chosen: list[int]) -> FloatArray:
     """Angular variance (S, P), one pixel and one scenario at a time."""
-    out = np.empty((len(LEVELS), len(sample.albedo)))
-    for s, level in enumerate(LEVELS):
+    out = np.empty((len(VISIBILITY_LEVELS), len(sample.albedo)))
+    for s, level in enumerate(VISIBILITY_LEVELS):
         for p in range(len(sample.albedo)):
             fisher = sample.information[p].copy()
             for k in chosen:
@@ -42,22 +42,22 @@ def objective_by_hand(variance: FloatArray) -> float:
 
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**31 - 1), st.integers(0, 6))
-def test_variance_is_that_of_the_inverted_information(seed: int, count: int) -> None:
+def test_posterior_variance_equals_inverted_information(seed: int, count: int) -> None:
     sample, lights = cases.random_case(seed)
     chosen = list(range(count))
     expected = variance_by_hand(sample, lights, chosen)
-    found = criterion.expect(sample, lights.only(chosen))
+    found = criterion.posterior(sample, lights.only(chosen))
     np.testing.assert_allclose(found.variance, expected, rtol=1e-4)
-    assert CAPPED.of(found) == pytest.approx(objective_by_hand(expected), rel=1e-4)
+    assert CAPPED.evaluate(found) == pytest.approx(objective_by_hand(expected), rel=1e-4)
     np.testing.assert_allclose(found.sigma_deg, np.degrees(np.sqrt(expected)).mean(axis=0), rtol=1e-4)
 
 
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 2**31 - 1), st.integers(0, 5))
-def test_scanning_a_candidate_equals_adding_it(seed: int, count: int) -> None:
+def test_scan_candidate_equals_adding_it(seed: int, count: int) -> None:
     sample, lights = cases.random_case(seed)
     chosen = list(range(count))
-    scanned = CAPPED.scan(sample, criterion.expect(sample, lights.only(chosen)), lights)
+    scanned = CAPPED.scan(sample, criterion.posterior(sample, lights.only(chosen)), lights)
     for k in range(len(lights.row)):
         added = objective_by_hand(variance_by_hand(sample, lights, [*chosen, k]))
         assert scanned[k] == pytest.approx(added, rel=2e-3)
@@ -65,40 +65,40 @@ def test_scanning_a_candidate_equals_adding_it(seed: int, count: int) -> None:
 
 @settings(max_examples=10, deadline=None)
 @given(st.integers(0, 2**31 - 1))
-def test_a_light_never_makes_a_pixel_less_certain(seed: int) -> None:
+def test_posterior_added_light_never_raises_variance(seed: int) -> None:
     sample, lights = cases.random_case(seed)
-    without, with_it = (criterion.expect(sample, lights.only(list(range(n)))).variance for n in (3, 4))
+    without, with_it = (criterion.posterior(sample, lights.only(list(range(n)))).variance for n in (3, 4))
     assert np.all(with_it <= without * (1 + 1e-9))
 
 
 @settings(max_examples=10, deadline=None)
 @given(st.integers(0, 2**31 - 1))
-def test_certain_shadow_is_worth_nothing_and_doubt_costs(seed: int) -> None:
+def test_posterior_shadow_gains_nothing_uncertain_visibility_less(seed: int) -> None:
     sample, lights = cases.random_case(seed)
-    before = criterion.expect(sample, lights.only([]))
+    before = criterion.posterior(sample, lights.only([]))
     hidden, doubtful, seen = (
         Candidates(lights.row, np.full_like(lights.visibility, v), lights.unit) for v in (0.0, 0.5, 1.0)
     )
-    np.testing.assert_allclose(CAPPED.scan(sample, before, hidden), CAPPED.of(before), rtol=1e-5)
+    np.testing.assert_allclose(CAPPED.scan(sample, before, hidden), CAPPED.evaluate(before), rtol=1e-5)
     assert np.all(CAPPED.scan(sample, before, doubtful) >= CAPPED.scan(sample, before, seen) * (1 - 1e-6))
 
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**31 - 1), st.integers(0, 5))
-def test_uneven_lights_cost_what_their_imbalance_says(seed: int, present: int) -> None:
+def test_loss_imbalanced_lights_cost_their_penalty(seed: int, present: int) -> None:
     sample, lights = cases.random_case(seed)
-    before = criterion.expect(sample, lights.only(list(range(present))))
-    uneven = replace(CAPPED, uneven=3.0)
+    before = criterion.posterior(sample, lights.only(list(range(present))))
+    uneven = replace(CAPPED, imbalance_weight=3.0)
     plain, dear = (loss.scan(sample, before, lights) for loss in (CAPPED, uneven))
     for light in range(len(lights.row)):
         units = np.concatenate([lights.unit[:present], lights.unit[light : light + 1]])
         assert dear[light] / plain[light] == pytest.approx(1 + 3 * two_ring_pattern.imbalance(units) ** 2, rel=1e-6)
-    assert uneven.of(before) == pytest.approx(
-        CAPPED.of(before) * (1 + 3 * two_ring_pattern.imbalance(before.units) ** 2), rel=1e-6
+    assert uneven.evaluate(before) == pytest.approx(
+        CAPPED.evaluate(before) * (1 + 3 * two_ring_pattern.imbalance(before.units) ** 2), rel=1e-6
     )
 
 
-def test_imbalance_is_nothing_for_even_rings_and_much_for_one_side() -> None:
+def test_imbalance_even_rings_is_zero_one_side_is_large() -> None:
     even = np.concatenate([geometry.direction(0.4, np.arange(3) * 2 * np.pi / 3), geometry.direction(0.0, np.zeros(1))])
     assert two_ring_pattern.imbalance(even) == pytest.approx(0, abs=1e-12)
     assert two_ring_pattern.imbalance(geometry.direction(1.0, np.linspace(-0.3, 0.3, 4))) > 0.8
@@ -113,7 +113,7 @@ def cushion() -> scenes.Scene:
     return scenes.scene(scenes.bumps, scenes.calibration(128))
 
 
-def test_rows_are_light_vectors_and_depth_slopes_over_the_noise(cushion: scenes.Scene) -> None:
+def test_candidates_rows_are_whitened_light_vectors_and_depth_slopes(cushion: scenes.Scene) -> None:
     light = scenes.ring(1, 30.0, turn=0.7)[0]
     normal_map = cases.known_map(cushion, [])
     chosen = np.arange(0, len(normal_map.information.rows), 7)
@@ -143,7 +143,7 @@ def test_rows_are_light_vectors_and_depth_slopes_over_the_noise(cushion: scenes.
     )
     lobe = strength * np.sum((position - x) ** 2, axis=0)
     slope = albedo * np.sum(n * (farther - nearer), axis=0) * lobe / (2 * e * cushion.depth[rows, columns])
-    expected = slope * criterion.OFFSET_SIGMA_M / deviation
+    expected = slope * photometry.OFFSET_SIGMA_M / deviation
     np.testing.assert_allclose(row[3, lit], expected[lit], rtol=0.02, atol=0.02 * np.abs(expected).max())
 
 
@@ -153,7 +153,7 @@ def wall(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.where((np.abs(x) < 0.004) & (np.abs(y) < 0.06), 0.04, plate)
 
 
-def test_a_light_behind_the_wall_gets_no_credit_and_one_before_it_all() -> None:
+def test_candidates_light_behind_wall_is_invisible() -> None:
     true = scenes.scene(wall, scenes.calibration(128))
     normal_map = cases.known_map(true, [], step=1)
     rows, columns = normal_map.information.rows, normal_map.information.columns
@@ -166,8 +166,8 @@ def test_a_light_behind_the_wall_gets_no_credit_and_one_before_it_all() -> None:
     for name, chosen in (("left", left), ("right", right)):
         sample = criterion.samples(normal_map, true.calibration, chosen)
         lights = cases.told(sample, [light], normal_map, true.calibration)
-        before = criterion.expect(sample, lights.only([]))
-        sides[name] = lights.visibility, CAPPED.of(before) - CAPPED.scan(sample, before, lights)[0]
+        before = criterion.posterior(sample, lights.only([]))
+        sides[name] = lights.visibility, CAPPED.evaluate(before) - CAPPED.scan(sample, before, lights)[0]
     assert np.mean(sides["left"][0] < 0.1) > 0.97
     assert np.mean(sides["right"][0] > 0.9) > 0.97
     assert sides["left"][1] < 0.02 * sides["right"][1]
@@ -176,7 +176,7 @@ def test_a_light_behind_the_wall_gets_no_credit_and_one_before_it_all() -> None:
     assert np.mean(shaded[right]) < 0.03
 
 
-def test_surface_turned_away_gets_no_credit(cushion: scenes.Scene) -> None:
+def test_candidates_surface_turned_away_is_invisible(cushion: scenes.Scene) -> None:
     normal_map = cases.known_map(cushion, [])
     sample = criterion.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
     light = scenes.ring(1, 70.0)[0]
@@ -184,24 +184,24 @@ def test_surface_turned_away_gets_no_credit(cushion: scenes.Scene) -> None:
     toward = np.array(light.position)[:, None] - sample.point
     cosine = np.sum(toward * sample.normal, axis=0) / np.linalg.norm(toward, axis=0)
     assert np.sum(cosine < -0.1) > 20
-    assert np.all(visibility[cosine < -0.1] < LEVELS[0])
+    assert np.all(visibility[cosine < -0.1] < VISIBILITY_LEVELS[0])
 
 
-def test_visibility_of_a_sure_map_is_that_of_the_scene(cushion: scenes.Scene) -> None:
+def test_candidates_certain_map_has_visibility_of_scene(cushion: scenes.Scene) -> None:
     normal_map = cases.known_map(cushion, [], sigma_deg=0.2)
     sample = criterion.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
     lights = scenes.ring(5, 60.0, turn=0.2)
     visibility = cases.told(sample, lights, normal_map, cushion.calibration).visibility
     rows, columns = normal_map.information.rows, normal_map.information.columns
     brightest = [cases.vectors_by_hand(cushion, light, rows, columns) for light in lights]
-    least = criterion.LEAST_COSINE * sample.albedo * np.linalg.norm(brightest, axis=1)  # below it the solver rejects
+    least = criterion.MIN_COSINE * sample.albedo * np.linalg.norm(brightest, axis=1)  # below it the solver rejects
     seen = np.stack([scenes.lit(cushion, light)[rows, columns] for light in lights]) > least
     assert np.mean((visibility > 0.5) == seen) > 0.95
     assert np.mean(seen[visibility > 0.9]) > 0.98
     assert np.mean(seen[visibility < 0.1]) < 0.05
 
 
-def test_an_exposure_that_clips_gives_no_information(cushion: scenes.Scene) -> None:
+def test_candidates_clipping_exposure_gives_no_information(cushion: scenes.Scene) -> None:
     normal_map = cases.known_map(cushion, [])
     sample = criterion.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
     light = scenes.ring(1, 20.0)
@@ -212,9 +212,9 @@ def test_an_exposure_that_clips_gives_no_information(cushion: scenes.Scene) -> N
         assert np.mean(visibility < 0.01) == pytest.approx(expected, abs=0.08)
 
 
-def test_pixels_seen_edge_on_or_not_finite_are_not_planned_by(cushion: scenes.Scene) -> None:
+def test_usable_pixels_grazing_or_not_finite_are_left_out(cushion: scenes.Scene) -> None:
     normal_map = cases.known_map(cushion, scenes.ring(4, 40.0))
-    all_pixels = criterion.usable(normal_map, cushion.calibration)
+    all_pixels = criterion.usable_pixels(normal_map, cushion.calibration)
     assert len(all_pixels) > 0.98 * len(normal_map.information.rows)
     rows, columns = normal_map.information.rows, normal_map.information.columns
     normal_map.normals[rows[0], columns[0]] = np.nan
@@ -222,11 +222,11 @@ def test_pixels_seen_edge_on_or_not_finite_are_not_planned_by(cushion: scenes.Sc
     normal_map.albedo[rows[2], columns[2]] = np.nan
     normal_map.information.matrices[3, 0, 0] = np.nan
     normal_map.normals[rows[4], columns[4]] = geometry.direction(np.radians(89.0), 0.3)
-    kept = criterion.usable(normal_map, cushion.calibration)
+    kept = criterion.usable_pixels(normal_map, cushion.calibration)
     assert set(all_pixels) - set(kept) == {0, 1, 2, 3, 4} & set(all_pixels)
 
 
-def test_only_determined_pixels_tell_of_steps(cushion: scenes.Scene) -> None:
+def test_unexplained_shadows_uses_determined_pixels_only(cushion: scenes.Scene) -> None:
     """Dark where the map's shape would be lit: a step where three others lit the pixel, a guessed shape where not."""
     lights = scenes.ring(4, 30.0)
     normal_map = cases.known_map(cushion, lights)
@@ -237,20 +237,20 @@ def test_only_determined_pixels_tell_of_steps(cushion: scenes.Scene) -> None:
         flags = np.full((4, *cushion.mask.shape), LIT, np.uint8)
         flags[:dark] = CAST
         found = replace(normal_map, flags=flags)
-        sample = criterion.samples(found, cushion.calibration, criterion.usable(found, cushion.calibration))
+        sample = criterion.samples(found, cushion.calibration, criterion.usable_pixels(found, cushion.calibration))
         shares.append(criterion.unexplained_shadows(sample, found, surface, taken, cushion.calibration, Recipe()))
     assert shares[0] == pytest.approx(0.25, abs=0.03)
     assert shares[1] == 0
 
 
-def test_unlit_pixels_keep_the_weak_priors_forty_degrees(cushion: scenes.Scene) -> None:
+def test_posterior_unlit_pixels_keep_prior_of_40_degrees(cushion: scenes.Scene) -> None:
     normal_map = cases.known_map(cushion, [])
     sample = criterion.samples(normal_map, cushion.calibration, np.arange(50))
-    nothing = criterion.none(sample)
-    np.testing.assert_allclose(criterion.expect(sample, nothing).sigma_deg, np.degrees(np.sqrt(0.5)), rtol=1e-3)
+    nothing = criterion.no_candidates(sample)
+    np.testing.assert_allclose(criterion.posterior(sample, nothing).sigma_deg, np.degrees(np.sqrt(0.5)), rtol=1e-3)
 
 
-def test_lights_bring_what_their_number_says(cushion: scenes.Scene) -> None:
+def test_posterior_more_lights_lowers_sigma_by_count(cushion: scenes.Scene) -> None:
     """Twice as many independent images halve the variance of well-lit pixels."""
     lights: list[Light] = scenes.ring(8, 35.0)
     few, many = (cases.known_map(cushion, lights[::2]), cases.known_map(cushion, lights))
@@ -258,6 +258,6 @@ def test_lights_bring_what_their_number_says(cushion: scenes.Scene) -> None:
     spread = []
     for normal_map in (few, many):
         sample = criterion.samples(normal_map, cushion.calibration, chosen)
-        nothing = criterion.none(sample)
-        spread.append(np.median(criterion.expect(sample, nothing).variance[0]))
+        nothing = criterion.no_candidates(sample)
+        spread.append(np.median(criterion.posterior(sample, nothing).variance[0]))
     assert spread[0] / spread[1] == pytest.approx(2.0, rel=0.15)

@@ -22,14 +22,14 @@ def found() -> Gains:
     return explain.gains(normal_map, cases.NOTHING_TAKEN, Recipe(), LIGHTS, TRUE.calibration)
 
 
-def test_no_light_makes_a_pixel_less_certain(found: Gains) -> None:
+def test_gains_all_lights_are_not_negative(found: Gains) -> None:
     assert found.gain_deg.shape == (len(LIGHTS), len(found.rows))
     assert np.min(found.gain_deg) > -1e-6
     assert np.all(np.max(found.gain_deg, axis=1) > 0.02)
 
 
 @pytest.mark.parametrize("light", range(3))
-def test_a_grazing_light_gains_on_its_own_side_only(found: Gains, light: int) -> None:
+def test_gains_grazing_light_is_on_its_own_side(found: Gains, light: int) -> None:
     place = np.array(LIGHTS[light].position)
     towards = place - TRUE.points[:, found.rows, found.columns].T
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
@@ -39,15 +39,15 @@ def test_a_grazing_light_gains_on_its_own_side_only(found: Gains, light: int) ->
     assert np.mean(gain[cosine > 0.3]) > 0.01
 
 
-def test_a_light_twice_gains_little_each_time(found: Gains) -> None:
+def test_gains_duplicate_light_is_small(found: Gains) -> None:
     normal_map = cases.known_map(TRUE, TAKEN)
     twice = explain.gains(normal_map, cases.NOTHING_TAKEN, Recipe(), [*LIGHTS, LIGHTS[0]], TRUE.calibration)
     assert np.mean(twice.gain_deg[0]) < 0.8 * np.mean(found.gain_deg[0])
 
 
-def test_pictures_show_the_object_and_one_scale_for_all_lights(found: Gains) -> None:
+def test_gain_image_shows_object_on_common_scale(found: Gains) -> None:
     pictures = [
-        cv2.imdecode(np.frombuffer(explain.picture(found, light, TRUE.mask), np.uint8), cv2.IMREAD_COLOR)
+        cv2.imdecode(np.frombuffer(explain.gain_image(found, light, TRUE.mask), np.uint8), cv2.IMREAD_COLOR)
         for light in range(len(LIGHTS))
     ]
     rows, columns = np.flatnonzero(TRUE.mask.any(axis=1)), np.flatnonzero(TRUE.mask.any(axis=0))

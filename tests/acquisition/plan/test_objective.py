@@ -5,13 +5,13 @@ import pytest
 
 from acquisition.models.recipe import Objective
 from acquisition.plan import objective
-from acquisition.plan.criterion import Expectation
+from acquisition.plan.criterion import Posterior
 
 
-def of_sigmas(*sigma_deg: float) -> Expectation:
+def of_sigmas(*sigma_deg: float) -> Posterior:
     """What two rings give: pixels of these σ in all three scenarios."""
     variance = np.tile(np.radians(sigma_deg) ** 2, (3, 1))
-    return Expectation(np.zeros((3, 10, len(sigma_deg)), np.float32), variance, np.full(variance.shape, 4.0), np.eye(3))
+    return Posterior(np.zeros((3, 10, len(sigma_deg)), np.float32), variance, np.full(variance.shape, 4.0), np.eye(3))
 
 
 @pytest.mark.parametrize("name", ["capped", "coverage"])
@@ -19,8 +19,6 @@ def of_sigmas(*sigma_deg: float) -> Expectation:
     ("sigma_deg", "cap_deg"),
     [((0.1, 0.3), 3.0), ((0.7, 0.7), 3.0), ((1.0, 1.0), 4.0), ((1.0, 3.0), 8.0)],  # four times the mean, or 3°
 )
-def test_the_cap_rises_with_what_two_rings_leave(
-    name: Objective, sigma_deg: tuple[float, float], cap_deg: float
-) -> None:
+def test_loss_uncertain_two_rings_raises_cap(name: Objective, sigma_deg: tuple[float, float], cap_deg: float) -> None:
     loss = objective.loss(name, of_sigmas(*sigma_deg))
     assert loss.inverse_cap == pytest.approx(np.radians(cap_deg) ** -2)

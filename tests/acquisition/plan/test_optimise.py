@@ -27,7 +27,7 @@ def rings(units: FloatArray, count: int) -> list[list[int]]:
 
 @pytest.mark.parametrize("quick", [False, True])
 @pytest.mark.parametrize("seed", range(12))
-def test_the_search_is_within_five_per_cent_of_exhaustive_search(seed: int, quick: bool) -> None:
+def test_search_small_design_within_5_percent_of_exhaustive(seed: int, quick: bool) -> None:
     sample, options = cases.random_case(seed, pixels=24, lights=11)
     chosen = optimise.search(sample, options, CAPPED, rings(dome_units(11, 0.3), 3), 3, seed, NEVER, quick=quick)
     found = optimise.value(sample, options, CAPPED, chosen)
@@ -37,18 +37,18 @@ def test_the_search_is_within_five_per_cent_of_exhaustive_search(seed: int, quic
 
 
 @pytest.mark.parametrize("seed", [*range(40), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(40, 200))])
-def test_no_choice_at_all_beats_the_bound(seed: int) -> None:
+def test_bound_any_subset_is_not_beaten(seed: int) -> None:
     sample, options = cases.random_case(seed, pixels=6, lights=8)
     count = 1 + seed % 4
     found = relaxation.bound(sample, options, count, NEVER)
     best = min(optimise.value(sample, options, VARIANCE, list(some)) for some in combinations(range(8), count))
     assert found.variance <= best * (1 + 1e-6)
     assert found.gap <= 0.001
-    assert np.sum(found.shares) == pytest.approx(count, rel=1e-3)
+    assert np.sum(found.weights) == pytest.approx(count, rel=1e-3)
 
 
 @pytest.mark.parametrize("count", [3, 4, 5, 6, 8, 12])
-def test_distant_unshadowed_lights_reach_the_closed_form(count: int) -> None:
+def test_search_distant_unshadowed_lights_reaches_closed_form(count: int) -> None:
     """Unit lights, equal noise: no set is better than (tr √M)²/m, M the mean of I − n nᵀ; the relaxation finds it."""
     normal = cases.facing_camera(np.random.default_rng(0), 150)
     mean = np.mean(np.eye(3)[None] - normal.T[:, :, None] * normal.T[:, None, :], axis=0)
@@ -63,7 +63,7 @@ def test_distant_unshadowed_lights_reach_the_closed_form(count: int) -> None:
         lambda place: bool(place[2] >= 0), NEVER,
     )  # fmt: skip
     refined = (
-        float(np.mean(criterion.expect(sample, cases.distant_case(normal, positions, 80.0)[1]).variance)) * 80.0**2
+        float(np.mean(criterion.posterior(sample, cases.distant_case(normal, positions, 80.0)[1]).variance)) * 80.0**2
     )
     assert closed * (1 - 3e-4) <= refined <= min(1.001 * closed, on_grid * (1 + 1e-6))
     bound = relaxation.bound(sample, options, count, NEVER)
@@ -72,7 +72,7 @@ def test_distant_unshadowed_lights_reach_the_closed_form(count: int) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("count", [4, 7])
-def test_never_worse_than_any_pattern_it_starts_from(seed: int, count: int) -> None:
+def test_search_start_patterns_never_worse_than_any(seed: int, count: int) -> None:
     units = dome_units(60, 0.3)
     sample, options = cases.random_case(seed, pixels=500, lights=60)
     starts = rings(units, count)
@@ -83,7 +83,7 @@ def test_never_worse_than_any_pattern_it_starts_from(seed: int, count: int) -> N
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 5))])
 @pytest.mark.parametrize("count", [4, 8])
-def test_within_one_per_cent_of_the_best_of_fifty_starts(seed: int, count: int) -> None:
+def test_search_default_starts_within_1_percent_of_best_of_50(seed: int, count: int) -> None:
     units = dome_units(80, 0.3)
     sample, options = cases.lit_case(seed, units)
     chosen = optimise.search(sample, options, CAPPED, rings(units, count), count, seed, NEVER)
@@ -96,7 +96,7 @@ def test_within_one_per_cent_of_the_best_of_fifty_starts(seed: int, count: int) 
     assert optimise.value(sample, options, CAPPED, chosen) <= 1.01 * best
 
 
-def test_a_deadline_gives_the_best_so_far() -> None:
+def test_search_deadline_passed_returns_best_so_far() -> None:
     units = dome_units(60, 0.3)
     sample, options = cases.random_case(0, pixels=500, lights=60)
     starts = rings(units, 6)
@@ -109,7 +109,7 @@ def test_a_deadline_gives_the_best_so_far() -> None:
     assert bound.gap > 0.001
 
 
-def test_lights_taken_already_fill_their_places_of_the_pattern() -> None:
+def test_completions_captured_lights_fill_their_positions() -> None:
     units = dome_units(400, 0.2)
     whole = two_rings(8, turn=0.3)
     taken = whole[[0, 4, 6]]
@@ -121,11 +121,11 @@ def test_lights_taken_already_fill_their_places_of_the_pattern() -> None:
     assert len(lamp_pose.nearest_distinct(whole, units, np.ones(400, dtype=np.bool_))[0]) == 8
 
 
-def test_rings_taken_instead_of_a_plan_are_steeper_where_there_are_lights_enough() -> None:
+def test_fallback_rings_many_images_are_steeper() -> None:
     units = dome_units(400, 0.2)
     taken = geometry.direction(np.radians([8.0, 50.0, 50.0, 50.0]), np.arange(4) * 2 * np.pi / 3)
     for count, slant_deg in ((4, 60.0), (8, 65.0)):
-        slant = np.degrees(geometry.slant_azimuth(units[two_ring_pattern.instead(taken, units, count)])[0])
+        slant = np.degrees(geometry.slant_azimuth(units[two_ring_pattern.fallback_rings(taken, units, count)])[0])
         outer = slant[slant > 40]
         assert len(outer) >= count // 2
         np.testing.assert_allclose(outer, slant_deg, atol=5)

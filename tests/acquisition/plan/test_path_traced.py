@@ -87,7 +87,13 @@ def planned(name: str, draw: int, *, bounces: bool) -> ImageStack:
     ]
     seen = Observations(shots=shots, darks={}, frames=scenes.Frames())
     chosen = plan.choose(
-        solved(name, first), seen, Recipe(seed=draw), REACH, bench.calibration(PIXELS), LIGHTS - 4, certify=False
+        solved(name, first),
+        seen,
+        Recipe(seed=draw),
+        REACH,
+        bench.calibration(PIXELS),
+        LIGHTS - 4,
+        plan.PlanOptions(certify=False),
     )
     return joined(first, taken(name, places(chosen.lights), 2 * draw + 1, bounces=bounces))
 
@@ -111,7 +117,7 @@ def figures(name: str, draw: int, *, bounces: bool) -> dict[str, float]:
 @pytest.mark.parametrize("draw", DRAWS)
 @pytest.mark.parametrize("name", OBJECTS)
 @pytest.mark.parametrize("bounces", [False, True], ids=["direct", "bounces"])
-def test_both_methods_find_the_object(name: str, draw: int, bounces: bool) -> None:
+def test_path_traced_both_methods_solve_the_object(name: str, draw: int, bounces: bool) -> None:
     found = figures(name, draw, bounces=bounces)
     print(f"\n{name}, draw {draw}:", found)
     assert max(found.values()) < (4.0 if bounces else 2.0)
@@ -121,7 +127,7 @@ def test_both_methods_find_the_object(name: str, draw: int, bounces: bool) -> No
     ("bounces", "bar"),
     [pytest.param(False, 0.92, id="direct"), pytest.param(True, 1.0, id="bounces")],
 )
-def test_planned_lights_are_better_than_two_rings(bounces: bool, bar: float) -> None:
+def test_path_traced_planned_lights_beat_two_rings(bounces: bool, bar: float) -> None:
     ours, rings = (
         statistics.mean(figures(name, draw, bounces=bounces)[method] for name in OBJECTS for draw in DRAWS)
         for method in ("optimal", "two-rings")

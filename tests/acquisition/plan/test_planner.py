@@ -37,14 +37,16 @@ def piloted(cushion: scenes.Scene, reach: scenes.Dome) -> NormalMap:
 def planned(
     normal_map: NormalMap, true: scenes.Scene, reach: scenes.Dome, count: int = 4, *, certify: bool = False
 ) -> LightPlan:
-    return plan.choose(normal_map, cases.NOTHING_TAKEN, Recipe(), reach, true.calibration, count, certify=certify)
+    return plan.choose(
+        normal_map, cases.NOTHING_TAKEN, Recipe(), reach, true.calibration, count, plan.PlanOptions(certify=certify)
+    )
 
 
-def test_a_plan_is_the_same_each_time(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
+def test_choose_same_input_gives_same_plan(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
     assert planned(piloted, cushion, reach) == planned(piloted, cushion, reach)
 
 
-def test_lights_are_distinct_reachable_and_explained(
+def test_choose_lights_are_distinct_reachable_and_explained(
     piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
 ) -> None:
     chosen = planned(piloted, cushion, reach, count=6)
@@ -59,37 +61,41 @@ def test_lights_are_distinct_reachable_and_explained(
     assert any("expected with these lights" in note for note in chosen.notes)
 
 
-def test_more_lights_are_predicted_to_be_better(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
+def test_choose_more_lights_lowers_predicted_sigma(
+    piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
+) -> None:
     sigma = [planned(piloted, cushion, reach, count).predicted_sigma_deg or np.nan for count in (0, 2, 4, 8)]
     assert sigma == sorted(sigma, reverse=True)
     assert sigma[0] > 1.2 * sigma[-1]
 
 
-def test_a_plan_is_predicted_better_than_two_rings(
+def test_choose_plan_is_predicted_better_than_two_rings(
     piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
 ) -> None:
     chosen = planned(piloted, cushion, reach).lights
     rings = plan.baseline("two-rings", 4, Recipe(method="two-rings"), reach).lights
-    sample = criterion.samples(piloted, cushion.calibration, criterion.usable(piloted, cushion.calibration))
+    sample = criterion.samples(piloted, cushion.calibration, criterion.usable_pixels(piloted, cushion.calibration))
     ours, theirs = (
-        CAPPED.of(criterion.expect(sample, cases.told(sample, lights, piloted, cushion.calibration)))
+        CAPPED.evaluate(criterion.posterior(sample, cases.told(sample, lights, piloted, cushion.calibration)))
         for lights in (chosen, rings)
     )
     assert ours < theirs
 
 
-def test_a_blind_side_of_the_pilot_is_lit(cushion: scenes.Scene, reach: scenes.Dome) -> None:
+def test_choose_side_unlit_by_pilot_gets_light(cushion: scenes.Scene, reach: scenes.Dome) -> None:
     """After pilot lights from the right only, most of the lights that are added come from the left."""
     right = [light for light in scenes.ring(12, 55.0) if light.position[0] > 0.15]
     assert len(right) >= 3
     normal_map = replace(cases.known_map(cushion, right), flags=np.full((len(right), 128, 128), LIT, np.uint8))
     taken = replace(cases.NOTHING_TAKEN, shots=[cases.shot_of(light, number) for number, light in enumerate(right)])
-    added = plan.choose(normal_map, taken, Recipe(), reach, cushion.calibration, 4, certify=False).lights
+    added = plan.choose(
+        normal_map, taken, Recipe(), reach, cushion.calibration, 4, plan.PlanOptions(certify=False)
+    ).lights
     assert sum(light.position[0] < -0.05 for light in added) >= 2
     assert np.mean([light.position[0] for light in added]) < -0.05
 
 
-def test_what_is_fulfilled_needs_no_lights_but_is_forecast(
+def test_choose_recipe_fulfilled_gives_no_lights_but_forecast(
     piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
 ) -> None:
     lights = scenes.ring(8, 45.0)
@@ -101,7 +107,7 @@ def test_what_is_fulfilled_needs_no_lights_but_is_forecast(
 
 
 @pytest.mark.parametrize("kept", [0, 1, 5])
-def test_fewer_candidates_than_lights_are_refused(kept: int, piloted: NormalMap, cushion: scenes.Scene) -> None:
+def test_choose_fewer_candidates_than_lights_is_refused(kept: int, piloted: NormalMap, cushion: scenes.Scene) -> None:
     few = scenes.Dome(refused=0)
     few.candidates = few.candidates[:: len(few.candidates) // 6][:kept]
     with pytest.raises(RigError) as caught:
@@ -110,7 +116,7 @@ def test_fewer_candidates_than_lights_are_refused(kept: int, piloted: NormalMap,
     assert caught.value.context["reachable"] == kept
 
 
-def test_candidates_on_one_side_are_refused(piloted: NormalMap, cushion: scenes.Scene) -> None:
+def test_choose_candidates_on_one_side_is_refused(piloted: NormalMap, cushion: scenes.Scene) -> None:
     half = scenes.Dome(refused=0)
     half.candidates = half.candidates[half.candidates[:, 1] < 0]
     with pytest.raises(RigError, match="one side") as caught:
@@ -118,7 +124,7 @@ def test_candidates_on_one_side_are_refused(piloted: NormalMap, cushion: scenes.
     assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
 
 
-def test_an_empty_map_is_refused(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
+def test_choose_empty_normal_map_is_refused(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
     nothing = np.zeros(0, np.int64)
     empty = replace(
         piloted,
@@ -131,7 +137,7 @@ def test_an_empty_map_is_refused(piloted: NormalMap, cushion: scenes.Scene, reac
 
 
 @pytest.mark.parametrize("name", ["normals", "depth", "albedo"])
-def test_maps_that_are_no_numbers_are_refused(
+def test_choose_non_finite_normal_map_is_refused(
     name: str, piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
 ) -> None:
     broken = replace(piloted, **{name: np.full_like(getattr(piloted, name), np.nan)})
@@ -140,7 +146,7 @@ def test_maps_that_are_no_numbers_are_refused(
     assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
 
 
-def test_some_pixels_that_are_no_numbers_are_left_out(
+def test_choose_some_non_finite_pixels_are_left_out(
     piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
 ) -> None:
     normals, depth = piloted.normals.copy(), piloted.depth.copy()
@@ -167,7 +173,7 @@ def plate(request: pytest.FixtureRequest, reach: scenes.Dome) -> tuple[bool, Nor
     return request.param > 0, normal_map, scenes.capture(stepped, lights), flat
 
 
-def test_steps_that_the_depth_map_lacks_are_answered_by_two_rings(
+def test_choose_unexplained_steps_falls_back_to_two_rings(
     plate: tuple[bool, NormalMap, Observations, scenes.Scene], reach: scenes.Dome
 ) -> None:
     stepped, normal_map, taken, true = plate
@@ -180,7 +186,7 @@ def test_steps_that_the_depth_map_lacks_are_answered_by_two_rings(
         assert two_ring_pattern.imbalance(np.concatenate([pilots, added]) / reach.radius_m) < 0.08
 
 
-def test_little_to_gain_is_answered_by_two_rings(cushion: scenes.Scene, reach: scenes.Dome) -> None:
+def test_choose_little_gain_falls_back_to_two_rings(cushion: scenes.Scene, reach: scenes.Dome) -> None:
     """After eighty even lights nothing that one more could do is worth a model."""
     lights = [*scenes.ring(27, 25.0), *scenes.ring(53, 55.0, turn=0.1)]
     normal_map = replace(cases.known_map(cushion, lights), flags=np.full((80, 128, 128), LIT, np.uint8))
@@ -190,7 +196,9 @@ def test_little_to_gain_is_answered_by_two_rings(cushion: scenes.Scene, reach: s
     assert "only" in chosen.fallback
 
 
-def test_the_certificate_bounds_plan_and_pattern(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
+def test_choose_certificate_bounds_plan_and_pattern(
+    piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
+) -> None:
     chosen = planned(piloted, cushion, reach, count=6, certify=True)
     assert chosen.efficiency is not None
     assert chosen.two_rings_efficiency is not None
@@ -203,43 +211,55 @@ def test_the_certificate_bounds_plan_and_pattern(piloted: NormalMap, cushion: sc
     assert all(gain > 0 for gain in chosen.gains)
 
 
-def test_a_region_of_interest_decides(cushion: scenes.Scene, reach: scenes.Dome) -> None:
+def test_choose_region_of_interest_moves_lights(cushion: scenes.Scene, reach: scenes.Dome) -> None:
     """Lights for the left flank come from the left, for the right flank from the right."""
     normal_map = cases.known_map(cushion, scenes.ring(3, 15.0), step=1)
     columns = np.arange(128)[None, :] * np.ones((128, 1))
     lean: dict[str, float] = {}
     for side, region in (("left", columns < 48), ("right", columns > 80)):
         taken = cases.NOTHING_TAKEN
-        chosen = plan.choose(normal_map, taken, Recipe(), reach, cushion.calibration, 3, region=region, certify=False)
+        chosen = plan.choose(
+            normal_map, taken, Recipe(), reach, cushion.calibration, 3, plan.PlanOptions(region=region, certify=False)
+        )
         lean[side] = float(np.mean([light.position[0] for light in chosen.lights]))
     assert lean["left"] < 0 < lean["right"]
 
 
 @pytest.mark.parametrize("empty", [True, False])
-def test_a_region_without_object_or_of_another_size_is_refused(
+def test_choose_empty_or_misshapen_region_is_refused(
     empty: bool, piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
 ) -> None:
     region = np.zeros((128, 128) if empty else (64, 64), np.bool_)
     with pytest.raises(RigError, match="region") as caught:
-        plan.choose(piloted, cases.NOTHING_TAKEN, Recipe(), reach, cushion.calibration, 4, region=region)
+        plan.choose(
+            piloted, cases.NOTHING_TAKEN, Recipe(), reach, cushion.calibration, 4, plan.PlanOptions(region=region)
+        )
     assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
 
 
-def test_each_objective_is_best_at_what_it_asks_for(cushion: scenes.Scene, reach: scenes.Dome) -> None:
+def test_choose_each_objective_is_best_by_its_own_measure(cushion: scenes.Scene, reach: scenes.Dome) -> None:
     """After a ring of high lights, on all pixels, by the noise that is chosen by: none does better at another's."""
     lights = scenes.ring(3, 20.0)
     normal_map = cases.known_map(cushion, lights, step=1)
-    sample = criterion.samples(normal_map, cushion.calibration, criterion.usable(normal_map, cushion.calibration))
+    sample = criterion.samples(
+        normal_map, cushion.calibration, criterion.usable_pixels(normal_map, cushion.calibration)
+    )
     figures: dict[Objective, dict[str, float]] = {}
     names: list[Objective] = ["capped", "mean", "quantile", "coverage"]
     for name in names:
         chosen = plan.choose(
-            normal_map, cases.NOTHING_TAKEN, Recipe(objective=name), reach, cushion.calibration, 3, certify=False
+            normal_map,
+            cases.NOTHING_TAKEN,
+            Recipe(objective=name),
+            reach,
+            cushion.calibration,
+            3,
+            plan.PlanOptions(certify=False),
         )
         told = cases.told(sample, chosen.lights, normal_map, cushion.calibration, cautious=True)
-        there = criterion.expect(sample, told)
+        there = criterion.posterior(sample, told)
         figures[name] = {
-            "capped": CAPPED.of(there),
+            "capped": CAPPED.evaluate(there),
             "mean": float(np.mean(there.sigma_deg)),
             "quantile": float(np.quantile(there.sigma_deg, 0.9)),
             "coverage": float(np.mean(np.maximum(3 - there.lit, 0))),
@@ -249,15 +269,21 @@ def test_each_objective_is_best_at_what_it_asks_for(cushion: scenes.Scene, reach
         assert figures[name][name] <= 1.05 * best + 1e-9, (name, figures)
 
 
-def test_a_deadline_gives_a_plan_that_says_so(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
+def test_choose_deadline_passed_is_noted(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
     chosen = plan.choose(
-        piloted, cases.NOTHING_TAKEN, Recipe(), reach, cushion.calibration, 4, deadline_s=0.0, certify=False
+        piloted,
+        cases.NOTHING_TAKEN,
+        Recipe(),
+        reach,
+        cushion.calibration,
+        4,
+        plan.PlanOptions(deadline_s=0.0, certify=False),
     )
     assert len(chosen.lights) == 4
     assert any("cut short" in note for note in chosen.notes)
 
 
-def test_the_forecast_falls_with_the_lights_and_agrees_with_the_plan(
+def test_forecast_falls_with_lights_and_agrees_with_plan(
     piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
 ) -> None:
     arguments = (piloted, cases.NOTHING_TAKEN, Recipe(), reach, cushion.calibration)
@@ -265,22 +291,22 @@ def test_the_forecast_falls_with_the_lights_and_agrees_with_the_plan(
     assert [(point.added, point.lights) for point in points] == [(n, n) for n in (0, 1, 2, 4, 8)]
     sigma = [point.sigma_deg for point in points]
     assert sigma == sorted(sigma, reverse=True)
-    chosen = plan.choose(*arguments, 4, certify=False, forecast_counts=(1, 2, 4, 8))
+    chosen = plan.choose(*arguments, 4, plan.PlanOptions(certify=False, forecast_counts=(1, 2, 4, 8)))
     assert points[3].sigma_deg == pytest.approx(chosen.predicted_sigma_deg, rel=0.03)
     assert [point.added for point in chosen.forecast] == [1, 2, 4, 8]
     assert [point.sigma_deg for point in chosen.forecast] == pytest.approx(sigma[1:], rel=0.03)
 
 
-def test_few_candidates_shorten_the_forecast_and_not_the_plan(piloted: NormalMap, cushion: scenes.Scene) -> None:
+def test_choose_few_candidates_shortens_forecast_only(piloted: NormalMap, cushion: scenes.Scene) -> None:
     few = scenes.Dome(refused=0)
     few.candidates = few.candidates[:: len(few.candidates) // 9][:10]
     known = (piloted, cases.NOTHING_TAKEN, Recipe(), few, cushion.calibration)
-    chosen = plan.choose(*known, 4, certify=False, forecast_counts=(1, 8, 16))
+    chosen = plan.choose(*known, 4, plan.PlanOptions(certify=False, forecast_counts=(1, 8, 16)))
     assert len(chosen.lights) == 4
     assert [point.added for point in chosen.forecast] == [1, 8]
 
 
-def test_a_pilot_with_one_usable_light_is_planned_with_a_warning(cushion: scenes.Scene, reach: scenes.Dome) -> None:
+def test_choose_one_usable_pilot_light_warns(cushion: scenes.Scene, reach: scenes.Dome) -> None:
     lights = pilot.pattern(Recipe(), reach)
     flags = np.zeros((4, 128, 128), np.uint8)
     flags[0] = LIT

@@ -30,11 +30,11 @@ def known() -> tuple[NormalMap, Observations]:
 
 
 def approach(known: tuple[NormalMap, Observations], **order: object) -> LightPlan:
-    return plan.approach(*known, Recipe.model_validate({"max_lights": 8, **order}), REACH, TRUE.calibration)
+    return plan.plan_to_target(*known, Recipe.model_validate({"max_lights": 8, **order}), REACH, TRUE.calibration)
 
 
-def test_as_many_lights_as_the_forecast_asks_for(known: tuple[NormalMap, Observations]) -> None:
-    reached = stopping_rule.reached_deg(known[0], TRUE.calibration)
+def test_plan_to_target_within_reach_plans_forecast_count(known: tuple[NormalMap, Observations]) -> None:
+    reached = stopping_rule.achieved_sigma_deg(known[0], TRUE.calibration)
     curve = plan.forecast(*known, Recipe(), REACH, TRUE.calibration, [2, 3, 4])
     chosen = approach(
         known, target_sigma_deg=curve[1].sigma_deg / (1 + stopping_rule.FIRST_SLACK) * 1.0001, max_lights=12
@@ -47,8 +47,8 @@ def test_as_many_lights_as_the_forecast_asks_for(known: tuple[NormalMap, Observa
     assert "4 images" in chosen.notes[0]
 
 
-def test_nothing_more_once_it_is_met(known: tuple[NormalMap, Observations]) -> None:
-    reached = stopping_rule.reached_deg(known[0], TRUE.calibration)
+def test_plan_to_target_target_met_concludes(known: tuple[NormalMap, Observations]) -> None:
+    reached = stopping_rule.achieved_sigma_deg(known[0], TRUE.calibration)
     for wanted in (reached, reached / 1.029):
         chosen = approach(known, target_sigma_deg=wanted, pilot_lights=3)
         assert chosen.lights == []
@@ -56,31 +56,31 @@ def test_nothing_more_once_it_is_met(known: tuple[NormalMap, Observations]) -> N
     assert approach(known, target_sigma_deg=reached / 1.031, pilot_lights=3).conclusion is None
 
 
-def test_a_pilot_alone_meets_a_target_with_something_to_spare(known: tuple[NormalMap, Observations]) -> None:
-    reached = stopping_rule.reached_deg(known[0], TRUE.calibration)
+def test_plan_to_target_pilot_only_needs_first_slack(known: tuple[NormalMap, Observations]) -> None:
+    reached = stopping_rule.achieved_sigma_deg(known[0], TRUE.calibration)
     assert len(approach(known, target_sigma_deg=reached * 1.19).lights) == 1
     assert approach(known, target_sigma_deg=reached * 1.21).lights == []
 
 
-def test_the_most_lights_allowed_are_the_end(known: tuple[NormalMap, Observations]) -> None:
+def test_plan_to_target_max_lights_captured_concludes(known: tuple[NormalMap, Observations]) -> None:
     assert approach(known, target_sigma_deg=0.1, max_lights=4).conclusion is not None
     last = approach(known, target_sigma_deg=0.1, max_lights=6, pilot_lights=3)
     assert len(last.lights) == 2
     assert any("may not be met" in note for note in last.notes)
 
 
-def test_lights_that_bring_nothing_are_not_taken(known: tuple[NormalMap, Observations]) -> None:
+def test_plan_to_target_negligible_gain_concludes(known: tuple[NormalMap, Observations]) -> None:
     normal_map, observations = known
     # The images left less than one more light is expected to leave.
     sure = replace(normal_map, sigma_deg=np.where(normal_map.mask, 0.2, np.nan).astype(np.float32))
     order = Recipe(target_sigma_deg=0.1, max_lights=5)
-    conclusion = plan.approach(sure, observations, order, REACH, TRUE.calibration).conclusion
+    conclusion = plan.plan_to_target(sure, observations, order, REACH, TRUE.calibration).conclusion
     assert conclusion is not None
-    left = stopping_rule.reached_deg(sure, TRUE.calibration)
+    left = stopping_rule.achieved_sigma_deg(sure, TRUE.calibration)
     assert conclusion.startswith(f"no light is worth taking after 4 images: mean σ {left:.2f}°, with all 5 lights")
 
 
-def test_a_target_out_of_reach_is_not_worth_the_last_lights(known: tuple[NormalMap, Observations]) -> None:
+def test_plan_to_target_unreachable_spares_last_lights(known: tuple[NormalMap, Observations]) -> None:
     normal_map, _ = known
     # Bends within the pixels, which no light removes, leave next to nothing to be gained by many lights.
     bent = normal_map.normals.copy()
@@ -88,14 +88,14 @@ def test_a_target_out_of_reach_is_not_worth_the_last_lights(known: tuple[NormalM
     bent /= np.maximum(np.linalg.norm(bent, axis=-1, keepdims=True), 1e-9)
     rough = replace(normal_map, normals=np.where(normal_map.mask[..., None], bent, 0).astype(np.float32))
     order = Recipe(target_sigma_deg=0.1, max_lights=40)
-    chosen = plan.approach(rough, known[1], order, REACH, TRUE.calibration)
+    chosen = plan.plan_to_target(rough, known[1], order, REACH, TRUE.calibration)
     least = min(point.sigma_deg for point in chosen.forecast)
     taken = next(point for point in chosen.forecast if point.added >= len(chosen.lights))
     assert len(chosen.lights) < 36
-    assert taken.sigma_deg <= (1 + stopping_rule.WORTH) * (1 + stopping_rule.FIRST_SLACK) * least
+    assert taken.sigma_deg <= (1 + stopping_rule.NEGLIGIBLE_GAIN) * (1 + stopping_rule.FIRST_SLACK) * least
 
 
-def test_bends_within_pixels_count_and_no_light_removes_them(known: tuple[NormalMap, Observations]) -> None:
+def test_achieved_sigma_curved_pixels_keep_curvature_variance(known: tuple[NormalMap, Observations]) -> None:
     normal_map, _ = known
     true = np.where(normal_map.mask[..., None], TRUE.normals, 0).astype(np.float32)
     sharp = true.copy()
@@ -105,11 +105,11 @@ def test_bends_within_pixels_count_and_no_light_removes_them(known: tuple[Normal
     certain = replace(normal_map, normals=true, sigma_deg=sigma)
     rough = replace(certain, normals=np.where(normal_map.mask[..., None], sharp, 0).astype(np.float32))
     assert photometry.mean_sigma_deg(certain, TRUE.calibration) == pytest.approx(0.2, abs=1e-3)
-    assert 0.2 <= stopping_rule.reached_deg(certain, TRUE.calibration) < 0.3
-    assert stopping_rule.reached_deg(rough, TRUE.calibration) > 1.0
+    assert 0.2 <= stopping_rule.achieved_sigma_deg(certain, TRUE.calibration) < 0.3
+    assert stopping_rule.achieved_sigma_deg(rough, TRUE.calibration) > 1.0
 
 
-def test_the_first_forecast_may_miss_the_target_a_little_and_later_ones_are_scaled_by_what_was_found(
+def test_plan_to_target_first_pass_has_slack_later_is_rescaled(
     known: tuple[NormalMap, Observations],
 ) -> None:
     curve = plan.forecast(*known, Recipe(), REACH, TRUE.calibration, [2, 3])
@@ -119,28 +119,28 @@ def test_the_first_forecast_may_miss_the_target_a_little_and_later_ones_are_scal
     # The same images in a session whose pilot is over.
     later = approach(known, target_sigma_deg=between, pilot_lights=3)
     now = plan.forecast(*known, Recipe(), REACH, TRUE.calibration, [0])[0].sigma_deg
-    factor = stopping_rule.reached_deg(known[0], TRUE.calibration) / now
+    factor = stopping_rule.achieved_sigma_deg(known[0], TRUE.calibration) / now
     assert later.forecast[2].sigma_deg == pytest.approx(curve[1].sigma_deg * factor, rel=1e-6)
 
 
-def test_only_the_region_of_interest_counts(known: tuple[NormalMap, Observations]) -> None:
+def test_plan_to_target_region_only_its_pixels_count(known: tuple[NormalMap, Observations]) -> None:
     normal_map, observations = known
     sigma = np.where(normal_map.mask, normal_map.sigma_deg, np.nan)
     easy = normal_map.mask & (sigma < np.nanquantile(sigma, 0.3))
-    inside = stopping_rule.reached_deg(normal_map, TRUE.calibration, easy)
-    assert inside < 0.8 * stopping_rule.reached_deg(normal_map, TRUE.calibration)
+    inside = stopping_rule.achieved_sigma_deg(normal_map, TRUE.calibration, easy)
+    assert inside < 0.8 * stopping_rule.achieved_sigma_deg(normal_map, TRUE.calibration)
     order = Recipe(target_sigma_deg=inside * 1.21, max_lights=5)
-    met = plan.approach(normal_map, observations, order, REACH, TRUE.calibration, region=easy)
+    met = plan.plan_to_target(normal_map, observations, order, REACH, TRUE.calibration, region=easy)
     assert met.conclusion is not None
-    assert plan.approach(normal_map, observations, order, REACH, TRUE.calibration).conclusion is None
+    assert plan.plan_to_target(normal_map, observations, order, REACH, TRUE.calibration).conclusion is None
     with pytest.raises(RigError) as nowhere:
-        plan.approach(normal_map, observations, order, REACH, TRUE.calibration, region=np.zeros_like(easy))
+        plan.plan_to_target(normal_map, observations, order, REACH, TRUE.calibration, region=np.zeros_like(easy))
     assert nowhere.value.code is ErrorCode.NORMALS_INFEASIBLE
 
 
-def test_between_the_counts_of_the_curve_the_number_is_interpolated() -> None:
+def test_fewest_lights_between_counts_is_interpolated() -> None:
     curve = [ForecastPoint(added=added, lights=4 + added, sigma_deg=2 / (4 + added)) for added in (1, 4, 8)]
-    first = stopping_rule._first_that_meets  # pyright: ignore[reportPrivateUsage]
+    first = stopping_rule._fewest_lights_meeting  # pyright: ignore[reportPrivateUsage]
     assert first(curve, 2 / 5) == 1
     assert first(curve, 2 / 6) == 2
     assert first(curve, 2 / 6.5) == 3

@@ -33,7 +33,7 @@ def chain_of(name: str, seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_the_chain_is_the_controllers(name: str) -> None:
+def test_forward_calibrated_chain_agrees_with_controller(name: str) -> None:
     joints = np.random.default_rng(1).uniform(-3, 3, (50, 6))
     arm = calibrated(independent.MODELS[name], 4)
     theirs = [poses.matrix(independent.forward(arm, row)) for row in joints.tolist()]
@@ -41,7 +41,7 @@ def test_the_chain_is_the_controllers(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_nearly_all_branches_are_brought_to_the_arm_as_built(name: str) -> None:
+def test_refine_most_branches_converge(name: str) -> None:
     model, chain = arm_model(name), chain_of(name, 5)
     joints = np.random.default_rng(2).uniform(-3, 3, (500, 6))
     flange = calibrated_kinematics.forward(chain, joints)[:, 6]
@@ -55,7 +55,7 @@ def test_nearly_all_branches_are_brought_to_the_arm_as_built(name: str) -> None:
     assert np.linalg.norm(unrefined, axis=1).mean() > 1e-3, "the closed form alone is off by millimetres"
 
 
-def test_a_pose_that_no_step_leads_to_is_given_up() -> None:
+def test_refine_unreachable_pose_gives_nan() -> None:
     far = np.eye(4)
     far[0, 3] = 5.0
     assert np.isnan(calibrated_kinematics.refined(chain_of("ur5e", 1), np.zeros((1, 6)), far[None])).all()

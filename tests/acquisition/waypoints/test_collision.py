@@ -21,7 +21,7 @@ from tests.acquisition.waypoints.cells import random_cell, simulated_cell
 
 @settings(max_examples=12, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6))
-def test_whatever_touches_in_meshes_is_refused(seed: int) -> None:
+def test_free_configuration_touching_in_meshes_is_refused(seed: int) -> None:
     cell, calibration = random_cell(seed)
     joints = np.random.default_rng(seed).uniform(-np.pi, np.pi, (150, 6))
     free = scene(cell, calibration).free(joints)
@@ -31,7 +31,7 @@ def test_whatever_touches_in_meshes_is_refused(seed: int) -> None:
 
 @settings(max_examples=12, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6))
-def test_certified_edges_touch_nothing_in_meshes(seed: int) -> None:
+def test_edges_free_certified_touch_nothing_in_meshes(seed: int) -> None:
     cell, calibration = random_cell(seed)
     arm = scene(cell, calibration)
     random = np.random.default_rng(seed)
@@ -44,7 +44,7 @@ def test_certified_edges_touch_nothing_in_meshes(seed: int) -> None:
     assert audit.audit(np.concatenate([np.empty((0, 6)), *samples]), cell) == []
 
 
-def test_certified_edges_keep_the_least_distances() -> None:
+def test_edges_free_certified_keep_minimum_distances() -> None:
     cell, calibration = simulated_cell()
     arm = scene(cell, calibration)
     random = np.random.default_rng(1)
@@ -60,7 +60,7 @@ def test_certified_edges_keep_the_least_distances() -> None:
         assert margin >= -1e-4 if certified else margin < 0.001
 
 
-def test_an_edge_through_a_thin_pole_is_refused_though_its_ends_are_free() -> None:
+def test_edges_free_edge_through_thin_pole_is_refused() -> None:
     cell, calibration = simulated_cell()
     home, aside = np.array([cell.arm.home]), np.array([0.6, 0, 0, 0, 0, 0])
     x, y, _ = forward(scene(cell, calibration).model, home)[0, 6, :3, 3].tolist()
@@ -72,7 +72,7 @@ def test_an_edge_through_a_thin_pole_is_refused_though_its_ends_are_free() -> No
     assert with_pole.blame(int(with_pole.violations(home)[0])) == ("hits-obstacle", "pole")
 
 
-def test_each_obstacle_has_its_own_least_distance() -> None:
+def test_free_each_obstacle_has_its_own_clearance() -> None:
     cell, calibration = simulated_cell()
     home = np.array([cell.arm.home])
     x, y, z = forward(scene(cell, calibration).model, home)[0, 6, :3, 3].tolist()
@@ -85,7 +85,7 @@ def test_each_obstacle_has_its_own_least_distance() -> None:
     assert not scene(cell.model_copy(update={"obstacles": [careful]}), calibration).free(home)[0]
 
 
-def test_cables_take_their_room_from_wrist_and_tool_only() -> None:
+def test_scene_cable_allowance_widens_wrist_and_tool_only() -> None:
     cell, calibration = simulated_cell()
     joints = np.random.default_rng(6).uniform(-np.pi, np.pi, (300, 6))
     bare = scene(cell, calibration)
@@ -98,7 +98,7 @@ def test_cables_take_their_room_from_wrist_and_tool_only() -> None:
     assert (table == 0).any()
 
 
-def test_a_post_before_the_lamp_shadows_the_object() -> None:
+def test_light_occluder_post_before_lamp_is_named() -> None:
     cell, calibration = simulated_cell()
     lights = dome_lights(cell, calibration, 60)
     found = refusals(lights, cell, calibration)
@@ -113,7 +113,7 @@ def test_a_post_before_the_lamp_shadows_the_object() -> None:
     assert "post" in shadowed.detail
 
 
-def test_violations_say_what_is_in_the_way() -> None:
+def test_violations_name_the_colliding_body() -> None:
     cell, calibration = simulated_cell()
     arm = scene(cell, calibration)
     joints = np.random.default_rng(2).uniform(-np.pi, np.pi, (4000, 6))
@@ -128,7 +128,7 @@ def test_violations_say_what_is_in_the_way() -> None:
 
 
 @pytest.mark.parametrize("shape", ["box", "cylinder", "cone", "hull", "half-space", "capsule"])
-def test_distances_agree_with_another_library(shape: str) -> None:
+def test_clearance_agrees_with_independent_library(shape: str) -> None:
     random = np.random.default_rng(5)
     row, vertices = np.zeros(shapes.ROW), np.zeros((0, 3))
     pose = trimesh.transformations.random_rotation_matrix(random.uniform(size=3))
@@ -174,7 +174,7 @@ def test_distances_agree_with_another_library(shape: str) -> None:
     assert 30 < apart < 290
 
 
-def test_cones_agree_with_cast_rays() -> None:
+def test_blocked_cones_agree_with_cast_rays() -> None:
     """Nothing that rays see in the cones is passed; few of the others are refused."""
     cell, calibration = simulated_cell()
     arm = scene(cell, calibration)

@@ -21,13 +21,13 @@ def joints() -> np.ndarray:
     return np.random.default_rng(20).uniform(-np.pi, np.pi, (POSES, 6))
 
 
-def test_flange_agrees_with_the_oracle(name: str, joints: np.ndarray) -> None:
+def test_forward_flange_agrees_with_oracle(name: str, joints: np.ndarray) -> None:
     oracle = getattr(ur_analytic_ik, name).forward_kinematics
     flange = forward(arm_model(name), joints)[:, 6]
     assert np.allclose(flange, [oracle(*row) for row in joints], atol=1e-12)
 
 
-def test_every_branch_leads_to_the_pose_and_one_to_the_joints(name: str, joints: np.ndarray) -> None:
+def test_inverse_branches_reach_pose_and_include_joints(name: str, joints: np.ndarray) -> None:
     model = arm_model(name)
     flange = forward(model, joints)[:, 6]
     branches = inverse(model, flange)
@@ -38,7 +38,7 @@ def test_every_branch_leads_to_the_pose_and_one_to_the_joints(name: str, joints:
     assert np.nanmin(apart, axis=1).max() < 1e-7
 
 
-def test_no_branch_is_missed(name: str, joints: np.ndarray) -> None:
+def test_inverse_misses_no_branch(name: str, joints: np.ndarray) -> None:
     model = arm_model(name)
     solve = getattr(ur_analytic_ik, name).inverse_kinematics
     flange = forward(model, joints)[:, 6]
@@ -46,13 +46,13 @@ def test_no_branch_is_missed(name: str, joints: np.ndarray) -> None:
     assert found.tolist() == [len(solve(pose)) for pose in flange]
 
 
-def test_a_pose_out_of_reach_has_no_branch(name: str) -> None:
+def test_inverse_pose_out_of_reach_has_no_branch(name: str) -> None:
     pose = np.eye(4)
     pose[0, 3] = 5.0
     assert np.isnan(inverse(arm_model(name), pose[None])).all()
 
 
-def test_unwrapped_joints_stay_within_half_a_turn_of_home() -> None:
+def test_unwrap_joints_stay_within_pi_of_home() -> None:
     random = np.random.default_rng(3)
     home = np.array([4.0, -1.6, 1.8, -1.8, -1.6, 3.0])
     joints = random.uniform(-np.pi, np.pi, (500, 6))
@@ -67,7 +67,7 @@ def test_unwrapped_joints_stay_within_half_a_turn_of_home() -> None:
     assert np.abs(near[kept, 2]).max() <= ELBOW_LIMIT
 
 
-def test_an_arm_without_geometry_is_refused() -> None:
+def test_arm_model_unknown_arm_is_refused() -> None:
     with pytest.raises(RigError) as caught:
         arm_model("ur99")
     assert caught.value.code == ErrorCode.CONFIG_INVALID

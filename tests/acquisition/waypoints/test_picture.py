@@ -25,7 +25,7 @@ def planned(reach_map: ReachMap) -> Route:
     return route(lights, reach_map.home, reach_map.cell, reach_map.calibration)
 
 
-def test_every_position_of_the_dome_is_drawn_once_with_its_reason(reach_map: ReachMap) -> None:
+def test_reach_marks_each_position_is_drawn_once_with_reason(reach_map: ReachMap) -> None:
     marks = {mark.name: mark for mark in drawing.reach_marks(reach_map)}
     assert sum(len(mark.points) for mark in marks.values()) == len(reach_map.points)
     assert len(marks["reachable"].points) == len(reach_map.candidates)
@@ -34,7 +34,7 @@ def test_every_position_of_the_dome_is_drawn_once_with_its_reason(reach_map: Rea
     assert len(refused.words) == len(refused.points) > 0
 
 
-def test_the_lamps_way_leads_through_all_lights(reach_map: ReachMap, planned: Route) -> None:
+def test_route_marks_lamp_path_passes_all_lights(reach_map: ReachMap, planned: Route) -> None:
     marks = {mark.name: mark for mark in drawing.route_marks(planned, reach_map.cell, reach_map.calibration)}
     way = marks["lamp's way"].points
     base_from_view = lamp_pose.base_from_view(reach_map.calibration)
@@ -47,7 +47,7 @@ def test_the_lamps_way_leads_through_all_lights(reach_map: ReachMap, planned: Ro
     assert f"arm at light {planned.light_numbers[2]}" in marks
 
 
-def test_everything_in_the_cell_is_drawn_where_it_is(reach_map: ReachMap) -> None:
+def test_cell_marks_all_bodies_are_at_their_poses(reach_map: ReachMap) -> None:
     cell = reach_map.cell
     marks = {mark.name: mark for mark in drawing.cell_marks(cell, reach_map.calibration)}
     assert {item.name for item in (cell.table, *cell.camera_body, *cell.obstacles)} < set(marks)
@@ -57,7 +57,7 @@ def test_everything_in_the_cell_is_drawn_where_it_is(reach_map: ReachMap) -> Non
 
 
 @pytest.mark.long
-def test_stills_are_pictures_with_something_on_them(reach_map: ReachMap, planned: Route) -> None:
+def test_png_reach_and_route_are_not_blank(reach_map: ReachMap, planned: Route) -> None:
     for content in (
         picture.reach_still(reach_map),
         picture.route_still(planned, reach_map.cell, reach_map.calibration),
@@ -69,7 +69,7 @@ def test_stills_are_pictures_with_something_on_them(reach_map: ReachMap, planned
         assert colored.sum() > 200
 
 
-def test_pages_load_nothing_from_elsewhere(reach_map: ReachMap, planned: Route) -> None:
+def test_html_pages_load_nothing_remote(reach_map: ReachMap, planned: Route) -> None:
     for page in (picture.reach_page(reach_map), picture.route_page(planned, reach_map.cell, reach_map.calibration)):
         assert "Plotly.newPlot" in page
         assert re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=", page) == []

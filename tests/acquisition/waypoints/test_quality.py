@@ -52,7 +52,7 @@ def good_lights(cell: CellConfig, calibration: Calibration, count: int, seed: in
 
 
 @pytest.mark.parametrize("seeds", shards(50))
-def test_time_over_its_lower_bound(seeds: range) -> None:
+def test_route_time_is_near_its_lower_bound(seeds: range) -> None:
     """Up to twelve lights the bound is the exact optimum over the configurations considered, all legs straight."""
     ratios: dict[int, list[float]] = {count: [] for count in BARS}
     for seed in seeds:
@@ -70,7 +70,7 @@ def test_time_over_its_lower_bound(seeds: range) -> None:
 
 
 @pytest.mark.parametrize("seeds", shards(10))
-def test_what_is_refused_is_out_of_reach(seeds: range) -> None:
+def test_reach_refused_lights_are_unreachable(seeds: range) -> None:
     """Each light that is refused is sought again, at ten times the rolls and with a hundred times as many trials.
 
     Lights that no configuration takes even then (too far, in collision, in a cone) have no end for a way to lead to.

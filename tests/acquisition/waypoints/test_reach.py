@@ -18,7 +18,7 @@ def reach_map() -> ReachMap:
     return reach(*simulated_cell())
 
 
-def test_the_simulated_cell_is_well_reached(reach_map: ReachMap) -> None:
+def test_reach_simulated_cell_is_well_covered(reach_map: ReachMap) -> None:
     promised: Reach = reach_map
     assert len(promised.candidates) >= 0.8 * len(reach_map.points)
     offsets = promised.candidates - promised.center
@@ -29,7 +29,7 @@ def test_the_simulated_cell_is_well_reached(reach_map: ReachMap) -> None:
     assert slants.min() == pytest.approx(np.degrees(reach_map.smallest_slant_rad))
 
 
-def test_every_refused_point_has_its_reason(reach_map: ReachMap) -> None:
+def test_reach_refused_points_have_reasons(reach_map: ReachMap) -> None:
     assert len(reach_map.refusals) == len(reach_map.points)
     refused = [refusal for refusal in reach_map.refusals if refusal is not None]
     assert len(refused) == len(reach_map.points) - len(reach_map.candidates)
@@ -37,13 +37,13 @@ def test_every_refused_point_has_its_reason(reach_map: ReachMap) -> None:
     assert all(len(refusal.detail) > 20 for refusal in refused)
 
 
-def test_single_positions_agree_with_the_map(reach_map: ReachMap) -> None:
+def test_allows_single_position_agrees_with_map(reach_map: ReachMap) -> None:
     for point, refusal in list(zip(reach_map.points, reach_map.refusals, strict=True))[::5]:
         alone = reach_map.allows(np.array(point))
         assert (alone is None) == (refusal is None)
 
 
-def test_reasons_name_what_is_the_matter(reach_map: ReachMap) -> None:
+def test_allows_refusal_names_its_reason(reach_map: ReachMap) -> None:
     above, aside = np.array([0.0, 0.0, 0.45]), np.array([2.0, 0.0, 0.0])
     far = reach_map.allows(reach_map.center + aside)
     assert far is not None
@@ -56,19 +56,19 @@ def test_reasons_name_what_is_the_matter(reach_map: ReachMap) -> None:
     assert under.reason == "hits-table"
 
 
-def test_the_map_survives_file_and_pickle(reach_map: ReachMap) -> None:
+def test_reach_map_survives_json_and_pickle(reach_map: ReachMap) -> None:
     again = ReachMap.model_validate_json(reach_map.model_dump_json())
     assert again == reach_map
     assert np.array_equal(again.candidates, reach_map.candidates)
     assert pickle.loads(pickle.dumps(reach_map)) == reach_map  # noqa: S301
 
 
-def test_the_map_is_the_same_each_time() -> None:
+def test_reach_same_cell_gives_same_map() -> None:
     cell, calibration = random_cell(7)
     assert reach(cell, calibration).model_dump_json() == reach(cell, calibration).model_dump_json()
 
 
-def test_a_home_that_is_not_free_is_refused() -> None:
+def test_reach_colliding_home_is_refused() -> None:
     cell, calibration = simulated_cell()
     wall = Capsule(name="wall", start_m=(-0.1, 0.0, 0.5), end_m=(0.3, 0.0, 0.5), radius_m=0.1)
     with pytest.raises(RigError) as caught:

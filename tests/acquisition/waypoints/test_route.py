@@ -50,7 +50,7 @@ def eight() -> tuple[CellConfig, Calibration, list[Light], Route]:
     return cell, calibration, lights, route(lights, cell.arm.home, cell, calibration)
 
 
-def test_a_route_begins_where_the_arm_stands_serves_all_and_ends_at_home(
+def test_route_starts_at_arm_serves_all_and_ends_at_home(
     eight: tuple[CellConfig, Calibration, list[Light], Route],
 ) -> None:
     cell, _, lights, planned = eight
@@ -64,7 +64,7 @@ def test_a_route_begins_where_the_arm_stands_serves_all_and_ends_at_home(
     assert planned.lower_bound_s <= planned.seconds * 1.001
 
 
-def test_each_waypoint_puts_the_lamp_where_the_plan_wants_it(
+def test_route_waypoints_put_lamp_at_planned_poses(
     eight: tuple[CellConfig, Calibration, list[Light], Route],
 ) -> None:
     cell, calibration, _, planned = eight
@@ -76,7 +76,7 @@ def test_each_waypoint_puts_the_lamp_where_the_plan_wants_it(
         assert np.allclose(light.axis, waypoint.light.axis, atol=1e-6)
 
 
-def test_tool_and_elbow_keep_their_speed_limits(eight: tuple[CellConfig, Calibration, list[Light], Route]) -> None:
+def test_route_tool_and_elbow_keep_speed_limits(eight: tuple[CellConfig, Calibration, list[Light], Route]) -> None:
     cell, _, _, planned = eight
     speeds = [*itertools.chain.from_iterable(waypoint.speeds for waypoint in planned.waypoints), *planned.home_speeds]
     fastest_tool = 0.0
@@ -94,7 +94,7 @@ def test_tool_and_elbow_keep_their_speed_limits(eight: tuple[CellConfig, Calibra
     assert fastest_tool > 0.9 * cell.arm.max_tool_speed_m_s  # nor slower than need be
 
 
-def test_the_time_of_a_route_is_that_of_its_trapezoids(
+def test_route_seconds_equal_its_trapezoids(
     eight: tuple[CellConfig, Calibration, list[Light], Route],
 ) -> None:
     cell, _, _, planned = eight
@@ -106,12 +106,12 @@ def test_the_time_of_a_route_is_that_of_its_trapezoids(
     assert trapezoid_seconds(np.array([0.3]), np.array([1.05]), 1.4)[0] == pytest.approx(0.926, abs=1e-3)
 
 
-def test_the_same_lights_give_the_same_route(eight: tuple[CellConfig, Calibration, list[Light], Route]) -> None:
+def test_route_same_lights_gives_same_route(eight: tuple[CellConfig, Calibration, list[Light], Route]) -> None:
     cell, calibration, lights, planned = eight
     assert route(lights, cell.arm.home, cell, calibration) == planned
 
 
-def test_a_route_starts_from_anywhere_free(eight: tuple[CellConfig, Calibration, list[Light], Route]) -> None:
+def test_route_starts_from_any_free_configuration(eight: tuple[CellConfig, Calibration, list[Light], Route]) -> None:
     cell, calibration, lights, planned = eight
     start = planned.waypoints[3].joints
     onward = route(lights[:2], start, cell, calibration)
@@ -123,7 +123,7 @@ def test_a_route_starts_from_anywhere_free(eight: tuple[CellConfig, Calibration,
     assert len(back.speeds) == len(back.path)
 
 
-def test_no_lights_means_home() -> None:
+def test_route_no_lights_leads_home() -> None:
     cell, calibration = simulated_cell()
     start = (cell.arm.home[0] + 0.2, *cell.arm.home[1:])
     planned = route([], start, cell, calibration)
@@ -131,7 +131,7 @@ def test_no_lights_means_home() -> None:
     assert planned.home_path == [cell.arm.home]
 
 
-def test_lights_that_cannot_be_taken_are_named_with_their_reasons(
+def test_route_unreachable_lights_are_named_with_reasons(
     eight: tuple[CellConfig, Calibration, list[Light], Route],
 ) -> None:
     cell, calibration, lights, _ = eight
@@ -146,7 +146,7 @@ def test_lights_that_cannot_be_taken_are_named_with_their_reasons(
     assert all(item["detail"] for item in named)
 
 
-def test_a_light_that_no_way_leads_to_is_named_as_such() -> None:
+def test_route_unconnected_light_is_named() -> None:
     cell, calibration = random_cell(4)
     lights = dome_lights(cell, calibration, cell.dome.candidates)
     found = reach(cell, calibration).refusals
@@ -158,7 +158,7 @@ def test_a_light_that_no_way_leads_to_is_named_as_such() -> None:
     assert [(item["number"], item["reason"]) for item in caught.value.context["lights"]] == [(1, "not-connected")]
 
 
-def test_an_arm_that_stands_in_the_way_of_something_is_not_moved() -> None:
+def test_route_colliding_start_is_refused() -> None:
     cell, calibration = simulated_cell()
     low = (cell.arm.home[0], 0.3, 0.0, 0.0, 0.0, 0.0)  # stretched out, through the table
     for plan in (lambda: route([], low, cell, calibration), lambda: retreat(low, cell, calibration)):
@@ -168,14 +168,14 @@ def test_an_arm_that_stands_in_the_way_of_something_is_not_moved() -> None:
         assert "by hand" in caught.value.detail
 
 
-def test_unknown_joints_are_refused() -> None:
+def test_route_unknown_joints_are_refused() -> None:
     cell, calibration = simulated_cell()
     with pytest.raises(RigError) as caught:
         retreat((float("nan"),) * 6, cell, calibration)
     assert caught.value.code == ErrorCode.WAYPOINTS_COLLISION
 
 
-def test_a_post_in_the_way_is_gone_round() -> None:
+def test_route_post_between_lights_is_avoided() -> None:
     """A post beside the dome blocks straight segments; the route takes via points and touches nothing."""
     cell, calibration = simulated_cell()
     post = Capsule(name="post", start_m=(0.35, 0.25, 0.0), end_m=(0.35, 0.25, 0.6), radius_m=0.02)
@@ -223,7 +223,7 @@ def _check_speeds(planned: Route, cell: CellConfig) -> None:
 @pytest.mark.parametrize("quarter", range(4))
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6))
-def test_routes_in_a_hundred_random_cells_touch_nothing_and_hide_nothing(quarter: int, seed: int) -> None:
+def test_route_random_cells_neither_touch_nor_occlude(quarter: int, seed: int) -> None:
     """By a thin roadmap: it costs a third, and what it lacks is made up for by detours and trees."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(roadmap_module, "_DOME_LIGHTS", 16)
@@ -238,7 +238,7 @@ CELLS_AT_A_TIME = 100
 @pytest.mark.long
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("first", CELLS[::CELLS_AT_A_TIME])
-def test_routes_in_many_random_cells_touch_nothing_and_hide_nothing(first: int) -> None:
+def test_route_many_random_cells_neither_touch_nor_occlude(first: int) -> None:
     """LIGHTPOSE_CELLS=start:stop chooses the seeds; each hundred is an item of its own, and says what it has seen."""
     some = range(first, min(first + CELLS_AT_A_TIME, CELLS.stop))
     planned = [check_cell(seed, count=6) for seed in some]
@@ -252,7 +252,7 @@ def test_routes_in_many_random_cells_touch_nothing_and_hide_nothing(first: int) 
     assert lights > len(some)
 
 
-def test_searched_tours_are_near_exact_ones() -> None:
+def test_searched_tour_is_near_exact_tour() -> None:
     random = np.random.default_rng(11)
     for _ in range(5):
         first = np.arange(0, 8 * 4 + 1, 4)
@@ -266,7 +266,7 @@ def test_searched_tours_are_near_exact_ones() -> None:
         assert found <= 1.1 * best
 
 
-def test_exact_tours_are_the_best_of_all() -> None:
+def test_exact_tour_is_best_of_all_permutations() -> None:
     random = np.random.default_rng(12)
     seconds = random.uniform(1, 2, (8, 8))
     seconds += seconds.T
@@ -280,7 +280,7 @@ def test_exact_tours_are_the_best_of_all() -> None:
     assert _length(order_kernels.exact_tour(seconds, first, 6, 7), seconds, start=6, home=7) == pytest.approx(best)
 
 
-def test_the_bound_of_many_lights_is_below_the_best_and_near_it() -> None:
+def test_path_bound_is_below_and_near_best_tour() -> None:
     random = np.random.default_rng(13)
     shares: list[float] = []
     for _ in range(10):

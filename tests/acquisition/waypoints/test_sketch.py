@@ -30,7 +30,7 @@ def dots(svg: str) -> dict[str, np.ndarray]:
     return {word: np.array([float(x), float(y)]) for x, y, word in found}
 
 
-def test_lights_of_all_passes_are_drawn_to_scale_under_the_numbers_of_their_images(routes: list[Route]) -> None:
+def test_svg_views_all_passes_are_to_scale_and_numbered(routes: list[Route]) -> None:
     base_from_view = lamp_pose.base_from_view(CALIBRATION)
     places = {
         str(first + number): geometry.transform(base_from_view, np.array(waypoint.light.position))
@@ -48,7 +48,7 @@ def test_lights_of_all_passes_are_drawn_to_scale_under_the_numbers_of_their_imag
         assert pixels == pytest.approx(scale * metres, abs=0.2)
 
 
-def test_drawings_are_well_formed_name_everything_and_stay_inside(routes: list[Route]) -> None:
+def test_svg_views_are_well_formed_named_and_inside(routes: list[Route]) -> None:
     named = CELL.model_copy(update={"table": CELL.table.model_copy(update={"name": "<table> & more"})})
     for what, svg in sketch.views(routes, named, CALIBRATION):
         assert what
@@ -63,5 +63,5 @@ def test_drawings_are_well_formed_name_everything_and_stay_inside(routes: list[R
         assert (places <= (width, height)).all()
 
 
-def test_a_cell_without_routes_is_drawn_alone() -> None:
+def test_svg_views_no_routes_draws_cell_alone() -> None:
     assert all("lights" not in svg for _, svg in sketch.views([], CELL, CALIBRATION))
