@@ -30,9 +30,8 @@ from acquisition.models.route import JointPath, Route
 from acquisition.models.shot import Observations
 from acquisition.plan import baselines, explain, visibility
 from acquisition.runner.session_solve import solve_in_cell
+from acquisition.waypoints import drawing, rejoin, routing
 from acquisition.waypoints import reach as reaching
-from acquisition.waypoints import rejoin, sketch
-from acquisition.waypoints import route as routing
 
 
 def make_reach(cell: CellConfig, calibration: Calibration, cache: Path) -> None:
@@ -185,7 +184,7 @@ def plan_return(
     start: tuple[float, ...], end: tuple[float, ...], cell: CellConfig, calibration: Calibration
 ) -> JointPath:
     """A certified joint path from `start` to where the arm was before (rad)."""
-    return routing.way(start, end, cell, calibration)
+    return routing.path_between(start, end, cell, calibration)
 
 
 def own_lights(
@@ -214,19 +213,15 @@ def plan_retreat(start: tuple[float, ...], cell: CellConfig, calibration: Calibr
 
 def draw_reach(cell: CellConfig, calibration: Calibration, cache: Path, form: PictureForm) -> bytes:
     """A picture of the cell's reach."""
-    from acquisition.waypoints import picture  # noqa: PLC0415 - what draws is slow to load and seldom wanted
-
     reach = _reach(cell, calibration, cache)
-    return picture.reach_still(reach) if form == "png" else picture.reach_page(reach).encode()
+    return drawing.reach_png(reach) if form == "png" else drawing.reach_html(reach).encode()
 
 
 def draw_route(route: Route, cell: CellConfig, calibration: Calibration, form: PictureForm) -> bytes:
     """A picture of a route in its cell."""
-    from acquisition.waypoints import picture  # noqa: PLC0415 - what draws is slow to load and seldom wanted
-
     if form == "png":
-        return picture.route_still(route, cell, calibration)
-    return picture.route_page(route, cell, calibration).encode()
+        return drawing.route_png(route, cell, calibration)
+    return drawing.route_html(route, cell, calibration).encode()
 
 
 def make_export(observations: Observations, calibration: Calibration, result: Path, name: str) -> None:
@@ -262,7 +257,7 @@ def _facts(
         why=str(normal_map.notes.get("why", "")),
         seconds=seconds,
         predicted_sigma_deg=None if forecast is None else forecast.predicted_sigma_deg,
-        drawings=tuple(sketch.views(_routes(session, max(passes, default=0)), cell, calibration)),
+        drawings=tuple(drawing.svg_views(_routes(session, max(passes, default=0)), cell, calibration)),
     )
 
 

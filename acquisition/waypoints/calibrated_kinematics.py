@@ -11,10 +11,10 @@ from acquisition.models.base import FloatArray
 from acquisition.models.cell_config import JointGeometry
 from acquisition.waypoints.kinematics import TURN
 
-_STEPS = 5
-_CLOSE = 1e-7
+_NEWTON_STEPS = 5
+_TOLERANCE = 1e-7
 """m and rad from the pose; reached in three steps but near singularities."""
-_LONGEST_WAY_RAD = 0.3
+_MAX_CORRECTION_RAD = 0.3
 """Further from the closed form's branch, the steps have gone to another one."""
 
 
@@ -40,28 +40,33 @@ def forward(chain: FloatArray, joints: FloatArray) -> FloatArray:
     return frames
 
 
-def refined(chain: FloatArray, joints: FloatArray, base_from_flange: FloatArray) -> FloatArray:
+def refine(chain: FloatArray, joints: FloatArray, base_from_flange: FloatArray) -> FloatArray:
     """Joints (N, 6) near the given ones that bring the flange of the arm as built to poses (N, 4, 4); NaN where not."""
     result = joints.copy()
-    for _ in range(_STEPS):
+    for _ in range(_NEWTON_STEPS):
         frames = forward(chain, result)
-        away = _away(frames[:, 6], base_from_flange)
+        error = _pose_error(frames[:, 6], base_from_flange)
         axes, origins = frames[:, :6, :3, 2], frames[:, :6, :3, 3]
-        levers = np.cross(axes, frames[:, 6:7, :3, 3] - origins)
-        jacobian = np.concatenate([levers, axes], axis=2)  # (N, joint, 6): transposed
+        lever_arms = np.cross(axes, frames[:, 6:7, :3, 3] - origins)
+        jacobian = np.concatenate([lever_arms, axes], axis=2)  # (N, joint, 6): transposed
         # Damped by next to nothing, so that a singular branch is no error but does not arrive.
         square = jacobian @ jacobian.transpose(0, 2, 1) + 1e-12 * np.eye(6)
-        result += np.linalg.solve(square, jacobian @ away[..., None])[..., 0]
-    missed = np.abs(_away(forward(chain, result)[:, 6], base_from_flange)).max(axis=1) > _CLOSE
-    turned = np.abs(np.mod(result - joints + np.pi, TURN) - np.pi).max(axis=1) > _LONGEST_WAY_RAD
+        result += np.linalg.solve(square, jacobian @ error[..., None])[..., 0]
+    missed = np.abs(_pose_error(forward(chain, result)[:, 6], base_from_flange)).max(axis=1) > _TOLERANCE
+    turned = np.abs(np.mod(result - joints + np.pi, TURN) - np.pi).max(axis=1) > _MAX_CORRECTION_RAD
     result[missed | turned] = np.nan
     return result
 
 
-def _away(here: FloatArray, there: FloatArray) -> FloatArray:
+def _pose_error(current: FloatArray, target: FloatArray) -> FloatArray:
     """Shift in m and turn in rad (N, 6), in base, from poses (N, 4, 4) to others near them."""
-    turn = there[:, :3, :3] @ here[:, :3, :3].transpose(0, 2, 1)
+    rotation = target[:, :3, :3] @ current[:, :3, :3].transpose(0, 2, 1)
     vector = np.stack(
-        [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], axis=1
+        [
+            rotation[:, 2, 1] - rotation[:, 1, 2],
+            rotation[:, 0, 2] - rotation[:, 2, 0],
+            rotation[:, 1, 0] - rotation[:, 0, 1],
+        ],
+        axis=1,
     )
-    return np.concatenate([there[:, :3, 3] - here[:, :3, 3], vector / 2], axis=1)
+    return np.concatenate([target[:, :3, 3] - current[:, :3, 3], vector / 2], axis=1)

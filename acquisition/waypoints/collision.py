@@ -30,13 +30,13 @@ NODE_SLACK_M = 0.002
 CONE_MARGIN_M = 0.01
 """Kept round both cones: half the entrance pupil of the lens, and the lamp's emitter is no point either."""
 
-_GRID = 48
-_CORNERS = 24
-_OBJECT = 1  # the object's number among the obstacles; the table is 0
-_BUILT_IN_M = 0.005
+_PAIR_GRID = 48
+_RIM_CORNERS = 24
+_OBJECT_NUMBER = 1  # the object's number among the obstacles; the table is 0
+_PERMANENT_OVERLAP_M = 0.005
 """Capsules are fatter than what they hold; so much do two links' capsules overlap that cannot meet."""
 
-Blame = Literal["self-collision", "hits-table", "hits-object", "hits-camera", "hits-obstacle"]
+CollisionReason = Literal["self-collision", "hits-table", "hits-object", "hits-camera", "hits-obstacle"]
 Indices = npt.NDArray[np.int64]
 
 
@@ -47,17 +47,17 @@ class Scene:
     model: ArmModel
     links: Indices  # (C,) of each capsule; the tool's last, on link 6
     capsules: FloatArray  # (C, 7)
-    tool_from: int  # number of the tool's first capsule
-    levers: FloatArray  # (C, 6) largest distance of each capsule's centre line from each joint axis
+    first_tool_capsule: int  # number of the tool's first capsule
+    lever_arms: FloatArray  # (C, 6) largest distance of each capsule's centre line from each joint axis
     obstacles: FloatArray  # (O, ROW)
     vertices: FloatArray  # (V, 3) of all obstacles that are hulls
-    blames: tuple[Blame, ...]
+    reasons: tuple[CollisionReason, ...]
     names: tuple[str, ...]
     pairs: Indices  # (P, 2) capsules of the arm that must not meet
     self_margin: float
     keep_out: FloatArray  # (ROW,) the object's cylinder
     object_rims: FloatArray  # (48, 3) whose hull holds it
-    hiders: tuple["Hider", ...]
+    occluders: tuple["Occluder", ...]
     lens: FloatArray  # (3,)
 
     def violations(self, joints: FloatArray) -> Indices:
@@ -82,43 +82,43 @@ class Scene:
         """Whether each of N straight joint edges, (N, 6) to (N, 6), is certified to keep all least distances."""
         return kernels.edges_free(
             np.ascontiguousarray(starts), np.ascontiguousarray(ends), self.model.dh, self.links, self.capsules,
-            self.levers, self.obstacles, self.vertices, self.pairs, self.self_margin,
+            self.lever_arms, self.obstacles, self.vertices, self.pairs, self.self_margin,
         )  # fmt: skip
 
     def blocked_cones(self, joints: FloatArray, emitters: FloatArray) -> Indices:
         """For (N, 6) with emitters (N, 3) in base: 1 the arm blocks the view, 2 it shadows the object, −1 neither."""
         return kernels.blocked_cones(
             np.ascontiguousarray(joints), np.ascontiguousarray(emitters), self.model.dh, self.links, self.capsules,
-            self.tool_from, self.lens[None], self.keep_out[None], CONE_MARGIN_M,
+            self.first_tool_capsule, self.lens[None], self.keep_out[None], CONE_MARGIN_M,
         )  # fmt: skip
 
-    def in_the_light(self, emitter: FloatArray) -> int:
+    def light_occluder(self, emitter: FloatArray) -> int:
         """The obstacle that stands between an emitter (3,) and the object, −1 for none; half-spaces hide nothing."""
         middle = (self.object_rims.min(axis=0) + self.object_rims.max(axis=0)) / 2
-        wide = np.linalg.norm(self.object_rims - middle, axis=1).max() + CONE_MARGIN_M
+        bounding_radius = np.linalg.norm(self.object_rims - middle, axis=1).max() + CONE_MARGIN_M
         axis = middle - emitter
-        for hider in self.hiders:
-            share = np.clip((hider.center - emitter) @ axis / (axis @ axis), 0.0, 1.0)
-            if np.linalg.norm(emitter + share * axis - hider.center) > wide + hider.reach:
+        for occluder in self.occluders:
+            share = np.clip((occluder.center - emitter) @ axis / (axis @ axis), 0.0, 1.0)
+            if np.linalg.norm(emitter + share * axis - occluder.center) > bounding_radius + occluder.reach:
                 continue
-            cone, least = np.vstack([emitter, self.object_rims]), hider.radius + CONE_MARGIN_M
-            if hull_distance(cone, hider.points, least, least) < least:
-                return hider.number
+            cone, least = np.vstack([emitter, self.object_rims]), occluder.radius + CONE_MARGIN_M
+            if hull_distance(cone, occluder.points, least, least) < least:
+                return occluder.number
         return -1
 
-    def blame(self, violation: int) -> tuple[Blame, str]:
+    def describe_violation(self, violation: int) -> tuple[CollisionReason, str]:
         """The reason's word and the obstacle's name of a number from `violations`."""
-        if violation == len(self.blames):
+        if violation == len(self.reasons):
             return "self-collision", "the arm itself"
-        return self.blames[violation], self.names[violation]
+        return self.reasons[violation], self.names[violation]
 
-    def worst(self, violations: Indices) -> tuple[Blame, str]:
+    def most_common_violation(self, violations: Indices) -> tuple[CollisionReason, str]:
         """Of many numbers from `violations`, none −1, the commonest."""
-        return self.blame(Counter(violations.tolist()).most_common(1)[0][0])
+        return self.describe_violation(Counter(violations.tolist()).most_common(1)[0][0])
 
 
 @dataclass(frozen=True)
-class Hider:
+class Occluder:
     """An obstacle that can stand in the light: the hull of points (N, 3) and all that is within a radius of it."""
 
     number: int
@@ -141,15 +141,20 @@ def _scene(cell_json: str, calibration_json: str) -> Scene:
     capsules = np.vstack([model.capsules, np.array(tool, dtype=float).reshape(-1, 7)])
     links = np.array([*model.capsule_links, *[6] * len(tool)], dtype=np.int64)
     capsules[links == 6, 6] += cell.arm.cable_allowance_m
-    tool_from = len(model.capsules)
-    keep = cell.object.keep_out
-    frame = keep.base_from_object.matrix
+    first_tool_capsule = len(model.capsules)
+    keep_out_config = cell.object.keep_out
+    frame = keep_out_config.base_from_object.matrix
     keep_out = _row(
-        shapes.CYLINDER, cell.clearances.object_m, *frame[:3, 3], *frame[:3, 2], keep.radius_m, keep.height_m
+        shapes.CYLINDER,
+        cell.clearances.object_m,
+        *frame[:3, 3],
+        *frame[:3, 2],
+        keep_out_config.radius_m,
+        keep_out_config.height_m,
     )
     meshes: list[FloatArray] = []
     usual = cell.clearances.obstacle_m
-    rows: list[tuple[Blame, str, FloatArray]] = [
+    rows: list[tuple[CollisionReason, str, FloatArray]] = [
         ("hits-table", cell.table.name, _obstacle(cell.table, cell.clearances.table_m, meshes)),
         ("hits-object", "the object's keep-out", keep_out),
         *(("hits-camera", body.name, _obstacle(body, usual, meshes)) for body in cell.camera_body),
@@ -160,17 +165,17 @@ def _scene(cell_json: str, calibration_json: str) -> Scene:
         model=model,
         links=links,
         capsules=capsules,
-        tool_from=tool_from,
-        levers=_levers(model, links, capsules),
+        first_tool_capsule=first_tool_capsule,
+        lever_arms=_lever_arms(model, links, capsules),
         obstacles=obstacles,
         vertices=vertices,
-        blames=tuple(blame for blame, _, _ in rows),
+        reasons=tuple(blame for blame, _, _ in rows),
         names=tuple(name for _, name, _ in rows),
-        pairs=_pairs(model, links, capsules, tool_from, cell.clearances.self_m),
+        pairs=_pairs(model, links, capsules, first_tool_capsule, cell.clearances.self_m),
         self_margin=cell.clearances.self_m,
         keep_out=keep_out,
         object_rims=_rims(keep_out, keep_out[8]),
-        hiders=_hiders(obstacles, vertices),
+        occluders=_occluders(obstacles, vertices),
         lens=np.array(calibration.base_from_camera, dtype=float)[:3, 3].copy(),
     )
 
@@ -205,15 +210,15 @@ def _obstacle(item: Obstacle, usual_m: float, meshes: list[FloatArray]) -> Float
     return _row(shapes.HULL, margin, *center, *center, radius, first, len(points))
 
 
-def _hiders(obstacles: FloatArray, vertices: FloatArray) -> tuple[Hider, ...]:
-    found: list[Hider] = []
+def _occluders(obstacles: FloatArray, vertices: FloatArray) -> tuple[Occluder, ...]:
+    occluders: list[Occluder] = []
     for number, row in enumerate(obstacles):
         points, radius = _hull(row, vertices)
-        if number > _OBJECT and len(points):
+        if number > _OBJECT_NUMBER and len(points):
             center = points.mean(axis=0)
             reach = float(np.linalg.norm(points - center, axis=1).max()) + radius
-            found.append(Hider(number, points, radius, center, reach))
-    return tuple(found)
+            occluders.append(Occluder(number, points, radius, center, reach))
+    return tuple(occluders)
 
 
 def _hull(shape: FloatArray, vertices: FloatArray) -> tuple[FloatArray, float]:
@@ -234,30 +239,30 @@ def _hull(shape: FloatArray, vertices: FloatArray) -> tuple[FloatArray, float]:
 
 def _rims(shape: FloatArray, top_radius: float) -> FloatArray:
     """Corners (48, 3) of the polygons round the foot and the top of a cylinder or cone."""
-    angles = np.arange(_CORNERS) * 2 * np.pi / _CORNERS
+    angles = np.arange(_RIM_CORNERS) * 2 * np.pi / _RIM_CORNERS
     axis = shape[5:8]
     aside = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     aside /= np.linalg.norm(aside)
     outwards = np.cos(angles)[:, None] * aside + np.sin(angles)[:, None] * np.cross(axis, aside)
-    outwards /= np.cos(np.pi / _CORNERS)
+    outwards /= np.cos(np.pi / _RIM_CORNERS)
     return np.vstack([shape[2:5] + shape[8] * outwards, shape[2:5] + shape[9] * axis + top_radius * outwards])
 
 
-def _levers(model: ArmModel, links: Indices, capsules: FloatArray) -> FloatArray:
+def _lever_arms(model: ArmModel, links: Indices, capsules: FloatArray) -> FloatArray:
     """How far a capsule's centre line can be from each joint axis, in any configuration (C, 6)."""
     _, a2, a3, d4, d5, d6 = np.abs(model.dh)
     # From frame i − 1 to frame i; for the joint that moves frame i its own offset along the axis does not count.
-    step = [0.0, a2, a3, d4, d5, d6]
-    own = [0.0, a2, a3, 0.0, 0.0, 0.0]
-    levers = np.zeros((len(links), 6))
+    link_lengths = [0.0, a2, a3, d4, d5, d6]
+    own_lengths = [0.0, a2, a3, 0.0, 0.0, 0.0]
+    lever_arms = np.zeros((len(links), 6))
     for c, link in enumerate(links):
         reach = max(np.linalg.norm(capsules[c, :3]), np.linalg.norm(capsules[c, 3:6]))
         for joint in range(link):
-            levers[c, joint] = own[joint] + sum(step[joint + 1 : link]) + reach
-    return levers
+            lever_arms[c, joint] = own_lengths[joint] + sum(link_lengths[joint + 1 : link]) + reach
+    return lever_arms
 
 
-def _pairs(model: ArmModel, links: Indices, capsules: FloatArray, tool_from: int, margin: float) -> Indices:
+def _pairs(model: ArmModel, links: Indices, capsules: FloatArray, first_tool_capsule: int, margin: float) -> Indices:
     """Pairs of capsules, the lower link first, that must not meet.
 
     Neighbouring links share a joint and are left out, but for the tool, which may fold back on the last wrist. Of links
@@ -268,7 +273,7 @@ def _pairs(model: ArmModel, links: Indices, capsules: FloatArray, tool_from: int
     kept: list[tuple[int, int]] = []
     for a, b in itertools.combinations(range(len(links)), 2):
         low, high = int(links[a]), int(links[b])
-        if high - low < (1 if b >= tool_from else 2) or low == high:
+        if high - low < (1 if b >= first_tool_capsule else 2) or low == high:
             continue
         if high - low > 2 or _may_meet(model.name, low, high, tuple(capsules[[a, b]].ravel().tolist()), margin):
             kept.append((a, b))
@@ -278,12 +283,12 @@ def _pairs(model: ArmModel, links: Indices, capsules: FloatArray, tool_from: int
 @lru_cache(maxsize=512)
 def _may_meet(model_name: str, low: int, high: int, capsules: tuple[float, ...], margin: float) -> bool:
     """Whether two capsules, of links with at most one link between, are apart in some poses and touch in others."""
-    angles = np.linspace(-np.pi, np.pi, _GRID, endpoint=False)
+    angles = np.linspace(-np.pi, np.pi, _PAIR_GRID, endpoint=False)
     first, second = (grid.ravel() for grid in np.meshgrid(angles, angles))
-    joints = np.zeros((_GRID ** (high - low), 6))
+    joints = np.zeros((_PAIR_GRID ** (high - low), 6))
     joints[:, high - 1], joints[:, low] = second[: len(joints)], first[: len(joints)]
     distance = kernels.distances(
         joints, arm_model(model_name).dh, np.array([low, high]), np.array(capsules).reshape(2, 7),
         np.zeros((0, shapes.ROW)), np.zeros((0, 3)), np.array([[0, 1]]),
     )[:, -1]  # fmt: skip
-    return bool(distance.max() >= margin and distance.min() <= -_BUILT_IN_M)
+    return bool(distance.max() >= margin and distance.min() <= -_PERMANENT_OVERLAP_M)

@@ -60,7 +60,7 @@ def link_frames(dh, joints, frames):
 
 
 @njit(void(_vector, _vector, _indices, _matrix, _frames, _matrix), cache=True)
-def _place(dh, joints, links, capsules, frames, placed):
+def _place_capsules(dh, joints, links, capsules, frames, placed):
     """Writes the capsules' centre lines (C, 6) in the base frame."""
     link_frames(dh, joints, frames)
     for c in range(links.shape[0]):
@@ -79,7 +79,7 @@ def first_violations(joints, dh, links, capsules, obstacles, vertices, pairs, se
     result = np.full(count, FREE, dtype=np.int64)
     frames, placed = np.empty((7, 3, 4)), np.empty((links.shape[0], 6))
     for n in range(count):
-        _place(dh, joints[n], links, capsules, frames, placed)
+        _place_capsules(dh, joints[n], links, capsules, frames, placed)
         for o in range(obstacles.shape[0]):
             for c in range(links.shape[0]):
                 need = capsules[c, 6] + obstacles[o, 1] + slack
@@ -105,7 +105,7 @@ def distances(joints, dh, links, capsules, obstacles, vertices, pairs):
     result = np.full((count, obstacles.shape[0] + 1), np.inf)
     frames, placed = np.empty((7, 3, 4)), np.empty((links.shape[0], 6))
     for n in range(count):
-        _place(dh, joints[n], links, capsules, frames, placed)
+        _place_capsules(dh, joints[n], links, capsules, frames, placed)
         for o in range(obstacles.shape[0]):
             for c in range(links.shape[0]):
                 if links[c] > 0:
@@ -119,7 +119,7 @@ def distances(joints, dh, links, capsules, obstacles, vertices, pairs):
 
 
 @njit(void(_vector, _frames, _matrix, int64, int64, _matrix, _matrix), cache=True)
-def _travel(turns, frames, placed, c, link, levers, travel):
+def _travel(turns, frames, placed, c, link, lever_arms, travel):
     """Writes into travel[c, j] how far capsule c can move while joints j … 5 turn by up to `turns` (6,) rad."""
     moved = 0.0
     for j in range(link - 1, -1, -1):  # joint j turns about the z axis of frame j
@@ -131,7 +131,7 @@ def _travel(turns, frames, placed, c, link, levers, travel):
             z = placed[c, end + 2] - frames[j, 2, 3]
             along = x * ax + y * ay + z * az
             away = max(away, x * x + y * y + z * z - along * along)
-        moved += turns[j] * min(math.sqrt(away) + moved, levers[c, j])
+        moved += turns[j] * min(math.sqrt(away) + moved, lever_arms[c, j])
         travel[c, j] = moved
 
 
@@ -143,7 +143,20 @@ def _travel(turns, frames, placed, c, link, levers, travel):
     cache=True,
 )  # fmt: skip
 def edge_free(
-    start, end, dh, links, capsules, levers, obstacles, vertices, pairs, self_margin, frames, placed, still_open, travel
+    start,
+    end,
+    dh,
+    links,
+    capsules,
+    lever_arms,
+    obstacles,
+    vertices,
+    pairs,
+    self_margin,
+    frames,
+    placed,
+    open_items,
+    travel,
 ):
     """Whether one straight joint edge is certified; the last four arguments are work space, see `edges_free`."""
     capsule_count, obstacle_count = links.shape[0], obstacles.shape[0]
@@ -153,12 +166,12 @@ def edge_free(
     for c in range(capsule_count):
         if links[c] > 0:
             for o in range(obstacle_count):
-                still_open[0, open_count[0]] = c * obstacle_count + o
+                open_items[0, open_count[0]] = c * obstacle_count + o
                 open_count[0] += 1
     for p in range(pairs.shape[0]):
-        still_open[0, open_count[0]] = spans + p
+        open_items[0, open_count[0]] = spans + p
         open_count[0] += 1
-    joints, turns, known = np.empty(6), np.empty(6), np.empty(capsule_count, dtype=np.bool_)
+    joints, turns, has_travel = np.empty(6), np.empty(6), np.empty(capsule_count, dtype=np.bool_)
     depth, index = 0, 0
     while True:
         half = 0.5 / (1 << depth)
@@ -166,20 +179,20 @@ def edge_free(
         for j in range(6):
             joints[j] = start[j] + share * (end[j] - start[j])
             turns[j] = abs(end[j] - start[j]) * half
-        _place(dh, joints, links, capsules, frames, placed)
-        known[:] = False
-        left = 0
+        _place_capsules(dh, joints, links, capsules, frames, placed)
+        has_travel[:] = False
+        remaining = 0
         for i in range(open_count[depth]):
-            item = still_open[depth, i]
+            item = open_items[depth, i]
             if item < spans:
                 c, o = item // obstacle_count, item % obstacle_count
                 least, from_joint = capsules[c, 6] + obstacles[o, 1], 0
             else:
                 other, c = pairs[item - spans, 0], pairs[item - spans, 1]
                 least, from_joint = capsules[other, 6] + capsules[c, 6] + self_margin, links[other]
-            if not known[c]:
-                _travel(turns, frames, placed, c, links[c], levers, travel)
-                known[c] = True
+            if not has_travel[c]:
+                _travel(turns, frames, placed, c, links[c], lever_arms, travel)
+                has_travel[c] = True
             need = least + travel[c, from_joint]
             if item < spans:
                 distance = line_to_obstacle(obstacles, o, vertices, placed, c, least, need)
@@ -188,12 +201,12 @@ def edge_free(
             if distance < least:
                 return False
             if distance < need:
-                still_open[depth + 1, left] = item
-                left += 1
-        if left > 0:
+                open_items[depth + 1, remaining] = item
+                remaining += 1
+        if remaining > 0:
             if depth == DEPTH:
                 return False
-            open_count[depth + 1] = left
+            open_count[depth + 1] = remaining
             depth, index = depth + 1, 2 * index
             continue
         while index % 2 == 1:  # this half is done, and so is the one before it
@@ -207,23 +220,23 @@ def edge_free(
     boolean[::1](_matrix, _matrix, _vector, _indices, _matrix, _matrix, _matrix, _matrix, _index_pairs, float64),
     cache=True,
 )
-def edges_free(starts, ends, dh, links, capsules, levers, obstacles, vertices, pairs, self_margin):
+def edges_free(starts, ends, dh, links, capsules, lever_arms, obstacles, vertices, pairs, self_margin):
     """Whether each of N straight joint edges keeps all least distances over its whole length; certified."""
     count = starts.shape[0]
     result = np.zeros(count, dtype=np.bool_)
     items = links.shape[0] * obstacles.shape[0] + pairs.shape[0]
     frames, placed = np.empty((7, 3, 4)), np.empty((links.shape[0], 6))
-    still_open, travel = np.empty((DEPTH + 2, items), dtype=np.int64), np.empty((links.shape[0], 6))
+    open_items, travel = np.empty((DEPTH + 2, items), dtype=np.int64), np.empty((links.shape[0], 6))
     for n in range(count):
         result[n] = edge_free(
-            starts[n], ends[n], dh, links, capsules, levers, obstacles, vertices, pairs, self_margin, frames, placed,
-            still_open, travel,
+            starts[n], ends[n], dh, links, capsules, lever_arms, obstacles, vertices, pairs, self_margin, frames,
+            placed, open_items, travel,
         )  # fmt: skip
     return result
 
 
 @njit(_indices(_matrix, _matrix, _vector, _indices, _matrix, int64, _matrix, _matrix, float64), cache=True)
-def blocked_cones(joints, emitters, dh, links, capsules, tool_from, lens, keep_out, margin):
+def blocked_cones(joints, emitters, dh, links, capsules, first_tool_capsule, lens, keep_out, margin):
     """Whether each of N configurations keeps the cone lens–object (1) and the cone emitter–object (2) clear (−1: both).
 
     Capsules from number `tool_from` on are the tool, which moves with the emitter and is no part of the second check.
@@ -232,13 +245,13 @@ def blocked_cones(joints, emitters, dh, links, capsules, tool_from, lens, keep_o
     result = np.full(count, FREE, dtype=np.int64)
     frames, placed = np.empty((7, 3, 4)), np.empty((links.shape[0], 6))
     for n in range(count):
-        _place(dh, joints[n], links, capsules, frames, placed)
+        _place_capsules(dh, joints[n], links, capsules, frames, placed)
         for c in range(links.shape[0]):
             need = capsules[c, 6] + margin
             if not line_clears_cone(keep_out, lens, 0, placed, c, need):
                 result[n] = VIEW_BLOCKED
                 break
-            if c < tool_from and not line_clears_cone(keep_out, emitters, n, placed, c, need):
+            if c < first_tool_capsule and not line_clears_cone(keep_out, emitters, n, placed, c, need):
                 result[n] = LIGHT_BLOCKED
                 break
     return result

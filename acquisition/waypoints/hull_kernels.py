@@ -83,13 +83,13 @@ def _reduce(simplex, count, nearest):
 
 
 @njit(int64(_matrix, float64, float64, float64), cache=True)
-def _furthest(points, x, y, z):
-    best, place = -np.inf, 0
+def _support(points, x, y, z):
+    best, index = -np.inf, 0
     for k in range(points.shape[0]):
         value = points[k, 0] * x + points[k, 1] * y + points[k, 2] * z
         if value > best:
-            best, place = value, k
-    return place
+            best, index = value, k
+    return index
 
 
 @njit(float64(_matrix, _matrix, float64, float64), cache=True)
@@ -108,13 +108,13 @@ def hull_distance(first, second, least, need):
         if length < 1e-9:
             return 0.0
         x, y, z = nearest[0] / length, nearest[1] / length, nearest[2] / length
-        a, b = _furthest(first, -x, -y, -z), _furthest(second, x, y, z)
+        a, b = _support(first, -x, -y, -z), _support(second, x, y, z)
         separation = (
             (first[a, 0] - second[b, 0]) * x + (first[a, 1] - second[b, 1]) * y + (first[a, 2] - second[b, 2]) * z
         )
         bound = max(bound, separation)
-        settled = bound >= need or length < least or (bound >= least and length < need)
-        if settled or length - bound < _SHARP_M or count == 4:
+        decided = bound >= need or length < least or (bound >= least and length < need)
+        if decided or length - bound < _SHARP_M or count == 4:
             return bound
         for axis in range(3):
             simplex[count, axis] = first[a, axis] - second[b, axis]

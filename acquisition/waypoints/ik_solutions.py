@@ -26,18 +26,18 @@ _BATCH = 64
 
 
 @dataclass(frozen=True)
-class Station:
+class IkSolutions:
     """A light's configurations (M, 6), free and with both cones clear; where there are none, why."""
 
     joints: FloatArray
     refusal: Refusal | None
 
 
-def stations(
+def solve_lights(
     lights: Sequence[Light], cell: CellConfig, calibration: Calibration, scene: Scene, rolls: int = ROLLS
-) -> list[Station]:
+) -> list[IkSolutions]:
     """For each light (view frame) the configurations that take it."""
-    result: list[Station] = []
+    result: list[IkSolutions] = []
     step = _BATCH * ROLLS // rolls
     for start in range(0, len(lights), step):  # 64 lights × 288 configurations at a time keep memory small
         result += _batch(lights[start : start + step], cell, calibration, scene, rolls)
@@ -46,7 +46,7 @@ def stations(
 
 def _batch(
     lights: Sequence[Light], cell: CellConfig, calibration: Calibration, scene: Scene, rolls: int
-) -> list[Station]:
+) -> list[IkSolutions]:
     base_from_view = lamp_pose.base_from_view(calibration)
     positions = geometry.transform(base_from_view, np.array([light.position for light in lights]))
     axes = geometry.rotate(base_from_view, np.array([light.axis for light in lights]))
@@ -56,7 +56,7 @@ def _batch(
     solved = kinematics.inverse(scene.model, flange)
     if cell.arm.kinematics is not None:
         pose, branch = np.nonzero(~np.isnan(solved[..., 0]))
-        solved[pose, branch] = calibrated_kinematics.refined(
+        solved[pose, branch] = calibrated_kinematics.refine(
             calibrated_kinematics.chain(cell.arm.kinematics), solved[pose, branch], flange[pose]
         )
     solved = solved.reshape(len(lights), -1, 6)
@@ -72,25 +72,25 @@ def _batch(
     blocked = scene.blocked_cones(joints, positions[owner])
     clear = blocked < 0
 
-    result: list[Station] = []
+    result: list[IkSolutions] = []
     for number in range(len(lights)):
-        own = owner == number
-        between = scene.in_the_light(positions[number])
-        if between >= 0:
-            detail = f"{scene.names[between]} stands between the lamp and the object"
-            result.append(Station(joints[:0], Refusal(reason="shadows-object", detail=detail)))
+        of_light = owner == number
+        occluder = scene.light_occluder(positions[number])
+        if occluder >= 0:
+            detail = f"{scene.names[occluder]} stands between the lamp and the object"
+            result.append(IkSolutions(joints[:0], Refusal(reason="shadows-object", detail=detail)))
             continue
-        usable = joints[own & clear]
+        usable = joints[of_light & clear]
         refusal = None
         if not len(usable):
             refusal = _refusal(
                 solutions=int((~np.isnan(solved[number, :, 0])).sum()),
                 hits=hit[hit_owner == number],
-                blocked=blocked[own],
+                blocked=blocked[of_light],
                 distance_m=float(np.linalg.norm(positions[number])),
                 scene=scene,
             )
-        result.append(Station(usable, refusal))
+        result.append(IkSolutions(usable, refusal))
     return result
 
 
@@ -110,9 +110,9 @@ def _refusal(
             detail=f"the arm would shadow the object in {len(blocked) - views} of {len(blocked)} free configurations",
         )
     if len(hits):
-        word, name = scene.worst(hits)
+        reason, name = scene.most_common_violation(hits)
         return Refusal(
-            reason=word,
+            reason=reason,
             detail=f"none of {len(hits)} configurations is free of collision; most often in the way: {name}",
         )
     if solutions:

@@ -120,12 +120,12 @@ def inverse(model: ArmModel, base_from_flange: FloatArray) -> FloatArray:
                 q6 = np.where(np.abs(s5) < _SINGULAR, 0.0, q6)
                 s6, c6 = np.sin(q6), np.cos(q6)
                 # In the arm's plane: x outwards, y up. `along` is the x axis of frame 4 without joints 5 and 6.
-                along = c5[:, None] * (c6[:, None] * rotation[:, :, 0] - s6[:, None] * rotation[:, :, 1])
-                along -= s5[:, None] * rotation[:, :, 2]
+                forearm_axis = c5[:, None] * (c6[:, None] * rotation[:, :, 0] - s6[:, None] * rotation[:, :, 1])
+                forearm_axis -= s5[:, None] * rotation[:, :, 2]
                 down = s6[:, None] * rotation[:, :, 0] + c6[:, None] * rotation[:, :, 1]
                 end = wrist + d5 * down
                 x, y = c1 * end[:, 0] + s1 * end[:, 1], end[:, 2] - d1
-                pitch = np.arctan2(along[:, 2], c1 * along[:, 0] + s1 * along[:, 1])
+                pitch = np.arctan2(forearm_axis[:, 2], c1 * forearm_axis[:, 0] + s1 * forearm_axis[:, 1])
                 cosine3 = (x**2 + y**2 - a2**2 - a3**2) / (2 * a2 * a3)
                 cosine3 = np.where(np.abs(cosine3) < 1 + 1e-9, np.clip(cosine3, -1.0, 1.0), np.nan)
                 for elbow in (0, 1):

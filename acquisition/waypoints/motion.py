@@ -13,7 +13,7 @@ from acquisition.models.cell_config import ArmConfig
 from acquisition.waypoints import motion_kernels
 from acquisition.waypoints.kinematics import arm_model
 
-_BETWEEN_SAMPLES = 0.97
+_SAMPLING_MARGIN = 0.97
 """Share of the limits that is used: the largest speed between 33 samples exceeds theirs by up to 1 %."""
 
 
@@ -38,8 +38,8 @@ def legs(starts: FloatArray, ends: FloatArray, arm: ArmConfig, samples: int = 33
             [
                 np.full(len(leading), arm.max_joint_speed_rad_s),
                 leading * np.min(model.max_joint_speed_rad_s / turn, axis=1),
-                leading * _BETWEEN_SAMPLES * arm.max_tool_speed_m_s / reach[:, 0],
-                leading * _BETWEEN_SAMPLES * arm.max_elbow_speed_m_s / reach[:, 1],
+                leading * _SAMPLING_MARGIN * arm.max_tool_speed_m_s / reach[:, 0],
+                leading * _SAMPLING_MARGIN * arm.max_elbow_speed_m_s / reach[:, 1],
             ]
         )
     # A segment of no length has no leading joint; its speed does not matter.

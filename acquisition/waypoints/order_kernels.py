@@ -14,7 +14,7 @@ import numpy as np
 from numba import float64, int64, njit
 from numba.types import Tuple  # pyright: ignore[reportAttributeAccessIssue]
 
-_NEVER = 1e9
+_UNREACHED_S = 1e9
 _vector = float64[::1]
 _matrix = float64[:, ::1]
 _indices = int64[::1]
@@ -27,7 +27,7 @@ def exact_tour(seconds, first, start, home):
     nodes = first[stops]
     subsets = 1 << stops
     # The least time through a subset of the stops, ending at a node of it; in single precision, twice as fast.
-    best, single = np.full((subsets, nodes), _NEVER, dtype=np.float32), seconds.astype(np.float32)
+    best, single = np.full((subsets, nodes), _UNREACHED_S, dtype=np.float32), seconds.astype(np.float32)
     for stop in range(stops):
         for node in range(first[stop], first[stop + 1]):
             best[1 << stop, node] = single[start, node]
@@ -37,7 +37,7 @@ def exact_tour(seconds, first, start, home):
             if not subset & (1 << stop) or rest == 0:
                 continue
             for node in range(first[stop], first[stop + 1]):
-                least = np.float32(_NEVER)
+                least = np.float32(_UNREACHED_S)
                 for before in range(stops):
                     if rest & (1 << before):
                         for other in range(first[before], first[before + 1]):  # compiled to several at a time
@@ -45,12 +45,12 @@ def exact_tour(seconds, first, start, home):
                 best[subset, node] = least
     tour = np.empty(stops, dtype=np.int64)
     subset, last = subsets - 1, home
-    for place in range(stops - 1, -1, -1):
-        least, stop = _NEVER, 0
+    for position in range(stops - 1, -1, -1):
+        least, stop = _UNREACHED_S, 0
         for node in range(nodes):
             if best[subset, node] + seconds[last, node] < least:
-                least, tour[place] = best[subset, node] + seconds[last, node], node
-        last = tour[place]
+                least, tour[position] = best[subset, node] + seconds[last, node], node
+        last = tour[position]
         while first[stop + 1] <= last:
             stop += 1
         subset ^= 1 << stop
@@ -68,7 +68,7 @@ def path_bound(times, steps):
     price, best = np.zeros(count), 0.0
     step = np.median(times) / 4
     for _ in range(steps):
-        legs_at, away, by = np.zeros(count), np.full(count, np.inf), np.zeros(count, dtype=np.int64)
+        degree, distance, parent = np.zeros(count), np.full(count, np.inf), np.zeros(count, dtype=np.int64)
         joined = np.zeros(count, dtype=np.bool_)
         total, node = 0.0, 0
         for _ in range(count - 1):  # the least tree, stop by stop (Prim 1957)
@@ -78,19 +78,19 @@ def path_bound(times, steps):
                 if joined[other]:
                     continue
                 value = times[node, other] + price[node] + price[other]
-                if value < away[other]:
-                    away[other], by[other] = value, node
-                if nearest < 0 or away[other] < away[nearest]:
+                if value < distance[other]:
+                    distance[other], parent[other] = value, node
+                if nearest < 0 or distance[other] < distance[nearest]:
                     nearest = other
-            total += away[nearest]
-            legs_at[nearest] += 1
-            legs_at[by[nearest]] += 1
+            total += distance[nearest]
+            degree[nearest] += 1
+            degree[parent[nearest]] += 1
             node = nearest
         for k in range(count):
             total -= price[k] * (2.0 if k < count - 2 else 1.0)
         best = max(best, total)
         for k in range(count):
-            price[k] += step * (legs_at[k] - (2.0 if k < count - 2 else 1.0))
+            price[k] += step * (degree[k] - (2.0 if k < count - 2 else 1.0))
         step *= 0.96
     return best
 
@@ -131,33 +131,33 @@ def _sweep(seconds, first, start, home, order, count, forward, backward):
 
 
 @njit(Tuple((float64, int64))(_matrix, _indices, int64, int64, _indices, int64, int64, _matrix, _matrix), cache=True)
-def _best_place(seconds, first, start, home, order, count, stop, forward, backward):
+def _best_insertion(seconds, first, start, home, order, count, stop, forward, backward):
     """Time and place of the best insertion of a stop into a swept order."""
-    best, best_place = np.inf, 0
+    best, best_position = np.inf, 0
     low, high = first[stop], first[stop + 1]
-    for place in range(count + 1):
+    for position in range(count + 1):
         for node in range(low, high):
-            come = seconds[start, node]
-            if place > 0:
-                come = np.inf
-                previous = first[order[place - 1]]
-                for other in range(previous, first[order[place - 1] + 1]):
-                    come = min(come, forward[place - 1, other - previous] + seconds[other, node])
-            if come >= best:
+            arrival = seconds[start, node]
+            if position > 0:
+                arrival = np.inf
+                previous = first[order[position - 1]]
+                for other in range(previous, first[order[position - 1] + 1]):
+                    arrival = min(arrival, forward[position - 1, other - previous] + seconds[other, node])
+            if arrival >= best:
                 continue
-            leave = seconds[node, home]
-            if place < count:
-                leave = np.inf
-                following = first[order[place]]
-                for other in range(following, first[order[place] + 1]):
-                    leave = min(leave, seconds[node, other] + backward[place, other - following])
-            if come + leave < best:
-                best, best_place = come + leave, place
-    return best, best_place
+            departure = seconds[node, home]
+            if position < count:
+                departure = np.inf
+                following = first[order[position]]
+                for other in range(following, first[order[position] + 1]):
+                    departure = min(departure, seconds[node, other] + backward[position, other - following])
+            if arrival + departure < best:
+                best, best_position = arrival + departure, position
+    return best, best_position
 
 
 @njit(float64(_matrix, _indices, int64, int64, _indices, _matrix, _matrix), cache=True)
-def _improve(seconds, first, start, home, order, forward, backward):
+def _reinsert(seconds, first, start, home, order, forward, backward):
     """Takes each stop out and puts it back at its best place until nothing improves; changes `order`."""
     stops = order.shape[0]
     total = _sweep(seconds, first, start, home, order, stops, forward, backward)
@@ -172,13 +172,13 @@ def _improve(seconds, first, start, home, order, forward, backward):
                     rest[count] = order[k]
                     count += 1
             _sweep(seconds, first, start, home, rest, count, forward, backward)
-            value, place = _best_place(seconds, first, start, home, rest, count, stop, forward, backward)
+            value, position = _best_insertion(seconds, first, start, home, rest, count, stop, forward, backward)
             if value < total - 1e-9:
                 total, improved = value, True
-                for k in range(place):
+                for k in range(position):
                     order[k] = rest[k]
-                order[place] = stop
-                for k in range(place, count):
+                order[position] = stop
+                for k in range(position, count):
                     order[k + 1] = rest[k]
     return total
 
@@ -197,11 +197,11 @@ def searched_tour(seconds, first, start, home, order, rounds):
     else:
         for count in range(stops):  # cheapest place for one stop after the other
             _sweep(seconds, first, start, home, best_order, count, forward, backward)
-            _, place = _best_place(seconds, first, start, home, best_order, count, count, forward, backward)
-            for k in range(count, place, -1):
+            _, position = _best_insertion(seconds, first, start, home, best_order, count, count, forward, backward)
+            for k in range(count, position, -1):
                 best_order[k] = best_order[k - 1]
-            best_order[place] = count
-    best = _improve(seconds, first, start, home, best_order, forward, backward)
+            best_order[position] = count
+    best = _reinsert(seconds, first, start, home, best_order, forward, backward)
     state = np.uint64(88172645463325252)
     for _ in range(rounds if stops > 3 else 0):
         cuts = np.empty(3, dtype=np.int64)
@@ -214,7 +214,7 @@ def searched_tour(seconds, first, start, home, order, rounds):
         trial = np.concatenate(
             (best_order[: cuts[0]], best_order[cuts[1] : cuts[2]], best_order[cuts[0] : cuts[1]], best_order[cuts[2] :])
         )
-        value = _improve(seconds, first, start, home, trial, forward, backward)
+        value = _reinsert(seconds, first, start, home, trial, forward, backward)
         if value < best - 1e-9:
             best, best_order = value, trial
     _sweep(seconds, first, start, home, best_order, stops, forward, backward)

@@ -15,7 +15,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.light_plan import Light
 from acquisition.models.route import Refusal
-from acquisition.waypoints.roadmap import connected_stations, dome_center, dome_lights
+from acquisition.waypoints.roadmap import connected_solutions, dome_center, dome_lights
 
 
 class ReachMap(Value):
@@ -70,4 +70,4 @@ def reach(cell: CellConfig, calibration: Calibration) -> ReachMap:
 
 def refusals(lights: Sequence[Light], cell: CellConfig, calibration: Calibration) -> list[Refusal | None]:
     """For each light (view frame) None, or why the arm cannot take it."""
-    return [station.refusal for station in connected_stations(lights, cell, calibration, first=2).stations]
+    return [station.refusal for station in connected_solutions(lights, cell, calibration, first=2).solutions]

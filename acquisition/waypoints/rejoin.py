@@ -10,38 +10,38 @@ from acquisition.models.base import as_joints
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.route import Route, Waypoint
-from acquisition.waypoints.route import way
+from acquisition.waypoints.routing import path_between
 
 
 def rejoin(
-    route: Route, left: Sequence[int], start_joints: Sequence[float], cell: CellConfig, calibration: Calibration
+    route: Route, remaining: Sequence[int], start_joints: Sequence[float], cell: CellConfig, calibration: Calibration
 ) -> Route:
     """What is left of a route, from where the arm stands now: the same places in the same order.
 
     `left` are numbers of lights that the route serves, `start_joints` (6) rad. Raises RigError waypoints.collision when
     no way leads to the first of them.
     """
-    legs_left = [
+    remaining_legs = [
         (number, waypoint)
         for number, waypoint in zip(route.light_numbers, route.waypoints, strict=True)
-        if number in left
+        if number in remaining
     ]
     before = start_joints
     waypoints: list[Waypoint] = []
-    for place, (_, waypoint) in enumerate(legs_left):
-        follows = place > 0 and _follows(route, legs_left[place - 1][0], legs_left[place][0])
+    for place, (_, waypoint) in enumerate(remaining_legs):
+        follows = place > 0 and _follows(route, remaining_legs[place - 1][0], remaining_legs[place][0])
         if not follows:
-            found = way(before, waypoint.joints, cell, calibration)
-            waypoint = waypoint.model_copy(update=dict(found))  # noqa: PLW2901
+            path = path_between(before, waypoint.joints, cell, calibration)
+            waypoint = waypoint.model_copy(update=dict(path))  # noqa: PLW2901
         waypoints.append(waypoint)
         before = waypoint.joints
-    back_seconds = route.seconds - sum(waypoint.seconds for waypoint in route.waypoints)
+    home_seconds = route.seconds - sum(waypoint.seconds for waypoint in route.waypoints)
     return route.model_copy(
         update={
             "start": as_joints(start_joints),
             "waypoints": waypoints,
-            "light_numbers": [number for number, _ in legs_left],
-            "seconds": sum(waypoint.seconds for waypoint in waypoints) + back_seconds,
+            "light_numbers": [number for number, _ in remaining_legs],
+            "seconds": sum(waypoint.seconds for waypoint in waypoints) + home_seconds,
             "lower_bound_s": 0.0,
         }
     )

@@ -25,10 +25,10 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
 from acquisition.models.route import Refusal
 from acquisition.waypoints.collision import Scene, scene
-from acquisition.waypoints.ik_solutions import FINE_ROLLS, Station, stations
+from acquisition.waypoints.ik_solutions import FINE_ROLLS, IkSolutions, solve_lights
 from acquisition.waypoints.kinematics import ELBOW_LIMIT, JOINT_LIMIT
 from acquisition.waypoints.motion import legs
-from acquisition.waypoints.tree_kernels import way_to_any
+from acquisition.waypoints.tree_kernels import rrt_connect
 
 CONFIGURATIONS = 24
 """So many configurations of a light, far from one another, are tried for a way home, and are the route's choice."""
@@ -38,7 +38,7 @@ _NEIGHBOURS = 10
 _ATTACHMENTS = 8
 _TREES, _TRIALS = 3, 4000
 """For a light without a way home, trees grow from so many of its configurations, in so many trials each."""
-_GIVE_UP = 12
+_MAX_TREE_FAILURES = 12
 """After so many lights for which trees found nothing, none are grown for others: a side of the cell is cut off."""
 GOLDEN_ANGLE = np.pi * (3.0 - 5.0**0.5)
 
@@ -51,13 +51,13 @@ class Roadmap:
 
     nodes: FloatArray
     seconds: FloatArray
-    before: Indices
+    predecessors: Indices
     edges: Indices  # (E, 2) the certified segments
 
     def connected(self, joints: FloatArray, scene: Scene) -> BoolArray:
         """Whether each of (N, 6) reaches home or one of the nearest nodes by a certified segment."""
         result = np.zeros(len(joints), dtype=bool)
-        for near in self._near(joints).T:  # the nearest first: it is free most often, and the others need no look
+        for near in self._candidates(joints).T:  # the nearest first: it is free most often, and the others need no look
             waiting = np.flatnonzero(~result)
             result[waiting] = scene.edges_free(joints[waiting], self.nodes[near[waiting]])
         return result
@@ -65,29 +65,29 @@ class Roadmap:
     def attachments(self, joints: FloatArray, scene: Scene) -> Indices:
         """The nodes that a configuration (6,) reaches by a certified segment: all of those that `connected` looks at,
         and where there is none, all others."""
-        near = self._near(joints[None])[0]
+        near = self._candidates(joints[None])[0]
         for nodes in (near, np.setdiff1d(np.arange(len(self.nodes)), near)):
-            found = nodes[scene.edges_free(np.repeat(joints[None], len(nodes), axis=0), self.nodes[nodes])]
-            if len(found):
-                return found
+            attached = nodes[scene.edges_free(np.repeat(joints[None], len(nodes), axis=0), self.nodes[nodes])]
+            if len(attached):
+                return attached
         return near[:0]
 
-    def _near(self, joints: FloatArray) -> Indices:
+    def _candidates(self, joints: FloatArray) -> Indices:
         """The nodes worth a try from each of (N, 6): the nearest ones, then home; (N, ≤ 9)."""
         turn = np.abs(joints[:, None] - self.nodes[None, 1:]).max(axis=2)
         nearest = 1 + np.argsort(turn, axis=1, kind="stable")[:, :_ATTACHMENTS]
         return np.hstack([nearest, np.zeros((len(joints), 1), dtype=np.int64)])
 
-    def branch(self, joints: FloatArray, scene: Scene, home: FloatArray) -> FloatArray:
+    def grow_branch(self, joints: FloatArray, scene: Scene, home: FloatArray) -> FloatArray:
         """Corners (K, 6) of certified segments from a configuration (6,) to a node; none when none are found soon."""
-        low, high = np.maximum(home - np.pi, -JOINT_LIMIT), np.minimum(home + np.pi, JOINT_LIMIT)
-        low[2], high[2] = -ELBOW_LIMIT, ELBOW_LIMIT
-        return way_to_any(
-            joints, self.nodes, low, high, _TRIALS, scene.model.dh, scene.links, scene.capsules, scene.levers,
+        lower, upper = np.maximum(home - np.pi, -JOINT_LIMIT), np.minimum(home + np.pi, JOINT_LIMIT)
+        lower[2], upper[2] = -ELBOW_LIMIT, ELBOW_LIMIT
+        return rrt_connect(
+            joints, self.nodes, lower, upper, _TRIALS, scene.model.dh, scene.links, scene.capsules, scene.lever_arms,
             scene.obstacles, scene.vertices, scene.pairs, scene.self_margin,
         )  # fmt: skip
 
-    def grown(self, branches: Sequence[FloatArray], arm: ArmConfig) -> "Roadmap":
+    def with_branches(self, branches: Sequence[FloatArray], arm: ArmConfig) -> "Roadmap":
         """The same with branches (K, 6), each ending at a node."""
         nodes, edges = [self.nodes], [self.edges]
         count = len(self.nodes)
@@ -97,13 +97,13 @@ class Roadmap:
             nodes.append(branch[:-1])
             edges.append(np.stack([own[:-1], own[1:]], axis=1).astype(np.int64))
             count += len(branch) - 1
-        return _connected_roadmap(np.concatenate(nodes), np.concatenate(edges), arm)
+        return _shortest_paths(np.concatenate(nodes), np.concatenate(edges), arm)
 
-    def way(self, start: int, end: int) -> list[int]:
+    def path(self, start: int, end: int) -> list[int]:
         """The nodes of the quickest way, both ends included."""
         nodes = [end]
         while nodes[-1] != start:
-            nodes.append(int(self.before[start, nodes[-1]]))
+            nodes.append(int(self.predecessors[start, nodes[-1]]))
         return nodes[::-1]
 
 
@@ -139,16 +139,16 @@ def spread(joints: FloatArray, count: int, home: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Connected:
+class ConnectedSolutions:
     """For each light a station whose configurations all have a way home; the roadmap with the branches they need."""
 
-    stations: list[Station]
+    solutions: list[IkSolutions]
     roadmap: Roadmap
 
 
-def connected_stations(
+def connected_solutions(
     lights: Sequence[Light], cell: CellConfig, calibration: Calibration, first: int = CONFIGURATIONS
-) -> Connected:
+) -> ConnectedSolutions:
     """For each light (view frame) well-spread configurations with a way home, or the reason of its refusal.
 
     The `first` ones are looked at; more and more of the others, and those at more rolls, only for lights that have no
@@ -156,51 +156,53 @@ def connected_stations(
     when home is not free.
     """
     arm = scene(cell, calibration)
-    found = stations(lights, cell, calibration, arm)
-    coarse = _connected(found, cell.arm, arm, roadmap(cell, calibration), first)
-    refusals = [station.refusal for station in coarse.stations]
-    lost = [n for n, refusal in enumerate(refusals) if refusal is not None and refusal.reason != "too-far"]
-    if not lost:
+    solutions = solve_lights(lights, cell, calibration, arm)
+    coarse = _connected(solutions, cell.arm, arm, roadmap(cell, calibration), first)
+    refusals = [station.refusal for station in coarse.solutions]
+    unconnected = [n for n, refusal in enumerate(refusals) if refusal is not None and refusal.reason != "too-far"]
+    if not unconnected:
         return coarse
-    more = stations([lights[n] for n in lost], cell, calibration, arm, FINE_ROLLS)
-    fine = _connected(more, cell.arm, arm, coarse.roadmap, first)
-    result = list(coarse.stations)
-    for n, station in zip(lost, fine.stations, strict=True):
+    finer = solve_lights([lights[n] for n in unconnected], cell, calibration, arm, FINE_ROLLS)
+    fine = _connected(finer, cell.arm, arm, coarse.roadmap, first)
+    result = list(coarse.solutions)
+    for n, station in zip(unconnected, fine.solutions, strict=True):
         result[n] = station
-    return Connected(result, fine.roadmap)
+    return ConnectedSolutions(result, fine.roadmap)
 
 
-def _connected(found: Sequence[Station], config: ArmConfig, arm: Scene, ways: Roadmap, first: int) -> Connected:
-    result, home = list(found), np.array(config.home)
+def _connected(
+    solutions: Sequence[IkSolutions], config: ArmConfig, arm: Scene, hubs: Roadmap, first: int
+) -> ConnectedSolutions:
+    result, home = list(solutions), np.array(config.home)
     free = [station.joints for station in result]
     for n, joints in enumerate(free):
         if len(joints):
-            result[n] = Station(joints[:0], _unconnected(joints))
+            result[n] = IkSolutions(joints[:0], _unconnected(joints))
     low, high = 0, first
     while waiting := [n for n, joints in enumerate(free) if len(joints) > low and not len(result[n].joints)]:
-        few = [spread(free[n], high, home)[low:] for n in waiting]
-        connected = ways.connected(np.concatenate(few), arm)
-        ends = np.cumsum([len(joints) for joints in few])[:-1]
-        for n, joints, own in zip(waiting, few, np.split(connected, ends), strict=True):
+        tried = [spread(free[n], high, home)[low:] for n in waiting]
+        connected = hubs.connected(np.concatenate(tried), arm)
+        ends = np.cumsum([len(joints) for joints in tried])[:-1]
+        for n, joints, own in zip(waiting, tried, np.split(connected, ends), strict=True):
             if own.any():
-                result[n] = Station(joints[own], None)
+                result[n] = IkSolutions(joints[own], None)
         low, high = high, 4 * high
     branches: list[FloatArray] = []
     failures = 0
     for n in [n for n, joints in enumerate(free) if len(joints) and not len(result[n].joints)]:
-        grown = _branches(spread(free[n], _TREES, home), ways, arm, home)
+        grown = _branches(spread(free[n], _TREES, home), hubs, arm, home)
         if grown:
             branches += grown
-            result[n] = Station(np.array([branch[0] for branch in grown]), None)
+            result[n] = IkSolutions(np.array([branch[0] for branch in grown]), None)
         failures += not grown
-        if failures == _GIVE_UP:
+        if failures == _MAX_TREE_FAILURES:
             break
-    return Connected(result, ways.grown(branches, config) if branches else ways)
+    return ConnectedSolutions(result, hubs.with_branches(branches, config) if branches else hubs)
 
 
-def _branches(joints: FloatArray, ways: Roadmap, arm: Scene, home: FloatArray) -> list[FloatArray]:
-    found = (ways.branch(configuration, arm, home) for configuration in joints)
-    return [branch for branch in found if len(branch)]
+def _branches(joints: FloatArray, hubs: Roadmap, arm: Scene, home: FloatArray) -> list[FloatArray]:
+    branches = (hubs.grow_branch(configuration, arm, home) for configuration in joints)
+    return [branch for branch in branches if len(branch)]
 
 
 def _unconnected(joints: FloatArray) -> Refusal:
@@ -225,33 +227,33 @@ def _roadmap(cell_json: str, calibration_json: str) -> Roadmap:
     home = np.array(cell.arm.home)
     violation = int(arm.violations(home[None])[0])
     if violation >= 0:
-        word, name = arm.blame(violation)
+        reason, name = arm.describe_violation(violation)
         raise RigError(
             ErrorCode.WAYPOINTS_COLLISION,
             f"the home position is not free: too near to {name}; change `home` in the cell file",
             lights=[],
-            reason=word,
+            reason=reason,
         )
     lights = dome_lights(cell, calibration, _DOME_LIGHTS)
-    found = stations(lights, cell, calibration, arm)
-    nodes = np.vstack([home, *(spread(station.joints, _PER_LIGHT, home) for station in found)])
-    turn = np.abs(nodes[:, None] - nodes[None]).max(axis=2)
-    turn[:, 0] = turn[0, :] = 0.0
-    near = np.argsort(turn, axis=1, kind="stable")[:, 1 : _NEIGHBOURS + 2]
+    solutions = solve_lights(lights, cell, calibration, arm)
+    nodes = np.vstack([home, *(spread(station.joints, _PER_LIGHT, home) for station in solutions)])
+    distance = np.abs(nodes[:, None] - nodes[None]).max(axis=2)
+    distance[:, 0] = distance[0, :] = 0.0
+    near = np.argsort(distance, axis=1, kind="stable")[:, 1 : _NEIGHBOURS + 2]
     rows = np.repeat(np.arange(len(nodes)), near.shape[1])
     pairs = np.unique(np.sort(np.stack([rows, near.ravel()], axis=1), axis=1), axis=0)
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
     pairs = pairs[arm.edges_free(nodes[pairs[:, 0]], nodes[pairs[:, 1]])]
     graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(nodes), len(nodes)))
     _, labels = connected_components(graph, directed=False)
-    place = np.cumsum(labels == labels[0]) - 1
-    pairs = place[pairs[labels[pairs[:, 0]] == labels[0]]]
-    ways = _connected_roadmap(nodes[labels == labels[0]], pairs, cell.arm)
-    return _connected(found, cell.arm, arm, ways, first=2).roadmap
+    renumbered = np.cumsum(labels == labels[0]) - 1
+    pairs = renumbered[pairs[labels[pairs[:, 0]] == labels[0]]]
+    hubs = _shortest_paths(nodes[labels == labels[0]], pairs, cell.arm)
+    return _connected(solutions, cell.arm, arm, hubs, first=2).roadmap
 
 
-def _connected_roadmap(nodes: FloatArray, edges: Indices, arm: ArmConfig) -> Roadmap:
+def _shortest_paths(nodes: FloatArray, edges: Indices, arm: ArmConfig) -> Roadmap:
     seconds = legs(nodes[edges[:, 0]], nodes[edges[:, 1]], arm).seconds
     graph = coo_matrix((seconds, (edges[:, 0], edges[:, 1])), shape=(len(nodes), len(nodes))).tocsr()
-    times, before = dijkstra(graph, directed=False, return_predecessors=True)
-    return Roadmap(nodes, times, before.astype(np.int64), edges)
+    times, predecessors = dijkstra(graph, directed=False, return_predecessors=True)
+    return Roadmap(nodes, times, predecessors.astype(np.int64), edges)

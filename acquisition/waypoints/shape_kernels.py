@@ -58,7 +58,7 @@ def between_lines(first, i, at, second, j):
 
 
 @njit(float64(float64, float64, float64, float64), cache=True)
-def _to_cylinder(along, square, radius, height):
+def _point_to_cylinder(along, square, radius, height):
     """Distance to a cylinder of a point so far along its axis, and at this distance squared from its foot's middle."""
     across = math.sqrt(max(square - along * along, 0.0))
     over = max(-along, along - height, 0.0)
@@ -73,7 +73,7 @@ def _point_to_shape(shapes, o, x, y, z):
     kind = int(shapes[o, 0])
     if kind == CYLINDER:
         along = x * shapes[o, 5] + y * shapes[o, 6] + z * shapes[o, 7]
-        return _to_cylinder(along, x * x + y * y + z * z, shapes[o, 8], shapes[o, 9])
+        return _point_to_cylinder(along, x * x + y * y + z * z, shapes[o, 8], shapes[o, 9])
     if kind == CONE:
         along = x * shapes[o, 5] + y * shapes[o, 6] + z * shapes[o, 7]
         across = math.sqrt(max(x * x + y * y + z * z - along * along, 0.0))
@@ -142,12 +142,12 @@ def line_to_obstacle(shapes, o, vertices, lines, c, least, need):
 
 
 @njit(float64(_matrix, float64, float64, float64, float64, float64, float64, float64), cache=True)
-def _to_shrunk(keep_out, share, ax, ay, az, x, y, z):
+def _point_to_scaled_cylinder(keep_out, share, ax, ay, az, x, y, z):
     x -= ax + share * (keep_out[0, 2] - ax)
     y -= ay + share * (keep_out[0, 3] - ay)
     z -= az + share * (keep_out[0, 4] - az)
     along = x * keep_out[0, 5] + y * keep_out[0, 6] + z * keep_out[0, 7]
-    return _to_cylinder(along, x * x + y * y + z * z, share * keep_out[0, 8], share * keep_out[0, 9])
+    return _point_to_cylinder(along, x * x + y * y + z * z, share * keep_out[0, 8], share * keep_out[0, 9])
 
 
 @njit(float64(_matrix, float64, float64, float64, float64, float64, float64), cache=True)
@@ -155,16 +155,19 @@ def _point_to_cone(keep_out, ax, ay, az, x, y, z):
     """Distance of a point to the hull of an apex a and a cylinder (row 0): the union of it shrunk towards a."""
     low, high = 0.0, 1.0
     s, t = 1.0 - _GOLDEN, _GOLDEN
-    at_s, at_t = _to_shrunk(keep_out, s, ax, ay, az, x, y, z), _to_shrunk(keep_out, t, ax, ay, az, x, y, z)
+    at_s, at_t = (
+        _point_to_scaled_cylinder(keep_out, s, ax, ay, az, x, y, z),
+        _point_to_scaled_cylinder(keep_out, t, ax, ay, az, x, y, z),
+    )
     for _ in range(_STEPS):
         if at_s <= at_t:
             high, t, at_t = t, s, at_s
             s = high - _GOLDEN * (high - low)
-            at_s = _to_shrunk(keep_out, s, ax, ay, az, x, y, z)
+            at_s = _point_to_scaled_cylinder(keep_out, s, ax, ay, az, x, y, z)
         else:
             low, s, at_s = s, t, at_t
             t = low + _GOLDEN * (high - low)
-            at_t = _to_shrunk(keep_out, t, ax, ay, az, x, y, z)
+            at_t = _point_to_scaled_cylinder(keep_out, t, ax, ay, az, x, y, z)
     return min(at_s, at_t)
 
 

@@ -20,15 +20,15 @@ _index_pairs = int64[:, ::1]
 
 
 @njit(int64(_matrix, int64, _vector), cache=True)
-def _nearest(points, count, wanted):
-    best, place = np.inf, 0
+def _nearest(points, count, sample):
+    best, index = np.inf, 0
     for k in range(count):
-        apart = 0.0
+        square = 0.0
         for j in range(6):
-            apart += (points[k, j] - wanted[j]) ** 2
-        if apart < best:
-            best, place = apart, k
-    return place
+            square += (points[k, j] - sample[j]) ** 2
+        if square < best:
+            best, index = square, k
+    return index
 
 
 @njit(
@@ -38,64 +38,66 @@ def _nearest(points, count, wanted):
     ),
     cache=True,
 )  # fmt: skip
-def way_to_any(start, goals, low, high, trials, dh, links, capsules, levers, obstacles, vertices, pairs, self_margin):
+def rrt_connect(
+    start, goals, low, high, trials, dh, links, capsules, lever_arms, obstacles, vertices, pairs, self_margin
+):
     """Corners (K, 6) of certified straight segments from a configuration (6,) to one of `goals` (G, 6), within `low`
     and `high` (6,); no corner when `trials` trials do not find any."""
     items = links.shape[0] * obstacles.shape[0] + pairs.shape[0]
     frames, placed = np.empty((7, 3, 4)), np.empty((links.shape[0], 6))
-    still_open, travel = np.empty((DEPTH + 2, items), dtype=np.int64), np.empty((links.shape[0], 6))
-    room = goals.shape[0] + 8 * trials + 1
-    points, before = np.empty((2, room, 6)), np.full((2, room), -1, dtype=np.int64)
+    open_items, travel = np.empty((DEPTH + 2, items), dtype=np.int64), np.empty((links.shape[0], 6))
+    capacity = goals.shape[0] + 8 * trials + 1
+    points, parents = np.empty((2, capacity, 6)), np.full((2, capacity), -1, dtype=np.int64)
     count = np.zeros(2, dtype=np.int64)
     points[0, 0] = start
     points[1, : goals.shape[0]] = goals
     count[0], count[1] = 1, goals.shape[0]
     state = np.uint64(88172645463325252)
-    wanted = np.empty(6)
+    sample = np.empty(6)
     for trial in range(trials):
-        here, there = trial % 2, 1 - trial % 2
+        active, passive = trial % 2, 1 - trial % 2
         for j in range(6):  # xorshift (Marsaglia 2003)
             state ^= state << np.uint64(13)
             state ^= state >> np.uint64(7)
             state ^= state << np.uint64(17)
-            wanted[j] = low[j] + (high[j] - low[j]) * (float(state >> np.uint64(11)) / 9007199254740992.0)
-        near = _nearest(points[here], count[here], wanted)
-        furthest = np.abs(wanted - points[here, near]).max()
+            sample[j] = low[j] + (high[j] - low[j]) * (float(state >> np.uint64(11)) / 9007199254740992.0)
+        near = _nearest(points[active], count[active], sample)
+        furthest = np.abs(sample - points[active, near]).max()
         if furthest == 0.0:  # drawn before, when the branch grew that the point belongs to
             continue
-        new = points[here, near] + min(1.0, _STEP_RAD / furthest) * (wanted - points[here, near])
+        new = points[active, near] + min(1.0, _STEP_RAD / furthest) * (sample - points[active, near])
         if not edge_free(
-            points[here, near], new, dh, links, capsules, levers, obstacles, vertices, pairs, self_margin, frames,
-            placed, still_open, travel,
+            points[active, near], new, dh, links, capsules, lever_arms, obstacles, vertices, pairs, self_margin, frames,
+            placed, open_items, travel,
         ):  # fmt: skip
             continue
-        points[here, count[here]], before[here, count[here]] = new, near
-        count[here] += 1
-        other = _nearest(points[there], count[there], new)
+        points[active, count[active]], parents[active, count[active]] = new, near
+        count[active] += 1
+        other = _nearest(points[passive], count[passive], new)
         for _ in range(6):
-            away = np.abs(new - points[there, other]).max()
-            last = away <= _STEP_RAD
-            step = new if last else points[there, other] + (_STEP_RAD / away) * (new - points[there, other])
+            distance = np.abs(new - points[passive, other]).max()
+            last = distance <= _STEP_RAD
+            step = new if last else points[passive, other] + (_STEP_RAD / distance) * (new - points[passive, other])
             if not edge_free(
-                points[there, other], step, dh, links, capsules, levers, obstacles, vertices, pairs, self_margin,
-                frames, placed, still_open, travel,
+                points[passive, other], step, dh, links, capsules, lever_arms, obstacles, vertices, pairs, self_margin,
+                frames, placed, open_items, travel,
             ):  # fmt: skip
                 break
             if last:
                 meeting = np.empty(2, dtype=np.int64)
-                meeting[here], meeting[there] = count[here] - 1, other
-                way = np.empty((count[0] + count[1], 6))
+                meeting[active], meeting[passive] = count[active] - 1, other
+                path = np.empty((count[0] + count[1], 6))
                 length, node = 0, meeting[0]
                 while node >= 0:
-                    way[length] = points[0, node]
-                    length, node = length + 1, before[0, node]
-                way[:length] = way[:length][::-1].copy()
+                    path[length] = points[0, node]
+                    length, node = length + 1, parents[0, node]
+                path[:length] = path[:length][::-1].copy()
                 node = meeting[1]
                 while node >= 0:
-                    way[length] = points[1, node]
-                    length, node = length + 1, before[1, node]
-                return way[:length].copy()
-            points[there, count[there]], before[there, count[there]] = step, other
-            other = count[there]
-            count[there] += 1
+                    path[length] = points[1, node]
+                    length, node = length + 1, parents[1, node]
+                return path[:length].copy()
+            points[passive, count[passive]], parents[passive, count[passive]] = step, other
+            other = count[passive]
+            count[passive] += 1
     return np.empty((0, 6))

@@ -12,8 +12,8 @@ from acquisition.models.light_plan import Light
 from acquisition.models.route import Route
 from acquisition.waypoints import reach as reach_module
 from acquisition.waypoints.motion import legs
-from acquisition.waypoints.roadmap import connected_stations, dome_lights, roadmap
-from acquisition.waypoints.route import route
+from acquisition.waypoints.roadmap import connected_solutions, dome_lights, roadmap
+from acquisition.waypoints.routing import route
 from tests.acquisition.waypoints.cells import random_cell, simulated_cell
 from tests.acquisition.waypoints.test_quality import good_lights
 
@@ -83,7 +83,7 @@ def _lights(count: int) -> list[Light]:
 def _simple_seconds(lights: list[Light], cell: CellConfig, calibration: Calibration) -> tuple[float, float]:
     """Time in the given order, each light in its configuration nearest to home; and always going on to the nearest
     configuration of any light left. Both as if every straight segment were free: no detours are counted."""
-    stations = [station.joints for station in connected_stations(lights, cell, calibration).stations]
+    stations = [station.joints for station in connected_solutions(lights, cell, calibration).solutions]
     home = np.array([cell.arm.home])
     stops = np.concatenate([home, *(joints[:1] for joints in stations), home])
     given = float(legs(stops[:-1], stops[1:], cell.arm).seconds.sum())

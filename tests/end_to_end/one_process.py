@@ -24,7 +24,7 @@ from acquisition.runner import jobs
 from acquisition.session import FIRST_REFERENCE_NUMBER
 from acquisition.waypoints import kinematics
 from acquisition.waypoints.reach import ReachMap, reach
-from acquisition.waypoints.route import route
+from acquisition.waypoints.routing import route
 from hardware_sim import nominal
 from hardware_sim.world import ExposureInterval, World
 

@@ -15,7 +15,7 @@ from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, 
 from acquisition.normals import interreflection, solve
 from acquisition.waypoints import kinematics
 from acquisition.waypoints.reach import reach
-from acquisition.waypoints.route import route
+from acquisition.waypoints.routing import route
 from hardware_sim import grade, nominal
 from hardware_sim.world import ExposureInterval, ProfileName, World
 

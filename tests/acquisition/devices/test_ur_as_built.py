@@ -15,7 +15,7 @@ from acquisition.models.light_plan import Light
 from acquisition.waypoints import calibrated_kinematics, kinematics
 from acquisition.waypoints.reach import refusals
 from acquisition.waypoints.roadmap import dome_lights
-from acquisition.waypoints.route import route
+from acquisition.waypoints.routing import route
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.process import ControllerProcess

@@ -47,7 +47,7 @@ def test_refine_most_branches_converge(name: str) -> None:
     flange = calibrated_kinematics.forward(chain, joints)[:, 6]
     branches = inverse(model, flange)
     pose, branch = np.nonzero(~np.isnan(branches[..., 0]))
-    found = calibrated_kinematics.refined(chain, branches[pose, branch], flange[pose])
+    found = calibrated_kinematics.refine(chain, branches[pose, branch], flange[pose])
     arrived = ~np.isnan(found[:, 0])
     assert arrived.mean() > 0.97
     assert np.allclose(calibrated_kinematics.forward(chain, found[arrived])[:, 6], flange[pose[arrived]], atol=1e-6)
@@ -58,4 +58,4 @@ def test_refine_most_branches_converge(name: str) -> None:
 def test_refine_unreachable_pose_gives_nan() -> None:
     far = np.eye(4)
     far[0, 3] = 5.0
-    assert np.isnan(calibrated_kinematics.refined(chain_of("ur5e", 1), np.zeros((1, 6)), far[None])).all()
+    assert np.isnan(calibrated_kinematics.refine(chain_of("ur5e", 1), np.zeros((1, 6)), far[None])).all()

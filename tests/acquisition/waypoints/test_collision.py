@@ -69,7 +69,7 @@ def test_edges_free_edge_through_thin_pole_is_refused() -> None:
     assert with_pole.free(np.vstack([home - aside, home + aside])).all()
     assert scene(cell, calibration).edges_free(home - aside, home + aside)[0]
     assert not with_pole.edges_free(home - aside, home + aside)[0]
-    assert with_pole.blame(int(with_pole.violations(home)[0])) == ("hits-obstacle", "pole")
+    assert with_pole.describe_violation(int(with_pole.violations(home)[0])) == ("hits-obstacle", "pole")
 
 
 def test_free_each_obstacle_has_its_own_clearance() -> None:
@@ -121,7 +121,7 @@ def test_violations_name_the_colliding_body() -> None:
     clearance = arm.clearance(joints)
     least = np.array([*arm.obstacles[:, 1], arm.self_margin]) + NODE_SLACK_M
     assert ((violations < 0) == (clearance >= least).all(axis=1)).all()
-    seen = {arm.blame(int(violation)) for violation in violations if violation >= 0}
+    seen = {arm.describe_violation(int(violation)) for violation in violations if violation >= 0}
     assert {word for word, _ in seen} == {"hits-table", "hits-object", "hits-camera", "self-collision"}
     for violation in set(violations[violations >= 0].tolist()):
         assert (clearance[violations == violation, violation] < least[violation]).all()

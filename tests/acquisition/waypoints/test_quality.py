@@ -19,7 +19,7 @@ from acquisition.waypoints.collision import Scene, scene
 from acquisition.waypoints.kinematics import ELBOW_LIMIT, JOINT_LIMIT
 from acquisition.waypoints.reach import refusals
 from acquisition.waypoints.roadmap import dome_lights, roadmap
-from acquisition.waypoints.route import route
+from acquisition.waypoints.routing import route
 from tests.acquisition.waypoints.cells import random_cell
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(3600)]

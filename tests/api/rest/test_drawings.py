@@ -7,7 +7,7 @@ import pytest
 from acquisition.models.recipe import Recipe
 from acquisition.store.folder import write_value
 from acquisition.waypoints.roadmap import dome_lights
-from acquisition.waypoints.route import route
+from acquisition.waypoints.routing import route
 from tests.api.conftest import running
 
 

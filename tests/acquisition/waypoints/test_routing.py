@@ -20,7 +20,7 @@ from acquisition.waypoints import roadmap as roadmap_module
 from acquisition.waypoints.motion import trapezoid_seconds
 from acquisition.waypoints.reach import reach, refusals
 from acquisition.waypoints.roadmap import dome_lights
-from acquisition.waypoints.route import retreat, route
+from acquisition.waypoints.routing import retreat, route
 from tests import audit
 from tests.acquisition.waypoints.cells import random_cell, simulated_cell
 

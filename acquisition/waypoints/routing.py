@@ -25,18 +25,18 @@ from acquisition.models.light_plan import Light
 from acquisition.models.route import JointPath, Route, Waypoint
 from acquisition.waypoints import order_kernels
 from acquisition.waypoints.collision import Scene, scene
-from acquisition.waypoints.ik_solutions import Station
+from acquisition.waypoints.ik_solutions import IkSolutions
 from acquisition.waypoints.motion import legs
-from acquisition.waypoints.roadmap import Roadmap, connected_stations, roadmap
+from acquisition.waypoints.roadmap import Roadmap, connected_solutions, roadmap
 
-_EXACT_STOPS = 12
-_TOURS = 12
+_MAX_EXACT_STOPS = 12
+_MAX_TOURS = 12
 """So many tours are sought at most."""
-_BLOCKED = 1.2
+_BLOCKED_FACTOR = 1.2
 """Of a blocked leg whose detour is not known yet it is assumed that it takes so many times as long as straight."""
 _NODES = 400
 """About so many configurations are considered in all: 24 a light for few lights, fewer for many."""
-_LEAST_PER_LIGHT = 6
+_MIN_PER_LIGHT = 6
 _ROUNDS, _WARM_ROUNDS = 40, 2
 _BOUND_STEPS = 100
 _SAMPLES = 5
@@ -50,50 +50,50 @@ def route(lights: Sequence[Light], start_joints: Sequence[float], cell: CellConf
     them or from where the arm stands; `lights` in the context lists {number, reason, detail} of each. Nothing moves.
     """
     arm = scene(cell, calibration)
-    connected = connected_stations(lights, cell, calibration)
-    found, ways = connected.stations, connected.roadmap
-    _require_all(found)
-    network = _Network(found, _start(start_joints, arm, ways), cell, arm, ways)
+    connected = connected_solutions(lights, cell, calibration)
+    solutions, hubs = connected.solutions, connected.roadmap
+    _require_solutions(solutions)
+    network = _Network(solutions, _start(start_joints, arm, hubs), cell, arm, hubs)
     tour, lower_bound_s = network.tour()
     waypoints: list[Waypoint] = []
     for before, node in pairwise([network.start, *tour]):
-        way = network.way(before, node)
+        leg = network.path(before, node)
         light = lights[network.owner[node]]
-        waypoints.append(Waypoint(light=light, path=way.path, speeds=way.speeds, seconds=way.seconds))
-    back = network.way(tour[-1] if tour else network.start, network.home)
+        waypoints.append(Waypoint(light=light, path=leg.path, speeds=leg.speeds, seconds=leg.seconds))
+    home_leg = network.path(tour[-1] if tour else network.start, network.home)
     return Route(
         start=_joints(network.nodes[network.start]),
         waypoints=waypoints,
         light_numbers=[int(network.owner[node]) for node in tour],
-        home_path=back.path,
-        home_speeds=back.speeds,
-        seconds=sum(waypoint.seconds for waypoint in waypoints) + back.seconds,
+        home_path=home_leg.path,
+        home_speeds=home_leg.speeds,
+        seconds=sum(waypoint.seconds for waypoint in waypoints) + home_leg.seconds,
         lower_bound_s=lower_bound_s,
     )
 
 
 def retreat(start_joints: Sequence[float], cell: CellConfig, calibration: Calibration) -> JointPath:
     """The certified way home from `start_joints` (6, rad). Raises RigError waypoints.collision when there is none."""
-    arm, ways = scene(cell, calibration), roadmap(cell, calibration)
-    network = _Network([], _start(start_joints, arm, ways), cell, arm, ways)
-    return network.way(network.start, network.home)
+    arm, hubs = scene(cell, calibration), roadmap(cell, calibration)
+    network = _Network([], _start(start_joints, arm, hubs), cell, arm, hubs)
+    return network.path(network.start, network.home)
 
 
-def way(
+def path_between(
     start_joints: Sequence[float], end_joints: Sequence[float], cell: CellConfig, calibration: Calibration
 ) -> JointPath:
     """The certified way from `start_joints` to a place (6, rad) where the arm has stood before.
 
     Raises RigError waypoints.collision when there is none.
     """
-    arm, ways = scene(cell, calibration), roadmap(cell, calibration)
-    start, end = (_start(joints, arm, ways) for joints in (start_joints, end_joints))
-    network = _Network([Station(end[None], None)], start, cell, arm, ways)
-    return network.way(network.start, 0)
+    arm, hubs = scene(cell, calibration), roadmap(cell, calibration)
+    start, end = (_start(joints, arm, hubs) for joints in (start_joints, end_joints))
+    network = _Network([IkSolutions(end[None], None)], start, cell, arm, hubs)
+    return network.path(network.start, 0)
 
 
-def _require_all(found: Sequence[Station]) -> None:
-    refused = [(number, station.refusal) for number, station in enumerate(found) if station.refusal]
+def _require_solutions(solutions: Sequence[IkSolutions]) -> None:
+    refused = [(number, station.refusal) for number, station in enumerate(solutions) if station.refusal]
     if not refused:
         return
     unreachable = any(refusal.reason != "not-connected" for _, refusal in refused)
@@ -104,19 +104,19 @@ def _require_all(found: Sequence[Station]) -> None:
     )
 
 
-def _start(start_joints: Sequence[float], arm: Scene, ways: Roadmap) -> FloatArray:
+def _start(start_joints: Sequence[float], arm: Scene, hubs: Roadmap) -> FloatArray:
     """Where the arm stands (6,), once a way leads home from there."""
     joints = np.array(start_joints, dtype=float).reshape(6)
     if not np.isfinite(joints).all():
         raise RigError(ErrorCode.WAYPOINTS_COLLISION, "the arm's joints are not known", lights=[])
-    if not len(ways.attachments(joints, arm)):
+    if not len(hubs.attachments(joints, arm)):
         violation = int(arm.violations(joints[None])[0])
-        word, why = "not-connected", "no certified way leads home from where the arm stands"
+        reason, why = "not-connected", "no certified way leads home from where the arm stands"
         if violation >= 0:
-            word, name = arm.blame(violation)
+            reason, name = arm.describe_violation(violation)
             why = f"the arm stands too near to {name}"
         raise RigError(
-            ErrorCode.WAYPOINTS_COLLISION, f"{why}; move it clear by hand at the pendant", lights=[], reason=word
+            ErrorCode.WAYPOINTS_COLLISION, f"{why}; move it clear by hand at the pendant", lights=[], reason=reason
         )
     return joints
 
@@ -125,18 +125,18 @@ class _Network:
     """Configurations of all lights, then start, then home; the legs between them as far as they are known."""
 
     def __init__(
-        self, found: Sequence[Station], start: FloatArray, cell: CellConfig, arm: Scene, ways: Roadmap
+        self, solutions: Sequence[IkSolutions], start: FloatArray, cell: CellConfig, arm: Scene, hubs: Roadmap
     ) -> None:
-        each = max(_LEAST_PER_LIGHT, _NODES // max(len(found), 1))
-        few = [station.joints[:each] for station in found]
-        counts = np.array([len(joints) for joints in few], dtype=np.int64)
+        each = max(_MIN_PER_LIGHT, _NODES // max(len(solutions), 1))
+        kept = [station.joints[:each] for station in solutions]
+        counts = np.array([len(joints) for joints in kept], dtype=np.int64)
         self.first: npt.NDArray[np.int64] = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-        self.owner: npt.NDArray[np.int64] = np.repeat(np.arange(len(few)), counts)
+        self.owner: npt.NDArray[np.int64] = np.repeat(np.arange(len(kept)), counts)
         self.start, self.home = int(self.first[-1]), int(self.first[-1]) + 1
-        self.nodes: FloatArray = np.concatenate([*few, start[None], ways.nodes[:1]])
-        self._arm, self._ways, self._limits = arm, ways, cell.arm
-        self._known: dict[tuple[int, int], JointPath] = {}
-        self._looked_at: set[tuple[int, int]] = set()
+        self.nodes: FloatArray = np.concatenate([*kept, start[None], hubs.nodes[:1]])
+        self._arm, self._hubs, self._limits = arm, hubs, cell.arm
+        self._legs: dict[tuple[int, int], JointPath] = {}
+        self._checked: set[tuple[int, int]] = set()
 
     def tour(self) -> tuple[list[int], float]:
         """Nodes in the order of travel, all legs certified, and a lower bound of the time in s.
@@ -145,18 +145,18 @@ class _Network:
         """
         seconds = self._straight_seconds()
         stops = (seconds, self.first, self.start, self.home)
-        if len(self.first) - 1 <= _EXACT_STOPS:
+        if len(self.first) - 1 <= _MAX_EXACT_STOPS:
             tour = order_kernels.exact_tour(*stops)
             lower_bound_s = float(sum(seconds[a, b] for a, b in pairwise([self.start, *tour, self.home])))
         else:
             tour = order_kernels.searched_tour(*stops, np.empty(0, dtype=np.int64), _ROUNDS)
             lower_bound_s = self._lower_bound(seconds)
         best, best_s = tour, np.inf
-        for _ in range(_TOURS):
-            on_the_way = list(pairwise([self.start, *tour.tolist(), self.home]))
-            unknown = [leg for leg in on_the_way if leg not in self._known]
-            self._learn(unknown, seconds)
-            total_s = sum(self._known[leg].seconds for leg in on_the_way)
+        for _ in range(_MAX_TOURS):
+            tour_legs = list(pairwise([self.start, *tour.tolist(), self.home]))
+            unknown = [leg for leg in tour_legs if leg not in self._legs]
+            self._certify(unknown, seconds)
+            total_s = sum(self._legs[leg].seconds for leg in tour_legs)
             if total_s < best_s:
                 best, best_s = tour, total_s
             if not unknown:
@@ -165,12 +165,12 @@ class _Network:
         # A detour can be quicker than the straight leg: its corners may take the lamp a shorter way.
         return best.tolist(), min(lower_bound_s, best_s)
 
-    def way(self, start: int, end: int) -> JointPath:
+    def path(self, start: int, end: int) -> JointPath:
         """The certified way from one node to another."""
-        if (start, end) not in self._known:
+        if (start, end) not in self._legs:
             free = self._arm.edges_free(self.nodes[[start]], self.nodes[[end]])[0]
-            self._enter(start, end, straight=bool(free))
-        return self._known[start, end]
+            self._add_leg(start, end, straight=bool(free))
+        return self._legs[start, end]
 
     def _straight_seconds(self) -> FloatArray:
         rows, columns = np.triu_indices(len(self.nodes), 1)
@@ -184,34 +184,34 @@ class _Network:
     def _lower_bound(self, seconds: FloatArray) -> float:
         """A bound over the stops' least times."""
         edges = np.concatenate([self.first, [self.start + 1]])
-        least = np.minimum.reduceat(np.minimum.reduceat(seconds, edges, axis=0), edges, axis=1)
-        return order_kernels.path_bound(np.ascontiguousarray(least), _BOUND_STEPS)
+        shortest = np.minimum.reduceat(np.minimum.reduceat(seconds, edges, axis=0), edges, axis=1)
+        return order_kernels.path_bound(np.ascontiguousarray(shortest), _BOUND_STEPS)
 
-    def _learn(self, unknown: Sequence[tuple[int, int]], seconds: FloatArray) -> None:
+    def _certify(self, unknown: Sequence[tuple[int, int]], seconds: FloatArray) -> None:
         """Certifies legs, finds the detours of those that are blocked, and enters their times into `seconds`."""
         if not unknown:
             return
         starts, ends = np.array(unknown).T
         free = self._arm.edges_free(self.nodes[starts], self.nodes[ends])
         for (a, b), straight in zip(unknown, free.tolist(), strict=True):
-            self._enter(a, b, straight=straight)
+            self._add_leg(a, b, straight=straight)
             if not straight:
-                self._warn(a, b, seconds)
-            seconds[a, b] = seconds[b, a] = self._known[a, b].seconds
+                self._penalise_alternatives(a, b, seconds)
+            seconds[a, b] = seconds[b, a] = self._legs[a, b].seconds
 
-    def _warn(self, a: int, b: int, seconds: FloatArray) -> None:
+    def _penalise_alternatives(self, a: int, b: int, seconds: FloatArray) -> None:
         """Looks at the legs between each end of a blocked leg and the other's alternatives."""
         pairs = [(a, other) for other in self._alternatives(b)] + [(other, b) for other in self._alternatives(a)]
-        pairs = [pair for pair in pairs if pair not in self._looked_at and pair not in self._known]
+        pairs = [pair for pair in pairs if pair not in self._checked and pair not in self._legs]
         if not pairs:
             return
         starts, ends = np.array(pairs).T
         blocked = ~self._arm.edges_free(self.nodes[starts], self.nodes[ends])
-        self._looked_at.update(pairs)
-        self._looked_at.update((end, start) for start, end in pairs)
+        self._checked.update(pairs)
+        self._checked.update((end, start) for start, end in pairs)
         starts, ends = starts[blocked], ends[blocked]
-        seconds[starts, ends] *= _BLOCKED
-        seconds[ends, starts] *= _BLOCKED
+        seconds[starts, ends] *= _BLOCKED_FACTOR
+        seconds[ends, starts] *= _BLOCKED_FACTOR
 
     def _alternatives(self, node: int) -> range:
         """The configurations of the same light."""
@@ -219,20 +219,20 @@ class _Network:
             return range(0)
         return range(int(self.first[self.owner[node]]), int(self.first[self.owner[node] + 1]))
 
-    def _enter(self, a: int, b: int, *, straight: bool) -> None:
+    def _add_leg(self, a: int, b: int, *, straight: bool) -> None:
         corners = self.nodes[[a, b]] if straight else self._detour(a, b)
-        self._known[a, b] = _drive(corners, self._limits)
-        self._known[b, a] = _drive(corners[::-1], self._limits)
+        self._legs[a, b] = _drive(corners, self._limits)
+        self._legs[b, a] = _drive(corners[::-1], self._limits)
 
     def _detour(self, start: int, end: int) -> FloatArray:
         """The corners (K, 6) of the quickest way along the roadmap, cut short where corners see one another."""
-        leave, arrive = (self._ways.attachments(self.nodes[node], self._arm) for node in (start, end))
-        hubs = self._ways.nodes
+        leave, arrive = (self._hubs.attachments(self.nodes[node], self._arm) for node in (start, end))
+        hubs = self._hubs.nodes
         to_hub = legs(np.repeat(self.nodes[[start]], len(leave), 0), hubs[leave], self._limits).seconds
         from_hub = legs(hubs[arrive], np.repeat(self.nodes[[end]], len(arrive), 0), self._limits).seconds
-        total = to_hub[:, None] + self._ways.seconds[np.ix_(leave, arrive)] + from_hub[None]
+        total = to_hub[:, None] + self._hubs.seconds[np.ix_(leave, arrive)] + from_hub[None]
         i, j = np.unravel_index(int(np.argmin(total)), total.shape)
-        middle = hubs[self._ways.way(int(leave[i]), int(arrive[j]))]
+        middle = hubs[self._hubs.path(int(leave[i]), int(arrive[j]))]
         corners = np.concatenate([self.nodes[[start]], middle, self.nodes[[end]]])
         return _shortened(corners, self._arm, self._limits)
 
@@ -242,14 +242,14 @@ def _shortened(corners: FloatArray, arm: Scene, limits: ArmConfig) -> FloatArray
     rows, columns = np.triu_indices(len(corners), 1)
     seconds = legs(corners[rows], corners[columns], limits).seconds
     free = (columns == rows + 1) | arm.edges_free(corners[rows], corners[columns])
-    best, before = np.full(len(corners), np.inf), np.zeros(len(corners), dtype=np.int64)
+    best, predecessors = np.full(len(corners), np.inf), np.zeros(len(corners), dtype=np.int64)
     best[0] = 0.0
     for a, b, time in zip(rows[free], columns[free], seconds[free], strict=True):
         if best[a] + time < best[b]:  # rows come in order, so best[a] is final
-            best[b], before[b] = best[a] + time, a
+            best[b], predecessors[b] = best[a] + time, a
     kept = [len(corners) - 1]
     while kept[-1] != 0:
-        kept.append(int(before[kept[-1]]))
+        kept.append(int(predecessors[kept[-1]]))
     return corners[kept[::-1]]
 
 

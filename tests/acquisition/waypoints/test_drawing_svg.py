@@ -8,10 +8,10 @@ import pytest
 
 from acquisition import geometry, lamp_pose
 from acquisition.models.route import Route
-from acquisition.waypoints import sketch
+from acquisition.waypoints import drawing
 from acquisition.waypoints.reach import refusals
 from acquisition.waypoints.roadmap import dome_lights
-from acquisition.waypoints.route import route
+from acquisition.waypoints.routing import route
 from tests.acquisition.waypoints.cells import simulated_cell
 
 CELL, CALIBRATION = simulated_cell()
@@ -37,7 +37,7 @@ def test_svg_views_all_passes_are_to_scale_and_numbered(routes: list[Route]) -> 
         for first, planned in zip((0, 3), routes, strict=True)
         for number, waypoint in zip(planned.light_numbers, planned.waypoints, strict=True)
     }
-    for (_, svg), (right, up) in zip(sketch.views(routes, CELL, CALIBRATION), ((0, 1), (0, 2)), strict=True):
+    for (_, svg), (right, up) in zip(drawing.svg_views(routes, CELL, CALIBRATION), ((0, 1), (0, 2)), strict=True):
         drawn = dots(svg)
         assert sorted(drawn) == sorted(places) == ["0", "1", "2", "3", "4"]
         steps = [(drawn[a] - drawn["0"], places[a] - places["0"]) for a in ("1", "2", "3", "4")]
@@ -50,11 +50,11 @@ def test_svg_views_all_passes_are_to_scale_and_numbered(routes: list[Route]) -> 
 
 def test_svg_views_are_well_formed_named_and_inside(routes: list[Route]) -> None:
     named = CELL.model_copy(update={"table": CELL.table.model_copy(update={"name": "<table> & more"})})
-    for what, svg in sketch.views(routes, named, CALIBRATION):
+    for what, svg in drawing.svg_views(routes, named, CALIBRATION):
         assert what
         root = ElementTree.fromstring(svg)  # noqa: S314 - our own text
         titles = {title.text for title in root.iter("title")}
-        assert {"<table> & more", "arm at home", "lamp's way", "lights", "the object's keep-out"} <= titles
+        assert {"<table> & more", "arm at home", "lamp's path", "lights", "the object's keep-out"} <= titles
         _, _, width, height = map(float, root.attrib["viewBox"].split())
         numbers = [float(value) for path in root.iter("path") for value in re.findall(r"[\d.-]+", path.attrib["d"])]
         assert len(numbers) > 200
@@ -64,4 +64,4 @@ def test_svg_views_are_well_formed_named_and_inside(routes: list[Route]) -> None
 
 
 def test_svg_views_no_routes_draws_cell_alone() -> None:
-    assert all("lights" not in svg for _, svg in sketch.views([], CELL, CALIBRATION))
+    assert all("lights" not in svg for _, svg in drawing.svg_views([], CELL, CALIBRATION))

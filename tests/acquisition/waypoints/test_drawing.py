@@ -8,9 +8,9 @@ import pytest
 
 from acquisition import geometry, lamp_pose
 from acquisition.models.route import Route
-from acquisition.waypoints import drawing, picture
+from acquisition.waypoints import drawing
 from acquisition.waypoints.reach import ReachMap, reach
-from acquisition.waypoints.route import route
+from acquisition.waypoints.routing import route
 from tests.acquisition.waypoints.cells import random_cell
 
 
@@ -31,16 +31,16 @@ def test_reach_marks_each_position_is_drawn_once_with_reason(reach_map: ReachMap
     assert len(marks["reachable"].points) == len(reach_map.candidates)
     assert set(marks) - {"reachable"} == {refusal.reason for refusal in reach_map.refusals if refusal is not None}
     refused = marks["too-far"]
-    assert len(refused.words) == len(refused.points) > 0
+    assert len(refused.labels) == len(refused.points) > 0
 
 
 def test_route_marks_lamp_path_passes_all_lights(reach_map: ReachMap, planned: Route) -> None:
     marks = {mark.name: mark for mark in drawing.route_marks(planned, reach_map.cell, reach_map.calibration)}
-    way = marks["lamp's way"].points
+    path = marks["lamp's path"].points
     base_from_view = lamp_pose.base_from_view(reach_map.calibration)
     for waypoint in planned.waypoints:
         place = geometry.transform(base_from_view, waypoint.light.position)
-        assert np.linalg.norm(way - place, axis=1).min() < 1e-6
+        assert np.linalg.norm(path - place, axis=1).min() < 1e-6
     assert np.allclose(
         marks["lights"].points[0], geometry.transform(base_from_view, planned.waypoints[0].light.position)
     )
@@ -59,8 +59,8 @@ def test_cell_marks_all_bodies_are_at_their_poses(reach_map: ReachMap) -> None:
 @pytest.mark.long
 def test_png_reach_and_route_are_not_blank(reach_map: ReachMap, planned: Route) -> None:
     for content in (
-        picture.reach_still(reach_map),
-        picture.route_still(planned, reach_map.cell, reach_map.calibration),
+        drawing.reach_png(reach_map),
+        drawing.route_png(planned, reach_map.cell, reach_map.calibration),
     ):
         image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
         assert image is not None
@@ -70,6 +70,6 @@ def test_png_reach_and_route_are_not_blank(reach_map: ReachMap, planned: Route) 
 
 
 def test_html_pages_load_nothing_remote(reach_map: ReachMap, planned: Route) -> None:
-    for page in (picture.reach_page(reach_map), picture.route_page(planned, reach_map.cell, reach_map.calibration)):
+    for page in (drawing.reach_html(reach_map), drawing.route_html(planned, reach_map.cell, reach_map.calibration)):
         assert "Plotly.newPlot" in page
         assert re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=", page) == []
