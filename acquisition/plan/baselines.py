@@ -1,4 +1,4 @@
-"""Patterns of lights that look at nothing: what planning has to beat.
+"""Fixed light patterns for comparison: two rings, one ring, Drbohlav–Chantler, Gardi–Walter–Garbe, maximin, random.
 
 Each is a set of ideal directions, brought to the nearest reachable positions, so that all methods run through the same
 session. The rival that matters is `two-rings`: a third of the lights at 25° and the rest at 55°, staggered.

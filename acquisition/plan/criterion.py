@@ -1,4 +1,4 @@
-"""The expected angular variance of each pixel's normal under a set of lights.
+"""Posterior angular variance of each pixel's normal under a set of lights (Bayesian linear design).
 
 A sample pixel knows (g, ζ), albedo × normal and a depth offset, with the information that the images so far gave it. A
 candidate light adds a row to it: its light vector there, weighted by the noise that the exposure for that light would
@@ -86,7 +86,7 @@ class Samples:
 
 @dataclass(frozen=True)
 class Candidates:
-    """What each candidate light would tell each sample pixel."""
+    """Candidate lights as whitened design rows and visibilities at each sample pixel."""
 
     row: Float32Array  # (K, 4, P) whitened
     visibility: Float32Array  # (K, P) probability
@@ -314,7 +314,7 @@ def mirrored_share(sample: Samples, units: FloatArray, gloss: Gloss) -> float:
 
 @dataclass(frozen=True)
 class Posterior:
-    """What is expected of all sample pixels in all scenarios after some lights."""
+    """Posterior of all sample pixels in all visibility scenarios after some lights."""
 
     covariance: Float32Array  # (S, 10, P) of (g, ζ)
     variance: FloatArray  # (S, P) rad²
@@ -334,7 +334,7 @@ def no_candidates(sample: Samples) -> Candidates:
 
 
 def posterior(sample: Samples, lights: Candidates, weight: FloatArray | None = None) -> Posterior:
-    """What is to be expected after adding all of `lights`, each `weight` (K,) times; none: once."""
+    """Posterior after adding all of `lights` to the prior information, each `weight` (K,) times; none: once."""
     shape = (len(VISIBILITY_LEVELS), len(sample.albedo))
     out = Posterior(
         np.empty((shape[0], 10, shape[1]), np.float32),

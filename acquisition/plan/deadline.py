@@ -1,4 +1,4 @@
-"""A moment after which the best so far has to do."""
+"""Time limit of a search on the monotonic clock."""
 
 import time
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Why each light is there: the pixels whose normals it makes more certain, as numbers and as small pictures.
+"""Leave-one-out gain of each planned light: per pixel, as numbers and as small images.
 
 The gain of a light at a pixel is how much larger σ would be with all the other lights of the plan but without this one.
 So the gains of two lights that do the same are both small, and where a picture is bright its light has no substitute.

@@ -1,4 +1,4 @@
-"""What a set of lights is judged by: one number made of the angular variances of all pixels in all scenarios.
+"""Design criteria (A-optimality and variants): one loss from the angular variances of all pixels and scenarios.
 
 `capped`, the default, is the mean of v / (1 + v/cap²): plain mean variance is decided by a few pixels that no light can
 reach. `mean` is the mean σ. `quantile` looks at the pixels near the σ that nine tenths keep below with the two-ring
@@ -7,8 +7,8 @@ adds up over them, and lowers the upper quantiles. `coverage` first counts the l
 solve needs, and lets `capped` decide between equals.
 
 Many sets of lights are within a few per cent of the best by any of these. Among them the even ones are the better
-choice: what no variance knows of (pixels that mix two surfaces, depth that is wrong, light that bounces) pulls normals
-towards or away from the lights, and these pulls cancel where lights stand evenly round the object. So each loss rises
+choice: errors that no variance contains (mixed pixels, wrong depth, interreflection) bias normals towards or away from
+the lights, and these biases cancel where lights stand evenly round the object. So each loss rises
 with the lights' imbalance.
 """
 

@@ -1,4 +1,4 @@
-"""From candidates to a set of lights: greedy from several starts, exchange, then off the grid.
+"""Exchange algorithm for exact designs (after Fedorov 1972): greedy and random starts, exchange, pattern search.
 
 Greedy alone is 10–30 % short in the objective for few lights; exchanging one light at a time for the best candidate
 closes that, and many starts and exchanges of two at a time remove most of the rest. The two-ring patterns are starts
@@ -68,12 +68,12 @@ def search(
 
 
 def value(sample: Samples, options: Candidates, loss: Loss, chosen: list[int]) -> float:
-    """The mean loss with these options."""
+    """Mean loss of the design with these candidates."""
     return loss.evaluate(criterion.posterior(sample, options.only(chosen)))
 
 
 def greedy(sample: Samples, options: Candidates, loss: Loss, count: int, until: Deadline) -> list[int]:
-    """One option after the other, each the best beside those before it; after the deadline the first ones left."""
+    """Greedy forward selection, one candidate at a time; after the deadline the first ones left."""
     chosen: list[int] = []
     for _ in range(count):
         if until.passed:
@@ -87,7 +87,7 @@ def greedy(sample: Samples, options: Candidates, loss: Loss, count: int, until: 
 def exchange(
     sample: Samples, options: Candidates, loss: Loss, start: list[int], until: Deadline, passes: int
 ) -> list[int]:
-    """Exchanges one light at a time for the best candidate until nothing improves."""
+    """Coordinate exchange: one light at a time for the best candidate, until nothing improves."""
     chosen = list(start)
     unchanged = 0
     for turn in range(passes * len(chosen)):
@@ -109,7 +109,7 @@ def exchange(
 def pair_exchange(
     sample: Samples, options: Candidates, loss: Loss, start: list[int], rng: np.random.Generator, until: Deadline
 ) -> list[int]:
-    """Takes two lights out at a time and refills and exchanges from there: the way out of most local minima."""
+    """Pair exchange: removes two lights, refills greedily and exchanges, which leaves most local minima."""
     chosen, best = list(start), value(sample, options, loss, start)
     pairs = list(combinations(range(len(chosen)), 2))
     for number in rng.permutation(len(pairs))[:PAIR_TRIALS]:

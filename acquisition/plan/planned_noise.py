@@ -1,21 +1,21 @@
-"""The noise that planned images will have: as expected, and as it is wise to assume.
+"""Noise model of planned images: heteroscedastic variance of y, as expected and, to choose lights by, cautiously.
 
 What is expected is not what calibration alone says. The final solve finds each image's intensity from all pixels
 together, so that a part of that error remains; and depth is an unknown of its own, in the plan as in the solve, so that
 the error of the light's direction is that of the lamp's position, and turns y only as far as the light falls aslant.
 What pixels do not share, the sensor's noise, is halved when normals are made those of a surface; what lamps do wrong is
-not. Forecasts are made with that, and what the images so far have told is weighed anew by it. Lights are chosen more
+not. Forecasts are made with that, and the information of the images so far is reweighted by it. Lights are chosen more
 cautiously, as if errors of intensity and depth stayed in full, as they do on flat surfaces: so the choice does not hang
 on how much the final solve will put right.
 
-Light that surfaces throw at one another is taken out by a prediction, and what that misses goes with its brightness,
-not with the lamp's: measurements that are dark beside it are worth less. How bright it is, the images so far have told.
+Indirect radiance (interreflection) is subtracted by a prediction whose error is proportional to that radiance, not to
+the lamp's: dark measurements beside it are worth less. Its brightness is known from the images so far.
 
 Highlights on a glossy surface are another error of the images: where the pilot shows some, lights that would throw
 them at many pixels are worth less.
 
-Some errors no light removes: where the surface bends within a pixel, the pixel's normal is a mixture. How far it bends
-shows in the normals of the neighbours, and such pixels keep a variance of their own.
+Sub-pixel curvature (discretisation) error: where the surface bends within a pixel, its normal is a mixture, and no
+light removes that variance. It is estimated from second differences of the normals round the pixel.
 """
 
 from dataclasses import dataclass, replace
@@ -28,25 +28,26 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.result import HIGHLIGHT, NormalMap
 
 SELF_CALIBRATION_FACTOR = 0.3
-"""Share of an image's intensity error that is left and matters: of 0.010 at eight images 0.0055, most of it common to
-all images, which only the albedo feels. Planning with the covariance of the intensities found (a Schur complement over
-images) in place of this number changes the errors by less than can be measured."""
+"""Self-calibration factor of σ: share of an image's intensity error that remains and matters: of 0.010 at eight images
+0.0055, most of it common to all images, which only the albedo feels. Planning with the covariance of the intensities
+found (a Schur complement over images) in place of this number changes the errors by less than can be measured."""
 
 INTEGRABILITY_FACTOR = 0.5
-"""Part of the variance that pixels do not share which is left once normals are those of a surface. Found over expected
-mean errors of eight images are 0.83–1.0 of smooth objects and figures with it, 1.0–1.3 of parts and fine relief."""
+"""Integrability factor of variance: part of the independent pixel noise that remains once normals are those of a
+surface. Measured over expected mean errors of eight images are 0.83–1.0 of smooth objects and figures with it, 1.0–1.3
+of parts and fine relief."""
 
 SUBPIXEL_FACTOR = 0.09
-"""Error of a pixel's normal as a share of the second difference of the normals round it, for relief and steps alike:
-0.09–0.12 of fine relief where these are 4–40°."""
+"""Sub-pixel factor of σ: error of a pixel's normal as a share of the second difference of the normals round it, for
+relief and steps alike: 0.09–0.12 of fine relief where these are 4–40°."""
 
 DIFFERENCE_NOISE_RAD = float(np.radians(3.0))
 DIFFERENCE_NOISE_SIGMAS = 3.0
 """Second differences of the first size, or of the second in units of the pixel's own σ, are the pilot's own noise."""
 
 INDIRECT_SIGMA = 0.4
-"""1 σ of what is left of bounced light, as a share of it, for each light: not only what differs from light to light, by
-which the solver weighs (`photometry.PREDICTED_BOUNCE_SIGMA`). Of single lights a tenth is left, but what is missed
+"""1 σ of the residual indirect radiance, as a share of it, for each light: not only what differs from light to light,
+by which the solver weighs (`photometry.PREDICTED_INDIRECT_SIGMA`). Of single lights a tenth is left, but what is missed
 under all lights alike, a fifth and more, also turns normals least where they see many lights well: eight images
 path-traced with 0.4 come out at 0.98–0.99 times the error of two rings, without it at 1.03."""
 
@@ -72,7 +73,7 @@ DIFFUSE = Gloss()
 
 
 def gloss(normal_map: NormalMap) -> Gloss:
-    """What is to be expected of highlights: by the lobe that the solver found, or by those that the images show."""
+    """Highlight noise: from the lobe that the solver fitted, else from the share of pixels flagged as highlights."""
     sigma, lobe = photometry.PREDICTED_HIGHLIGHT_SIGMA, normal_map.notes.get("lobe")
     if lobe is not None and lobe["strength"] > 0:
         return Gloss(sigma * float(lobe["strength"]), float(lobe["exponent"]))
@@ -88,7 +89,7 @@ def variance(
     """Variance of y (K, P) of lights at `distance` (K, P) in m that fall on a surface of strength ρ|s| (K, P) at
     `cosine` (K, P), exposed so that y = 1 gives `level` (K,) of full scale; as expected, or cautiously.
 
-    `bounced` (P,) is the light from other surfaces, in y.
+    `indirect` (P,) is the indirect radiance, in y.
     """
     indirect_variance = (INDIRECT_SIGMA * indirect) ** 2
     if cautious:
@@ -113,7 +114,7 @@ def solved_variance(
     value: Float32Array, strength: Float32Array, distance_m: float, level: FloatArray, calibration: Calibration,
     normal_map: NormalMap, indirect: Float32Array,
 ) -> FloatArray:  # fmt: skip
-    """The variance (K, P) by which the solver of `normal_map` weighted values of such images; `bounced` as above."""
+    """The variance (K, P) by which the solver of `normal_map` weighted values of such images; `indirect` as above."""
     assumed = photometry.noise(calibration, list(level / calibration.lamp_intensity), distance_m)
     intensity = normal_map.noise.get("intensity", assumed.intensity)
     direction = normal_map.noise.get("direction", assumed.direction)
@@ -123,7 +124,7 @@ def solved_variance(
 
 
 def curvature_variance(normal_map: NormalMap, rows: np.ndarray, columns: np.ndarray) -> Float32Array:
-    """Variance (P,) in rad² that the normals of pixels keep, because the surface bends within them."""
+    """Sub-pixel curvature (discretisation) variance (P,) of pixels' normals, rad², from second differences."""
     height, width = normal_map.mask.shape
     normal = normal_map.normals[rows, columns].astype(np.float64)
     squared_difference = np.zeros(len(rows))

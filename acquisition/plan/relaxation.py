@@ -1,9 +1,9 @@
-"""A lower bound that no choice of lights can beat: the certificate of a plan.
+"""Lower bound of any design by convex relaxation with multiplicative updates: the certificate of a plan.
 
-Let every candidate be taken to a share between none and all of it. The mean angular variance is convex in the shares,
-so its tangent at any shares bounds it from below, and the least value of the tangent over all choices of m lights is
-the sum of its m smallest slopes: a bound for every real choice, whether the shares are the best ones or not. How far
-they are from the best is the relaxation's own gap.
+Each candidate gets a design weight in [0, 1]. The mean angular variance is convex in the weights, so its tangent at any
+weights bounds it from below, and the minimum of the tangent over all choices of m lights is the sum of its m smallest
+slopes: a bound for every exact design, whether the weights are optimal or not (the gap of the equivalence theorem). How
+far they are from optimal is the relaxation's own gap.
 
 The bound is of the plain variance, the convex one; plans made for other objectives are certified by their variance.
 Because lights are whole, even the best choice stays above it: by 30 % in variance for four lights, by 5 % for sixteen.

@@ -1,4 +1,4 @@
-"""Accuracy on order: how many lights a wished-for certainty takes, and when to take no more.
+"""Sequential stopping rule: how many lights a target σ takes, and when to stop.
 
 The forecast says how the mean σ falls with the number of lights. The first number that all but meets the target is
 planned and captured: forecasts are cautious, and a light too many cannot be taken back, while a light that lacks can be
@@ -54,7 +54,8 @@ def plan_to_target(
     *,
     region: BoolArray | None = None,
 ) -> LightPlan:
-    """The lights to take next for the recipe's `target_sigma_deg`, or an empty plan whose `conclusion` says why none.
+    """Sequential design towards the recipe's `target_sigma_deg`: the next lights, or an empty plan whose `conclusion`
+    says why none.
 
     `region` (H, W) is the part of the image whose mean σ counts, none: the whole object. Raises RigError
     request.invalid when the recipe has no target, plan.infeasible as `choose` does.
@@ -70,7 +71,7 @@ def plan_to_target(
     if achieved <= (target / (1 + FIRST_SLACK) if first else target * (1 + TOLERANCE)):
         return _conclusion(f"target met with {captured} images: {state}, wanted {target:.3g}°")
     if allowed <= 0:
-        return _conclusion(f"the most lights allowed were taken ({captured}): {state} > {target:.3g}°")
+        return _conclusion(f"all lights allowed were captured ({captured}): {state} > {target:.3g}°")
     counts = [count for count in COUNTS if count < allowed] + [allowed]
     now, *curve = planner.forecast(normal_map, observations, recipe, reach, calibration, [0, *counts], region=region)
     slack = FIRST_SLACK
@@ -82,8 +83,8 @@ def plan_to_target(
     aim_deg = (1 + NEGLIGIBLE_GAIN) * lowest_deg if unreachable else target
     if unreachable and achieved <= aim_deg:
         return _conclusion(
-            f"no light is worth taking after {captured} images: {state}, with all {recipe.max_lights} lights allowed "
-            f"{lowest_deg:.2f}° would be expected; wanted {target:.3g}°"
+            f"no further light is worth its time after {captured} images: {state}, with all "
+            f"{recipe.max_lights} lights allowed {lowest_deg:.2f}° would be expected; wanted {target:.3g}°"
         )
     count = _fewest_lights_meeting(curve, (1 + slack) * aim_deg)
     chosen = planner.choose(

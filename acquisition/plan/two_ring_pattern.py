@@ -1,10 +1,9 @@
-"""Two rings for a session that has images already: what planning starts from, is compared with and falls back on.
+"""Two-ring completion of captured lights: the pattern that planning starts from, is compared with and falls back on.
 
-The images taken are part of the pattern: each fills the place of a ring that it is nearest to, and what remains is to
-be added. Among the ways to do so the most even is taken, because evenness is what the pattern is good for: depth that
-is wrong and steep surface that pixels do not resolve pull normals towards or away from every light, and only lights
-that stand evenly round the object let these pulls cancel. Even means that the lights balance, and that those taken
-stand near the places that they fill.
+Each captured light fills the nearest position of a ring (linear assignment), and the open positions are added. Of the
+possible completions the most balanced is chosen: wrong depth and steep surface that pixels do not resolve bias normals
+towards or away from every light, and these biases cancel only under lights that stand evenly round the object. The
+score is the circular moments' norm (azimuthal imbalance) plus the misfit of captured lights to their positions.
 """
 
 import numpy as np
@@ -62,15 +61,15 @@ def completions(
 
 
 def fallback_rings(captured: FloatArray, units: FloatArray, count: int) -> list[int]:
-    """The completion, as numbers of `units` (K, 3), that is taken where a plan is not to be trusted."""
+    """The steeper two-ring completion that replaces a rejected plan, as numbers of `units` (K, 3)."""
     many = len(captured) + count >= FALLBACK_MANY
     return completions(captured, units, count, FALLBACK_SLANT_MANY_DEG if many else FALLBACK_SLANT_DEG)[0]
 
 
 def imbalance(units: FloatArray) -> float:
-    """How unevenly unit lights (N, 3) stand round the view axis: 0 evenly, 1 all on one side at the horizon.
+    """Azimuthal imbalance of unit lights (N, 3) round the view axis: 0 even, 1 all on one side at the horizon.
 
-    The first two circular moments, weighted by the sine of the slant and its square; 0 of no lights.
+    Norm of the first two circular moments, weighted by the sine of the slant and its square; 0 of no lights.
     """
     return float(np.linalg.norm(np.sum(_circular_moments(units), axis=0))) / max(len(units), 1)
 

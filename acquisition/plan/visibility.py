@@ -1,4 +1,4 @@
-"""Whether the object stands in a light's way: shadow rays over the depth map that the images gave.
+"""Cast-shadow visibility by ray marching over the reconstructed depth map.
 
 The depth map is resampled to a grid of undistorted rays, coarse enough to be quick and to forgive its noise; where
 there is no object it is far away. A ray's clearance is the least slope at which it passes over the surface.

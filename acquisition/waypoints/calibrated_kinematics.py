@@ -1,4 +1,4 @@
-"""The arm as it was built: its factory calibration, and joints that are right for it.
+"""Kinematics of the factory-calibrated arm: Newton refinement of the closed-form branches.
 
 A real arm's axes are never quite parallel, so the closed form of `kinematics` is off by millimetres at the lamp. It
 still says which branches there are and nearly where: from each of them a few Newton steps on the calibrated chain lead

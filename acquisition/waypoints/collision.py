@@ -1,4 +1,4 @@
-"""What the arm may touch: a cell as capsules and obstacles, and the three questions asked of it.
+"""Collision model of the cell: capsules against convex obstacles, for configurations, edges and occlusion cones.
 
 Is a configuration free, is a straight joint edge free over its whole length, and do the view cone (lens to object) and
 the light cone (lamp to object) stay clear while exposing? The arm is the nominal one: what an arm as built differs by

@@ -239,7 +239,8 @@ def edges_free(starts, ends, dh, links, capsules, lever_arms, obstacles, vertice
 def blocked_cones(joints, emitters, dh, links, capsules, first_tool_capsule, lens, keep_out, margin):
     """Whether each of N configurations keeps the cone lens–object (1) and the cone emitter–object (2) clear (−1: both).
 
-    Capsules from number `tool_from` on are the tool, which moves with the emitter and is no part of the second check.
+    Capsules from number `first_tool_capsule` on are the tool, which moves with the emitter and is no part of the second
+    check.
     """
     count = joints.shape[0]
     result = np.full(count, FREE, dtype=np.int64)

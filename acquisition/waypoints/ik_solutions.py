@@ -1,4 +1,4 @@
-"""The configurations in which the arm can take one light, or the reason why there is none.
+"""Inverse-kinematics solutions of each light: all rolls and branches, sieved by limits, collisions and both cones.
 
 Every roll of the lamp about its axis and every branch of the inverse kinematics is looked at, then sieved: joint
 limits, collisions, the view cone, the light cone. The reason of a refusal is the sieve that the last ones did not pass.

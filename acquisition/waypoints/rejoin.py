@@ -1,4 +1,4 @@
-"""Back to a route that the arm has left: the same places in the same order, reached from where the arm stands now.
+"""Rejoining an interrupted route: the same waypoints in the same order, from where the arm stands now.
 
 A session that was cut off so sees each light from the place where it would have seen it anyway, and its images are the
 ones that it would have taken. The legs in between were certified when the route was made and are kept.

@@ -1,4 +1,4 @@
-"""Certified ways between home and every part of the dome: a probabilistic roadmap without the chance.
+"""Deterministic roadmap (after PRM, Kavraki et al. 1996) of certified paths between home and all parts of the dome.
 
 Its nodes are home and a few well-spread configurations for each of some sixty lights all over the dome, its edges the
 certified straight joint segments between near ones; what is not connected to home is thrown away. A configuration is

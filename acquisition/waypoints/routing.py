@@ -1,4 +1,4 @@
-"""The arm's way through all lights and home: order, branch and roll chosen together for the shortest time.
+"""Generalised travelling salesman with lazy collision checking: order, IK branch and roll for the shortest time.
 
 Every leg is a straight joint segment that is certified free, because that is what the controller's `moveJ` drives;
 where the straight segment is not free the leg goes by way of the roadmap's nodes, each a stop. Certifying all pairs of

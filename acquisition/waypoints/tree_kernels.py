@@ -1,6 +1,6 @@
 # Types stand in numba's signatures, which also ask for many plain arguments.
 # pyright: basic
-"""Compiled search for a way between configurations that no straight segment leads from to the roadmap.
+"""Compiled RRT-Connect (Kuffner and LaValle 2000) from configurations without a straight segment to the roadmap.
 
 Two trees of certified segments grow towards each other, one from the configuration, one from all nodes of the roadmap
 (RRT-Connect: Kuffner and LaValle 2000). The trials are counted, not timed, and drawn from a generator of our own: the

@@ -103,7 +103,7 @@ def test_choose_recipe_fulfilled_gives_no_lights_but_forecast(
     chosen = plan.choose(piloted, taken, Recipe(), reach, cushion.calibration)
     assert chosen.lights == []
     assert (chosen.predicted_sigma_deg or 0) > 0
-    assert "all lights of the recipe have been taken" in chosen.notes
+    assert "all lights of the recipe have been captured" in chosen.notes
 
 
 @pytest.mark.parametrize("kept", [0, 1, 5])

@@ -77,7 +77,9 @@ def test_plan_to_target_negligible_gain_concludes(known: tuple[NormalMap, Observ
     conclusion = plan.plan_to_target(sure, observations, order, REACH, TRUE.calibration).conclusion
     assert conclusion is not None
     left = stopping_rule.achieved_sigma_deg(sure, TRUE.calibration)
-    assert conclusion.startswith(f"no light is worth taking after 4 images: mean σ {left:.2f}°, with all 5 lights")
+    assert conclusion.startswith(
+        f"no further light is worth its time after 4 images: mean σ {left:.2f}°, with all 5 lights"
+    )
 
 
 def test_plan_to_target_unreachable_spares_last_lights(known: tuple[NormalMap, Observations]) -> None:
