@@ -2,7 +2,7 @@
 
 The closed form is chosen over a numerical solver because the route needs *all* branches of many thousand poses (every
 roll of the lamp about its axis), in microseconds each, and because it cannot fail to converge. It knows the nominal
-arm only: a real arm's factory calibration differs by millimetres (`as_built` brings each branch to it), and measured
+arm only: a real arm's factory calibration differs by millimetres (`calibrated_kinematics` brings each branch to it), and measured
 lamp places come from the controller's own tool pose and never from here.
 
 Joint angles are those of the controller; link frame i is the Denavit–Hartenberg frame after joint i (0 the base, 6 the
