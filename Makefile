@@ -14,7 +14,7 @@ setup: .venv/ready
 	$(BIN)/pip install --quiet --no-compile --constraint deploy/constraints.txt --editable '.[sim]'
 	$(BIN)/python -c 'import acquisition.photometry'
 	$(BIN)/python -c 'import acquisition.normals' & \
-	$(BIN)/python -c 'import acquisition.waypoints.route, acquisition.plan' && wait $$!
+	$(BIN)/python -c 'import acquisition.waypoints.routing, acquisition.plan' && wait $$!
 	$(BIN)/python -c 'import acquisition.runner.jobs, hardware_sim.world'
 	touch $@
 

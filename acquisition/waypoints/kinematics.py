@@ -1,9 +1,9 @@
 """Closed-form kinematics of the UR arms, batched.
 
 The closed form is chosen over a numerical solver because the route needs *all* branches of many thousand poses (every
-roll of the lamp about its axis), in microseconds each, and because it cannot fail to converge. It knows the nominal
-arm only: a real arm's factory calibration differs by millimetres (`calibrated_kinematics` brings each branch to it), and measured
-lamp places come from the controller's own tool pose and never from here.
+roll of the lamp about its axis), in microseconds each, and because it cannot fail to converge. It knows the nominal arm
+only: a real arm's factory calibration differs by millimetres (`calibrated_kinematics` brings each branch to it), and
+measured lamp places come from the controller's own tool pose and never from here.
 
 Joint angles are those of the controller; link frame i is the Denavit–Hartenberg frame after joint i (0 the base, 6 the
 flange), the distances and twists those that Universal Robots publishes ("DH parameters for calculations").
