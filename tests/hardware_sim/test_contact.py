@@ -248,10 +248,9 @@ def test_surroundings_nudged_object_is_touched_at_new_place(surroundings: Surrou
 @pytest.mark.parametrize("seed", range(12))
 def test_contact_certified_routes_touch_nothing(seed: int) -> None:
     """The planner keeps its clearances by its own shapes; by these, nothing is even near on any of its routes."""
-    from tests.acquisition.waypoints.test_route import corners, some_lights
-
     from acquisition.waypoints.routing import route
     from tests.acquisition.waypoints.cells import random_cell, simulated_cell
+    from tests.acquisition.waypoints.test_routing import corners, some_lights
 
     cell, calibration = simulated_cell() if seed == 0 else random_cell(seed)
     planned = route(some_lights(cell, calibration, 8, seed), cell.arm.home, cell, calibration)
