@@ -1,9 +1,80 @@
-"""Tool poses to lights and back."""
+"""Lamp poses: directions to reachable positions, patterns brought to them, tool poses to lights and back."""
 
 import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from acquisition import geometry, lamp_pose
+from acquisition.models.errors import ErrorCode, RigError
+from tests.acquisition.scenes import Dome
 from tests.acquisition.waypoints.cells import simulated_cell
+
+
+def test_light_at_position_looks_at_center() -> None:
+    light = lamp_pose.light_at(np.array([0.3, -0.2, -0.5]), np.array([0.0, 0.1, -0.9]))
+    offset = np.array([0.0, 0.1, -0.9]) - np.array(light.position)
+    np.testing.assert_allclose(np.array(light.axis) * np.linalg.norm(offset), offset, atol=1e-12)
+
+
+def test_directions_are_unit_and_point_outwards() -> None:
+    reach = Dome()
+    units = lamp_pose.directions(reach.candidates, reach.center, 8)
+    np.testing.assert_allclose(reach.center + reach.radius_m * units, reach.candidates, atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [0, 2, 7])
+def test_directions_too_few_positions_names_both_numbers(count: int) -> None:
+    reach = Dome(count=100, refused=0)
+    with pytest.raises(RigError) as caught:
+        lamp_pose.directions(reach.candidates[:count], reach.center, 8)
+    assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
+    assert caught.value.context == {"reachable": count, "wanted": 8}
+
+
+@pytest.mark.parametrize("azimuth_deg", [0, 70, 145, 260])
+def test_directions_one_half_plane_names_the_empty_side(azimuth_deg: float) -> None:
+    reach = Dome(refused=0)
+    toward = geometry.direction(np.pi / 2, np.radians(azimuth_deg))
+    kept = reach.candidates[(reach.candidates - reach.center) @ toward < 0]
+    with pytest.raises(RigError) as caught:
+        lamp_pose.directions(kept, reach.center, 4)
+    assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
+    away = abs((caught.value.context["empty_azimuth_deg"] - azimuth_deg + 180) % 360 - 180)
+    assert away < 10
+
+
+def test_directions_non_finite_position_is_refused() -> None:
+    reach = Dome()
+    candidates = reach.candidates.copy()
+    candidates[3, 1] = np.nan
+    with pytest.raises(RigError, match=r"plan\.infeasible.*not a number"):
+        lamp_pose.directions(candidates, reach.center, 4)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(1, 8), st.integers(0, 2**31 - 1))
+def test_nearest_distinct_gives_own_free_candidate_and_its_angle(count: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    units = rng.normal(size=(40, 3))
+    units /= np.linalg.norm(units, axis=1, keepdims=True)
+    ideal = units[rng.permutation(40)[:count]] + 0.1 * rng.normal(size=(count, 3))
+    ideal /= np.linalg.norm(ideal, axis=1, keepdims=True)
+    free = rng.random(40) < 0.5
+    free[:8] = True
+    chosen, miss = lamp_pose.nearest_distinct(ideal, units, free)
+    assert len(set(chosen)) == count
+    assert free[chosen].all()
+    np.testing.assert_allclose(np.cos(miss), np.sum(ideal * units[chosen], axis=1), atol=1e-9)
+    # The nearest of all pairs is settled first, so the least miss is the least there is.
+    assert np.isclose(miss.min(), np.arccos(np.clip(np.max(ideal @ units[free].T), -1, 1)), atol=1e-9)
+
+
+def test_nearest_distinct_more_ideals_than_free_is_refused() -> None:
+    units = geometry.direction(0.5, np.arange(5.0))
+    free = np.array([True, True, False, False, False])
+    with pytest.raises(RigError, match=r"3 places .* 2 reachable"):
+        lamp_pose.nearest_distinct(units[:3], units, free)
 
 
 def test_tool_poses_light_from_tool_round_trips() -> None:
