@@ -35,11 +35,8 @@ def _type(field: dict[str, Any], definitions: dict[str, Any]) -> str:
         if "prefixItems" in field:
             return f"{len(field['prefixItems'])} × {_type(field['prefixItems'][0], definitions)}"
         return f"list of {_type(field.get('items', {}), definitions)}"
-    low = f"> {field['exclusiveMinimum']:g}" if "exclusiveMinimum" in field else ""
-    low = f"≥ {field['minimum']:g}" if "minimum" in field else low
-    high = f"< {field['exclusiveMaximum']:g}" if "exclusiveMaximum" in field else ""
-    high = f"≤ {field['maximum']:g}" if "maximum" in field else high
-    limits = ", ".join(item for item in (low, high) if item)
+    signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
+    limits = ", ".join(f"{sign} {field[key]:.12g}" for key, sign in signs.items() if key in field)
     names = {"number": "number", "integer": "integer", "string": "text", "boolean": "yes or no", "object": "object"}
     return " ".join(item for item in (names.get(field.get("type", ""), "any"), limits) if item)
 
