@@ -122,6 +122,15 @@ def _generated_blocks() -> ModuleType:
     return module
 
 
+def test_path_of_an_image_names_exist() -> None:
+    path = (DOCS / "explanation" / "solver.md").read_text(encoding="utf-8").partition("## The path of an image")[2]
+    modules = {module.stem for module in (ROOT / "acquisition" / "normals").glob("*.py")} | {"distant"}
+    names = [name for name in re.findall(r"`([\w.]+)`", path) if name.split(".")[0] in modules]
+
+    assert len(names) > 20
+    assert not [name for name in names if not _exists(f"acquisition.normals.{name}")]
+
+
 def test_generated_blocks_follow_the_code() -> None:
     rewritten = _generated_blocks().rewritten
 
