@@ -1,1 +1,1 @@
-"""File formats: folders of images in, exports of results out."""
+"""File formats: folders of images in, exports and the report of a result out."""

@@ -14,9 +14,9 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from acquisition import geometry, lamp_pose, photometry, pilot, plan, report
+from acquisition import geometry, lamp_pose, photometry, pilot, plan
 from acquisition.capture import check, expected, region
-from acquisition.formats import export
+from acquisition.formats import export, report
 from acquisition.formats.export import light_files
 from acquisition.formats.folders import session_folder
 from acquisition.models.base import BoolArray, FloatArray, Vector3

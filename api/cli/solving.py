@@ -19,8 +19,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from acquisition import photometry, report
-from acquisition.formats import export, folders
+from acquisition import photometry
+from acquisition.formats import export, folders, report
 from acquisition.formats.export import light_files
 from acquisition.formats.folders import Sphere, session_folder
 from acquisition.formats.folders.angular_error import Grade, grade

@@ -12,11 +12,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from acquisition.formats.report import advice, pictures
+from acquisition.formats.report.context import Facts
+from acquisition.formats.report.pictures import Small
 from acquisition.models.base import BoolArray
 from acquisition.models.result import NormalMap
-from acquisition.report import advice, pictures
-from acquisition.report.context import Facts
-from acquisition.report.pictures import Small
 
 PAGE, PICTURE = "report.html", "report.png"
 DOME_PX = 300
@@ -47,7 +47,7 @@ def _page(found: NormalMap, facts: Facts, small: Small, maps: list["_Map"]) -> s
         "NORMALS_DATA": _data(pictures.normals(small), ".png"),
         "ALBEDO_DATA": _data(_albedo(small), ".png"),
     }
-    page = resources.files("acquisition.report").joinpath("template.html").read_text(encoding="utf-8")
+    page = resources.files("acquisition.formats.report").joinpath("template.html").read_text(encoding="utf-8")
     for name, value in parts.items():
         page = page.replace(f"@{name}@", value)
     return page

@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 
 from acquisition.formats.export import lights_used
+from acquisition.formats.report.context import Facts
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, NormalMap
 from acquisition.normals import memory_mapped
-from acquisition.report.context import Facts
 
 ENOUGH_LIGHTS = 3
 SPEAKS_FROM = 0.01

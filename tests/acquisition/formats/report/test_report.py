@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 import pytest
 
-from acquisition import report
+from acquisition.formats import report
+from acquisition.formats.report import advice, pictures
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, FisherInformation, NormalMap
-from acquisition.report import advice, pictures
 
 SIZE, LIGHTS = 90, 6
 AZIMUTHS = np.radians(np.arange(LIGHTS) * 60.0)
