@@ -1,10 +1,10 @@
 """Collision model of the cell: capsules against convex obstacles, for configurations, edges and occlusion cones.
 
-Is a configuration free, is a straight joint edge free over its whole length, and do the view cone (lens to object) and
-the light cone (lamp to object) stay clear while exposing? The arm is the nominal one: what an arm as built differs by
-is millimetres, and least distances are centimetres. Configurations where the arm shall stop keep a little more
-than the least distances (`NODE_SLACK_M`), so that the edges that leave them can be certified for the distances
-themselves. The table does not count for the base link, which stands on it and cannot move.
+Checks whether a configuration is free, whether a straight joint edge is free over its full length, and whether the view
+cone (lens to object) and the light cone (lamp to object) are unobstructed during exposure. The arm is the nominal one:
+a calibrated arm differs by millimetres, while clearances are centimetres. Configurations where the arm stops keep
+slightly more than the clearances (`NODE_SLACK_M`), so that the edges from them can be certified for the clearances
+themselves. The table is not checked against the base link, which stands on it and cannot move.
 """
 
 import itertools
@@ -27,14 +27,17 @@ from acquisition.waypoints.hull_kernels import hull_distance
 from acquisition.waypoints.kinematics import ArmModel, arm_model
 
 NODE_SLACK_M = 0.002
+"""Distance in m beyond the clearances that stop configurations keep."""
 CONE_MARGIN_M = 0.01
-"""Kept round both cones: half the entrance pupil of the lens, and the lamp's emitter is no point either."""
+"""Margin in m around both cones: half the entrance pupil of the lens; the lamp's emitter is extended, too."""
 
 _PAIR_GRID = 48
+"""Joint angles sampled over one turn to decide whether two capsules can meet."""
 _RIM_CORNERS = 24
+"""Corners of the polygon circumscribed about a rim of a cylinder or cone."""
 _OBJECT_NUMBER = 1  # the object's number among the obstacles; the table is 0
 _PERMANENT_OVERLAP_M = 0.005
-"""Capsules are fatter than what they hold; so much do two links' capsules overlap that cannot meet."""
+"""Overlap in m by which capsules of two links that cannot meet may penetrate: capsules are larger than the links."""
 
 CollisionReason = Literal["self-collision", "hits-table", "hits-object", "hits-camera", "hits-obstacle"]
 Indices = npt.NDArray[np.int64]
@@ -42,7 +45,7 @@ Indices = npt.NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Scene:
-    """A cell as arrays for the kernels; base frame, m. `blames` and `names` say what each obstacle is."""
+    """A cell as arrays for the kernels; base frame, m. `reasons` and `names` identify each obstacle."""
 
     model: ArmModel
     links: Indices  # (C,) of each capsule; the tool's last, on link 6
@@ -61,25 +64,25 @@ class Scene:
     lens: FloatArray  # (3,)
 
     def violations(self, joints: FloatArray) -> Indices:
-        """For each of (N, 6) the obstacle in the way: its number, len(blames) for the arm itself, −1 for none."""
+        """First violated clearance of each of (N, 6): the obstacle's number, len(reasons): the arm itself, −1: none."""
         return kernels.first_violations(
             np.ascontiguousarray(joints), self.model.dh, self.links, self.capsules, self.obstacles, self.vertices,
             self.pairs, self.self_margin, NODE_SLACK_M,
         )  # fmt: skip
 
     def free(self, joints: FloatArray) -> BoolArray:
-        """Whether each of (N, 6) keeps all least distances, and a little more."""
+        """Whether each of (N, 6) keeps all clearances plus `NODE_SLACK_M`."""
         return self.violations(joints) < 0
 
     def clearance(self, joints: FloatArray) -> FloatArray:
-        """Least distances (N, O + 1) in m from the arm's surface to each obstacle and, last, to itself."""
+        """Minimum distances (N, O + 1) in m from the arm's surface to each obstacle and, last, to itself."""
         return kernels.distances(
             np.ascontiguousarray(joints), self.model.dh, self.links, self.capsules, self.obstacles, self.vertices,
             self.pairs,
         )  # fmt: skip
 
     def edges_free(self, starts: FloatArray, ends: FloatArray) -> BoolArray:
-        """Whether each of N straight joint edges, (N, 6) to (N, 6), is certified to keep all least distances."""
+        """Continuous collision check (Schwarzer, Saha and Latombe 2002) of N straight joint edges, (N, 6) to (N, 6)."""
         return kernels.edges_free(
             np.ascontiguousarray(starts), np.ascontiguousarray(ends), self.model.dh, self.links, self.capsules,
             self.lever_arms, self.obstacles, self.vertices, self.pairs, self.self_margin,
@@ -93,7 +96,7 @@ class Scene:
         )  # fmt: skip
 
     def light_occluder(self, emitter: FloatArray) -> int:
-        """The obstacle that stands between an emitter (3,) and the object, −1 for none; half-spaces hide nothing."""
+        """The obstacle that occludes the object from an emitter (3,), −1 for none; half-spaces are not considered."""
         middle = (self.object_rims.min(axis=0) + self.object_rims.max(axis=0)) / 2
         bounding_radius = np.linalg.norm(self.object_rims - middle, axis=1).max() + CONE_MARGIN_M
         axis = middle - emitter
@@ -107,19 +110,19 @@ class Scene:
         return -1
 
     def describe_violation(self, violation: int) -> tuple[CollisionReason, str]:
-        """The reason's word and the obstacle's name of a number from `violations`."""
+        """Refusal reason and obstacle name of a number from `violations`."""
         if violation == len(self.reasons):
             return "self-collision", "the arm itself"
         return self.reasons[violation], self.names[violation]
 
     def most_common_violation(self, violations: Indices) -> tuple[CollisionReason, str]:
-        """Of many numbers from `violations`, none −1, the commonest."""
+        """Refusal reason and obstacle name of the most frequent among numbers from `violations`, none of them −1."""
         return self.describe_violation(Counter(violations.tolist()).most_common(1)[0][0])
 
 
 @dataclass(frozen=True)
 class Occluder:
-    """An obstacle that can stand in the light: the hull of points (N, 3) and all that is within a radius of it."""
+    """An obstacle that can occlude the light: the convex hull of points (N, 3), dilated by a radius."""
 
     number: int
     points: FloatArray
@@ -129,7 +132,7 @@ class Occluder:
 
 
 def scene(cell: CellConfig, calibration: Calibration) -> Scene:
-    """The cell's arm, tool and obstacles as arrays; made once for each cell and calibration."""
+    """Collision model of the cell: arm, tool and obstacles as arrays; cached for each cell and calibration."""
     return _scene(cell.model_dump_json(), calibration.model_dump_json())
 
 
@@ -187,7 +190,7 @@ def _row(kind: int, margin: float, *shape: float) -> FloatArray:
 
 
 def _obstacle(item: Obstacle, usual_m: float, meshes: list[FloatArray]) -> FloatArray:
-    """An obstacle's row; the vertices of one that is a hull are added to `meshes`."""
+    """An obstacle's row (`shape_kernels.ROW`); the vertices of a convex mesh are appended to `meshes`."""
     margin = usual_m if item.clearance_m is None else item.clearance_m
     if isinstance(item, HalfSpace):
         normal = np.array(item.normal) / np.linalg.norm(item.normal)
@@ -222,7 +225,7 @@ def _occluders(obstacles: FloatArray, vertices: FloatArray) -> tuple[Occluder, .
 
 
 def _hull(shape: FloatArray, vertices: FloatArray) -> tuple[FloatArray, float]:
-    """Points and a radius round them whose hull holds an obstacle; no points for what has no end."""
+    """Points and a radius whose dilated convex hull encloses an obstacle; no points for an unbounded one."""
     match int(shape[0]):
         case shapes.CAPSULE:
             return shape[2:8].reshape(2, 3), float(shape[8])
@@ -238,7 +241,7 @@ def _hull(shape: FloatArray, vertices: FloatArray) -> tuple[FloatArray, float]:
 
 
 def _rims(shape: FloatArray, top_radius: float) -> FloatArray:
-    """Corners (48, 3) of the polygons round the foot and the top of a cylinder or cone."""
+    """Corners (48, 3) of polygons circumscribed about the foot and the top of a cylinder or cone."""
     angles = np.arange(_RIM_CORNERS) * 2 * np.pi / _RIM_CORNERS
     axis = shape[5:8]
     aside = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
@@ -249,9 +252,9 @@ def _rims(shape: FloatArray, top_radius: float) -> FloatArray:
 
 
 def _lever_arms(model: ArmModel, links: Indices, capsules: FloatArray) -> FloatArray:
-    """How far a capsule's centre line can be from each joint axis, in any configuration (C, 6)."""
+    """Upper bound (C, 6) in m of the distance of each capsule's centre line from each joint axis over all poses."""
     _, a2, a3, d4, d5, d6 = np.abs(model.dh)
-    # From frame i − 1 to frame i; for the joint that moves frame i its own offset along the axis does not count.
+    # From frame i − 1 to frame i; the offset along the axis of the joint that moves frame i adds nothing.
     link_lengths = [0.0, a2, a3, d4, d5, d6]
     own_lengths = [0.0, a2, a3, 0.0, 0.0, 0.0]
     lever_arms = np.zeros((len(links), 6))
@@ -263,12 +266,12 @@ def _lever_arms(model: ArmModel, links: Indices, capsules: FloatArray) -> FloatA
 
 
 def _pairs(model: ArmModel, links: Indices, capsules: FloatArray, first_tool_capsule: int, margin: float) -> Indices:
-    """Pairs of capsules, the lower link first, that must not meet.
+    """Capsule pairs of the self-collision check, the lower link first.
 
-    Neighbouring links share a joint and are left out, but for the tool, which may fold back on the last wrist. Of links
-    with one link between them, a pair is left out when it is nearer than the margin in every pose of the joints between
-    (the shoulder's end of the upper arm and the base) or when it meets in none: the maker's own gap, narrower than any
-    margin, is no danger.
+    Adjacent links share a joint and are excluded, except for the tool, which may fold back on the last wrist. Of links
+    with one link between them, a pair is excluded when it is nearer than the margin in every pose of the joints between
+    (the shoulder's end of the upper arm and the base) or when it never meets: the manufacturer's own gap, narrower than
+    any margin, is safe.
     """
     kept: list[tuple[int, int]] = []
     for a, b in itertools.combinations(range(len(links)), 2):
@@ -282,7 +285,7 @@ def _pairs(model: ArmModel, links: Indices, capsules: FloatArray, first_tool_cap
 
 @lru_cache(maxsize=512)
 def _may_meet(model_name: str, low: int, high: int, capsules: tuple[float, ...], margin: float) -> bool:
-    """Whether two capsules, of links with at most one link between, are apart in some poses and touch in others."""
+    """Whether two capsules, of links with at most one link between, are separated in some poses and touch in others."""
     angles = np.linspace(-np.pi, np.pi, _PAIR_GRID, endpoint=False)
     first, second = (grid.ravel() for grid in np.meshgrid(angles, angles))
     joints = np.zeros((_PAIR_GRID ** (high - low), 6))

@@ -1,7 +1,7 @@
 # Types stand in numba's signatures, which also ask for many plain arguments.
 # pyright: basic
 # ruff: noqa: PLR0912
-"""Compiled inner loops of the collision check; `collision.py` is their public face.
+"""Compiled inner loops of the collision check; `collision.py` is their public interface.
 
 Numba is used because a plan asks for about 10⁵ configurations and 10⁴ edges: 2–5 µs and 30–100 µs each here, some
 twenty times that in numpy batches. Signatures are explicit and the machine code is cached on disk, so nothing compiles
@@ -10,11 +10,11 @@ after the first import.
 An arm is a set of capsules on its links, an obstacle one row of numbers (`shape_kernels`).
 
 An edge is certified, not sampled (after Schwarzer, Saha and Latombe, "Exact collision checking of robot paths", 2002):
-where the distance at an interval's middle exceeds what half the interval can take away, the interval is free; otherwise
-it is halved. An edge still open after 2¹² intervals is refused. How far a capsule can move in half an interval follows
-from its place at the middle: let the joints turn one after the other, the outermost first. Joint j then moves a point
-by at most |Δq_j| × (its distance from the axis at the middle + what the joints before have moved it), and by no more
-than |Δq_j| × (its largest distance from that axis in any configuration).
+where the distance at an interval's middle exceeds the displacement bound of half the interval, the interval is free;
+otherwise it is bisected. An edge still open after 2¹² intervals is refused. The displacement bound of a capsule follows
+from its position at the middle: let the joints turn one after the other, the outermost first. Joint j then moves a
+point by at most |Δq_j| × (its distance from the axis at the middle + its displacement by the joints before), and by no
+more than |Δq_j| × (its largest distance from that axis in any configuration).
 """
 
 import math
@@ -25,7 +25,9 @@ from numba import boolean, float64, int64, njit, void
 from acquisition.waypoints.shape_kernels import between_lines, line_clears_cone, line_to_obstacle
 
 FREE, VIEW_BLOCKED, LIGHT_BLOCKED = -1, 1, 2
+"""Results of `blocked_cones`."""
 DEPTH = 12
+"""Maximum depth of bisection of an edge."""
 
 _vector = float64[::1]
 _matrix = float64[:, ::1]
@@ -36,7 +38,7 @@ _frames = float64[:, :, ::1]
 
 @njit(void(_vector, _vector, _frames), cache=True)
 def link_frames(dh, joints, frames):
-    """Writes the link frames (7, 3, 4), base from link 0 … 6."""
+    """Forward kinematics: writes the link frames (7, 3, 4), base from link 0 … 6."""
     for row in range(3):
         for column in range(4):
             frames[0, row, column] = 1.0 if row == column else 0.0
@@ -73,8 +75,8 @@ def _place_capsules(dh, joints, links, capsules, frames, placed):
 
 @njit(_indices(_matrix, _vector, _indices, _matrix, _matrix, _matrix, _index_pairs, float64, float64), cache=True)
 def first_violations(joints, dh, links, capsules, obstacles, vertices, pairs, self_margin, slack):
-    """For each of N configurations the first obstacle nearer than its least distance + slack; the number of obstacles
-    for the arm itself, −1 for none."""
+    """For each of N configurations the first obstacle nearer than its clearance + slack; the number of obstacles for a
+    self-collision, −1 for none."""
     count = joints.shape[0]
     result = np.full(count, FREE, dtype=np.int64)
     frames, placed = np.empty((7, 3, 4)), np.empty((links.shape[0], 6))
@@ -100,7 +102,7 @@ def first_violations(joints, dh, links, capsules, obstacles, vertices, pairs, se
 
 @njit(_matrix(_matrix, _vector, _indices, _matrix, _matrix, _matrix, _index_pairs), cache=True)
 def distances(joints, dh, links, capsules, obstacles, vertices, pairs):
-    """Least distances (N, O + 1) of the arm's surface to each obstacle and to itself."""
+    """Minimum distances (N, O + 1) of the arm's surface to each obstacle and to itself."""
     count = joints.shape[0]
     result = np.full((count, obstacles.shape[0] + 1), np.inf)
     frames, placed = np.empty((7, 3, 4)), np.empty((links.shape[0], 6))
@@ -120,7 +122,8 @@ def distances(joints, dh, links, capsules, obstacles, vertices, pairs):
 
 @njit(void(_vector, _frames, _matrix, int64, int64, _matrix, _matrix), cache=True)
 def _travel(turns, frames, placed, c, link, lever_arms, travel):
-    """Writes into travel[c, j] how far capsule c can move while joints j … 5 turn by up to `turns` (6,) rad."""
+    """Displacement bound: writes into travel[c, j] how far capsule c can move while joints j … 5 turn by up to `turns`
+    (6,) rad."""
     moved = 0.0
     for j in range(link - 1, -1, -1):  # joint j turns about the z axis of frame j
         ax, ay, az = frames[j, 0, 2], frames[j, 1, 2], frames[j, 2, 2]
@@ -158,7 +161,7 @@ def edge_free(
     open_items,
     travel,
 ):
-    """Whether one straight joint edge is certified; the last four arguments are work space, see `edges_free`."""
+    """Certifies one straight joint edge by adaptive bisection; the last four arguments are work arrays."""
     capsule_count, obstacle_count = links.shape[0], obstacles.shape[0]
     spans = capsule_count * obstacle_count
     # An item is a capsule with an obstacle, or a pair of capsules.
@@ -209,7 +212,7 @@ def edge_free(
             open_count[depth + 1] = remaining
             depth, index = depth + 1, 2 * index
             continue
-        while index % 2 == 1:  # this half is done, and so is the one before it
+        while index % 2 == 1:  # both halves of the parent interval are certified
             depth, index = depth - 1, index // 2
         if depth == 0:
             return True
@@ -221,7 +224,7 @@ def edge_free(
     cache=True,
 )
 def edges_free(starts, ends, dh, links, capsules, lever_arms, obstacles, vertices, pairs, self_margin):
-    """Whether each of N straight joint edges keeps all least distances over its whole length; certified."""
+    """Continuous collision check of N straight joint edges: whether each keeps all clearances over its full length."""
     count = starts.shape[0]
     result = np.zeros(count, dtype=np.bool_)
     items = links.shape[0] * obstacles.shape[0] + pairs.shape[0]
@@ -237,7 +240,7 @@ def edges_free(starts, ends, dh, links, capsules, lever_arms, obstacles, vertice
 
 @njit(_indices(_matrix, _matrix, _vector, _indices, _matrix, int64, _matrix, _matrix, float64), cache=True)
 def blocked_cones(joints, emitters, dh, links, capsules, first_tool_capsule, lens, keep_out, margin):
-    """Whether each of N configurations keeps the cone lens–object (1) and the cone emitter–object (2) clear (−1: both).
+    """Occlusion check of N configurations: 1 the arm intersects the view cone, 2 the light cone, −1 neither.
 
     Capsules from number `first_tool_capsule` on are the tool, which moves with the emitter and is no part of the second
     check.

@@ -3,8 +3,8 @@
 # ruff: noqa: PLR0912
 """Compiled distance of two convex hulls of points (Gilbert, Johnson and Keerthi, "A fast procedure", 1988).
 
-Returned is the best separation of the directions looked at: a *lower* bound of the distance whatever the rounding, and
-as sharp as `_SHARP_M` unless the search ends early. So an obstacle given as points is certified like the others.
+Returned is the largest separation along the search directions: a *lower* bound of the distance whatever the rounding,
+tight to `_SHARP_M` unless the search ends early. So an obstacle given as points is certified like the others.
 """
 
 import math
@@ -13,14 +13,17 @@ import numpy as np
 from numba import float64, int64, njit
 
 _SHARP_M = 1e-6
+"""Tolerance of the distance, m."""
 _STEPS = 40
+"""Maximum number of GJK iterations."""
 _vector = float64[::1]
 _matrix = float64[:, ::1]
 
 
 @njit(int64(_matrix, int64, _vector), cache=True)
 def _reduce(simplex, count, nearest):
-    """Writes the point of a simplex of 1–4 points that is nearest to the origin; keeps the points that it needs.
+    """Distance subalgorithm of GJK: writes the point of a simplex of 1–4 points nearest to the origin, and reduces the
+    simplex to the vertices of its face.
 
     All faces are tried: there are at most 15, and the nearest point is the best of those that lie inside their face.
     """
@@ -94,9 +97,9 @@ def _support(points, x, y, z):
 
 @njit(float64(_matrix, _matrix, float64, float64), cache=True)
 def hull_distance(first, second, least, need):
-    """Lower bound of the distance of the hulls of points (N, 3) and (M, 3); at most 0 where they touch.
+    """GJK: lower bound of the distance in m of the convex hulls of points (N, 3) and (M, 3); at most 0 if they touch.
 
-    No sharper than it takes to say which of `least` ≤ `need` the distance exceeds; to 1e-6 m if these are NaN.
+    Only as tight as needed to decide which of `least` ≤ `need` the distance exceeds; to 1e-6 m if these are NaN.
     """
     simplex, nearest = np.empty((4, 3)), np.empty(3)
     for axis in range(3):

@@ -1,13 +1,13 @@
 # Types stand in numba's signatures, which also ask for many plain arguments.
 # pyright: basic
 # ruff: noqa: PLR0912
-"""Compiled search for the order of lights and the configuration of each, chosen together.
+"""Compiled solvers of the generalised travelling-salesman path: order of lights and configuration of each, jointly.
 
-The problem is a travelling salesman's with a set of cities for each stop (generalised, from start to home). A dozen
-stops are solved exactly by dynamic programming over subsets (Held and Karp); more, by an iterated local search in
-which a stop is taken out and put back at its best place, all configurations of the others being chosen anew for each
-trial (two sweeps of dynamic programming make that exact). Perturbations are counted, not timed, and drawn from a
-generator of our own: the same lights always give the same route.
+Each stop is a set of nodes, of which one is visited; the path leads from start to home. Up to a dozen stops are solved
+exactly by dynamic programming over subsets (Held and Karp); more, by iterated local search: a stop is removed and
+reinserted at its best position (or-opt with one stop), with the configurations of all other stops optimised again for
+each trial, which forward and backward sweeps of dynamic programming make exact. The number of perturbations is fixed,
+not their time, and they come from a generator with a fixed seed, so the same lights always give the same route.
 """
 
 import numpy as np
@@ -15,6 +15,7 @@ from numba import float64, int64, njit
 from numba.types import Tuple  # pyright: ignore[reportAttributeAccessIssue]
 
 _UNREACHED_S = 1e9
+"""Time in s of states that are not reached: longer than any tour."""
 _vector = float64[::1]
 _matrix = float64[:, ::1]
 _indices = int64[::1]
@@ -22,11 +23,12 @@ _indices = int64[::1]
 
 @njit(_indices(_matrix, _indices, int64, int64), cache=True, fastmath={"nnan", "ninf", "nsz"})
 def exact_tour(seconds, first, start, home):
-    """The quickest tour's nodes: one of nodes first[i] … first[i + 1] − 1 of each stop, between start and home."""
+    """Held–Karp dynamic programming: nodes of the optimal tour from start to home, one of nodes first[i] …
+    first[i + 1] − 1 of each stop i."""
     stops = first.shape[0] - 1
     nodes = first[stops]
     subsets = 1 << stops
-    # The least time through a subset of the stops, ending at a node of it; in single precision, twice as fast.
+    # Shortest time through a subset of the stops that ends at a node of it; single precision is twice as fast.
     best, single = np.full((subsets, nodes), _UNREACHED_S, dtype=np.float32), seconds.astype(np.float32)
     for stop in range(stops):
         for node in range(first[stop], first[stop + 1]):
@@ -40,7 +42,7 @@ def exact_tour(seconds, first, start, home):
                 least = np.float32(_UNREACHED_S)
                 for before in range(stops):
                     if rest & (1 << before):
-                        for other in range(first[before], first[before + 1]):  # compiled to several at a time
+                        for other in range(first[before], first[before + 1]):  # vectorised by the compiler
                             least = min(least, best[rest, other] + single[node, other])
                 best[subset, node] = least
     tour = np.empty(stops, dtype=np.int64)
@@ -59,10 +61,11 @@ def exact_tour(seconds, first, start, home):
 
 @njit(float64(_matrix, int64), cache=True)
 def path_bound(times, steps):
-    """A lower bound of the shortest path through all stops that ends at the last two (Held and Karp 1970).
+    """Held–Karp lower bound (1970) of the shortest Hamiltonian path whose ends are the last two stops.
 
-    Such a path is a spanning tree with two legs at each stop and one at each end; a price on each stop that the least
-    tree visits too often, a bonus on each that it leaves out, make trees of the same worth for paths but dearer others.
+    Such a path is a spanning tree of degree two at each stop and one at each end. Lagrange multipliers on the degrees,
+    raised by subgradient steps where the minimum spanning tree's degree is too large and lowered where it is too small,
+    leave the relative cost of paths unchanged and raise that of other trees.
     """
     count = times.shape[0]
     price, best = np.zeros(count), 0.0
@@ -71,7 +74,7 @@ def path_bound(times, steps):
         degree, distance, parent = np.zeros(count), np.full(count, np.inf), np.zeros(count, dtype=np.int64)
         joined = np.zeros(count, dtype=np.bool_)
         total, node = 0.0, 0
-        for _ in range(count - 1):  # the least tree, stop by stop (Prim 1957)
+        for _ in range(count - 1):  # minimum spanning tree (Prim 1957)
             joined[node] = True
             nearest = -1
             for other in range(count):
@@ -97,7 +100,10 @@ def path_bound(times, steps):
 
 @njit(float64(_matrix, _indices, int64, int64, _indices, int64, _matrix, _matrix), cache=True)
 def _sweep(seconds, first, start, home, order, count, forward, backward):
-    """Fills the least times from start to, and to home from, each configuration of the stops; the tour's time."""
+    """Forward and backward dynamic programming over configurations for a fixed order; returns the tour's time in s.
+
+    Fills `forward` and `backward` (stops, configurations): the shortest times from start and to home.
+    """
     widest = forward.shape[1]
     for k in range(count):
         for c in range(widest):
@@ -132,7 +138,7 @@ def _sweep(seconds, first, start, home, order, count, forward, backward):
 
 @njit(Tuple((float64, int64))(_matrix, _indices, int64, int64, _indices, int64, int64, _matrix, _matrix), cache=True)
 def _best_insertion(seconds, first, start, home, order, count, stop, forward, backward):
-    """Time and place of the best insertion of a stop into a swept order."""
+    """Cheapest insertion of a stop into an order with filled sweeps: the tour's time in s and the position."""
     best, best_position = np.inf, 0
     low, high = first[stop], first[stop + 1]
     for position in range(count + 1):
@@ -158,7 +164,7 @@ def _best_insertion(seconds, first, start, home, order, count, stop, forward, ba
 
 @njit(float64(_matrix, _indices, int64, int64, _indices, _matrix, _matrix), cache=True)
 def _reinsert(seconds, first, start, home, order, forward, backward):
-    """Takes each stop out and puts it back at its best place until nothing improves; changes `order`."""
+    """Or-opt local search with single stops: reinserts each at its best position while that improves; changes `order`."""
     stops = order.shape[0]
     total = _sweep(seconds, first, start, home, order, stops, forward, backward)
     improved = True
@@ -185,7 +191,8 @@ def _reinsert(seconds, first, start, home, order, forward, backward):
 
 @njit(_indices(_matrix, _indices, int64, int64, _indices, int64), cache=True)
 def searched_tour(seconds, first, start, home, order, rounds):
-    """A quick tour's nodes, as exact_tour; begins with `order` (empty: anew) and perturbs it `rounds` times."""
+    """Iterated local search: nodes of a short tour, as exact_tour; starts from `order` (empty: cheapest insertion) and
+    perturbs it `rounds` times by exchanging two adjacent segments (double bridge)."""
     stops = first.shape[0] - 1
     widest = 1
     for i in range(stops):
@@ -195,7 +202,7 @@ def searched_tour(seconds, first, start, home, order, rounds):
     if order.shape[0] == stops:
         best_order[:] = order
     else:
-        for count in range(stops):  # cheapest place for one stop after the other
+        for count in range(stops):  # cheapest insertion
             _sweep(seconds, first, start, home, best_order, count, forward, backward)
             _, position = _best_insertion(seconds, first, start, home, best_order, count, count, forward, backward)
             for k in range(count, position, -1):

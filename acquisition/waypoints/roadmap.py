@@ -1,11 +1,11 @@
 """Deterministic roadmap (after PRM, Kavraki et al. 1996) of certified paths between home and all parts of the dome.
 
 Its nodes are home and a few well-spread configurations for each of some sixty lights all over the dome, its edges the
-certified straight joint segments between near ones; what is not connected to home is thrown away. A configuration is
-*connected* when a certified segment leads to one of these nodes; a way between any two connected ones then exists. For
-a light that has none of these, two trees of segments are grown towards each other, and the way that they find becomes
-a branch of the roadmap. The roadmap depends on cell and calibration only, and a branch on its light besides, so that
-what `reach` promises `route` can keep.
+certified straight joint segments between nearest neighbours; components not connected to home are removed. A
+configuration is *connected* when a certified segment joins it to one of these nodes; a path between any two connected
+ones then exists. For a light without a connected configuration RRT-Connect searches a path to the roadmap, which
+becomes a branch of it. The roadmap depends on cell and calibration only, and a branch also on its light, so that
+`routing` has a path to every light that `reach` reports as reachable.
 """
 
 from collections.abc import Sequence
@@ -31,23 +31,28 @@ from acquisition.waypoints.motion import legs
 from acquisition.waypoints.tree_kernels import rrt_connect
 
 CONFIGURATIONS = 24
-"""So many configurations of a light, far from one another, are tried for a way home, and are the route's choice."""
+"""Configurations a light, far from one another, that are checked for connection to home and offered to the route."""
 _DOME_LIGHTS = 64
+"""Lights on a Fibonacci lattice over the dome whose configurations become nodes."""
 _PER_LIGHT = 4
+"""Nodes for each of these lights, at most."""
 _NEIGHBOURS = 10
+"""Nearest nodes (by the largest joint difference) to which each node's edges are certified."""
 _ATTACHMENTS = 8
+"""Nearest nodes that are tried to connect a configuration, besides home."""
 _TREES, _TRIALS = 3, 4000
-"""For a light without a way home, trees grow from so many of its configurations, in so many trials each."""
+"""For a light not connected to home: configurations from which RRT-Connect starts, and its samples each."""
 _MAX_TREE_FAILURES = 12
-"""After so many lights for which trees found nothing, none are grown for others: a side of the cell is cut off."""
+"""Lights without a path after which RRT-Connect is not tried for further ones: a side of the cell is cut off."""
 GOLDEN_ANGLE = np.pi * (3.0 - 5.0**0.5)
+"""Azimuth step of the Fibonacci lattice, rad."""
 
 Indices = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Roadmap:
-    """Nodes (H, 6), home first, all connected; times (H, H) in s and predecessors (H, H) of the quickest ways."""
+    """Nodes (H, 6), home first, all connected; times (H, H) in s and predecessors (H, H) of all shortest paths."""
 
     nodes: FloatArray
     seconds: FloatArray
@@ -57,14 +62,14 @@ class Roadmap:
     def connected(self, joints: FloatArray, scene: Scene) -> BoolArray:
         """Whether each of (N, 6) reaches home or one of the nearest nodes by a certified segment."""
         result = np.zeros(len(joints), dtype=bool)
-        for near in self._candidates(joints).T:  # the nearest first: it is free most often, and the others need no look
+        for near in self._candidates(joints).T:  # nearest first: it is free most often, and the first success suffices
             waiting = np.flatnonzero(~result)
             result[waiting] = scene.edges_free(joints[waiting], self.nodes[near[waiting]])
         return result
 
     def attachments(self, joints: FloatArray, scene: Scene) -> Indices:
-        """The nodes that a configuration (6,) reaches by a certified segment: all of those that `connected` looks at,
-        and where there is none, all others."""
+        """Nodes that a certified segment joins to a configuration (6,): among those that `connected` tries, and where
+        none of these is free, among all others."""
         near = self._candidates(joints[None])[0]
         for nodes in (near, np.setdiff1d(np.arange(len(self.nodes)), near)):
             attached = nodes[scene.edges_free(np.repeat(joints[None], len(nodes), axis=0), self.nodes[nodes])]
@@ -73,13 +78,13 @@ class Roadmap:
         return near[:0]
 
     def _candidates(self, joints: FloatArray) -> Indices:
-        """The nodes worth a try from each of (N, 6): the nearest ones, then home; (N, ≤ 9)."""
+        """Nodes to try from each of (N, 6): the nearest neighbours, then home; (N, ≤ 9)."""
         turn = np.abs(joints[:, None] - self.nodes[None, 1:]).max(axis=2)
         nearest = 1 + np.argsort(turn, axis=1, kind="stable")[:, :_ATTACHMENTS]
         return np.hstack([nearest, np.zeros((len(joints), 1), dtype=np.int64)])
 
     def grow_branch(self, joints: FloatArray, scene: Scene, home: FloatArray) -> FloatArray:
-        """Corners (K, 6) of certified segments from a configuration (6,) to a node; none when none are found soon."""
+        """RRT-Connect from a configuration (6,) to any node: corners (K, 6) of certified segments, none if it fails."""
         lower, upper = np.maximum(home - np.pi, -JOINT_LIMIT), np.minimum(home + np.pi, JOINT_LIMIT)
         lower[2], upper[2] = -ELBOW_LIMIT, ELBOW_LIMIT
         return rrt_connect(
@@ -88,7 +93,7 @@ class Roadmap:
         )  # fmt: skip
 
     def with_branches(self, branches: Sequence[FloatArray], arm: ArmConfig) -> "Roadmap":
-        """The same with branches (K, 6), each ending at a node."""
+        """The roadmap extended by branches (K, 6), each of which ends at a node."""
         nodes, edges = [self.nodes], [self.edges]
         count = len(self.nodes)
         for branch in branches:
@@ -100,7 +105,7 @@ class Roadmap:
         return _shortest_paths(np.concatenate(nodes), np.concatenate(edges), arm)
 
     def path(self, start: int, end: int) -> list[int]:
-        """The nodes of the quickest way, both ends included."""
+        """Shortest path between two nodes, both ends included."""
         nodes = [end]
         while nodes[-1] != start:
             nodes.append(int(self.predecessors[start, nodes[-1]]))
@@ -127,7 +132,7 @@ def dome_lights(cell: CellConfig, calibration: Calibration, count: int) -> list[
 
 
 def spread(joints: FloatArray, count: int, home: FloatArray) -> FloatArray:
-    """At most `count` of (M, 6), far from one another; the nearest to home first."""
+    """Farthest-point selection of at most `count` of (M, 6), starting with the nearest to home."""
     if not len(joints):
         return joints
     chosen = [int(np.argmin(np.abs(joints - home).max(axis=1)))]
@@ -140,7 +145,7 @@ def spread(joints: FloatArray, count: int, home: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class ConnectedSolutions:
-    """For each light a station whose configurations all have a way home; the roadmap with the branches they need."""
+    """For each light its configurations that are connected to home; the roadmap with the branches they need."""
 
     solutions: list[IkSolutions]
     roadmap: Roadmap
@@ -149,11 +154,11 @@ class ConnectedSolutions:
 def connected_solutions(
     lights: Sequence[Light], cell: CellConfig, calibration: Calibration, first: int = CONFIGURATIONS
 ) -> ConnectedSolutions:
-    """For each light (view frame) well-spread configurations with a way home, or the reason of its refusal.
+    """For each light (view frame) well-spread configurations connected to home, or the reason of its refusal.
 
-    The `first` ones are looked at; more and more of the others, and those at more rolls, only for lights that have no
-    way home yet, so that whether a light is connected does not depend on `first`. Raises RigError waypoints.collision
-    when home is not free.
+    The `first` configurations of each light are checked; the others in growing batches, finer rolls and RRT-Connect
+    only for lights not connected so far, so that whether a light is connected does not depend on `first`. Raises
+    RigError waypoints.collision when home is not free.
     """
     arm = scene(cell, calibration)
     solutions = solve_lights(lights, cell, calibration, arm)
@@ -213,7 +218,7 @@ def _unconnected(joints: FloatArray) -> Refusal:
 
 
 def roadmap(cell: CellConfig, calibration: Calibration) -> Roadmap:
-    """The cell's roadmap; made once for each cell and calibration.
+    """Probabilistic-roadmap construction for a cell; cached for each cell and calibration.
 
     Raises RigError waypoints.collision when home itself is not free.
     """

@@ -1,12 +1,13 @@
 """Generalised travelling salesman with lazy collision checking: order, IK branch and roll for the shortest time.
 
-Every leg is a straight joint segment that is certified free, because that is what the controller's `moveJ` drives;
-where the straight segment is not free the leg goes by way of the roadmap's nodes, each a stop. Certifying all pairs of
-configurations would cost a thousand times what the answer needs, so legs are certified lazily: the quickest tour is
-sought as if all were free, the legs it uses are checked, those that are not get the time of their detour (and their
-neighbours are checked, too, since what blocks one leg blocks others like it), and so on until a tour stands whose legs
-are all known, or for a fixed number of times; the quickest of these tours is taken. The time of the first one, with all
-legs straight, bounds all others from below.
+Every leg is a straight joint segment that is certified collision-free, because that is what the controller's `moveJ`
+drives; where the straight segment is blocked, the leg is a path over nodes of the roadmap, with a stop at each.
+Certifying all pairs of configurations would cost a thousand times what the answer needs, so edges are evaluated lazily:
+the shortest tour is computed as if all legs were free, the legs it uses are checked, blocked ones get the time of their
+detour (and the legs to the alternative configurations are checked, too, because an obstacle that blocks one leg usually
+blocks similar ones), and the search is repeated until all legs of a tour are certified, or for a fixed number of
+rounds; the shortest certified tour is returned. The time of the first tour, with all legs straight, is a lower bound
+for up to `_MAX_EXACT_STOPS` lights; for more, the Held–Karp bound is.
 
 Before: `plan` or `pilot` (lights in the view frame), and the arm where it stands. After: `capture` follows the path.
 """
@@ -30,24 +31,29 @@ from acquisition.waypoints.motion import legs
 from acquisition.waypoints.roadmap import Roadmap, connected_solutions, roadmap
 
 _MAX_EXACT_STOPS = 12
+"""Lights up to which dynamic programming finds the optimal tour; more lights: iterated local search."""
 _MAX_TOURS = 12
-"""So many tours are sought at most."""
+"""Maximum rounds of lazy certification; each computes one tour."""
 _BLOCKED_FACTOR = 1.2
-"""Of a blocked leg whose detour is not known yet it is assumed that it takes so many times as long as straight."""
+"""Assumed ratio of detour time to straight time for a blocked leg whose detour has not been computed."""
 _NODES = 400
-"""About so many configurations are considered in all: 24 a light for few lights, fewer for many."""
+"""Approximate number of configurations over all lights: 24 a light for few lights, fewer for many."""
 _MIN_PER_LIGHT = 6
+"""Minimum number of configurations a light."""
 _ROUNDS, _WARM_ROUNDS = 40, 2
+"""Perturbations of the iterated local search: for the first tour, and for those that start from the previous one."""
 _BOUND_STEPS = 100
+"""Subgradient steps of the Held–Karp bound."""
 _SAMPLES = 5
-"""Places along a leg where speeds are looked at while choosing; the legs that are driven get 33."""
+"""Samples along a leg for the speed limits while the tour is searched; the legs that are driven get 33."""
 
 
 def route(lights: Sequence[Light], start_joints: Sequence[float], cell: CellConfig, calibration: Calibration) -> Route:
-    """A quick certified route from `start_joints` (6, rad) through all lights (view frame) and home.
+    """Generalised travelling-salesman tour from `start_joints` (6, rad) through all lights (view frame) and home.
 
-    Raises RigError waypoints.unreachable when lights cannot be taken, and waypoints.collision when no free way leads to
-    them or from where the arm stands; `lights` in the context lists {number, reason, detail} of each. Nothing moves.
+    Raises RigError waypoints.unreachable when lights have no valid configuration, and waypoints.collision when no
+    collision-free path exists to them or from the start; `lights` in the context lists {number, reason, detail} of
+    each. Nothing moves.
     """
     arm = scene(cell, calibration)
     connected = connected_solutions(lights, cell, calibration)
@@ -73,7 +79,7 @@ def route(lights: Sequence[Light], start_joints: Sequence[float], cell: CellConf
 
 
 def retreat(start_joints: Sequence[float], cell: CellConfig, calibration: Calibration) -> JointPath:
-    """The certified way home from `start_joints` (6, rad). Raises RigError waypoints.collision when there is none."""
+    """Certified path home from `start_joints` (6, rad). Raises RigError waypoints.collision when there is none."""
     arm, hubs = scene(cell, calibration), roadmap(cell, calibration)
     network = _Network([], _start(start_joints, arm, hubs), cell, arm, hubs)
     return network.path(network.start, network.home)
@@ -82,7 +88,7 @@ def retreat(start_joints: Sequence[float], cell: CellConfig, calibration: Calibr
 def path_between(
     start_joints: Sequence[float], end_joints: Sequence[float], cell: CellConfig, calibration: Calibration
 ) -> JointPath:
-    """The certified way from `start_joints` to a place (6, rad) where the arm has stood before.
+    """Certified path from `start_joints` to a configuration (6, rad) where the arm has stood before.
 
     Raises RigError waypoints.collision when there is none.
     """
@@ -105,7 +111,7 @@ def _require_solutions(solutions: Sequence[IkSolutions]) -> None:
 
 
 def _start(start_joints: Sequence[float], arm: Scene, hubs: Roadmap) -> FloatArray:
-    """Where the arm stands (6,), once a way leads home from there."""
+    """Validates the start configuration (6,): finite, collision-free and connected to home; returns it as an array."""
     joints = np.array(start_joints, dtype=float).reshape(6)
     if not np.isfinite(joints).all():
         raise RigError(ErrorCode.WAYPOINTS_COLLISION, "the arm's joints are not known", lights=[])
@@ -122,7 +128,7 @@ def _start(start_joints: Sequence[float], arm: Scene, hubs: Roadmap) -> FloatArr
 
 
 class _Network:
-    """Configurations of all lights, then start, then home; the legs between them as far as they are known."""
+    """Graph of the configurations of all lights, then start, then home; legs are certified on demand and kept."""
 
     def __init__(
         self, solutions: Sequence[IkSolutions], start: FloatArray, cell: CellConfig, arm: Scene, hubs: Roadmap
@@ -139,9 +145,10 @@ class _Network:
         self._checked: set[tuple[int, int]] = set()
 
     def tour(self) -> tuple[list[int], float]:
-        """Nodes in the order of travel, all legs certified, and a lower bound of the time in s.
+        """Shortest tour by lazy edge evaluation: nodes in the order of travel, and a lower bound of the time in s.
 
-        The bound holds over the configurations considered and the speeds at the places looked at.
+        All legs of the tour are certified. The bound is valid for the configurations considered and for speed limits
+        evaluated at `_SAMPLES` samples a leg.
         """
         seconds = self._straight_seconds()
         stops = (seconds, self.first, self.start, self.home)
@@ -162,11 +169,11 @@ class _Network:
             if not unknown:
                 break
             tour = order_kernels.searched_tour(*stops, self.owner[tour], _WARM_ROUNDS)
-        # A detour can be quicker than the straight leg: its corners may take the lamp a shorter way.
+        # A detour can be faster than the straight leg, because the lamp's path along it may be shorter.
         return best.tolist(), min(lower_bound_s, best_s)
 
     def path(self, start: int, end: int) -> JointPath:
-        """The certified way from one node to another."""
+        """Certified path from one node to another, certified on first use."""
         if (start, end) not in self._legs:
             free = self._arm.edges_free(self.nodes[[start]], self.nodes[[end]])[0]
             self._add_leg(start, end, straight=bool(free))
@@ -182,13 +189,13 @@ class _Network:
         return seconds + seconds.T
 
     def _lower_bound(self, seconds: FloatArray) -> float:
-        """A bound over the stops' least times."""
+        """Held–Karp lower bound on the shortest times between any configurations of two stops, s."""
         edges = np.concatenate([self.first, [self.start + 1]])
         shortest = np.minimum.reduceat(np.minimum.reduceat(seconds, edges, axis=0), edges, axis=1)
         return order_kernels.path_bound(np.ascontiguousarray(shortest), _BOUND_STEPS)
 
     def _certify(self, unknown: Sequence[tuple[int, int]], seconds: FloatArray) -> None:
-        """Certifies legs, finds the detours of those that are blocked, and enters their times into `seconds`."""
+        """Certifies legs, plans detours for blocked ones, and updates their times in `seconds`."""
         if not unknown:
             return
         starts, ends = np.array(unknown).T
@@ -200,7 +207,7 @@ class _Network:
             seconds[a, b] = seconds[b, a] = self._legs[a, b].seconds
 
     def _penalise_alternatives(self, a: int, b: int, seconds: FloatArray) -> None:
-        """Looks at the legs between each end of a blocked leg and the other's alternatives."""
+        """Checks legs from each end of a blocked leg to the other's alternatives; raises the blocked ones' times."""
         pairs = [(a, other) for other in self._alternatives(b)] + [(other, b) for other in self._alternatives(a)]
         pairs = [pair for pair in pairs if pair not in self._checked and pair not in self._legs]
         if not pairs:
@@ -214,7 +221,7 @@ class _Network:
         seconds[ends, starts] *= _BLOCKED_FACTOR
 
     def _alternatives(self, node: int) -> range:
-        """The configurations of the same light."""
+        """All configurations of the node's light; none for start and home."""
         if node >= self.start:
             return range(0)
         return range(int(self.first[self.owner[node]]), int(self.first[self.owner[node] + 1]))
@@ -225,7 +232,7 @@ class _Network:
         self._legs[b, a] = _drive(corners[::-1], self._limits)
 
     def _detour(self, start: int, end: int) -> FloatArray:
-        """The corners (K, 6) of the quickest way along the roadmap, cut short where corners see one another."""
+        """Shortest path over the roadmap as corners (K, 6), shortcut where a direct segment is free and faster."""
         leave, arrive = (self._hubs.attachments(self.nodes[node], self._arm) for node in (start, end))
         hubs = self._hubs.nodes
         to_hub = legs(np.repeat(self.nodes[[start]], len(leave), 0), hubs[leave], self._limits).seconds
@@ -238,7 +245,7 @@ class _Network:
 
 
 def _shortened(corners: FloatArray, arm: Scene, limits: ArmConfig) -> FloatArray:
-    """The quickest way over some of the corners (K, 6), whose consecutive ones are known to be connected."""
+    """Path shortcutting: fastest subsequence of corners (K, 6), whose consecutive ones are known to be connected."""
     rows, columns = np.triu_indices(len(corners), 1)
     seconds = legs(corners[rows], corners[columns], limits).seconds
     free = (columns == rows + 1) | arm.edges_free(corners[rows], corners[columns])

@@ -1,13 +1,13 @@
 # Types stand in numba's signatures, which also ask for many plain arguments.
 # pyright: basic
-"""Compiled distances of line pieces to each other, to obstacles, and to the cones of view and light.
+"""Compiled distances of line segments to each other, to obstacles, and to the cones of view and light.
 
-An obstacle is one row of numbers: kind, least distance, and its shape. All shapes are convex, so the distance of a line
-is the minimum of a convex function of one variable; golden sections find it, and what is returned is a *lower* bound of
-it (the function's slope is at most the line's length), so rounding can only refuse, never pass. The search ends as soon
-as it is settled on which side of the asked distances the answer lies.
+An obstacle is one row of numbers: kind, clearance, and its shape. All shapes are convex, so the distance of a point on
+a segment is a convex function of one variable, minimised by golden-section search; what is returned is a *lower* bound
+(the function's slope is at most the segment's length), so rounding errors can only refuse, never accept. The search
+ends as soon as the bounds decide on which side of the given thresholds the distance lies.
 
-Rows are passed as matrix and number: a view of each row would cost as much as what is done with it.
+Rows are passed as matrix and number: creating a view of each row would cost as much as the computation on it.
 """
 
 import math
@@ -18,19 +18,22 @@ from numba import boolean, float64, int64, njit
 from acquisition.waypoints.hull_kernels import hull_distance
 
 HALF_SPACE, CAPSULE, CYLINDER, BOX, CONE, HULL = 0, 1, 2, 3, 4, 5
+"""Kinds of obstacles, the first number of a row."""
 ROW = 17
-"""Numbers of an obstacle: kind, least distance, then by kind: normal, offset · start, end, radius · base point, axis,
-radius, height · centre, rotation by rows, half extents · base point, axis, radius, height, radius at the top · centre
-(twice) and radius of the sphere round it, and which rows of `vertices` (first, count) it is the hull of."""
+"""Length of an obstacle's row: kind, clearance in m, then by kind: normal, offset · start, end, radius · base point,
+axis, radius, height · centre, rotation by rows, half extents · base point, axis, radius, height, radius at the top ·
+centre (twice) and radius of the bounding sphere, and the rows of `vertices` (first, count) it is the convex hull of."""
 _GOLDEN = 0.6180339887498949
-_STEPS = 26  # 0.618^26 = 4e-6 of the line's length
+"""(√5 − 1)/2, the reduction of the interval by one step of the golden-section search."""
+_STEPS = 26
+"""Golden-section steps, at most: 0.618^26 = 4e-6 of the segment's length."""
 
 _matrix = float64[:, ::1]
 
 
 @njit(float64(_matrix, int64, int64, _matrix, int64), cache=True)
 def between_lines(first, i, at, second, j):
-    """Distance of two line pieces: columns at … at + 5 of row i, and row j (Ericson, Real-Time Collision Detection,
+    """Distance of two line segments: columns at … at + 5 of row i, and row j (Ericson, Real-Time Collision Detection,
     5.1.9)."""
     px, py, pz = first[i, at], first[i, at + 1], first[i, at + 2]
     qx, qy, qz = second[j, 0], second[j, 1], second[j, 2]
@@ -59,7 +62,8 @@ def between_lines(first, i, at, second, j):
 
 @njit(float64(float64, float64, float64, float64), cache=True)
 def _point_to_cylinder(along, square, radius, height):
-    """Distance to a cylinder of a point so far along its axis, and at this distance squared from its foot's middle."""
+    """Distance of a point to a cylinder, from its coordinate along the axis and its squared distance from the foot's
+    centre."""
     across = math.sqrt(max(square - along * along, 0.0))
     over = max(-along, along - height, 0.0)
     out = max(across - radius, 0.0)
@@ -97,9 +101,9 @@ def _point_to_shape(shapes, o, x, y, z):
 
 @njit(float64(_matrix, int64, _matrix, _matrix, int64, float64, float64), cache=True)
 def line_to_obstacle(shapes, o, vertices, lines, c, least, need):
-    """Lower bound of the distance of line piece c to obstacle o.
+    """Golden-section search: lower bound of the distance in m of line segment c to obstacle o.
 
-    No sharper than it takes to say which of `least` ≤ `need` the distance exceeds; to 1e-5 m if these are NaN.
+    Only as tight as needed to decide which of `least` ≤ `need` the distance exceeds; to 1e-5 m if these are NaN.
     """
     kind = int(shapes[o, 0])
     if kind == HALF_SPACE:
@@ -117,7 +121,7 @@ def line_to_obstacle(shapes, o, vertices, lines, c, least, need):
     x, y, z = lines[c, 0], lines[c, 1], lines[c, 2]
     dx, dy, dz = lines[c, 3] - x, lines[c, 4] - y, lines[c, 5] - z
     length = math.sqrt(dx * dx + dy * dy + dz * dz)
-    # First a bound that costs one evaluation: nothing on the line is nearer than its middle less half its length.
+    # First a bound from one evaluation: the distance of the middle minus half the length.
     bound = _point_to_shape(shapes, o, x + 0.5 * dx, y + 0.5 * dy, z + 0.5 * dz) - 0.5 * length
     if bound >= need:
         return bound
@@ -127,7 +131,7 @@ def line_to_obstacle(shapes, o, vertices, lines, c, least, need):
     at_t = _point_to_shape(shapes, o, x + t * dx, y + t * dy, z + t * dz)
     for _ in range(_STEPS):
         nearest = min(at_s, at_t)
-        bound = nearest - length * (s - low)  # nowhere between low and high is it further to the nearer of s and t
+        bound = nearest - length * (s - low)  # s − low: largest distance to the nearer of s and t
         if bound >= need or nearest < least or (bound >= least and nearest < need):
             break
         if at_s <= at_t:
@@ -152,7 +156,8 @@ def _point_to_scaled_cylinder(keep_out, share, ax, ay, az, x, y, z):
 
 @njit(float64(_matrix, float64, float64, float64, float64, float64, float64), cache=True)
 def _point_to_cone(keep_out, ax, ay, az, x, y, z):
-    """Distance of a point to the hull of an apex a and a cylinder (row 0): the union of it shrunk towards a."""
+    """Distance of a point to the convex hull of an apex a and a cylinder (row 0): the union of the cylinder's images
+    scaled towards a."""
     low, high = 0.0, 1.0
     s, t = 1.0 - _GOLDEN, _GOLDEN
     at_s, at_t = (
@@ -173,7 +178,7 @@ def _point_to_cone(keep_out, ax, ay, az, x, y, z):
 
 @njit(boolean(_matrix, _matrix, int64, _matrix, int64, float64), cache=True)
 def line_clears_cone(keep_out, apexes, n, lines, c, need):
-    """Whether line piece c keeps `need` from the hull of apex n and a cylinder (row 0)."""
+    """Whether line segment c keeps the distance `need` in m from the convex hull of apex n and a cylinder (row 0)."""
     ax, ay, az = apexes[n, 0], apexes[n, 1], apexes[n, 2]
     radius, height = keep_out[0, 8], keep_out[0, 9]
     axis = np.empty((1, 6))

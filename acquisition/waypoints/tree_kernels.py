@@ -2,9 +2,9 @@
 # pyright: basic
 """Compiled RRT-Connect (Kuffner and LaValle 2000) from configurations without a straight segment to the roadmap.
 
-Two trees of certified segments grow towards each other, one from the configuration, one from all nodes of the roadmap
-(RRT-Connect: Kuffner and LaValle 2000). The trials are counted, not timed, and drawn from a generator of our own: the
-same configuration always gives the same way.
+Two trees of certified segments grow towards each other, one from the configuration, one from all nodes of the roadmap.
+The number of samples is fixed, not their time, and they come from a generator with a fixed seed, so the same
+configuration always gives the same path.
 """
 
 import numpy as np
@@ -13,6 +13,7 @@ from numba import float64, int64, njit
 from acquisition.waypoints.collision_kernels import DEPTH, edge_free
 
 _STEP_RAD = 0.6
+"""Largest joint difference of one extension step, rad."""
 _vector = float64[::1]
 _matrix = float64[:, ::1]
 _indices = int64[::1]
@@ -41,8 +42,8 @@ def _nearest(points, count, sample):
 def rrt_connect(
     start, goals, low, high, trials, dh, links, capsules, lever_arms, obstacles, vertices, pairs, self_margin
 ):
-    """Corners (K, 6) of certified straight segments from a configuration (6,) to one of `goals` (G, 6), within `low`
-    and `high` (6,); no corner when `trials` trials do not find any."""
+    """RRT-Connect (Kuffner and LaValle 2000): corners (K, 6) of certified straight segments from a configuration (6,)
+    to one of `goals` (G, 6), within `low` and `high` (6,) in rad; no corner when `trials` samples give no path."""
     items = links.shape[0] * obstacles.shape[0] + pairs.shape[0]
     frames, placed = np.empty((7, 3, 4)), np.empty((links.shape[0], 6))
     open_items, travel = np.empty((DEPTH + 2, items), dtype=np.int64), np.empty((links.shape[0], 6))
@@ -63,7 +64,7 @@ def rrt_connect(
             sample[j] = low[j] + (high[j] - low[j]) * (float(state >> np.uint64(11)) / 9007199254740992.0)
         near = _nearest(points[active], count[active], sample)
         furthest = np.abs(sample - points[active, near]).max()
-        if furthest == 0.0:  # drawn before, when the branch grew that the point belongs to
+        if furthest == 0.0:  # the sample is a node of a branch that was grown from the same sequence
             continue
         new = points[active, near] + min(1.0, _STEP_RAD / furthest) * (sample - points[active, near])
         if not edge_free(
