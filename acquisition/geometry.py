@@ -1,8 +1,8 @@
-"""Rigid transforms and the two conversions of frames that must exist only once.
+"""Rigid transforms, and the only conversion between the view frame and OpenCV's camera frame.
 
-A pose `a_from_b` is a 4×4 matrix that takes points of frame b to frame a. The photometric-stereo frame `view` (x right,
-y up, z to the camera) and OpenCV's `camera` frame (x right, y down, z forward) share their origin; they meet here and
-nowhere else.
+A pose `a_from_b` is a 4×4 homogeneous matrix that maps points of frame b to frame a. The photometric-stereo frame
+`view` (x right, y up, z to the camera) and OpenCV's `camera` frame (x right, y down, z forward) share their origin.
+Converting between them in one module only keeps the signs consistent.
 """
 
 import math
@@ -16,14 +16,15 @@ FloatArray = npt.NDArray[np.float64]
 VIEW_FROM_CAMERA: FloatArray = np.diag([1.0, -1.0, -1.0, 1.0])
 CAMERA_FROM_VIEW: FloatArray = VIEW_FROM_CAMERA
 _SMALL_ANGLE_RAD = 1e-9
+"""Rotation angle in rad below which the limits of sin(θ)/θ and (1 − cos θ)/θ² are used."""
 
 
 def pose(position_m: Sequence[float] | FloatArray, rotation_vector_rad: Sequence[float] | FloatArray) -> FloatArray:
-    """Makes a (4, 4) pose from a position in m and a rotation vector in rad."""
+    """Rodrigues' formula: (4, 4) pose from a position in m and a rotation vector in rad."""
     x, y, z = (float(value) for value in rotation_vector_rad)
     angle = math.sqrt(x * x + y * y + z * z)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    # Rodrigues' formula with sin(θ)/θ and (1 − cos θ)/θ², which have finite limits where the axis is undefined.
+    # Written with sin(θ)/θ and (1 − cos θ)/θ², which have finite limits where the axis is undefined.
     first = math.sin(angle) / angle if angle > _SMALL_ANGLE_RAD else 1.0
     second = 0.5 * (math.sin(angle / 2) / (angle / 2)) ** 2 if angle > _SMALL_ANGLE_RAD else 0.5
     matrix = np.eye(4)
@@ -33,7 +34,7 @@ def pose(position_m: Sequence[float] | FloatArray, rotation_vector_rad: Sequence
 
 
 def inverse(matrix: FloatArray) -> FloatArray:
-    """The inverse of a (4, 4) pose."""
+    """Inverse of a rigid transform (4, 4): transposed rotation and rotated negative translation."""
     rotation = matrix[:3, :3].T
     result = np.eye(4)
     result[:3, :3] = rotation
@@ -42,12 +43,12 @@ def inverse(matrix: FloatArray) -> FloatArray:
 
 
 def transform(matrix: FloatArray, points: npt.ArrayLike) -> FloatArray:
-    """Takes points (..., 3) of frame b to frame a by the pose `a_from_b`."""
+    """Maps points (..., 3) from frame b to frame a by the pose `a_from_b`."""
     return np.asarray(points, dtype=float) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def rotate(matrix: FloatArray, directions: npt.ArrayLike) -> FloatArray:
-    """Takes directions (..., 3) of frame b to frame a by the pose `a_from_b`."""
+    """Rotates directions (..., 3) from frame b to frame a by the pose `a_from_b`."""
     return np.asarray(directions, dtype=float) @ matrix[:3, :3].T
 
 
@@ -57,13 +58,13 @@ def base_from_view(base_from_camera: FloatArray) -> FloatArray:
 
 
 def direction(slant_rad: npt.ArrayLike, azimuth_rad: npt.ArrayLike) -> FloatArray:
-    """Unit vectors (..., 3) in the view frame: slant from +z (to the camera), azimuth from +x towards +y."""
+    """Spherical to Cartesian: unit vectors (..., 3), view frame; slant from +z (the camera), azimuth from +x to +y."""
     slant, azimuth = np.broadcast_arrays(np.asarray(slant_rad, dtype=float), np.asarray(azimuth_rad, dtype=float))
     return np.stack([np.sin(slant) * np.cos(azimuth), np.sin(slant) * np.sin(azimuth), np.cos(slant)], axis=-1)
 
 
 def slant_azimuth(directions: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Slant in [0, π] and azimuth in (−π, π], rad, of vectors (..., 3) in the view frame."""
+    """Cartesian to spherical: slant in [0, π] and azimuth in (−π, π], rad, of vectors (..., 3) in the view frame."""
     vectors = np.asarray(directions, dtype=float)
     return np.arctan2(np.hypot(vectors[..., 0], vectors[..., 1]), vectors[..., 2]), np.arctan2(
         vectors[..., 1], vectors[..., 0]

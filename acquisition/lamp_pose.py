@@ -1,8 +1,8 @@
 """Lamp poses: lights on the dome of reachable positions, and the tool poses that bring the lamp there.
 
-Below the stages, because several need it: capture logs the light that was measured, waypoints looks for the tool pose
-that puts the lamp where the plan wants it, pilot and planner choose among the dome's candidates. Ideal patterns of
-lights are given by directions, the arm serves some positions only: each ideal direction gets its own nearest reachable
+Below the stages, because several need it: capture records the light from the measured tool pose, waypoints computes the
+tool pose of a planned light, pilot and planner choose among the dome's candidates. Ideal patterns of lights are given
+by directions, but the arm reaches some positions only: each ideal direction is assigned its own nearest reachable
 candidate, and a set of candidates that cannot surround the object is refused before anything moves.
 """
 
@@ -15,11 +15,11 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
 
 MIN_SUPPORT = 0.05
-"""Candidates must lean by this much (sine of the slant) to every side, else they lie in one half-plane."""
+"""Smallest extent of the candidates (sine of the slant) towards every azimuth; below it they lie in one half-plane."""
 
 
 def light_at(position: FloatArray, center: FloatArray) -> Light:
-    """The lamp at `position` looking at `center`, both (3,) m, view frame."""
+    """Light with the lamp at `position` and its axis towards `center`, both (3,) m, view frame."""
     axis = (center - position) / np.linalg.norm(center - position)
     x, y, z = (float(value) for value in position)
     a, b, c = (float(value) for value in axis)
@@ -27,10 +27,10 @@ def light_at(position: FloatArray, center: FloatArray) -> Light:
 
 
 def directions(candidates: FloatArray, center: FloatArray, count: int) -> FloatArray:
-    """Unit directions (K, 3) from `center` to the candidates (K, 3), once they are known to allow `count` lights.
+    """Validated unit directions (K, 3) from `center` to the candidates (K, 3) for a design with `count` lights.
 
-    Raises RigError plan.infeasible when there are fewer than `count`, when a position is not a number, or when all lie
-    in one half-plane as the camera sees them, where the lights could not surround the object.
+    Raises RigError plan.infeasible when there are fewer than `count`, when a position is not finite, or when all lie
+    in one half-plane as seen by the camera, so that the lights could not surround the object.
     """
     if not np.all(np.isfinite(candidates)) or not np.all(np.isfinite(center)):
         raise RigError(
@@ -61,9 +61,9 @@ def directions(candidates: FloatArray, center: FloatArray, count: int) -> FloatA
 
 
 def nearest_distinct(ideal: FloatArray, units: FloatArray, free: BoolArray) -> tuple[list[int], FloatArray]:
-    """For each ideal unit direction (M, 3) its own candidate among `units` (K, 3) where `free` (K,) holds.
+    """Greedy assignment of ideal unit directions (M, 3) to distinct candidates of `units` (K, 3), nearest pair first.
 
-    Returns indices (M) and the angles missed (M,), rad. The nearest pairs are settled first. Raises RigError
+    Only candidates with `free` (K,) are used. Returns indices (M) and the angular deviations (M,), rad. Raises RigError
     plan.infeasible when fewer than M candidates are free.
     """
     if np.count_nonzero(free) < len(ideal):
@@ -88,7 +88,7 @@ def nearest_distinct(ideal: FloatArray, units: FloatArray, free: BoolArray) -> t
 
 
 def light_from_tool(base_from_tool: FloatArray, calibration: Calibration) -> Light:
-    """The light, in the view frame, of a tool pose (4, 4) as the controller measured it."""
+    """Light in the view frame from a tool pose (4, 4) measured by the controller."""
     view_from_base = geometry.inverse(base_from_view(calibration))
     view_from_lamp = view_from_base @ base_from_tool @ np.array(calibration.tool_from_lamp)
     x, y, z = view_from_lamp[:3, 3].tolist()
@@ -97,14 +97,14 @@ def light_from_tool(base_from_tool: FloatArray, calibration: Calibration) -> Lig
 
 
 def base_from_view(calibration: Calibration) -> FloatArray:
-    """The view frame's pose (4, 4) in the arm's base frame."""
+    """Pose (4, 4) of the view frame in the arm's base frame, from the hand–eye calibration."""
     return geometry.base_from_view(np.array(calibration.base_from_camera))
 
 
 def tool_poses(positions: FloatArray, axes: FloatArray, rolls: int, calibration: Calibration) -> FloatArray:
-    """Tool poses (N, rolls, 4, 4) that put the lamp at positions (N, 3) looking along axes (N, 3), all in base.
+    """Tool poses (N, rolls, 4, 4) for lamps at positions (N, 3) with axes (N, 3), all in the base frame.
 
-    The lamp is round, so the roll about its axis is free; `rolls` equal steps of it are given.
+    The lamp is rotationally symmetric, so the roll about its axis is free; `rolls` equal steps of it are returned.
     """
     z = axes / np.linalg.norm(axes, axis=-1, keepdims=True)
     reference = np.where(np.abs(z[:, 2:3]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]])

@@ -1,13 +1,14 @@
-"""Where the first lights go, before anything is known of the object.
+"""Initial light pattern of a session, chosen without knowledge of the object: one light near the view axis and a ring.
 
-One light near the view axis and the others on a ring at 52.5°: the top light sees into nearly everything the camera
-sees and so makes shadows, albedo and depth safe, the ring gives the normals their directions. A ring alone leaves up to
-half of the pixels with fewer than three lights. Both stand where planned lights, and two rings that are completed, go
-on from them. The top light is 20° off the axis, between two lights of the ring, and still tells something of the
-normals there: path-traced, eight images are better by 2 % in direct light and 5 % with bounces than from 8°. The ring
-is hardly inside the outer one of two: through the arm, eight images are better by 3 % than from 50°, and from 55° where
-light bounces they are worse by 6 %. The pattern turns as a whole to where the arm serves it best. Of three lights none
-can stand on top, or all would lie in one plane: they form a ring at 30°, which loses the fewest pixels to shadows.
+The light near the view axis illuminates nearly everything that the camera sees, so it determines shadows, albedo and
+depth; the ring at 52.5° determines the directions of the normals. A ring alone leaves up to half of the pixels with
+fewer than three lights. Planned lights and two-ring completions extend both. The top light is 20° off the axis, between
+two lights of the ring, so that it still adds information on the normals: the errors of eight path-traced images are 2 %
+lower than with 8° in direct light and 5 % lower with interreflection. The ring is slightly inside the outer one of the
+two-ring pattern: through the simulated arm, the errors of eight images are 3 % lower than with 50°, and with 55° and
+interreflection they are 6 % higher. The azimuth of the pattern is the one that the arm's reach matches best. With three
+lights, none can be at the top, or all would lie in one plane: they form a ring at 30°, which loses the fewest pixels to
+shadows. See docs/decisions/0025-pilot-pattern.md.
 
 Before: nothing. After: `waypoints`, `capture`, `normals`.
 """
@@ -21,15 +22,19 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.route import Reach
 
 TOP_SLANT_DEG = 20.0
+"""Slant of the top light from the view axis; decision 0025."""
 RING_SLANT_DEG = 52.5
+"""Slant of the ring; decision 0025."""
 SLANT_OF_THREE_DEG = 30.0
+"""Slant of the ring of a pilot with three lights; decision 0025."""
 AZIMUTH_STEPS = 24
+"""Azimuths of the pattern that are tried."""
 MAX_MISS_DEG = 60.0
-"""A light further than this from its ideal place no longer stands on its side of the object."""
+"""Largest angle between a light and its ideal position: beyond it, it is no longer on that side of the object."""
 
 
 def pattern(recipe: Recipe, reach: Reach) -> list[Light]:
-    """The pilot's lights, all distinct: one at 20° and the others at 52.5°, or of three all at 30°.
+    """Pilot pattern (decision 0025): distinct lights, one at 20°, the others on a ring at 52.5°; of three all at 30°.
 
     Raises RigError plan.infeasible when there are too few reachable positions or all lie on one side of the object.
     """

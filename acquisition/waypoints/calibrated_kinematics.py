@@ -1,8 +1,8 @@
 """Kinematics of the factory-calibrated arm: Newton refinement of the closed-form branches.
 
-A real arm's axes are never quite parallel, so the closed form of `kinematics` is off by millimetres at the lamp. It
-still says which branches there are and nearly where: from each of them a few Newton steps on the calibrated chain lead
-to the pose. What the steps do not bring there (a branch at the edge of a singularity) is given up.
+A real arm's axes are never exactly parallel, so the closed form of `kinematics` is off by millimetres at the lamp. It
+still gives the branches and good initial values: from each a few Newton steps on the calibrated chain converge to the
+pose. Branches that do not converge (near a singularity) are discarded.
 """
 
 import numpy as np
@@ -12,19 +12,21 @@ from acquisition.models.cell_config import JointGeometry
 from acquisition.waypoints.kinematics import TURN
 
 _NEWTON_STEPS = 5
+"""Maximum number of Newton steps."""
 _TOLERANCE = 1e-7
-"""m and rad from the pose; reached in three steps but near singularities."""
+"""Tolerance of the pose in m and rad; reached in three steps except near singularities."""
 _MAX_CORRECTION_RAD = 0.3
-"""Further from the closed form's branch, the steps have gone to another one."""
+"""Largest change of a joint from the closed form; beyond it the iteration has converged to another branch."""
 
 
 def chain(joints: list[JointGeometry]) -> FloatArray:
-    """The calibration as rows (6, 4): θ, a, d, α."""
+    """The factory calibration as Denavit–Hartenberg rows (6, 4): θ, a, d, α; rad and m."""
     return np.array([[joint.theta_rad, joint.a_m, joint.d_m, joint.alpha_rad] for joint in joints])
 
 
 def forward(chain: FloatArray, joints: FloatArray) -> FloatArray:
-    """Link frames (N, 7, 4, 4), base from link 0 … 6 (6: the flange), of joints (N, 6) in rad."""
+    """Forward kinematics of the calibrated chain: link frames (N, 7, 4, 4), base from link 0 … 6 (6: the flange), of
+    joints (N, 6) in rad."""
     frames = np.empty((len(joints), 7, 4, 4))
     frames[:, 0] = np.eye(4)
     for number, (offset, a, d, twist) in enumerate(chain):
@@ -41,7 +43,10 @@ def forward(chain: FloatArray, joints: FloatArray) -> FloatArray:
 
 
 def refine(chain: FloatArray, joints: FloatArray, base_from_flange: FloatArray) -> FloatArray:
-    """Joints (N, 6) near the given ones that bring the flange of the arm as built to poses (N, 4, 4); NaN where not."""
+    """Damped Newton iteration on the calibrated chain: joints (N, 6) near the given ones for flange poses (N, 4, 4).
+
+    NaN where it does not converge.
+    """
     result = joints.copy()
     for _ in range(_NEWTON_STEPS):
         frames = forward(chain, result)
@@ -49,7 +54,7 @@ def refine(chain: FloatArray, joints: FloatArray, base_from_flange: FloatArray) 
         axes, origins = frames[:, :6, :3, 2], frames[:, :6, :3, 3]
         lever_arms = np.cross(axes, frames[:, 6:7, :3, 3] - origins)
         jacobian = np.concatenate([lever_arms, axes], axis=2)  # (N, joint, 6): transposed
-        # Damped by next to nothing, so that a singular branch is no error but does not arrive.
+        # The damping is negligible; it makes a singular system solvable, and the branch then fails to converge.
         square = jacobian @ jacobian.transpose(0, 2, 1) + 1e-12 * np.eye(6)
         result += np.linalg.solve(square, jacobian @ error[..., None])[..., 0]
     missed = np.abs(_pose_error(forward(chain, result)[:, 6], base_from_flange)).max(axis=1) > _TOLERANCE
@@ -59,7 +64,7 @@ def refine(chain: FloatArray, joints: FloatArray, base_from_flange: FloatArray) 
 
 
 def _pose_error(current: FloatArray, target: FloatArray) -> FloatArray:
-    """Shift in m and turn in rad (N, 6), in base, from poses (N, 4, 4) to others near them."""
+    """Pose error to first order: translation in m and rotation in rad (N, 6), base frame, from (N, 4, 4) to targets."""
     rotation = target[:, :3, :3] @ current[:, :3, :3].transpose(0, 2, 1)
     vector = np.stack(
         [

@@ -1,8 +1,8 @@
-"""Drawings of a cell, its lights, reach and routes: SVG elements, stills (PNG), and pages (HTML) that need no network.
+"""Drawings of a cell, its lights, reach and routes: SVG elements, PNG images, and HTML pages that need no network.
 
 All are drawn from the same marks, lines and points in the base frame. The SVG views are written as text, because the
-pages of results are made at the end of every solve: matplotlib and plotly take a second to load and their pictures are
-a hundred times as large. Both are imported only where a PNG or HTML page is made.
+result pages are made at the end of every solve, and matplotlib and plotly take a second to load and make images a
+hundred times as large. Both are imported only where a PNG image or HTML page is made.
 """
 
 import html
@@ -39,18 +39,18 @@ _SAMPLES = 16
 
 @dataclass(frozen=True)
 class Mark:
-    """One thing of a picture: points (N, 3) in m, joined by lines (rows of NaN are gaps) or single ones with words."""
+    """One item of a drawing: points (N, 3) in m, joined by lines (rows of NaN are gaps) or single and labelled."""
 
     name: str
     points: FloatArray
     color: str
     joined: bool = True
     labels: list[str] = field(default_factory=list[str])
-    legend_only: bool = False  # shown only when asked for
+    legend_only: bool = False  # hidden until it is selected in the legend
 
 
 def cell_marks(cell: CellConfig, calibration: Calibration) -> list[Mark]:
-    """What stands in the cell, and the arm at home."""
+    """Marks of the obstacles, camera and object of a cell, and the arm at home."""
     bodies: list[tuple[Obstacle, str]] = [
         (cell.table, TABLE),
         *((body, CAMERA) for body in cell.camera_body),
@@ -81,7 +81,7 @@ def arm_mark(name: str, joints: FloatArray, cell: CellConfig, *, legend_only: bo
 
 
 def reach_marks(reach: ReachMap) -> list[Mark]:
-    """The dome's positions: reachable ones, and the others by their reasons."""
+    """Marks of the dome's positions: the reachable ones, and the others by refusal reason."""
     base_from_view = lamp_pose.base_from_view(reach.calibration)
     points = geometry.transform(base_from_view, np.array(reach.points).reshape(-1, 3))
     reasons = sorted({refusal.reason for refusal in reach.refusals if refusal is not None})
@@ -94,13 +94,13 @@ def reach_marks(reach: ReachMap) -> list[Mark]:
 
 
 def color_of(number: int) -> str:
-    """A colour for each reason of refusal."""
+    """Colour (hex) of a refusal reason by its number."""
     colors = ("#c03030", "#7030a0", "#2060c0", "#208080", "#806020", "#e070a0", "#606060", "#a0a020", "#40a040")
     return colors[number % len(colors)]
 
 
 def route_marks(route: Route, cell: CellConfig, calibration: Calibration) -> list[Mark]:
-    """The lights in the order of travel, the lamp's path, and the arm at each light."""
+    """Marks of the lights in the order of travel, the lamp's path, and the arm at each light."""
     base_from_view = lamp_pose.base_from_view(calibration)
     lights = np.array([waypoint.light.position for waypoint in route.waypoints]).reshape(-1, 3)
     labels = [
@@ -131,7 +131,7 @@ def _points_mark(name: str, points: FloatArray, chosen: Sequence[bool], color: s
 
 
 def _outline(item: Obstacle, cell: CellConfig) -> FloatArray:
-    """The edges of a body as lines; of a half-space a square of its plane."""
+    """The edges of an obstacle as lines; for a half-space a square of its plane."""
     if isinstance(item, HalfSpace):
         normal = np.array(item.normal) / np.linalg.norm(item.normal)
         middle = np.array(cell.object.keep_out.base_from_object.position_m) / 2
@@ -157,7 +157,7 @@ _SQUARE = ((-1, -1), (-1, 1), (1, 1), (1, -1), (-1, -1))
 
 
 def _capsule(item: Capsule | CapsuleShape) -> FloatArray:
-    """The outline of a capsule: its two rims and four lines between them."""
+    """Outline of a capsule: its two rims and four lines between them."""
     start, end = np.array(item.start_m), np.array(item.end_m)
     axis = end - start
     length = float(np.linalg.norm(axis))
@@ -186,7 +186,7 @@ def _gapped(lines: Sequence[FloatArray]) -> FloatArray:
 
 
 def svg_views(routes: Sequence[Route], cell: CellConfig, calibration: Calibration) -> list[tuple[str, str]]:
-    """What each drawing shows, and the drawing as an SVG element; lights are numbered in the order of the images."""
+    """SVG views of routes as pairs (caption, SVG element); lights are numbered in the order of the images."""
     marks = cell_marks(cell, calibration)
     first = 0
     for route in routes:
@@ -205,7 +205,7 @@ def svg_views(routes: Sequence[Route], cell: CellConfig, calibration: Calibratio
 
 
 def _numbered(mark: Mark, route: Route, first: int) -> Mark:
-    """A route's lights with the numbers of their images: `first` is that of the pass's first one."""
+    """A route's lights labelled with their image numbers; `first` is that of the pass's first image."""
     if mark.joined:
         return mark
     words = [str(first + number) for number in route.light_numbers]
@@ -213,7 +213,7 @@ def _numbered(mark: Mark, route: Route, first: int) -> Mark:
 
 
 def _svg(label: str, marks: list[Mark], axes: FloatArray) -> str:
-    """Marks seen along a direction; `axes` (2, 3) are what is right and what is up in it."""
+    """Orthographic projection of marks to an SVG element; `axes` (2, 3) are the view's right and up directions."""
     flat = [mark.points @ axes.T for mark in marks]
     low, high = np.nanmin(np.vstack(flat), axis=0), np.nanmax(np.vstack(flat), axis=0)
     scale = (WIDTH_PX - 2 * BORDER_PX) / max(float(high[0] - low[0]), 1e-9)
@@ -228,7 +228,7 @@ def _svg(label: str, marks: list[Mark], axes: FloatArray) -> str:
 
 
 def _svg_lines(mark: Mark, places: FloatArray) -> str:
-    """Lines through places (N, 2) in pixels; rows of NaN are gaps."""
+    """SVG polylines through points (N, 2) in pixels; rows of NaN are gaps."""
     gap = np.isnan(places[:, 0])
     steps = [
         "" if empty else f"{'M' if starts else 'L'}{x:.1f} {y:.1f}"
@@ -247,7 +247,7 @@ def _svg_points(mark: Mark, places: FloatArray) -> str:
 
 
 def reach_png(reach: ReachMap) -> bytes:
-    """The dome seen from the camera (PNG): slant outwards, azimuth round, and a colour for each reason."""
+    """Polar plot of the dome as seen from the camera (PNG): slant, azimuth, and a colour for each refusal reason."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - slow to load and seldom needed
 
     figure = Figure(figsize=(8, 6), layout="constrained")
@@ -267,13 +267,13 @@ def reach_png(reach: ReachMap) -> bytes:
 
 
 def reach_html(reach: ReachMap) -> str:
-    """Cell and dome as a page: each refused position tells its reason."""
+    """Cell and dome as an HTML page; each refused position is labelled with its reason."""
     marks = [*cell_marks(reach.cell, reach.calibration), *reach_marks(reach)]
     return _page(f"Reach of {reach.cell.arm.model} in '{reach.cell.name}'", marks)
 
 
 def route_png(route: Route, cell: CellConfig, calibration: Calibration) -> bytes:
-    """Cell, lights and the lamp's path from the side (PNG)."""
+    """Cell, lights and the lamp's path in side view (PNG)."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - slow to load and seldom needed
     from mpl_toolkits.mplot3d import Axes3D  # noqa: PLC0415 - slow to load and seldom needed
 
@@ -301,7 +301,7 @@ def route_png(route: Route, cell: CellConfig, calibration: Calibration) -> bytes
 
 
 def route_html(route: Route, cell: CellConfig, calibration: Calibration) -> str:
-    """Cell, lights, the lamp's path, and the arm at each light (a click on its name), as a page."""
+    """Cell, lights, the lamp's path, and the arm at each light (selected in the legend), as an HTML page."""
     return _page(_title(route), [*cell_marks(cell, calibration), *route_marks(route, cell, calibration)])
 
 

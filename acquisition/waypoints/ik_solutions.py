@@ -1,7 +1,8 @@
-"""Inverse-kinematics solutions of each light: all rolls and branches, sieved by limits, collisions and both cones.
+"""Inverse-kinematics solutions of each light: all rolls and branches, filtered by limits, collisions and both cones.
 
-Every roll of the lamp about its axis and every branch of the inverse kinematics is looked at, then sieved: joint
-limits, collisions, the view cone, the light cone. The reason of a refusal is the sieve that the last ones did not pass.
+Every roll of the lamp about its axis and every branch of the inverse kinematics is computed, then filtered in this
+order: joint limits, collisions, view cone, light cone. The reason of a refusal is the filter that rejected the last
+remaining solutions.
 """
 
 from collections.abc import Sequence
@@ -19,15 +20,17 @@ from acquisition.waypoints import calibrated_kinematics, collision_kernels, kine
 from acquisition.waypoints.collision import Scene
 
 ROLLS = 36
+"""Rolls about the lamp's axis, every 10°: one fixed roll solves 42 % of random cells, 24 rolls 92 %."""
 FINE_ROLLS = 180
-"""So many rolls are looked at for the lights that none of the usual ones serves: few, so that it costs little."""
+"""Rolls, every 2°, for lights without a solution at `ROLLS`; these are few, so it costs little."""
 
 _BATCH = 64
+"""Lights that are solved together at `ROLLS`, which limits memory."""
 
 
 @dataclass(frozen=True)
 class IkSolutions:
-    """A light's configurations (M, 6), free and with both cones clear; where there are none, why."""
+    """A light's collision-free configurations (M, 6) with both cones unobstructed, rad; the refusal if none."""
 
     joints: FloatArray
     refusal: Refusal | None
@@ -36,10 +39,10 @@ class IkSolutions:
 def solve_lights(
     lights: Sequence[Light], cell: CellConfig, calibration: Calibration, scene: Scene, rolls: int = ROLLS
 ) -> list[IkSolutions]:
-    """For each light (view frame) the configurations that take it."""
+    """Inverse kinematics of lights (view frame) over `rolls` rolls and all branches, filtered for validity."""
     result: list[IkSolutions] = []
     step = _BATCH * ROLLS // rolls
-    for start in range(0, len(lights), step):  # 64 lights × 288 configurations at a time keep memory small
+    for start in range(0, len(lights), step):  # 64 lights × 288 configurations a batch
         result += _batch(lights[start : start + step], cell, calibration, scene, rolls)
     return result
 
@@ -62,7 +65,7 @@ def _batch(
     solved = solved.reshape(len(lights), -1, 6)
     within = kinematics.unwrap(solved, np.array(cell.arm.home))
 
-    # Flat lists of what is left after each sieve, with the number of the light each belongs to.
+    # Flat lists of the solutions left after each filter, with the number of the light that each belongs to.
     owner, rows = np.nonzero(~np.isnan(within[..., 0]))
     joints = within[owner, rows]
     violations = scene.violations(joints)

@@ -1,9 +1,10 @@
-"""Closed-form kinematics of the UR arms, batched.
+"""Closed-form kinematics of the UR arms in batches (after Hawkins 2013, "Analytic inverse kinematics for the
+Universal Robots UR-5/UR-10 arms").
 
 The closed form is chosen over a numerical solver because the route needs *all* branches of many thousand poses (every
-roll of the lamp about its axis), in microseconds each, and because it cannot fail to converge. It knows the nominal arm
-only: a real arm's factory calibration differs by millimetres (`calibrated_kinematics` brings each branch to it), and
-measured lamp places come from the controller's own tool pose and never from here.
+roll of the lamp about its axis), in microseconds each, and because it cannot fail to converge. It is valid for the
+nominal arm only: a real arm's factory calibration differs by millimetres (`calibrated_kinematics` refines each branch),
+and measured lamp positions come from the controller's own tool pose and never from here.
 
 Joint angles are those of the controller; link frame i is the Denavit–Hartenberg frame after joint i (0 the base, 6 the
 flange), the distances and twists those that Universal Robots publishes ("DH parameters for calculations").
@@ -21,16 +22,18 @@ from acquisition.models.base import FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 
 TURN = 2.0 * np.pi
+"""One turn, rad."""
 JOINT_LIMIT = TURN - 0.05
-"""The controller's own limit of every joint is ± one turn; a little is kept free of it."""
+"""Limit of every joint, ± rad: the controller's own is ± one turn, less a margin of 0.05 rad."""
 ELBOW_LIMIT = np.pi - 0.05
-"""Past ± half a turn the forearm would have gone through the upper arm."""
+"""Limit of the elbow, ± rad: beyond half a turn the forearm would pass through the upper arm."""
 _SINGULAR = 1e-9
+"""|sin q5| below which the wrist is singular."""
 
 
 @dataclass(frozen=True)
 class ArmModel:
-    """One arm's numbers: lengths in m, capsules in link frames."""
+    """Nominal arm model: Denavit–Hartenberg lengths in m, joint speeds in rad/s, link capsules in link frames."""
 
     name: str
     dh: FloatArray  # (6,) d1, a2, a3, d4, d5, d6
@@ -41,7 +44,7 @@ class ArmModel:
 
 @cache
 def arm_model(name: str) -> ArmModel:
-    """The numbers of an arm such as `ur5e`. Raises RigError config.invalid for a model that has none."""
+    """The nominal model of an arm such as `ur5e`. Raises RigError config.invalid for an unknown one."""
     models: dict[str, Any] = json.loads(
         resources.files("acquisition.waypoints").joinpath("arm_models.json").read_text()
     )["models"]
@@ -60,7 +63,7 @@ def arm_model(name: str) -> ArmModel:
 
 
 def forward(model: ArmModel, joints: FloatArray) -> FloatArray:
-    """Link frames (N, 7, 4, 4), base from link 0 … 6 (6: the flange), of joints (N, 6) in rad."""
+    """Forward kinematics: link frames (N, 7, 4, 4), base from link 0 … 6 (6: the flange), of joints (N, 6) in rad."""
     d1, a2, a3, d4, d5, d6 = model.dh
     table = (
         (d1, 0.0, np.pi / 2),
@@ -79,7 +82,7 @@ def forward(model: ArmModel, joints: FloatArray) -> FloatArray:
 
 def _link(angle: FloatArray, d: float, a: float, twist: float) -> FloatArray:
     cosine, sine = np.cos(angle), np.sin(angle)
-    # Rounded, because cos(π/2) = 6e-17 would tilt the axes.
+    # Rounded, because cos(π/2) evaluates to 6e-17, which would tilt the axes.
     cosine_twist, sine_twist = round(np.cos(twist)), round(np.sin(twist))
     matrix = np.zeros((len(angle), 4, 4))
     matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 0, 2] = cosine, -sine * cosine_twist, sine * sine_twist
@@ -91,7 +94,9 @@ def _link(angle: FloatArray, d: float, a: float, twist: float) -> FloatArray:
 
 
 def inverse(model: ArmModel, base_from_flange: FloatArray) -> FloatArray:
-    """Joints (N, 8, 6) in (−π, π] of flange poses (N, 4, 4); NaN where a branch does not exist.
+    """Analytic inverse kinematics (after Hawkins 2013): joints (N, 8, 6) in (−π, π] of flange poses (N, 4, 4).
+
+    NaN where a branch does not exist.
 
     Branches: shoulder left or right (4) × wrist up or down (2) × elbow up or down (1). Where the wrist is straight
     (sin q5 = 0) joints 4 and 6 turn about the same axis and joint 6 is set to zero.
@@ -107,7 +112,7 @@ def inverse(model: ArmModel, base_from_flange: FloatArray) -> FloatArray:
             q1 = np.arctan2(wrist[:, 1], wrist[:, 0]) + np.pi / 2 + (swing if shoulder == 0 else -swing)
             s1, c1 = np.sin(q1), np.cos(q1)
             cosine5 = (position[:, 0] * s1 - position[:, 1] * c1 - d4) / d6
-            # A pose made by forward kinematics may exceed 1 by rounding.
+            # For a pose computed by forward kinematics the cosine may exceed 1 by rounding.
             cosine5 = np.where(np.abs(cosine5) < 1 + 1e-9, np.clip(cosine5, -1.0, 1.0), np.nan)
             for fold in (0, 1):
                 q5 = np.arccos(cosine5) * (1 if fold == 0 else -1)
@@ -119,7 +124,7 @@ def inverse(model: ArmModel, base_from_flange: FloatArray) -> FloatArray:
                 )
                 q6 = np.where(np.abs(s5) < _SINGULAR, 0.0, q6)
                 s6, c6 = np.sin(q6), np.cos(q6)
-                # In the arm's plane: x outwards, y up. `along` is the x axis of frame 4 without joints 5 and 6.
+                # In the arm's plane: x outwards, y up. `forearm_axis`: the x axis of frame 4, joints 5 and 6 undone.
                 forearm_axis = c5[:, None] * (c6[:, None] * rotation[:, :, 0] - s6[:, None] * rotation[:, :, 1])
                 forearm_axis -= s5[:, None] * rotation[:, :, 2]
                 down = s6[:, None] * rotation[:, :, 0] + c6[:, None] * rotation[:, :, 1]
@@ -138,9 +143,9 @@ def inverse(model: ArmModel, base_from_flange: FloatArray) -> FloatArray:
 
 
 def unwrap(joints: FloatArray, home: FloatArray) -> FloatArray:
-    """Joints (..., 6) by whole turns within home ± π, so that no cable is ever wound further; the elbow within ± π.
+    """Shifts joints (..., 6) by full turns to within home ± π, so that cables do not wind up; the elbow within ± π.
 
-    NaN where a joint's limit would be exceeded.
+    NaN where a joint limit would be exceeded.
     """
     near = home + np.pi - np.mod(home + np.pi - joints, TURN)
     near[..., 2] = np.pi - np.mod(np.pi - joints[..., 2], TURN)

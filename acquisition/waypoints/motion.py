@@ -1,7 +1,8 @@
-"""How fast each straight joint segment may be driven, and how long that takes.
+"""Speed and duration of straight joint segments: trapezoidal velocity profile under joint, tool and elbow limits.
 
-The controller's `moveJ` drives the leading joint (the one that turns furthest) on a trapezoid and the others in step,
-so a segment's time is closed form, and a limit on the tool's or elbow's speed is a limit on the leading joint's.
+The controller's `moveJ` drives the leading joint (the one with the largest displacement) with a trapezoidal velocity
+profile and the others in proportion, so a segment's time has a closed form, and a limit on the tool's or elbow's speed
+is a limit on the leading joint's.
 """
 
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from acquisition.waypoints import motion_kernels
 from acquisition.waypoints.kinematics import arm_model
 
 _SAMPLING_MARGIN = 0.97
-"""Share of the limits that is used: the largest speed between 33 samples exceeds theirs by up to 1 %."""
+"""Fraction of the limits that is used: between 33 samples the speed exceeds their maximum by up to 1 %."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,10 @@ class Legs:
 
 
 def legs(starts: FloatArray, ends: FloatArray, arm: ArmConfig, samples: int = 33) -> Legs:
-    """The fastest allowed drive of each straight joint segment (N, 6) to (N, 6)."""
+    """Largest allowed speed and shortest time of each straight joint segment (N, 6) to (N, 6), rad.
+
+    Tool and elbow speed are limited at `samples` points of the forward kinematics along each segment.
+    """
     model = arm_model(arm.model)
     tool = np.array(arm.flange_from_tool.position_m)
     starts, ends = np.ascontiguousarray(starts), np.ascontiguousarray(ends)
@@ -42,12 +46,13 @@ def legs(starts: FloatArray, ends: FloatArray, arm: ArmConfig, samples: int = 33
                 leading * _SAMPLING_MARGIN * arm.max_elbow_speed_m_s / reach[:, 1],
             ]
         )
-    # A segment of no length has no leading joint; its speed does not matter.
+    # A segment of zero length has no leading joint; its speed is arbitrary.
     speeds = np.where(leading > 0, speeds, arm.max_joint_speed_rad_s)
     return Legs(speeds, trapezoid_seconds(leading, speeds, arm.max_joint_acceleration_rad_s2))
 
 
 def trapezoid_seconds(angle: FloatArray, speed: FloatArray, acceleration: float) -> FloatArray:
-    """Time from rest to rest through `angle` (rad) at up to `speed` (rad/s)."""
+    """Trapezoidal velocity profile: time in s from rest to rest over `angle` (rad) at up to `speed` (rad/s) with
+    `acceleration` (rad/s²)."""
     ramped = angle < speed**2 / acceleration
     return np.where(ramped, 2 * np.sqrt(angle / acceleration), angle / speed + speed / acceleration)

@@ -1,6 +1,6 @@
 # Types stand in numba's signatures, which also ask for many plain arguments.
 # pyright: basic
-"""Compiled inner loop of the speed limits: how fast tool and elbow move along a straight joint segment."""
+"""Compiled inner loop of the speed limits: path speeds of tool and elbow along a straight joint segment."""
 
 import math
 
@@ -15,10 +15,10 @@ _matrix = float64[:, ::1]
 
 @njit(_matrix(_matrix, _matrix, _vector, _vector, int64), cache=True)
 def path_lengths_per_share(starts, ends, dh, tool, samples):
-    """Largest |dp/ds| (N, 2) in m of tool and elbow on N segments q(s), s from 0 to 1, at `samples` places.
+    """Differential kinematics: largest |dp/ds| (N, 2) in m of tool and elbow on N segments q(s), s from 0 to 1.
 
-    The tool is the faster of the flange and the point `tool` (3,) of the flange frame; the elbow the faster of the two
-    ends of its hinge.
+    Evaluated at `samples` points. The tool is the faster of the flange and the point `tool` (3,) of the flange frame;
+    the elbow the faster of the two ends of its hinge.
     """
     result = np.zeros((starts.shape[0], 2))
     frames = np.empty((7, 3, 4))
@@ -30,7 +30,7 @@ def path_lengths_per_share(starts, ends, dh, tool, samples):
             for j in range(6):
                 joints[j] = starts[n, j] + share * (ends[n, j] - starts[n, j])
             link_frames(dh, joints, frames)
-            # From link to link: what turns (w) and how fast the next link's origin moves (v), both per share.
+            # Velocity recursion over the links: angular (w) and linear (v) velocity, both per unit of s.
             wx, wy, wz, vx, vy, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
             for j in range(6):  # joint j turns about the z axis of frame j
                 rate = ends[n, j] - starts[n, j]

@@ -164,7 +164,7 @@ def _best_insertion(seconds, first, start, home, order, count, stop, forward, ba
 
 @njit(float64(_matrix, _indices, int64, int64, _indices, _matrix, _matrix), cache=True)
 def _reinsert(seconds, first, start, home, order, forward, backward):
-    """Or-opt local search with single stops: reinserts each at its best position while that improves; changes `order`."""
+    """Or-opt local search with single stops: reinserts each at its best position while it improves; changes `order`."""
     stops = order.shape[0]
     total = _sweep(seconds, first, start, home, order, stops, forward, backward)
     improved = True

@@ -1,8 +1,8 @@
-"""Which part of the dome the arm can light, and for the rest the reason why not.
+"""Reachability map of the dome: the light positions that the arm can serve, and the refusal reason of the others.
 
-A light counts as reachable when the arm can take it *and* get there from home on certified straight joint segments:
-what the planner chooses from this map, the route can serve. Before: the cell file and the calibration. After: pilot
-and plan choose from it, `route` makes the paths.
+A light counts as reachable when it has a valid configuration *and* certified straight joint segments connect that to
+home, so a route exists to every light that the planner chooses from this map. Before: the cell file and the
+calibration. After: pilot and plan choose from it, `routing` makes the paths.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,10 @@ from acquisition.waypoints.roadmap import connected_solutions, dome_center, dome
 
 
 class ReachMap(Value):
-    """The dome's points (view frame, m), each with its refusal or none; a `models.route.Reach`, stored as JSON."""
+    """Reachability map: dome positions (view frame, m), each with its refusal or none; implements `models.route.Reach`.
+
+    Stored as JSON.
+    """
 
     cell: CellConfig
     calibration: Calibration
@@ -45,19 +48,19 @@ class ReachMap(Value):
 
     @property
     def smallest_slant_rad(self) -> float:
-        """The smallest slant from the view axis among the candidates; π/2 where there is none."""
+        """The smallest slant from the view axis among the candidates, rad; π/2 without candidates."""
         slants = geometry.slant_azimuth(self.candidates - self.center)[0]
         return float(slants.min(initial=np.pi / 2))
 
     def allows(self, position: FloatArray) -> Refusal | None:
-        """None when the lamp can be brought to `position` (3,), facing the centre, and back home, else why not."""
+        """None if the lamp can be moved to `position` (3,), facing the centre, and back home; else the refusal."""
         return refusals(
             [lamp_pose.light_at(np.asarray(position, dtype=float), self.center)], self.cell, self.calibration
         )[0]
 
 
 def reach(cell: CellConfig, calibration: Calibration) -> ReachMap:
-    """The map of the whole dome. Raises RigError waypoints.collision when home itself is not free."""
+    """Reachability map of the dome's candidates. Raises RigError waypoints.collision when home itself is not free."""
     lights = dome_lights(cell, calibration, cell.dome.candidates)
     return ReachMap(
         cell=cell,
@@ -69,5 +72,5 @@ def reach(cell: CellConfig, calibration: Calibration) -> ReachMap:
 
 
 def refusals(lights: Sequence[Light], cell: CellConfig, calibration: Calibration) -> list[Refusal | None]:
-    """For each light (view frame) None, or why the arm cannot take it."""
+    """For each light (view frame) None if it is reachable, else the refusal."""
     return [station.refusal for station in connected_solutions(lights, cell, calibration, first=2).solutions]

@@ -1,7 +1,7 @@
-"""Rejoining an interrupted route: the same waypoints in the same order, from where the arm stands now.
+"""Rejoining an interrupted route: the remaining waypoints in the same order, from the arm's present configuration.
 
-A session that was cut off so sees each light from the place where it would have seen it anyway, and its images are the
-ones that it would have taken. The legs in between were certified when the route was made and are kept.
+So an interrupted session captures each light from the configuration that was planned for it, and its images are those
+of an uninterrupted one. The legs between the waypoints were certified when the route was made and are kept.
 """
 
 from collections.abc import Sequence
@@ -16,10 +16,10 @@ from acquisition.waypoints.routing import path_between
 def rejoin(
     route: Route, remaining: Sequence[int], start_joints: Sequence[float], cell: CellConfig, calibration: Calibration
 ) -> Route:
-    """What is left of a route, from where the arm stands now: the same places in the same order.
+    """Remaining part of a route from the arm's present configuration: the same waypoints in the same order.
 
     `left` are numbers of lights that the route serves, `start_joints` (6) rad. Raises RigError waypoints.collision when
-    no way leads to the first of them.
+    no certified path leads to the first of them.
     """
     remaining_legs = [
         (number, waypoint)
@@ -48,5 +48,5 @@ def rejoin(
 
 
 def _follows(route: Route, first: int, second: int) -> bool:
-    """Whether the route leads from one light straight on to the other."""
+    """Whether the two lights are consecutive in the route."""
     return route.light_numbers.index(second) == route.light_numbers.index(first) + 1
