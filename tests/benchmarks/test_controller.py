@@ -46,7 +46,7 @@ def cpu_seconds(process: int) -> float:
 
 
 @pytest.mark.parametrize("interface", ["rtde_control.RTDEControl", "rtde_receive.RTDEReceive", "rtde_io.RTDEIO"])
-def test_construct(benchmark: Any, interface: str) -> None:
+def test_construct_client_time(benchmark: Any, interface: str) -> None:
     """Bars: control 0.3 s, receive 0.05 s; the IO client itself waits 0.1 s."""
     module, name = interface.split(".")
     construct_client = getattr(importlib.import_module(module), f"{name}Interface")
@@ -64,7 +64,7 @@ def test_construct(benchmark: Any, interface: str) -> None:
         disconnect()
 
 
-def test_start(benchmark: Any) -> None:
+def test_start_controller_time(benchmark: Any) -> None:
     """Bar: a controller is there in under a second."""
     running: list[Any] = []
 
@@ -76,7 +76,7 @@ def test_start(benchmark: Any) -> None:
     end()
 
 
-def test_output_round_trip(benchmark: Any, cell: Cell) -> None:
+def test_output_round_trip_time(benchmark: Any, cell: Cell) -> None:
     level = [False]
 
     def toggle() -> None:
@@ -88,7 +88,7 @@ def test_output_round_trip(benchmark: Any, cell: Cell) -> None:
     benchmark.pedantic(toggle, rounds=200)
 
 
-def test_share_of_a_core_and_jitter(benchmark: Any, cell: Cell) -> None:
+def test_packets_core_share_and_jitter(benchmark: Any, cell: Cell) -> None:
     """Bars: p99 of the time between packets 4 ms, half a core; one control, two receive clients, the IO client.
 
     A plain client measures, while the arm moves; its own process shares the cores.
@@ -121,7 +121,7 @@ def test_share_of_a_core_and_jitter(benchmark: Any, cell: Cell) -> None:
     second.disconnect()
 
 
-def test_upload_to_running(benchmark: Any, cell: Cell) -> None:
+def test_upload_to_running_time(benchmark: Any, cell: Cell) -> None:
     """From the dashboard's stop to the control script playing again."""
 
     def upload() -> None:
@@ -132,7 +132,7 @@ def test_upload_to_running(benchmark: Any, cell: Cell) -> None:
     benchmark.pedantic(upload, rounds=5)
 
 
-def test_one_tick(benchmark: Any) -> None:
+def test_tick_time(benchmark: Any) -> None:
     controller = Controller(MODELS["ur5e"], HOME, now=0.0)
     controller.load(MOVE)
 
@@ -142,7 +142,7 @@ def test_one_tick(benchmark: Any) -> None:
     benchmark(tick)
 
 
-def test_compile_a_program(benchmark: Any) -> None:
+def test_compile_program_time(benchmark: Any) -> None:
     def compile_anew() -> None:
         compile_program.cache_clear()
         compile_program(BRANCHES, VOCABULARY)

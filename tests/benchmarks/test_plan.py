@@ -32,7 +32,7 @@ from tests.acquisition.plan import cases
         (500, 300, 8, 900, False, ()),
     ],
 )
-def test_plan(
+def test_plan_time(
     benchmark: BenchmarkFixture, monkeypatch: pytest.MonkeyPatch, pixels: int, candidates: int, lights: int,
     samples: int, certify: bool, counts: tuple[int, ...],
 ) -> None:  # fmt: skip
@@ -53,7 +53,7 @@ def test_plan(
 
 
 @pytest.mark.parametrize("counts", [(4,), (1, 2, 4, 8, 16)])
-def test_forecast(benchmark: BenchmarkFixture, counts: tuple[int, ...]) -> None:
+def test_forecast_time(benchmark: BenchmarkFixture, counts: tuple[int, ...]) -> None:
     true = scenes.scene(scenes.bumps, scenes.calibration(160))
     reach = scenes.Dome(refused=0)
     normal_map = cases.known_map(true, pilot.pattern(Recipe(), reach), step=1)

@@ -11,7 +11,7 @@ from tests.path_traced import bench
 
 
 @pytest.mark.parametrize("pixels", [500, 1000])
-def test_eight_images_with_bounced_light(benchmark: BenchmarkFixture, pixels: int) -> None:
+def test_solve_eight_images_with_interreflections_time(benchmark: BenchmarkFixture, pixels: int) -> None:
     lights = bench.two_rings(8)
     small = bench.render("vee", lights, pixels=64, bounces=True, samples=36)
     y = np.stack([cv2.resize(one, (pixels, pixels), interpolation=cv2.INTER_LINEAR) for one in small])

@@ -17,7 +17,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Generator[Bench, None, Non
         yield found
 
 
-def test_a_session_of_three_pilot_lights_and_a_planned_one(made: Bench, benchmark: BenchmarkFixture) -> None:
+def test_session_three_pilot_lights_and_one_planned_time(made: Bench, benchmark: BenchmarkFixture) -> None:
     with made.serve() as client:
         course = benchmark.pedantic(undisturbed, (made, client), rounds=5, warmup_rounds=1)
     benchmark.extra_info["stages_begin_s"] = [round(begins, 2) for begins in course.stages]

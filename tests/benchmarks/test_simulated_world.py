@@ -16,13 +16,13 @@ def world(name: str) -> World:
 
 
 @pytest.mark.parametrize("name", ["relief", "figure"])
-def test_preparation(benchmark: BenchmarkFixture, name: str) -> None:
+def test_world_preparation_time(benchmark: BenchmarkFixture, name: str) -> None:
     made = benchmark.pedantic(world, args=(name,), rounds=1)
     assert made.lens.width == 1024
 
 
 @pytest.mark.parametrize("level", [1.0, 0.0], ids=["lit", "dark"])
-def test_shot(benchmark: BenchmarkFixture, level: float) -> None:
+def test_world_shot_time(benchmark: BenchmarkFixture, level: float) -> None:
     scene = world("figure")
     frame = benchmark.pedantic(scene.frame, args=([ExposureInterval(1.0, LIT, level)], 0.06, 0), rounds=3)
     assert frame.shape == (1024, 1024)

@@ -91,7 +91,7 @@ def solve(images: Path, out: Path, solver: str) -> float:
 
 
 @pytest.mark.parametrize("colour", [False, True], ids=["grey", "colour"])
-def test_the_command_on_a_megapixel_under_twenty_lights(
+def test_solve_command_megapixel_twenty_lights_time_and_memory(
     benchmark: BenchmarkFixture, tmp_path: Path, colour: bool
 ) -> None:
     """Starts, reads PNG files, solves and writes all maps and the report in at most 5 s."""
@@ -103,14 +103,14 @@ def test_the_command_on_a_megapixel_under_twenty_lights(
 
 
 @pytest.mark.parametrize("solver", ["ls", "weighted"])
-def test_the_command_on_twelve_megapixels(benchmark: BenchmarkFixture, tmp_path: Path, solver: str) -> None:
+def test_solve_command_twelve_megapixels_memory(benchmark: BenchmarkFixture, tmp_path: Path, solver: str) -> None:
     """At most 1.19 GB, which is 1 GB beside the stack: with depth, all maps and the report."""
     images = folder(tmp_path / "images", (3000, 4000), 8, colour=False, suffix=".tiff")
     peak = benchmark.pedantic(solve, args=(images, tmp_path / "out", solver), rounds=1)
     benchmark.extra_info["peak memory in GB"] = round(peak, 2)
 
 
-def test_near_light_on_twelve_megapixels_and_thirty_two_images(benchmark: BenchmarkFixture, tmp_path: Path) -> None:
+def test_solve_command_near_light_32_images_memory(benchmark: BenchmarkFixture, tmp_path: Path) -> None:
     """The whole near-light recipe where the stack takes 1.5 GB as floats: memory grows with the pixels, not with the
     images, but for the flags, which lie in a file."""
     images = near_folder(tmp_path / "images", (3000, 4000), 32)

@@ -13,7 +13,7 @@ from api.cli.study.error_curves import Draws, Sample, WorkItem
 
 
 @pytest.mark.parametrize("shape", ["part", "figure"])
-def test_a_draw_of_an_object(benchmark: BenchmarkFixture, shape: str) -> None:
+def test_work_item_of_one_object_time(benchmark: BenchmarkFixture, shape: str) -> None:
     error_curves.run_item(
         WorkItem("sphere", 0, 0, run.SMALL_PIXELS, Draws({3: 1}, {3: 1}, {3: 1}), None)
     )  # kernels are loaded

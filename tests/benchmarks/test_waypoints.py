@@ -21,7 +21,7 @@ CASES = int(os.environ.get("LIGHTPOSE_CASES", "40"))
 
 
 @pytest.mark.parametrize("count", [4, 8, 12, 32])
-def test_route(benchmark: BenchmarkFixture, count: int) -> None:
+def test_route_simulated_cell_time(benchmark: BenchmarkFixture, count: int) -> None:
     cell, calibration = simulated_cell()
     lights = _lights(count)
     roadmap(cell, calibration)
@@ -35,7 +35,7 @@ def test_route(benchmark: BenchmarkFixture, count: int) -> None:
 
 
 @pytest.mark.parametrize("count", [12, 32])
-def test_route_in_random_cells(benchmark: BenchmarkFixture, count: int) -> None:
+def test_route_random_cells_time(benchmark: BenchmarkFixture, count: int) -> None:
     """Planning time over forty random cells whose roadmaps are made, and the median ratios."""
     cases = []
     seed = 0
@@ -64,7 +64,7 @@ def test_route_in_random_cells(benchmark: BenchmarkFixture, count: int) -> None:
         benchmark.extra_info[f"{name}, median"] = round(float(np.median(ratios)), 3)
 
 
-def test_reach(benchmark: BenchmarkFixture) -> None:
+def test_reach_simulated_cell_time(benchmark: BenchmarkFixture) -> None:
     cell, calibration = simulated_cell()
     roadmap(cell, calibration)
     found = benchmark.pedantic(reach_module.reach, args=(cell, calibration), rounds=2)

@@ -92,7 +92,7 @@ def test_session_fixed_pattern_completes(rig: Rig) -> None:
     assert found.coverage > 0.9
 
 
-def test_stop_during_move_next_session_starts_from_there(rig: Rig) -> None:
+def test_stop_during_move_next_session_starts_at_stopped_joints(rig: Rig) -> None:
     with client_of(rig.service) as client, ControlClient(rig.cell.address) as control:
         first = client.create(Recipe())
         client.start(first.id)

@@ -237,7 +237,7 @@ def test_surroundings_saved_file_reads_back(surroundings: Surroundings, tmp_path
         load(tmp_path / "other.npz")
 
 
-def test_surroundings_nudged_object_is_touched_at_new_place(surroundings: Surroundings) -> None:
+def test_surroundings_nudged_object_is_touched_at_new_pose(surroundings: Surroundings) -> None:
     moved = surroundings.nudged((0.2, 0.0, 0.01), np.pi)
     axis = CELL.object.keep_out.base_from_object.position_m
     before, after = surroundings.object_in_base - axis, moved.object_in_base - axis

@@ -1,4 +1,4 @@
-"""Depth with steps, where only shadows tell how high something stands above what is behind it."""
+"""Depth discontinuities: cast shadows alone determine the height of an object above the surface behind it."""
 
 import numpy as np
 
@@ -13,15 +13,15 @@ RADIUS_M, HALF_LENGTH_M, AXIS_M, PLATE_M = 0.008, 0.022, 0.022, 0.006
 
 
 def rod(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A round rod that lies 8 mm above a plate, as far as it is seen from above."""
+    """Height (m) of the upper half of a round rod whose lower side is 8 mm above a plate."""
     beyond = np.maximum(np.abs(x) - HALF_LENGTH_M, 0)
     inside = RADIUS_M**2 - y**2 - beyond**2
     plate = np.where(x**2 + y**2 < 0.05**2, PLATE_M, 0.0)
     return np.where(inside > 0, AXIS_M + np.sqrt(np.maximum(inside, 0)), plate)
 
 
-def test_a_rod_stands_as_high_as_its_shadows_say() -> None:
-    """All of it as far as its limb, not only the pixels at which shadows begin."""
+def test_solve_rod_above_plate_recovers_height_from_shadows() -> None:
+    """The full rod up to its occluding contour is at the right height, not only the pixels where shadows begin."""
     true = scenes.scene(rod, scenes.calibration(SIZE))
     center = scenes.Dome(refused=0).center
     lights = [

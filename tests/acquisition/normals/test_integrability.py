@@ -1,4 +1,4 @@
-"""Half of the noise goes, σ with it; relief of a surface stays as it is, and nothing is pulled across a step."""
+"""Projection on integrable normals: noise variance and σ² halve, relief and depth discontinuities are kept."""
 
 import numpy as np
 import pytest
@@ -26,12 +26,12 @@ def normals(log_depth: np.ndarray, ray: np.ndarray) -> np.ndarray:
 
 
 def bumpy(height: int, width: int, seed: int, slope: float = 0.3) -> np.ndarray:
-    """A surface (H + 1, W + 1) whose normals are as rough as pixels can be."""
+    """Log depth (H + 1, W + 1) of white noise: the roughest surface that pixels can represent."""
     return PITCH * slope * np.random.default_rng(seed).normal(size=(height + 1, width + 1))
 
 
 def shaken(true: np.ndarray, sigma_deg: float, seed: int) -> np.ndarray:
-    """The normals with errors of σ over both tangential directions."""
+    """The normals with Gaussian errors in the tangent plane, σ in total over both directions."""
     noise = np.random.default_rng(seed).normal(size=true.shape) * np.radians(sigma_deg) / np.sqrt(2)
     noise -= np.sum(noise * true, axis=-1, keepdims=True) * true
     out = true + noise
@@ -43,7 +43,7 @@ def error_deg(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def settled(found: np.ndarray, sigma_deg: float, ray: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Normals, σ in degrees and the variance of what pixels do not share, where all of σ is that at first."""
+    """Projected normals, σ (degrees) and independent variance (rad²), where all of σ is independent between pixels."""
     out, sigma = found.copy(), np.full(found.shape[:2], sigma_deg, np.float32)
     variance = np.radians(sigma) ** 2
     integrability.project_integrable(out, sigma, variance, ray)
@@ -51,7 +51,7 @@ def settled(found: np.ndarray, sigma_deg: float, ray: np.ndarray) -> tuple[np.nd
 
 
 @pytest.mark.parametrize("relief", [0.0, 0.02])
-def test_half_of_the_variance_goes_however_rough_the_surface_and_sigma_says_so(relief: float) -> None:
+def test_project_integrable_rough_surface_halves_variance_and_sigma(relief: float) -> None:
     ray = rays(300, 80)
     true = normals(bumpy(300, 80, 1, relief), ray)
     found, sigma, _ = settled(shaken(true, 1.0, 2), 1.0, ray)
@@ -60,7 +60,7 @@ def test_half_of_the_variance_goes_however_rough_the_surface_and_sigma_says_so(r
     assert np.mean(sigma**2) == pytest.approx(left, rel=0.06)
 
 
-def test_sure_neighbours_tell_an_unsure_pixel_more_than_it_tells_them() -> None:
+def test_project_integrable_mixed_sigma_stays_calibrated() -> None:
     ray = rays(400, 200)
     true = normals(bumpy(400, 200, 1, 0.02), ray)
     unsure = np.random.default_rng(3).random(ray.shape[1:]) < 0.2
@@ -74,7 +74,7 @@ def test_sure_neighbours_tell_an_unsure_pixel_more_than_it_tells_them() -> None:
 
 @given(seed=st.integers(0, 1000), height=st.integers(1, 40), width=st.integers(1, 12))
 @settings(max_examples=25)
-def test_a_surface_stays_as_it_is(seed: int, height: int, width: int) -> None:
+def test_project_integrable_consistent_surface_is_unchanged(seed: int, height: int, width: int) -> None:
     ray = rays(height, width)
     true = normals(bumpy(height, width, seed), ray)
     found, sigma, variance = settled(true, 2.0, ray)
@@ -83,7 +83,7 @@ def test_a_surface_stays_as_it_is(seed: int, height: int, width: int) -> None:
     np.testing.assert_allclose(np.radians(sigma) ** 2, variance, rtol=1e-4)
 
 
-def test_what_pixels_share_stays_in_sigma() -> None:
+def test_project_integrable_common_mode_variance_stays_in_sigma() -> None:
     ray = rays(30, 30)
     sigma = np.full((30, 30), 2.0, np.float32)
     variance = np.radians(np.full_like(sigma, 1.0)) ** 2
@@ -91,7 +91,7 @@ def test_what_pixels_share_stays_in_sigma() -> None:
     assert np.median(sigma) == pytest.approx(np.sqrt(3.5), rel=0.02)
 
 
-def test_pixels_without_a_normal_are_left_out() -> None:
+def test_project_integrable_pixels_without_normal_are_ignored() -> None:
     ray = rays(30, 30)
     before = shaken(normals(bumpy(30, 30, 5), ray), 1.0, 6)
     out, sigma = before.copy(), np.ones((30, 30), np.float32)
@@ -104,8 +104,8 @@ def test_pixels_without_a_normal_are_left_out() -> None:
     np.testing.assert_allclose(np.linalg.norm(out[~holes], axis=-1), 1, atol=1e-5)
 
 
-def test_two_surfaces_that_meet_at_a_limb_keep_their_normals() -> None:
-    """One rises towards the limb, the other runs along it: no one surface has both."""
+def test_project_integrable_discontinuity_keeps_both_surfaces() -> None:
+    """One surface rises towards the occluding contour, the other runs along it: no single surface has both normals."""
     ray = rays(60, 60)
     y, x = np.mgrid[:61, :61] * PITCH
     one, other = normals(-np.sqrt(0.04**2 - (x - 0.03) ** 2) * 2, ray), normals(1.2 * y, ray)
@@ -116,7 +116,7 @@ def test_two_surfaces_that_meet_at_a_limb_keep_their_normals() -> None:
     assert np.max(error_deg(found, true)) < 2.5
 
 
-def test_strips_of_rows_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_project_integrable_in_strips_equals_one_strip(monkeypatch: pytest.MonkeyPatch) -> None:
     ray = rays(120, 20)
     shown = shaken(normals(bumpy(120, 20, 9), ray), 1.0, 10)
     whole, sigma, _ = settled(shown, 1.0, ray)

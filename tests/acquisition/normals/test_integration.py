@@ -41,13 +41,13 @@ def rms_mm(found: np.ndarray, depth: np.ndarray, mask: np.ndarray) -> float:
 
 @pytest.mark.parametrize("tilt", [0.0, 0.5])
 @pytest.mark.parametrize("distortion", [0.0, -0.15])
-def test_a_wavy_surface_comes_back_within_tens_of_microns(tilt: float, distortion: float) -> None:
+def test_depth_wavy_surface_error_below_tenth_millimetre(tilt: float, distortion: float) -> None:
     depth, normal, ray = surface(tilt, distortion=distortion)
     mask = np.ones(depth.shape, np.bool_)
     assert rms_mm(integrated(normal, mask, ray, depth), depth, mask) < 0.1
 
 
-def test_holes_and_a_ragged_border_do_not_matter() -> None:
+def test_depth_mask_with_holes_recovers_surface() -> None:
     depth, normal, ray = surface(0.2)
     v, u = np.mgrid[:SIZE, :SIZE]
     angle, radius = np.arctan2(v - 80, u - 80), np.hypot(v - 80, u - 80)
@@ -59,13 +59,13 @@ def test_holes_and_a_ragged_border_do_not_matter() -> None:
     np.testing.assert_allclose(found[~mask], 0.9)
 
 
-def test_a_plane_is_exact() -> None:
+def test_depth_plane_is_exact() -> None:
     depth, normal, ray = surface(0.7, wave_m=0.0)
     mask = np.ones(depth.shape, np.bool_)
     assert rms_mm(integrated(normal, mask, ray, depth), depth, mask) < 0.03
 
 
-def test_parts_that_do_not_touch_each_keep_their_own_depth() -> None:
+def test_depth_separate_components_keep_their_mean() -> None:
     depth, normal, ray = surface(0.1)
     mask = np.zeros(depth.shape, np.bool_)
     mask[20:140, 10:60] = mask[20:140, 90:150] = True
@@ -79,7 +79,7 @@ def test_parts_that_do_not_touch_each_keep_their_own_depth() -> None:
         np.testing.assert_allclose(ratio, shift, atol=3e-4)
 
 
-def test_uncertain_pixels_yield_to_certain_ones() -> None:
+def test_depth_uncertain_pixels_do_not_distort_others() -> None:
     depth, normal, ray = surface(0.0)
     mask = np.ones(depth.shape, np.bool_)
     wrong = normal.copy()
@@ -111,7 +111,7 @@ def slab(size: int = 128) -> tuple[np.ndarray, Float32Array, np.ndarray]:
     return -height(x, y), (normal / np.linalg.norm(normal, axis=0)).astype(np.float32), np.hypot(x, y) < 0.47
 
 
-def test_an_orthographic_surface_comes_back_in_pixels() -> None:
+def test_orthographic_depth_is_in_pixels() -> None:
     depth, normal, mask = slab()
     smooth = mask & (np.mgrid[:128, :128][1] < 70)
     found = integration.orthographic_depth(normal, smooth, np.ones(mask.shape, np.float32))
@@ -121,7 +121,7 @@ def test_an_orthographic_surface_comes_back_in_pixels() -> None:
     assert np.all(found[~smooth] == 0)
 
 
-def test_steps_are_kept_where_asked() -> None:
+def test_orthographic_depth_keep_steps_lowers_error() -> None:
     depth, normal, mask = slab()
     certainty = np.ones(mask.shape, np.float32)
 
@@ -134,7 +134,7 @@ def test_steps_are_kept_where_asked() -> None:
     assert kept.mean() < 0.4 * smeared.mean()
 
 
-def test_keeping_steps_costs_a_smooth_surface_little() -> None:
+def test_depth_keep_steps_smooth_surface_stays_accurate() -> None:
     depth, normal, ray = surface(0.2)
     mask = np.ones(depth.shape, np.bool_)
     start = np.full(mask.shape, np.exp(np.mean(np.log(depth))), np.float32)

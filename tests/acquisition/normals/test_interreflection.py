@@ -1,4 +1,4 @@
-"""What is made of a prediction of bounced light: how much of it pixels send on, and what its errors do to normals."""
+"""Interreflection: reflected radiosity, scale of the prediction, and its contribution to normal variance."""
 
 import numpy as np
 import pytest
@@ -17,10 +17,10 @@ from tests.acquisition.normals import shared_scene
     share=st.floats(0.0, 0.6),
     left=st.floats(0.0, 1.0),
 )
-def test_the_albedo_is_right_whatever_is_left_of_the_bounced_light(
+def test_reflected_radiosity_any_subtracted_share_is_equal(
     albedo: float, direct: list[float], share: float, left: float
 ) -> None:
-    """Taking all, some or nothing out first gives albedos that differ, and the same light in the end."""
+    """Subtracting all, some or none of the indirect light gives different albedos and the same radiosity."""
     falling = np.array(direct, np.float32)[:, None]
     received = np.full_like(falling, share)
     values = (albedo * (falling + received)).astype(np.float32)
@@ -30,7 +30,7 @@ def test_the_albedo_is_right_whatever_is_left_of_the_bounced_light(
     np.testing.assert_allclose(sent, albedo * received, rtol=1e-3, atol=1e-6)
 
 
-def test_nothing_sends_more_than_it_receives() -> None:
+def test_reflected_radiosity_is_at_most_the_received() -> None:
     received = np.full((4, 1), 0.2, np.float32)
     values = np.full((4, 1), 3.0, np.float32)
     np.testing.assert_allclose(
@@ -38,7 +38,7 @@ def test_nothing_sends_more_than_it_receives() -> None:
     )
 
 
-def test_normals_turn_as_far_as_said_where_indirect_light_is_off_by_a_factor() -> None:
+def test_normal_variance_scale_error_equals_finite_perturbation() -> None:
     made = shared_scene.measured()
 
     def solved(values: np.ndarray) -> pixel_solve.Estimate:
@@ -56,15 +56,15 @@ def test_normals_turn_as_far_as_said_where_indirect_light_is_off_by_a_factor() -
     assert np.all(interreflection.normal_variance(right, np.zeros_like(indirect)) == 0)
 
 
-def test_black_shadows_say_that_nothing_bounces_and_a_few_wrong_ones_do_not() -> None:
-    """A prediction is believed when a quarter of it is found where no lamp shines."""
+def test_prediction_scale_dark_shadows_is_zero_half_filled_is_one() -> None:
+    """The prediction is accepted when a quarter of it is measured in attached shadows."""
     made = shared_scene.measured(size=60, largest_slant=1.3)
     found = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene, pixel_solve.PixelSolveOptions(0.05))
     light = photometry.light_vectors(
         photometry.points(made.pixels.ray, made.depth_m), made.lamp, made.calibration
     )  # fmt: skip
     away = np.einsum("fcn,cn->fn", light, made.normals) < 0
-    # Pixels side by side face anywhere in this scene; shadows are asked for in areas.
+    # Normals of neighbouring pixels are unrelated in this scene, but the detection needs connected shadow areas.
     order = np.argsort(made.normals[0] + 1e-3 * made.normals[1])
     estimate = pixel_solve.Estimate(
         **{name: np.ascontiguousarray(getattr(found, name)[..., order]) for name in vars(found)}
@@ -77,8 +77,8 @@ def test_black_shadows_say_that_nothing_bounces_and_a_few_wrong_ones_do_not() ->
     assert interreflection.prediction_scale(made.pixels, some, predicted, estimate) == 1
 
 
-def test_a_tilted_pixel_receives_what_the_plane_below_it_sends() -> None:
-    """A plane fills (1 − cos β) / 2 of the view, weighted by cosines, of a surface that is tilted against it by β."""
+def test_received_irradiance_tilted_pixel_equals_view_factor_of_plane() -> None:
+    """The view factor from a surface to a plane tilted against it by β is (1 − cos β) / 2."""
     made = shared_scene.measured(size=60)
     slant = 0.5
     normals = np.tile(np.array([[np.sin(slant)], [0.0], [np.cos(slant)]], np.float32), (1, made.depth_m.size))

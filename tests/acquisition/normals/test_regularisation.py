@@ -1,4 +1,4 @@
-"""Unsure pixels lean on their neighbours, sure ones do not, and what is at an edge stays there."""
+"""Smoothing of uncertain normals: their errors drop, certain pixels are unchanged, edges are kept."""
 
 import numpy as np
 from hypothesis import given
@@ -15,7 +15,7 @@ def dome(height: int, width: int) -> np.ndarray:
 
 
 def shaken(true: np.ndarray, sigma_deg: np.ndarray, seed: int) -> np.ndarray:
-    """The normals with errors of σ over both tangential directions."""
+    """The normals with Gaussian errors in the tangent plane, σ in total over both directions."""
     rng = np.random.default_rng(seed)
     noise = rng.normal(size=true.shape) * np.radians(sigma_deg)[..., None] / np.sqrt(2)
     noise -= np.sum(noise * true, axis=-1, keepdims=True) * true
@@ -27,7 +27,7 @@ def error_deg(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.degrees(np.arccos(np.clip(np.sum(one * other, axis=-1), -1, 1)))
 
 
-def test_a_lone_unsure_pixel_is_put_right_and_its_sigma_stays_honest() -> None:
+def test_smooth_uncertain_isolated_pixel_error_drops_sigma_holds() -> None:
     true = dome(60, 60)
     sigma = np.full((60, 60), 0.5, np.float32)
     sigma[2::4, 2::4] = 12.0
@@ -41,7 +41,7 @@ def test_a_lone_unsure_pixel_is_put_right_and_its_sigma_stays_honest() -> None:
 
 
 @given(seed=st.integers(0, 1000), rows=st.integers(1, 20), sure=st.floats(0, 1))
-def test_sure_pixels_stay_and_no_sigma_grows(seed: int, rows: int, sure: float) -> None:
+def test_smooth_uncertain_certain_pixels_unchanged_no_sigma_grows(seed: int, rows: int, sure: float) -> None:
     rng = np.random.default_rng(seed)
     true = dome(rows, 9)
     sigma = np.where(rng.random((rows, 9)) < sure, 1.0, 15.0).astype(np.float32)
@@ -57,7 +57,7 @@ def test_sure_pixels_stay_and_no_sigma_grows(seed: int, rows: int, sure: float) 
     np.testing.assert_allclose(np.linalg.norm(leant[mask], axis=-1), 1, atol=1e-5)
 
 
-def test_beside_an_edge_neighbours_that_differ_say_little() -> None:
+def test_smooth_uncertain_edge_ignores_dissimilar_neighbours() -> None:
     normals = np.zeros((9, 9, 3), np.float32)
     normals[:, :4] = (0, 0, 1)
     normals[:, 4:] = (np.sin(1.2), 0, np.cos(1.2))
@@ -68,7 +68,7 @@ def test_beside_an_edge_neighbours_that_differ_say_little() -> None:
     assert error_deg(normals[4, 4], before) < 1.0
 
 
-def test_strips_of_rows_make_no_seam() -> None:
+def test_smooth_uncertain_in_strips_has_no_seam() -> None:
     height = regularisation.STRIP_ROWS + 7
     sigma = np.full((height, 6), 6.0, np.float32)
     normals = shaken(dome(height, 6), sigma, 2)
@@ -82,8 +82,8 @@ def test_strips_of_rows_make_no_seam() -> None:
     np.testing.assert_allclose(sigma[top : top + 10], cut_sigma[1:-1], rtol=1e-5)
 
 
-def test_a_patch_that_is_unsure_as_a_whole_stays_so_but_for_its_border() -> None:
-    """Its pixels want the same lights and err alike."""
+def test_smooth_uncertain_patch_changes_at_its_border_only() -> None:
+    """Neighbours lit by the same lights have the same error: they must not confirm each other."""
     true = dome(20, 20)
     sigma = np.full((20, 20), 1.0, np.float32)
     patch, inner = (slice(5, 15),) * 2, (slice(6, 14),) * 2

@@ -18,7 +18,7 @@ CELL_FILE = Path(__file__).parents[3] / "tests" / "data" / "cell.test.toml"
 NOBODY, ARM = "127.0.15.30", "127.0.15.31"
 
 
-def test_check_one_problem_does_not_hide_others(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_several_problems_reports_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     nominal.write(tmp_path, NOBODY, 64, CELL_FILE)
     (tmp_path / "calibration.json").write_text('{"width": 64}')
     (tmp_path / "data").mkdir()

@@ -1,4 +1,4 @@
-"""Exports read back by other means than they were written: what stands in them is what they say."""
+"""Exports for other programs, read back with independent libraries."""
 
 import json
 import subprocess
@@ -20,7 +20,7 @@ from tests.acquisition.formats.folders import small
 
 
 def truth_as_result(images: ImageSet, depth: np.ndarray) -> NormalMap:
-    """The true normals as if they had been found."""
+    """The true normals as the result of a solve."""
     assert images.truth is not None
     mask = images.mask & (np.linalg.norm(images.truth, axis=-1) > 0.5)
     shape = mask.shape
@@ -71,7 +71,7 @@ def png_text(path: Path) -> str:
     return content[at + 4 : at + 4 + length].decode("latin-1").split("\0", 1)[1]
 
 
-def test_optional_maps_read_back_exactly(near: export.Source, tmp_path: Path) -> None:
+def test_write_optional_maps_read_back_exactly(near: export.Source, tmp_path: Path) -> None:
     names = export.write(near.normal_map, tmp_path / "result")
     again = export.read(tmp_path / "result")
     assert {"indirect.tiff", "doubtful.png", "albedo_rgb.tiff"} <= set(names)
@@ -84,7 +84,7 @@ def test_optional_maps_read_back_exactly(near: export.Source, tmp_path: Path) ->
     assert again.doubtful is None
 
 
-def test_the_green_of_directx_is_turned_and_both_files_say_what_they_are(near: export.Source, tmp_path: Path) -> None:
+def test_normal_images_name_convention_and_directx_inverts_green(near: export.Source, tmp_path: Path) -> None:
     found = near.normal_map
     export.write(found, tmp_path / "result")
     pictures = {}
@@ -102,7 +102,7 @@ def test_the_green_of_directx_is_turned_and_both_files_say_what_they_are(near: e
         assert "depth along the camera's axis, m" in file.pages.first.description
 
 
-def test_the_channels_of_exr(near: export.Source, tmp_path: Path) -> None:
+def test_exr_channels_equal_the_maps(near: export.Source, tmp_path: Path) -> None:
     found = near.normal_map
     file = OpenEXR.File(str(made("maps.exr", near, tmp_path / "out")), separate_channels=True)
     channels = {name: channel.pixels for name, channel in file.channels().items()}
@@ -117,7 +117,7 @@ def test_the_channels_of_exr(near: export.Source, tmp_path: Path) -> None:
     np.testing.assert_allclose(channels["G"], found.albedo_rgb[..., 1], atol=5e-4)  # type: ignore[index]
 
 
-def test_the_mesh_is_the_ball_and_faces_the_camera(near: export.Source, tmp_path: Path) -> None:
+def test_mesh_of_ball_has_its_radius_and_faces_the_camera(near: export.Source, tmp_path: Path) -> None:
     path = made("mesh.ply", near, tmp_path / "out")
     assert b"comment view frame: x right, y up" in path.read_bytes()[:300]
     mesh = trimesh.load(path, process=False)
@@ -129,7 +129,7 @@ def test_the_mesh_is_the_ball_and_faces_the_camera(near: export.Source, tmp_path
     assert len(mesh.faces) > 1.7 * len(mesh.vertices)
 
 
-def test_no_triangle_joins_two_levels(distant: export.Source, tmp_path: Path) -> None:
+def test_mesh_depth_discontinuity_is_not_bridged(distant: export.Source, tmp_path: Path) -> None:
     shape = distant.normal_map.mask.shape
     step = np.where(np.arange(shape[1]) < shape[1] // 2, 10.0, 30.0) * np.ones(shape)
     flat = replace(distant.normal_map, depth=step.astype(np.float32), mask=np.ones(shape, bool))
@@ -138,7 +138,7 @@ def test_no_triangle_joins_two_levels(distant: export.Source, tmp_path: Path) ->
     assert np.ptp(mesh.triangles[..., 2], axis=1).max() == 0
 
 
-def test_lights_for_other_programs(near: export.Source, tmp_path: Path) -> None:
+def test_lights_lp_and_dome_give_directions_and_positions(near: export.Source, tmp_path: Path) -> None:
     rows = made("lights.lp", near, tmp_path / "out").read_text().splitlines()
     assert int(rows[0]) == near.images.count == len(rows) - 1
     name, x, y, z = rows[2].split()
@@ -156,7 +156,7 @@ def test_lights_for_other_programs(near: export.Source, tmp_path: Path) -> None:
     assert adjust.shape == (6,)
 
 
-def test_a_diligent_folder_comes_back_as_it_was(distant: export.Source, tmp_path: Path) -> None:
+def test_diligent_export_reads_back_unchanged(distant: export.Source, tmp_path: Path) -> None:
     again = folders.read(made("diligent", distant, tmp_path / "out"), tmp_path)
     for index in range(again.count):
         np.testing.assert_array_equal(
@@ -169,16 +169,14 @@ def test_a_diligent_folder_comes_back_as_it_was(distant: export.Source, tmp_path
     np.testing.assert_allclose(again.lights.directions, units, atol=1e-8)  # type: ignore[union-attr]
 
 
-def test_near_light_says_that_it_is_near_where_only_directions_can_be_given(
-    near: export.Source, tmp_path: Path
-) -> None:
+def test_diligent_export_near_light_is_stated_in_readme(near: export.Source, tmp_path: Path) -> None:
     folder = made("diligent", near, tmp_path / "out")
     assert "near" in (folder / "README.txt").read_text()
     assert folders.read(folder, tmp_path).count == near.images.count
 
 
 @pytest.mark.parametrize("bits", [8, 16])
-def test_an_lp_set_of_any_depth_becomes_sixteen_bits(bits: int, tmp_path: Path) -> None:
+def test_diligent_export_of_lp_folder_has_sixteen_bits(bits: int, tmp_path: Path) -> None:
     images = folders.read(small.lp(tmp_path / "in", bits), tmp_path)
     source = export.Source(
         truth_as_result(replace(images, truth=small.sphere()[0]), np.ones(images.mask.shape)), images
@@ -187,7 +185,9 @@ def test_an_lp_set_of_any_depth_becomes_sixteen_bits(bits: int, tmp_path: Path) 
     np.testing.assert_allclose(again.values(1, 0, again.height), images.values(1, 0, again.height), atol=1e-7)
 
 
-def test_what_integration_tools_read(near: export.Source, distant: export.Source, tmp_path: Path) -> None:
+def test_integration_export_has_camera_matrix_for_near_light_only(
+    near: export.Source, distant: export.Source, tmp_path: Path
+) -> None:
     folder = made("integration", near, tmp_path / "near-out")
     np.testing.assert_allclose(np.loadtxt(folder / "K.txt"), near.images.camera.matrix, rtol=1e-8)  # type: ignore[union-attr]
     assert cv2.imread(str(folder / "normal_map.png"), cv2.IMREAD_UNCHANGED).dtype == np.uint16
@@ -196,7 +196,7 @@ def test_what_integration_tools_read(near: export.Source, distant: export.Source
     assert not (made("integration", distant, tmp_path / "distant-out") / "K.txt").exists()
 
 
-def test_a_folder_appears_whole_or_not_at_all(tmp_path: Path) -> None:
+def test_atomic_folder_failure_leaves_nothing(tmp_path: Path) -> None:
     target = tmp_path / "out"
 
     def broken() -> None:
@@ -217,7 +217,7 @@ def test_a_folder_appears_whole_or_not_at_all(tmp_path: Path) -> None:
     assert [path.name for path in target.iterdir()] == ["new"]
 
 
-def test_nobody_loses_files(tmp_path: Path) -> None:
+def test_refuse_foreign_folder_with_other_files_is_refused(tmp_path: Path) -> None:
     export.refuse_foreign(tmp_path / "new", "ours.json")
     export.refuse_foreign(tmp_path, "ours.json")
     (tmp_path / "thesis.tex").write_text("years of work")

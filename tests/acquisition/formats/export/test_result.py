@@ -1,4 +1,4 @@
-"""What is written reads back exactly, and the pictures encode what they say."""
+"""A stored result reads back exactly; its images encode the maps."""
 
 from dataclasses import fields
 from pathlib import Path
@@ -47,7 +47,7 @@ def normal_map() -> NormalMap:
     )
 
 
-def test_it_reads_back_exactly(normal_map: NormalMap, tmp_path: Path) -> None:
+def test_write_result_reads_back_exactly(normal_map: NormalMap, tmp_path: Path) -> None:
     export.write(normal_map, tmp_path / "result")
     again = export.read(tmp_path / "result")
     for field in fields(NormalMap):
@@ -63,7 +63,7 @@ def test_it_reads_back_exactly(normal_map: NormalMap, tmp_path: Path) -> None:
             assert after == before
 
 
-def test_the_picture_of_normals_is_half_of_n_plus_one_in_sixteen_bits(normal_map: NormalMap, tmp_path: Path) -> None:
+def test_write_normals_png_encodes_half_of_n_plus_one_in_16_bits(normal_map: NormalMap, tmp_path: Path) -> None:
     export.write(normal_map, tmp_path / "result")
     picture = cv2.imread(str(tmp_path / "result" / "normals.png"), cv2.IMREAD_UNCHANGED)
     assert picture.dtype == np.uint16
@@ -72,7 +72,7 @@ def test_the_picture_of_normals_is_half_of_n_plus_one_in_sixteen_bits(normal_map
     assert not np.any(picture[~normal_map.mask])
 
 
-def test_masks_counts_and_float_maps(normal_map: NormalMap, tmp_path: Path) -> None:
+def test_write_images_equal_the_maps(normal_map: NormalMap, tmp_path: Path) -> None:
     names = export.write(normal_map, tmp_path / "result")
     folder = tmp_path / "result"
     assert set(names) == {path.name for path in folder.iterdir()}
@@ -86,7 +86,7 @@ def test_masks_counts_and_float_maps(normal_map: NormalMap, tmp_path: Path) -> N
         np.testing.assert_array_equal(stored, getattr(normal_map, name))
 
 
-def test_a_second_result_replaces_the_first_as_a_whole(normal_map: NormalMap, tmp_path: Path) -> None:
+def test_write_second_result_removes_all_files_of_the_first(normal_map: NormalMap, tmp_path: Path) -> None:
     folder = tmp_path / "result"
     export.write(normal_map, folder)
     (folder / "stale.txt").write_text("of another result")
@@ -103,7 +103,7 @@ def test_a_second_result_replaces_the_first_as_a_whole(normal_map: NormalMap, tm
         "empty",
     ],
 )
-def test_a_damaged_archive_is_named(damage: str, normal_map: NormalMap, tmp_path: Path) -> None:
+def test_read_damaged_archive_is_named(damage: str, normal_map: NormalMap, tmp_path: Path) -> None:
     export.write(normal_map, tmp_path / "result")
     archive = tmp_path / "result" / export.ARCHIVE
     if damage == "missing":

@@ -1,4 +1,4 @@
-"""Small capture folders of a matt sphere, written as other programs write them."""
+"""Small capture folders of a diffuse sphere in the formats of other programs."""
 
 import json
 from pathlib import Path

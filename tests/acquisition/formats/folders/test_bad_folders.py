@@ -1,4 +1,4 @@
-"""Whatever is wrong with a folder is refused with the file's name and what to do, before anything is solved."""
+"""An invalid folder is refused before solving, with the file's name and a remedy."""
 
 import json
 from collections.abc import Callable
@@ -164,7 +164,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("make", "damage", "file", "said"), CASES)
-def test_what_is_wrong_is_named(
+def test_read_invalid_folder_names_file_and_fault(
     make: Callable[[Path], Path], damage: Damage, file: str, said: str, tmp_path: Path
 ) -> None:
     folder = make(tmp_path / "in")
@@ -179,7 +179,7 @@ def test_what_is_wrong_is_named(
     assert caught.value.context["file"]
 
 
-def test_a_folder_of_none_of_the_formats(tmp_path: Path) -> None:
+def test_kind_of_unknown_folder_is_refused(tmp_path: Path) -> None:
     for folder in (tmp_path, tmp_path / "nothing"):
         with pytest.raises(RigError) as caught:
             folders.kind_of(folder)
@@ -187,13 +187,13 @@ def test_a_folder_of_none_of_the_formats(tmp_path: Path) -> None:
         assert str(folder) in caught.value.detail
 
 
-def test_a_sphere_beside_the_object(tmp_path: Path) -> None:
+def test_read_sphere_outside_the_image_is_refused(tmp_path: Path) -> None:
     folder = small.diligent(tmp_path / "in")
     with pytest.raises(RigError, match="sphere"):
         folders.read(folder, tmp_path, sphere=folders.Sphere(500, 500, 3))
 
 
-def test_a_file_that_shrinks_while_it_is_read(tmp_path: Path) -> None:
+def test_values_file_truncated_after_opening_is_named(tmp_path: Path) -> None:
     folder = small.near(tmp_path / "in")
     images = folders.read(folder, tmp_path)
     cut("3.tiff")(folder)

@@ -1,4 +1,4 @@
-"""Folders as other programs write them are read as they are meant."""
+"""Folders of other programs: DiLiGenT, `.lp`, near light; true normals and masks."""
 
 import json
 import pickle
@@ -19,7 +19,7 @@ from tests.acquisition.formats.folders import small
 
 
 def distant_normals(images: ImageSet) -> np.ndarray:
-    """Least squares over the brighter measurements of each pixel, written out here."""
+    """Least squares over the lit measurements of each pixel, independent of the solvers."""
     assert isinstance(images.lights, DistantLights)
     stack = np.stack([images.values(index, 0, images.height) for index in range(images.count)])
     grey = stack if stack.ndim == 3 else (stack / images.lights.intensities[:, None, None]).mean(axis=-1)
@@ -41,7 +41,7 @@ def error_deg(found: np.ndarray, true: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("colour", [True, False])
-def test_a_diligent_folder(colour: bool, tmp_path: Path) -> None:
+def test_read_diligent_folder_gives_its_images_and_lights(colour: bool, tmp_path: Path) -> None:
     folder = small.diligent(tmp_path / "in", colour)
     images = folders.read(folder, tmp_path)
     assert images.channels == (3 if colour else 1)
@@ -50,8 +50,8 @@ def test_a_diligent_folder(colour: bool, tmp_path: Path) -> None:
     assert error_deg(distant_normals(images), small.sphere()[0]).max() < 0.1
 
 
-def test_a_diligent_folder_of_another_system_is_the_same(tmp_path: Path) -> None:
-    """Lines that end as on Windows, a byte order mark, columns of any width, a mask of three channels, true normals."""
+def test_read_diligent_folder_of_windows_gives_the_same(tmp_path: Path) -> None:
+    """CRLF line ends, a byte order mark, columns of any width, a mask of three channels, true normals."""
     folder = small.diligent(tmp_path / "in")
     plain = folders.read(folder, tmp_path)
     for name in ("filenames.txt", "light_directions.txt", "light_intensities.txt"):
@@ -70,7 +70,7 @@ def test_a_diligent_folder_of_another_system_is_the_same(tmp_path: Path) -> None
     np.testing.assert_allclose(images.truth, small.sphere()[0], atol=1e-6)
 
 
-def test_channels_come_in_the_order_of_their_intensities(tmp_path: Path) -> None:
+def test_values_channels_are_in_order_of_their_intensities(tmp_path: Path) -> None:
     folder = small.diligent(tmp_path / "in")
     colours = np.zeros((small.SIZE, small.SIZE, 3), np.uint16)
     colours[..., 0] = 50_000  # red; OpenCV writes the last channel first
@@ -80,7 +80,7 @@ def test_channels_come_in_the_order_of_their_intensities(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("bits", [8, 16])
-def test_an_lp_folder_names_may_hold_spaces(bits: int, tmp_path: Path) -> None:
+def test_read_lp_folder_accepts_names_with_spaces(bits: int, tmp_path: Path) -> None:
     folder = small.lp(tmp_path / "in", bits)
     images = folders.read(folder, tmp_path)
     assert images.names[2] == "img 2.png"
@@ -90,14 +90,14 @@ def test_an_lp_folder_names_may_hold_spaces(bits: int, tmp_path: Path) -> None:
     assert folders.read(folder / "lights.lp", tmp_path).names == images.names
 
 
-def test_an_lp_file_of_another_machine_finds_its_images(tmp_path: Path) -> None:
+def test_read_lp_file_with_foreign_paths_finds_its_images(tmp_path: Path) -> None:
     folder = small.lp(tmp_path / "in")
     text = (folder / "lights.lp").read_text()
     (folder / "lights.lp").write_text(text.replace("img 0", "C:\\rti\\img 0").replace("img 1", "/home/a/img 1"))
     assert folders.read(folder, tmp_path).count == 6
 
 
-def test_a_near_light_folder_comes_in_the_view_frame_in_metres(tmp_path: Path) -> None:
+def test_read_near_light_folder_is_in_view_frame_and_metres(tmp_path: Path) -> None:
     images = folders.read(small.near(tmp_path / "in"), tmp_path)
     assert isinstance(images.lights, NearLights)
     assert images.lights.positions_m[1].tolist() == pytest.approx([0.25, 0.0, -0.15])
@@ -110,7 +110,7 @@ def test_a_near_light_folder_comes_in_the_view_frame_in_metres(tmp_path: Path) -
 
 
 @pytest.mark.parametrize(("unit", "of_mm"), [("mm", 1.0), ("cm", 0.1), ("m", 0.001)])
-def test_positions_may_be_in_any_metric_unit(unit: str, of_mm: float, tmp_path: Path) -> None:
+def test_read_near_light_folder_converts_metric_units(unit: str, of_mm: float, tmp_path: Path) -> None:
     folder = small.near(tmp_path / "in")
     told = json.loads((folder / "lights.json").read_text())
     told["unit"] = unit
@@ -125,7 +125,7 @@ def test_positions_may_be_in_any_metric_unit(unit: str, of_mm: float, tmp_path: 
 
 
 @pytest.mark.parametrize(("gain", "clipped"), [(1.0, True), (3.0, False)])
-def test_floats_above_one_are_not_clipped(gain: float, clipped: bool, tmp_path: Path) -> None:
+def test_read_float_images_above_one_are_not_saturated(gain: float, clipped: bool, tmp_path: Path) -> None:
     folder = small.near(tmp_path / "in")
     for path in folder.glob("*.tiff"):
         pixels = tifffile.imread(path).astype(np.float32) / 65535
@@ -133,7 +133,7 @@ def test_floats_above_one_are_not_clipped(gain: float, clipped: bool, tmp_path: 
     assert (folders.read(folder, tmp_path).saturated_from < 1) == clipped
 
 
-def test_fields_that_are_not_known_are_named(tmp_path: Path) -> None:
+def test_read_near_light_folder_unknown_fields_are_named(tmp_path: Path) -> None:
     folder = small.near(tmp_path / "in")
     told = json.loads((folder / "lights.json").read_text())
     told["blacklevel"] = 500
@@ -146,8 +146,8 @@ def test_fields_that_are_not_known_are_named(tmp_path: Path) -> None:
     assert images.camera.distortion.tolist() == [0.1, 0, 0, 0, 0]
 
 
-def test_the_camera_of_images_cut_out_of_larger_ones_keeps_its_axis(tmp_path: Path) -> None:
-    """The optical axis is outside of what is left of the images."""
+def test_solve_cropped_images_keep_the_optical_axis(tmp_path: Path) -> None:
+    """The optical axis lies outside the cropped images."""
     folder = small.near(tmp_path / "in")
     whole = near_light.solve_least_squares(folders.read(folder, tmp_path))
     first = small.SIZE // 2 + 2
@@ -159,7 +159,7 @@ def test_the_camera_of_images_cut_out_of_larger_ones_keeps_its_axis(tmp_path: Pa
     told["camera"]["K"][0][2] -= first
     (folder / "lights.json").write_text(json.dumps(told))
     part = near_light.solve_least_squares(folders.read(folder, tmp_path))
-    # Its depth is found anew from half of the surface, so the normals are not the very same.
+    # Depth is estimated from half of the surface only, so the normals differ a little.
     assert np.median(error_deg(part.normals, whole.normals[:, first:])) < 1.0
 
 
@@ -167,7 +167,7 @@ def small_mask(folder: Path) -> np.ndarray:
     return np.asarray(cv2.imread(str(folder / "mask.png"), cv2.IMREAD_UNCHANGED))
 
 
-def test_a_black_level_is_taken_off(tmp_path: Path) -> None:
+def test_read_black_level_is_subtracted(tmp_path: Path) -> None:
     folder = small.near(tmp_path / "in")
     before = folders.read(folder, tmp_path).rows(0, 0, small.SIZE).copy()
     for path in folder.glob("*.tiff"):
@@ -180,7 +180,7 @@ def test_a_black_level_is_taken_off(tmp_path: Path) -> None:
     assert not any("black level" in sentence for sentence in after.notes["warnings"])
 
 
-def test_plain_tiff_is_read_where_it_lies_and_all_else_from_scratch(tmp_path: Path) -> None:
+def test_store_plain_tiff_is_not_copied(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     grey = rng.integers(0, 65535, (9, 7), dtype=np.uint16)
     colour = rng.integers(0, 65535, (9, 7, 3), dtype=np.uint16)
@@ -200,7 +200,7 @@ def test_plain_tiff_is_read_where_it_lies_and_all_else_from_scratch(tmp_path: Pa
 
 
 @pytest.mark.parametrize("name", ["Normal_gt.mat", "normals_gt.npy", "normals_gt.tiff", "normals_gt.exr"])
-def test_truth_is_found_in_every_form(name: str, tmp_path: Path) -> None:
+def test_read_truth_in_each_file_format_is_equal(name: str, tmp_path: Path) -> None:
     folder = small.diligent(tmp_path / "in")
     true = small.sphere()[0].astype(np.float32)
     match name.rsplit(".", maxsplit=1)[-1]:
@@ -218,7 +218,7 @@ def test_truth_is_found_in_every_form(name: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(found, true, atol=1e-6)
 
 
-def test_true_normals_may_have_any_length(tmp_path: Path) -> None:
+def test_read_truth_of_any_length_is_normalised(tmp_path: Path) -> None:
     folder = small.diligent(tmp_path / "in")
     true, mask = small.sphere()
     length = np.random.default_rng(0).uniform(0.002, 0.03, (*mask.shape, 1))
@@ -228,13 +228,13 @@ def test_true_normals_may_have_any_length(tmp_path: Path) -> None:
     np.testing.assert_allclose(found, true * mask[..., None], atol=1e-6)
 
 
-def test_a_list_of_another_machine_finds_its_images(tmp_path: Path) -> None:
+def test_read_image_list_with_foreign_paths_finds_its_images(tmp_path: Path) -> None:
     folder = small.diligent(tmp_path / "in")
     (folder / "filenames.txt").write_text("".join(f"C:\\scans\\ball\\{number:03d}.png\r\n" for number in range(1, 7)))
     assert folders.read(folder, tmp_path).count == 6
 
 
-def test_a_sphere_is_its_own_truth(tmp_path: Path) -> None:
+def test_read_sphere_given_is_the_truth(tmp_path: Path) -> None:
     folder = small.diligent(tmp_path / "in")
     images = folders.read(folder, tmp_path, sphere=folders.Sphere(small.SIZE / 2, small.SIZE / 2, small.RADIUS))
     assert images.truth is not None
@@ -243,7 +243,7 @@ def test_a_sphere_is_its_own_truth(tmp_path: Path) -> None:
     np.testing.assert_array_equal(images.evaluation_mask, images.mask)
 
 
-def test_a_sphere_seen_in_perspective(tmp_path: Path) -> None:
+def test_sphere_normals_in_perspective_agree_with_truth(tmp_path: Path) -> None:
     images = folders.read(small.near(tmp_path / "in"), tmp_path)
     focal = images.camera.matrix[0, 0]  # type: ignore[union-attr]
     radius = focal * np.tan(np.arcsin(40 / 500))

@@ -1,4 +1,4 @@
-"""The report: it stands alone, its pictures are what they say, its advice points to where light is missing."""
+"""The HTML report is self-contained, its maps are correct, its advice names the side where light is missing."""
 
 import base64
 import re
@@ -74,12 +74,12 @@ def parsed(folder: Path) -> tuple[Page, str]:
     return page, text
 
 
-def test_the_page_stands_alone_and_its_pictures_open(ball: NormalMap, tmp_path: Path) -> None:
+def test_report_page_is_self_contained(ball: NormalMap, tmp_path: Path) -> None:
     report.write(replace(ball, indirect=np.full((SIZE, SIZE), 0.1, np.float32)), FACTS, tmp_path)
     page, text = parsed(tmp_path)
     assert "http:" not in text
     assert "https:" not in text
-    assert "@" not in re.sub(r"@media", "", re.sub(r"base64,[^\"]*", "", text))  # no place is left unfilled
+    assert "@" not in re.sub(r"@media", "", re.sub(r"base64,[^\"]*", "", text))  # every placeholder is filled
     assert len(page.addresses) == 6
     for address in page.addresses:
         kind, content = address.split(";base64,")
@@ -91,7 +91,7 @@ def test_the_page_stands_alone_and_its_pictures_open(ball: NormalMap, tmp_path: 
 
 
 @pytest.mark.skipif(shutil.which("node") is None, reason="node runs the page's script")
-def test_the_script_relights_by_the_rendering_equation(ball: NormalMap, tmp_path: Path) -> None:
+def test_report_script_relights_by_the_rendering_equation(ball: NormalMap, tmp_path: Path) -> None:
     report.write(ball, FACTS, tmp_path)
     page, _ = parsed(tmp_path)
     script = "".join(page.scripts)
@@ -116,7 +116,7 @@ def test_the_script_relights_by_the_rendering_equation(ball: NormalMap, tmp_path
     assert own[8:11].tolist() == [238, 238, 236]
 
 
-def test_maps_are_means_over_the_object_only(ball: NormalMap) -> None:
+def test_reduced_maps_are_means_over_object_pixels(ball: NormalMap) -> None:
     small = pictures.reduced(ball)
     assert small.normals.shape[:2] == small.mask.shape
     assert max(small.mask.shape) <= pictures.LONGEST
@@ -139,14 +139,14 @@ def test_maps_are_means_over_the_object_only(ball: NormalMap) -> None:
     np.testing.assert_allclose(small.normals[middle], [0, 0, 1], atol=0.05)
 
 
-def test_nothing_to_complain_of(ball: NormalMap, tmp_path: Path) -> None:
+def test_sentences_good_result_is_empty(ball: NormalMap, tmp_path: Path) -> None:
     assert report.sentences(ball, FACTS) == []
     report.write(ball, FACTS, tmp_path)
     assert "Nothing to complain of" in "".join(parsed(tmp_path)[0].texts)
 
 
 @pytest.mark.parametrize(("side", "axis", "sign"), [("right", 0, 1), ("left", 0, -1), ("top", 1, 1), ("bottom", 1, -1)])
-def test_light_is_missing_where_pixels_face_and_none_stands(side: str, axis: int, sign: int, ball: NormalMap) -> None:
+def test_sentences_pixels_facing_no_light_name_the_side(side: str, axis: int, sign: int, ball: NormalMap) -> None:
     starved = sign * ball.normals[..., axis] > 0.6
     found = flagged(ball, starved, slice(0, 4), ATTACHED)
     facts = replace(FACTS, directions=np.tile([0.0, 0.0, 1.0], (LIGHTS, 1)))
@@ -158,7 +158,7 @@ def test_light_is_missing_where_pixels_face_and_none_stands(side: str, axis: int
     assert side in sentence
 
 
-def test_a_shadow_that_would_fall_again_is_no_advice(ball: NormalMap) -> None:
+def test_missing_side_repeated_cast_shadow_gives_none(ball: NormalMap) -> None:
     pit = (np.abs(ball.normals[..., 0]) < 0.3) & (np.abs(ball.normals[..., 1]) < 0.3)
     ring = np.radians(np.arange(24) * 15.0)
     everywhere = np.concatenate(
@@ -191,14 +191,14 @@ def test_a_shadow_that_would_fall_again_is_no_advice(ball: NormalMap) -> None:
         (lambda ball: replace(ball, mask=np.zeros_like(ball.mask)), "No pixel could be solved"),
     ],
 )
-def test_each_fault_has_its_sentence(change: object, said: str, ball: NormalMap, tmp_path: Path) -> None:
+def test_sentences_each_fault_is_stated_in_the_page(change: object, said: str, ball: NormalMap, tmp_path: Path) -> None:
     found = change(ball)  # type: ignore[operator]
     assert any(said in sentence for sentence in report.sentences(found, FACTS))
     report.write(found, FACTS, tmp_path)
     assert said in "".join(parsed(tmp_path)[0].texts)
 
 
-def test_figures_and_lights_are_told(ball: NormalMap, tmp_path: Path) -> None:
+def test_report_page_states_figures_and_lights(ball: NormalMap, tmp_path: Path) -> None:
     facts = replace(
         FACTS, groups=("first pass",) * 4 + ("planned",) * 2, solver="weighted", why="least residual",
         seconds={"solve": 1.25}, predicted_sigma_deg=0.61, error_deg={"mean": 0.55}, warnings=("Mind the gap.",),
@@ -211,7 +211,7 @@ def test_figures_and_lights_are_told(ball: NormalMap, tmp_path: Path) -> None:
     assert text.count('class="light kind') == LIGHTS
 
 
-def test_drawings_of_how_the_images_were_taken_are_on_the_page(ball: NormalMap, tmp_path: Path) -> None:
+def test_report_page_contains_drawings_of_the_capture(ball: NormalMap, tmp_path: Path) -> None:
     svg = '<svg viewBox="0 0 10 10" role="img" aria-label="cell from above"><path d="M1 1L9 9" /></svg>'
     report.write(ball, replace(FACTS, drawings=(("Cell <from> above", svg),)), tmp_path)
     page = (tmp_path / report.PAGE).read_text(encoding="utf-8")

@@ -1,9 +1,9 @@
-"""Hard scenes for distant light: many lights, real gloss, cast shadows and light that the object throws on itself.
+"""Hard scenes for distant light: many lights, measured kinds of gloss, cast shadows and interreflection.
 
-Made independently of the solvers: meshes by ray casting, reflectances that no solver's basis contains (Ward,
+Rendered independently of the solvers: meshes by ray casting, reflectances that no solver's basis contains (Ward,
 Beckmann–Cook–Torrance, GGX mixtures, Lafortune, Ashikhmin's coupled diffuse, Oren–Nayar), with different gloss in
-different places, bounced light by Monte Carlo over diffuse reflection, light directions and intensities a little wrong,
-and a sensor that counts electrons.
+different places, interreflection by Monte Carlo over diffuse reflection, errors in light directions and intensities,
+and a sensor with shot and read noise.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ Reflectance = Callable[[dict[str, FloatArray], FloatArray], FloatArray]
 
 
 def lights(columns: int = 12, rows: int = 8) -> FloatArray:
-    """Directions (F, 3) on a grid over about ±45° × ±32°, a little irregular as a real rig's are."""
+    """Directions (F, 3) on a slightly irregular grid over about ±45° × ±32°."""
     rng = np.random.default_rng(96)
     x, y = np.meshgrid(np.linspace(-0.98, 0.98, columns), np.linspace(-0.6, 0.62, rows))
     grid = np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3) + rng.normal(0, 0.01, (columns * rows, 3))
@@ -96,7 +96,7 @@ REFLECTANCES: dict[str, Reflectance] = {
 
 
 def _turned(triangles: FloatArray) -> FloatArray:
-    """Seen from the side: the object's z axis up in the image, the camera along its −y."""
+    """Triangles in a side view: the object's z axis up in the image, the camera along its −y."""
     return triangles[..., [0, 2, 1]] * np.array([1.0, 1.0, -1.0])
 
 
@@ -119,7 +119,7 @@ def mesh(shape: str) -> trimesh.Trimesh:
 
 @dataclass(frozen=True)
 class Scene:
-    """Images (F, H, W, 3) as fractions of full scale, and what is true of each pixel."""
+    """Images (F, H, W, 3) as fractions of full scale, and the ground truth of each pixel."""
 
     name: str
     images: FloatArray
@@ -135,7 +135,7 @@ class Scene:
         return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
 
     def image_set(self, bits: int = 16) -> ImageSet:
-        """As a reader would give it."""
+        """The images as quantised integers with the nominal lights, as a folder reader returns them."""
         full = 2**bits - 1
         stored = np.clip(np.round(self.images * full), 0, full).astype(np.uint16)
         count, height, width, channels = stored.shape
@@ -214,7 +214,7 @@ def _smooth_normals(thing: trimesh.Trimesh, triangle: FloatArray, place: FloatAr
 
 
 def _sample(caster, thing, shape, mask, ray, place, normal, material, seed, rng, bounces, step):
-    """Light (F, N, 3), normals (N, 3) and lit (F, N) at one place in each pixel of the mask."""
+    """Radiance (F, N, 3), normals (N, 3) and lit mask (F, N) at one sample of each pixel of the mask."""
     size = mask.shape[0]
     row = np.full(size * size, -1)
     row[ray] = np.arange(len(ray))
@@ -251,7 +251,7 @@ def _sample(caster, thing, shape, mask, ray, place, normal, material, seed, rng,
 
 
 def _bounced(caster, point, normal, albedo, irradiance, mask, step, rng, count):
-    """Diffuse light (F, N, 3) from other visible places of the object, two bounces."""
+    """Diffuse indirect radiance (F, N, 3) from other visible points of the object, two bounces."""
     if count == 0:
         return 0.0
     size = mask.shape[0]
@@ -271,7 +271,7 @@ def _bounced(caster, point, normal, albedo, irradiance, mask, step, rng, count):
         good = (column >= 0) & (column < size) & (line >= 0) & (line < size)
         ray, place, column, line = ray[good], place[good], column[good], line[good]
         hit = number[line, column]
-        # What the camera does not see there counts like what lies nearest to it in the image, darker.
+        # A point hidden from the camera has no shading: the pixel it projects to replaces it, at half radiance.
         hidden = np.abs(point[hit][:, 2] - place[:, 2]) > 0.1
         sources.append((ray, hit, np.where(hidden, 0.5, 1.0) * (hit >= 0)))
     for ray, hit, weight in sources:

@@ -1,4 +1,4 @@
-"""Distant light on small scenes of known truth: matt, shadowed, coloured, glossy; and sets that nobody can solve."""
+"""Distant-light solvers on small scenes of known truth: diffuse, shadowed, coloured, glossy; and invalid image sets."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ FULL = 65535
 
 
 def ball(size: int = SIZE) -> tuple[np.ndarray, np.ndarray]:
-    """Normals (H, W, 3) of a ball that fills the image, as far as 75° from the view, and where it is."""
+    """Normals (H, W, 3) of a ball that fills the image, up to 75° from the viewing direction, and its mask (H, W)."""
     v, u = np.mgrid[:size, :size]
     x, y = (u - size / 2 + 0.5) / (size / 2), -(v - size / 2 + 0.5) / (size / 2)
     squared = x**2 + y**2
@@ -56,7 +56,7 @@ def errors(found: np.ndarray, normals: np.ndarray, mask: np.ndarray) -> np.ndarr
 
 
 @pytest.mark.parametrize("solver", ["ls", "weighted", "robust", "auto"])
-def test_a_matt_surface_without_shadow_is_exact(solver: distant.Solver) -> None:
+def test_solve_diffuse_unshadowed_surface_is_exact(solver: distant.Solver) -> None:
     normals, mask = ball()
     mask = mask & (normals[..., 2] > np.cos(np.radians(40)))
     images = image_set(lambert(normals, few_lights()), few_lights(), mask)
@@ -67,7 +67,7 @@ def test_a_matt_surface_without_shadow_is_exact(solver: distant.Solver) -> None:
     assert np.all(found.flags[:, mask] == LIT)
 
 
-def test_plain_least_squares_leaves_nothing_out_and_mixes_colours_by_luma() -> None:
+def test_solve_least_squares_uses_all_values_and_mixes_colours_by_luma() -> None:
     rng = np.random.default_rng(1)
     brightness, directions = rng.uniform(0, 1, (8, 6, 7, 3)), few_lights()
     intensities = rng.uniform(0.5, 1.0, (8, 3))
@@ -79,7 +79,7 @@ def test_plain_least_squares_leaves_nothing_out_and_mixes_colours_by_luma() -> N
     np.testing.assert_allclose(found.normals, expected, atol=1e-3)
 
 
-def test_weights_leave_out_shadows_clipping_and_highlights_and_flag_them() -> None:
+def test_solve_weighted_excludes_and_flags_shadow_clip_and_highlight() -> None:
     normals, mask = ball()
     directions = few_lights(10)
     true = lambert(normals, directions)
@@ -101,7 +101,7 @@ def test_weights_leave_out_shadows_clipping_and_highlights_and_flag_them() -> No
     assert np.all(found.flags[deep & mask] == ATTACHED)
 
 
-def test_the_robust_solver_survives_what_no_threshold_sees() -> None:
+def test_solve_robust_penumbra_outliers_keep_normals() -> None:
     rng = np.random.default_rng(2)
     normals, mask = ball()
     directions = few_lights(10)
@@ -116,7 +116,7 @@ def test_the_robust_solver_survives_what_no_threshold_sees() -> None:
 
 
 @pytest.mark.parametrize("solver", ["ls", "weighted", "robust"])
-def test_colours_share_a_normal_and_keep_their_own_albedo(solver: distant.Solver) -> None:
+def test_solve_colour_images_recovers_albedo_of_each_channel(solver: distant.Solver) -> None:
     normals, mask = ball()
     mask = mask & (normals[..., 2] > np.cos(np.radians(40)))
     tint = np.array([0.7, 0.3, 0.1])
@@ -128,8 +128,8 @@ def test_colours_share_a_normal_and_keep_their_own_albedo(solver: distant.Solver
     np.testing.assert_allclose(found.albedo_rgb[mask], np.broadcast_to(tint, (np.count_nonzero(mask), 3)), rtol=0.02)
 
 
-def test_a_channel_that_hardly_any_light_fell_on_does_not_spoil_the_others() -> None:
-    """Divided by its light's intensity it is all noise."""
+def test_solve_channels_with_little_light_do_not_raise_error() -> None:
+    """Divided by its light's intensity, such a channel is only noise."""
     normals, mask = ball()
     mask = mask & (normals[..., 2] > np.cos(np.radians(40)))
     strength = np.tile([1.0, 0.02, 0.001], (8, 1))
@@ -140,7 +140,7 @@ def test_a_channel_that_hardly_any_light_fell_on_does_not_spoil_the_others() -> 
 
 
 @pytest.mark.parametrize("solver", ["ls", "weighted", "robust"])
-def test_sigma_is_what_is_found_on_average(solver: distant.Solver) -> None:
+def test_solve_noisy_images_sigma_is_calibrated(solver: distant.Solver) -> None:
     rng = np.random.default_rng(4)
     normals, mask = ball(96)
     mask = mask & (normals[..., 2] > np.cos(np.radians(40)))
@@ -153,7 +153,7 @@ def test_sigma_is_what_is_found_on_average(solver: distant.Solver) -> None:
     assert np.mean(ratio < 2) > 0.92
 
 
-def test_gloss_no_least_squares_can_follow() -> None:
+def test_solve_glossy_surface_auto_chooses_glossy_solver() -> None:
     normals, mask = ball(24)
     directions = lights()
     half = directions + np.array([0, 0, 1.0])
@@ -170,7 +170,7 @@ def test_gloss_no_least_squares_can_follow() -> None:
     assert np.median(chosen) < 0.4
 
 
-def test_a_surface_that_is_all_gloss_has_normals() -> None:
+def test_solve_purely_specular_surface_recovers_normals() -> None:
     normals, mask = ball(14)
     mask = mask & (normals[..., 2] > np.cos(np.radians(30)))
     directions = lights()
@@ -184,8 +184,8 @@ def test_a_surface_that_is_all_gloss_has_normals() -> None:
     assert np.median(errors(found.normals, normals, mask)) < 1.5
 
 
-def test_a_pixel_that_starts_badly_is_helped_by_its_neighbours() -> None:
-    """A row of a glossy ball; a third of its pixels are said to have been found far off."""
+def test_from_neighbours_bad_initial_normals_are_corrected() -> None:
+    """A row of a glossy ball; a third of its pixels start far from the solution."""
     normals, mask = ball()
     row = np.flatnonzero(mask)
     row = row[row // SIZE == SIZE // 2]
@@ -209,7 +209,7 @@ def test_a_pixel_that_starts_badly_is_helped_by_its_neighbours() -> None:
     assert np.all(helped.loss <= spoiled["loss"])
 
 
-def test_how_far_normals_turn_with_the_form_of_the_matt_part_is_foretold() -> None:
+def test_form_variance_equals_finite_perturbation_of_diffuse_form() -> None:
     normals, mask = ball(14)
     true, table = normals[mask & (normals[..., 2] > np.cos(np.radians(50)))], reflectance_fit.light_table(lights())
     half = np.clip(true @ table[3:], 0, 1)
@@ -227,7 +227,7 @@ def test_how_far_normals_turn_with_the_form_of_the_matt_part_is_foretold() -> No
     assert np.degrees(np.median(np.sqrt(foretold))) > 0.3
 
 
-def test_roughness_is_noise_and_not_curvature() -> None:
+def test_roughness_measures_noise_and_not_curvature() -> None:
     normals, mask = ball(96)
     mask = mask & (normals[..., 2] > np.cos(np.radians(50)))
     place, smooth = np.flatnonzero(mask), normals[mask]
@@ -244,10 +244,10 @@ GLOSSY = tuple((shape, material) for shape in ("ball", "figure-side", "vase-side
 
 @pytest.mark.long
 @pytest.mark.timeout(1800)
-def test_sigma_of_glossy_surfaces_is_honest_over_many_scenes() -> None:
+def test_solve_glossy_scenes_sigma_is_calibrated() -> None:
     """Eighteen draws of shape, material, texture, resolution and noise.
 
-    A material that the form's family does not hold turns all normals together, so single scenes tell nothing.
+    A material outside the family of diffuse forms biases all normals of a scene, so the share is taken over scenes.
     """
     told: list[tuple[float, float]] = []
     for number, (shape, material) in enumerate(GLOSSY):
@@ -274,8 +274,8 @@ def test_sigma_of_glossy_surfaces_is_honest_over_many_scenes() -> None:
         ("vase-side", "plaster", 1.1, 0.7),
     ],
 )
-def test_hard_scenes_of_real_gloss(shape: str, material: str, mean_deg: float, median_deg: float) -> None:
-    """What was found when the solver was made, with a quarter to spare; least squares is wrong by 5° to 20°."""
+def test_solve_glossy_scenes_error_meets_bound(shape: str, material: str, mean_deg: float, median_deg: float) -> None:
+    """Bounds: errors measured when the solver was written, plus a quarter; least squares errs by 5° to 20°."""
     true = gloss_scenes.scene(shape, material)
     found = distant.solve(true.image_set(), "auto", with_depth=False)
     error = true.errors_deg(found.normals)
@@ -285,19 +285,19 @@ def test_hard_scenes_of_real_gloss(shape: str, material: str, mean_deg: float, m
     assert error.mean() < 0.3 * true.errors_deg(distant.solve(true.image_set(), "ls", with_depth=False).normals).mean()
 
 
-def test_blocks_of_any_height_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_solve_in_blocks_of_rows_equals_solve_in_one(monkeypatch: pytest.MonkeyPatch) -> None:
     normals, mask = ball()
     images = image_set(lambert(normals, few_lights()), few_lights(), mask)
     whole = distant.solve(images, "weighted")
     monkeypatch.setattr(pixel_blocks, "BLOCK_BYTES", 8 * SIZE * 2 * 7)
     parts = distant.solve(images, "weighted")
     # Pixels are solved one by one in double precision; where a block begins decides on vector or scalar instructions,
-    # whose last bits differ by the processor. What is kept is rounded to single precision, at worst another way.
+    # whose last bits differ by the processor. Results are rounded to single precision, at worst to the next value.
     np.testing.assert_allclose(whole.normals, parts.normals, rtol=0, atol=np.finfo(np.float32).eps)
     np.testing.assert_array_equal(whole.flags, parts.flags)
 
 
-def test_eight_bits_and_floats_are_read_as_well() -> None:
+def test_solve_8_bit_and_float_images_give_same_normals() -> None:
     normals, mask = ball()
     brightness = lambert(normals, few_lights())
     reference = distant.solve(image_set(brightness, few_lights(), mask), "weighted").normals
@@ -308,7 +308,7 @@ def test_eight_bits_and_floats_are_read_as_well() -> None:
     assert np.median(errors(distant.solve(as_bytes, "weighted").normals, reference, mask)) < 0.4
 
 
-def test_fewer_than_three_lit_measurements_are_doubtful() -> None:
+def test_solve_fewer_than_three_lit_measurements_are_doubtful() -> None:
     normals, mask = ball()
     directions = few_lights(4)
     shown = lambert(normals, directions)
@@ -321,7 +321,7 @@ def test_fewer_than_three_lit_measurements_are_doubtful() -> None:
     assert np.nanmin(found.sigma_deg[here]) > 30
 
 
-def test_the_near_kernel_follows_the_inverse_square() -> None:
+def test_near_least_squares_inverse_square_recovers_normals() -> None:
     rng = np.random.default_rng(5)
     count = 500
     depth = rng.uniform(0.8, 1.0, count).astype(np.float32)
@@ -361,43 +361,43 @@ def with_lights(images: ImageSet, directions: np.ndarray) -> ImageSet:
     return replace(images, lights=DistantLights(directions, np.ones((len(directions), 1))))
 
 
-def test_two_images_are_refused() -> None:
+def test_solve_two_images_is_refused() -> None:
     assert "002.png" in refused(good(2)).detail
 
 
-def test_parallel_lights_are_refused() -> None:
+def test_solve_parallel_lights_is_refused() -> None:
     assert "parallel" in refused(with_lights(good(), np.tile([0.1, 0.2, 1.0], (8, 1)))).detail
 
 
-def test_lights_in_one_plane_are_refused() -> None:
+def test_solve_coplanar_lights_is_refused() -> None:
     flat = few_lights().copy()
     flat[:, 1] = 0
     assert "one plane" in refused(with_lights(good(), flat)).detail
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 0.0])
-def test_a_light_that_is_no_direction_is_refused_by_name(bad: float) -> None:
+def test_solve_invalid_light_direction_is_named(bad: float) -> None:
     directions = few_lights().copy()
     directions[4] = bad
     assert refused(with_lights(good(), directions)).context["file"] == "005.png"
 
 
-def test_an_intensity_of_nothing_is_refused_by_name() -> None:
+def test_solve_zero_intensity_is_named() -> None:
     strength = np.ones((8, 1))
     strength[2] = 0
     assert refused(replace(good(), lights=DistantLights(few_lights(), strength))).context["file"] == "003.png"
 
 
-def test_lights_of_another_number_are_refused() -> None:
+def test_solve_light_count_mismatch_is_refused() -> None:
     assert "one row for each" in refused(with_lights(good(), few_lights(6))).detail
 
 
-def test_an_empty_mask_is_refused() -> None:
+def test_solve_empty_mask_is_refused() -> None:
     assert "mask" in refused(replace(good(), mask=np.zeros((SIZE, SIZE), np.bool_))).detail
 
 
 @pytest.mark.parametrize(("value", "word"), [(0.0, "black"), (1.0, "clipped")])
-def test_a_useless_image_is_refused_by_name(value: float, word: str) -> None:
+def test_solve_black_or_clipped_image_is_named(value: float, word: str) -> None:
     normals, mask = ball()
     shown = lambert(normals, few_lights())
     shown[3] = value
@@ -406,12 +406,12 @@ def test_a_useless_image_is_refused_by_name(value: float, word: str) -> None:
     assert word in error.detail
 
 
-def test_values_that_are_not_finite_are_refused_by_name() -> None:
+def test_solve_non_finite_values_are_named() -> None:
     images = good()
     stored = lambert(ball()[0], few_lights()).astype(np.float32)
     stored[5] = np.nan
     assert refused(replace(images, rows=Rows(stored), full_scale=1.0)).context["file"] == "006.png"
 
 
-def test_gloss_of_a_few_lights_is_refused() -> None:
+def test_solve_glossy_with_few_lights_is_refused() -> None:
     assert str(solvers.GLOSSY_LIGHTS) in refused(good(), "glossy").detail
