@@ -309,7 +309,7 @@ def test_signal_during_capture_interrupts_session_and_ends_service(live: Any) ->
 
     live.server.handle_exit(signal.SIGTERM, None)
     with pytest.raises(httpx.TransportError):
-        for _ in live.client.events(created.id, after=0, patience_s=0.0):
+        for _ in live.client.events(created.id, after=0, reconnect_timeout_s=0.0):
             pass
     while live.thread.is_alive():
         live.thread.join(1)
