@@ -1,9 +1,9 @@
 """Light positions by optimum experimental design: the next lights that lower the variance of the normals most.
 
-Before: `normals`, whose normal map, albedo, depth, σ and information per pixel are all that is read. After:
-`waypoints`, or nothing when the recipe is fulfilled. `choose` plans a number of lights, `plan_to_target` also chooses
-how many an ordered accuracy takes, `forecast` predicts σ against that number, and `baseline` gives the fixed patterns
-that planning is compared with.
+Before: `normals`, whose normal map, albedo, depth, σ and information per pixel are the only input. After: `waypoints`,
+or nothing when the recipe is fulfilled. `choose` plans a number of lights, `plan_to_target` also chooses how many a
+target accuracy needs, `forecast` predicts σ as a function of that number, and `baseline` gives the fixed patterns that
+plans are compared with.
 """
 
 from acquisition.plan.baselines import baseline

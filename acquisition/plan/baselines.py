@@ -1,7 +1,7 @@
 """Fixed light patterns for comparison: two rings, one ring, Drbohlav–Chantler, Gardi–Walter–Garbe, maximin, random.
 
-Each is a set of ideal directions, brought to the nearest reachable positions, so that all methods run through the same
-session. The rival that matters is `two-rings`: a third of the lights at 25° and the rest at 55°, staggered.
+Each is a set of ideal directions, assigned to the nearest reachable positions, so that all methods run through the same
+session. The strongest from eight lights on is `two-rings`: a third of the lights at 25° and the rest at 55°, staggered.
 """
 
 import numpy as np
@@ -14,21 +14,26 @@ from acquisition.models.recipe import Method, Recipe
 from acquisition.models.route import Reach
 
 INNER_SLANT_DEG, OUTER_SLANT_DEG = 25.0, 55.0
+"""Slants of the two rings; decision 0029."""
 DRBOHLAV_SLANT_DEG = 54.74
 """arccos(1/√3): orthogonal lights when there are three (Drbohlav and Chantler 2005)."""
 
 VIEWING_AXIS = np.array([0.0, 0.0, 1.0])
+"""Unit vector to the camera, view frame."""
 AZIMUTH_STEPS = 12
+"""Azimuths of a ring pattern, as fractions of its step, that are tried."""
 PAPER_STARTS = 20
+"""Random starts of the gradient descent on the paper's criterion."""
 MAX_SLANT_DEG = 75.0
-"""Unbounded, the paper's criterion sends all lights to the horizon of a surface that faces the camera."""
+"""Bound of the slant for the paper's criterion, whose unbounded minimum lies at the horizon of a surface that faces the
+camera."""
 
 
 def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightPlan:
-    """The lights of a method other than `optimal`; nothing is predicted of them.
+    """Fixed light pattern of a method other than `optimal`, without a prediction of σ.
 
     Raises RigError plan.infeasible when the reach does not allow so many lights, waypoints.unreachable naming the
-    user's own lights that the arm cannot serve, request.invalid for `optimal`, which needs a normal map.
+    user's own lights that the arm cannot reach, request.invalid for `optimal`, which needs a normal map.
     """
     if method == "user":
         return _user(recipe, reach)
@@ -60,7 +65,10 @@ def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightP
 
 
 def two_rings(count: int, turn: float = 0.0) -> FloatArray:
-    """Directions (count, 3): a third at 25°, the rest at 55°, staggered by half a step; `turn` in steps of the ring."""
+    """Two-ring pattern: unit directions (count, 3), a third at 25°, the rest at 55°, staggered by half a step.
+
+    `turn` rotates both rings, in steps of each.
+    """
     inner = round(count / 3) if count > 3 else 0
     outer = count - inner
     step = 2 * np.pi / outer
@@ -72,10 +80,10 @@ def two_rings(count: int, turn: float = 0.0) -> FloatArray:
 
 
 def least_trace_directions(count: int, rng: np.random.Generator) -> FloatArray:
-    """Unit directions (count, 3) in the upper half space of least tr(B(SᵀS)⁻¹Bᵀ) for a surface facing the camera.
+    """Criterion of Gardi, Walter and Garbe: unit directions (count, 3) minimising tr(B(SᵀS)⁻¹Bᵀ), B = I − n nᵀ.
 
-    Gradient descent on the sphere of unit lights (the criterion without that bound has no minimum: growing lights makes
-    it as small as one likes), from random starts. B = I − n nᵀ with n the viewing axis.
+    n is the viewing axis, so the surface faces the camera. Gradient descent on the sphere of unit lights from random
+    starts; without the unit constraint the criterion has no minimum, because longer light vectors always lower it.
     """
     tangential = np.diag([1.0, 1.0, 0.0])
 
@@ -114,7 +122,7 @@ def _rings(method: Method, count: int, slant_deg: float, turn: float) -> FloatAr
 
 
 def _maximin(units: FloatArray, count: int) -> list[int]:
-    """Candidates that keep the greatest least angle: farthest-point start, then exchange."""
+    """Maximin design: candidates with the largest minimum angle, by farthest-point selection, then exchange."""
     cosines = np.clip(units @ units.T, -1, 1)
     chosen = [int(np.argmax(units[:, 2]))]
     while len(chosen) < count:
@@ -147,7 +155,7 @@ def _plan(
 
 
 def describe_direction(unit: FloatArray) -> str:
-    """A direction in words."""
+    """Slant and azimuth of a unit direction as text."""
     slant, azimuth = geometry.slant_azimuth(unit)
     return f"slant {np.degrees(slant):.0f}°, azimuth {np.degrees(azimuth) % 360:.0f}°"
 

@@ -1,11 +1,11 @@
 """Posterior angular variance of each pixel's normal under a set of lights (Bayesian linear design).
 
-A sample pixel knows (g, ζ), albedo × normal and a depth offset, with the information that the images so far gave it. A
-candidate light adds a row to it: its light vector there, weighted by the noise that the exposure for that light would
-bring. Whether the pixel will see the light at all is a probability, of being turned to it and of nothing standing
-between, known as well as the pilot's shape is. Three scenarios carry that into the criterion: each holds every light of
-probability above its level visible, because an error of one pixel's normal hides all lights of one side together.
-Multiplying information by probability instead would be optimistic.
+The parameters of a sample pixel are (g, ζ), albedo × normal and a scaled depth offset, with the Fisher information of
+the images so far as prior. A candidate light adds a design row: its light vector at the pixel, whitened by the noise at
+the exposure that the light would get. Whether the pixel will see the light is a probability, of no attached and no cast
+shadow, given the uncertainty of the pilot's shape. Three scenarios carry it into the criterion: each regards every
+light of probability above its level as visible, because an error of one pixel's normal hides all lights of one side
+together. Multiplying information by probability instead would be optimistic (decision 0027).
 """
 
 from collections.abc import Sequence
@@ -28,20 +28,25 @@ from acquisition.plan.planned_noise import Gloss
 from acquisition.plan.visibility import Surface
 
 VISIBILITY_LEVELS = (1 / 6, 1 / 2, 5 / 6)
+"""Visibility probabilities above which a light counts as visible, one for each scenario; decision 0027."""
 MIN_COSINE = 0.08
+"""Cosine of incidence below which a pixel counts as in attached shadow."""
 CERTAIN_VISIBILITY = 0.9
+"""Visibility probability above which a dark measurement counts as an unexplained shadow."""
 ATTACHED_SIGMA = 0.06
+"""1 σ of the attached-shadow threshold, in cosine of incidence; combined with the normal's own σ."""
 CAST_SIGMA = 0.04
+"""1 σ of the cast-shadow threshold, in slope of clearance; combined with the normal's own σ."""
 MAX_INDIRECT_SHARE = 0.5
-"""Share of bounced light in a pixel's images beyond which it is not believed."""
+"""Upper bound of the share of interreflection in a pixel's images; larger estimates are clipped."""
 
 MIN_LIGHTS = 3
-"""Lights that a pixel's normal takes."""
+"""Lights needed to determine a pixel's normal and albedo."""
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Sample pixels: what the images so far say of them."""
+    """Sample pixels with their estimates and Fisher information from the images so far."""
 
     row: np.ndarray  # (P,)
     column: np.ndarray  # (P,)
@@ -51,20 +56,20 @@ class Samples:
     albedo: Float32Array  # (P,)
     sigma: Float32Array  # (P,) rad
     information: FloatArray  # (P, 4, 4) of (g, ζ), weak prior included
-    lit: Float32Array  # (P,) images so far that see the pixel
-    curvature_variance: Float32Array  # (P,) rad², variance that no light removes
-    indirect: Float32Array  # (P,) y that other surfaces made, mean of the images so far
+    lit: Float32Array  # (P,) images so far in which the pixel is lit
+    curvature_variance: Float32Array  # (P,) rad², independent of the lights
+    indirect: Float32Array  # (P,) indirect part of y, mean of the images so far
     captured_directions: FloatArray  # (T, 3) unit directions of the lights of those images
 
     @cached_property
     def packed(self) -> FloatArray:
-        """The upper entries (10, P) of the information."""
+        """The upper triangle (10, P) of the information."""
         upper = np.triu_indices(4)
         return np.ascontiguousarray(self.information[:, upper[0], upper[1]].T)
 
     @property
     def prior(self) -> FloatArray:
-        """The weak prior's part (P, 4, 4) of the information."""
+        """Information (P, 4, 4) of the weak prior alone."""
         return _prior_information(self.albedo)
 
     @cached_property
@@ -93,7 +98,7 @@ class Candidates:
     unit: FloatArray  # (K, 3) directions of the lights
 
     def only(self, chosen: list[int] | npt.NDArray[np.intp]) -> "Candidates":
-        """Some of the candidates."""
+        """Subset of the candidates."""
         return Candidates(
             np.ascontiguousarray(self.row[chosen]), np.ascontiguousarray(self.visibility[chosen]), self.unit[chosen]
         )
@@ -105,7 +110,7 @@ class Candidates:
         )
 
     def joined(self, others: "Candidates") -> "Candidates":
-        """These candidates, then the others."""
+        """Concatenation of these candidates and others."""
         return Candidates(
             np.concatenate([self.row, others.row]),
             np.concatenate([self.visibility, others.visibility]),
@@ -114,14 +119,14 @@ class Candidates:
 
 
 def directions(lights: Sequence[Light]) -> FloatArray:
-    """Unit directions (K, 3) in which lights stand, seen from where they look."""
+    """Unit directions (K, 3) from the point at which lights look to the lights."""
     return -np.array([light.axis for light in lights]).reshape(-1, 3)
 
 
 def samples(
     normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray, captured: Sequence[Light] = ()
 ) -> Samples:
-    """The sample pixels of a normal map with these numbers in its `information`; `taken`: the lights it was made of."""
+    """Sample pixels of a normal map, by numbers in its `information`; `captured`: the lights it was solved from."""
     rows, columns = normal_map.information.rows[chosen], normal_map.information.columns[chosen]
     ray = visibility.rays_at(calibration, rows, columns)
     depth = normal_map.depth[rows, columns]
@@ -153,7 +158,7 @@ def _prior_information(albedo: Float32Array) -> FloatArray:
 
 
 def usable_pixels(normal_map: NormalMap, calibration: Calibration) -> np.ndarray:
-    """Numbers of the information's pixels that a plan can reason about: finite, and among those that errors count."""
+    """Numbers of the information's pixels that a plan can use: finite, and among those that error figures count."""
     information = normal_map.information
     rows, columns = information.rows, information.columns
     if not len(rows):
@@ -174,7 +179,7 @@ def usable_pixels(normal_map: NormalMap, calibration: Calibration) -> np.ndarray
 
 @dataclass(frozen=True)
 class _Shading:
-    """How lights fall on sample pixels, and what the pixels then give."""
+    """Near-light shading of sample pixels: light vectors, distances, cosines of incidence, and predicted values y."""
 
     light: Float32Array  # (K, 3, P)
     strength: Float32Array  # (K, P)
@@ -195,8 +200,10 @@ def candidates(
     sample: Samples, lights: list[Light], surface: Surface, calibration: Calibration, recipe: Recipe,
     gloss: Gloss = planned_noise.DIFFUSE, *, cautious: bool = False,
 ) -> Candidates:  # fmt: skip
-    """Rows and visibilities of lights at the sample pixels, with the exposure that each light would get; with the noise
-    that is expected, or `cautious`, to choose by."""
+    """Whitened design rows and visibility probabilities of lights at the sample pixels, at each light's own exposure.
+
+    `cautious`: with the noise by which lights are chosen, otherwise with the expected noise (`planned_noise`).
+    """
     lamp = photometry.lamps(lights)
     shading = _shading(sample, lamp, calibration)
     direction_sigma = sample.sigma / np.sqrt(2.0)
@@ -243,7 +250,7 @@ def candidates(
 
 
 def _half_vector_cosine(sample: Samples, shading: _Shading) -> Float32Array:
-    """Cosines (K, P) between the normal and the direction half way between lamp and camera."""
+    """Blinn's n·h: cosines (K, P) between the normal and the half vector of lamp and camera."""
     to_camera = -sample.ray_direction / np.sqrt(np.sum(sample.ray_direction**2, axis=0))
     half = shading.light / np.maximum(shading.strength, 1e-9)[:, None] + to_camera
     aligned = np.einsum("fcp,cp->fp", half, sample.normal)
@@ -254,9 +261,11 @@ def reweight(
     sample: Samples, normal_map: NormalMap, observations: Observations, calibration: Calibration, *,
     cautious: bool = False,
 ) -> Samples:  # fmt: skip
-    """The samples with what the images so far tell beside the normal map: how bright light from other surfaces is; and
-    with their information scaled, pixel by pixel, from the noise that the solver assumed to the noise that is expected
-    of the final solve; or that is assumed, `cautious`, to choose by."""
+    """Reweights the samples' information from the noise that the solver assumed to the planner's noise model.
+
+    The scale is per pixel; the model is that expected of the final solve or, `cautious`, that by which lights are
+    chosen. Also fills in the mean indirect part of the images.
+    """
     shots = [shot for shot in observations.shots if shot.kind == "light" and shot.light is not None]
     if not shots or len(shots) != len(normal_map.flags):
         return sample
@@ -286,11 +295,11 @@ def unexplained_shadows(
     sample: Samples, normal_map: NormalMap, surface: Surface, observations: Observations, calibration: Calibration,
     recipe: Recipe,
 ) -> float:  # fmt: skip
-    """Share of the measurements found dark among those that the normal map's own shape would surely light.
+    """Share of dark measurements among those that are lit with high probability given the reconstructed shape.
 
-    Integrating normals closes steps that no pixel sees; the shadows that they cast remain, and give them away. Only
-    pixels whose normals are determined are asked: elsewhere the shape is a guess, and its errors are not steps. Zero
-    where no pixel is.
+    Normal integration smooths over depth discontinuities that no pixel sees; the shadows that they cast remain in the
+    images and reveal them. Only pixels with determined normals are used: elsewhere the shape is uncertain, and its
+    errors are no discontinuities. Zero without such pixels.
     """
     lights = [shot.light for shot in observations.shots if shot.kind == "light" and shot.light is not None]
     if not lights or len(lights) != len(normal_map.flags):
@@ -302,8 +311,10 @@ def unexplained_shadows(
 
 
 def mirrored_share(sample: Samples, units: FloatArray, gloss: Gloss) -> float:
-    """Largest share of the pixels that show half of the highlight's peak or more of one of unit lights (K, 3) at once;
-    none on a matt surface."""
+    """Largest share of pixels, over unit lights (K, 3), in which one light's specular lobe reaches half its peak.
+
+    Zero on a diffuse surface.
+    """
     if gloss.sigma == 0 or not len(units):
         return 0.0
     to_camera = -sample.ray_direction / np.sqrt(np.sum(sample.ray_direction**2, axis=0))
@@ -314,12 +325,12 @@ def mirrored_share(sample: Samples, units: FloatArray, gloss: Gloss) -> float:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Posterior of all sample pixels in all visibility scenarios after some lights."""
+    """Posterior covariance of all sample pixels in all visibility scenarios, given a set of lights."""
 
     covariance: Float32Array  # (S, 10, P) of (g, ζ)
     variance: FloatArray  # (S, P) rad²
-    lit: Float32Array  # (S, P) lights that see the pixel, those taken already included
-    units: FloatArray  # (N, 3) directions of all lights, those taken already included
+    lit: Float32Array  # (S, P) lights visible from the pixel, captured ones included
+    units: FloatArray  # (N, 3) directions of all lights, captured ones included
 
     @property
     def sigma_deg(self) -> FloatArray:
@@ -328,13 +339,16 @@ class Posterior:
 
 
 def no_candidates(sample: Samples) -> Candidates:
-    """No lights at all."""
+    """The empty set of candidates."""
     pixels = len(sample.albedo)
     return Candidates(np.empty((0, 4, pixels), np.float32), np.empty((0, pixels), np.float32), np.empty((0, 3)))
 
 
 def posterior(sample: Samples, lights: Candidates, weight: FloatArray | None = None) -> Posterior:
-    """Posterior after adding all of `lights` to the prior information, each `weight` (K,) times; none: once."""
+    """Bayesian update: posterior after adding all of `lights` to the prior information, each `weight` (K,) times.
+
+    `weight` None: each once.
+    """
     shape = (len(VISIBILITY_LEVELS), len(sample.albedo))
     out = Posterior(
         np.empty((shape[0], 10, shape[1]), np.float32),

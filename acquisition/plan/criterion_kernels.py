@@ -1,4 +1,4 @@
-"""The planner's hot loops: covariances, scanning candidates, the relaxation's gradient, and marching shadow rays.
+"""Compiled inner loops of the planner: covariances, rank-one scan, the relaxation's gradient, shadow-ray marching.
 
 Symmetric 4 × 4 matrices are held as their ten upper entries, pixels last, in the order 00 01 02 03 11 12 13 22 23 33.
 Kernels compile at import, into numba's cache.
@@ -10,13 +10,14 @@ import numpy as np
 from acquisition.models.base import Float32Array, FloatArray
 
 BLOCK = 256
+"""Pixels of a block of work of one thread."""
 HIDDEN = -2.0
-"""Slope by which a ray passes below the surface that no doubt of the shape makes good: a march ends there."""
+"""Slope of clearance at which a ray is certainly in shadow whatever the uncertainty of the shape: the march ends."""
 
 
 @numba.njit(inline="always")
 def _invert(m: FloatArray, p: int) -> tuple[float, float, float, float, float, float, float, float, float, float]:
-    """Inverse of the p-th positive definite matrix of (10, P): the depth eliminated, the rest by its adjugate."""
+    """Inverse of the p-th positive definite matrix of (10, P): Schur complement of the depth, then 3 × 3 adjugate."""
     d = 1.0 / m[9, p]
     e0, e1, e2 = m[3, p] * d, m[6, p] * d, m[8, p] * d
     a00 = m[0, p] - e0 * m[3, p]
@@ -59,7 +60,7 @@ def posterior(
     variance: FloatArray,  # out (S, P) rad²
     lit: Float32Array,  # out (S, P) weight of the lights that are seen
 ) -> None:
-    """Covariance and angular variance after adding weighted lights, in all scenarios."""
+    """Posterior covariance and angular variance after adding weighted lights, in all visibility scenarios."""
     scenarios = len(level)
     pixels = prior.shape[1]
     blocks = (pixels + BLOCK - 1) // BLOCK
@@ -124,11 +125,11 @@ def scan(
     normal: Float32Array,  # (3, P)
     inverse_albedo2: Float32Array,  # (P,)
     level: Float32Array,  # (S,)
-    loss: Float32Array,  # (4,): share of capped variance, share of σ above a threshold, that threshold, 1/cap²
+    loss: Float32Array,  # (4,): weight of capped variance, weight of σ above a threshold, that threshold, 1/cap²
     out: FloatArray,  # (K,) mean loss with the candidate added
-    deficit: FloatArray,  # (K,) mean number of lights that a pixel then lacks of three
+    deficit: FloatArray,  # (K,) mean number of lights by which pixels then fall short of three
 ) -> None:
-    """What the objective would be with each candidate added (Sherman and Morrison)."""
+    """Rank-one (Sherman–Morrison) update: the mean loss with each candidate added in turn."""
     scenarios, pixels = variance.shape
     zero, one, three = np.float32(0.0), np.float32(1.0), np.float32(3.0)
     of_variance, of_sigma, threshold, inverse_cap = loss[0], loss[1], loss[2], loss[3]
@@ -183,7 +184,7 @@ def gradient(
     level: Float32Array,  # (S,)
     out: FloatArray,  # (K,)
 ) -> None:
-    """How fast the mean variance changes with each light's weight: −mean |P C a|²/ρ²."""
+    """Gradient of the mean angular variance in each light's design weight: −mean |P C a|²/ρ²."""
     scenarios, pixels = covariance.shape[0], covariance.shape[2]
     zero = np.float32(0.0)
     for k in numba.prange(row.shape[0]):
@@ -226,8 +227,8 @@ def clearance(
     start: float,  # m, where a march begins
     out: Float32Array,  # (K, P)
 ) -> None:
-    """Least slope by which the light's ray clears the surface: clearance in depth over distance gone sideways; of a ray
-    that is surely hidden, some slope below HIDDEN."""
+    """Ray marching over a depth map: least slope of clearance of each light's ray, depth above the surface over lateral
+    distance; for rays certainly in shadow, some slope below HIDDEN."""
     height, width = depth.shape
     per_pitch = 1.0 / pitch
     first_column, first_row = ray_x * per_pitch, ray_y * per_pitch

@@ -1,7 +1,7 @@
 """Leave-one-out gain of each planned light: per pixel, as numbers and as small images.
 
-The gain of a light at a pixel is how much larger σ would be with all the other lights of the plan but without this one.
-So the gains of two lights that do the same are both small, and where a picture is bright its light has no substitute.
+The gain of a light at a pixel is the increase of σ if all other lights of the plan were captured but this one not. So
+the gains of two redundant lights are both small, and where an image is bright, its light has no substitute.
 """
 
 from dataclasses import dataclass
@@ -20,9 +20,11 @@ from acquisition.models.shot import Observations
 from acquisition.plan import criterion, planned_noise, visibility
 
 IMAGE_PX = 160
-"""Longer side of a picture of the object."""
+"""Longer side of a gain image in pixels."""
 BRIGHTEST_PERCENTILE = 98.0
+"""Percentile of the gains over pixels and lights that is mapped to the brightest colour."""
 OUTSIDE = (32, 32, 32)
+"""Colour (RGB, 8 bits) outside the object."""
 
 
 @dataclass(frozen=True)
@@ -36,14 +38,14 @@ class Gains:
 
     @property
     def brightest_deg(self) -> float:
-        """The gain that pictures show brightest, the same for all lights of a plan."""
+        """Gain in degrees that images show brightest; the same scale for all lights of a plan."""
         return max(float(np.percentile(self.gain_deg, BRIGHTEST_PERCENTILE)), 1e-6) if self.gain_deg.size else 1e-6
 
 
 def gains(
     normal_map: NormalMap, observations: Observations, recipe: Recipe, lights: list[Light], calibration: Calibration
 ) -> Gains:
-    """What each of the planned `lights` gains, by the normal map that they were planned from."""
+    """Leave-one-out gains of the planned `lights`, predicted from the normal map that they were planned from."""
     usable = criterion.usable_pixels(normal_map, calibration)
     sample = criterion.samples(normal_map, calibration, usable)
     sample = criterion.reweight(sample, normal_map, observations, calibration)
@@ -56,7 +58,7 @@ def gains(
 
 
 def gain_image(pixel_gains: Gains, light: int, silhouette: BoolArray) -> bytes:
-    """One light's gains over the object as a PNG, cut to the object; dark is no gain.
+    """One light's gains as a colour-mapped PNG, cropped to the object; dark is no gain.
 
     `silhouette` (H, W) is the object; each of its pixels shows the nearest sample pixel.
     """

@@ -1,15 +1,15 @@
 """Design criteria (A-optimality and variants): one loss from the angular variances of all pixels and scenarios.
 
-`capped`, the default, is the mean of v / (1 + v/cap²): plain mean variance is decided by a few pixels that no light can
-reach. `mean` is the mean σ. `quantile` looks at the pixels near the σ that nine tenths keep below with the two-ring
-pattern: what lies well below counts nothing, and what lies well above counts alike, so that it nearly counts pixels,
-adds up over them, and lowers the upper quantiles. `coverage` first counts the lights that pixels lack of three, which a
-solve needs, and lets `capped` decide between equals.
+`capped`, the default, is the mean of v / (1 + v/cap²): the plain mean variance is dominated by a few pixels that no
+light can reach. `mean` is the mean σ. `quantile` is a smooth count of pixels near the 0.9 quantile of σ of the two-ring
+pattern: pixels well below it count nothing, those well above it all count the same, so it is a sum over pixels that
+lowers the upper quantiles. `coverage` first counts by how many lights pixels fall short of the three that a solve
+needs, and uses `capped` between equals.
 
-Many sets of lights are within a few per cent of the best by any of these. Among them the even ones are the better
-choice: errors that no variance contains (mixed pixels, wrong depth, interreflection) bias normals towards or away from
-the lights, and these biases cancel where lights stand evenly round the object. So each loss rises
-with the lights' imbalance.
+Many sets of lights are within a few per cent of the best by any of these. Among them the even ones are preferable:
+errors that no variance contains (mixed pixels, wrong depth, interreflection) bias normals towards or away from the
+lights, and these biases cancel where lights surround the object evenly. So each loss rises with the lights' azimuthal
+imbalance. Decision 0026.
 """
 
 from dataclasses import dataclass, replace
@@ -22,27 +22,33 @@ from acquisition.plan import criterion_kernels, two_ring_pattern
 from acquisition.plan.criterion import VISIBILITY_LEVELS, Candidates, Posterior, Samples
 
 CAP_DEG = 3.0
-"""What is less certain counts hardly more. Errors of eight images are less by 2 % than at 5° and by 3 % than at 10° on
-simulated scenes, by 8 % than at 10° on path-traced ones; at 2° more pixels are left over 10°."""
+"""Cap of `capped` in degrees of σ, above which the loss saturates. Errors of eight images are 2 % lower than at 5° and
+3 % lower than at 10° on simulated scenes, 8 % lower than at 10° on path-traced ones; at 2° more pixels stay over
+10°."""
 
 CAP_FACTOR = 4.0
-"""The cap is at least so many times the mean σ of two rings: where all pixels are less certain, between walls that
-light one another, a cap of 3° gives up half of them."""
+"""Lower bound of the cap in units of the mean σ of two rings: where all pixels are uncertain, as between
+interreflecting walls, a cap of 3° would disregard half of them."""
 
 QUANTILE = 0.9
+"""Quantile of σ over the pixels that the objective `quantile` lowers."""
 LOWER_FACTOR, UPPER_FACTOR = 0.6, 2.0
+"""σ at which `quantile` begins to count a pixel, and its cap, in units of that quantile with two rings."""
 COVERAGE_WEIGHT = 10.0
-"""Loss of one light lacked by all pixels: a thousand times what the capped variance can differ by."""
+"""Loss of `coverage` when all pixels fall short by one light: a thousand times the range of the capped variance."""
 
 IMBALANCE_WEIGHT = 4.0
-"""Share by which the loss rises with the square of the lights' imbalance: 4 % at 0.1, the usual one of a plan at 0.2
-costs 16 %. Between 2 and 5 the errors found are the same."""
+"""Relative increase of the loss per squared azimuthal imbalance: 4 % at 0.1, 16 % at 0.2, the usual one of a plan.
+Measured errors are the same between 2 and 5."""
 
 
 @dataclass(frozen=True)
 class Loss:
-    """Loss of a pixel: (of_variance · c + of_sigma · max(√c − threshold, 0)) (1 + uneven · imbalance²) + lacking ·
-    lights lacked of three, where c = v / (1 + v · inverse_cap); v in rad²."""
+    """Loss of a pixel with angular variance v (rad²), capped to c = v / (1 + v · inverse_cap).
+
+    (variance_weight · c + sigma_weight · max(√c − threshold, 0)) (1 + imbalance_weight · imbalance²)
+    + coverage_weight · lights short of three.
+    """
 
     variance_weight: float
     sigma_weight: float
@@ -60,7 +66,7 @@ class Loss:
         return float(np.mean(loss) * (1 + uneven) + self.coverage_weight * np.mean(lacked))
 
     def scan(self, sample: Samples, present: Posterior, lights: Candidates) -> FloatArray:
-        """The mean loss (K,) with each one of `lights` added to what is present."""
+        """Mean loss (K,) with each one of `lights` added to the present posterior (Sherman–Morrison)."""
         out, deficit = np.empty(len(lights.row)), np.empty(len(lights.row))
         criterion_kernels.scan(
             present.covariance,
@@ -85,11 +91,11 @@ class Loss:
 
 CAPPED = Loss(1.0, 0.0, 0.0, 1.0 / np.radians(CAP_DEG) ** 2, 0.0)
 VARIANCE = Loss(1.0, 0.0, 0.0, 0.0, 0.0)
-"""Plain mean variance: the convex one, which a lower bound can be had for."""
+"""A-optimality, the plain mean variance: convex in the design weights, so a lower bound exists (`relaxation`)."""
 
 
 def loss(objective: Objective, reference: Posterior) -> Loss:
-    """The loss of an objective; `reference` is what two rings would give, for the cap and the threshold."""
+    """The loss of an objective; `reference` is the two-ring posterior, which sets the cap and the threshold."""
     if objective == "mean":
         return Loss(0.0, 1.0, 0.0, 0.0, 0.0, IMBALANCE_WEIGHT)
     if objective == "quantile":

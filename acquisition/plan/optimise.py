@@ -1,10 +1,10 @@
 """Exchange algorithm for exact designs (after Fedorov 1972): greedy and random starts, exchange, pattern search.
 
-Greedy alone is 10–30 % short in the objective for few lights; exchanging one light at a time for the best candidate
-closes that, and many starts and exchanges of two at a time remove most of the rest. The two-ring patterns are starts
-too, so that a plan is never predicted to be worse than they are. What the exchange has settled moves off the
-candidates' grid by steps of 4° down to 0.5°, as far as the arm allows. Everything is deterministic for a given seed,
-unless a deadline cuts it short.
+Greedy selection alone is 10–30 % worse in the objective for few lights; exchanging one light at a time for the best
+candidate closes that gap, and several starts and pair exchanges remove most of the rest. The two-ring patterns are
+starts too, so that a plan is never predicted to be worse than they are. The result of the exchange is refined off the
+candidates' grid by a pattern search with steps of 4° down to 0.5°, within the arm's reach. Everything is deterministic
+for a given seed, unless a deadline ends it early.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,40 +20,47 @@ from acquisition.plan.deadline import Deadline
 from acquisition.plan.objective import Loss
 
 COARSE_PIXELS = 300
+"""Approximate number of sample pixels of the coarse search from all starts."""
 RANDOM_START_LIGHTS = 80
-"""Random starts have this many lights together, so that few lights, which have more local minima, get more starts. One
-start of eight finds the best set, and two passes of exchange are enough to see it."""
+"""Total number of lights of all random starts, so that designs of few lights, with more local minima, get more starts.
+One start in eight leads to the best set, and two passes of exchange suffice to identify it."""
 
 QUICK_RANDOM_START_LIGHTS = 40
-"""As many in a quick search: on one cushion seen by sixteen domes of candidates, the σ of four lights is within 1.1 %
-of what the whole search finds, of eight within 2.6 %. With 24, sets are found whose σ is 4 % larger at a loss that is
-hardly larger."""
+"""The same for a quick search: on one cushion-shaped object and sixteen domes of candidates, σ of four lights is within
+1.1 % of the full search's, of eight within 2.6 %. With 24, σ is up to 4 % larger at a hardly larger loss."""
 
 SHORTLIST = 4
+"""Number of best coarse designs that are exchanged further."""
 PAIR_TRIALS = 12
+"""Random pairs of lights tried by the pair exchange."""
 REFINE_STEPS_DEG = (4.0, 2.0, 1.0, 0.5)
+"""Steps of the pattern search in degrees on the dome."""
 REFINE_ROUNDS = 3
-"""Times that all lights are tried at one step, while any of them moves."""
+"""Maximum number of rounds over all lights at one step; ends earlier when none moves."""
 
 REFINE_DIRECTIONS = 8
-"""Places round a light that it may move to."""
+"""Neighbouring positions of a light in the pattern search."""
 
 MIN_IMPROVEMENT = 1e-4
+"""Smallest relative decrease of the loss that counts as an improvement."""
 
 
 def search(
     sample: Samples, options: Candidates, loss: Loss, patterns: Sequence[list[int]], count: int, seed: int,
     until: Deadline, *, quick: bool = False,
 ) -> list[int]:  # fmt: skip
-    """Numbers of the best set of `count` options found: short searches on few pixels from all starts, then exchange on
-    all pixels, from whichever set is best there, the patterns included; `quick` for what is forecast, not driven to."""
+    """Multistart exchange algorithm: numbers of the best set of `count` options.
+
+    Short searches on few pixels from greedy, pattern and random starts, then exchange on all pixels from the best of
+    these sets and the patterns. `quick`: fewer starts, for forecasts.
+    """
     step = max(1, len(sample.albedo) // COARSE_PIXELS)
     coarse, coarse_options = sample.thinned(step), options.thinned(step)
     rng = np.random.default_rng(seed)
     starts = [greedy(coarse, coarse_options, loss, count, until)]
     starts += [min(patterns, key=lambda chosen: value(coarse, coarse_options, loss, chosen))] if patterns else []
     random_starts = QUICK_RANDOM_START_LIGHTS // count if quick else max(2, RANDOM_START_LIGHTS // count)
-    for _ in range(random_starts if count > 1 else 0):  # a single light has been scanned already
+    for _ in range(random_starts if count > 1 else 0):  # for one light the greedy scan is exhaustive
         starts.append([int(index) for index in rng.permutation(len(options.row))[:count]])
     solutions = [exchange(coarse, coarse_options, loss, start, until, passes=2) for start in starts]
     if not quick:
@@ -73,7 +80,7 @@ def value(sample: Samples, options: Candidates, loss: Loss, chosen: list[int]) -
 
 
 def greedy(sample: Samples, options: Candidates, loss: Loss, count: int, until: Deadline) -> list[int]:
-    """Greedy forward selection, one candidate at a time; after the deadline the first ones left."""
+    """Greedy forward selection, one candidate at a time; after the deadline the first remaining candidates."""
     chosen: list[int] = []
     for _ in range(count):
         if until.passed:
@@ -87,7 +94,7 @@ def greedy(sample: Samples, options: Candidates, loss: Loss, count: int, until: 
 def exchange(
     sample: Samples, options: Candidates, loss: Loss, start: list[int], until: Deadline, passes: int
 ) -> list[int]:
-    """Coordinate exchange: one light at a time for the best candidate, until nothing improves."""
+    """Coordinate exchange: replaces one light at a time by the best candidate, until no improvement."""
     chosen = list(start)
     unchanged = 0
     for turn in range(passes * len(chosen)):
@@ -96,7 +103,7 @@ def exchange(
         losses = loss.scan(sample, criterion.posterior(sample, options.only(others)), options)
         losses[others] = np.inf
         best = int(np.argmin(losses))
-        # What stays is compared by the same scan: its sums are in single precision.
+        # The present light is evaluated by the same scan, because its sums are in single precision.
         better = losses[best] < losses[chosen[slot]] * (1 - MIN_IMPROVEMENT)
         unchanged = 0 if better else unchanged + 1
         if better:
@@ -109,7 +116,7 @@ def exchange(
 def pair_exchange(
     sample: Samples, options: Candidates, loss: Loss, start: list[int], rng: np.random.Generator, until: Deadline
 ) -> list[int]:
-    """Pair exchange: removes two lights, refills greedily and exchanges, which leaves most local minima."""
+    """Pair exchange: removes two lights, refills greedily and exchanges, which escapes most local minima."""
     chosen, best = list(start), value(sample, options, loss, start)
     pairs = list(combinations(range(len(chosen)), 2))
     for number in rng.permutation(len(pairs))[:PAIR_TRIALS]:
@@ -139,15 +146,15 @@ def refine(
     allowed: Callable[[FloatArray], bool],
     until: Deadline,
 ) -> FloatArray:
-    """Positions (M, 3) moved on their spheres round `center` while the loss falls and `allowed` says yes.
+    """Pattern search of positions (M, 3) on their spheres about `center` while the loss falls, within `allowed`.
 
-    `make` gives the candidates of positions (K, 3). A pattern search, because visibility makes the loss jump.
+    `make` returns the candidates of positions (K, 3). Derivative-free, because visibility makes the loss discontinuous.
     """
     positions = positions.copy()
     current = candidates_at(positions)
     start = loss.evaluate(criterion.posterior(sample, current))
     for step_deg in REFINE_STEPS_DEG:
-        neighbourhoods: dict[int, Candidates] = {}  # what is round each light that has not moved since
+        neighbourhoods: dict[int, Candidates] = {}  # cached for each light that has not moved since
         for _ in range(REFINE_ROUNDS):
             neighbours = np.stack([_neighbours(position, center, step_deg) for position in positions])
             stale = [slot for slot in range(len(positions)) if slot not in neighbourhoods]
@@ -176,7 +183,7 @@ def refine(
 
 
 def _neighbours(position: FloatArray, center: FloatArray, step_deg: float) -> FloatArray:
-    """DIRECTIONS positions (8, 3) at `step_deg` from one, along slant, along azimuth and between."""
+    """Neighbours (8, 3) of a position at `step_deg`, along slant, along azimuth and diagonally."""
     offset = position - center
     radius = np.linalg.norm(offset)
     slant, azimuth = geometry.slant_azimuth(offset / radius)

@@ -1,18 +1,18 @@
 """Noise model of planned images: heteroscedastic variance of y, as expected and, to choose lights by, cautiously.
 
-What is expected is not what calibration alone says. The final solve finds each image's intensity from all pixels
-together, so that a part of that error remains; and depth is an unknown of its own, in the plan as in the solve, so that
-the error of the light's direction is that of the lamp's position, and turns y only as far as the light falls aslant.
-What pixels do not share, the sensor's noise, is halved when normals are made those of a surface; what lamps do wrong is
-not. Forecasts are made with that, and the information of the images so far is reweighted by it. Lights are chosen more
-cautiously, as if errors of intensity and depth stayed in full, as they do on flat surfaces: so the choice does not hang
-on how much the final solve will put right.
+The expected variance differs from the calibration's. The final solve self-calibrates each image's intensity from all
+pixels, so that only a part of that error remains; and depth is a nuisance parameter of its own, in the plan as in the
+solve, so that the error of the light's direction is that of the lamp's position, and changes y only at oblique
+incidence. Independent pixel noise (the sensor's) is halved by the projection of the normals to an integrable field;
+errors of the lamps are not. Forecasts use this model, and the information of the images so far is reweighted by it.
+Lights are chosen by a more cautious one, as if errors of intensity and depth remained in full, as they do on flat
+surfaces, so that the choice does not depend on how much the final solve corrects.
 
 Indirect radiance (interreflection) is subtracted by a prediction whose error is proportional to that radiance, not to
-the lamp's: dark measurements beside it are worth less. Its brightness is known from the images so far.
+the lamp's, so dark measurements beside it carry less information. It is estimated from the images so far.
 
-Highlights on a glossy surface are another error of the images: where the pilot shows some, lights that would throw
-them at many pixels are worth less.
+Highlights on a glossy surface are another error of the images: where the pilot shows some, lights that would cause
+them at many pixels carry less information.
 
 Sub-pixel curvature (discretisation) error: where the surface bends within a pixel, its normal is a mixture, and no
 light removes that variance. It is estimated from second differences of the normals round the pixel.
@@ -28,14 +28,15 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.result import HIGHLIGHT, NormalMap
 
 SELF_CALIBRATION_FACTOR = 0.3
-"""Self-calibration factor of σ: share of an image's intensity error that remains and matters: of 0.010 at eight images
-0.0055, most of it common to all images, which only the albedo feels. Planning with the covariance of the intensities
-found (a Schur complement over images) in place of this number changes the errors by less than can be measured."""
+"""Self-calibration factor of σ: share of an image's intensity error that remains and affects normals. Of 0.010 at eight
+images 0.0055 remain, most of it common to all images, which affects the albedo only. Planning with the covariance of
+the estimated intensities (a Schur complement over images) in place of this number changes the errors by less than can
+be measured."""
 
 INTEGRABILITY_FACTOR = 0.5
-"""Integrability factor of variance: part of the independent pixel noise that remains once normals are those of a
-surface. Measured over expected mean errors of eight images are 0.83–1.0 of smooth objects and figures with it, 1.0–1.3
-of parts and fine relief."""
+"""Integrability factor of variance: share of the independent pixel noise that remains after the projection of the
+normals to an integrable field. With it, measured over expected mean errors of eight images are 0.83–1.0 for smooth
+objects and figures, 1.0–1.3 for parts and fine relief."""
 
 SUBPIXEL_FACTOR = 0.09
 """Sub-pixel factor of σ: error of a pixel's normal as a share of the second difference of the normals round it, for
@@ -43,27 +44,28 @@ relief and steps alike: 0.09–0.12 of fine relief where these are 4–40°."""
 
 DIFFERENCE_NOISE_RAD = float(np.radians(3.0))
 DIFFERENCE_NOISE_SIGMAS = 3.0
-"""Second differences of the first size, or of the second in units of the pixel's own σ, are the pilot's own noise."""
+"""Noise floors of second differences of the pilot's normals: an absolute one in rad, and one in units of the pixel's
+σ; both are subtracted in quadrature."""
 
 INDIRECT_SIGMA = 0.4
-"""1 σ of the residual indirect radiance, as a share of it, for each light: not only what differs from light to light,
-by which the solver weighs (`photometry.PREDICTED_INDIRECT_SIGMA`). Of single lights a tenth is left, but what is missed
-under all lights alike, a fifth and more, also turns normals least where they see many lights well: eight images
-path-traced with 0.4 come out at 0.98–0.99 times the error of two rings, without it at 1.03."""
+"""1 σ of the residual indirect radiance after correction, as a share of it, for each light. It contains more than the
+part that differs between lights, by which the solver weights (`photometry.PREDICTED_INDIRECT_SIGMA`): that part is a
+tenth, but the residual common to all lights, a fifth and more, also affects normals least where many lights are well
+visible. Eight path-traced images have 0.98–0.99 times the error of two rings with 0.4, 1.03 times without."""
 
 GLOSSY_SHARE = 0.03
 """Share of pixels with a highlight in some image above which a surface is glossy: 0.5–2 % on matt ones, 4–13 % on
 slightly glossy ones."""
 
 DEFAULT_LOBE_STRENGTH, DEFAULT_LOBE_EXPONENT = 0.15, 30.0
-"""The lobe where nothing but the presence of highlights is known, its strength in units of albedo. What is planned for
-is the error that the final solve leaves, not the highlight: lights that keep clear of all highlights would tell nothing
-of the lobe, and flat surfaces then take it for a shift of the object."""
+"""Specular lobe assumed where only the presence of highlights is known: strength in units of albedo, and exponent. The
+plan allows for the residual of the final solve, not for the full highlight: lights that avoid all highlights would
+leave the lobe undetermined, and on flat surfaces the solve then confuses it with a shift of the object."""
 
 
 @dataclass(frozen=True)
 class Gloss:
-    """Variance of y from highlights: (sigma |s| (n·h)^exponent)², h half way between lamp and camera."""
+    """Variance of y from highlights (Blinn lobe): (sigma |s| (n·h)^exponent)², h the half vector of lamp and camera."""
 
     sigma: float = 0.0
     exponent: float = DEFAULT_LOBE_EXPONENT
@@ -86,8 +88,10 @@ def variance(
     distance: FloatArray | Float32Array, level: FloatArray, calibration: Calibration, indirect: Float32Array, *,
     cautious: bool = False,
 ) -> FloatArray:  # fmt: skip
-    """Variance of y (K, P) of lights at `distance` (K, P) in m that fall on a surface of strength ρ|s| (K, P) at
-    `cosine` (K, P), exposed so that y = 1 gives `level` (K,) of full scale; as expected, or cautiously.
+    """Heteroscedastic noise model: variance of y (K, P), expected or `cautious`.
+
+    `distance` (K, P) of the lights in m, `strength` ρ|s| (K, P), `cosine` (K, P) of the angle of incidence, `level`
+    (K,): y = 1 is exposed to this fraction of full scale.
 
     `indirect` (P,) is the indirect radiance, in y.
     """
@@ -114,7 +118,7 @@ def solved_variance(
     value: Float32Array, strength: Float32Array, distance_m: float, level: FloatArray, calibration: Calibration,
     normal_map: NormalMap, indirect: Float32Array,
 ) -> FloatArray:  # fmt: skip
-    """The variance (K, P) by which the solver of `normal_map` weighted values of such images; `indirect` as above."""
+    """Variance (K, P) of y by which the solver of `normal_map` weighted such values; `indirect` as in `variance`."""
     assumed = photometry.noise(calibration, list(level / calibration.lamp_intensity), distance_m)
     intensity = normal_map.noise.get("intensity", assumed.intensity)
     direction = normal_map.noise.get("direction", assumed.direction)

@@ -37,27 +37,27 @@ from acquisition.plan.planned_noise import Gloss
 from acquisition.plan.visibility import Surface
 
 SAMPLE_PIXELS = 900
-"""Pixels of the search; between 50 and 4,000 random pixels the errors of the plans are the same within 5 %."""
+"""Number of random sample pixels of the search; from 50 to 4,000 the errors of the plans differ by less than 5 %."""
 
 REFINE_STRIDE = 2
-"""Every n-th sample pixel is used while lights leave the candidates' grid, where most shadow rays are cast."""
+"""Stride of the sample pixels in the refinement off the candidates' grid, which casts most shadow rays."""
 
 CERTIFICATE_PIXELS = 300
-"""About so many pixels enter the lower bound, which costs seconds on all of them."""
+"""Approximate number of pixels of the lower bound, which takes seconds with all of them."""
 
 MIN_PIXELS = 20
-"""Fewer usable sample pixels are refused."""
+"""Smallest number of usable sample pixels; with fewer the plan is infeasible."""
 
 MAX_UNDETERMINED_SHARE = 0.35
-"""Share of pixels lit by fewer than three lights so far that causes a warning; a usual pilot leaves 1–26 %."""
+"""Share of pixels lit by fewer than three lights so far above which the plan warns; usual pilots leave 1–26 %."""
 
 MAX_CANDIDATES = 300
-"""Positions searched; 300 and 800 lead to the same errors."""
+"""Maximum number of candidate positions; 300 and 800 give the same errors."""
 
 
 @dataclass(frozen=True)
 class PlanOptions:
-    """What a plan is limited to, and what it reports beside the lights."""
+    """Limits of a plan's search, and optional reports."""
 
     region: BoolArray | None = None
     """(H, W) pixels whose normals count; none: the full object."""
@@ -69,7 +69,7 @@ class PlanOptions:
     """Whether the relaxation's lower bound is computed."""
 
     forecast_counts: Sequence[int] = ()
-    """Numbers of further lights for which the plan's `forecast` predicts σ, as far as there are so many candidates."""
+    """Numbers of further lights for which the plan's `forecast` predicts σ; those above the candidates' are omitted."""
 
 
 _DEFAULT_OPTIONS = PlanOptions()
@@ -77,7 +77,7 @@ _DEFAULT_OPTIONS = PlanOptions()
 
 @dataclass(frozen=True)
 class Problem:
-    """A design problem: pixels to search by, held-out pixels to predict by, and the candidate lights."""
+    """Design problem: sample pixels of the search, held-out pixels of the prediction, and the candidate lights."""
 
     normal_map: NormalMap
     observations: Observations
@@ -92,7 +92,7 @@ class Problem:
     units: FloatArray  # (K, 3)
 
     def lights(self, positions: FloatArray) -> list[Light]:
-        """Lamps at positions (M, 3) that look at the dome's centre."""
+        """Lights at positions (M, 3) with their axes towards the dome's centre."""
         center = self.reach.center
         return [lamp_pose.light_at(position, center) for position in positions]
 
@@ -139,8 +139,8 @@ def choose(
     Bayesian: the normal map's information is the prior of the new lights. Exchange over the dome's candidates
     (`optimise.search`), then a pattern search off their grid (`optimise.refine`), then a fallback to two rings where
     `PlanDiagnostics` rejects the plan, and the relaxation's lower bound as certificate. `count` None: as many lights as
-    the recipe still lacks; an empty plan says that it is fulfilled. Raises RigError plan.infeasible when the arm
-    reaches too few positions or the normal map has too few pixels to plan by.
+    remain of the recipe; an empty plan means that it is fulfilled. Raises RigError plan.infeasible when the arm
+    reaches too few positions or the normal map has too few usable pixels.
     """
     region, deadline_s = options.region, options.deadline_s
     until = Deadline.within(deadline_s)
@@ -299,7 +299,7 @@ def _certificate(
     """Efficiency of plan and two rings against the relaxation's lower bound, as fields of `LightPlan`.
 
     The plan's own positions are candidates too. The sub-pixel curvature variance, which no light removes, is left out:
-    it would draw all efficiencies to 1.
+    it would pull all efficiencies towards 1.
     """
     step = max(1, len(problem.search_sample.albedo) // CERTIFICATE_PIXELS)
     sample = problem.search_sample.thinned(step)

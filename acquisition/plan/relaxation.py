@@ -5,8 +5,9 @@ weights bounds it from below, and the minimum of the tangent over all choices of
 slopes: a bound for every exact design, whether the weights are optimal or not (the gap of the equivalence theorem). How
 far they are from optimal is the relaxation's own gap.
 
-The bound is of the plain variance, the convex one; plans made for other objectives are certified by their variance.
-Because lights are whole, even the best choice stays above it: by 30 % in variance for four lights, by 5 % for sixteen.
+The bound is of the plain variance, which is convex; plans made for other objectives are certified by their variance.
+Because of the integrality gap even the optimal choice stays above it: by 30 % in variance for four lights, by 5 % for
+sixteen (decision 0028).
 
 Multiplicative updates: S. D. Silvey, D. M. Titterington and B. Torsney, J. Statist. Plann. Inference 2 (1978).
 """
@@ -21,16 +22,21 @@ from acquisition.plan.criterion import VISIBILITY_LEVELS, Candidates, Samples
 from acquisition.plan.deadline import Deadline
 
 MAX_GAP = 0.001
+"""Relative gap of the relaxation at which the iteration stops."""
 MAX_ROUNDS = 400
+"""Maximum number of multiplicative updates."""
 MAX_EXPONENT = 4.0
+"""Upper bound of the exponent of the multiplicative update."""
 MIN_RELATIVE_WEIGHT = 1e-4
-"""Shares below this part of the largest are dropped. The bound stays one; the gap shows it if they were needed."""
+"""Weights below this fraction of the largest are set to zero. The bound remains valid; the gap shows if they matter."""
 
 
 @dataclass(frozen=True)
 class Bound:
-    """A lower bound on the mean variance (rad²) of any `count` of the candidates, the shares (K,) that gave it, and the
-    relaxation's own gap: how far its value at the best shares found lies above the bound, as a fraction."""
+    """Lower bound of the mean variance (rad²) of any `count` of the candidates, and the design weights (K,) of it.
+
+    `gap` is the relaxation's own: the fraction by which the value at the best weights exceeds the bound.
+    """
 
     variance: float
     weights: FloatArray
@@ -38,12 +44,15 @@ class Bound:
 
     @property
     def sigma_deg(self) -> float:
-        """The bound's root, degrees."""
+        """Square root of the bound, degrees."""
         return float(np.degrees(np.sqrt(self.variance)))
 
 
 def bound(sample: Samples, options: Candidates, count: int, until: Deadline) -> Bound:
-    """The best lower bound found until its gap closes or time is up; `count` of the candidates (K ≥ count ≥ 1)."""
+    """Multiplicative updates (Silvey, Titterington and Torsney 1978) until the gap closes or the deadline passes.
+
+    Returns the best lower bound for `count` of the candidates (K ≥ count ≥ 1).
+    """
     weights = np.full(len(options.row), count / len(options.row))
     value, gradient = _value_and_gradient(sample, options, weights)
     lower, best, best_weights = -np.inf, value, weights
@@ -65,7 +74,7 @@ def bound(sample: Samples, options: Candidates, count: int, until: Deadline) -> 
 
 
 def _value_and_gradient(sample: Samples, options: Candidates, weights: FloatArray) -> tuple[float, FloatArray]:
-    """Mean variance with each candidate taken to its share, and its slope (K,) in each share."""
+    """Mean variance of the weighted design, and its gradient (K,) in the weights."""
     used = np.flatnonzero(weights)
     relaxed = criterion.posterior(sample, options.only(used), weights[used])
     gradient = np.empty(len(weights))
@@ -82,7 +91,7 @@ def _value_and_gradient(sample: Samples, options: Candidates, weights: FloatArra
 
 
 def _scaled_to_sum(weights: FloatArray, count: int) -> FloatArray:
-    """Shares scaled so that, cut at 1, they add up to `count`."""
+    """Weights scaled so that, clipped at 1, they sum to `count`."""
     weights = np.where(weights < MIN_RELATIVE_WEIGHT * np.max(weights), 0.0, weights)
     for _ in range(50):
         full = weights >= 1.0

@@ -1,15 +1,14 @@
-"""Sequential stopping rule: how many lights a target σ takes, and when to stop.
+"""Sequential stopping rule: how many lights a target σ needs, and when to stop.
 
-The forecast says how the mean σ falls with the number of lights. The first number that all but meets the target is
-planned and captured: forecasts are cautious, and a light too many cannot be taken back, while a light that lacks can be
-added. Then the images themselves decide: while their solved σ is above the target, lights are added, as many as a new
-forecast asks for, which is scaled by what the images so far have been found to give over what they were expected to.
-Where even all lights allowed would not meet the target, the last of them are spared that bring next to nothing.
-Nothing but the images is remembered between the passes, so that a session which was cut off goes on as if nothing had
-happened.
+The forecast predicts the mean σ as a function of the number of lights. The first number that nearly meets the target is
+planned and captured: forecasts are cautious, and a superfluous light cannot be undone, while a missing one can be
+added. Then the images decide: while their solved σ is above the target, lights are added, as many as a new forecast
+requires, which is scaled by the ratio of the solved to the expected σ of the images so far. Where even the maximum
+number of lights would not meet the target, final lights with negligible gain are omitted. No state but the images is
+kept between the passes, so that an interrupted session continues with the same lights.
 
-The σ that counts has the variance in it that pixels keep where the surface bends within them: no light removes it, and
-fine relief has more of it than of all the rest.
+The σ compared with the target includes the sub-pixel curvature variance: no light removes it, and in fine relief it
+exceeds all other parts. Decision 0031.
 """
 
 from collections.abc import Sequence
@@ -30,19 +29,20 @@ from acquisition.models.shot import Observations
 from acquisition.plan import planned_noise, planner
 
 COUNTS = (1, 2, 3, 4, 6, 8, 11, 15, 20, 28, 40, 76)
-"""Numbers of further lights for which the forecast is made; between them σ follows a straight line in logarithms."""
+"""Numbers of further lights for which σ is forecast; between them it is interpolated linearly in logarithms."""
 TOLERANCE = 0.03
-"""Share by which the mean σ may be above the target that it meets. The errors found scatter by more round it, and where
-a target is hardly within reach, a light lowers it by a hundredth: the last per cent would cost as many lights again."""
+"""Fraction by which the mean σ may exceed the target and still meet it. Measured errors scatter by more, and near the
+limit of what is attainable a light lowers σ by 1 %, so the last per cent would need as many lights again."""
 
 FIRST_SLACK, LATER_SLACK = 0.2, 0.03
-"""Shares by which the first forecast and later ones may miss the target: a light that lacks costs a pass, one too many
-is taken for nothing, and forecasts from the pilot are found 5–14 % too large. By the first the pilot itself must keep
-below the target: too few images to find the lamps by say little of their own errors (0.9–1.5 of what they say)."""
+"""Fractions by which the first forecast and later ones may exceed the target: a missing light costs a pass, a
+superfluous one an image, and forecasts from the pilot are 5–14 % too large. The pilot itself must be below the target
+by the first: too few images to self-calibrate the lamps predict their own errors poorly (measured over predicted
+0.9–1.5)."""
 
 NEGLIGIBLE_GAIN = 0.05
-"""Where even all lights allowed do not meet the target, the last ones are not taken that lower the mean σ by less than
-this share together."""
+"""If even the maximum number of lights does not meet the target, the final ones that together lower the mean σ by less
+than this fraction are omitted."""
 
 
 def plan_to_target(
@@ -54,10 +54,9 @@ def plan_to_target(
     *,
     region: BoolArray | None = None,
 ) -> LightPlan:
-    """Sequential design towards the recipe's `target_sigma_deg`: the next lights, or an empty plan whose `conclusion`
-    says why none.
+    """Sequential design towards the recipe's `target_sigma_deg`: the next lights, or an empty plan with a `conclusion`.
 
-    `region` (H, W) is the part of the image whose mean σ counts, none: the whole object. Raises RigError
+    `region` (H, W) is the part of the image whose mean σ counts, none: the full object. Raises RigError
     request.invalid when the recipe has no target, plan.infeasible as `choose` does.
     """
     target = recipe.target_sigma_deg
@@ -99,7 +98,7 @@ def plan_to_target(
 
 
 def achieved_sigma_deg(normal_map: NormalMap, calibration: Calibration, region: BoolArray | None = None) -> float:
-    """Mean σ in degrees over the facing pixels, of `region` (H, W) where one is given, with what bends leave in it.
+    """Mean σ in degrees over the facing pixels, within `region` (H, W) if given, sub-pixel curvature included.
 
     Raises RigError normals.infeasible when there are none.
     """
@@ -111,7 +110,7 @@ def achieved_sigma_deg(normal_map: NormalMap, calibration: Calibration, region: 
 
 
 def _fewest_lights_meeting(curve: Sequence[ForecastPoint], target_deg: float) -> int:
-    """The least number of further lights whose expected σ meets the target; the last number of the curve if none."""
+    """Smallest number of further lights whose expected σ meets the target; the last of the curve if none does."""
     if curve[0].sigma_deg <= target_deg:
         return curve[0].added
     for before, after in pairwise(curve):

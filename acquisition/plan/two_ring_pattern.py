@@ -1,8 +1,8 @@
-"""Two-ring completion of captured lights: the pattern that planning starts from, is compared with and falls back on.
+"""Two-ring completion of captured lights: a start of the planner's search, its reference, and its fallback.
 
 Each captured light fills the nearest position of a ring (linear assignment), and the open positions are added. Of the
-possible completions the most balanced is chosen: wrong depth and steep surface that pixels do not resolve bias normals
-towards or away from every light, and these biases cancel only under lights that stand evenly round the object. The
+possible completions the most balanced is chosen: wrong depth and steep surfaces that pixels do not resolve bias normals
+towards or away from every light, and these biases cancel only if the lights surround the object evenly. The
 score is the circular moments' norm (azimuthal imbalance) plus the misfit of captured lights to their positions.
 """
 
@@ -14,26 +14,27 @@ from acquisition.models.base import FloatArray
 from acquisition.plan.baselines import INNER_SLANT_DEG, OUTER_SLANT_DEG
 
 AZIMUTH_STEPS = 12
+"""Azimuths of each ring, as fractions of its step, that are tried."""
 TOP_MAX_SLANT_DEG, INNER_MAX_SLANT_DEG = 15.0, 40.0
-"""Lights taken below the first stand on top of the object, up to the second on the inner ring, beyond on the outer."""
+"""Upper slants of captured lights that count as the top light and as the inner ring; beyond, the outer ring."""
 
 FALLBACK_SLANT_DEG, FALLBACK_SLANT_MANY_DEG = 60.0, 65.0
 FALLBACK_MANY = 12
-"""Outer rings that are completed in place of a plan, the second one from so many images in all. The pilot's light on
-top tells little of the normals, and a steeper ring makes up for it. Errors in those of two rings: eight images of a
-machined part 0.95 at 60°, 1.04 at 55°; twelve of glossy relief 0.88 at 65°, 0.93 at 60°, 1.07 at 55°, and of a glossy
-part 1.05 at 65°, no worse than at 55°. With eight images walls leave too many pixels dark at 65° (1.14)."""
+"""Slants of the outer ring of a fallback, the second from `FALLBACK_MANY` images in all. The pilot's top light adds
+little information on the normals, and a steeper ring compensates for that. Errors relative to two rings: eight images
+of a machined part 0.95 at 60°, 1.04 at 55°; twelve of glossy relief 0.88 at 65°, 0.93 at 60°, 1.07 at 55°, and of a
+glossy part 1.05 at 65°, no worse than at 55°. With eight images walls leave too many pixels dark at 65° (1.14)."""
 
 MISFIT_WEIGHT = 0.5
-"""Weight of the distance of lights from their places, rad, against imbalance."""
+"""Weight of the rms misfit of captured lights to their ring positions, per rad, relative to imbalance."""
 
 
 def completions(
     captured: FloatArray, units: FloatArray, count: int, outer_slant_deg: float = OUTER_SLANT_DEG
 ) -> list[list[int]]:
-    """Sets of `count` distinct numbers of `units` (K, 3) that complete unit lights `taken` (T, 3) to two rings.
+    """Completes unit lights `captured` (T, 3) to two rings: sets of `count` distinct numbers of `units` (K, 3).
 
-    One set for each likely number of lights inside, the most even one first.
+    One set for each likely number of lights on the inner ring, the lowest score (imbalance and misfit) first.
     """
     slant = np.degrees(geometry.slant_azimuth(captured)[0])
     captured_inner = captured[(slant > TOP_MAX_SLANT_DEG) & (slant <= INNER_MAX_SLANT_DEG)]
@@ -87,8 +88,8 @@ def _circular_moments(units: FloatArray) -> FloatArray:
 
 
 def _open_positions(ring: FloatArray, count: int, slant_deg: float, turn: float) -> tuple[FloatArray, float]:
-    """The `count` places (count, 3) of an even ring that lights `ring` (R, 3) leave, and by how much these miss the
-    places that they fill, rms in rad of azimuth; `turn` in steps of the ring."""
+    """Linear assignment of lights `ring` (R, 3) to the positions of an even ring: the `count` open positions (count, 3)
+    and the rms misfit of the assigned ones in rad of azimuth; `turn` in steps of the ring."""
     ring_size = len(ring) + count
     azimuth = (turn + np.arange(ring_size)) * 2 * np.pi / max(ring_size, 1)
     ideal = geometry.direction(np.radians(slant_deg), azimuth)

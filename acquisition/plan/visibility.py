@@ -1,7 +1,7 @@
 """Cast-shadow visibility by ray marching over the reconstructed depth map.
 
-The depth map is resampled to a grid of undistorted rays, coarse enough to be quick and to forgive its noise; where
-there is no object it is far away. A ray's clearance is the least slope at which it passes over the surface.
+The depth map is resampled to a grid of undistorted rays, coarse enough to be fast and to smooth its noise; where there
+is no object, the depth is large. A ray's clearance is the least slope at which it passes over the surface.
 """
 
 from collections.abc import Sequence
@@ -18,6 +18,7 @@ from acquisition.models.result import NormalMap
 from acquisition.plan import criterion_kernels
 
 MAP_SIZE = 192
+"""Samples of the grid along its longer side."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,8 @@ class Surface:
     nearest: float
 
     def clearance(self, point: Float32Array, lamp: Float32Array) -> Float32Array:
-        """Least slope (K, P) by which the rays of lamps (K, 3 or more) clear the surface on the way to points (3, P),
-        both in m, view frame."""
+        """Ray marching: least slope of clearance (K, P) of the rays from points (3, P) to lamps (K, 3 or more), both in
+        m, view frame."""
         sign = np.array([1.0, -1.0, -1.0], np.float32)
         out = np.empty((len(lamp), point.shape[1]), np.float32)
         criterion_kernels.clearance(
@@ -82,7 +83,7 @@ def surface(normal_map: NormalMap, calibration: Calibration) -> Surface:
 def shaded(
     normal_map: NormalMap, lights: Sequence[Light], calibration: Calibration, pixels: tuple[np.ndarray, np.ndarray]
 ) -> BoolArray:
-    """At which pixels, rows and columns (K,), the object stands in the way of lights: (F, K)."""
+    """Cast-shadow mask (F, K) of lights at pixels, rows and columns (K,)."""
     rows, columns = pixels
     point = photometry.points(rays_at(calibration, rows, columns), normal_map.depth[rows, columns])
     return surface(normal_map, calibration).clearance(point, photometry.lamps(list(lights))) < 0
