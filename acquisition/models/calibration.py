@@ -8,7 +8,8 @@ from acquisition.models.base import Matrix4, Value, Vector3
 
 
 class SensorModel(Value):
-    """The camera's noise model: a value is black_level + electrons / gain_e_per_dn, rounded, clipped at 2^bits − 1."""
+    """Sensor noise model (photon transfer): a value is black_level + electrons / gain_e_per_dn, rounded, clipped at
+    2^bits − 1."""
 
     bits: int = Field(ge=8, le=16)
     gain_e_per_dn: float = Field(gt=0)
@@ -18,16 +19,16 @@ class SensorModel(Value):
 
     @property
     def full_scale_dn(self) -> float:
-        """Values from black to clipping."""
+        """Range from the black level to clipping, DN."""
         return float(2**self.bits - 1) - self.black_level_dn
 
 
 class Calibration(Value):
-    """What is known of camera, hand–eye and lamp, with its own uncertainty; `calibration.json`.
+    """Calibration of camera, hand–eye and lamp with uncertainties; `calibration.json`.
 
     `lamp_intensity` is the signal, as a fraction of full scale (SensorModel.full_scale_dn) per second of exposure, of a
-    perfectly white matt surface that faces the lamp at `reference_m` on the lamp's axis: albedo is absolute. The lamp's
-    radiant intensity falls off axis as cos^lobe_exponent.
+    perfectly white diffuse surface that faces the lamp at `reference_m` on its axis: albedo is absolute. The lamp's
+    radiant intensity falls off its axis as cos^lobe_exponent.
     """
 
     width: int
@@ -40,7 +41,7 @@ class Calibration(Value):
     reference_m: float = Field(gt=0)
     lobe_exponent: float = Field(ge=0)
     sensor: SensorModel
-    intensity_sigma: float = Field(ge=0, description="1 σ of each image's intensity, fraction")
+    intensity_sigma: float = Field(ge=0, description="1 σ of each image's lamp intensity, as a fraction")
     lamp_position_sigma_m: float = Field(ge=0, description="1 σ of the lamp's position, per axis")
     made_at: str
     valid_days: float = Field(gt=0)

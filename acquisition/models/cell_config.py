@@ -1,6 +1,6 @@
-"""The cell file: what a cell is. Frozen models read from TOML, refused as a whole when anything is unknown or missing.
+"""The cell file: configuration of a cell. Frozen models read from TOML; any unknown or missing field rejects the file.
 
-Where the service runs (host, port, data folder) is no property of the cell and comes from the environment.
+Deployment settings (host, port, data folder) are no property of the cell and come from the environment.
 """
 
 import hashlib
@@ -21,14 +21,14 @@ from acquisition.models.errors import ErrorCode, RigError
 
 
 class Pose(Value):
-    """A pose in TOML: position in m, rotation vector in rad."""
+    """A rigid transform: position in m, rotation vector in rad."""
 
     position_m: Vector3
     rotation_vector_rad: Vector3 = (0.0, 0.0, 0.0)
 
     @property
     def matrix(self) -> geometry.FloatArray:
-        """The pose as (4, 4)."""
+        """The homogeneous matrix (4, 4)."""
         return geometry.pose(self.position_m, self.rotation_vector_rad)
 
 
@@ -41,7 +41,7 @@ class CapsuleShape(Value):
 
 
 class JointGeometry(Value):
-    """One joint of the arm as it was built: the four Denavit–Hartenberg numbers from the factory's calibration."""
+    """Denavit–Hartenberg parameters of one joint from the arm's factory calibration."""
 
     theta_rad: float
     a_m: float
@@ -60,7 +60,9 @@ class ArmConfig(Value):
     payload_kg: float = Field(gt=0)
     payload_center_m: Vector3
     tool_capsules: list[CapsuleShape] = Field(description="Bracket and lamp, in the flange frame")
-    cable_allowance_m: float = Field(default=0.0, ge=0, description="Kept for cables all round the last wrist and tool")
+    cable_allowance_m: float = Field(
+        default=0.0, ge=0, description="Added to the radius of the last wrist and the tool for cables"
+    )
     home: Joints
     max_joint_speed_rad_s: float = Field(default=1.05, gt=0, le=math.pi)
     max_joint_acceleration_rad_s2: float = Field(default=1.4, gt=0, le=40)
@@ -70,7 +72,7 @@ class ArmConfig(Value):
         default=6.0,
         gt=0,
         le=40,
-        description="Must stop the arm from its highest speed within 0.2 s, the watchdog's patience",
+        description="Must stop the arm from its maximum speed within 0.2 s, the watchdog's timeout",
     )
     settle_s: float = Field(default=0.25, ge=0)
     remote_recovery: bool = Field(
@@ -81,27 +83,27 @@ class ArmConfig(Value):
         default=None,
         min_length=6,
         max_length=6,
-        description="The arm as built, for poses that are right to a tenth of a millimetre; `lightpose check` tells it",
+        description="Factory-calibrated kinematics, for poses accurate to 0.1 mm; `lightpose check` prints it",
     )
 
 
 class LampConfig(Value):
-    """The lamp's switch: a digital output of the controller (0–7 standard, 8–15 configurable, 16–17 tool)."""
+    """The digital output of the controller that switches the lamp (0–7 standard, 8–15 configurable, 16–17 tool)."""
 
     kind: Literal["ur-output"] = "ur-output"
     output: int = Field(ge=0, le=17)
-    rise_s: float = Field(default=0.02, ge=0, description="Wait between the confirmed output and the exposure")
+    rise_s: float = Field(default=0.02, ge=0, description="Delay between the confirmed output and the exposure")
 
 
 class CameraConfig(Value):
-    """What every camera has."""
+    """Settings of every camera."""
 
     min_exposure_s: float = Field(default=1e-4, gt=0)
     max_exposure_s: float = Field(default=1.0, gt=0)
     timeout_s: float = Field(default=30.0, gt=0)
 
     def require_exposure(self, exposure_s: float) -> None:
-        """Raises RigError request.invalid for an exposure time beyond the limits."""
+        """Raises RigError request.invalid for an exposure time outside the limits."""
         if not self.min_exposure_s <= exposure_s <= self.max_exposure_s:
             raise RigError(
                 ErrorCode.REQUEST_INVALID,
@@ -110,7 +112,7 @@ class CameraConfig(Value):
 
 
 class SimCameraConfig(CameraConfig):
-    """The simulated cell's camera, a port at `address`."""
+    """The simulated cell's camera, a TCP port at `address`."""
 
     kind: Literal["sim"] = "sim"
     address: str
@@ -123,7 +125,7 @@ class PylonCameraConfig(CameraConfig):
     kind: Literal["pylon"]
     serial: str = Field(min_length=1)
     pixel_format: Literal["Mono8", "Mono10", "Mono12", "Mono16"] = "Mono12"
-    gain: float | None = Field(default=None, ge=0, description="dB or the model's unit; its least if absent")
+    gain: float | None = Field(default=None, ge=0, description="In dB or the model's unit; default: its minimum")
 
 
 def _camera_kind(camera: object) -> str:
@@ -137,7 +139,7 @@ AnyCamera = Annotated[
 
 
 class KeepOut(Value):
-    """A cylinder that holds the object, standing on the origin of its frame, axis +z; nothing shrinks it."""
+    """A cylinder that encloses the object, standing on the origin of its frame, axis +z; not shrunk by any margin."""
 
     radius_m: float = Field(gt=0)
     height_m: float = Field(gt=0)
@@ -145,13 +147,13 @@ class KeepOut(Value):
 
 
 class ObjectConfig(Value):
-    """Where the object is."""
+    """The object's keep-out volume."""
 
     keep_out: KeepOut
 
 
 class DomeConfig(Value):
-    """Where lights may be: a sphere's cap round `center_m` (object frame), slants measured from the view axis."""
+    """Dome of light positions: a spherical cap about `center_m` (object frame), slants measured from the view axis."""
 
     center_m: Vector3 = (0.0, 0.0, 0.03)
     radius_m: float = Field(default=0.45, gt=0)
@@ -161,14 +163,14 @@ class DomeConfig(Value):
 
 
 class ObstacleBase(Value):
-    """What all obstacles have."""
+    """Fields of all obstacles."""
 
     name: str
-    clearance_m: float | None = Field(default=None, gt=0, description="Least distance; not given: that of `clearances`")
+    clearance_m: float | None = Field(default=None, gt=0, description="Minimum distance; default: that of `clearances`")
 
 
 class HalfSpace(ObstacleBase):
-    """Everything on the far side of a plane: points x with normal · (x − point) < 0, base frame."""
+    """A half-space: points x with normal · (x − point) < 0, base frame."""
 
     kind: Literal["half-space"] = "half-space"
     point_m: Vector3
@@ -193,7 +195,7 @@ class Capsule(ObstacleBase):
 
 
 class Cone(ObstacleBase):
-    """A cone or its stump: round, from a foot of one radius along +z of its frame to a top of another; base frame."""
+    """A right circular cone or frustum: from its foot along +z of its frame to its top; base frame."""
 
     kind: Literal["cone"] = "cone"
     base_from_cone: Pose
@@ -203,14 +205,14 @@ class Cone(ObstacleBase):
 
 
 FLAT_M = 1e-6
-"""Vertices whose rms distances from a plane sum up to less have no hull that could be told from rounding."""
+"""Smallest singular value in m of the centred vertices; below it they are coplanar within rounding."""
 
 
 class ConvexMesh(ObstacleBase):
     """The convex hull of vertices in a frame of its own.
 
-    A cell file may name an STL file (`file`, relative to it, in m) instead of the vertices: they are read when the cell
-    is, so that a cell says all that it is by itself.
+    A cell file may name an STL file (`file`, relative to it, in m) instead of the vertices: they are read with the
+    cell, so that the loaded cell is self-contained.
     """
 
     kind: Literal["convex-mesh"] = "convex-mesh"
@@ -230,7 +232,7 @@ Obstacle = Annotated[HalfSpace | Box | Capsule | Cone | ConvexMesh, Field(discri
 
 
 class Clearances(Value):
-    """Least distances kept."""
+    """Default minimum distances of the arm."""
 
     table_m: float = Field(default=0.02, gt=0)
     object_m: float = Field(default=0.03, gt=0)
@@ -239,7 +241,7 @@ class Clearances(Value):
 
 
 class CellConfig(Value):
-    """A whole cell; `load` reads it from TOML."""
+    """Configuration of a cell; `load` reads it from TOML."""
 
     name: str
     calibration: str = Field(description="Path of calibration.json, relative to the cell file")
@@ -255,12 +257,12 @@ class CellConfig(Value):
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 of the cell as values, so that comments and spaces in the file do not matter."""
+        """SHA-256 of the cell's values, so that comments and spaces in the file do not matter."""
         return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
 
 
 def load(path: Path) -> CellConfig:
-    """Reads a cell file. Raises RigError config.invalid naming the file and each bad field."""
+    """Reads a cell file. Raises RigError config.invalid naming the file and each invalid field."""
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
         _read_meshes(content, path)
@@ -274,7 +276,7 @@ def load(path: Path) -> CellConfig:
 
 
 def _read_meshes(content: dict[str, Any], cell_file: Path) -> None:
-    """Puts the vertices of the mesh files that obstacles name in the place of the names."""
+    """Replaces the mesh files that obstacles name by their vertices."""
     obstacles = content.get("obstacles")
     for item in obstacles if isinstance(obstacles, list) else []:
         if isinstance(item, dict) and "file" in item:
@@ -286,7 +288,7 @@ def _read_meshes(content: dict[str, Any], cell_file: Path) -> None:
 
 
 def load_calibration(path: Path) -> Calibration:
-    """Reads `calibration.json`. Raises RigError config.invalid naming the file and each bad field."""
+    """Reads `calibration.json`. Raises RigError config.invalid naming the file and each invalid field."""
     try:
         calibration = Calibration.model_validate_json(path.read_bytes())
     except OSError as error:

@@ -1,7 +1,7 @@
-"""One error type for all that can go wrong: a dotted code, a sentence about this case, and facts for programs.
+"""The error type of all failures: a dotted problem code, a sentence about this case, and context for programs.
 
-The table `PROBLEMS` is the only place that says what a code means, which HTTP status it has and what a person should
-do; the HTTP problem pages, the session's `reason` and the runbook are made from it.
+The table `PROBLEMS` is the only definition of a code's meaning, HTTP status and remedy; the HTTP problem pages, the
+session's `reason` and the runbook are generated from it.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from typing import Any
 
 
 class ErrorCode(StrEnum):
-    """Stable names of problems; clients switch on these, never on sentences."""
+    """Stable problem codes; clients switch on these, never on sentences."""
 
     REQUEST_INVALID = "request.invalid"
     REQUEST_NOT_FOUND = "request.not_found"
@@ -64,7 +64,7 @@ class ErrorCode(StrEnum):
 
 @dataclass(frozen=True)
 class Problem:
-    """What a code means to a person: HTTP status, a title, and what to do."""
+    """HTTP status, title and remedy of a problem code."""
 
     status: int
     title: str
@@ -73,13 +73,13 @@ class Problem:
 
 PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.REQUEST_INVALID: Problem(
-        422, "The request is not valid", "Correct the fields named in `errors` and send the request again."
+        422, "The request is invalid", "Correct the fields named in `errors` and send the request again."
     ),
     ErrorCode.REQUEST_NOT_FOUND: Problem(
-        404, "There is nothing at this address", "Follow the links of a session, or see /docs for the routes."
+        404, "No resource exists at this address", "Follow the links of a session, or see /docs for the routes."
     ),
     ErrorCode.REQUEST_METHOD_NOT_ALLOWED: Problem(
-        405, "This address does not take that method", "Use one of the methods in the Allow header."
+        405, "This address does not support that method", "Use one of the methods in the Allow header."
     ),
     ErrorCode.REQUEST_FOREIGN: Problem(
         403,
@@ -95,50 +95,52 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         403, "The key's role does not allow this", "Use a key of the role in `needed`; `lightpose keys add` makes one."
     ),
     ErrorCode.REQUEST_TOO_MANY_FAILURES: Problem(
-        429, "Too many wrong keys", "Wait for the seconds in `retry_after_s`; then send the right key."
+        429, "Too many failed authentications", "Wait for `retry_after_s` seconds; then send a valid key."
     ),
     ErrorCode.REQUEST_TOO_LARGE: Problem(413, "The request body is too large", "Send a smaller body."),
     ErrorCode.REQUEST_MEDIA_TYPE: Problem(
         415, "The request body is not JSON", "Send the body with Content-Type: application/json."
     ),
     ErrorCode.REQUEST_TIMEOUT: Problem(
-        408, "The request did not arrive in time", "Send the whole request at once, over a better link."
+        408, "The request did not arrive in time", "Send the full request at once, over a faster connection."
     ),
     ErrorCode.CONFIG_INVALID: Problem(
-        500, "A configuration file is not valid", "Correct the file named in the detail; `lightpose check` tests it."
+        500, "A configuration file is invalid", "Correct the file named in the detail; `lightpose check` tests it."
     ),
     ErrorCode.SESSION_NOT_FOUND: Problem(404, "There is no such session", "List the sessions with GET /v1/sessions."),
     ErrorCode.SESSION_ACTION_NOT_ALLOWED: Problem(
         409, "The session's state does not allow this action", "Choose one of the actions in `allowed`."
     ),
     ErrorCode.SESSION_STEP_FAILED: Problem(
-        500, "A step of the session failed", "Read the detail; the frames taken so far are kept."
+        500, "A step of the session failed", "Read the detail; the frames captured so far are kept."
     ),
     ErrorCode.RESULT_NOT_READY: Problem(
-        409, "The result is not there yet", "Wait for the event `normals.ready`, then ask again."
+        409, "The result is not ready yet", "Wait for the event `normals.ready`, then ask again."
     ),
     ErrorCode.RIG_BUSY: Problem(
-        409, "Another session holds the rig", "Wait until the session in `holder` has ended, or stop it."
+        409, "Another session uses the rig", "Wait until the session in `holder` has ended, or stop it."
     ),
     ErrorCode.RIG_NOT_READY: Problem(
-        503, "The rig is not ready", "See `reasons` in GET /v1/rig, mend them, and start again."
+        503, "The rig is not ready", "See `reasons` in GET /v1/rig, correct them, and start again."
     ),
     ErrorCode.RIG_CHANGED: Problem(
-        409, "The rig is not the one this session began with", "Restore the cell file and calibration, or start anew."
+        409,
+        "The rig's configuration changed since the session began",
+        "Restore the cell file and calibration, or start anew.",
     ),
     ErrorCode.ARM_UNREACHABLE: Problem(
-        503, "Nobody answers at the arm's address", "Check power, cable and `arm.address` in the cell file."
+        503, "The arm does not respond at its address", "Check power, cable and `arm.address` in the cell file."
     ),
     ErrorCode.ARM_IN_USE: Problem(
         503, "Another program controls the arm", "End the other program or RTDE client; then connect again."
     ),
     ErrorCode.ARM_PREFLIGHT: Problem(
-        503, "The arm is not as the cell file says", "Mend each finding in `findings`; nothing has moved."
+        503, "The arm does not match the cell file", "Correct each item of `findings`; nothing has moved."
     ),
     ErrorCode.ARM_PROTECTIVE_STOP: Problem(
         423,
         "The arm is in a protective stop",
-        "Look at the cell, clear the cause, unlock at the pendant, acknowledge, then resume.",
+        "Inspect the cell, clear the cause, unlock at the pendant, acknowledge, then resume.",
     ),
     ErrorCode.ARM_EMERGENCY_STOP: Problem(
         423,
@@ -151,17 +153,17 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         "If it is off, power it on and release the brakes at the pendant; then resume, which connects again.",
     ),
     ErrorCode.ARM_MOVE_FAILED: Problem(
-        503, "A move did not end where it should", "Look at the cell; resume plans again from where the arm is."
+        503, "A move did not reach its target", "Inspect the cell; resume plans again from the present configuration."
     ),
     ErrorCode.ARM_ELSEWHERE: Problem(
         409,
         "The arm is not where this session left it",
-        "Look at the cell; if the arm may move from where it stands, resume with `from_here`: true.",
+        "Inspect the cell; if the arm may move from its present position, resume with `from_here`: true.",
     ),
     ErrorCode.SAFETY_NOT_ACKNOWLEDGED: Problem(
         423,
         "A safety stop has not been acknowledged",
-        "Look at the cell, then POST /v1/rig/safety/acknowledgement.",
+        "Inspect the cell, then POST /v1/rig/safety/acknowledgement.",
     ),
     ErrorCode.SAFETY_STILL_FAULTED: Problem(
         409, "The controller still reports a safety stop", "Clear it at the pendant first, then acknowledge."
@@ -172,39 +174,47 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         "Recover the arm at the pendant; `arm.remote_recovery` in the cell file would allow it from here.",
     ),
     ErrorCode.SAFETY_RECOVERY_REFUSED: Problem(
-        409, "The controller did not do this", "See the detail: what the controller answered; or do it at the pendant."
+        409,
+        "The controller refused the recovery",
+        "See the detail for the controller's answer, or recover at the pendant.",
     ),
     ErrorCode.DEVICE_DISCONNECTED: Problem(
-        503, "The link to a device is lost", "Check the cable and the device, acknowledge; then resume."
+        503, "The connection to a device is lost", "Check the cable and the device, acknowledge; then resume."
     ),
     ErrorCode.DRIVER_LOST: Problem(
         503,
-        "The arm's driver process ended or does not answer",
-        "Look at the cell, acknowledge; then resume, which starts it again.",
+        "The arm's driver process ended or does not respond",
+        "Inspect the cell, acknowledge; then resume, which restarts it.",
     ),
     ErrorCode.LAMP_NOT_CONFIRMED: Problem(
-        503, "The lamp's output did not follow", "Check the lamp's output number and wiring; then resume."
+        503, "The lamp's output did not switch", "Check the lamp's output number and wiring; then resume."
     ),
     ErrorCode.CAMERA_UNREACHABLE: Problem(
-        503, "Nobody answers at the camera's address", "Check power, cable and the `camera` section of the cell file."
+        503,
+        "The camera does not respond at its address",
+        "Check power, cable and the `camera` section of the cell file.",
     ),
     ErrorCode.CAMERA_TIMEOUT: Problem(503, "The camera sent no frame in time", "Check the camera; then resume."),
     ErrorCode.CAPTURE_FRAME_REJECTED: Problem(
-        503, "A frame failed its checks after all retakes", "See the detail; mend lamp, exposure or scene, then resume."
+        503,
+        "A frame failed its checks after all retakes",
+        "See the detail; correct lamp, exposure or scene, then resume.",
     ),
     ErrorCode.PLAN_INFEASIBLE: Problem(
-        422, "No such set of lights exists in this cell", "Ask for fewer lights, or widen the reach (see the detail)."
+        422,
+        "No such set of lights is feasible in this cell",
+        "Request fewer lights, or extend the reach (see the detail).",
     ),
     ErrorCode.PLAN_TO_REVIEW: Problem(
         409,
-        "The planned lights wait for a person",
-        "Look at the pass; resume takes its lights, PUT /v1/sessions/{id}/passes/{n}/plan puts others in their place.",
+        "The planned lights wait for review",
+        "Review the pass; resume captures its lights, PUT /v1/sessions/{id}/passes/{n}/plan replaces them.",
     ),
     ErrorCode.WAYPOINTS_UNREACHABLE: Problem(
-        422, "A light cannot be reached", "Move or leave out the lights named in `lights`; GET /v1/rig/reach shows why."
+        422, "A light is unreachable", "Move or omit the lights named in `lights`; GET /v1/rig/reach shows the reasons."
     ),
     ErrorCode.WAYPOINTS_COLLISION: Problem(
-        422, "There is no collision-free path", "Move the arm clear by hand, or leave out the lights named in `lights`."
+        422, "There is no collision-free path", "Move the arm clear by hand, or omit the lights named in `lights`."
     ),
     ErrorCode.NORMALS_INFEASIBLE: Problem(
         422, "Normals cannot be solved from these images", "See the detail: at least three usable lights are needed."
@@ -215,11 +225,11 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.SCENE_MOVED: Problem(
         409,
         "The object or the camera has moved",
-        "Put it back and resume, or start a new session. An object that moved amid the first pass may stay: all images "
-        "are taken anew.",
+        "Put it back and resume, or start a new session. An object that moved in the first pass may stay: all images "
+        "are captured again.",
     ),
     ErrorCode.STORE_DISK_FULL: Problem(
-        507, "The disk is full", "Free space in the data folder, then resume; no frame announced is lost."
+        507, "The disk is full", "Free space in the data folder, then resume; no announced frame is lost."
     ),
     ErrorCode.STORE_LOCKED: Problem(
         503, "Another service uses this data folder", "Stop the other service, or choose another data folder."
@@ -228,23 +238,23 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         500, "A stored file is missing or damaged", "Restore the file named in the detail from a backup."
     ),
     ErrorCode.SERVICE_RESTARTED: Problem(
-        503, "The service ended in mid-session", "Look at the cell, then resume; nothing moves before."
+        503, "The service ended during a session", "Inspect the cell, then resume; nothing moves before."
     ),
     ErrorCode.SERVICE_FAULT: Problem(
-        500, "The service has a fault", "Keep the log and report it; the session's data are safe."
+        500, "Internal error of the service", "Keep the log and report it; the session's data are safe."
     ),
 }
 
 
 def problem(code: ErrorCode, detail: str, **context: Any) -> dict[str, Any]:
-    """A problem as it stands in journal and status: what the table says, and this case."""
+    """Problem object for journal and status: the table's entry and this case."""
     entry = PROBLEMS[code]
     return {"code": str(code), "title": entry.title, "detail": _open(detail), "remedy": entry.remedy, **context}
 
 
 class RigError(Exception):
-    """A problem with a code from the table, a sentence about this case without its full stop (others follow it), and
-    facts for programs in `context`.
+    """A problem with a code from the table, a sentence about this case without its full stop (further text may follow),
+    and `context` for programs.
     """
 
     def __init__(self, code: ErrorCode, detail: str, **context: Any) -> None:
@@ -270,4 +280,4 @@ def _rebuild(code: str, detail: str, context: dict[str, Any]) -> RigError:
 
 
 class Halted(Exception):  # noqa: N818 - an end by request is no error
-    """Raised by a device call that ended early because the stop token was set; not a fault."""
+    """Raised by a device call that ended early because the stop token was set; not an error."""

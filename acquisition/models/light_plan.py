@@ -6,26 +6,26 @@ from acquisition.models.base import Value, Vector3
 
 
 class Light(Value):
-    """A lamp's place: the emitter in m and the unit vector along which the lamp looks, both in the view frame."""
+    """Pose of the lamp: emitter position in m and unit vector of the lamp's optical axis, both in the view frame."""
 
     position: Vector3
     axis: Vector3
 
 
 class ForecastPoint(Value):
-    """One point of the forecast curve: the error to be expected after so many lights."""
+    """One point of the forecast: the expected σ after a number of lights."""
 
-    added: int = Field(ge=0, description="Lights planned beside those taken already")
-    lights: int = Field(ge=0, description="All lights of the session then")
-    sigma_deg: float = Field(description="Mean over the object's pixels of the expected σ (mean error 0.886 σ)")
+    added: int = Field(ge=0, description="Lights planned in addition to those captured so far")
+    lights: int = Field(ge=0, description="Total number of lights of the session then")
+    sigma_deg: float = Field(description="Mean over the object's pixels of the expected angular σ (mean error 0.886 σ)")
 
 
 class LightPlan(Value):
-    """The lights of one pass and what is expected of them."""
+    """The lights of one pass, with predicted accuracy and certificate."""
 
     lights: list[Light]
     method: str
-    reasons: list[str] = Field(description="For each light, why it is there")
+    reasons: list[str] = Field(description="For each light, why it was chosen")
     predicted_sigma_deg: float | None = Field(
         default=None,
         description="Mean over the object's pixels of the expected angular σ after this pass (mean error 0.886 σ)",
@@ -35,37 +35,39 @@ class LightPlan(Value):
     )
     lower_bound_sigma_deg: float | None = Field(
         default=None,
-        description="Root of the mean angular variance that no choice among the candidates can go below, as far as "
-        "shadows are known; comparable with efficiencies, not with the mean of σ",
+        description="Square root of the lower bound of the mean angular variance over all designs of the candidates, "
+        "given the predicted shadows; comparable with efficiencies, not with the mean of σ",
     )
     efficiency: float | None = Field(
-        default=None, description="Lower bound over the plan's own root mean variance: 1 is the best there can be"
+        default=None, description="Efficiency of the plan: lower bound over its own root mean variance; 1 is optimal"
     )
-    two_rings_efficiency: float | None = Field(default=None, description="The same of as many lights on two rings")
+    two_rings_efficiency: float | None = Field(default=None, description="Efficiency of as many lights on two rings")
     relaxation_gap: float | None = Field(
-        default=None, description="How far the bound's own optimisation was from its end, as a fraction"
+        default=None, description="Relative gap at which the optimisation of the lower bound ended"
     )
-    certificate_note: str | None = Field(default=None, description="What the bound says of this plan, in words")
+    certificate_note: str | None = Field(default=None, description="Interpretation of the lower bound for this plan")
     forecast: list[ForecastPoint] = Field(
         default_factory=list[ForecastPoint],
-        description="Error to be expected against number of lights; empty: not asked",
+        description="Expected σ as a function of the number of lights; empty: not requested",
     )
     fallback: str | None = Field(
-        default=None, description="Why the two-ring pattern was taken in place of planned lights; none: it was not"
+        default=None, description="Why the two-ring pattern replaces the planned lights; none: it does not"
     )
     gains: list[float] = Field(
         default_factory=list[float],
-        description="For each light, the share by which the mean σ would rise without it; empty: nothing is predicted",
+        description="For each light, the fraction by which the mean σ would rise without it; empty: no prediction",
     )
     brightest_gain_deg: float | None = Field(
-        default=None, description="Gain in σ at a pixel that the lights' pictures show brightest; none: no pictures"
+        default=None, description="Gain in σ that the lights' gain images show brightest; none: no images"
     )
     levels_per_s: list[float] | None = Field(
         default=None,
         description="For each light, the expected 99.5th percentile of the object's signal as a fraction of full scale "
-        "per second; none: nothing is known of the object yet",
+        "per second; none: the object is not known yet",
     )
-    notes: list[str] = Field(default_factory=list[str], description="What a person should know: lights left out, why")
+    notes: list[str] = Field(
+        default_factory=list[str], description="Notes for the user, such as lights left out and why"
+    )
     conclusion: str | None = Field(
-        default=None, description="Why no further lights are taken for the recipe's target; none: there are some"
+        default=None, description="Why no further lights are captured for the recipe's target; none: there are some"
     )

@@ -1,4 +1,4 @@
-"""The recipe: what a person asks of one capture session."""
+"""The recipe: the user's parameters of one capture session."""
 
 from typing import Any, Literal, cast
 
@@ -8,13 +8,13 @@ from acquisition.models.base import Value, Vector3
 
 Method = Literal["optimal", "two-rings", "ring", "drbohlav", "max-distance", "paper", "random", "user"]
 Objective = Literal["capped", "mean", "quantile", "coverage"]
-"""Over the object's pixels, or over the region of interest: `capped` the mean of the angular variance, each pixel's
-capped so that a few that no light can reach do not decide for all; `mean` the mean σ; `quantile` the σ that nine tenths
-of the pixels keep below; `coverage` first as many pixels as can be lit by three lights, then `capped`."""
+"""Design criterion over the object's pixels, or over the region of interest: `capped` the mean of the angular variance,
+each pixel's capped so that a few that no light can reach do not dominate; `mean` the mean σ; `quantile` the 0.9
+quantile of σ; `coverage` first the number of pixels lit by at least three lights, then `capped`."""
 
 
 class Exposure(Value):
-    """How exposure times are chosen: the 99.5th percentile of the object's pixels is put at `target` of full scale."""
+    """Automatic exposure: sets the 99.5th percentile of the object's pixels to the fraction `target` of full scale."""
 
     target: float = Field(default=0.8, gt=0.05, le=0.95)
     seconds: float | None = Field(
@@ -23,24 +23,26 @@ class Exposure(Value):
 
 
 class Recipe(Value):
-    """What a person asks of a session; `{}` is a good session."""
+    """Parameters of a capture session; the defaults, `{}`, are a complete recipe."""
 
     kind: Literal["capture"] = "capture"
     method: Method = "optimal"
     pilot_lights: int = Field(default=4, ge=3, le=16)
     planned_lights: int = Field(
-        default=4, ge=0, le=64, description="0: the pilot only, or as many as `target_sigma_deg` needs"
+        default=4, ge=0, le=64, description="0: the pilot only, or as many as `target_sigma_deg` requires"
     )
     target_sigma_deg: float | None = Field(
         default=None,
         ge=0.1,
         le=10,
-        description="Accuracy on order: lights are added until the mean σ over the object, or over the region of "
-        "interest, is no more than this or 3 % above (mean error 0.886 σ; includes the error by sub-pixel curvature); "
+        description="Target accuracy: lights are added until the mean σ over the object, or over the region of "
+        "interest, is at most 3 % above this value (mean error 0.886 σ; includes the sub-pixel curvature error); "
         "instead of planned_lights",
     )
-    max_lights: int = Field(default=24, ge=3, le=80, description="The most lights, pilot included, for a target")
-    objective: Objective = Field(default="capped", description="What method `optimal` makes as small as it can")
+    max_lights: int = Field(
+        default=24, ge=3, le=80, description="Maximum number of lights for a target, pilot included"
+    )
+    objective: Objective = Field(default="capped", description="Design criterion that method `optimal` minimises")
     slant_deg: float = Field(default=45.0, ge=5, le=80, description="Slant of method `ring`")
     user_lights: list[Vector3] = Field(
         default_factory=list[tuple[float, float, float]],
@@ -51,7 +53,7 @@ class Recipe(Value):
     exposure: Exposure = Exposure()
     retakes: int = Field(default=2, ge=0, le=10)
     review_plan: bool = Field(
-        default=False, description="Pause when lights are planned, so that a person can look and change them"
+        default=False, description="Pause after planning, so that a person can review and change the lights"
     )
     label: str = Field(default="", max_length=200)
     notes: str = Field(default="", max_length=10_000)
@@ -85,7 +87,7 @@ class Recipe(Value):
 
     @property
     def lights_total(self) -> int:
-        """How many lights the whole session uses; with a target, how many at most."""
+        """Total number of lights of the session; with a target, the maximum."""
         if self.method == "user":
             return len(self.user_lights)
         return self.pilot_lights + self.planned_lights if self.target_sigma_deg is None else self.max_lights

@@ -1,4 +1,4 @@
-"""Joint paths, waypoints and routes, and what the stages that choose lights see of the arm's reach."""
+"""Joint paths, waypoints and routes, and the interface of the arm's reach for the stages that choose lights."""
 
 from typing import Literal, Protocol
 
@@ -9,11 +9,11 @@ from acquisition.models.light_plan import Light
 
 
 class Waypoint(Value):
-    """Where one light is taken: a checked joint path that ends at the place of exposure, and the light it gives."""
+    """Waypoint of one light: a certified joint path that ends at the configuration of exposure, and the light there."""
 
     light: Light
     path: list[Joints] = Field(min_length=1)
-    speeds: list[float] = Field(description="For each item of `path`, rad/s of the leading joint on the way to it")
+    speeds: list[float] = Field(description="Leading joint's speed in rad/s on the segment to each item of `path`")
     seconds: float
 
     @property
@@ -23,7 +23,7 @@ class Waypoint(Value):
 
 
 class JointPath(Value):
-    """Checked straight joint segments: where each ends, and the leading joint's speed on it in rad/s."""
+    """Certified straight joint segments: the end of each in rad, and the leading joint's speed on it in rad/s."""
 
     path: list[Joints]
     speeds: list[float]
@@ -31,19 +31,21 @@ class JointPath(Value):
 
 
 class Route(Value):
-    """Waypoints in the order of travel, and the checked way home after the last one."""
+    """Waypoints in the order of travel, and the certified path home after the last one."""
 
     start: Joints
     waypoints: list[Waypoint]
-    light_numbers: list[int] = Field(description="For each waypoint, the light's number in the plan")
+    light_numbers: list[int] = Field(description="Number of each waypoint's light in the plan")
     home_path: list[Joints]
-    home_speeds: list[float] = Field(description="For each item of `home_path`, rad/s of the leading joint")
-    seconds: float = Field(description="Time of all moves, without settling and exposing")
+    home_speeds: list[float] = Field(
+        description="Leading joint's speed in rad/s on the segment to each item of `home_path`"
+    )
+    seconds: float = Field(description="Duration of all moves in s, without settling and exposure")
     lower_bound_s: float
 
 
 class Refusal(Value):
-    """Why a light cannot be had: a word for programs and a sentence for people."""
+    """Why a light is unreachable: a reason code for programs and a sentence for people."""
 
     reason: Literal[
         "too-far", "joint-limit", "self-collision", "hits-table", "hits-object", "hits-camera", "hits-obstacle",
@@ -53,7 +55,7 @@ class Refusal(Value):
 
 
 class Reach(Protocol):
-    """Which light positions the arm can serve; the stages that choose lights see no more of the arm than this."""
+    """Reachable light positions: the only interface of the arm for the stages that choose lights."""
 
     @property
     def candidates(self) -> FloatArray:
@@ -62,14 +64,14 @@ class Reach(Protocol):
 
     @property
     def center(self) -> FloatArray:
-        """The point (3,) at which the lamp looks, m, view frame; the dome's centre."""
+        """The dome's centre (3,), m, view frame, towards which the lamp's axis points."""
         ...
 
     @property
     def radius_m(self) -> float:
-        """The dome's radius."""
+        """The dome's radius, m."""
         ...
 
     def allows(self, position: FloatArray) -> Refusal | None:
-        """None when the lamp can be brought to `position` (3,) and back home, else the reason."""
+        """None if the lamp can be moved to `position` (3,) and back home, else the refusal."""
         ...
