@@ -16,9 +16,10 @@ from acquisition.models.errors import ErrorCode, Halted, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route
+from acquisition.models.step import AwaitReview, Step
 from acquisition.runner.compute import Compute, Preempted
 from acquisition.runner.step_executor import StepExecutor
-from acquisition.session import AwaitReview, State
+from acquisition.session import State
 from acquisition.store import Store
 from acquisition.store.folder import write_value
 
@@ -113,6 +114,6 @@ class PlanningService:
         if isinstance(step, AwaitReview):
             self._store.journal.approve(session_id, step.pass_number, actor)
 
-    def _next_step(self, session_id: str) -> session.Step | None:
+    def _next_step(self, session_id: str) -> Step | None:
         home = self._rig.cell.arm.home
         return session.next_step(self._store.record(session_id), home, home)

@@ -21,8 +21,9 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.route import JointPath, Waypoint
 from acquisition.models.shot import FrameQuality, Shot, ShotKey
+from acquisition.models.step import GoHome, RepeatReference, TakeDark, TakeShot
 from acquisition.runner.compute import Compute
-from acquisition.session import GoHome, RepeatReference, SessionRecord, TakeDark, TakeShot
+from acquisition.session import SessionRecord
 from acquisition.store import Store
 from acquisition.store.folder import write_frame
 

@@ -20,22 +20,22 @@ from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import SolveSettings
 from acquisition.models.route import Route
-from acquisition.runner import re_solve
-from acquisition.runner.compute import Compute
-from acquisition.runner.re_solve import SolveRequest
-from acquisition.runner.shots import ShotCapture, predicted_image_file
-from acquisition.session import (
+from acquisition.models.step import (
     AwaitReview,
     ChooseLights,
     GoHome,
     PlanRoute,
     RepeatReference,
-    SessionRecord,
     SolveNormals,
     Step,
     TakeDark,
     TakeShot,
 )
+from acquisition.runner import re_solve
+from acquisition.runner.compute import Compute
+from acquisition.runner.re_solve import SolveRequest
+from acquisition.runner.shots import ShotCapture, predicted_image_file
+from acquisition.session import SessionRecord
 from acquisition.store import Store
 from acquisition.store.folder import write_bytes, write_manifest, write_value
 

@@ -14,22 +14,18 @@ from acquisition.models.light_plan import Light, LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route, Waypoint
 from acquisition.models.shot import FrameQuality, FrameRef, Shot, ShotKey
-from acquisition.session import (
-    Actor,
+from acquisition.models.step import (
     AwaitReview,
     ChooseLights,
     GoHome,
-    PassRecord,
     PlanRoute,
     RepeatReference,
-    SessionRecord,
     SolveNormals,
-    Stage,
-    State,
+    Step,
     TakeDark,
     TakeShot,
-    Trigger,
-)  # fmt: skip
+)
+from acquisition.session import Actor, PassRecord, SessionRecord, Stage, State, Trigger
 
 HOME = (0.0,) * 6
 LIGHT = Light(position=(0.0, 0.0, -0.4), axis=(0.0, 0.0, -1.0))
@@ -150,11 +146,11 @@ def record(recipe: Recipe, *passes: PassRecord) -> SessionRecord:
     return SessionRecord("s", recipe, State.RUNNING, passes)
 
 
-def walk(recipe: Recipe, lights: Sequence[int] = (3,)) -> list[session.Step]:
+def walk(recipe: Recipe, lights: Sequence[int] = (3,)) -> list[Step]:
     """Does every step on paper, in the order that next_step gives; planned passes have so many lights, in turn."""
     work: dict[int, PassRecord] = {}
     here: tuple[float, ...] = HOME
-    steps: list[session.Step] = []
+    steps: list[Step] = []
     for _ in range(200):
         step = session.next_step(record(recipe, *(work[number] for number in sorted(work))), here, HOME)
         if step is None:

@@ -1,0 +1,72 @@
+"""The steps of a session: what `session.next_step` asks for and the step executor does, each a value."""
+
+from dataclasses import dataclass
+
+from acquisition.models.route import Route, Waypoint
+from acquisition.models.shot import Shot, ShotKey
+
+
+@dataclass(frozen=True)
+class ChooseLights:
+    """Choose the lights of a pass: the pilot's pattern, a fixed pattern, or the planned ones."""
+
+    pass_number: int
+
+
+@dataclass(frozen=True)
+class AwaitReview:
+    """Wait until a person has reviewed the lights of a pass, and perhaps replaced them."""
+
+    pass_number: int
+
+
+@dataclass(frozen=True)
+class RepeatReference:
+    """Take an image again, to verify that nothing has moved since: one that was captured before an interruption, or,
+    when a pass has all its images, the session's first."""
+
+    shot: Shot
+    key: ShotKey
+    closes_pass: bool = False
+
+
+@dataclass(frozen=True)
+class PlanRoute:
+    """Plan collision-free joint paths from the measured joints through the remaining lights, and home."""
+
+    pass_number: int
+    light_numbers: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class TakeShot:
+    """Move along a waypoint's path and take its image."""
+
+    key: ShotKey
+    waypoint: Waypoint
+
+
+@dataclass(frozen=True)
+class GoHome:
+    """Follow a collision-free path home, so that the arm is out of the picture."""
+
+    pass_number: int
+    route: Route | None
+
+
+@dataclass(frozen=True)
+class TakeDark:
+    """Take the lamp-off frame of one exposure time."""
+
+    key: ShotKey
+    exposure_s: float
+
+
+@dataclass(frozen=True)
+class SolveNormals:
+    """Solve all images captured so far."""
+
+    number: int
+
+
+Step = ChooseLights | AwaitReview | RepeatReference | PlanRoute | TakeShot | GoHome | TakeDark | SolveNormals
