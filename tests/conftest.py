@@ -17,8 +17,8 @@ from hypothesis import settings
 settings.register_profile("suite", deadline=None, derandomize=True)
 settings.load_profile("suite")
 
-HERE = Path(__file__).parent
-NO_CLOCK = tuple(HERE / "acquisition" / name for name in ("normals", "plan", "waypoints"))
+TESTS = Path(__file__).parent
+NO_CLOCK = tuple(TESTS / "acquisition" / name for name in ("normals", "plan", "waypoints"))
 
 os.environ["LIGHTPOSE_LOOPBACK_ONLY"] = "1"  # inherited by driver processes, which refuse any other address
 

@@ -125,11 +125,11 @@ def lit(true: Scene, light: Light) -> np.ndarray:
     unit = lamp / r
     cosine = np.maximum(np.einsum("hwc,chw->hw", true.normals, unit), 0)
     lobe = np.maximum(-np.einsum("c,chw->hw", np.array(light.axis), unit), 0) ** known.lobe_exponent
-    seen = np.ones(r.shape, bool)
+    visible = np.ones(r.shape, bool)
     for t in np.concatenate([np.linspace(2e-4, 0.02, 60), np.linspace(0.021, 0.14, 120)]):
         at = true.points + unit * t
-        seen &= at[2] + TABLE_DEPTH > true.height(at[0], at[1]) - 5e-5
-    return true.albedo * cosine * lobe * (known.reference_m / r) ** 2 * seen
+        visible &= at[2] + TABLE_DEPTH > true.height(at[0], at[1]) - 5e-5
+    return true.albedo * cosine * lobe * (known.reference_m / r) ** 2 * visible
 
 
 class Frames:

@@ -39,22 +39,22 @@ def scene() -> scenes.Scene:
 def make(folder: Path) -> Path:
     """Two passes of three lights each; each has a result, solved from all images so far."""
     known, true = calibration(), scene()
-    taken = scenes.capture(true, LIGHTS, exposure_s=0.05)
-    (dark,) = taken.darks.values()
+    captured = scenes.capture(true, LIGHTS, exposure_s=0.05)
+    (dark,) = captured.darks.values()
     write_value(folder / "recipe.json", Recipe(pilot_lights=3, planned_lights=3))
     write_value(folder / "cell.json", cell())
     write_value(folder / "calibration.json", known)
     shots: list[Shot] = []
-    for number, part in enumerate((taken.shots[:3], taken.shots[3:])):
+    for number, part in enumerate((captured.shots[:3], captured.shots[3:])):
         plan = LightPlan(lights=[shot.light for shot in part if shot.light], method="user", reasons=[""] * len(part))
         write_value(folder / f"passes/{number}/plan.json", plan)
         for index, shot in enumerate([*part, dark]):
-            frame = write_frame(folder, f"passes/{number}/shots/{index}.tiff", taken.frames.stored[shot.frame.path])  # type: ignore[attr-defined]
+            frame = write_frame(folder, f"passes/{number}/shots/{index}.tiff", captured.frames.stored[shot.frame.path])  # type: ignore[attr-defined]
             key = shot.key.model_copy(update={"pass_number": number, "number": index})
             shots.append(shot.model_copy(update={"key": key, "frame": frame}))
         lit = [shot for shot in shots if shot.kind == "light"]
-        observations = Observations(lit, {dark.exposure_s: shots[-1]}, FolderFrames(folder))
-        jobs.solve_normals(observations, cell(), known, SolveSettings(), plan, None, folder / "results" / str(number))
+        solve_input = Observations(lit, {dark.exposure_s: shots[-1]}, FolderFrames(folder))
+        jobs.solve_normals(solve_input, cell(), known, SolveSettings(), plan, None, folder / "results" / str(number))
     write_manifest(folder, {"session_id": "small", "shots": [json.loads(shot.model_dump_json()) for shot in shots]})
     return folder
 

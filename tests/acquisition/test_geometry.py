@@ -29,8 +29,8 @@ def test_pose_small_rotation_is_exact(angle: float) -> None:
 
 @given(st.floats(0.01, 3.1), st.floats(-3.1, 3.1))
 def test_slant_azimuth_of_direction_round_trips(slant: float, azimuth: float) -> None:
-    found = geometry.slant_azimuth(3.0 * geometry.direction(slant, azimuth))
-    assert np.allclose(found, (slant, azimuth), atol=1e-9)
+    angles = geometry.slant_azimuth(3.0 * geometry.direction(slant, azimuth))
+    assert np.allclose(angles, (slant, azimuth), atol=1e-9)
 
 
 def test_base_from_view_is_camera_with_y_up_and_z_towards_it() -> None:

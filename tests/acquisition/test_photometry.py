@@ -35,16 +35,16 @@ def test_light_vectors_strength_falls_with_squared_distance(known: Calibration) 
 
 
 def test_light_vectors_on_axis_at_reference_distance_is_one(known: Calibration) -> None:
-    found = vectors([[0, 0, -0.9]], lamp_above(known.reference_m), known)[:, 0]
-    np.testing.assert_allclose(found, [0, 0, 1], atol=1e-5)
+    vector = vectors([[0, 0, -0.9]], lamp_above(known.reference_m), known)[:, 0]
+    np.testing.assert_allclose(vector, [0, 0, 1], atol=1e-5)
 
 
 @pytest.mark.parametrize("angle_deg", [10, 30, 50])
 def test_light_vectors_off_axis_follows_cosine_power(angle_deg: float, known: Calibration) -> None:
     lateral = 0.45 * np.tan(np.radians(angle_deg))
-    found = np.linalg.norm(vectors([[lateral, 0, -0.9]], lamp_above(0.45), known))
+    computed = np.linalg.norm(vectors([[lateral, 0, -0.9]], lamp_above(0.45), known))
     cosine = np.cos(np.radians(angle_deg))
-    assert found == pytest.approx(cosine**known.lobe_exponent * cosine**2, rel=1e-4)
+    assert computed == pytest.approx(cosine**known.lobe_exponent * cosine**2, rel=1e-4)
 
 
 def test_light_vectors_behind_lamp_is_zero(known: Calibration) -> None:
@@ -63,8 +63,8 @@ def test_light_vectors_agree_with_formula(seed: int) -> None:
     d = p[:, None] - x
     r = np.linalg.norm(d, axis=0)
     expected = (known.reference_m / r) ** 2 * np.maximum(-axis @ d / r, 0) ** known.lobe_exponent * d / r
-    found = photometry.light_vectors(np.ascontiguousarray(x, np.float32), photometry.lamps([light]), known)[0]
-    np.testing.assert_allclose(found, expected, rtol=2e-4, atol=2e-5)
+    computed = photometry.light_vectors(np.ascontiguousarray(x, np.float32), photometry.lamps([light]), known)[0]
+    np.testing.assert_allclose(computed, expected, rtol=2e-4, atol=2e-5)
 
 
 def test_normalised_white_surface_has_value_one(known: Calibration) -> None:

@@ -61,8 +61,8 @@ def test_pattern_ring_turns_to_reachable_azimuths() -> None:
     # Three sectors of 30° about 40°, 160° and 280°, and the top: the ring must stand in them.
     sector = np.min([np.abs((azimuth - a + 180) % 360 - 180) for a in (40, 160, 280)], axis=0) < 15
     reach.candidates = reach.candidates[sector | (units[:, 2] > np.cos(np.radians(12)))]
-    _, found = slants_azimuths(pilot.pattern(Recipe(), reach), reach)
-    np.testing.assert_allclose(np.sort(found[1:] % 360), [40, 160, 280], atol=15.1)
+    _, azimuths = slants_azimuths(pilot.pattern(Recipe(), reach), reach)
+    np.testing.assert_allclose(np.sort(azimuths[1:] % 360), [40, 160, 280], atol=15.1)
 
 
 def test_pattern_does_not_depend_on_seed() -> None:

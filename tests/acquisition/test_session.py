@@ -149,10 +149,10 @@ def record(recipe: Recipe, *passes: PassRecord) -> SessionRecord:
 def walk(recipe: Recipe, lights: Sequence[int] = (3,)) -> list[Step]:
     """Does every step on paper, in the order that next_step gives; planned passes have so many lights, in turn."""
     work: dict[int, PassRecord] = {}
-    here: tuple[float, ...] = HOME
+    at_joints: tuple[float, ...] = HOME
     steps: list[Step] = []
     for _ in range(200):
-        step = session.next_step(record(recipe, *(work[number] for number in sorted(work))), here, HOME)
+        step = session.next_step(record(recipe, *(work[number] for number in sorted(work))), at_joints, HOME)
         if step is None:
             return steps
         steps.append(step)
@@ -168,18 +168,18 @@ def walk(recipe: Recipe, lights: Sequence[int] = (3,)) -> list[Step]:
                 assert step.shot == next(iter(work[0].shots.values()))
                 number = step.key.pass_number
                 work[number] = replace(work[number], repeated=frozenset({step.shot.key}))
-                here = joints(step.shot.key.number)
+                at_joints = joints(step.shot.key.number)
             case PlanRoute():
                 order = sorted(step.light_numbers, reverse=True)
-                work[step.pass_number] = replace(work[step.pass_number], route=route(order, here))
+                work[step.pass_number] = replace(work[step.pass_number], route=route(order, at_joints))
             case TakeShot():
-                here = step.waypoint.joints
+                at_joints = step.waypoint.joints
                 number, was = step.key.pass_number, work[step.key.pass_number]
-                foretold = None if number == 0 else 0.1
-                taken = shot(step.key.number, 0.05 if step.key.number % 2 else 0.1, shift_px=foretold)
-                work[number] = replace(was, shots={**was.shots, step.key.number: taken})
+                shift_px = None if number == 0 else 0.1
+                captured = shot(step.key.number, 0.05 if step.key.number % 2 else 0.1, shift_px=shift_px)
+                work[number] = replace(was, shots={**was.shots, step.key.number: captured})
             case GoHome():
-                here = HOME
+                at_joints = HOME
             case TakeDark():
                 was = work[step.key.pass_number]
                 work[step.key.pass_number] = replace(was, darks={**was.darks, step.exposure_s: shot(9, kind="dark")})
@@ -233,9 +233,9 @@ def test_progress_target_accuracy_stays_below_one_until_met() -> None:
 
 def test_next_step_displaced_arm_replans_for_remaining_lights() -> None:
     half = PassRecord(plan=plan(3), route=route([0, 1, 2]), shots={0: shot(0)})
-    on_the_way = session.next_step(record(Recipe(), half), joints(0), HOME)
-    assert isinstance(on_the_way, TakeShot)
-    assert on_the_way.key.number == 1
+    displaced = session.next_step(record(Recipe(), half), joints(0), HOME)
+    assert isinstance(displaced, TakeShot)
+    assert displaced.key.number == 1
     at_the_next = session.next_step(record(Recipe(), half), joints(1), HOME)  # moved, but cut off before its frame
     assert isinstance(at_the_next, TakeShot)
     elsewhere = session.next_step(record(Recipe(), half), (0.5,) * 6, HOME)
@@ -278,8 +278,8 @@ def test_next_step_interruption_without_open_shots_repeats_none() -> None:
     none = replace(record(Recipe(), PassRecord(plan=plan(3), route=route([0, 1, 2]))), unverified=True)
     assert isinstance(session.next_step(none, HOME, HOME), TakeShot)
     shots = {number: shot(number) for number in range(3)}
-    seen = frozenset({shot(0).key})
-    full = PassRecord(plan=plan(3), shots=shots, darks={0.05: shot(3, kind="dark")}, repeated=seen)
+    repeated = frozenset({shot(0).key})
+    full = PassRecord(plan=plan(3), shots=shots, darks={0.05: shot(3, kind="dark")}, repeated=repeated)
     assert session.next_step(replace(record(Recipe(), full), unverified=True), HOME, HOME) == SolveNormals(0)
     dark = replace(record(Recipe(), replace(full, darks={})), unverified=True)
     assert isinstance(session.next_step(dark, HOME, HOME), RepeatReference)
@@ -294,7 +294,7 @@ def test_next_step_unpredicted_pass_ends_with_repeated_first_image() -> None:
     other = replace(pilot, repeated=frozenset({shot(0).key}))
     assert session.next_step(record(Recipe(), other), HOME, HOME) == step
     solved = replace(pilot, repeated=frozenset({shot(1).key}), solved=True)
-    told, untold = (PassRecord(plan=plan(1), shots={0: shot(0, shift_px=shift)}) for shift in (0.2, None))
-    assert isinstance(session.next_step(record(Recipe(), solved, told), HOME, HOME), TakeDark)
-    again = session.next_step(record(Recipe(), solved, untold), HOME, HOME)
+    predicted, unpredicted = (PassRecord(plan=plan(1), shots={0: shot(0, shift_px=shift)}) for shift in (0.2, None))
+    assert isinstance(session.next_step(record(Recipe(), solved, predicted), HOME, HOME), TakeDark)
+    again = session.next_step(record(Recipe(), solved, unpredicted), HOME, HOME)
     assert again == RepeatReference(shot(1), ShotKey(pass_number=1, number=1000), closes_pass=True)

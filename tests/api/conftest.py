@@ -85,15 +85,15 @@ def serving() -> Callable[[Settings], AbstractContextManager[Running]]:
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Generator[Running]:
     """One service for the tests of a module that leave it as it was."""
-    with running(tmp_path_factory.mktemp("service")) as found:
-        yield found
+    with running(tmp_path_factory.mktemp("service")) as service:
+        yield service
 
 
 @pytest.fixture
 def own(tmp_path: Path) -> Generator[Running]:
     """A service for one test."""
-    with running(tmp_path) as found:
-        yield found
+    with running(tmp_path) as service:
+        yield service
 
 
 @pytest.fixture

@@ -18,8 +18,8 @@ SESSION = README.partition("## A session")[2].partition("\n## ")[0]
 
 def block(language: str, holding: str) -> str:
     """The first block in a language that holds these words."""
-    found = [text for text in re.findall(rf"```{language}\n(.*?)```", SESSION, re.DOTALL) if holding in text]
-    return found[0]
+    blocks = [text for text in re.findall(rf"```{language}\n(.*?)```", SESSION, re.DOTALL) if holding in text]
+    return blocks[0]
 
 
 def test_readme_session_in_python_and_shell_runs(tmp_path: Path) -> None:
@@ -38,10 +38,10 @@ def test_readme_session_in_python_and_shell_runs(tmp_path: Path) -> None:
         host = url.removeprefix("http://")
         # The shell's listener ends by itself after a minute; here the session has long ended by then.
         shell = commands.replace("localhost:8000", host).replace("--max-time 60", "--max-time 3")
-        told = subprocess.run(
+        completed = subprocess.run(
             ["bash", "-c", shell], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
         )
-        events = [json.loads(line[6:]) for line in told.stdout.splitlines() if line.startswith("data: ")]
+        events = [json.loads(line[6:]) for line in completed.stdout.splitlines() if line.startswith("data: ")]
         assert events[-1]["body"]["state"] == State.COMPLETED
         assert (tmp_path / "normals.png").read_bytes() == b"normals"
         states = [row.state for row in server.service.store.journal.sessions(10)]

@@ -23,9 +23,9 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 def test_runbook_has_a_remedy_for_each_problem_code() -> None:
     table = RUNBOOK.partition("## Problem codes")[2]
 
-    told = re.findall(r"^\| `([a-z_.]+)` \| [^|]+ \| [^|]+ \|$", table, re.MULTILINE)
+    codes = re.findall(r"^\| `([a-z_.]+)` \| [^|]+ \| [^|]+ \|$", table, re.MULTILINE)
 
-    assert sorted(told) == sorted(ErrorCode)
+    assert sorted(codes) == sorted(ErrorCode)
 
 
 def test_runbook_example_cell_is_valid() -> None:
@@ -59,10 +59,10 @@ def test_runbook_backup_of_running_service_restores(own: Any, tmp_path: Path) ->
 
 
 def test_runbook_metric_names_exist(own: Any) -> None:
-    told = own.http.get("/metrics").text
+    metrics = own.http.get("/metrics").text
     for name in re.findall(r"lightpose_\w+", RUNBOOK):
         if "lateness" not in name:  # told once an arm has moved
-            assert name in told
+            assert name in metrics
 
 
 @pytest.mark.parametrize("variable", sorted(set(re.findall(r"LIGHTPOSE_[A-Z_]+", RUNBOOK + README))))

@@ -12,11 +12,13 @@ from tests.acquisition import scenes
 @pytest.mark.parametrize("count", [4, 8, 12])
 def test_solve_quarter_megapixel_time(benchmark: BenchmarkFixture, count: int) -> None:
     true = scenes.scene(scenes.bumps, scenes.calibration(500))
-    taken = scenes.capture(true, scenes.ring(count, 40.0))
+    observations = scenes.capture(true, scenes.ring(count, 40.0))
     benchmark.extra_info["object pixels"] = int(np.count_nonzero(true.mask))
-    found = benchmark.pedantic(
-        lambda: normals.solve(taken, true.calibration, SolveSettings(), initial_depth_m=scenes.TABLE_DEPTH - 0.04),
+    result = benchmark.pedantic(
+        lambda: normals.solve(
+            observations, true.calibration, SolveSettings(), initial_depth_m=scenes.TABLE_DEPTH - 0.04
+        ),
         rounds=1,
         warmup_rounds=1,
     )
-    assert np.count_nonzero(found.mask) > 0.9 * np.count_nonzero(true.mask)
+    assert np.count_nonzero(result.mask) > 0.9 * np.count_nonzero(true.mask)

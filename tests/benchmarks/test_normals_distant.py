@@ -46,7 +46,7 @@ def copying(stack: np.ndarray) -> float:
     return min(times)
 
 
-def told(benchmark: BenchmarkFixture, stack: np.ndarray) -> None:
+def record_size(benchmark: BenchmarkFixture, stack: np.ndarray) -> None:
     copied = copying(stack)
     benchmark.extra_info["seconds to copy"] = round(copied, 4)
     if benchmark.enabled:
@@ -62,7 +62,7 @@ def test_least_squares_twelve_megapixels_time(benchmark: BenchmarkFixture, stack
     inverse = np.ascontiguousarray(np.linalg.pinv(directions()) / 65535, dtype=np.float32)
     results = outputs(stack.shape[1])
     benchmark.pedantic(least_squares_kernels.least_squares, args=(stack, inverse, *results), rounds=7, warmup_rounds=1)
-    told(benchmark, stack)
+    record_size(benchmark, stack)
 
 
 def test_shadow_masks_twelve_megapixels_time(benchmark: BenchmarkFixture, stack: np.ndarray) -> None:
@@ -72,7 +72,7 @@ def test_shadow_masks_twelve_megapixels_time(benchmark: BenchmarkFixture, stack:
     extra = [np.empty(stack.shape[1], np.float32) for _ in range(2)]
     arguments = (stack, scale, light, limits, *outputs(stack.shape[1]), *extra, np.empty(stack.shape, np.uint8))
     benchmark.pedantic(least_squares_kernels.weighted, args=arguments, rounds=7, warmup_rounds=1)
-    told(benchmark, stack)
+    record_size(benchmark, stack)
 
 
 def test_near_light_twelve_megapixels_time(benchmark: BenchmarkFixture, stack: np.ndarray) -> None:
@@ -84,7 +84,7 @@ def test_near_light_twelve_megapixels_time(benchmark: BenchmarkFixture, stack: n
     scale, limits = np.full(COUNT, 1e-4, np.float32), np.array([65_000, 0.05], np.float32)
     arguments = (stack, scale, lamp, np.ascontiguousarray(ray), depth, limits, *outputs(stack.shape[1]))
     benchmark.pedantic(point_lights.near_least_squares, args=arguments, rounds=7, warmup_rounds=1)
-    told(benchmark, stack)
+    record_size(benchmark, stack)
 
 
 @pytest.mark.parametrize("solver", ["ls", "weighted"])
@@ -101,7 +101,7 @@ def test_solve_twelve_megapixels_time_and_memory(
     benchmark.pedantic(distant.solve, args=(images, solver), kwargs={"with_depth": False}, rounds=1)
     grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
     benchmark.extra_info["growth of the peak memory in GB"] = round(grown / 1e6, 2)
-    told(benchmark, stack)
+    record_size(benchmark, stack)
 
 
 @pytest.mark.parametrize(("height", "width"), [(1100, 1300), (3400, 4700)])
@@ -114,7 +114,7 @@ def test_integration_masked_time(benchmark: BenchmarkFixture, height: int, width
     normals = (normals / np.linalg.norm(normals, axis=0)).astype(np.float32)
     mask = (np.hypot(x / 1.2, y) < 0.46 + 0.03 * np.sin(7 * np.arctan2(y, x))) & (np.hypot(x - 0.1, y) > 0.06)
     arguments = (normals, mask, np.ones(mask.shape, np.float32))
-    found = benchmark.pedantic(integration.orthographic_depth, args=arguments, rounds=3, warmup_rounds=1)
+    depth = benchmark.pedantic(integration.orthographic_depth, args=arguments, rounds=3, warmup_rounds=1)
     true = -(0.05 * np.sin(9 * x) * np.cos(7 * y))[mask] * height
     benchmark.extra_info["megapixels in the mask"] = round(np.count_nonzero(mask) / 1e6, 2)
-    benchmark.extra_info["rms error in pixels"] = round(float(np.std(found[mask] - true)), 4)
+    benchmark.extra_info["rms error in pixels"] = round(float(np.std(depth[mask] - true)), 4)

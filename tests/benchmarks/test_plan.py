@@ -44,7 +44,7 @@ def test_plan_time(
     monkeypatch.setattr(planner, "SAMPLE_PIXELS", samples)
 
     def choose() -> float | None:
-        arguments = (normal_map, cases.NOTHING_TAKEN, Recipe(), reach, true.calibration, lights)
+        arguments = (normal_map, cases.NO_OBSERVATIONS, Recipe(), reach, true.calibration, lights)
         return plan.choose(*arguments, plan.PlanOptions(certify=certify, forecast_counts=counts)).predicted_sigma_deg
 
     predicted = benchmark.pedantic(choose, rounds=3, warmup_rounds=1)
@@ -57,6 +57,6 @@ def test_forecast_time(benchmark: BenchmarkFixture, counts: tuple[int, ...]) -> 
     true = scenes.scene(scenes.bumps, scenes.calibration(160))
     reach = scenes.Dome(refused=0)
     normal_map = cases.known_map(true, pilot.pattern(Recipe(), reach), step=1)
-    arguments = (normal_map, cases.NOTHING_TAKEN, Recipe(), reach, true.calibration, counts)
+    arguments = (normal_map, cases.NO_OBSERVATIONS, Recipe(), reach, true.calibration, counts)
     points = benchmark.pedantic(plan.forecast, args=arguments, rounds=3, warmup_rounds=1)
     assert len(points) == len(counts)

@@ -15,14 +15,14 @@ def test_solve_eight_images_with_interreflections_time(benchmark: BenchmarkFixtu
     lights = bench.two_rings(8)
     small = bench.render("vee", lights, pixels=64, bounces=True, samples=36)
     y = np.stack([cv2.resize(one, (pixels, pixels), interpolation=cv2.INTER_LINEAR) for one in small])
-    true, taken = bench.truth("vee", pixels), bench.capture(y, lights, 0)
+    true, captured = bench.truth("vee", pixels), bench.capture(y, lights, 0)
     benchmark.extra_info["object pixels"] = int(np.count_nonzero(true.mask))
 
-    found = benchmark.pedantic(
+    result = benchmark.pedantic(
         lambda: normals.solve_stack(
-            taken.stack, taken.calibration, SolveSettings(), initial_depth_m=0.9, object_mask=true.mask
+            captured.stack, captured.calibration, SolveSettings(), initial_depth_m=0.9, object_mask=true.mask
         ),
         rounds=1,
         warmup_rounds=1,
     )
-    assert np.count_nonzero(found.mask) > 0.95 * np.count_nonzero(true.mask)
+    assert np.count_nonzero(result.mask) > 0.95 * np.count_nonzero(true.mask)

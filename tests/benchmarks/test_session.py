@@ -13,8 +13,8 @@ from tests.crash.crashing import Bench, bench, undisturbed
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Generator[Bench, None, None]:
-    with bench(tmp_path_factory.mktemp("session"), "127.0.24.30") as found:
-        yield found
+    with bench(tmp_path_factory.mktemp("session"), "127.0.24.30") as running:
+        yield running
 
 
 def test_session_three_pilot_lights_and_one_planned_time(made: Bench, benchmark: BenchmarkFixture) -> None:

@@ -64,16 +64,16 @@ def near_folder(path: Path, size: tuple[int, int], count: int) -> Path:
     described: list[dict[str, object]] = []
     for number, light in enumerate(lights(count).astype(np.float32)):
         place = 0.4 * light - np.array([0, 0, depth], np.float32)
-        way = [place[0] - x, place[1] - y, np.float32(place[2] + depth)]
-        squared = way[0] ** 2 + way[1] ** 2 + way[2] ** 2
-        shade = sum(part * one for part, one in zip(slope, way, strict=True)) * (0.3 * 0.4**2) / squared**1.5
+        to_lamp = [place[0] - x, place[1] - y, np.float32(place[2] + depth)]
+        squared = to_lamp[0] ** 2 + to_lamp[1] ** 2 + to_lamp[2] ** 2
+        shade = sum(part * one for part, one in zip(slope, to_lamp, strict=True)) * (0.3 * 0.4**2) / squared**1.5
         stored = np.clip(shade, 0, 1) * 65_535 + rng.integers(0, 100, size)
         tifffile.imwrite(path / f"{number:03d}.tiff", stored.astype(np.uint16))
         position = (1000 * place * [1, -1, -1]).tolist()
         described.append({"file": f"{number:03d}.tiff", "position": position, "intensity": 1.0})
     camera = {"K": [[focal, 0, size[1] / 2], [0, focal, size[0] / 2], [0, 0, 1]]}
-    told = {"unit": "mm", "reference_mm": 400, "camera": camera, "lights": described, "depth_mm": 1000 * depth}
-    (path / "lights.json").write_text(json.dumps(told))
+    content = {"unit": "mm", "reference_mm": 400, "camera": camera, "lights": described, "depth_mm": 1000 * depth}
+    (path / "lights.json").write_text(json.dumps(content))
     mask = np.full(size, 255, np.uint8)
     mask[:, 0] = 0  # a mask that leaves something out is the object's silhouette
     cv2.imwrite(str(path / "mask.png"), mask)
@@ -85,8 +85,8 @@ def solve(images: Path, out: Path, solver: str) -> float:
     command = [sys.executable, "-m", "api.cli", "solve", str(images), "--out", str(out), "--json"]
     command += [] if solver == "near" else ["--solver", solver]
     ended = subprocess.run([sys.executable, "-c", MEASURED, *command], check=True, capture_output=True, text=True)
-    *_, told, kilobytes = ended.stdout.splitlines()
-    assert json.loads(told)["solver"] == solver
+    *_, summary, kilobytes = ended.stdout.splitlines()
+    assert json.loads(summary)["solver"] == solver
     return float(kilobytes) / 1e6
 
 

@@ -67,9 +67,9 @@ def test_route_random_cells_time(benchmark: BenchmarkFixture, count: int) -> Non
 def test_reach_simulated_cell_time(benchmark: BenchmarkFixture) -> None:
     cell, calibration = simulated_cell()
     roadmap(cell, calibration)
-    found = benchmark.pedantic(reach_module.reach, args=(cell, calibration), rounds=2)
-    benchmark.extra_info["share of the dome"] = len(found.candidates) / len(found.points)
-    assert len(found.candidates) > 200
+    reached = benchmark.pedantic(reach_module.reach, args=(cell, calibration), rounds=2)
+    benchmark.extra_info["share of the dome"] = len(reached.candidates) / len(reached.points)
+    assert len(reached.candidates) > 200
 
 
 def _lights(count: int) -> list[Light]:
@@ -87,11 +87,11 @@ def _simple_seconds(lights: list[Light], cell: CellConfig, calibration: Calibrat
     home = np.array([cell.arm.home])
     stops = np.concatenate([home, *(joints[:1] for joints in stations), home])
     given = float(legs(stops[:-1], stops[1:], cell.arm).seconds.sum())
-    here, left, nearest = home, list(range(len(stations))), 0.0
+    present, left, nearest = home, list(range(len(stations))), 0.0
     while left:
-        times = [legs(np.repeat(here, len(stations[n]), 0), stations[n], cell.arm).seconds for n in left]
+        times = [legs(np.repeat(present, len(stations[n]), 0), stations[n], cell.arm).seconds for n in left]
         best = int(np.argmin([time.min() for time in times]))
         nearest += float(times[best].min())
-        here = stations[left[best]][[int(np.argmin(times[best]))]]
+        present = stations[left[best]][[int(np.argmin(times[best]))]]
         del left[best]
-    return given, nearest + float(legs(here, home, cell.arm).seconds[0])
+    return given, nearest + float(legs(present, home, cell.arm).seconds[0])

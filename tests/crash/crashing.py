@@ -175,14 +175,14 @@ def announced(data: Path, session_id: str) -> dict[tuple[int, int], str]:
     """SHA-256 of the frames that the events of a session have told of, read from the database as it is."""
     journal = Journal(data / "rig.db")
     try:
-        told = {
+        announced_images = {
             (event.body["pass"], event.body["number"])
             for event in journal.events(0, 10_000, session_id, ("shot.captured",))
         }
         return {
             key: shot.frame.sha256
             for shot in journal.shots(session_id)
-            if (key := (shot.key.pass_number, shot.key.number)) in told
+            if (key := (shot.key.pass_number, shot.key.number)) in announced_images
         }
     finally:
         journal.close()
@@ -212,12 +212,12 @@ def resume(made: Bench, client: Client, session_id: str) -> SessionResource:
                 time.sleep(0.3)
                 continue
             break
-        found = client.wait(session_id)
-        if found.state is State.COMPLETED:
-            return found
-        assert found.state in (State.INTERRUPTED, State.PAUSED), found.reason
+        session = client.wait(session_id)
+        if session.state is State.COMPLETED:
+            return session
+        assert session.state in (State.INTERRUPTED, State.PAUSED), session.reason
         assert_rests(made)
-    raise AssertionError(f"resumed {MOST_RESUMES} times: {found.reason}")
+    raise AssertionError(f"resumed {MOST_RESUMES} times: {session.reason}")
 
 
 def assert_rests(made: Bench, *, lamp_stuck: bool = False) -> None:
@@ -239,11 +239,11 @@ def come_to_rest(made: Bench) -> tuple[int, list[float]]:
     return state["moves_started"], state["joints"]
 
 
-def assert_equal_to_the_undisturbed(made: Bench, found: SessionResource, kept: dict[tuple[int, int], str]) -> None:
+def assert_equal_to_the_undisturbed(made: Bench, session: SessionResource, kept: dict[tuple[int, int], str]) -> None:
     """The session is complete, no frame was lost or taken twice, and the result is that of the undisturbed run."""
     assert made.undisturbed is not None
-    assert found.state is State.COMPLETED, found.reason
-    mine, other = (made.data / "sessions" / name for name in (found.id, made.undisturbed.session_id))
+    assert session.state is State.COMPLETED, session.reason
+    mine, other = (made.data / "sessions" / name for name in (session.id, made.undisturbed.session_id))
     shots, wanted = frames(mine), frames(other)
     assert sorted(shots) == sorted(wanted)
     assert {key: shots[key] for key in kept if key in shots} == {key: kept[key] for key in kept if key in shots}

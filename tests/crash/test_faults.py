@@ -51,8 +51,8 @@ FAULTS: tuple[dict[str, Any], ...] = (
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Generator[Bench, None, None]:
-    with bench(tmp_path_factory.mktemp("faults"), "127.0.14.20") as found:
-        yield found
+    with bench(tmp_path_factory.mktemp("faults"), "127.0.14.20") as running:
+        yield running
 
 
 @pytest.mark.parametrize("case", cases("LIGHTPOSE_FAULTS", 100))
@@ -65,15 +65,15 @@ def test_session_completes_after_a_corrected_fault(made: Bench, case: int) -> No
         if fault["kind"] == "nudged_object":
             wait_for_image(client, session_id)  # before the first one nobody knows where the object is
         made.control.fault(**fault)
-        found = client.wait(session_id)
+        session = client.wait(session_id)
         kept = announced(made.data, session_id)
-        if found.state is not State.COMPLETED:
-            assert found.state in (State.INTERRUPTED, State.PAUSED), found.reason
+        if session.state is not State.COMPLETED:
+            assert session.state in (State.INTERRUPTED, State.PAUSED), session.reason
             assert_rests(made, lamp_stuck=fault.get("level", False))
             mend(made, fault)
-            found = resume(made, client, session_id)
+            session = resume(made, client, session_id)
         mend(made, fault)
-    assert_equal_to_the_undisturbed(made, found, kept)
+    assert_equal_to_the_undisturbed(made, session, kept)
 
 
 def mend(made: Bench, fault: dict[str, Any]) -> None:

@@ -48,8 +48,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Generator[Bench, None, Non
     if mounted.returncode:
         pytest.skip("this process may not mount a file system")
     try:
-        with bench(folder, "127.0.14.30", data) as found:
-            yield found
+        with bench(folder, "127.0.14.30", data) as running:
+            yield running
     finally:
         subprocess.run(["umount", str(data)], check=True)
 
@@ -75,18 +75,18 @@ def test_session_completes_after_a_full_disk(made: Bench, case: int) -> None:
         session_id = made.run_into(client, number, chance)
         filler = fill(made.data, 0 if case % 2 else RESERVED_BYTES // 2)
         try:
-            found = until_it_waits(client, session_id)
+            session = until_it_waits(client, session_id)
             assert_rests(made)
         finally:
             os.unlink(filler)
         kept = announced(made.data, session_id)
-        if found.state is not State.COMPLETED:
-            found = client.wait(session_id)  # a disk without a byte left tells of its pause when there is room again
-            assert found.state is State.PAUSED, found
-            assert found.reason is not None
-            assert found.reason.code is ErrorCode.STORE_DISK_FULL
-            found = resume(made, client, session_id)
-    assert_equal_to_the_undisturbed(made, found, kept)
+        if session.state is not State.COMPLETED:
+            session = client.wait(session_id)  # a disk without a byte left tells of its pause when there is room again
+            assert session.state is State.PAUSED, session
+            assert session.reason is not None
+            assert session.reason.code is ErrorCode.STORE_DISK_FULL
+            session = resume(made, client, session_id)
+    assert_equal_to_the_undisturbed(made, session, kept)
 
 
 def until_it_waits(client: Client, session_id: str) -> SessionResource:
@@ -94,13 +94,13 @@ def until_it_waits(client: Client, session_id: str) -> SessionResource:
     deadline = time.monotonic() + 20
     last, since = None, time.monotonic()
     while time.monotonic() < deadline:
-        found = client.session(session_id)
-        if found.state is not State.RUNNING:
-            return found
-        if (found.stage, found.progress) != last:
-            last, since = (found.stage, found.progress), time.monotonic()
+        session = client.session(session_id)
+        if session.state is not State.RUNNING:
+            return session
+        if (session.stage, session.progress) != last:
+            last, since = (session.stage, session.progress), time.monotonic()
         if time.monotonic() - since > 5:
-            return found
+            return session
         time.sleep(0.1)
     return client.session(session_id)
 

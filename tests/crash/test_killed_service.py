@@ -27,8 +27,8 @@ pytestmark = pytest.mark.long
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Generator[Bench, None, None]:
-    with bench(tmp_path_factory.mktemp("killed"), "127.0.14.10") as found:
-        yield found
+    with bench(tmp_path_factory.mktemp("killed"), "127.0.14.10") as running:
+        yield running
 
 
 @pytest.mark.parametrize("case", cases("LIGHTPOSE_CRASHES", 200))
@@ -41,15 +41,15 @@ def test_killed_service_session_resumes_to_the_same_result(made: Bench, case: in
     moves, joints = come_to_rest(made)
     kept, was = announced(made.data, session_id), state_of(made.data, session_id)
     with made.serve() as client:
-        found = client.session(session_id)
+        session = client.session(session_id)
         assert_rests(made)
         state = made.control.state()
         assert state["moves_started"] == moves
         assert state["joints"] == pytest.approx(joints, abs=1e-6)
-        if found.state is not State.COMPLETED:  # the last moments of a session may be over when the signal comes
-            assert found.state is State.INTERRUPTED
-            assert found.reason is not None
+        if session.state is not State.COMPLETED:  # the last moments of a session may be over when the signal comes
+            assert session.state is State.INTERRUPTED
+            assert session.reason is not None
             if was is not State.INTERRUPTED:  # else a machine that is too busy has interrupted it before
-                assert found.reason.code == "service.restarted"
-            found = resume(made, client, session_id)
-    assert_equal_to_the_undisturbed(made, found, kept)
+                assert session.reason.code == "service.restarted"
+            session = resume(made, client, session_id)
+    assert_equal_to_the_undisturbed(made, session, kept)

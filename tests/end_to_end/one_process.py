@@ -68,19 +68,19 @@ class Session:
         self._take(0, LightPlan(lights=lights, method="pilot", reasons=["pilot"] * len(lights)))
         known = self._solved()
         chosen = plan.choose(
-            known, self._taken, recipe, dome, self._calibration, options=plan.PlanOptions(certify=False)
+            known, self._observations, recipe, dome, self._calibration, options=plan.PlanOptions(certify=False)
         )
         levels = jobs.expected_levels(known, chosen.lights, self._calibration)
         self._take(1, chosen.model_copy(update={"levels_per_s": levels}))
         return self._solved()
 
     @property
-    def _taken(self) -> Observations:
+    def _observations(self) -> Observations:
         return Observations.of(self._shots, self._frames)
 
     def _solved(self) -> NormalMap:
         return normals.solve(
-            self._taken,
+            self._observations,
             self._calibration,
             SolveSettings(),
             initial_depth_m=region.middle_depth_m(CELL, self._calibration),
@@ -90,11 +90,11 @@ class Session:
 
     def _take(self, number: int, chosen: LightPlan) -> None:
         """The images of a pass in the order of its route, a repetition, then the lamp-off frames, at home."""
-        way = route(chosen.lights, CELL.arm.home, CELL, self._calibration)
+        path = route(chosen.lights, CELL.arm.home, CELL, self._calibration)
         shots: dict[int, Shot] = {}
         level = exposure.assumed_level(CELL, self._calibration)
         wanted, camera = self._recipe.exposure, CELL.camera
-        for light, waypoint in zip(way.light_numbers, way.waypoints, strict=True):
+        for light, waypoint in zip(path.light_numbers, path.waypoints, strict=True):
             key = ShotKey(pass_number=number, number=light)
             exposure_s = exposure.for_level(level, wanted, camera)
             if chosen.levels_per_s is not None:
@@ -102,7 +102,7 @@ class Session:
             shots[light] = self._lit(key, waypoint, exposure_s)
             level = shots[light].quality.bright_level / shots[light].exposure_s
         if number == 0:
-            self._repeat(next(iter(shots.values())), way.waypoints[0])
+            self._repeat(next(iter(shots.values())), path.waypoints[0])
         darks = [
             self._shot(ShotKey(pass_number=number, number=len(shots) + dark), CELL.arm.home, exposure_s, number)
             for dark, exposure_s in enumerate(sorted({shot.exposure_s for shot in shots.values()}))

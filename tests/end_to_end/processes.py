@@ -86,9 +86,9 @@ def _address(process: "subprocess.Popen[bytes]", log: Path) -> str:
     deadline = time.monotonic() + READY_WITHIN_S
     while time.monotonic() < deadline:
         text = log.read_text(encoding="utf-8", errors="replace")
-        found = re.search(r"(http://[\d.]+:\d+)", text)
-        if found is not None:
-            return found.group(1)
+        match = re.search(r"(http://[\d.]+:\d+)", text)
+        if match is not None:
+            return match.group(1)
         assert process.poll() is None, text
         time.sleep(0.05)
     raise AssertionError(f"the service is not ready: {log.read_text(encoding='utf-8')}")

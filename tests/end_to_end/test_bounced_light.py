@@ -91,8 +91,8 @@ def solved(observations: Observations) -> NormalMap:
     )
 
 
-def graded(found: NormalMap, world: World) -> grade.Grade:
-    return grade.grade(found.normals, found.mask, found.sigma_deg, world.truth(), CALIBRATION)
+def graded(normal_map: NormalMap, world: World) -> grade.Grade:
+    return grade.grade(normal_map.normals, normal_map.mask, normal_map.sigma_deg, world.truth(), CALIBRATION)
 
 
 @pytest.mark.long
@@ -110,17 +110,17 @@ def test_interreflection_correction_improves_normals(name: str, monkeypatch: pyt
 
 def test_interreflection_convex_object_is_hardly_corrected() -> None:
     world, observations = scene("figure", "direct")
-    found = solved(observations)
-    assert found.notes["interreflection"]["scale"] < 0.2
-    assert graded(found, world).mean_deg < 1.5
+    normal_map = solved(observations)
+    assert normal_map.notes["interreflection"]["scale"] < 0.2
+    assert graded(normal_map, world).mean_deg < 1.5
 
 
 def test_depth_machined_part_keeps_its_discontinuities() -> None:
     """Smooth integration closes most of them, because the camera sees no wall."""
     world, observations = scene("part", "direct")
-    found, true = solved(observations), world.truth()
-    both = found.mask & true.mask
-    error = found.depth[both] - true.depth[both]
+    normal_map, true = solved(observations), world.truth()
+    both = normal_map.mask & true.mask
+    error = normal_map.depth[both] - true.depth[both]
     spread = float(np.std(true.depth[both]))
     assert float(np.median(np.abs(error - np.median(error)))) < 0.35 * spread
 

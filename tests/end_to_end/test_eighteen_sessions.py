@@ -69,22 +69,22 @@ def collisions(folder: Path) -> list[str]:
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", OBJECTS)
 def test_eighteen_sessions_are_accurate_and_safe(name: str, seed: int) -> None:
-    found = figures(name, seed, "realistic")
-    assert found["coverage"] >= (0.95 if name == "figure" else 0.98)
-    assert found["mean_deg"] <= (2.0 if name in SMOOTH else 4.0)
+    figures_of_run = figures(name, seed, "realistic")
+    assert figures_of_run["coverage"] >= (0.95 if name == "figure" else 0.98)
+    assert figures_of_run["mean_deg"] <= (2.0 if name in SMOOTH else 4.0)
     if name in SMOOTH:
-        assert found["median_deg"] <= 0.6
-    assert found["hits"] == []
+        assert figures_of_run["median_deg"] <= 0.6
+    assert figures_of_run["hits"] == []
 
 
 def test_planned_lights_over_all_runs_beat_random_and_pilot() -> None:
     runs = [figures(name, seed, "realistic") for name in OBJECTS for seed in SEEDS]
-    found = statistics.mean(run["mean_deg"] for run in runs)
-    assert found < statistics.mean(run["random_mean_deg"] for run in runs)
-    assert found <= 2 / 3 * statistics.mean(run["pilot_mean_deg"] for run in runs)
+    mean_deg = statistics.mean(run["mean_deg"] for run in runs)
+    assert mean_deg < statistics.mean(run["random_mean_deg"] for run in runs)
+    assert mean_deg <= 2 / 3 * statistics.mean(run["pilot_mean_deg"] for run in runs)
 
 
 @pytest.mark.parametrize("name", OBJECTS)
 def test_forecast_direct_light_is_right_within_a_factor(name: str) -> None:
-    found = figures(name, 1, "direct", "--no-random")
-    assert 1 / 1.5 <= found["median_deg"] / found["predicted_median_deg"] <= 1.5
+    figures_of_run = figures(name, 1, "direct", "--no-random")
+    assert 1 / 1.5 <= figures_of_run["median_deg"] / figures_of_run["predicted_median_deg"] <= 1.5

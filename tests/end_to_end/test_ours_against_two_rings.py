@@ -59,13 +59,13 @@ def figures(profile: ProfileName, name: str, seed: int, method: str, pixels: int
     if not kept.exists():
         scene = world(profile, name, seed, pixels)
         recipe = Recipe.model_validate({"method": method, "seed": seed, "pilot_lights": 4, "planned_lights": 4})
-        found = Session(scene, recipe).run()
+        outcome = Session(scene, recipe).run()
         truth = scene.truth()
-        graded = grade.grade(found.normals, found.mask, found.sigma_deg, truth, scene.calibration)
-        single = grade.graded_pixels(truth, scene.calibration) & found.mask & truth.one_surface
+        graded = grade.grade(outcome.normals, outcome.mask, outcome.sigma_deg, truth, scene.calibration)
+        single = grade.graded_pixels(truth, scene.calibration) & outcome.mask & truth.one_surface
         more = {
-            "lights_total": len(found.flags),
-            "single_mean_deg": float(np.mean(grade.error_deg(found.normals, truth)[single])),
+            "lights_total": len(outcome.flags),
+            "single_mean_deg": float(np.mean(grade.error_deg(outcome.normals, truth)[single])),
             "single_share": float(np.count_nonzero(single) / graded.graded_pixels),
         }
         kept.parent.mkdir(parents=True, exist_ok=True)
@@ -95,9 +95,9 @@ def over_http(profile: ProfileName, name: str, seed: int, method: str) -> dict[s
 @pytest.mark.parametrize("profile", PROFILES)
 def test_both_methods_capture_eight_images_of_the_object(profile: ProfileName, name: str, seed: int) -> None:
     for method in METHODS:
-        found = figures(profile, name, seed, method)
-        assert found["lights_total"] == 8
-        assert found["coverage"] >= 0.95
+        run = figures(profile, name, seed, method)
+        assert run["lights_total"] == 8
+        assert run["coverage"] >= 0.95
 
 
 @pytest.mark.parametrize("seed", FEW_SEEDS)
@@ -105,7 +105,7 @@ def test_both_methods_capture_eight_images_of_the_object(profile: ProfileName, n
 @pytest.mark.parametrize("profile", PROFILES)
 def test_session_over_http_equals_its_stages(profile: ProfileName, name: str, seed: int) -> None:
     for method in METHODS:
-        with_arm, stages = (found(profile, name, seed, method) for found in (over_http, figures))
+        with_arm, stages = (figures_by(profile, name, seed, method) for figures_by in (over_http, figures))
         assert with_arm["lights_total"] == 8
         for figure in ("mean_deg", "median_deg", "p95_deg", "coverage"):
             assert with_arm[figure] == pytest.approx(stages[figure], rel=1e-4)
@@ -148,7 +148,7 @@ def test_grade_contour_pixels_give_no_shift_of_the_object(seed: int) -> None:
 
 def test_grade_contour_pixels_pools_their_draws() -> None:
     ours, rings = ([figures(*FINE, seed, method, FINE_PIXELS) for seed in FEW_SEEDS] for method in METHODS)
-    means, means_of_rings = (np.array([one["mean_deg"] for one in found]) for found in (ours, rings))
+    means, means_of_rings = (np.array([one["mean_deg"] for one in pooled]) for pooled in (ours, rings))
     assert np.mean(means) <= 1.05 * np.mean(means_of_rings)
     assert np.all(means <= 1.2 * means_of_rings)
     assert all(one["within_sigma"] >= 0.55 for one in ours)

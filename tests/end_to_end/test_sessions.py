@@ -88,8 +88,8 @@ def test_session_fixed_pattern_completes(rig: Rig) -> None:
     with client_of(rig.service) as client:
         done = client.capture(Recipe(method="random", pilot_lights=3, planned_lights=3, seed=2), progress=False)
         assert len(client.results(done.id)) == 1
-    (found,) = grades(rig.cell, rig.service.data, done.id)
-    assert found.coverage > 0.9
+    (graded,) = grades(rig.cell, rig.service.data, done.id)
+    assert graded.coverage > 0.9
 
 
 def test_stop_during_move_next_session_starts_at_stopped_joints(rig: Rig) -> None:
@@ -129,10 +129,10 @@ def test_killed_service_loses_no_announced_frame(tmp_path: Path) -> None:
             assert rests_after(control, 3.0) < 1.5
         assert control.state()["digital_outputs"] == 0
         with serving(running, data) as service, Client(service.url) as client:
-            found = client.session(session_id)
-            assert found.state is State.INTERRUPTED
-            assert found.reason is not None
-            assert found.reason.code == "service.restarted"
+            session = client.session(session_id)
+            assert session.state is State.INTERRUPTED
+            assert session.reason is not None
+            assert session.reason.code == "service.restarted"
             for number, shot in announced:
                 assert (data / "sessions" / session_id / f"passes/{number}/shots/{shot}.tiff").exists()
             time.sleep(1.0)

@@ -40,9 +40,9 @@ def test_build_camera_sees_no_inside_face(scene: SceneObject) -> None:
     origins = np.stack([x, y, np.full_like(x, 0.5)], axis=-1).reshape(-1, 3).astype(np.float32)
     down = np.tile(np.array([0, 0, -1], dtype=np.float32), (len(origins), 1))
     hits = Tracer(scene.mesh).first_hits(origins, down)
-    seen = hits.triangles[hits.triangles >= 0]
-    assert len(seen) > 20_000
-    assert (scene.mesh.face_normals[seen, 2] > -1e-6).mean() > 0.9999
+    visible = hits.triangles[hits.triangles >= 0]
+    assert len(visible) > 20_000
+    assert (scene.mesh.face_normals[visible, 2] > -1e-6).mean() > 0.9999
 
 
 @pytest.mark.parametrize("name", ["sphere", "vase", "bumps"])

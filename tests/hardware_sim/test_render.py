@@ -74,10 +74,10 @@ def test_direct_image_lamp_facing_away_is_dark() -> None:
 def test_lit_mask_attached_shadow_begins_at_terminator() -> None:
     camera, scene = lens(256), ball()
     position = np.array([0.35, 0.1, 0.25])
-    seen = render.object_samples(scene, Tracer(scene.mesh), camera.eye, _centres(camera))
-    free = render.lit_mask(seen.points, seen.normals, position, Tracer(scene.mesh), scene)
-    exact = (seen.points - [0, 0, 0.04]) / 0.04
-    cosine = np.einsum("ni,ni->n", exact, position - seen.points) / np.linalg.norm(position - seen.points, axis=1)
+    samples = render.object_samples(scene, Tracer(scene.mesh), camera.eye, _centres(camera))
+    free = render.lit_mask(samples.points, samples.normals, position, Tracer(scene.mesh), scene)
+    exact = (samples.points - [0, 0, 0.04]) / 0.04
+    cosine = np.einsum("ni,ni->n", exact, position - samples.points) / np.linalg.norm(position - samples.points, axis=1)
     assert free[cosine > 0.02].all()
     assert not free[cosine < -0.005].any()
 
@@ -117,16 +117,18 @@ def test_direct_image_shadow_edge_has_half_lit_pixels() -> None:
 
 def test_object_samples_sphere_normals_are_exact() -> None:
     camera, scene = lens(256), ball()
-    seen = render.object_samples(scene, Tracer(scene.mesh), camera.eye, _centres(camera))
+    samples = render.object_samples(scene, Tracer(scene.mesh), camera.eye, _centres(camera))
     # Where a ray meets a sphere, without any mesh.
-    rays = _centres(camera)[seen.pixels].astype(float)
+    rays = _centres(camera)[samples.pixels].astype(float)
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     from_centre = camera.eye - [0, 0, 0.04]
     along = rays @ from_centre
     under_root = along**2 - (from_centre @ from_centre - 0.04**2)
     exact = (from_centre + (-along - np.sqrt(np.maximum(under_root, 0)))[:, None] * rays) / 0.04
     inside = under_root > 1e-6
-    error = np.degrees(np.arctan2(np.linalg.norm(np.cross(seen.normals, exact), axis=1), (seen.normals * exact).sum(1)))
+    error = np.degrees(
+        np.arctan2(np.linalg.norm(np.cross(samples.normals, exact), axis=1), (samples.normals * exact).sum(1))
+    )
     assert np.median(error[inside]) < 0.01
     assert np.percentile(error[inside], 99) < 0.2
 
@@ -146,11 +148,11 @@ def test_direct_image_gloss_peaks_at_half_vector() -> None:
     shine = photograph(ball(0.2), lamp, camera) - photograph(ball(), lamp, camera)
     row, column = np.unravel_index(int(shine.argmax()), shine.shape)
     scene = ball()
-    seen = render.object_samples(scene, Tracer(scene.mesh), camera.eye, _centres(camera))
-    here = int(np.nonzero(seen.pixels == row * 256 + column)[0][0])
-    to_lamp, to_eye = lamp.position - seen.points[here], camera.eye - seen.points[here]
+    samples = render.object_samples(scene, Tracer(scene.mesh), camera.eye, _centres(camera))
+    sample = int(np.nonzero(samples.pixels == row * 256 + column)[0][0])
+    to_lamp, to_eye = lamp.position - samples.points[sample], camera.eye - samples.points[sample]
     half = to_lamp / np.linalg.norm(to_lamp) + to_eye / np.linalg.norm(to_eye)
-    assert seen.normals[here] @ half / np.linalg.norm(half) > np.cos(np.radians(1.5))
+    assert samples.normals[sample] @ half / np.linalg.norm(half) > np.cos(np.radians(1.5))
     distance = np.linalg.norm(to_lamp)
     arriving = (REFERENCE / distance) ** 2 * (-(to_lamp @ lamp.axis) / distance) ** 0.8
     assert shine.max() == pytest.approx(0.2 * arriving, rel=0.01)

@@ -194,12 +194,12 @@ def test_truth_damaged_file_is_named(tmp_path: Path, content: bytes | None) -> N
 def test_visibility_agrees_with_lamp_image(direct: World) -> None:
     joints = JOINTS
     mask = direct.truth().mask
-    seen = direct.visibility(joints)
+    visibility = direct.visibility(joints)
     frame = direct.frame([ExposureInterval(1.0, joints, 1.0)], 0.1, 0).astype(float) - 64
-    assert not seen[~mask].any()
-    assert 0.2 < seen[mask].mean() < 1.0
-    assert np.percentile(frame[seen], 5) > 3
-    assert np.median(frame[mask & ~seen]) < 6
+    assert not visibility[~mask].any()
+    assert 0.2 < visibility[mask].mean() < 1.0
+    assert np.percentile(frame[visibility], 5) > 3
+    assert np.median(frame[mask & ~visibility]) < 6
 
 
 def test_world_object_outside_keep_out_raises(cell: CellConfig) -> None:

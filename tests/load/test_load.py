@@ -49,7 +49,7 @@ GROWTH_BYTES = 8 << 20
 ROW = np.dtype([("time", "<f8"), ("joints", "<f8", 6), ("rest", "V32")])
 NEWEST_ROWS = 10_000  # 20 s
 
-LONG_WAY = Recipe(method="two-rings", pilot_lights=4, planned_lights=4)
+LONG_PATH = Recipe(method="two-rings", pilot_lights=4, planned_lights=4)
 SHORT = Recipe(pilot_lights=3, planned_lights=0)
 
 
@@ -100,7 +100,7 @@ class Crowd:
         self._process.kill()
         self._process.wait()
 
-    def told(self, last_event: int) -> dict[str, Any]:
+    def summary(self, last_event: int) -> dict[str, Any]:
         """What all have seen up to this event."""
         answer, _ = self._process.communicate(f"{last_event}\n", timeout=120)
         return json.loads(answer)
@@ -113,9 +113,9 @@ def last_event(service: Service) -> int:
 def figure(service: Service, name: str) -> float:
     """One of the service's figures for monitoring."""
     text = httpx.get(f"{service.url}/metrics", timeout=30, trust_env=False).text
-    found = re.search(rf"^{re.escape(name)} (\S+)$", text, re.MULTILINE)
-    assert found is not None, name
-    return float(found[1])
+    match = re.search(rf"^{re.escape(name)} (\S+)$", text, re.MULTILINE)
+    assert match is not None, name
+    return float(match[1])
 
 
 @pytest.fixture(scope="module")
@@ -140,28 +140,28 @@ def test_load_few_clients_miss_no_event(tmp_path: Path) -> None:
         journal = server.service.store.journal
         with Client(url, key=secrets[Role.OPERATOR]) as client, Crowd(url, 8, 2, 5, secrets[Role.OPERATOR]) as crowd:
             assert client.capture(SHORT, progress=False).state is State.COMPLETED
-            told = crowd.told(journal.last_event_id())
+            summary = crowd.summary(journal.last_event_id())
 
-    assert told["heard_all_in_order"] == 10
-    assert told["polls_refused"] == 0
+    assert summary["heard_all_in_order"] == 10
+    assert summary["polls_refused"] == 0
 
 
 @pytest.mark.long
 def test_load_arm_loop_is_punctual_and_clients_miss_no_event(at_life_speed: Loaded) -> None:
     client = at_life_speed.client
     with Crowd(at_life_speed.service.url, LISTENERS, STALLED, POLLERS) as crowd:
-        interruptions = sum(completed(client, LONG_WAY) for _ in range(4))
-        told = crowd.told(last_event(at_life_speed.service))
+        interruptions = sum(completed(client, LONG_PATH) for _ in range(4))
+        summary = crowd.summary(last_event(at_life_speed.service))
 
     renewals = figure(at_life_speed.service, "lightpose_lease_renewals")
     late_s = figure(at_life_speed.service, 'lightpose_lease_lateness_seconds{quantile="0.99"}')
     worst_s = figure(at_life_speed.service, 'lightpose_lease_lateness_seconds{quantile="1.0"}')
-    print(f"\nlateness of {renewals:.0f} turns: p99 {1e3 * late_s:.1f} ms, most {1e3 * worst_s:.1f} ms; {told}")
+    print(f"\nlateness of {renewals:.0f} turns: p99 {1e3 * late_s:.1f} ms, most {1e3 * worst_s:.1f} ms; {summary}")
     assert interruptions == 0, "this machine was too busy for the arm to move on: what was measured says nothing"
     assert renewals >= 100
     assert late_s <= LATE_S
-    assert told["heard_all_in_order"] == told["listeners"] == LISTENERS + STALLED
-    assert told["polls_refused"] == 0
+    assert summary["heard_all_in_order"] == summary["listeners"] == LISTENERS + STALLED
+    assert summary["polls_refused"] == 0
 
 
 @pytest.mark.long
@@ -174,7 +174,7 @@ def test_load_stop_halts_within_its_limit(at_life_speed: Loaded, shard: int) -> 
     ):
         for trial in range(TRIALS):
             acknowledged += acknowledge_what_is_latched(client)
-            session_id = client.create(LONG_WAY).id
+            session_id = client.create(LONG_PATH).id
             client.start(session_id)
             wait_until_fast(control, client, session_id)
             time.sleep(0.01 * (trial % 20))  # anywhere in a move
@@ -189,17 +189,17 @@ def test_load_stop_halts_within_its_limit(at_life_speed: Loaded, shard: int) -> 
             took_s = came_to_rest(at_life_speed.record, state["timestamp"]) - state["timestamp"]
             latencies.append(took_s)
             margins.append(took_s - speed / at_life_speed.deceleration)
-        told = crowd.told(last_event(at_life_speed.service))
+        summary = crowd.summary(last_event(at_life_speed.service))
 
     p99_s = float(np.quantile(margins, 0.99, method="higher"))
     print(
         f"\n{len(margins)} stops: to rest p50 {np.median(latencies):.3f} s, most {max(latencies):.3f} s; beyond the "
         f"deceleration p50 {np.median(margins):.3f} s, p99 {p99_s:.3f} s; "
-        f"a link that the stop had cost was acknowledged {acknowledged} times; {told}"
+        f"a link that the stop had cost was acknowledged {acknowledged} times; {summary}"
     )
     assert len(margins) >= TRIALS / 2
     assert p99_s <= STOP_S
-    assert told["heard_all_in_order"] == told["listeners"]
+    assert summary["heard_all_in_order"] == summary["listeners"]
 
 
 @pytest.mark.long
@@ -257,9 +257,9 @@ def wait_until_fast(control: ControlClient, client: Client, session_id: str) -> 
 def came_to_rest(record: Path, since: float) -> float:
     """The controller's time (s) of the last tick after `since` with a joint faster than AT_REST_RAD_S."""
     with record.open("rb") as file:
-        whole = (file.seek(0, os.SEEK_END) - len(MAGIC)) // ROW.itemsize
-        file.seek(len(MAGIC) + max(whole - NEWEST_ROWS, 0) * ROW.itemsize)
-        rows = np.frombuffer(file.read(min(whole, NEWEST_ROWS) * ROW.itemsize), dtype=ROW)
+        count = (file.seek(0, os.SEEK_END) - len(MAGIC)) // ROW.itemsize
+        file.seek(len(MAGIC) + max(count - NEWEST_ROWS, 0) * ROW.itemsize)
+        rows = np.frombuffer(file.read(min(count, NEWEST_ROWS) * ROW.itemsize), dtype=ROW)
     rows = rows[rows["time"] >= since]
     speeds = np.abs(np.diff(rows["joints"], axis=0)).max(axis=1) / np.diff(rows["time"])
     moving = np.flatnonzero(speeds > AT_REST_RAD_S)

@@ -90,8 +90,8 @@ class QuickArm:
                         raise Halted
                     if self._stopping.is_set() or self._safety_bits != NORMAL:
                         raise RigError(ErrorCode.ARM_MOVE_FAILED, "The arm was stopped on its way")
-                    here = np.array(self._joints)
-                    self._joints = tuple((here + share * (np.array(corner) - here)).tolist())
+                    joints = np.array(self._joints)
+                    self._joints = tuple((joints + share * (np.array(corner) - joints)).tolist())
         finally:
             self._moving = False
 
@@ -187,8 +187,8 @@ class QuickCompute(Compute):
     def _plan_retreat(self, _: Any, cell: CellConfig, *__: Any) -> JointPath:
         return JointPath(path=[cell.arm.home], speeds=[1.0], seconds=LEG_S)
 
-    def _plan_return(self, _: Any, there: Sequence[float], *__: Any) -> JointPath:
-        return JointPath(path=[as_joints(there)], speeds=[1.0], seconds=LEG_S)
+    def _plan_return(self, _: Any, joints: Sequence[float], *__: Any) -> JointPath:
+        return JointPath(path=[as_joints(joints)], speeds=[1.0], seconds=LEG_S)
 
     def _solve_normals(self, observations: Any, *arguments: Any) -> ResultSummary:
         folder: Path = arguments[-1]

@@ -104,7 +104,7 @@ class Machine(RuleBasedStateMachine):
         assert self.cell.http[role].post("/v1/rig/stop").status_code == 202
 
     @rule()
-    def lean_on_the_arm(self) -> None:
+    def push_the_arm(self) -> None:
         self.cell.arm.stop_protectively()
 
     @rule()
@@ -130,14 +130,14 @@ class Machine(RuleBasedStateMachine):
 
     @rule(session_id=sessions, role=st.sampled_from(list(Role)))
     def look(self, session_id: str, role: Role) -> None:
-        found = self.cell.http[role].get(f"/v1/sessions/{session_id}")
-        assert found.status_code == 200, found.text
-        told = found.json()
-        state = State(told["state"])
+        answer = self.cell.http[role].get(f"/v1/sessions/{session_id}")
+        assert answer.status_code == 200, answer.text
+        session = answer.json()
+        state = State(session["state"])
         changing = [action for action in ACTIONS if (state, action) in TRANSITIONS]
-        assert told["allowed_actions"] == ([] if role is Role.VIEWER else changing)
-        assert 0 <= told["progress"] <= 1
-        assert (told["ended"] is not None) == (state in (State.COMPLETED, State.STOPPED, State.FAILED))
+        assert session["allowed_actions"] == ([] if role is Role.VIEWER else changing)
+        assert 0 <= session["progress"] <= 1
+        assert (session["ended"] is not None) == (state in (State.COMPLETED, State.STOPPED, State.FAILED))
 
     # ------------------------------------------------------------------------------------------------ what must hold
 
@@ -151,21 +151,21 @@ class Machine(RuleBasedStateMachine):
         """Some state that the session had meanwhile explains the answer."""
         held = self.states_between(session_id, first, last)
         trigger = Trigger(action)
-        told = answer.json()
+        body = answer.json()
         if answer.status_code == 202:
             reached = {next_state(state, trigger, Actor.OPERATOR) for state in held}
-            assert State(told["state"]) in reached, (held, told)
-        elif told["code"] == "session.action_not_allowed":
-            assert State(told["state"]) in held, (held, told)
-            assert next_state(State(told["state"]), trigger, Actor.OPERATOR) is None
-            assert trigger not in (Trigger.STOP,) or State(told["state"]) in (State.COMPLETED, State.FAILED)
-        elif told["code"] == "rig.busy":
-            assert told["holder"] != session_id
+            assert State(body["state"]) in reached, (held, body)
+        elif body["code"] == "session.action_not_allowed":
+            assert State(body["state"]) in held, (held, body)
+            assert next_state(State(body["state"]), trigger, Actor.OPERATOR) is None
+            assert trigger not in (Trigger.STOP,) or State(body["state"]) in (State.COMPLETED, State.FAILED)
+        elif body["code"] == "rig.busy":
+            assert body["holder"] != session_id
         else:
-            assert trigger in (Trigger.START, Trigger.RESUME), told
-            assert told["code"] in (
+            assert trigger in (Trigger.START, Trigger.RESUME), body
+            assert body["code"] in (
                 "arm.protective_stop", "safety.not_acknowledged", "rig.not_ready", "arm.elsewhere",
-            ), told  # fmt: skip
+            ), body  # fmt: skip
 
     def states_between(self, session_id: str, first: int, last: int) -> set[State]:
         """The states of a session at the event `first`, at `last`, and between them."""

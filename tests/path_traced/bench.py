@@ -89,7 +89,7 @@ def _tracer(name: str) -> Tracer:
     return Tracer(placed(name))
 
 
-def _seen(name: str, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _view_hits(name: str, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Which rays (N, 3) from the camera hit, where, and the normals there."""
     mesh = placed(name)
     hits = _tracer(name).first_hits(np.zeros_like(direction), direction)
@@ -104,8 +104,8 @@ def _seen(name: str, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.
 def truth(name: str, pixels: int) -> Truth:
     """What is true at the pixels' centres."""
     direction = rays(pixels)[0]
-    found = _seen(name, direction.reshape(-1, 3))
-    hit, point, normal = (part.reshape(pixels, pixels, *part.shape[1:]) for part in found)
+    hits = _view_hits(name, direction.reshape(-1, 3))
+    hit, point, normal = (part.reshape(pixels, pixels, *part.shape[1:]) for part in hits)
     return Truth(
         name,
         np.where(hit[..., None], normal, 0.0),
@@ -119,8 +119,8 @@ def _graded(name: str, pixels: int) -> np.ndarray:
     """Pixels (H, W) that have one normal: none of them within a pixel of what is seen at more than 78°, or is not the
     object; and no pixel that straddles a crease of more than 20°."""
     direction = rays(pixels, 4)
-    found = _seen(name, direction.reshape(-1, 3))
-    hit, _, normal = (part.reshape(16, pixels, pixels, *part.shape[1:]) for part in found)
+    hits = _view_hits(name, direction.reshape(-1, 3))
+    hit, _, normal = (part.reshape(16, pixels, pixels, *part.shape[1:]) for part in hits)
     cosine = -np.sum(normal * direction, axis=-1) / np.linalg.norm(direction, axis=-1)
     steep = np.mean(~hit | (cosine < np.cos(np.radians(GRADED_DEG))), axis=0) >= TENTH
     core = cv2.erode((~steep).astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=0) > 0
@@ -234,7 +234,7 @@ def gloss(
     reflectance 0.04 (Walter 2007, Smith's shadowing).
     """
     direction = rays(pixels, samples).reshape(-1, 3)
-    hit, point, normal = _seen(name, direction)
+    hit, point, normal = _view_hits(name, direction)
     to_camera = -direction / np.linalg.norm(direction, axis=1, keepdims=True)
     out = []
     for position in light_positions:
@@ -250,9 +250,9 @@ def gloss(
             value = strength * irradiance * n_h**30
         else:
             value = irradiance * _ggx(n_h, cosine, np.sum(normal * to_camera, 1), np.sum(half * to_camera, 1))
-        seen = hit & (cosine > 0)
-        seen[seen] = ~_tracer(name).occluded(point[seen] + START_M * normal[seen], d[seen])
-        out.append(np.where(seen, value, 0).reshape(-1, pixels, pixels).mean(axis=0))
+        visible = hit & (cosine > 0)
+        visible[visible] = ~_tracer(name).occluded(point[visible] + START_M * normal[visible], d[visible])
+        out.append(np.where(visible, value, 0).reshape(-1, pixels, pixels).mean(axis=0))
     return np.array(out, dtype=np.float32)
 
 
@@ -314,13 +314,13 @@ def capture(
     pixels = y.shape[-1]
     known = known or calibration(pixels)
     log_intensity = rng.normal(0, intensity_sigma, len(y))
-    told = light_positions + rng.normal(0, position_sigma_m, light_positions.shape)
+    nominal = light_positions + rng.normal(0, position_sigma_m, light_positions.shape)
     lit = np.max(y, axis=0) > 0
     seconds = np.array([0.8 / np.percentile(one[lit], 99.5) for one in y])
     signal = y * np.exp(log_intensity)[:, None, None] * seconds[:, None, None]
     electrons = rng.poisson(signal * SENSOR.full_well_e) + rng.normal(0, SENSOR.read_noise_e, y.shape)
     dn = np.clip(np.round(electrons / SENSOR.gain_e_per_dn), 0, 2**SENSOR.bits - 1).astype(np.uint16)
-    axis = CENTER - told
+    axis = CENTER - nominal
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     scale = SENSOR.full_scale_dn * seconds
     stack = ImageStack(
@@ -328,7 +328,7 @@ def capture(
         clipped=dn >= 0.985 * SENSOR.full_scale_dn,
         lights=tuple(
             Light(position=tuple(one.tolist()), axis=tuple(look.tolist()))
-            for one, look in zip(told, axis, strict=True)
+            for one, look in zip(nominal, axis, strict=True)
         ),
         rows=slice(0, pixels),
         columns=slice(0, pixels),
@@ -338,24 +338,24 @@ def capture(
     return Capture(stack, known, dn, seconds, log_intensity)
 
 
-def without_sensor(taken: Capture) -> Capture:
+def without_sensor(capture: Capture) -> Capture:
     """The same capture to a solver that knows no more of the sensor than the rounding of its values."""
-    step = 1 / (SENSOR.full_scale_dn * taken.seconds)
-    stack = ImageStack(**{**vars(taken.stack), "shot": np.zeros_like(step), "floor": step**2 / 12})
-    return Capture(stack, taken.calibration, taken.dn, taken.seconds, taken.log_intensity)
+    step = 1 / (SENSOR.full_scale_dn * capture.seconds)
+    stack = ImageStack(**{**vars(capture.stack), "shot": np.zeros_like(step), "floor": step**2 / 12})
+    return Capture(stack, capture.calibration, capture.dn, capture.seconds, capture.log_intensity)
 
 
-def write_folder(folder: Path, taken: Capture, true: Truth) -> None:
+def write_folder(folder: Path, captured: Capture, true: Truth) -> None:
     """Writes the capture as a near-light folder: lights.json, 16-bit images, masks and true normals."""
     folder.mkdir(parents=True, exist_ok=True)
     lights: list[dict[str, object]] = []
-    for number, (image, light) in enumerate(zip(taken.dn, taken.stack.lights, strict=True)):
+    for number, (image, light) in enumerate(zip(captured.dn, captured.stack.lights, strict=True)):
         name = f"{number + 1:03d}.png"
-        whole_range = (image.astype(np.uint32) * 65535 // int(SENSOR.full_scale_dn)).astype(np.uint16)
-        cv2.imwrite(str(folder / name), whole_range)
+        scaled = (image.astype(np.uint32) * 65535 // int(SENSOR.full_scale_dn)).astype(np.uint16)
+        cv2.imwrite(str(folder / name), scaled)
         position = geometry.rotate(geometry.CAMERA_FROM_VIEW, np.array(light.position)) * 1000
-        lights.append({"file": name, "position": position.tolist(), "intensity": float(taken.seconds[number])})
-    camera = {"K": [list(row) for row in taken.calibration.camera_matrix], "distortion": [0.0] * 5}
+        lights.append({"file": name, "position": position.tolist(), "intensity": float(captured.seconds[number])})
+    camera = {"K": [list(row) for row in captured.calibration.camera_matrix], "distortion": [0.0] * 5}
     described = {
         "unit": "mm", "reference_mm": REFERENCE_M * 1000, "camera": camera, "lights": lights,
         "depth_mm": -float(CENTER[2]) * 1000,
@@ -385,22 +385,22 @@ class Grade:
     intensity_error: float  # std of what is left of the log intensity errors
 
 
-def grade(found: NormalMap, true: Truth, log_intensity: Sequence[float] | np.ndarray) -> Grade:
+def grade(normal_map: NormalMap, true: Truth, log_intensity: Sequence[float] | np.ndarray) -> Grade:
     """Grades a normal map; pixels without a normal count with 90°."""
     where = true.graded
-    error = np.where(found.mask, true.error_deg(found.normals), 90.0)
-    sigma = found.sigma_deg
-    known = where & found.mask & np.isfinite(sigma)
-    doubtful = np.zeros_like(where) if found.doubtful is None else found.doubtful
-    told = known & ~doubtful
-    e, s = error[told], sigma[told]
+    error = np.where(normal_map.mask, true.error_deg(normal_map.normals), 90.0)
+    sigma = normal_map.sigma_deg
+    known = where & normal_map.mask & np.isfinite(sigma)
+    doubtful = np.zeros_like(where) if normal_map.doubtful is None else normal_map.doubtful
+    valid = known & ~doubtful
+    e, s = error[valid], sigma[valid]
     half = sigma[known] <= np.median(sigma[known])
-    left = np.log(found.intensity_factors) - np.asarray(log_intensity)
+    left = np.log(normal_map.intensity_factors) - np.asarray(log_intensity)
     return Grade(
         mean_deg=float(np.mean(error[where])),
         median_deg=float(np.median(error[where])),
         p95_deg=float(np.percentile(error[where], 95)),
-        solved=float(np.mean(found.mask[where])),
+        solved=float(np.mean(normal_map.mask[where])),
         within=float(np.mean(e < s)),
         within_two=float(np.mean(e < 2 * s)),
         ratio=float(np.sqrt(np.mean((e / s) ** 2))),

@@ -46,25 +46,25 @@ def solve(
     name: str, condition: Condition, lights: int, draw: int, intensity_sigma: float, corrected: bool
 ) -> tuple[NormalMap, np.ndarray]:
     """One solve, and the true log intensities (F,); not `corrected`: as if no surface sent light to another."""
-    taken = bench.capture(
+    captured = bench.capture(
         images(name, condition, lights), bench.two_rings(lights), draw, intensity_sigma=intensity_sigma
     )
     mask = bench.truth(name, PIXELS).mask
     with pytest.MonkeyPatch.context() as patch:
         if not corrected:
             patch.setattr(interreflection, "received", nothing)
-        found = normals.solve_stack(
-            taken.stack, taken.calibration, SolveSettings(), initial_depth_m=0.9, object_mask=mask
+        normal_map = normals.solve_stack(
+            captured.stack, captured.calibration, SolveSettings(), initial_depth_m=0.9, object_mask=mask
         )
-    return found, taken.log_intensity
+    return normal_map, captured.log_intensity
 
 
 @functools.cache
 def grade(
     name: str, condition: Condition, lights: int, draw: int, intensity_sigma: float, corrected: bool
 ) -> bench.Grade:
-    found, log_intensity = solve(name, condition, lights, draw, intensity_sigma, corrected)
-    return bench.grade(found, bench.truth(name, PIXELS), log_intensity)
+    normal_map, log_intensity = solve(name, condition, lights, draw, intensity_sigma, corrected)
+    return bench.grade(normal_map, bench.truth(name, PIXELS), log_intensity)
 
 
 def nothing(pixels: Pixels, values: np.ndarray, *_: object) -> np.ndarray:
@@ -118,9 +118,9 @@ def test_interreflection_correction_leaves_six_tenths_of_error(name: str, bar: f
 
 
 def test_interreflection_groove_error_meets_goal() -> None:
-    found = mean_of_draws("vee", "bounces")
-    show("groove of 90°, bounced light corrected", found)
-    assert found <= 2.2
+    error_deg = mean_of_draws("vee", "bounces")
+    show("groove of 90°, bounced light corrected", error_deg)
+    assert error_deg <= 2.2
 
 
 @pytest.mark.parametrize("name", objects.NAMES)
@@ -173,8 +173,8 @@ def test_self_calibration_large_intensity_error_meets_goal() -> None:
 
 @pytest.mark.parametrize("condition", ["direct", "bounces", "dark"])
 def test_specular_diffuse_surfaces_get_no_lobe(condition: Condition) -> None:
-    found = [solve(name, condition, 8, draw, 0.01, True)[0] for name in objects.NAMES for draw in range(DRAWS)]
-    strengths = [one.notes["lobe"]["strength"] for one in found]
+    normal_maps = [solve(name, condition, 8, draw, 0.01, True)[0] for name in objects.NAMES for draw in range(DRAWS)]
+    strengths = [one.notes["lobe"]["strength"] for one in normal_maps]
     show(f"strongest lobe of a matt surface, {condition}", max(strengths))
     assert max(strengths) <= 0.01
 
@@ -216,7 +216,7 @@ def halves(condition: Condition, intensity_sigma: float) -> dict[str, list[tuple
 @INTENSITIES
 def test_sigma_lower_half_has_lower_mean_error(condition: Condition, intensity_sigma: float) -> None:
     """In each object over its draws."""
-    means = {name: np.mean(found, axis=0) for name, found in halves(condition, intensity_sigma).items()}
+    means = {name: np.mean(values, axis=0) for name, values in halves(condition, intensity_sigma).items()}
     assert {name: mean for name, mean in means.items() if not mean[0] < mean[1]} == {}
 
 
@@ -237,8 +237,8 @@ def test_sigma_lower_half_has_lower_error_in_each_draw(
 ) -> None:
     """Errors of the lamps that one draw has can turn the walls of a groove, which are the surer, by more than its edges
     err: noise is halved where normals are made those of a surface, and these errors are not."""
-    found = halves(condition, intensity_sigma)
-    wrong = [(name, draw) for name, every in found.items() for draw, (sure, mean) in enumerate(every) if sure >= mean]
+    errors = halves(condition, intensity_sigma)
+    wrong = [(name, draw) for name, every in errors.items() for draw, (sure, mean) in enumerate(every) if sure >= mean]
     show(f"{condition}, intensities {intensity_sigma:.1%}: draws in which the surer half is no better", len(wrong))
     assert [name for name, _ in wrong if name != "vee"] == []
     assert len(wrong) <= worse
@@ -246,6 +246,6 @@ def test_sigma_lower_half_has_lower_error_in_each_draw(
 
 @pytest.mark.parametrize("name", ["animal", "rabbit"])
 def test_sigma_smooth_diffuse_objects_equals_rms_error(name: str) -> None:
-    found = [one.ratio for one in grades(name, "direct", draws=SIGMA_DRAWS)]
-    show(f"{name}: rms of error / σ", np.mean(found))
-    assert 0.85 <= np.mean(found) <= 1.25
+    ratios = [one.ratio for one in grades(name, "direct", draws=SIGMA_DRAWS)]
+    show(f"{name}: rms of error / σ", np.mean(ratios))
+    assert 0.85 <= np.mean(ratios) <= 1.25

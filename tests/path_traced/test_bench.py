@@ -12,11 +12,11 @@ PIXELS = 64
 
 def solved(name: str, y: np.ndarray, seed: int = 0) -> tuple[NormalMap, bench.Grade]:
     true = bench.truth(name, PIXELS)
-    taken = bench.capture(y, bench.two_rings(len(y)), seed)
-    found = normals.solve_stack(
-        taken.stack, taken.calibration, SolveSettings(), initial_depth_m=0.9, object_mask=true.mask
+    captured = bench.capture(y, bench.two_rings(len(y)), seed)
+    normal_map = normals.solve_stack(
+        captured.stack, captured.calibration, SolveSettings(), initial_depth_m=0.9, object_mask=true.mask
     )
-    return found, bench.grade(found, true, taken.log_intensity)
+    return normal_map, bench.grade(normal_map, true, captured.log_intensity)
 
 
 def test_render_direct_light_equals_image_formation_model() -> None:
@@ -34,19 +34,19 @@ def test_render_direct_light_equals_image_formation_model() -> None:
 
 def test_solve_groove_subtracts_interreflection() -> None:
     y = bench.render("vee", bench.two_rings(8), pixels=PIXELS, bounces=True, samples=36)
-    found, grade = solved("vee", y)
-    assert found.indirect is not None
-    assert 0.1 < np.median(found.indirect[bench.truth("vee", PIXELS).graded]) < 0.35
+    normal_map, grade = solved("vee", y)
+    assert normal_map.indirect is not None
+    assert 0.1 < np.median(normal_map.indirect[bench.truth("vee", PIXELS).graded]) < 0.35
     assert grade.mean_deg < 3.0
     assert grade.within_two > 0.85
 
 
 def test_solve_direct_light_only_subtracts_nothing() -> None:
     y = bench.render("vee", bench.two_rings(8), pixels=PIXELS, bounces=False, samples=16)
-    found, grade = solved("vee", y)
-    assert found.indirect is not None
-    assert np.all(found.indirect == 0)
-    assert found.notes["lobe"]["strength"] == 0
+    normal_map, grade = solved("vee", y)
+    assert normal_map.indirect is not None
+    assert np.all(normal_map.indirect == 0)
+    assert normal_map.notes["lobe"]["strength"] == 0
     assert grade.mean_deg < 0.9
     assert grade.intensity_error < 0.01
 
@@ -54,7 +54,7 @@ def test_solve_direct_light_only_subtracts_nothing() -> None:
 def test_solve_glossy_object_recovers_lobe() -> None:
     lights = bench.two_rings(8)
     y = bench.render("animal", lights, pixels=PIXELS, bounces=False, samples=16)
-    found, grade = solved("animal", y + bench.gloss("animal", lights, pixels=PIXELS))
-    assert found.notes["lobe"]["strength"] == pytest.approx(0.2, abs=0.03)
-    assert 12 < found.notes["lobe"]["exponent"] < 60
+    normal_map, grade = solved("animal", y + bench.gloss("animal", lights, pixels=PIXELS))
+    assert normal_map.notes["lobe"]["strength"] == pytest.approx(0.2, abs=0.03)
+    assert 12 < normal_map.notes["lobe"]["exponent"] < 60
     assert grade.mean_deg < 1.3

@@ -74,19 +74,19 @@ def test_same_scene_changed_brightness_or_content_is_rejected() -> None:
 
 def test_displacement_predicted_frame_detects_a_shift() -> None:
     known = np.where(TRUE.mask, scenes.lit(TRUE, OTHER), 0.0)
-    foretold = expected.decode_image(expected.encode_image(known))
-    assert foretold.max() == 65535
-    seen = frame(scenes.lit(TRUE, OTHER), 3)
-    at_rest = expected.displacement(foretold, seen, SENSOR.black_level_dn, FULL)
+    predicted = expected.decode_image(expected.encode_image(known))
+    assert predicted.max() == 65535
+    image = frame(scenes.lit(TRUE, OTHER), 3)
+    at_rest = expected.displacement(predicted, image, SENSOR.black_level_dn, FULL)
     assert at_rest is not None
     assert not at_rest.moved
     assert at_rest.shift_px < 0.3
     nudged = frame(scenes.lit(TRUE, OTHER), 3, (2.0, -1.5))
-    found = expected.displacement(foretold, nudged, SENSOR.black_level_dn, FULL)
-    assert found is not None
-    assert found.moved
-    assert found.shift_px == pytest.approx(2.5, abs=0.3)
-    verdict = check.compare_with_earlier(GOOD, nudged, REGION, SENSOR, 0.05, [], foretold)
+    displacement = expected.displacement(predicted, nudged, SENSOR.black_level_dn, FULL)
+    assert displacement is not None
+    assert displacement.moved
+    assert displacement.shift_px == pytest.approx(2.5, abs=0.3)
+    verdict = check.compare_with_earlier(GOOD, nudged, REGION, SENSOR, 0.05, [], predicted)
     assert (verdict.usable, verdict.moved, verdict.retake_s) == (False, True, 0.05)
     assert "shifted" in verdict.quality.reason
 

@@ -93,8 +93,8 @@ def test_dark_frame_bright_room_is_rejected() -> None:
 
 
 def test_keep_out_region_contains_the_projected_cylinder() -> None:
-    found = region.keep_out(CELL, CALIBRATION)
-    rows, columns = np.nonzero(found)
+    mask = region.keep_out(CELL, CALIBRATION)
+    rows, columns = np.nonzero(mask)
     focal, radius, height = 4600.0, CELL.object.keep_out.radius_m, CELL.object.keep_out.height_m
     by_pinhole = radius * focal / (0.9 - height)
     assert (columns.max() - columns.min()) / 2 == pytest.approx(by_pinhole, rel=0.02)

@@ -31,8 +31,8 @@ def camera() -> Iterator[PylonCamera]:
 
 
 def test_pylon_expose_returns_the_sensors_pixels_exactly(camera: PylonCamera, tmp_path: Path) -> None:
-    seen = np.random.default_rng(1).integers(0, 65536, (96, 128)).astype(np.uint16)
-    cv2.imwrite(str(tmp_path / "seen.tiff"), seen)
+    pixels = np.random.default_rng(1).integers(0, 65536, (96, 128)).astype(np.uint16)
+    cv2.imwrite(str(tmp_path / "seen.tiff"), pixels)
     device = camera._camera
     device.Width.Value, device.Height.Value = 128, 96
     device.TestImageSelector.Value = "Off"
@@ -42,7 +42,7 @@ def test_pylon_expose_returns_the_sensors_pixels_exactly(camera: PylonCamera, tm
     before = time.time()
     frame = camera.expose(0.02, 1, StopToken())
 
-    np.testing.assert_array_equal(frame.pixels, seen)
+    np.testing.assert_array_equal(frame.pixels, pixels)
     assert frame.pixels.dtype == np.uint16
     assert frame.exposure_s == pytest.approx(0.02)
     assert before <= frame.taken_at <= time.time()

@@ -61,12 +61,12 @@ def test_shared_memory_fields_are_seen_by_another_process() -> None:
 
 
 @pytest.mark.parametrize(
-    ("taken", "done", "state"),
+    ("accepted", "done", "state"),
     [(5, 5, (False, False)), (5, 3, (True, False)), (7, 5, (True, False)), (7, 7, (True, True))],
 )
-def test_halt_state_halt_in_progress_serves_later_requests(taken: int, done: int, state: tuple[bool, bool]) -> None:
+def test_halt_state_halt_in_progress_serves_later_requests(accepted: int, done: int, state: tuple[bool, bool]) -> None:
     memory = SharedMemory.create()
-    memory.write(Field.HALT_ACCEPTED, taken)
+    memory.write(Field.HALT_ACCEPTED, accepted)
     memory.write(Field.HALT_DONE, done)
     assert memory.halt_state(7) == state
 

@@ -72,9 +72,9 @@ def test_move_successive_paths_end_at_their_goals(arm: UrArm, control: ControlCl
 
 
 def test_move_to_present_joints_returns(arm: UrArm, control: ControlClient) -> None:
-    here = arm.reading.joints
-    arm.move([here], [LIMITS], StopToken())
-    np.testing.assert_allclose(control.state()["joints"], here, atol=1e-6)
+    joints = arm.reading.joints
+    arm.move([joints], [LIMITS], StopToken())
+    np.testing.assert_allclose(control.state()["joints"], joints, atol=1e-6)
 
 
 def test_move_empty_path_moves_nothing(arm: UrArm, control: ControlClient) -> None:
@@ -187,11 +187,11 @@ def test_halt_in_signal_handler_during_halt_succeeds(arm: UrArm) -> None:
 
 def test_reading_is_updated_continuously(arm: UrArm) -> None:
     start = arm.reading.timestamp
-    seen: set[float] = set()
-    while max(seen, default=start) < start + 1.0:
-        seen.add(arm.reading.timestamp)
+    timestamps: set[float] = set()
+    while max(timestamps, default=start) < start + 1.0:
+        timestamps.add(arm.reading.timestamp)
         time.sleep(0.002)
-    assert len(seen) >= 50, "fewer than 50 readings in a second of the controller's time"
+    assert len(timestamps) >= 50, "fewer than 50 readings in a second of the controller's time"
 
 
 def test_preflight_wrong_kinematics_is_reported(arm: UrArm) -> None:

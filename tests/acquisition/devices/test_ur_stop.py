@@ -268,10 +268,10 @@ def test_safety_stop_during_move_raises_its_code(fault: str, code: ErrorCode) ->
 
 
 @pytest.mark.parametrize(
-    ("fault", "shown"),
+    ("fault", "sentence"),
     [({"kind": "cut"}, "is closed|driver ended"), ({"kind": "stall", "seconds": 2.0}, "sends nothing|driver ended")],
 )
-def test_lost_link_during_move_stops_the_arm(fault: dict[str, Any], shown: str) -> None:
+def test_lost_link_during_move_stops_the_arm(fault: dict[str, Any], sentence: str) -> None:
     with controller(LOST) as control, connected(UrArm(arm_config(LOST), CELL.lamp.output)) as arm:
         made_ready(arm, control)
         journey = Journey(arm)
@@ -282,7 +282,7 @@ def test_lost_link_during_move_stops_the_arm(fault: dict[str, Any], shown: str) 
         assert isinstance(error, RigError)
         assert error.code in (ErrorCode.DEVICE_DISCONNECTED, ErrorCode.DRIVER_LOST, ErrorCode.ARM_MOVE_FAILED)
         wait_for(lambda: not arm.reading.connected)
-        assert re.search(shown, arm.reading.lost)
+        assert re.search(sentence, arm.reading.lost)
         wait_for(lambda: control.state()["runtime_state"] == STOPPED)
         assert stays_at_rest(control, 1.0)
 

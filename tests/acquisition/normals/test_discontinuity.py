@@ -28,13 +28,13 @@ def test_solve_rod_above_plate_recovers_height_from_shadows() -> None:
         Light(position=tuple((center + 0.45 * unit).tolist()), axis=tuple((-unit).tolist()))
         for unit in baselines.two_rings(8, 0.2)
     ]
-    taken = scenes.capture(true, lights, intensity_sigma=0, position_sigma_m=0, noisy=False)
-    found = normals.solve(taken, true.calibration, SolveSettings(), initial_depth_m=scenes.TABLE_DEPTH - 0.01)
+    observations = scenes.capture(true, lights, intensity_sigma=0, position_sigma_m=0, noisy=False)
+    result = normals.solve(observations, true.calibration, SolveSettings(), initial_depth_m=scenes.TABLE_DEPTH - 0.01)
     x, y = true.points[:2]
-    rod_seen = (np.abs(x) < HALF_LENGTH_M) & (np.abs(y) < 0.8 * RADIUS_M)
-    plate_seen = (np.hypot(x, y) < 0.045) & (np.abs(y) > 0.02)
-    off = true.depth - found.depth  # what is too high is positive
-    off -= np.median(off[plate_seen])
-    rise = np.median(true.depth[plate_seen]) - np.min(true.depth[rod_seen])
-    assert abs(np.median(off[rod_seen])) < 0.12 * rise
-    assert np.std(off[rod_seen]) < 0.02 * rise
+    on_rod = (np.abs(x) < HALF_LENGTH_M) & (np.abs(y) < 0.8 * RADIUS_M)
+    on_plate = (np.hypot(x, y) < 0.045) & (np.abs(y) > 0.02)
+    off = true.depth - result.depth  # what is too high is positive
+    off -= np.median(off[on_plate])
+    rise = np.median(true.depth[on_plate]) - np.min(true.depth[on_rod])
+    assert abs(np.median(off[on_rod])) < 0.12 * rise
+    assert np.std(off[on_rod]) < 0.02 * rise

@@ -37,8 +37,8 @@ def cushion() -> scenes.Scene:
 
 
 def images(true: scenes.Scene) -> ImageStack | StoredImages:
-    whole = slice(0, SIZE)
-    return session_images.read(scenes.capture(true, LIGHTS, seed=1), true.calibration, whole, whole)
+    all_pixels = slice(0, SIZE)
+    return session_images.read(scenes.capture(true, LIGHTS, seed=1), true.calibration, all_pixels, all_pixels)
 
 
 def model(known: Calibration, stack: ImageStack | StoredImages) -> Scene:
@@ -86,29 +86,29 @@ def test_solve_in_blocks_of_rows_equals_solve_in_one(
     lobe: Lobe, received: float, cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stack = images(cushion)
-    whole = slice(0, SIZE)
-    seen = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, whole, whole))
+    all_pixels = slice(0, SIZE)
+    masked = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels))
     known = model(cushion.calibration, stack)
 
     def solved() -> NormalMap:
-        gathered = seen.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
-        return final_solve.solve(seen, gathered, refined(gathered, known.noise, lobe, received), known, (SIZE, SIZE))
+        gathered = masked.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
+        return final_solve.solve(masked, gathered, refined(gathered, known.noise, lobe, received), known, (SIZE, SIZE))
 
     together = solved()
     assert np.count_nonzero(together.flags == LIT) < 0.95 * len(LIGHTS) * np.count_nonzero(cushion.mask)  # shadows
     monkeypatch.setattr(pyramid, "BLOCK_VALUES", 1)
     monkeypatch.setattr(pyramid, "MIN_BLOCK_ROWS", 5)
-    assert len(list(seen.blocks())) > 15
+    assert len(list(masked.blocks())) > 15
     same(together, solved())
 
 
 def test_solve_streamed_images_equals_solve_in_memory(cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """From frames, with silhouette, alternation and table: in blocks from files, and at once from memory."""
-    taken, table = scenes.capture(cushion, LIGHTS, seed=1), np.full((SIZE, SIZE), scenes.TABLE_DEPTH, np.float32)
+    observations, table = scenes.capture(cushion, LIGHTS, seed=1), np.full((SIZE, SIZE), scenes.TABLE_DEPTH, np.float32)
 
     def solved() -> NormalMap:
         return normals.solve(
-            taken, cushion.calibration, SolveSettings(depth_rounds=1), initial_depth_m=0.86, table_depth_m=table
+            observations, cushion.calibration, SolveSettings(depth_rounds=1), initial_depth_m=0.86, table_depth_m=table
         )
 
     together = solved()
@@ -121,43 +121,43 @@ def test_solve_streamed_images_equals_solve_in_memory(cushion: scenes.Scene, mon
 
 def test_level_in_blocks_of_rows_equals_level_in_one(cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     stack = images(cushion)
-    seen = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, slice(0, SIZE), slice(0, SIZE)))
+    masked = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, slice(0, SIZE), slice(0, SIZE)))
     chosen = final_solve.noise_sample(int(np.count_nonzero(cushion.mask)))
     table = scenes.TABLE_DEPTH + np.random.default_rng(0).random((SIZE, SIZE), np.float32)
-    whole = seen.level(7, chosen, table)
+    full = masked.level(7, chosen, table)
     monkeypatch.setattr(pyramid, "BLOCK_VALUES", 1)
     monkeypatch.setattr(pyramid, "MIN_BLOCK_ROWS", 10)
-    parts = seen.level(7, chosen, table)
-    assert len(parts.parts) > len(whole.parts)
-    for one, two in ((whole.coarse, parts.coarse), (whole.sample, parts.sample)):
+    parts = masked.level(7, chosen, table)
+    assert len(parts.parts) > len(full.parts)
+    for one, two in ((full.coarse, parts.coarse), (full.sample, parts.sample)):
         assert one.shape == two.shape
         for name in ("index", "ray", "values", "clipped"):
             np.testing.assert_array_equal(getattr(one, name), getattr(two, name), name)
-    assert whole.table is not None
+    assert full.table is not None
     assert parts.table is not None
     # Means of 49 positive values, at worst 49 u = 3e-6 off by their order.
-    np.testing.assert_allclose(whole.table.values, parts.table.values, rtol=1e-5)
-    depth = whole.coarse.index.astype(np.float32)
-    np.testing.assert_allclose(whole.interpolate_sample(depth), parts.interpolate_sample(depth), rtol=1e-5)
-    few = seen.pixels(slice(0, SIZE)).subset(chosen)
-    np.testing.assert_array_equal(few.values, whole.sample.values)
+    np.testing.assert_allclose(full.table.values, parts.table.values, rtol=1e-5)
+    depth = full.coarse.index.astype(np.float32)
+    np.testing.assert_allclose(full.interpolate_sample(depth), parts.interpolate_sample(depth), rtol=1e-5)
+    few = masked.pixels(slice(0, SIZE)).subset(chosen)
+    np.testing.assert_array_equal(few.values, full.sample.values)
     np.testing.assert_array_equal(few.index, parts.sample.index)
 
 
 def test_flags_predicted_indirect_light_is_no_highlight(cushion: scenes.Scene) -> None:
     """Light that reaches all pixels under one of eight lights alone stands out as a highlight would."""
-    stack, whole = images(cushion), slice(0, SIZE)
+    stack, all_pixels = images(cushion), slice(0, SIZE)
     assert isinstance(stack, ImageStack)
     falling = np.where(np.arange(len(LIGHTS)) == 0, 0.3, 0).astype(np.float32)
     lit = replace(stack, values=stack.values + (0.5 * falling)[:, None, None])
-    seen = MaskedImages(lit, cushion.mask, photometry.rays(cushion.calibration, whole, whole))
-    gathered = seen.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
+    masked = MaskedImages(lit, cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels))
+    gathered = masked.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, lit)
-    found = replace(refined(gathered, known.noise, NO_LOBE, 0.0), shared=SharedParameters.nominal(len(LIGHTS)))
+    result = replace(refined(gathered, known.noise, NO_LOBE, 0.0), shared=SharedParameters.nominal(len(LIGHTS)))
     received = np.repeat(falling[:, None], gathered.coarse.values.shape[1], axis=1)
     shares = [
         np.mean(
-            final_solve.solve(seen, gathered, replace(found, indirect_irradiance=one), known, (SIZE, SIZE)).flags[
+            final_solve.solve(masked, gathered, replace(result, indirect_irradiance=one), known, (SIZE, SIZE)).flags[
                 0, cushion.graded
             ]
             & HIGHLIGHT
@@ -170,33 +170,35 @@ def test_flags_predicted_indirect_light_is_no_highlight(cushion: scenes.Scene) -
 
 
 def test_solve_pixels_with_two_lights_are_smoothed(cushion: scenes.Scene) -> None:
-    stack, whole = images(cushion), slice(0, SIZE)
+    stack, all_pixels = images(cushion), slice(0, SIZE)
     assert isinstance(stack, ImageStack)
     lone = np.zeros((SIZE, SIZE), np.bool_)
     lone[2::6, 2::6] = cushion.graded[2::6, 2::6]
     values = stack.values.copy()
     values[2:, lone] = 0
-    seen = MaskedImages(replace(stack, values=values), cushion.mask, photometry.rays(cushion.calibration, whole, whole))
-    gathered = seen.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
+    masked = MaskedImages(
+        replace(stack, values=values), cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels)
+    )
+    gathered = masked.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, stack)
     start = replace(refined(gathered, known.noise, NO_LOBE, 0.0), shared=SharedParameters.nominal(len(LIGHTS)))
-    found = final_solve.solve(seen, gathered, start, known, (SIZE, SIZE))
-    assert np.max(found.sigma_deg[lone]) < 12  # alone, none is under 20
-    assert np.mean(cushion.error_deg(found.normals)[lone[cushion.graded]]) < 4
+    result = final_solve.solve(masked, gathered, start, known, (SIZE, SIZE))
+    assert np.max(result.sigma_deg[lone]) < 12  # alone, none is under 20
+    assert np.mean(cushion.error_deg(result.normals)[lone[cushion.graded]]) < 4
 
 
 def test_solve_integrability_lowers_median_error(cushion: scenes.Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    stack, whole = images(cushion), slice(0, SIZE)
-    seen = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, whole, whole))
-    gathered = seen.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
+    stack, all_pixels = images(cushion), slice(0, SIZE)
+    masked = MaskedImages(stack, cushion.mask, photometry.rays(cushion.calibration, all_pixels, all_pixels))
+    gathered = masked.level(FACTOR, final_solve.noise_sample(int(np.count_nonzero(cushion.mask))), None)
     known = model(cushion.calibration, stack)
     start = replace(refined(gathered, known.noise, NO_LOBE, 0.0), shared=SharedParameters.nominal(len(LIGHTS)))
 
     def median_deg() -> float:
-        found = final_solve.solve(seen, gathered, start, known, (SIZE, SIZE))
-        return float(np.median(cushion.error_deg(found.normals)))
+        result = final_solve.solve(masked, gathered, start, known, (SIZE, SIZE))
+        return float(np.median(cushion.error_deg(result.normals)))
 
-    settled = median_deg()
+    projected = median_deg()
     monkeypatch.setattr(integrability, "ROUNDS", 0)
     single = median_deg()
-    assert settled < 0.95 * single
+    assert projected < 0.95 * single

@@ -42,9 +42,9 @@ def error_deg(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return np.degrees(2 * np.arcsin(np.linalg.norm(one - other, axis=-1) / 2))
 
 
-def settled(found: np.ndarray, sigma_deg: float, ray: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def projected(noisy: np.ndarray, sigma_deg: float, ray: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Projected normals, σ (degrees) and independent variance (rad²), where all of σ is independent between pixels."""
-    out, sigma = found.copy(), np.full(found.shape[:2], sigma_deg, np.float32)
+    out, sigma = noisy.copy(), np.full(noisy.shape[:2], sigma_deg, np.float32)
     variance = np.radians(sigma) ** 2
     integrability.project_integrable(out, sigma, variance, ray)
     return out, sigma, variance
@@ -54,8 +54,8 @@ def settled(found: np.ndarray, sigma_deg: float, ray: np.ndarray) -> tuple[np.nd
 def test_project_integrable_rough_surface_halves_variance_and_sigma(relief: float) -> None:
     ray = rays(300, 80)
     true = normals(bumpy(300, 80, 1, relief), ray)
-    found, sigma, _ = settled(shaken(true, 1.0, 2), 1.0, ray)
-    left = np.mean(error_deg(found, true) ** 2)
+    estimate, sigma, _ = projected(shaken(true, 1.0, 2), 1.0, ray)
+    left = np.mean(error_deg(estimate, true) ** 2)
     assert left == pytest.approx(0.5, abs=0.03)
     assert np.mean(sigma**2) == pytest.approx(left, rel=0.06)
 
@@ -64,11 +64,11 @@ def test_project_integrable_mixed_sigma_stays_calibrated() -> None:
     ray = rays(400, 200)
     true = normals(bumpy(400, 200, 1, 0.02), ray)
     unsure = np.random.default_rng(3).random(ray.shape[1:]) < 0.2
-    found, sigma = np.where(unsure[..., None], shaken(true, 2.0, 4), shaken(true, 0.5, 5)), np.where(unsure, 2.0, 0.5)
-    sigma = sigma.astype(np.float32)
-    integrability.project_integrable(found, sigma, np.radians(sigma) ** 2, ray)
+    estimate = np.where(unsure[..., None], shaken(true, 2.0, 4), shaken(true, 0.5, 5))
+    sigma = np.where(unsure, 2.0, 0.5).astype(np.float32)
+    integrability.project_integrable(estimate, sigma, np.radians(sigma) ** 2, ray)
     for some in (unsure, ~unsure):
-        left = np.sqrt(np.mean(error_deg(found, true)[some] ** 2))
+        left = np.sqrt(np.mean(error_deg(estimate, true)[some] ** 2))
         assert np.sqrt(np.mean(sigma[some] ** 2)) == pytest.approx(left, rel=0.2)
 
 
@@ -77,8 +77,8 @@ def test_project_integrable_mixed_sigma_stays_calibrated() -> None:
 def test_project_integrable_consistent_surface_is_unchanged(seed: int, height: int, width: int) -> None:
     ray = rays(height, width)
     true = normals(bumpy(height, width, seed), ray)
-    found, sigma, variance = settled(true, 2.0, ray)
-    assert np.max(error_deg(found, true)) < 0.02
+    estimate, sigma, variance = projected(true, 2.0, ray)
+    assert np.max(error_deg(estimate, true)) < 0.02
     assert np.all((sigma <= 2.0 + 1e-5) & (sigma >= 1.41))
     np.testing.assert_allclose(np.radians(sigma) ** 2, variance, rtol=1e-4)
 
@@ -110,17 +110,17 @@ def test_project_integrable_discontinuity_keeps_both_surfaces() -> None:
     y, x = np.mgrid[:61, :61] * PITCH
     one, other = normals(-np.sqrt(0.04**2 - (x - 0.03) ** 2) * 2, ray), normals(1.2 * y, ray)
     true = np.where(np.arange(60)[None, :, None] < 40, one, other)
-    found, _, _ = settled(shaken(true, 0.5, 8), 0.5, ray)
+    estimate, _, _ = projected(shaken(true, 0.5, 8), 0.5, ray)
     beside = slice(37, 43)
-    assert np.mean(error_deg(found, true)[:, beside]) < 0.5
-    assert np.max(error_deg(found, true)) < 2.5
+    assert np.mean(error_deg(estimate, true)[:, beside]) < 0.5
+    assert np.max(error_deg(estimate, true)) < 2.5
 
 
 def test_project_integrable_in_strips_equals_one_strip(monkeypatch: pytest.MonkeyPatch) -> None:
     ray = rays(120, 20)
-    shown = shaken(normals(bumpy(120, 20, 9), ray), 1.0, 10)
-    whole, sigma, _ = settled(shown, 1.0, ray)
+    noisy = shaken(normals(bumpy(120, 20, 9), ray), 1.0, 10)
+    full, sigma, _ = projected(noisy, 1.0, ray)
     monkeypatch.setattr(integrability, "STRIP_ROWS", 25)
-    parts, sigma_of_parts, _ = settled(shown, 1.0, ray)
-    assert np.max(error_deg(whole, parts)) < 0.01
+    parts, sigma_of_parts, _ = projected(noisy, 1.0, ray)
+    assert np.max(error_deg(full, parts)) < 0.01
     np.testing.assert_allclose(sigma, sigma_of_parts, rtol=1e-3)

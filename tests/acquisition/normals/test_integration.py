@@ -35,8 +35,8 @@ def integrated(normal: Float32Array, mask: np.ndarray, ray: Float32Array, depth:
     return integration.depth(normal, mask, ray, np.ones(mask.shape, np.float32), start)
 
 
-def rms_mm(found: np.ndarray, depth: np.ndarray, mask: np.ndarray) -> float:
-    return float(np.sqrt(np.mean((found - depth)[mask] ** 2)) * 1e3)
+def rms_mm(estimate: np.ndarray, depth: np.ndarray, mask: np.ndarray) -> float:
+    return float(np.sqrt(np.mean((estimate - depth)[mask] ** 2)) * 1e3)
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.5])
@@ -54,9 +54,9 @@ def test_depth_mask_with_holes_recovers_surface() -> None:
     mask = radius < 60 + 8 * np.sin(7 * angle)
     mask &= (np.hypot(v - 60, u - 70) > 12) & (np.hypot(v - 100, u - 95) > 9)
     garbage = np.where(mask, normal, np.float32(0))
-    found = integrated(garbage, mask, ray, depth)
-    assert rms_mm(found, depth, mask) < 0.1
-    np.testing.assert_allclose(found[~mask], 0.9)
+    estimate = integrated(garbage, mask, ray, depth)
+    assert rms_mm(estimate, depth, mask) < 0.1
+    np.testing.assert_allclose(estimate[~mask], 0.9)
 
 
 def test_depth_plane_is_exact() -> None:
@@ -73,9 +73,9 @@ def test_depth_separate_components_keep_their_mean() -> None:
     for columns, shift in ((slice(10, 60), 1.0), (slice(90, 150), 1.02)):
         part = depth[20:140, columns]
         start[20:140, columns] = shift * np.exp(np.mean(np.log(part)))
-    found = integration.depth(normal, mask, ray, np.ones(mask.shape, np.float32), start)
+    estimate = integration.depth(normal, mask, ray, np.ones(mask.shape, np.float32), start)
     for columns, shift in ((slice(12, 58), 1.0), (slice(92, 148), 1.02)):
-        ratio = found[25:135, columns] / depth[25:135, columns]
+        ratio = estimate[25:135, columns] / depth[25:135, columns]
         np.testing.assert_allclose(ratio, shift, atol=3e-4)
 
 
@@ -114,11 +114,11 @@ def slab(size: int = 128) -> tuple[np.ndarray, Float32Array, np.ndarray]:
 def test_orthographic_depth_is_in_pixels() -> None:
     depth, normal, mask = slab()
     smooth = mask & (np.mgrid[:128, :128][1] < 70)
-    found = integration.orthographic_depth(normal, smooth, np.ones(mask.shape, np.float32))
-    error = (found - depth)[smooth]
+    estimate = integration.orthographic_depth(normal, smooth, np.ones(mask.shape, np.float32))
+    error = (estimate - depth)[smooth]
     assert np.std(error) < 0.01
-    assert abs(float(np.mean(found[smooth]))) < 1e-3
-    assert np.all(found[~smooth] == 0)
+    assert abs(float(np.mean(estimate[smooth]))) < 1e-3
+    assert np.all(estimate[~smooth] == 0)
 
 
 def test_orthographic_depth_keep_steps_lowers_error() -> None:
@@ -138,5 +138,5 @@ def test_depth_keep_steps_smooth_surface_stays_accurate() -> None:
     depth, normal, ray = surface(0.2)
     mask = np.ones(depth.shape, np.bool_)
     start = np.full(mask.shape, np.exp(np.mean(np.log(depth))), np.float32)
-    found = integration.depth(normal, mask, ray, np.ones(mask.shape, np.float32), start, keep_steps=True)
-    assert rms_mm(found, depth, mask) < 0.1
+    estimate = integration.depth(normal, mask, ray, np.ones(mask.shape, np.float32), start, keep_steps=True)
+    assert rms_mm(estimate, depth, mask) < 0.1

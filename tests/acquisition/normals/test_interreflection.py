@@ -59,7 +59,9 @@ def test_normal_variance_scale_error_equals_finite_perturbation() -> None:
 def test_prediction_scale_dark_shadows_is_zero_half_filled_is_one() -> None:
     """The prediction is accepted when a quarter of it is measured in attached shadows."""
     made = shared_scene.measured(size=60, largest_slant=1.3)
-    found = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene, pixel_solve.PixelSolveOptions(0.05))
+    solution = pixel_solve.solve(
+        made.pixels, made.values, made.depth_m, made.scene, pixel_solve.PixelSolveOptions(0.05)
+    )
     light = photometry.light_vectors(
         photometry.points(made.pixels.ray, made.depth_m), made.lamp, made.calibration
     )  # fmt: skip
@@ -67,7 +69,7 @@ def test_prediction_scale_dark_shadows_is_zero_half_filled_is_one() -> None:
     # Normals of neighbouring pixels are unrelated in this scene, but the detection needs connected shadow areas.
     order = np.argsort(made.normals[0] + 1e-3 * made.normals[1])
     estimate = pixel_solve.Estimate(
-        **{name: np.ascontiguousarray(getattr(found, name)[..., order]) for name in vars(found)}
+        **{name: np.ascontiguousarray(getattr(solution, name)[..., order]) for name in vars(solution)}
     )
     values, dark = made.values[:, order], away[:, order]
     predicted = np.full_like(values, 0.02)
@@ -82,11 +84,13 @@ def test_received_irradiance_tilted_pixel_equals_view_factor_of_plane() -> None:
     made = shared_scene.measured(size=60)
     slant = 0.5
     normals = np.tile(np.array([[np.sin(slant)], [0.0], [np.cos(slant)]], np.float32), (1, made.depth_m.size))
-    found = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene, pixel_solve.PixelSolveOptions(0.05))
+    solution = pixel_solve.solve(
+        made.pixels, made.values, made.depth_m, made.scene, pixel_solve.PixelSolveOptions(0.05)
+    )
     bright = np.ones_like(made.values)
 
     def light(every: int) -> np.ndarray:
-        surface = interreflection.Surface(made.depth_m, normals, found.albedo, table=None)
+        surface = interreflection.Surface(made.depth_m, normals, solution.albedo, table=None)
         return interreflection.received_irradiance(made.pixels, bright, surface, made.lamp, made.calibration, every)
 
     every_one = light(1)

@@ -49,8 +49,8 @@ def test_transfer_curve_few_per_cent_outliers_are_clipped() -> None:
     level = np.full(20_000, 1000.0, np.float32)
     scattered = rng.normal(size=level.shape) * 30
     edges = np.where(rng.random(level.shape) < 0.04, 20 * scattered, scattered).astype(np.float32)
-    (found,) = photon_transfer.transfer_curve(level, edges, TOP, 1.0).variance
-    assert found == pytest.approx(900, rel=0.06)
+    (variance,) = photon_transfer.transfer_curve(level, edges, TOP, 1.0).variance
+    assert variance == pytest.approx(900, rel=0.06)
     assert np.var(edges) > 10_000
 
 

@@ -32,20 +32,20 @@ def light(cushion: scenes.Scene) -> np.ndarray:
     return np.stack([scenes.lit(cushion, one) * (1 + rng.normal(0, 0.01)) for one in moved])
 
 
-def taken(light: np.ndarray, full_well: float, read_e: float, bits: int) -> tuple[ImageStack, np.ndarray]:
+def simulated(light: np.ndarray, full_well: float, read_e: float, bits: int) -> tuple[ImageStack, np.ndarray]:
     """Images of a sensor, with noise that is guessed, and the steps of their values (F,)."""
     rng = np.random.default_rng(1)
     electrons = rng.poisson(light * INTENSITY * full_well) + rng.normal(0, read_e, light.shape)
     top = 2**bits - 1
     values = (np.clip(np.round(electrons / full_well * top), 0, top) / top / INTENSITY).astype(np.float32)
-    count, whole = len(light), slice(0, SIZE)
+    count, all_pixels = len(light), slice(0, SIZE)
     shot = np.full(count, 1 / (GUESSED * INTENSITY))
     floor = np.full(count, (5 / GUESSED / INTENSITY) ** 2)
-    stack = ImageStack(values, values >= 1 / INTENSITY, tuple(LIGHTS[:count]), whole, whole, shot, floor)
+    stack = ImageStack(values, values >= 1 / INTENSITY, tuple(LIGHTS[:count]), all_pixels, all_pixels, shot, floor)
     return stack, np.full(count, 1 / top / INTENSITY)
 
 
-def shown(
+def estimated(
     cushion: scenes.Scene, stack: ImageStack, steps: np.ndarray, mask: np.ndarray
 ) -> pixel_noise.PixelNoiseEstimate:
     return pixel_noise.estimate(stack, mask, np.full(mask.shape, 0.87, np.float32), cushion.calibration, steps)
@@ -55,20 +55,20 @@ def shown(
 def test_estimate_wrong_guess_recovers_noise(
     cushion: scenes.Scene, light: np.ndarray, full_well: float, read_e: float, bits: int
 ) -> None:
-    found = shown(cushion, *taken(light, full_well, read_e, bits), cushion.mask)
+    noise = estimated(cushion, *simulated(light, full_well, read_e, bits), cushion.mask)
     values = np.array([0.1, 0.2, 0.4])
-    variance = found.images.shot[:, None] * values + found.images.floor[:, None]
+    variance = noise.images.shot[:, None] * values + noise.images.floor[:, None]
     electrons2 = values * INTENSITY * full_well + read_e**2 + (full_well / (2**bits - 1)) ** 2 / 12
     np.testing.assert_allclose(variance, np.tile(electrons2 / (full_well * INTENSITY) ** 2, (8, 1)), rtol=0.2)
-    assert found.note.startswith("noise found")
+    assert noise.note.startswith("noise found")
 
 
 def test_estimate_too_few_pixels_keeps_guess_and_notes_it(cushion: scenes.Scene, light: np.ndarray) -> None:
-    four, steps = taken(light[:4], 2000, 8, 12)
-    all_lights, all_steps = taken(light, 2000, 8, 12)
+    four, steps = simulated(light[:4], 2000, 8, 12)
+    all_lights, all_steps = simulated(light, 2000, 8, 12)
     corner = np.zeros_like(cushion.mask)
     corner[70:76, 70:76] = True
     for stack, step, mask in ((four, steps, cushion.mask), (all_lights, all_steps, corner)):
-        found = shown(cushion, stack, step, mask)
-        assert found.images is stack
-        assert found.note.startswith("guessed: ")
+        noise = estimated(cushion, stack, step, mask)
+        assert noise.images is stack
+        assert noise.note.startswith("guessed: ")

@@ -48,13 +48,13 @@ def test_smooth_uncertain_certain_pixels_unchanged_no_sigma_grows(seed: int, row
     mask = rng.random((rows, 9)) < 0.8
     sigma[~mask] = np.nan
     normals = np.where(mask[..., None], shaken(true, np.nan_to_num(sigma), seed), 0).astype(np.float32)
-    leant, told = normals.copy(), sigma.copy()
-    regularisation.smooth_uncertain(leant, told)
+    smoothed, smoothed_sigma = normals.copy(), sigma.copy()
+    regularisation.smooth_uncertain(smoothed, smoothed_sigma)
     stays = ~mask | (sigma < regularisation.UNSURE_DEG)
-    np.testing.assert_array_equal(leant[stays], normals[stays])
-    np.testing.assert_array_equal(told[stays], sigma[stays])
-    assert np.all(told[mask] <= sigma[mask] * (1 + 1e-6))
-    np.testing.assert_allclose(np.linalg.norm(leant[mask], axis=-1), 1, atol=1e-5)
+    np.testing.assert_array_equal(smoothed[stays], normals[stays])
+    np.testing.assert_array_equal(smoothed_sigma[stays], sigma[stays])
+    assert np.all(smoothed_sigma[mask] <= sigma[mask] * (1 + 1e-6))
+    np.testing.assert_allclose(np.linalg.norm(smoothed[mask], axis=-1), 1, atol=1e-5)
 
 
 def test_smooth_uncertain_edge_ignores_dissimilar_neighbours() -> None:

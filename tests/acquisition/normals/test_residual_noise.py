@@ -32,21 +32,21 @@ def test_estimate_intensity_errors_recovers_share(true: float, assumed: float) -
     values += rng.normal(0, np.sqrt(1e-6 * np.maximum(values, 0) + 1e-7)).astype(np.float32)
     model = stated = Noise(made.noise.shot, made.noise.floor, assumed, 0.001)
     for _ in range(3):
-        found = solved(made, values, model)
+        solution = solved(made, values, model)
         model = residual_noise.estimate(
-            found, values, model, stated, made.ray_direction, made.lamp, OFFSET_M, np.zeros_like(values)
+            solution, values, model, stated, made.ray_direction, made.lamp, OFFSET_M, np.zeros_like(values)
         )
     assert model.intensity == pytest.approx(true, rel=0.2)
 
 
 def test_estimate_too_few_lights_keeps_stated_noise() -> None:
     made = measured(count=4)
-    found = solved(made, made.values, made.noise)
+    solution = solved(made, made.values, made.noise)
     before = replace(made.noise, intensity=0.02, direction=0.04)
-    told = residual_noise.estimate(
-        found, made.values, before, made.noise, made.ray_direction, made.lamp, OFFSET_M, np.zeros_like(made.values)
+    estimated = residual_noise.estimate(
+        solution, made.values, before, made.noise, made.ray_direction, made.lamp, OFFSET_M, np.zeros_like(made.values)
     )
-    assert told == made.noise
+    assert estimated == made.noise
 
 
 @pytest.mark.parametrize(("largest_slant", "believed"), [(0.13, False), (0.6, True)])
@@ -54,16 +54,16 @@ def test_estimate_few_grazing_pixels_keep_stated_direction(largest_slant: float,
     made = measured(count=12, size=100, largest_slant=largest_slant)
     wrong = 0.03 * 0.6 * np.linalg.norm(made.light, axis=1)
     values = made.values + (wrong * np.random.default_rng(3).normal(size=wrong.shape)).astype(np.float32)
-    told = made.noise
+    estimated = made.noise
     for _ in range(3):
-        found = solved(made, values, told)
-        told = residual_noise.estimate(
-            found, values, told, made.noise, made.ray_direction, made.lamp, OFFSET_M, np.zeros_like(values)
+        solution = solved(made, values, estimated)
+        estimated = residual_noise.estimate(
+            solution, values, estimated, made.noise, made.ray_direction, made.lamp, OFFSET_M, np.zeros_like(values)
         )
     if believed:
-        assert told.direction == pytest.approx(0.03, rel=0.25)
+        assert estimated.direction == pytest.approx(0.03, rel=0.25)
     else:
-        assert told.direction == made.noise.direction
+        assert estimated.direction == made.noise.direction
 
 
 def test_normal_variance_lamp_errors_equals_monte_carlo() -> None:
@@ -76,14 +76,14 @@ def test_normal_variance_lamp_errors_equals_monte_carlo() -> None:
     for _ in range(60):
         factors = np.exp(rng.normal(0, 0.01, 8))[:, None]
         lamp = made.lamp + np.pad(rng.normal(0, 0.001, (8, 3)), ((0, 0), (0, 3))).astype(np.float32)
-        found = pixel_solve.solve(
+        solution = pixel_solve.solve(
             made.pixels,
             (made.values * factors).astype(np.float32),
             made.depth_m,
             replace(made.scene, lamps=lamp, noise=quiet),
             PixelSolveOptions(0.08, cauchy_scale=None),
         )
-        moved.append(np.sum((found.normals - made.normals) ** 2, axis=0))
+        moved.append(np.sum((solution.normals - made.normals) ** 2, axis=0))
     exact = pixel_solve.solve(
         made.pixels,
         made.values,

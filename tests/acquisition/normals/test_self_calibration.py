@@ -20,11 +20,11 @@ STATED = 0.01
 TURNED = np.linalg.qr(np.random.default_rng(0).normal(size=(8, 8)))[0]
 
 
-def normal_equations(found: list[float], precision: list[float]) -> tuple[np.ndarray, np.ndarray]:
+def normal_equations(estimates: list[float], precision: list[float]) -> tuple[np.ndarray, np.ndarray]:
     """Of eight log intensities, and of a shift (m) that the images do not determine; `found` along rotated axes."""
     matrix = np.zeros((9, 9))
     matrix[:8, :8] = TURNED @ np.diag(precision) @ TURNED.T
-    return matrix, matrix @ np.append(TURNED @ found, 0.0)
+    return matrix, matrix @ np.append(TURNED @ estimates, 0.0)
 
 
 def test_evidence_undetermined_directions_are_ignored() -> None:
@@ -61,24 +61,24 @@ def test_step_flat_glossy_surface_recovers_intensities() -> None:
     images = (images + rng.normal(0, 0.002, images.shape)).astype(np.float32)
     log_intensity, highlight = np.zeros(8), np.zeros_like(images)
     for _ in range(10):
-        whole = alternation.divide_intensity(images, log_intensity)
-        found = pixel_solve.solve(
+        divided = alternation.divide_intensity(images, log_intensity)
+        solution = pixel_solve.solve(
             made.pixels,
-            whole - highlight,
+            divided - highlight,
             made.depth_m,
             made.scene,
             PixelSolveOptions(0.08),
             extra_variance=(np.float32(specular.HIGHLIGHT_SIGMA) * highlight) ** 2,
         )
-        glossy = gloss.derivatives(found, made.ray_direction)
+        glossy = gloss.derivatives(solution, made.ray_direction)
         assert glossy is not None
         highlight = glossy.highlight
-        change = pixel_solve.depth_derivative(found.light, found.point, made.ray_direction, made.lamp)
+        change = pixel_solve.depth_derivative(solution.light, solution.point, made.ray_direction, made.lamp)
         present = replace(SharedParameters.nominal(8), log_intensity=log_intensity)
         log_intensity = (
             log_intensity
             + self_calibration.gauss_newton_step(
-                found, change, whole - highlight, made.lamp, present, Priors(STATED, 0.0, 0.0), 0.003, glossy
+                solution, change, divided - highlight, made.lamp, present, Priors(STATED, 0.0, 0.0), 0.003, glossy
             ).log_intensity
         )
     left = log_intensity - wrong
@@ -89,22 +89,22 @@ def test_step_eliminated_pixels_equals_dense_solution() -> None:
     """The step with each pixel's unknowns eliminated equals the dense solution of the full system."""
     made, rng, offset_sigma, shift_sigma = measured(size=9), np.random.default_rng(2), 0.003, 0.03
     values = (made.values * (1 + rng.normal(0, 0.001, made.values.shape))).astype(np.float32)
-    found = pixel_solve.solve(
+    solution = pixel_solve.solve(
         made.pixels, values, made.depth_m, made.scene, PixelSolveOptions(0.08, offset_sigma_m=offset_sigma)
     )
-    change = pixel_solve.depth_derivative(found.light, found.point, made.ray_direction, made.lamp)
+    change = pixel_solve.depth_derivative(solution.light, solution.point, made.ray_direction, made.lamp)
     start, aside, shift = rng.normal(0, 0.001, 8), rng.normal(0, 0.001, (8, 3)), 0.002
     present = SharedParameters(start, aside, shift, np.zeros((32, 32)))
     step = self_calibration.gauss_newton_step(
-        found, change, values, made.lamp, present, Priors(STATED, 0.001, shift_sigma), offset_sigma
+        solution, change, values, made.lamp, present, Priors(STATED, 0.001, shift_sigma), offset_sigma
     )
     count = values.shape[1]
-    s, d, g = (one.astype(float) for one in (found.light, change, found.g))
+    s, d, g = (one.astype(float) for one in (solution.light, change, solution.g))
     slope = np.einsum("fck,ck->fk", d, g)
-    bent = s + d * found.offset_m
+    bent = s + d * solution.offset_m
     predicted = np.einsum("fck,ck->fk", bent, g)
-    by_position = self_calibration.position_derivative(found, made.lamp)
-    root = np.sqrt(found.weights)
+    by_position = self_calibration.position_derivative(solution, made.lamp)
+    root = np.sqrt(solution.weights)
     rows = np.zeros((8, count, 33 + 4 * count))
     for pixel in range(count):
         rows[:, pixel, :8] = np.diag(predicted[:, pixel])
@@ -115,13 +115,13 @@ def test_step_eliminated_pixels_equals_dense_solution() -> None:
         rows[:, pixel, own] = np.concatenate([bent[:, :, pixel], slope[:, None, pixel]], axis=1)
     rows = (rows * root[:, :, None]).reshape(8 * count, -1)
     shared = [np.full(8, STATED**-2), np.full(24, 0.001**-2), [shift_sigma**-2]]
-    told = np.concatenate([*shared, np.tile([1e-6] * 3 + [offset_sigma**-2], count)])
-    offsets = np.stack([*np.zeros((3, count)), found.offset_m], axis=1).ravel()
+    prior = np.concatenate([*shared, np.tile([1e-6] * 3 + [offset_sigma**-2], count)])
+    offsets = np.stack([*np.zeros((3, count)), solution.offset_m], axis=1).ravel()
     held = np.concatenate([start, aside.T.ravel(), [shift], offsets])
     # Evidence of pixels counts a twentieth, with their own priors, against the priors of what they share.
-    told[33:] /= self_calibration.EFFECTIVE_SAMPLE_DIVISOR
-    matrix = rows.T @ rows / self_calibration.EFFECTIVE_SAMPLE_DIVISOR + np.diag(told)
-    right = rows.T @ (root * (values - predicted)).ravel() / self_calibration.EFFECTIVE_SAMPLE_DIVISOR - told * held
+    prior[33:] /= self_calibration.EFFECTIVE_SAMPLE_DIVISOR
+    matrix = rows.T @ rows / self_calibration.EFFECTIVE_SAMPLE_DIVISOR + np.diag(prior)
+    right = rows.T @ (root * (values - predicted)).ravel() / self_calibration.EFFECTIVE_SAMPLE_DIVISOR - prior * held
     dense = np.linalg.solve(matrix, right)
     np.testing.assert_allclose(step.log_intensity, dense[:8], rtol=1e-4, atol=1e-8)
     np.testing.assert_allclose(step.lamp_offset_m, dense[8:32].reshape(3, 8).T, rtol=1e-4, atol=1e-8)
@@ -140,7 +140,7 @@ def test_step_random_pixels_equals_sum_of_dense_pixels(count: int, *, glossy: bo
 
     lamp = random(count, 6)
     weights = rng.uniform(0, 1e4, (count, pixels)) * (rng.random((count, pixels)) < 0.8)
-    found = Estimate(
+    solution = Estimate(
         g=random(3, pixels), offset_m=random(pixels) * np.float32(0.003),
         variance=random(pixels), residual=random(pixels), weights=weights.astype(np.float32), usable=weights > 0,
         light=random(count, 3, pixels), point=random(3, pixels) - np.array([[0], [0], [5]], np.float32),
@@ -149,17 +149,17 @@ def test_step_random_pixels_equals_sum_of_dense_pixels(count: int, *, glossy: bo
     gloss = HighlightDerivatives(random(count, 3, pixels), random(count, 2, pixels)) if glossy else None
     present = SharedParameters(random(count).astype(float), random(count, 3).astype(float), 0.7, np.zeros((0, 0)))
     step = self_calibration.gauss_newton_step(
-        found, change, values, lamp, present, Priors(9.0, 5.0, 3.0), offset_sigma, gloss
+        solution, change, values, lamp, present, Priors(9.0, 5.0, 3.0), offset_sigma, gloss
     )
 
     size = 4 * count + 1 + lobes
     matrix, right = np.zeros((size, size)), np.zeros(size)
-    aside = self_calibration.position_derivative(found, lamp).astype(float)
-    told = np.diag([1e-6] * 3 + [offset_sigma**-2])
+    aside = self_calibration.position_derivative(solution, lamp).astype(float)
+    pixel_prior = np.diag([1e-6] * 3 + [offset_sigma**-2])
     for p in np.flatnonzero(np.count_nonzero(weights, axis=0) >= 4):
-        g, offset = found.g[:, p].astype(float), float(found.offset_m[p])
-        root = np.sqrt(found.weights[:, p].astype(float))
-        slope, bent = change[:, :, p] @ g, found.light[:, :, p] + offset * change[:, :, p].astype(float)
+        g, offset = solution.g[:, p].astype(float), float(solution.offset_m[p])
+        root = np.sqrt(solution.weights[:, p].astype(float))
+        slope, bent = change[:, :, p] @ g, solution.light[:, :, p] + offset * change[:, :, p].astype(float)
         predicted = bent @ g
         bright = predicted if gloss is None else predicted + gloss.by_lobe[:, 0, p]
         turning = bent if gloss is None else bent + gloss.by_g[:, :, p]
@@ -167,9 +167,9 @@ def test_step_random_pixels_equals_sum_of_dense_pixels(count: int, *, glossy: bo
         each = [np.diag(bright), *(np.diag(along) for along in aside[:, :, p].T)]
         shared = np.column_stack([*each, slope, *([] if gloss is None else gloss.by_lobe[:, :, p].T)])
         own, shared, left = root[:, None] * own, root[:, None] * shared, root * (values[:, p] - predicted)
-        inner = np.linalg.inv(own.T @ own + told)
+        inner = np.linalg.inv(own.T @ own + pixel_prior)
         matrix += shared.T @ shared - shared.T @ own @ inner @ own.T @ shared
-        right += shared.T @ left - shared.T @ own @ inner @ (own.T @ left - told @ [0, 0, 0, offset])
+        right += shared.T @ left - shared.T @ own @ inner @ (own.T @ left - pixel_prior @ [0, 0, 0, offset])
     prior = np.array(
         [9.0**-2] * count + [5.0**-2] * 3 * count + [3.0**-2] + [self_calibration.LOBE_LOG_SIGMA**-2] * lobes
     )
@@ -187,16 +187,16 @@ def test_step_random_pixels_equals_sum_of_dense_pixels(count: int, *, glossy: bo
 
 def test_position_derivative_equals_finite_difference() -> None:
     made, by = measured(size=9), 1e-4
-    found = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene, PixelSolveOptions(0.08))
-    told = self_calibration.position_derivative(found, made.lamp)
+    solution = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene, PixelSolveOptions(0.08))
+    derivative = self_calibration.position_derivative(solution, made.lamp)
     for axis in range(3):
         value = []
         for sign in (-1, 1):
             lamp = made.lamp.copy()
             lamp[:, axis] += sign * by
-            light = photometry.light_vectors(found.point, lamp, made.calibration)
-            value.append(np.einsum("fck,ck->fk", light.astype(float), found.g))
-        np.testing.assert_allclose(told[:, axis], (value[1] - value[0]) / (2 * by), atol=0.02)
+            light = photometry.light_vectors(solution.point, lamp, made.calibration)
+            value.append(np.einsum("fck,ck->fk", light.astype(float), solution.g))
+        np.testing.assert_allclose(derivative[:, axis], (value[1] - value[0]) / (2 * by), atol=0.02)
 
 
 def test_step_displaced_lamps_recovers_offsets_with_true_sigma() -> None:
@@ -211,14 +211,14 @@ def test_step_displaced_lamps_recovers_offsets_with_true_sigma() -> None:
         images = (made.values + rng.normal(0, 0.002, made.values.shape)).astype(np.float32)
         present = SharedParameters.nominal(8)
         for _ in range(4):
-            there = present.lamps(lamp)
+            displaced = present.lamps(lamp)
             values = alternation.divide_intensity(images, present.log_intensity)
-            found = pixel_solve.solve(
-                made.pixels, values, made.depth_m, replace(made.scene, lamps=there), PixelSolveOptions(0.08)
+            solution = pixel_solve.solve(
+                made.pixels, values, made.depth_m, replace(made.scene, lamps=displaced), PixelSolveOptions(0.08)
             )
-            change = pixel_solve.depth_derivative(found.light, found.point, made.ray_direction, there)
+            change = pixel_solve.depth_derivative(solution.light, solution.point, made.ray_direction, displaced)
             step = self_calibration.gauss_newton_step(
-                found, change, values, there, present, Priors(STATED, 0.001, 0.0), 0.003
+                solution, change, values, displaced, present, Priors(STATED, 0.001, 0.0), 0.003
             )
             present = SharedParameters(
                 present.log_intensity + step.log_intensity,
@@ -233,33 +233,35 @@ def test_step_displaced_lamps_recovers_offsets_with_true_sigma() -> None:
     assert np.std(left) == pytest.approx(np.sqrt(np.mean(np.square(said))), rel=0.2)
 
 
-def captured_with_offsets(true: scenes.Scene, told: list[Light], lamp_offset_m: np.ndarray, seed: int) -> Observations:
+def captured_with_offsets(
+    true: scenes.Scene, nominal: list[Light], lamp_offset_m: np.ndarray, seed: int
+) -> Observations:
     """Images of lamps displaced by `lamp_offset_m` (F, 3) from their recorded positions."""
-    there = [
+    displaced = [
         Light(position=tuple((np.array(light.position) + by).tolist()), axis=light.axis)
-        for light, by in zip(told, lamp_offset_m, strict=True)
+        for light, by in zip(nominal, lamp_offset_m, strict=True)
     ]
-    taken = scenes.capture(true, there, seed, intensity_sigma=0, position_sigma_m=0)
-    shots = [shot.model_copy(update={"light": light}) for shot, light in zip(taken.shots, told, strict=True)]
-    return replace(taken, shots=shots)
+    observations = scenes.capture(true, displaced, seed, intensity_sigma=0, position_sigma_m=0)
+    shots = [shot.model_copy(update={"light": light}) for shot, light in zip(observations.shots, nominal, strict=True)]
+    return replace(observations, shots=shots)
 
 
 def test_solve_displaced_lamps_lowers_normal_error() -> None:
     """Against a calibration whose position σ is nearly zero, with images of exact intensities."""
     true = scenes.scene(scenes.sphere, scenes.calibration(96))
-    told, offset_sigma_m = [*scenes.ring(6, 30.0), *scenes.ring(6, 55.0, 0.3)], 0.004
-    offsets_m, found, error = [], [], {"sought": [], "held": []}
+    nominal, offset_sigma_m = [*scenes.ring(6, 30.0), *scenes.ring(6, 55.0, 0.3)], 0.004
+    offsets_m, estimated_offsets_m, error = [], [], {"sought": [], "held": []}
     for seed in range(3):
-        offsets_m.append(np.random.default_rng(seed).normal(0, offset_sigma_m, (len(told), 3)))
-        taken = captured_with_offsets(true, told, offsets_m[-1], seed)
+        offsets_m.append(np.random.default_rng(seed).normal(0, offset_sigma_m, (len(nominal), 3)))
+        observations = captured_with_offsets(true, nominal, offsets_m[-1], seed)
         for name, sigma in (("sought", offset_sigma_m), ("held", 1e-6)):
             known = scenes.calibration(96, lamp_position_sigma_m=sigma)
-            normal_map = normals.solve(taken, known, SolveSettings(), initial_depth_m=0.87, region=true.mask)
+            normal_map = normals.solve(observations, known, SolveSettings(), initial_depth_m=0.87, region=true.mask)
             error[name].append(np.mean(true.error_deg(normal_map.normals)))
             if name == "sought":
-                found.append(normal_map.notes["lamps_aside_m"])
+                estimated_offsets_m.append(normal_map.notes["lamps_aside_m"])
             else:
                 assert np.max(np.abs(normal_map.notes["lamps_aside_m"])) < 1e-6
-    assert np.corrcoef(np.ravel(found), np.ravel(offsets_m))[0, 1] > 0.7
-    assert np.std(np.array(found) - offsets_m) < 0.75 * np.std(offsets_m)
+    assert np.corrcoef(np.ravel(estimated_offsets_m), np.ravel(offsets_m))[0, 1] > 0.7
+    assert np.std(np.array(estimated_offsets_m) - offsets_m) < 0.75 * np.std(offsets_m)
     assert np.mean(error["sought"]) < 0.9 * np.mean(error["held"])

@@ -73,47 +73,51 @@ def test_estimate_wrong_calibration_recovers_gain_and_read_noise(
 ) -> None:
     known = SENSORS[name]
     calibration = said(known, wrong_by)
-    taken = session(known, scene(np.random.default_rng(seed)), seed, darks=darks)
-    shown = sensor_estimate.estimate(taken, calibration, ALL, ALL)
-    found = shown.calibration.sensor
-    assert found.gain_e_per_dn == pytest.approx(known.gain_e_per_dn, rel=0.05)
-    assert found.read_noise_e == pytest.approx(known.read_noise_e, rel=0.15)
-    assert photometry.clipping_dn(found) == pytest.approx(photometry.clipping_dn(calibration.sensor))
-    assert shown.figures["gain_e_per_dn"] == found.gain_e_per_dn
-    assert 0 < shown.figures["gain_sigma"] < 0.05 * found.gain_e_per_dn
-    assert "found in the frames (1 image taken twice" in shown.note
+    observations = session(known, scene(np.random.default_rng(seed)), seed, darks=darks)
+    estimate = sensor_estimate.estimate(observations, calibration, ALL, ALL)
+    sensor = estimate.calibration.sensor
+    assert sensor.gain_e_per_dn == pytest.approx(known.gain_e_per_dn, rel=0.05)
+    assert sensor.read_noise_e == pytest.approx(known.read_noise_e, rel=0.15)
+    assert photometry.clipping_dn(sensor) == pytest.approx(photometry.clipping_dn(calibration.sensor))
+    assert estimate.figures["gain_e_per_dn"] == sensor.gain_e_per_dn
+    assert 0 < estimate.figures["gain_sigma"] < 0.05 * sensor.gain_e_per_dn
+    assert "found in the frames (1 image taken twice" in estimate.note
 
 
-def discarded(taken: Observations) -> Observations:
+def discarded(observations: Observations) -> Observations:
     """The first image was taken anew, after its repetition."""
-    return replace(taken, shots=[taken.shots[0].model_copy(update={"taken_at": 2000.0})])
+    return replace(observations, shots=[observations.shots[0].model_copy(update={"taken_at": 2000.0})])
 
 
-def stored_twice(taken: Observations) -> Observations:
-    return replace(taken, repeats=[taken.repeats[0].model_copy(update={"frame": taken.shots[0].frame})])
+def stored_twice(observations: Observations) -> Observations:
+    return replace(
+        observations, repeats=[observations.repeats[0].model_copy(update={"frame": observations.shots[0].frame})]
+    )
 
 
-def longer(taken: Observations) -> Observations:
-    return replace(taken, repeats=[taken.repeats[0].model_copy(update={"exposure_s": 0.1})])
+def longer(observations: Observations) -> Observations:
+    return replace(observations, repeats=[observations.repeats[0].model_copy(update={"exposure_s": 0.1})])
 
 
-def of_another(taken: Observations) -> Observations:
-    return replace(taken, repeats=[taken.repeats[0].model_copy(update={"repeats": ShotKey(pass_number=3, number=1)})])
+def of_another(observations: Observations) -> Observations:
+    return replace(
+        observations, repeats=[observations.repeats[0].model_copy(update={"repeats": ShotKey(pass_number=3, number=1)})]
+    )
 
 
-def never(taken: Observations) -> Observations:
-    return replace(taken, repeats=[])
+def never(observations: Observations) -> Observations:
+    return replace(observations, repeats=[])
 
 
 @pytest.mark.parametrize("how", [never, discarded, stored_twice, longer, of_another])
 def test_estimate_without_repeated_frame_keeps_calibration(how: Any) -> None:
     known = SENSORS["12 bits"]
     calibration = said(known, 2.0)
-    shown = sensor_estimate.estimate(how(session(known, scene(np.random.default_rng(0)))), calibration, ALL, ALL)
-    assert shown.calibration == calibration
-    assert shown.figures == {"gain_e_per_dn": 5.0, "read_noise_e": 5.0}
-    assert "as the calibration says" in shown.note
-    assert "no two frames of one light" in shown.note
+    estimate = sensor_estimate.estimate(how(session(known, scene(np.random.default_rng(0)))), calibration, ALL, ALL)
+    assert estimate.calibration == calibration
+    assert estimate.figures == {"gain_e_per_dn": 5.0, "read_noise_e": 5.0}
+    assert "as the calibration says" in estimate.note
+    assert "no two frames of one light" in estimate.note
 
 
 @pytest.mark.parametrize("what", ["few pixels", "saturated", "black"])
@@ -122,10 +126,10 @@ def test_estimate_too_few_usable_pixels_keeps_calibration(what: str) -> None:
     light = light + 2 if what == "saturated" else 0 * light if what == "black" else light
     window = slice(100, 116) if what == "few pixels" else ALL
     calibration = said(known, 2.0)
-    shown = sensor_estimate.estimate(session(known, light), calibration, window, window)
-    assert shown.calibration == calibration
-    assert "too few pixels tell (1 image taken twice" in shown.note
-    assert "gain_sigma" not in shown.figures
+    estimate = sensor_estimate.estimate(session(known, light), calibration, window, window)
+    assert estimate.calibration == calibration
+    assert "too few pixels tell (1 image taken twice" in estimate.note
+    assert "gain_sigma" not in estimate.figures
 
 
 @pytest.mark.parametrize("pixels", [0.5, 1, 7])
@@ -136,8 +140,8 @@ def test_estimate_scene_shifted_between_frames_recovers_gain(pixels: float) -> N
     light = scene(rng) * (1 + 0.1 * grain / np.std(grain))
     away = np.array([[1, 0, pixels], [0, 1, 0]], np.float32)
     moved = cv2.warpAffine(light, away, (SIZE, SIZE), flags=cv2.INTER_CUBIC)
-    shown = sensor_estimate.estimate(session(known, light, again=moved), said(known, 2.0), ALL, ALL)
-    assert shown.calibration.sensor.gain_e_per_dn == pytest.approx(known.gain_e_per_dn, rel=0.05)
+    estimate = sensor_estimate.estimate(session(known, light, again=moved), said(known, 2.0), ALL, ALL)
+    assert estimate.calibration.sensor.gain_e_per_dn == pytest.approx(known.gain_e_per_dn, rel=0.05)
 
 
 def test_estimate_fine_detail_shifted_keeps_calibration() -> None:
@@ -154,15 +158,17 @@ def test_estimate_fine_detail_shifted_keeps_calibration() -> None:
 def test_estimate_lamp_off_frames_of_one_exposure_are_a_pair() -> None:
     """Room light with fine detail is in both; in one of them alone it would count as noise."""
     known, rng = SENSORS["12 bits"], np.random.default_rng(3)
-    taken = session(known, scene(rng), darks=1)
+    observations = session(known, scene(rng), darks=1)
     room = rng.uniform(0, 0.02, (SIZE, SIZE)).astype(np.float32)
-    (off,) = taken.darks.values()
+    (off,) = observations.darks.values()
     later = off.model_copy(update={"frame": off.frame.model_copy(update={"path": "later.tiff"}), "taken_at": 3000.0})
-    assert isinstance(taken.frames, scenes.Frames)
+    assert isinstance(observations.frames, scenes.Frames)
     for shot in (off, later):
-        taken.frames.stored[shot.frame.path] = simulated.expose(room, known, rng)
-    alone = sensor_estimate.estimate(taken, said(known), ALL, ALL)
-    both = sensor_estimate.estimate(replace(taken, repeats=[*taken.repeats, later]), said(known), ALL, ALL)
+        observations.frames.stored[shot.frame.path] = simulated.expose(room, known, rng)
+    alone = sensor_estimate.estimate(observations, said(known), ALL, ALL)
+    both = sensor_estimate.estimate(
+        replace(observations, repeats=[*observations.repeats, later]), said(known), ALL, ALL
+    )
     assert "one lamp-off frame, its fixed pattern included" in alone.note
     assert "two lamp-off frames" in both.note
     assert both.calibration.sensor.read_noise_e == pytest.approx(known.read_noise_e, rel=0.15)
@@ -177,28 +183,28 @@ def test_solve_wrong_gain_in_calibration_sigma_is_calibrated(lights: int, wrong_
     true = scenes.scene(scenes.bumps, scenes.calibration(144, sensor=known))
     calibration = true.calibration.model_copy(update={"sensor": said(known, wrong_by).sensor})
     ring = scenes.ring(4, 30.0) if lights == 4 else [*scenes.ring(4, 25.0), *scenes.ring(4, 50.0, 0.4)]
-    told, believed = [], []
+    estimated, believed = [], []
     for seed in range(4):
-        taken = scenes.capture(true, ring, seed=seed)
-        first = taken.shots[0]
+        observations = scenes.capture(true, ring, seed=seed)
+        first = observations.shots[0]
         other = scenes.capture(true, ring[:1], seed=seed + 1000, exposure_s=first.exposure_s)
-        assert isinstance(taken.frames, scenes.Frames)
+        assert isinstance(observations.frames, scenes.Frames)
         assert isinstance(other.frames, scenes.Frames)
-        taken.frames.stored["again.tiff"] = other.frames.stored["0.tiff"]
+        observations.frames.stored["again.tiff"] = other.frames.stored["0.tiff"]
         again = first.model_copy(
             update={
                 "kind": "reference", "repeats": first.key, "key": ShotKey(pass_number=0, number=1000),
                 "frame": first.frame.model_copy(update={"path": "again.tiff"}),
             }
         )  # fmt: skip
-        for within, repeats in ((told, [again]), (believed, [])):
-            images = replace(taken, repeats=repeats)
+        for within, repeats in ((estimated, [again]), (believed, [])):
+            images = replace(observations, repeats=repeats)
             result = normals.solve(images, calibration, SolveSettings(), initial_depth_m=scenes.TABLE_DEPTH - 0.03)
             assert ("gain_sigma" in result.noise) == bool(repeats)
             sigma = result.sigma_deg[true.graded]
             solved = np.isfinite(sigma)
             within.append(np.mean(true.error_deg(result.normals)[solved] < sigma[solved]))
-    print(f"{lights} lights, gain wrong by {wrong_by}: P(e < σ) {np.mean(told):.3f}, else {np.mean(believed):.3f}")
-    assert 0.55 < np.mean(told) < 0.75
+    print(f"{lights} lights, gain wrong by {wrong_by}: P(e < σ) {np.mean(estimated):.3f}, else {np.mean(believed):.3f}")
+    assert 0.55 < np.mean(estimated) < 0.75
     if lights == 4:
         assert not 0.55 < np.mean(believed) < 0.75

@@ -28,9 +28,9 @@ def find(values: np.ndarray, region: np.ndarray, clipped: np.ndarray | None = No
 def test_segment_bright_object_on_dark_table(shape: scenes.Height, albedo: float) -> None:
     true = scenes.scene(shape, scenes.calibration(112), albedo=albedo, table=0.08)
     values = stack(true)
-    found = find(values, np.ones(true.mask.shape, np.bool_))
-    assert np.mean(found[true.mask]) > 0.96
-    assert np.mean(found[~true.mask]) < 0.02
+    segmented = find(values, np.ones(true.mask.shape, np.bool_))
+    assert np.mean(segmented[true.mask]) > 0.96
+    assert np.mean(segmented[~true.mask]) < 0.02
 
 
 def test_segment_region_excludes_pixels_outside() -> None:
@@ -38,9 +38,9 @@ def test_segment_region_excludes_pixels_outside() -> None:
     values = stack(true)
     region = np.zeros(true.mask.shape, np.bool_)
     region[20:60, 20:80] = True
-    found = find(values, region)
-    assert not np.any(found & ~region)
-    assert np.mean(found[true.mask & region]) > 0.95
+    segmented = find(values, region)
+    assert not np.any(segmented & ~region)
+    assert np.mean(segmented[true.mask & region]) > 0.95
 
 
 def test_segment_clipped_pixels_are_object() -> None:
@@ -49,8 +49,8 @@ def test_segment_clipped_pixels_are_object() -> None:
     clipped = np.zeros(values.shape, np.bool_)
     clipped[:, 40:56, 40:56] = True
     values[clipped] = 0.0
-    found = find(values, np.ones(true.mask.shape, np.bool_), clipped)
-    assert np.all(found[40:56, 40:56])
+    segmented = find(values, np.ones(true.mask.shape, np.bool_), clipped)
+    assert np.all(segmented[40:56, 40:56])
 
 
 def test_segment_nothing_lit_is_refused() -> None:

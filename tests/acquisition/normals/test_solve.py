@@ -36,7 +36,7 @@ def two_rings(count: int, turn: float = 0.2) -> list[Light]:
     return lights
 
 
-def found(
+def solved(
     observations: Observations, known: Calibration, settings: SolveSettings | None = None, **options: object
 ) -> NormalMap:
     return normals.solve(observations, known, settings or SolveSettings(), initial_depth_m=ROUGH_DEPTH_M, **options)
@@ -44,8 +44,8 @@ def found(
 
 @pytest.fixture(scope="module")
 def clean(cushion: scenes.Scene) -> NormalMap:
-    taken = scenes.capture(cushion, two_rings(12), intensity_sigma=0, position_sigma_m=0, noisy=False)
-    return found(taken, cushion.calibration)
+    observations = scenes.capture(cushion, two_rings(12), intensity_sigma=0, position_sigma_m=0, noisy=False)
+    return solved(observations, cushion.calibration)
 
 
 def test_solve_noise_free_cushion_recovers_normals(clean: NormalMap, cushion: scenes.Scene) -> None:
@@ -56,8 +56,8 @@ def test_solve_noise_free_cushion_recovers_normals(clean: NormalMap, cushion: sc
 
 
 def test_solve_noise_free_sphere_recovers_normals(ball: scenes.Scene) -> None:
-    taken = scenes.capture(ball, two_rings(12), intensity_sigma=0, position_sigma_m=0, noisy=False)
-    error = ball.error_deg(found(taken, ball.calibration).normals)
+    observations = scenes.capture(ball, two_rings(12), intensity_sigma=0, position_sigma_m=0, noisy=False)
+    error = ball.error_deg(solved(observations, ball.calibration).normals)
     assert np.mean(error) < 0.5
 
 
@@ -100,7 +100,7 @@ def test_solve_flags_distinguish_cast_and_attached_shadows(clean: NormalMap, cus
 
 
 def test_solve_noisy_images_error_below_nine_tenths_degree(cushion: scenes.Scene) -> None:
-    result = found(scenes.capture(cushion, two_rings(12), seed=1), cushion.calibration)
+    result = solved(scenes.capture(cushion, two_rings(12), seed=1), cushion.calibration)
     assert np.mean(cushion.error_deg(result.normals)) < 0.9
 
 
@@ -111,7 +111,7 @@ def test_solve_several_draws_sigma_is_calibrated(shape: str, request: pytest.Fix
     true: scenes.Scene = request.getfixturevalue(shape)
     within, within_two = [], []
     for seed in range(4):
-        result = found(scenes.capture(true, two_rings(8, turn=0.13 * seed), seed=seed), true.calibration)
+        result = solved(scenes.capture(true, two_rings(8, turn=0.13 * seed), seed=seed), true.calibration)
         sigma = result.sigma_deg[true.graded]
         error = true.error_deg(result.normals)
         known = np.isfinite(sigma)
@@ -122,7 +122,7 @@ def test_solve_several_draws_sigma_is_calibrated(shape: str, request: pytest.Fix
 
 
 def test_solve_pixels_with_two_lights_have_large_sigma(cushion: scenes.Scene) -> None:
-    result = found(scenes.capture(cushion, scenes.ring(4, 60.0, turn=0.3), seed=2), cushion.calibration)
+    result = solved(scenes.capture(cushion, scenes.ring(4, 60.0, turn=0.3), seed=2), cushion.calibration)
     lights = np.count_nonzero(result.flags & LIT, axis=0)
     two = result.mask & (lights == 2) & cushion.graded
     all_four = result.mask & (lights == 4) & cushion.graded
@@ -133,7 +133,7 @@ def test_solve_pixels_with_two_lights_have_large_sigma(cushion: scenes.Scene) ->
 
 
 def test_solve_pixels_with_one_light_are_unsolved(cushion: scenes.Scene) -> None:
-    result = found(scenes.capture(cushion, scenes.ring(3, 78.0), seed=2), cushion.calibration)
+    result = solved(scenes.capture(cushion, scenes.ring(3, 78.0), seed=2), cushion.calibration)
     lights = np.count_nonzero(result.flags & LIT, axis=0)
     one = (lights < 2) & cushion.graded
     assert np.count_nonzero(one) > 30
@@ -154,12 +154,12 @@ def test_solve_saturated_measurements_are_flagged_and_unused(cushion: scenes.Sce
     def moved(shot: Shot) -> Shot:
         return shot.model_copy(update={"frame": shot.frame.model_copy(update={"path": f"longer/{shot.frame.path}"})})
 
-    taken = Observations(
+    observations = Observations(
         shots=[*(moved(shot) for shot in longer.shots), *usual.shots[3:]],
         darks=usual.darks | {seconds: moved(longer.darks[seconds])},
         frames=frames,
     )
-    result = found(taken, cushion.calibration)
+    result = solved(observations, cushion.calibration)
     clipped = 0
     for number, light in enumerate(lights[:3]):
         level = scenes.lit(cushion, light) * cushion.calibration.lamp_intensity * seconds
@@ -175,23 +175,25 @@ def test_solve_saturated_measurements_are_flagged_and_unused(cushion: scenes.Sce
 def test_solve_one_bright_lamp_recovers_intensity_factor(cushion: scenes.Scene) -> None:
     """One lamp image of 3 % too much light is brought to within 1 %; factors are free in their mean."""
     lights = two_rings(10)
-    taken = scenes.capture(cushion, lights, seed=4, intensity_sigma=0.0, position_sigma_m=0.0)
-    stored = taken.frames.stored
-    name = taken.shots[6].frame.path
+    observations = scenes.capture(cushion, lights, seed=4, intensity_sigma=0.0, position_sigma_m=0.0)
+    stored = observations.frames.stored
+    name = observations.shots[6].frame.path
     black = cushion.calibration.sensor.black_level_dn
     stored[name] = np.round(black + 1.03 * (stored[name] - black)).astype(np.uint16)
-    factors = found(taken, cushion.calibration).intensity_factors
+    factors = solved(observations, cushion.calibration).intensity_factors
     others = np.delete(factors, 6)
     assert factors[6] / np.exp(np.mean(np.log(others))) == pytest.approx(1.03, abs=0.01)
     assert np.all(np.abs(others / np.exp(np.mean(np.log(others))) - 1) < 0.01)
 
 
 def test_solve_initial_depth_off_by_15_mm_recovers_normals(cushion: scenes.Scene) -> None:
-    taken = scenes.capture(cushion, two_rings(10), intensity_sigma=0, position_sigma_m=0, noisy=False)
+    observations = scenes.capture(cushion, two_rings(10), intensity_sigma=0, position_sigma_m=0, noisy=False)
     errors = [
         np.mean(
             cushion.error_deg(
-                normals.solve(taken, cushion.calibration, SolveSettings(), initial_depth_m=ROUGH_DEPTH_M + off).normals
+                normals.solve(
+                    observations, cushion.calibration, SolveSettings(), initial_depth_m=ROUGH_DEPTH_M + off
+                ).normals
             )
         )
         for off in (-0.015, 0.015)
@@ -201,21 +203,21 @@ def test_solve_initial_depth_off_by_15_mm_recovers_normals(cushion: scenes.Scene
 
 def test_solve_region_leaves_normals_inside_unchanged(cushion: scenes.Scene) -> None:
     """Only the region's rows and columns are read; what is solved there does not depend on it."""
-    taken = scenes.capture(cushion, two_rings(8), seed=5)
+    observations = scenes.capture(cushion, two_rings(8), seed=5)
     rows, columns = np.nonzero(cushion.mask)
     region = np.zeros_like(cushion.mask)
     region[rows.min() - 5 : rows.max() + 6, columns.min() - 4 : columns.max() + 7] = True
-    whole, part = found(taken, cushion.calibration), found(taken, cushion.calibration, region=region)
+    full, part = solved(observations, cushion.calibration), solved(observations, cushion.calibration, region=region)
     assert not np.any(part.mask & ~region)
-    both = whole.mask & part.mask & cushion.graded
+    both = full.mask & part.mask & cushion.graded
     assert np.count_nonzero(both) > 0.99 * np.count_nonzero(cushion.graded)
-    cosine = np.sum(whole.normals[both] * part.normals[both], axis=-1)
+    cosine = np.sum(full.normals[both] * part.normals[both], axis=-1)
     assert np.percentile(np.degrees(np.arccos(np.clip(cosine, -1, 1))), 95) < 0.3
 
 
 def test_solve_same_images_twice_is_deterministic(cushion: scenes.Scene) -> None:
-    taken = scenes.capture(cushion, two_rings(6), seed=6)
-    first, second = (found(taken, cushion.calibration) for _ in range(2))
+    observations = scenes.capture(cushion, two_rings(6), seed=6)
+    first, second = (solved(observations, cushion.calibration) for _ in range(2))
     np.testing.assert_array_equal(first.normals, second.normals)
     np.testing.assert_array_equal(first.information.matrices, second.information.matrices)
 
@@ -232,19 +234,21 @@ def test_fisher_information_is_symmetric_positive_at_solved_pixels(clean: Normal
 
 def refused(observations: Observations, known: Calibration, **options: object) -> RigError:
     with pytest.raises(RigError) as caught:
-        found(observations, known, **options)
+        solved(observations, known, **options)
     assert caught.value.code == ErrorCode.NORMALS_INFEASIBLE
     return caught.value
 
 
 @pytest.fixture(scope="module")
-def taken(cushion: scenes.Scene) -> Observations:
+def observations(cushion: scenes.Scene) -> Observations:
     return scenes.capture(cushion, two_rings(5), seed=7)
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
-def test_solve_fewer_than_three_lights_is_refused(count: int, taken: Observations, cushion: scenes.Scene) -> None:
-    error = refused(replace(taken, shots=taken.shots[:count]), cushion.calibration)
+def test_solve_fewer_than_three_lights_is_refused(
+    count: int, observations: Observations, cushion: scenes.Scene
+) -> None:
+    error = refused(replace(observations, shots=observations.shots[:count]), cushion.calibration)
     assert "at least three" in error.detail
     assert error.context["lights"] == count
 
@@ -259,34 +263,34 @@ def test_solve_coplanar_lights_is_refused(cushion: scenes.Scene) -> None:
     assert "one plane" in refused(scenes.capture(cushion, line), cushion.calibration).detail
 
 
-def test_solve_empty_region_is_refused(taken: Observations, cushion: scenes.Scene) -> None:
-    refused(taken, cushion.calibration, region=np.zeros_like(cushion.mask))
+def test_solve_empty_region_is_refused(observations: Observations, cushion: scenes.Scene) -> None:
+    refused(observations, cushion.calibration, region=np.zeros_like(cushion.mask))
 
 
-def test_solve_region_of_other_size_is_refused(taken: Observations, cushion: scenes.Scene) -> None:
-    refused(taken, cushion.calibration, region=np.ones((10, 10), np.bool_))
+def test_solve_region_of_other_size_is_refused(observations: Observations, cushion: scenes.Scene) -> None:
+    refused(observations, cushion.calibration, region=np.ones((10, 10), np.bool_))
 
 
-def test_solve_light_at_nan_is_refused(taken: Observations, cushion: scenes.Scene) -> None:
-    shots = list(taken.shots)
+def test_solve_light_at_nan_is_refused(observations: Observations, cushion: scenes.Scene) -> None:
+    shots = list(observations.shots)
     nowhere = Light.model_construct(position=(float("nan"), 0.0, 0.0), axis=(0.0, 0.0, -1.0))
     shots[2] = shots[2].model_copy(update={"light": nowhere})
-    assert "not a number" in refused(replace(taken, shots=shots), cushion.calibration).detail
+    assert "not a number" in refused(replace(observations, shots=shots), cushion.calibration).detail
 
 
-def test_solve_missing_lamp_off_frame_is_named(taken: Observations, cushion: scenes.Scene) -> None:
-    gone = taken.shots[3].exposure_s
-    darks = {seconds: shot for seconds, shot in taken.darks.items() if seconds != gone}
-    error = refused(replace(taken, darks=darks), cushion.calibration)
+def test_solve_missing_lamp_off_frame_is_named(observations: Observations, cushion: scenes.Scene) -> None:
+    gone = observations.shots[3].exposure_s
+    darks = {seconds: shot for seconds, shot in observations.darks.items() if seconds != gone}
+    error = refused(replace(observations, darks=darks), cushion.calibration)
     assert "lamp-off" in error.detail
-    assert error.context["file"] in {shot.frame.path for shot in taken.shots if shot.exposure_s == gone}
+    assert error.context["file"] in {shot.frame.path for shot in observations.shots if shot.exposure_s == gone}
 
 
-def test_solve_frame_of_other_size_is_named(taken: Observations) -> None:
-    assert "pixels" in refused(taken, scenes.calibration(SIZE // 2)).detail
+def test_solve_frame_of_other_size_is_named(observations: Observations) -> None:
+    assert "pixels" in refused(observations, scenes.calibration(SIZE // 2)).detail
 
 
-def test_solve_dark_images_is_refused(taken: Observations, cushion: scenes.Scene) -> None:
+def test_solve_dark_images_is_refused(observations: Observations, cushion: scenes.Scene) -> None:
     frames = scenes.Frames()
-    frames.stored = {name: np.full_like(frame, 64) for name, frame in taken.frames.stored.items()}
-    refused(replace(taken, frames=frames), cushion.calibration)
+    frames.stored = {name: np.full_like(frame, 64) for name, frame in observations.frames.stored.items()}
+    refused(replace(observations, frames=frames), cushion.calibration)

@@ -29,17 +29,17 @@ def fitted(made: MeasuredPixels, values: np.ndarray, off_m: float = 0.0) -> Lobe
 @pytest.mark.parametrize(("strength", "exponent"), [(0.2, 35.0), (0.1, 25.0), (0.3, 50.0)])
 def test_fit_glossy_surface_recovers_lobe(strength: float, exponent: float) -> None:
     made = measured()
-    found = fitted(made, made.values + blinn(made, strength, exponent))
-    assert found.strength == pytest.approx(strength, rel=0.1)
-    assert exponent / 1.5 < found.exponent < exponent * 1.5
+    solution = fitted(made, made.values + blinn(made, strength, exponent))
+    assert solution.strength == pytest.approx(strength, rel=0.1)
+    assert exponent / 1.5 < solution.exponent < exponent * 1.5
 
 
 @pytest.mark.parametrize("off_m", [-0.02, 0.02, 0.04])
 def test_fit_flat_surface_at_wrong_depth_recovers_lobe(off_m: float) -> None:
     made = measured(count=12, largest_slant=0.1)
-    found = fitted(made, made.values + blinn(made, 0.15, 35.0), off_m)
-    assert found.strength == pytest.approx(0.15, rel=0.25)
-    assert 35.0 / 1.5 < found.exponent < 35.0 * 1.5
+    solution = fitted(made, made.values + blinn(made, 0.15, 35.0), off_m)
+    assert solution.strength == pytest.approx(0.15, rel=0.25)
+    assert 35.0 / 1.5 < solution.exponent < 35.0 * 1.5
 
 
 def test_fit_diffuse_surface_gives_no_lobe() -> None:
@@ -55,16 +55,18 @@ def test_fit_four_lights_gives_no_lobe() -> None:
 def test_derivatives_equal_finite_differences() -> None:
     """Against differences over a small rotation of g and small changes of the lobe."""
     made, gloss = measured(), Lobe(0.2, 30.0)
-    found = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene, PixelSolveOptions(0.15))
-    said = gloss.derivatives(found, made.ray_direction)
+    solution = pixel_solve.solve(made.pixels, made.values, made.depth_m, made.scene, PixelSolveOptions(0.15))
+    said = gloss.derivatives(solution, made.ray_direction)
     assert said is not None
-    now = gloss.highlight(found, made.ray_direction)
+    now = gloss.highlight(solution, made.ray_direction)
     assert said.highlight == pytest.approx(now, abs=1e-6)
-    turn = np.random.default_rng(3).normal(0, 0.002, found.g.shape).astype(np.float32)
-    there, back = (gloss.highlight(replace(found, g=g), made.ray_direction) for g in (found.g + turn, found.g - turn))
-    assert np.einsum("fcn,cn->fn", said.by_g, turn) == pytest.approx((there - back) / 2, abs=2e-4)
-    stronger = Lobe(0.2 * np.exp(0.01), 30.0).highlight(found, made.ray_direction)
-    narrower = Lobe(0.2, 30.0 * np.exp(0.01)).highlight(found, made.ray_direction)
+    turn = np.random.default_rng(3).normal(0, 0.002, solution.g.shape).astype(np.float32)
+    forth, back = (
+        gloss.highlight(replace(solution, g=g), made.ray_direction) for g in (solution.g + turn, solution.g - turn)
+    )
+    assert np.einsum("fcn,cn->fn", said.by_g, turn) == pytest.approx((forth - back) / 2, abs=2e-4)
+    stronger = Lobe(0.2 * np.exp(0.01), 30.0).highlight(solution, made.ray_direction)
+    narrower = Lobe(0.2, 30.0 * np.exp(0.01)).highlight(solution, made.ray_direction)
     assert said.by_lobe[:, 0] * 0.01 == pytest.approx(stronger - now, abs=2e-5)
     assert said.by_lobe[:, 1] * 0.01 == pytest.approx(narrower - now, abs=2e-5)
 
@@ -80,11 +82,11 @@ def test_solve_with_highlight_derivative_halves_error() -> None:
                 made.pixels, values, made.depth_m, made.scene, PixelSolveOptions(0.08), highlight_by_g=highlight_by_g
             )
 
-        found = solved(glossy, None)
+        solution = solved(glossy, None)
         for _ in range(2):
-            change = gloss.derivatives(found, made.ray_direction)
+            change = gloss.derivatives(solution, made.ray_direction)
             assert change is not None
-            found = solved(glossy - change.highlight, change.by_g if together else None)
-        return float(np.degrees(np.mean(np.linalg.norm(found.normals - made.normals, axis=0))))
+            solution = solved(glossy - change.highlight, change.by_g if together else None)
+        return float(np.degrees(np.mean(np.linalg.norm(solution.normals - made.normals, axis=0))))
 
     assert error(together=True) < 0.5 * error(together=False)

@@ -13,7 +13,7 @@ from acquisition.plan import criterion, planned_noise, visibility
 from acquisition.plan.criterion import Candidates, Samples
 from tests.acquisition.scenes import Frames, Scene
 
-NOTHING_TAKEN = Observations(shots=[], darks={}, frames=Frames())
+NO_OBSERVATIONS = Observations(shots=[], darks={}, frames=Frames())
 
 
 def facing_camera(rng: np.random.Generator, count: int, widest_deg: float = 70) -> FloatArray:
@@ -43,8 +43,8 @@ def random_case(seed: int, pixels: int = 20, lights: int = 6) -> tuple[Samples, 
         captured_directions=np.empty((0, 3)),
     )
     row = rng.normal(size=(lights, 4, pixels)) * 60
-    seen = rng.random((lights, pixels)).astype(np.float32)
-    return samples, Candidates(row.astype(np.float32), seen, facing_camera(rng, lights).T)
+    visibility = rng.random((lights, pixels)).astype(np.float32)
+    return samples, Candidates(row.astype(np.float32), visibility, facing_camera(rng, lights).T)
 
 
 def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -> tuple[Samples, Candidates]:
@@ -75,10 +75,10 @@ def lit_case(seed: int, units: FloatArray, pixels: int = 200) -> tuple[Samples, 
     normal = facing_camera(rng, pixels)
     samples, options = distant_case(normal, units, scale=80.0)
     cosine = units @ normal
-    seen = 1 / (1 + np.exp(-(cosine - 0.08) / 0.04))
+    visibility = 1 / (1 + np.exp(-(cosine - 0.08) / 0.04))
     hidden = rng.random((pixels, 3)) - 0.5  # each pixel has a side from which something stands in the light's way
     blocked = units @ np.stack([hidden[:, 0], hidden[:, 1], 0 * hidden[:, 2]]) > 0.25
-    return samples, Candidates(options.row, np.where(blocked, 0, seen).astype(np.float32), options.unit)
+    return samples, Candidates(options.row, np.where(blocked, 0, visibility).astype(np.float32), options.unit)
 
 
 def shot_of(light: Light, number: int) -> Shot:
@@ -94,7 +94,7 @@ def shot_of(light: Light, number: int) -> Shot:
     )
 
 
-def told(
+def design_rows(
     samples: Samples, lights: list[Light], normal_map: NormalMap, known: Calibration, recipe: Recipe | None = None,
     *, cautious: bool = False,
 ) -> Candidates:  # fmt: skip
@@ -132,8 +132,8 @@ def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: in
     if not lights:
         return blank
     samples = criterion.samples(blank, known, np.arange(len(rows)))
-    there = told(samples, lights, blank, known)
-    row = there.row.astype(float) * (there.visibility[:, None] > 0.5)
+    design = design_rows(samples, lights, blank, known)
+    row = design.row.astype(float) * (design.visibility[:, None] > 0.5)
     row[:, 3] /= photometry.OFFSET_SIGMA_M
     return made(np.einsum("kap,kbp->pab", row, row))
 

@@ -46,10 +46,10 @@ def test_posterior_variance_equals_inverted_information(seed: int, count: int) -
     sample, lights = cases.random_case(seed)
     chosen = list(range(count))
     expected = variance_by_hand(sample, lights, chosen)
-    found = criterion.posterior(sample, lights.only(chosen))
-    np.testing.assert_allclose(found.variance, expected, rtol=1e-4)
-    assert CAPPED.evaluate(found) == pytest.approx(objective_by_hand(expected), rel=1e-4)
-    np.testing.assert_allclose(found.sigma_deg, np.degrees(np.sqrt(expected)).mean(axis=0), rtol=1e-4)
+    posterior = criterion.posterior(sample, lights.only(chosen))
+    np.testing.assert_allclose(posterior.variance, expected, rtol=1e-4)
+    assert CAPPED.evaluate(posterior) == pytest.approx(objective_by_hand(expected), rel=1e-4)
+    np.testing.assert_allclose(posterior.sigma_deg, np.degrees(np.sqrt(expected)).mean(axis=0), rtol=1e-4)
 
 
 @settings(max_examples=15, deadline=None)
@@ -76,11 +76,11 @@ def test_posterior_added_light_never_raises_variance(seed: int) -> None:
 def test_posterior_shadow_gains_nothing_uncertain_visibility_less(seed: int) -> None:
     sample, lights = cases.random_case(seed)
     before = criterion.posterior(sample, lights.only([]))
-    hidden, doubtful, seen = (
+    hidden, doubtful, lit = (
         Candidates(lights.row, np.full_like(lights.visibility, v), lights.unit) for v in (0.0, 0.5, 1.0)
     )
     np.testing.assert_allclose(CAPPED.scan(sample, before, hidden), CAPPED.evaluate(before), rtol=1e-5)
-    assert np.all(CAPPED.scan(sample, before, doubtful) >= CAPPED.scan(sample, before, seen) * (1 - 1e-6))
+    assert np.all(CAPPED.scan(sample, before, doubtful) >= CAPPED.scan(sample, before, lit) * (1 - 1e-6))
 
 
 @settings(max_examples=20, deadline=None)
@@ -119,7 +119,7 @@ def test_candidates_rows_are_whitened_light_vectors_and_depth_slopes(cushion: sc
     chosen = np.arange(0, len(normal_map.information.rows), 7)
     sample = criterion.samples(normal_map, cushion.calibration, chosen)
     recipe = Recipe(exposure=Exposure(seconds=0.03))
-    row = cases.told(sample, [light], normal_map, cushion.calibration, recipe).row[0]
+    row = cases.design_rows(sample, [light], normal_map, cushion.calibration, recipe).row[0]
 
     rows, columns = normal_map.information.rows[chosen], normal_map.information.columns[chosen]
     n, albedo = cushion.normals[rows, columns].T, cushion.albedo[rows, columns]
@@ -165,7 +165,7 @@ def test_candidates_light_behind_wall_is_invisible() -> None:
     sides = {}
     for name, chosen in (("left", left), ("right", right)):
         sample = criterion.samples(normal_map, true.calibration, chosen)
-        lights = cases.told(sample, [light], normal_map, true.calibration)
+        lights = cases.design_rows(sample, [light], normal_map, true.calibration)
         before = criterion.posterior(sample, lights.only([]))
         sides[name] = lights.visibility, CAPPED.evaluate(before) - CAPPED.scan(sample, before, lights)[0]
     assert np.mean(sides["left"][0] < 0.1) > 0.97
@@ -180,7 +180,7 @@ def test_candidates_surface_turned_away_is_invisible(cushion: scenes.Scene) -> N
     normal_map = cases.known_map(cushion, [])
     sample = criterion.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
     light = scenes.ring(1, 70.0)[0]
-    visibility = cases.told(sample, [light], normal_map, cushion.calibration).visibility[0]
+    visibility = cases.design_rows(sample, [light], normal_map, cushion.calibration).visibility[0]
     toward = np.array(light.position)[:, None] - sample.point
     cosine = np.sum(toward * sample.normal, axis=0) / np.linalg.norm(toward, axis=0)
     assert np.sum(cosine < -0.1) > 20
@@ -191,14 +191,14 @@ def test_candidates_certain_map_has_visibility_of_scene(cushion: scenes.Scene) -
     normal_map = cases.known_map(cushion, [], sigma_deg=0.2)
     sample = criterion.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
     lights = scenes.ring(5, 60.0, turn=0.2)
-    visibility = cases.told(sample, lights, normal_map, cushion.calibration).visibility
+    visibility = cases.design_rows(sample, lights, normal_map, cushion.calibration).visibility
     rows, columns = normal_map.information.rows, normal_map.information.columns
     brightest = [cases.vectors_by_hand(cushion, light, rows, columns) for light in lights]
     least = criterion.MIN_COSINE * sample.albedo * np.linalg.norm(brightest, axis=1)  # below it the solver rejects
-    seen = np.stack([scenes.lit(cushion, light)[rows, columns] for light in lights]) > least
-    assert np.mean((visibility > 0.5) == seen) > 0.95
-    assert np.mean(seen[visibility > 0.9]) > 0.98
-    assert np.mean(seen[visibility < 0.1]) < 0.05
+    lit = np.stack([scenes.lit(cushion, light)[rows, columns] for light in lights]) > least
+    assert np.mean((visibility > 0.5) == lit) > 0.95
+    assert np.mean(lit[visibility > 0.9]) > 0.98
+    assert np.mean(lit[visibility < 0.1]) < 0.05
 
 
 def test_candidates_clipping_exposure_gives_no_information(cushion: scenes.Scene) -> None:
@@ -208,7 +208,7 @@ def test_candidates_clipping_exposure_gives_no_information(cushion: scenes.Scene
     seconds = 1.0 / (0.5 * cushion.calibration.lamp_intensity)  # y = 0.5 · 1.0 reaches the converter's end
     for factor, expected in ((0.5, 0.0), (8.0, 1.0)):
         recipe = Recipe(exposure=Exposure(seconds=factor * seconds))
-        visibility = cases.told(sample, light, normal_map, cushion.calibration, recipe).visibility
+        visibility = cases.design_rows(sample, light, normal_map, cushion.calibration, recipe).visibility
         assert np.mean(visibility < 0.01) == pytest.approx(expected, abs=0.08)
 
 
@@ -230,15 +230,19 @@ def test_unexplained_shadows_uses_determined_pixels_only(cushion: scenes.Scene) 
     """Dark where the map's shape would be lit: a step where three others lit the pixel, a guessed shape where not."""
     lights = scenes.ring(4, 30.0)
     normal_map = cases.known_map(cushion, lights)
-    taken = replace(cases.NOTHING_TAKEN, shots=[cases.shot_of(light, number) for number, light in enumerate(lights)])
+    observations = replace(
+        cases.NO_OBSERVATIONS, shots=[cases.shot_of(light, number) for number, light in enumerate(lights)]
+    )
     surface = visibility.surface(normal_map, cushion.calibration)
     shares: list[float] = []
     for dark in (1, 2):
         flags = np.full((4, *cushion.mask.shape), LIT, np.uint8)
         flags[:dark] = CAST
-        found = replace(normal_map, flags=flags)
-        sample = criterion.samples(found, cushion.calibration, criterion.usable_pixels(found, cushion.calibration))
-        shares.append(criterion.unexplained_shadows(sample, found, surface, taken, cushion.calibration, Recipe()))
+        flagged = replace(normal_map, flags=flags)
+        sample = criterion.samples(flagged, cushion.calibration, criterion.usable_pixels(flagged, cushion.calibration))
+        shares.append(
+            criterion.unexplained_shadows(sample, flagged, surface, observations, cushion.calibration, Recipe())
+        )
     assert shares[0] == pytest.approx(0.25, abs=0.03)
     assert shares[1] == 0
 

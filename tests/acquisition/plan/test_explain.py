@@ -12,42 +12,42 @@ from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
 TRUE = scenes.scene(scenes.sphere, scenes.calibration(96))
-TAKEN = pilot.pattern(Recipe(), scenes.Dome(refused=0))
+PILOT_LIGHTS = pilot.pattern(Recipe(), scenes.Dome(refused=0))
 LIGHTS = [*scenes.ring(3, 62.0, turn=0.4), scenes.ring(1, 20.0)[0]]
 
 
 @pytest.fixture(scope="module")
-def found() -> Gains:
-    normal_map = cases.known_map(TRUE, TAKEN)
-    return explain.gains(normal_map, cases.NOTHING_TAKEN, Recipe(), LIGHTS, TRUE.calibration)
+def gains() -> Gains:
+    normal_map = cases.known_map(TRUE, PILOT_LIGHTS)
+    return explain.gains(normal_map, cases.NO_OBSERVATIONS, Recipe(), LIGHTS, TRUE.calibration)
 
 
-def test_gains_all_lights_are_not_negative(found: Gains) -> None:
-    assert found.gain_deg.shape == (len(LIGHTS), len(found.rows))
-    assert np.min(found.gain_deg) > -1e-6
-    assert np.all(np.max(found.gain_deg, axis=1) > 0.02)
+def test_gains_all_lights_are_not_negative(gains: Gains) -> None:
+    assert gains.gain_deg.shape == (len(LIGHTS), len(gains.rows))
+    assert np.min(gains.gain_deg) > -1e-6
+    assert np.all(np.max(gains.gain_deg, axis=1) > 0.02)
 
 
 @pytest.mark.parametrize("light", range(3))
-def test_gains_grazing_light_is_on_its_own_side(found: Gains, light: int) -> None:
+def test_gains_grazing_light_is_on_its_own_side(gains: Gains, light: int) -> None:
     place = np.array(LIGHTS[light].position)
-    towards = place - TRUE.points[:, found.rows, found.columns].T
+    towards = place - TRUE.points[:, gains.rows, gains.columns].T
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-    cosine = np.einsum("kc,kc->k", TRUE.normals[found.rows, found.columns], towards)
-    gain = found.gain_deg[light]
+    cosine = np.einsum("kc,kc->k", TRUE.normals[gains.rows, gains.columns], towards)
+    gain = gains.gain_deg[light]
     assert np.max(gain[cosine < -0.15]) < 1e-6
     assert np.mean(gain[cosine > 0.3]) > 0.01
 
 
-def test_gains_duplicate_light_is_small(found: Gains) -> None:
-    normal_map = cases.known_map(TRUE, TAKEN)
-    twice = explain.gains(normal_map, cases.NOTHING_TAKEN, Recipe(), [*LIGHTS, LIGHTS[0]], TRUE.calibration)
-    assert np.mean(twice.gain_deg[0]) < 0.8 * np.mean(found.gain_deg[0])
+def test_gains_duplicate_light_is_small(gains: Gains) -> None:
+    normal_map = cases.known_map(TRUE, PILOT_LIGHTS)
+    twice = explain.gains(normal_map, cases.NO_OBSERVATIONS, Recipe(), [*LIGHTS, LIGHTS[0]], TRUE.calibration)
+    assert np.mean(twice.gain_deg[0]) < 0.8 * np.mean(gains.gain_deg[0])
 
 
-def test_gain_image_shows_object_on_common_scale(found: Gains) -> None:
+def test_gain_image_shows_object_on_common_scale(gains: Gains) -> None:
     pictures = [
-        cv2.imdecode(np.frombuffer(explain.gain_image(found, light, TRUE.mask), np.uint8), cv2.IMREAD_COLOR)
+        cv2.imdecode(np.frombuffer(explain.gain_image(gains, light, TRUE.mask), np.uint8), cv2.IMREAD_COLOR)
         for light in range(len(LIGHTS))
     ]
     rows, columns = np.flatnonzero(TRUE.mask.any(axis=1)), np.flatnonzero(TRUE.mask.any(axis=0))
@@ -56,4 +56,4 @@ def test_gain_image_shows_object_on_common_scale(found: Gains) -> None:
         assert picture.shape == (np.ptp(rows) + 1, np.ptp(columns) + 1, 3)
         assert tuple(picture[0, 0]) == explain.OUTSIDE
     brightness = [float(np.mean(picture)) for picture in pictures if picture is not None]
-    assert np.argmax(brightness) == np.argmax(np.mean(found.gain_deg, axis=1))
+    assert np.argmax(brightness) == np.argmax(np.mean(gains.gain_deg, axis=1))

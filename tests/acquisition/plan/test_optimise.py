@@ -30,21 +30,21 @@ def rings(units: FloatArray, count: int) -> list[list[int]]:
 def test_search_small_design_within_5_percent_of_exhaustive(seed: int, quick: bool) -> None:
     sample, options = cases.random_case(seed, pixels=24, lights=11)
     chosen = optimise.search(sample, options, CAPPED, rings(dome_units(11, 0.3), 3), 3, seed, NEVER, quick=quick)
-    found = optimise.value(sample, options, CAPPED, chosen)
+    value = optimise.value(sample, options, CAPPED, chosen)
     best = min(optimise.value(sample, options, CAPPED, list(some)) for some in combinations(range(11), 3))
     assert len(set(chosen)) == 3
-    assert best * (1 - 1e-9) <= found <= 1.05 * best
+    assert best * (1 - 1e-9) <= value <= 1.05 * best
 
 
 @pytest.mark.parametrize("seed", [*range(40), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(40, 200))])
 def test_bound_any_subset_is_not_beaten(seed: int) -> None:
     sample, options = cases.random_case(seed, pixels=6, lights=8)
     count = 1 + seed % 4
-    found = relaxation.bound(sample, options, count, NEVER)
+    bound = relaxation.bound(sample, options, count, NEVER)
     best = min(optimise.value(sample, options, VARIANCE, list(some)) for some in combinations(range(8), count))
-    assert found.variance <= best * (1 + 1e-6)
-    assert found.gap <= 0.001
-    assert np.sum(found.weights) == pytest.approx(count, rel=1e-3)
+    assert bound.variance <= best * (1 + 1e-6)
+    assert bound.gap <= 0.001
+    assert np.sum(bound.weights) == pytest.approx(count, rel=1e-3)
 
 
 @pytest.mark.parametrize("count", [3, 4, 5, 6, 8, 12])
@@ -77,8 +77,8 @@ def test_search_start_patterns_never_worse_than_any(seed: int, count: int) -> No
     sample, options = cases.random_case(seed, pixels=500, lights=60)
     starts = rings(units, count)
     chosen = optimise.search(sample, options, CAPPED, starts, count, seed, NEVER)
-    found = optimise.value(sample, options, CAPPED, chosen)
-    assert all(found <= optimise.value(sample, options, CAPPED, start) * (1 + 1e-6) for start in starts)
+    value = optimise.value(sample, options, CAPPED, chosen)
+    assert all(value <= optimise.value(sample, options, CAPPED, start) * (1 + 1e-6) for start in starts)
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(1, 5))])
@@ -102,8 +102,8 @@ def test_search_deadline_passed_returns_best_so_far() -> None:
     starts = rings(units, 6)
     chosen = optimise.search(sample, options, CAPPED, starts, 6, 0, Deadline.within(0.0))
     assert len(set(chosen)) == 6
-    found = optimise.value(sample, options, CAPPED, chosen)
-    assert all(found <= optimise.value(sample, options, CAPPED, start) * (1 + 1e-6) for start in starts)
+    value = optimise.value(sample, options, CAPPED, chosen)
+    assert all(value <= optimise.value(sample, options, CAPPED, start) * (1 + 1e-6) for start in starts)
     bound = relaxation.bound(sample, options, 6, Deadline.within(0.0))
     assert 0 <= bound.variance <= optimise.value(sample, options, VARIANCE, chosen)
     assert bound.gap > 0.001
@@ -111,21 +111,21 @@ def test_search_deadline_passed_returns_best_so_far() -> None:
 
 def test_completions_captured_lights_fill_their_positions() -> None:
     units = dome_units(400, 0.2)
-    whole = two_rings(8, turn=0.3)
-    taken = whole[[0, 4, 6]]
+    pattern = two_rings(8, turn=0.3)
+    captured = pattern[[0, 4, 6]]
     best = max(
-        (np.min(np.max(units[added] @ whole[[1, 2, 3, 5, 7]].T, axis=0)), added)
-        for added in two_ring_pattern.completions(taken, units, 5)
+        (np.min(np.max(units[added] @ pattern[[1, 2, 3, 5, 7]].T, axis=0)), added)
+        for added in two_ring_pattern.completions(captured, units, 5)
     )
     assert best[0] > np.cos(0.15)
-    assert len(lamp_pose.nearest_distinct(whole, units, np.ones(400, dtype=np.bool_))[0]) == 8
+    assert len(lamp_pose.nearest_distinct(pattern, units, np.ones(400, dtype=np.bool_))[0]) == 8
 
 
 def test_fallback_rings_many_images_are_steeper() -> None:
     units = dome_units(400, 0.2)
-    taken = geometry.direction(np.radians([8.0, 50.0, 50.0, 50.0]), np.arange(4) * 2 * np.pi / 3)
+    captured = geometry.direction(np.radians([8.0, 50.0, 50.0, 50.0]), np.arange(4) * 2 * np.pi / 3)
     for count, slant_deg in ((4, 60.0), (8, 65.0)):
-        slant = np.degrees(geometry.slant_azimuth(units[two_ring_pattern.fallback_rings(taken, units, count)])[0])
+        slant = np.degrees(geometry.slant_azimuth(units[two_ring_pattern.fallback_rings(captured, units, count)])[0])
         outer = slant[slant > 40]
         assert len(outer) >= count // 2
         np.testing.assert_allclose(outer, slant_deg, atol=5)

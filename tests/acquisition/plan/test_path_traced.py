@@ -44,7 +44,7 @@ class Cap(scenes.Dome):
 REACH = Cap()
 
 
-def taken(name: str, positions: np.ndarray, seed: int, *, bounces: bool) -> ImageStack:
+def captured(name: str, positions: np.ndarray, seed: int, *, bounces: bool) -> ImageStack:
     """Images from lamps at positions (F, 3) as a solver gets them; their errors are those of `seed`."""
     images = bench.render(name, positions, pixels=PIXELS, bounces=bounces)
     return bench.capture(images, positions, seed).stack
@@ -69,8 +69,8 @@ def solved(name: str, stack: ImageStack) -> NormalMap:
 
 
 def mean_deg(name: str, stack: ImageStack) -> float:
-    true, found = bench.truth(name, PIXELS), solved(name, stack)
-    error = np.where(found.mask, true.error_deg(found.normals), 90.0)
+    true, normal_map = bench.truth(name, PIXELS), solved(name, stack)
+    error = np.where(normal_map.mask, true.error_deg(normal_map.normals), 90.0)
     return float(np.mean(error[true.graded]))
 
 
@@ -80,22 +80,22 @@ def places(lights: list[Light] | tuple[Light, ...]) -> np.ndarray:
 
 def planned(name: str, draw: int, *, bounces: bool) -> ImageStack:
     """The pilot's images, and those of the lights that are planned from them."""
-    first = taken(name, places(pilot.pattern(Recipe(), REACH)), 2 * draw, bounces=bounces)
+    first = captured(name, places(pilot.pattern(Recipe(), REACH)), 2 * draw, bounces=bounces)
     shots = [
         cases.shot_of(light, number).model_copy(update={"exposure_s": float(1 / (shot * bench.SENSOR.full_well_e))})
         for number, (light, shot) in enumerate(zip(first.lights, first.shot, strict=True))
     ]
-    seen = Observations(shots=shots, darks={}, frames=scenes.Frames())
+    observations = Observations(shots=shots, darks={}, frames=scenes.Frames())
     chosen = plan.choose(
         solved(name, first),
-        seen,
+        observations,
         Recipe(seed=draw),
         REACH,
         bench.calibration(PIXELS),
         LIGHTS - 4,
         plan.PlanOptions(certify=False),
     )
-    return joined(first, taken(name, places(chosen.lights), 2 * draw + 1, bounces=bounces))
+    return joined(first, captured(name, places(chosen.lights), 2 * draw + 1, bounces=bounces))
 
 
 def figures(name: str, draw: int, *, bounces: bool) -> dict[str, float]:
@@ -105,12 +105,12 @@ def figures(name: str, draw: int, *, bounces: bool) -> dict[str, float]:
     kept = folder / f"{name}-{draw}-{'bounces' if bounces else 'direct'}.json"
     if not kept.exists():
         rings = joined(
-            taken(name, bench.two_rings(LIGHTS)[:4], 2 * draw, bounces=bounces),
-            taken(name, bench.two_rings(LIGHTS)[4:], 2 * draw + 1, bounces=bounces),
+            captured(name, bench.two_rings(LIGHTS)[:4], 2 * draw, bounces=bounces),
+            captured(name, bench.two_rings(LIGHTS)[4:], 2 * draw + 1, bounces=bounces),
         )
-        told = {"optimal": mean_deg(name, planned(name, draw, bounces=bounces)), "two-rings": mean_deg(name, rings)}
+        errors = {"optimal": mean_deg(name, planned(name, draw, bounces=bounces)), "two-rings": mean_deg(name, rings)}
         folder.mkdir(parents=True, exist_ok=True)
-        kept.write_text(json.dumps(told), encoding="utf-8")
+        kept.write_text(json.dumps(errors), encoding="utf-8")
     return json.loads(kept.read_text(encoding="utf-8"))
 
 
@@ -118,9 +118,9 @@ def figures(name: str, draw: int, *, bounces: bool) -> dict[str, float]:
 @pytest.mark.parametrize("name", OBJECTS)
 @pytest.mark.parametrize("bounces", [False, True], ids=["direct", "bounces"])
 def test_path_traced_both_methods_solve_the_object(name: str, draw: int, bounces: bool) -> None:
-    found = figures(name, draw, bounces=bounces)
-    print(f"\n{name}, draw {draw}:", found)
-    assert max(found.values()) < (4.0 if bounces else 2.0)
+    error_of = figures(name, draw, bounces=bounces)
+    print(f"\n{name}, draw {draw}:", error_of)
+    assert max(error_of.values()) < (4.0 if bounces else 2.0)
 
 
 @pytest.mark.parametrize(

@@ -21,8 +21,8 @@ def ball() -> scenes.Scene:
 
 def piloted(true: scenes.Scene) -> NormalMap:
     lights = pilot.pattern(Recipe(), scenes.Dome(refused=0))
-    found = cases.known_map(true, lights)
-    return replace(found, flags=np.where(true.mask, LIT, 0)[None].repeat(4, axis=0).astype(np.uint8))
+    known = cases.known_map(true, lights)
+    return replace(known, flags=np.where(true.mask, LIT, 0)[None].repeat(4, axis=0).astype(np.uint8))
 
 
 def test_gloss_enough_highlight_pixels_makes_surface_glossy(ball: scenes.Scene) -> None:
@@ -107,16 +107,16 @@ def test_curvature_variance_edges_and_nan_stay_finite(ball: scenes.Scene) -> Non
 def test_reweight_scales_information_to_expected_noise(ball: scenes.Scene) -> None:
     """What a solver has weighted by ten times the noise in all terms counts for a hundred times more than it said."""
     lights = pilot.pattern(Recipe(), scenes.Dome(refused=0))
-    taken = scenes.capture(ball, lights)
+    observations = scenes.capture(ball, lights)
     normal_map = piloted(ball)
-    told = {}
+    ratios = {}
     for times in (1.0, 10.0):
         assumed = replace(normal_map, noise={"intensity": times * 0.05, "direction": times * 0.05})
         sample = criterion.samples(assumed, ball.calibration, np.arange(100))
-        anew = criterion.reweight(sample, assumed, taken, ball.calibration)
-        told[times] = np.trace(anew.information - anew.prior, axis1=1, axis2=2)
+        anew = criterion.reweight(sample, assumed, observations, ball.calibration)
+        ratios[times] = np.trace(anew.information - anew.prior, axis1=1, axis2=2)
         np.testing.assert_array_equal(sample.prior, anew.prior)
-    np.testing.assert_allclose(told[10.0] / told[1.0], 100.0, rtol=0.05)
+    np.testing.assert_allclose(ratios[10.0] / ratios[1.0], 100.0, rtol=0.05)
 
 
 @pytest.mark.parametrize("cautious", [False, True])
@@ -151,11 +151,11 @@ def test_reweight_indirect_radiance_follows_share_of_images(ball: scenes.Scene) 
     normal_map.flags[2] = 0  # the third light reaches nothing
     share = np.zeros(ball.mask.shape, np.float32)
     share[:, 50:64], share[:, 64:80], share[:, 80:] = 0.2, 0.5, 0.9
-    found = replace(normal_map, indirect=share)
-    sample = criterion.samples(found, ball.calibration, np.arange(len(found.information.rows)))
-    taken = scenes.capture(ball, lights)
-    told = criterion.reweight(sample, found, taken, ball.calibration)
-    plain = criterion.reweight(sample, normal_map, taken, ball.calibration)
+    with_indirect = replace(normal_map, indirect=share)
+    sample = criterion.samples(with_indirect, ball.calibration, np.arange(len(with_indirect.information.rows)))
+    observations = scenes.capture(ball, lights)
+    reweighted = criterion.reweight(sample, with_indirect, observations, ball.calibration)
+    plain = criterion.reweight(sample, normal_map, observations, ball.calibration)
     np.testing.assert_array_equal(plain.indirect, 0)
 
     rows, columns = sample.row, sample.column
@@ -166,10 +166,10 @@ def test_reweight_indirect_radiance_follows_share_of_images(ball: scenes.Scene) 
         given += sample.albedo * np.linalg.norm(s, axis=0) * np.maximum(cosine, criterion.MIN_COSINE) / 4
     times = np.select([columns < 50, columns < 64], [0.0, 0.25], 1.0)
     assert set(times) == {0.0, 0.25, 1.0}
-    np.testing.assert_allclose(told.indirect, times * given, rtol=1e-3)
+    np.testing.assert_allclose(reweighted.indirect, times * given, rtol=1e-3)
 
     # Where it is as bright as what the lamps give, it decides: four tenths of it are left where a tenth was weighed.
-    left = np.trace(told.information - told.prior, axis1=1, axis2=2)
+    left = np.trace(reweighted.information - reweighted.prior, axis1=1, axis2=2)
     left /= np.trace(sample.information - sample.prior, axis1=1, axis2=2)
     np.testing.assert_allclose(left[times == 1], 1 / 16, rtol=0.25)
-    np.testing.assert_array_equal(told.information[times == 0], plain.information[times == 0])
+    np.testing.assert_array_equal(reweighted.information[times == 0], plain.information[times == 0])

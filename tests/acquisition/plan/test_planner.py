@@ -38,7 +38,7 @@ def planned(
     normal_map: NormalMap, true: scenes.Scene, reach: scenes.Dome, count: int = 4, *, certify: bool = False
 ) -> LightPlan:
     return plan.choose(
-        normal_map, cases.NOTHING_TAKEN, Recipe(), reach, true.calibration, count, plan.PlanOptions(certify=certify)
+        normal_map, cases.NO_OBSERVATIONS, Recipe(), reach, true.calibration, count, plan.PlanOptions(certify=certify)
     )
 
 
@@ -76,7 +76,7 @@ def test_choose_plan_is_predicted_better_than_two_rings(
     rings = plan.baseline("two-rings", 4, Recipe(method="two-rings"), reach).lights
     sample = criterion.samples(piloted, cushion.calibration, criterion.usable_pixels(piloted, cushion.calibration))
     ours, theirs = (
-        CAPPED.evaluate(criterion.posterior(sample, cases.told(sample, lights, piloted, cushion.calibration)))
+        CAPPED.evaluate(criterion.posterior(sample, cases.design_rows(sample, lights, piloted, cushion.calibration)))
         for lights in (chosen, rings)
     )
     assert ours < theirs
@@ -87,9 +87,11 @@ def test_choose_side_unlit_by_pilot_gets_light(cushion: scenes.Scene, reach: sce
     right = [light for light in scenes.ring(12, 55.0) if light.position[0] > 0.15]
     assert len(right) >= 3
     normal_map = replace(cases.known_map(cushion, right), flags=np.full((len(right), 128, 128), LIT, np.uint8))
-    taken = replace(cases.NOTHING_TAKEN, shots=[cases.shot_of(light, number) for number, light in enumerate(right)])
+    observations = replace(
+        cases.NO_OBSERVATIONS, shots=[cases.shot_of(light, number) for number, light in enumerate(right)]
+    )
     added = plan.choose(
-        normal_map, taken, Recipe(), reach, cushion.calibration, 4, plan.PlanOptions(certify=False)
+        normal_map, observations, Recipe(), reach, cushion.calibration, 4, plan.PlanOptions(certify=False)
     ).lights
     assert sum(light.position[0] < -0.05 for light in added) >= 2
     assert np.mean([light.position[0] for light in added]) < -0.05
@@ -99,8 +101,8 @@ def test_choose_recipe_fulfilled_gives_no_lights_but_forecast(
     piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
 ) -> None:
     lights = scenes.ring(8, 45.0)
-    taken = scenes.capture(cushion, lights)
-    chosen = plan.choose(piloted, taken, Recipe(), reach, cushion.calibration)
+    observations = scenes.capture(cushion, lights)
+    chosen = plan.choose(piloted, observations, Recipe(), reach, cushion.calibration)
     assert chosen.lights == []
     assert (chosen.predicted_sigma_deg or 0) > 0
     assert "all lights of the recipe have been captured" in chosen.notes
@@ -153,9 +155,9 @@ def test_choose_some_non_finite_pixels_are_left_out(
     normals[60:64] = np.nan
     depth[:, 70:73] = np.nan
     chosen = planned(replace(piloted, normals=normals, depth=depth), cushion, reach)
-    whole = planned(piloted, cushion, reach)
+    reference = planned(piloted, cushion, reach)
     assert len(chosen.lights) == 4
-    assert chosen.predicted_sigma_deg == pytest.approx(whole.predicted_sigma_deg, rel=0.15)
+    assert chosen.predicted_sigma_deg == pytest.approx(reference.predicted_sigma_deg, rel=0.15)
 
 
 @pytest.fixture(scope="module", params=[0.0, 0.03], ids=["plain", "stepped"])
@@ -176,12 +178,12 @@ def plate(request: pytest.FixtureRequest, reach: scenes.Dome) -> tuple[bool, Nor
 def test_choose_unexplained_steps_falls_back_to_two_rings(
     plate: tuple[bool, NormalMap, Observations, scenes.Scene], reach: scenes.Dome
 ) -> None:
-    stepped, normal_map, taken, true = plate
-    chosen = plan.choose(normal_map, taken, Recipe(), reach, true.calibration)
+    stepped, normal_map, observations, true = plate
+    chosen = plan.choose(normal_map, observations, Recipe(), reach, true.calibration)
     assert (chosen.fallback is not None and "steps" in chosen.fallback) == stepped
     if stepped:
         assert any("two rings instead of planned lights" in note for note in chosen.notes)
-        pilots = np.array([shot.light.position for shot in taken.shots if shot.light is not None]) - reach.center
+        pilots = np.array([shot.light.position for shot in observations.shots if shot.light is not None]) - reach.center
         added = np.array([light.position for light in chosen.lights]) - reach.center
         assert two_ring_pattern.imbalance(np.concatenate([pilots, added]) / reach.radius_m) < 0.08
 
@@ -190,8 +192,10 @@ def test_choose_little_gain_falls_back_to_two_rings(cushion: scenes.Scene, reach
     """After eighty even lights nothing that one more could do is worth a model."""
     lights = [*scenes.ring(27, 25.0), *scenes.ring(53, 55.0, turn=0.1)]
     normal_map = replace(cases.known_map(cushion, lights), flags=np.full((80, 128, 128), LIT, np.uint8))
-    taken = replace(cases.NOTHING_TAKEN, shots=[cases.shot_of(light, number) for number, light in enumerate(lights)])
-    chosen = plan.choose(normal_map, taken, Recipe(), reach, cushion.calibration, 1)
+    observations = replace(
+        cases.NO_OBSERVATIONS, shots=[cases.shot_of(light, number) for number, light in enumerate(lights)]
+    )
+    chosen = plan.choose(normal_map, observations, Recipe(), reach, cushion.calibration, 1)
     assert chosen.fallback is not None
     assert "only" in chosen.fallback
 
@@ -215,14 +219,20 @@ def test_choose_region_of_interest_moves_lights(cushion: scenes.Scene, reach: sc
     """Lights for the left flank come from the left, for the right flank from the right."""
     normal_map = cases.known_map(cushion, scenes.ring(3, 15.0), step=1)
     columns = np.arange(128)[None, :] * np.ones((128, 1))
-    lean: dict[str, float] = {}
+    share: dict[str, float] = {}
     for side, region in (("left", columns < 48), ("right", columns > 80)):
-        taken = cases.NOTHING_TAKEN
+        observations = cases.NO_OBSERVATIONS
         chosen = plan.choose(
-            normal_map, taken, Recipe(), reach, cushion.calibration, 3, plan.PlanOptions(region=region, certify=False)
+            normal_map,
+            observations,
+            Recipe(),
+            reach,
+            cushion.calibration,
+            3,
+            plan.PlanOptions(region=region, certify=False),
         )
-        lean[side] = float(np.mean([light.position[0] for light in chosen.lights]))
-    assert lean["left"] < 0 < lean["right"]
+        share[side] = float(np.mean([light.position[0] for light in chosen.lights]))
+    assert share["left"] < 0 < share["right"]
 
 
 @pytest.mark.parametrize("empty", [True, False])
@@ -232,7 +242,7 @@ def test_choose_empty_or_misshapen_region_is_refused(
     region = np.zeros((128, 128) if empty else (64, 64), np.bool_)
     with pytest.raises(RigError, match="region") as caught:
         plan.choose(
-            piloted, cases.NOTHING_TAKEN, Recipe(), reach, cushion.calibration, 4, plan.PlanOptions(region=region)
+            piloted, cases.NO_OBSERVATIONS, Recipe(), reach, cushion.calibration, 4, plan.PlanOptions(region=region)
         )
     assert caught.value.code == ErrorCode.PLAN_INFEASIBLE
 
@@ -249,20 +259,20 @@ def test_choose_each_objective_is_best_by_its_own_measure(cushion: scenes.Scene,
     for name in names:
         chosen = plan.choose(
             normal_map,
-            cases.NOTHING_TAKEN,
+            cases.NO_OBSERVATIONS,
             Recipe(objective=name),
             reach,
             cushion.calibration,
             3,
             plan.PlanOptions(certify=False),
         )
-        told = cases.told(sample, chosen.lights, normal_map, cushion.calibration, cautious=True)
-        there = criterion.posterior(sample, told)
+        rows = cases.design_rows(sample, chosen.lights, normal_map, cushion.calibration, cautious=True)
+        posterior = criterion.posterior(sample, rows)
         figures[name] = {
-            "capped": CAPPED.evaluate(there),
-            "mean": float(np.mean(there.sigma_deg)),
-            "quantile": float(np.quantile(there.sigma_deg, 0.9)),
-            "coverage": float(np.mean(np.maximum(3 - there.lit, 0))),
+            "capped": CAPPED.evaluate(posterior),
+            "mean": float(np.mean(posterior.sigma_deg)),
+            "quantile": float(np.quantile(posterior.sigma_deg, 0.9)),
+            "coverage": float(np.mean(np.maximum(3 - posterior.lit, 0))),
         }
     for name in names:
         best = min(figures[other][name] for other in names)
@@ -272,7 +282,7 @@ def test_choose_each_objective_is_best_by_its_own_measure(cushion: scenes.Scene,
 def test_choose_deadline_passed_is_noted(piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome) -> None:
     chosen = plan.choose(
         piloted,
-        cases.NOTHING_TAKEN,
+        cases.NO_OBSERVATIONS,
         Recipe(),
         reach,
         cushion.calibration,
@@ -286,7 +296,7 @@ def test_choose_deadline_passed_is_noted(piloted: NormalMap, cushion: scenes.Sce
 def test_forecast_falls_with_lights_and_agrees_with_plan(
     piloted: NormalMap, cushion: scenes.Scene, reach: scenes.Dome
 ) -> None:
-    arguments = (piloted, cases.NOTHING_TAKEN, Recipe(), reach, cushion.calibration)
+    arguments = (piloted, cases.NO_OBSERVATIONS, Recipe(), reach, cushion.calibration)
     points = plan.forecast(*arguments, [0, 1, 2, 4, 8])
     assert [(point.added, point.lights) for point in points] == [(n, n) for n in (0, 1, 2, 4, 8)]
     sigma = [point.sigma_deg for point in points]
@@ -300,7 +310,7 @@ def test_forecast_falls_with_lights_and_agrees_with_plan(
 def test_choose_few_candidates_shortens_forecast_only(piloted: NormalMap, cushion: scenes.Scene) -> None:
     few = scenes.Dome(refused=0)
     few.candidates = few.candidates[:: len(few.candidates) // 9][:10]
-    known = (piloted, cases.NOTHING_TAKEN, Recipe(), few, cushion.calibration)
+    known = (piloted, cases.NO_OBSERVATIONS, Recipe(), few, cushion.calibration)
     chosen = plan.choose(*known, 4, plan.PlanOptions(certify=False, forecast_counts=(1, 8, 16)))
     assert len(chosen.lights) == 4
     assert [point.added for point in chosen.forecast] == [1, 8]

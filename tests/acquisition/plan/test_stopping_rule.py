@@ -92,9 +92,9 @@ def test_plan_to_target_unreachable_spares_last_lights(known: tuple[NormalMap, O
     order = Recipe(target_sigma_deg=0.1, max_lights=40)
     chosen = plan.plan_to_target(rough, known[1], order, REACH, TRUE.calibration)
     least = min(point.sigma_deg for point in chosen.forecast)
-    taken = next(point for point in chosen.forecast if point.added >= len(chosen.lights))
+    predicted = next(point for point in chosen.forecast if point.added >= len(chosen.lights))
     assert len(chosen.lights) < 36
-    assert taken.sigma_deg <= (1 + stopping_rule.NEGLIGIBLE_GAIN) * (1 + stopping_rule.FIRST_SLACK) * least
+    assert predicted.sigma_deg <= (1 + stopping_rule.NEGLIGIBLE_GAIN) * (1 + stopping_rule.FIRST_SLACK) * least
 
 
 def test_achieved_sigma_curved_pixels_keep_curvature_variance(known: tuple[NormalMap, Observations]) -> None:

@@ -19,7 +19,7 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(result: Path) -> NormalMap:
+def stored(result: Path) -> NormalMap:
     return export.read(result)
 
 
@@ -35,20 +35,20 @@ def true_top_m() -> float:
     return scenes.TABLE_DEPTH - float(scene.depth[scene.mask].min())
 
 
-def test_require_within_keep_out_allows_half_the_clearance(found: NormalMap) -> None:
+def test_require_within_keep_out_allows_half_the_clearance(stored: NormalMap) -> None:
     known, half = session_folder.calibration(), session_folder.cell().clearances.object_m / 2
     top_m = true_top_m()
     assert top_m > 0.02
-    jobs.require_within_keep_out(found, cell_of(top_m), known)
-    jobs.require_within_keep_out(found, cell_of(top_m - half + 0.008), known)
+    jobs.require_within_keep_out(stored, cell_of(top_m), known)
+    jobs.require_within_keep_out(stored, cell_of(top_m - half + 0.008), known)
     with pytest.raises(RigError, match="keep_out") as caught:
-        jobs.require_within_keep_out(found, cell_of(max(top_m - half - 0.008, 0.001)), known)
+        jobs.require_within_keep_out(stored, cell_of(max(top_m - half - 0.008, 0.001)), known)
     assert caught.value.code is ErrorCode.CONFIG_INVALID
     assert caught.value.context["measured_top_m"] == pytest.approx(top_m, abs=0.008)
 
 
 def test_further_lights_object_above_keep_out_is_refused(result: Path, tmp_path: Path) -> None:
     known = session_folder.calibration()
-    taken = scenes.capture(session_folder.scene(), session_folder.LIGHTS, exposure_s=0.05)
+    observations = scenes.capture(session_folder.scene(), session_folder.LIGHTS, exposure_s=0.05)
     with pytest.raises(RigError, match="Nothing was moved"):
-        jobs.further_lights(Recipe(), cell_of(0.005), known, tmp_path / "reach.json", result, taken, None)
+        jobs.further_lights(Recipe(), cell_of(0.005), known, tmp_path / "reach.json", result, observations, None)

@@ -32,13 +32,13 @@ class Rig:
         deadline = time.monotonic() + 30
         while True:
             ended = list(self.store.journal.events(0, types=("rig.parked",)))
-            if len(ended) > self.seen:
-                object.__setattr__(self, "seen", len(ended))
+            if len(ended) > self.handled:
+                object.__setattr__(self, "handled", len(ended))
                 return str(ended[-1].body["outcome"])
             assert time.monotonic() < deadline, "parking did not end"
             time.sleep(0.02)
 
-    seen: int = 0
+    handled: int = 0
 
 
 @pytest.fixture(scope="module")

@@ -19,16 +19,16 @@ angles = st.lists(st.floats(-3, 3), min_size=6, max_size=6)
 
 @given(st.lists(angles, min_size=1, max_size=4), st.floats(0, 1), st.data())
 def test_require_near_path_accepts_the_path_and_rejects_beyond(
-    way: list[list[float]], share: float, data: st.DataObject
+    path: list[list[float]], share: float, data: st.DataObject
 ) -> None:
-    leg = data.draw(st.integers(0, max(len(way) - 2, 0)))
-    end = way[min(leg + 1, len(way) - 1)]
-    place = np.array(way[leg]) + share * (np.array(end) - np.array(way[leg]))
+    leg = data.draw(st.integers(0, max(len(path) - 2, 0)))
+    end = path[min(leg + 1, len(path) - 1)]
+    place = np.array(path[leg]) + share * (np.array(end) - np.array(path[leg]))
 
-    preconditions.require_near_path(way, place.tolist())
+    preconditions.require_near_path(path, place.tolist())
     beyond = [*place[:5], 4.0]
     with pytest.raises(RigError) as refused:
-        preconditions.require_near_path(way, beyond)
+        preconditions.require_near_path(path, beyond)
     assert refused.value.code is ErrorCode.ARM_ELSEWHERE
     assert refused.value.context["distance_rad"] <= 4.0 - place[5] + 1e-3
 

@@ -35,10 +35,10 @@ def test_observations_record_and_folder_give_the_same_images() -> None:
     capture = SessionCapture(
         Path("small"), Recipe(), cell, calibration, (again, new, other, old, *lit), plans=(), results=()
     )
-    for told in (re_solve.observations(record, Path("small")), capture.observations(1)):
-        assert list(told.shots) == lit
-        assert told.darks == {0.05: new, 0.08: other}
-        assert list(told.repeats) == [again, old]
-    for told in (re_solve.observations(record, Path("small"), 0), capture.observations(0)):
-        assert told.darks == {0.05: old}
-        assert list(told.repeats) == [again]
+    for observations in (re_solve.observations(record, Path("small")), capture.observations(1)):
+        assert list(observations.shots) == lit
+        assert observations.darks == {0.05: new, 0.08: other}
+        assert list(observations.repeats) == [again, old]
+    for observations in (re_solve.observations(record, Path("small"), 0), capture.observations(0)):
+        assert observations.darks == {0.05: old}
+        assert list(observations.repeats) == [again]

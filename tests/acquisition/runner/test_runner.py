@@ -137,10 +137,10 @@ def test_pause_and_resume_capture_no_frame_twice(rig: Rig) -> None:
         time.sleep(0.01)
     rig.runner.act(session_id, Trigger.PAUSE, "a")
     wait_for(rig, session_id, State.PAUSED)
-    taken = len(rig.store.journal.shots(session_id))
+    captured = len(rig.store.journal.shots(session_id))
     assert rests(rig)
     time.sleep(0.5)
-    assert len(rig.store.journal.shots(session_id)) == taken < 4
+    assert len(rig.store.journal.shots(session_id)) == captured < 4
     rig.runner.act(session_id, Trigger.RESUME, "a")
     assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
     keys = [shot.key for shot in rig.store.journal.shots(session_id)]
@@ -288,14 +288,14 @@ def test_resume_displaced_arm_requires_from_here(rig: Rig) -> None:
 
 def test_resume_moved_object_is_detected_by_repeated_image(rig: Rig) -> None:
     session_id = interrupted(rig)
-    taken = len(rig.store.journal.shots(session_id))
+    captured = len(rig.store.journal.shots(session_id))
     rig.control.fault("nudged_object", shift_m=[0.004, 0.0, 0.0])
     rig.runner.act(session_id, Trigger.RESUME, "a")
     wait_for(rig, session_id, State.PAUSED)
     reason = reason_of(rig, session_id)
     assert reason["code"] == "scene.moved"
     assert reason["shift_px"] > 1
-    assert len(rig.store.journal.shots(session_id)) == taken
+    assert len(rig.store.journal.shots(session_id)) == captured
     rig.control.fault("nudged_object", shift_m=[-0.004, 0.0, 0.0])
     rig.runner.act(session_id, Trigger.RESUME, "a")
     assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
@@ -309,9 +309,9 @@ def test_object_moved_during_pilot_discards_all_its_images(rig: Rig) -> None:
     assert reason["code"] == "scene.moved"
     assert "anew" in reason["detail"]
     assert rig.store.journal.shots(session_id) == []
-    taken = [event for event in rig.store.journal.events(0, 500, session_id) if event.type.startswith("shot")]
-    assert [event.type for event in taken].count("shot.captured") == 3
-    assert taken[-1].type == "shots.discarded"
+    events = [event for event in rig.store.journal.events(0, 500, session_id) if event.type.startswith("shot")]
+    assert [event.type for event in events].count("shot.captured") == 3
+    assert events[-1].type == "shots.discarded"
     rig.runner.act(session_id, Trigger.RESUME, "a")  # the object stays where it is now
     assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
     rig.control.fault("nudged_object", shift_m=[-0.004, 0.0, 0.0])
@@ -335,10 +335,10 @@ def test_dark_frame_pauses_and_lost_frames_are_retaken(rig: Rig) -> None:
     rig.control.fault("saturated_frame")
     rig.runner.act(session_id, Trigger.RESUME, "a")
     assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
-    told = [event.body["reason"] for event in rig.store.journal.events(0, 500, session_id, ("shot.retaken",))]
-    assert any("no light" in reason for reason in told)
-    assert any("lost on its way" in reason for reason in told)
-    assert any("saturated" in reason for reason in told)
+    reasons = [event.body["reason"] for event in rig.store.journal.events(0, 500, session_id, ("shot.retaken",))]
+    assert any("no light" in reason for reason in reasons)
+    assert any("lost on its way" in reason for reason in reasons)
+    assert any("saturated" in reason for reason in reasons)
 
 
 def test_fault_interrupts_a_paused_session(rig: Rig) -> None:
@@ -418,7 +418,7 @@ def test_object_moved_after_pilot_fails_first_planned_frame(rig: Rig) -> None:
     rig.control.fault("nudged_object", shift_m=[0.0, -0.005, 0.0])
     rig.runner.act(session_id, Trigger.RESUME, "a")
     assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
-    taken = rig.store.record(session_id).passes[1].shots[0].quality
-    assert taken.shift_px is not None
-    assert taken.shift_px < 1
-    assert taken.sharpness is not None
+    quality = rig.store.record(session_id).passes[1].shots[0].quality
+    assert quality.shift_px is not None
+    assert quality.shift_px < 1
+    assert quality.sharpness is not None

@@ -158,12 +158,12 @@ def test_monitor_acknowledge_without_latch_announces_nothing() -> None:
 
 def test_monitor_thread_latches_a_stop() -> None:
     arm = ScriptedArm(NORMAL)
-    seen = threading.Event()
-    monitor = SafetyMonitor(arm, lambda latch: seen.set())
+    observed = threading.Event()
+    monitor = SafetyMonitor(arm, lambda latch: observed.set())
     monitor.start()
     try:
         arm.reading = PROTECTIVE
-        assert seen.wait(10.0)
+        assert observed.wait(10.0)
     finally:
         monitor.close()
     assert monitor.latch is not None

@@ -56,11 +56,11 @@ def test_past_release_files_match_manifest_and_solve_again(store: Store) -> None
     for name, facts in manifest["files"].items():
         assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == facts["sha256"], name
     calibration = cell_config.load_calibration(folder / "calibration.json")
-    taken = observations(store.record(completed.id), folder)
-    for shot in (*taken.shots, *taken.darks.values()):
-        assert taken.frames.rows(shot.frame, 0, shot.frame.height).shape == (calibration.height, calibration.width)
-    found = export.read(folder / "results" / "1")
-    assert np.allclose(np.linalg.norm(found.normals[found.mask], axis=-1), 1, atol=1e-3)
+    images = observations(store.record(completed.id), folder)
+    for shot in (*images.shots, *images.darks.values()):
+        assert images.frames.rows(shot.frame, 0, shot.frame.height).shape == (calibration.height, calibration.width)
+    stored = export.read(folder / "results" / "1")
+    assert np.allclose(np.linalg.norm(stored.normals[stored.mask], axis=-1), 1, atol=1e-3)
 
 
 def test_past_release_database_accepts_new_sessions(store: Store) -> None:

@@ -47,11 +47,11 @@ def test_refine_most_branches_converge(name: str) -> None:
     flange = calibrated_kinematics.forward(chain, joints)[:, 6]
     branches = inverse(model, flange)
     pose, branch = np.nonzero(~np.isnan(branches[..., 0]))
-    found = calibrated_kinematics.refine(chain, branches[pose, branch], flange[pose])
-    arrived = ~np.isnan(found[:, 0])
+    refined = calibrated_kinematics.refine(chain, branches[pose, branch], flange[pose])
+    arrived = ~np.isnan(refined[:, 0])
     assert arrived.mean() > 0.97
-    assert np.allclose(calibrated_kinematics.forward(chain, found[arrived])[:, 6], flange[pose[arrived]], atol=1e-6)
-    unrefined = nominal_forward(model, found[arrived])[:, 6, :3, 3] - flange[pose[arrived], :3, 3]
+    assert np.allclose(calibrated_kinematics.forward(chain, refined[arrived])[:, 6], flange[pose[arrived]], atol=1e-6)
+    unrefined = nominal_forward(model, refined[arrived])[:, 6, :3, 3] - flange[pose[arrived], :3, 3]
     assert np.linalg.norm(unrefined, axis=1).mean() > 1e-3, "the closed form alone is off by millimetres"
 
 

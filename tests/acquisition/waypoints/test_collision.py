@@ -101,8 +101,8 @@ def test_scene_cable_allowance_widens_wrist_and_tool_only() -> None:
 def test_light_occluder_post_before_lamp_is_named() -> None:
     cell, calibration = simulated_cell()
     lights = dome_lights(cell, calibration, 60)
-    found = refusals(lights, cell, calibration)
-    number = next(n for n in range(30, 60) if found[n] is None)
+    reasons = refusals(lights, cell, calibration)
+    number = next(n for n in range(30, 60) if reasons[n] is None)
     emitter = geometry.transform(lamp_pose.base_from_view(calibration), lights[number].position)
     middle = np.array(cell.object.keep_out.base_from_object.position_m) * 0.4 + 0.6 * emitter
     x, y, z = middle.tolist()
@@ -121,8 +121,8 @@ def test_violations_name_the_colliding_body() -> None:
     clearance = arm.clearance(joints)
     least = np.array([*arm.obstacles[:, 1], arm.self_margin]) + NODE_SLACK_M
     assert ((violations < 0) == (clearance >= least).all(axis=1)).all()
-    seen = {arm.describe_violation(int(violation)) for violation in violations if violation >= 0}
-    assert {word for word, _ in seen} == {"hits-table", "hits-object", "hits-camera", "self-collision"}
+    bodies = {arm.describe_violation(int(violation)) for violation in violations if violation >= 0}
+    assert {word for word, _ in bodies} == {"hits-table", "hits-object", "hits-camera", "self-collision"}
     for violation in set(violations[violations >= 0].tolist()):
         assert (clearance[violations == violation, violation] < least[violation]).all()
 
@@ -165,12 +165,12 @@ def test_clearance_agrees_with_independent_library(shape: str) -> None:
         turn = trimesh.geometry.align_vectors((0, 0, 1), along / length)[:3, :3]
         thin = fcl.CollisionObject(fcl.Capsule(1e-6, length), fcl.Transform(turn, (line[:3] + line[3:]) / 2))
         truth = fcl.distance(thin, other, fcl.DistanceRequest(), fcl.DistanceResult())
-        found = shapes.line_to_obstacle(row[None], 0, vertices, line[None], 0, np.nan, np.nan)
+        distance = shapes.line_to_obstacle(row[None], 0, vertices, line[None], 0, np.nan, np.nan)
         if truth > 1e-3:
             apart += 1
-            assert found == pytest.approx(truth, abs=1e-4)
+            assert distance == pytest.approx(truth, abs=1e-4)
         elif truth < 0:
-            assert found < 1e-4
+            assert distance < 1e-4
     assert 30 < apart < 290
 
 
@@ -184,9 +184,9 @@ def test_blocked_cones_agree_with_cast_rays() -> None:
     joints = joints[arm.free(joints)][:120]
     emitters = (forward(arm.model, joints)[:, 6] @ cell.arm.flange_from_tool.matrix)[:, :3, 3].copy()
     blocked = arm.blocked_cones(joints, emitters)
-    seen_in_view = audit.occlusions(joints, cell, audit.lens(calibration), with_tool=True)
-    assert len(seen_in_view) > 5
-    assert all(blocked[sample] == kernels.VIEW_BLOCKED for sample in seen_in_view)
+    in_view = audit.occlusions(joints, cell, audit.lens(calibration), with_tool=True)
+    assert len(in_view) > 5
+    assert all(blocked[sample] == kernels.VIEW_BLOCKED for sample in in_view)
     clear = np.flatnonzero(blocked < 0)
     assert len(clear) > 20
     for sample in clear[:30]:

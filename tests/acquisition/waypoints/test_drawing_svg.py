@@ -26,8 +26,8 @@ def routes() -> list[Route]:
 
 def dots(svg: str) -> dict[str, np.ndarray]:
     """The places (2,) in pixels of the numbered lights."""
-    found = re.findall(r'<circle cx="([-\d.]+)" cy="([-\d.]+)"[^>]*/><text[^>]*>(\d+)</text>', svg)
-    return {word: np.array([float(x), float(y)]) for x, y, word in found}
+    circles = re.findall(r'<circle cx="([-\d.]+)" cy="([-\d.]+)"[^>]*/><text[^>]*>(\d+)</text>', svg)
+    return {word: np.array([float(x), float(y)]) for x, y, word in circles}
 
 
 def test_svg_views_all_passes_are_to_scale_and_numbered(routes: list[Route]) -> None:
@@ -42,7 +42,7 @@ def test_svg_views_all_passes_are_to_scale_and_numbered(routes: list[Route]) -> 
         assert sorted(drawn) == sorted(places) == ["0", "1", "2", "3", "4"]
         steps = [(drawn[a] - drawn["0"], places[a] - places["0"]) for a in ("1", "2", "3", "4")]
         pixels = np.concatenate([step for step, _ in steps])
-        metres = np.concatenate([(way[right], -way[up]) for _, way in steps])
+        metres = np.concatenate([(displacement[right], -displacement[up]) for _, displacement in steps])
         scale = pixels @ metres / (metres @ metres)
         assert scale > 100
         assert pixels == pytest.approx(scale * metres, abs=0.2)

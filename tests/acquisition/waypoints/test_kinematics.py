@@ -31,9 +31,9 @@ def test_inverse_branches_reach_pose_and_include_joints(name: str, joints: np.nd
     model = arm_model(name)
     flange = forward(model, joints)[:, 6]
     branches = inverse(model, flange)
-    found = ~np.isnan(branches[..., 0])
-    again = forward(model, branches[found])[:, 6]
-    assert np.allclose(again, np.repeat(flange[:, None], 8, axis=1)[found], atol=1e-9)
+    solved = ~np.isnan(branches[..., 0])
+    again = forward(model, branches[solved])[:, 6]
+    assert np.allclose(again, np.repeat(flange[:, None], 8, axis=1)[solved], atol=1e-9)
     apart = np.abs(np.angle(np.exp(1j * (branches - joints[:, None])))).max(axis=2)
     assert np.nanmin(apart, axis=1).max() < 1e-7
 
@@ -42,8 +42,8 @@ def test_inverse_misses_no_branch(name: str, joints: np.ndarray) -> None:
     model = arm_model(name)
     solve = getattr(ur_analytic_ik, name).inverse_kinematics
     flange = forward(model, joints)[:, 6]
-    found = (~np.isnan(inverse(model, flange)[..., 0])).sum(axis=1)
-    assert found.tolist() == [len(solve(pose)) for pose in flange]
+    count = (~np.isnan(inverse(model, flange)[..., 0])).sum(axis=1)
+    assert count.tolist() == [len(solve(pose)) for pose in flange]
 
 
 def test_inverse_pose_out_of_reach_has_no_branch(name: str) -> None:

@@ -29,7 +29,7 @@ DOME = 40
 BUDGET = 100
 TRIALS = BUDGET * roadmap_module._TREES * roadmap_module._TRIALS
 """The product grows trees from some configurations of a light, in so many trials each."""
-NOT_WHOLE = {74, 81}
+INCOMPLETE = {74, 81}
 """Of the first hundred cells those in which the planner misses a light that the other search reaches."""
 
 STEP_RAD = 0.6
@@ -46,8 +46,8 @@ def shards(size: int) -> list[range]:
 def good_lights(cell: CellConfig, calibration: Calibration, count: int, seed: int) -> list[Light]:
     """`count` lights that the arm takes, drawn from a fine dome; fewer where there are none."""
     lights = dome_lights(cell, calibration, 4 * count)
-    found = refusals(lights, cell, calibration)
-    good = [light for light, refusal in zip(lights, found, strict=True) if refusal is None]
+    reasons = refusals(lights, cell, calibration)
+    good = [light for light, refusal in zip(lights, reasons, strict=True) if refusal is None]
     return [good[number] for number in np.random.default_rng(seed).permutation(len(good))[:count]]
 
 
@@ -76,32 +76,32 @@ def test_reach_refused_lights_are_unreachable(seeds: range) -> None:
     Lights that no configuration takes even then (too far, in collision, in a cone) have no end for a way to lead to.
     """
     missed: list[str] = []
-    not_whole: set[int] = set()
-    refused = taken = 0
+    incomplete: set[int] = set()
+    refused = accepted = 0
     for seed in seeds:
         cell, calibration = random_cell(seed)
         lights = dome_lights(cell, calibration, DOME)
-        found = refusals(lights, cell, calibration)
-        again = [light for light, refusal in zip(lights, found, strict=True) if refusal is not None]
-        assert all(refusal.detail for refusal in found if refusal is not None)
+        reasons = refusals(lights, cell, calibration)
+        again = [light for light, refusal in zip(lights, reasons, strict=True) if refusal is not None]
+        assert all(refusal.detail for refusal in reasons if refusal is not None)
         arm = scene(cell, calibration)
         known = stations_module._batch(again, cell, calibration, arm, ROLLS) if again else []
         ends = [station.joints for station in known]
         searched = [(light, joints) for light, joints in zip(again, ends, strict=True) if len(joints)]
-        refused, taken = refused + len(again), taken + len(searched)
+        refused, accepted = refused + len(again), accepted + len(searched)
         reached: list[str] = []
         if searched:
             search = Search(cell, arm, roadmap(cell, calibration).nodes)
             reached = [f"cell {seed}: {light.position}" for light, joints in searched if search.connects(joints)]
         if reached:
-            not_whole.add(seed)
+            incomplete.add(seed)
         missed += reached
-    whole = len(seeds) - len(not_whole)
+    complete = len(seeds) - len(incomplete)
     print(
-        f"\ncells {seeds.start}–{seeds.stop - 1}: {whole} of {len(seeds)} whole; {refused} lights refused, of these "
-        f"{taken} have configurations, {len(missed)} are reached with {BUDGET} times the budget {missed}"
+        f"\ncells {seeds.start}–{seeds.stop - 1}: {complete} of {len(seeds)} whole; {refused} lights refused, of these "
+        f"{accepted} have configurations, {len(missed)} are reached with {BUDGET} times the budget {missed}"
     )
-    assert not_whole <= NOT_WHOLE
+    assert incomplete <= INCOMPLETE
 
 
 class Search:

@@ -29,8 +29,8 @@ def some_lights(cell: CellConfig, calibration: Calibration, count: int, seed: in
     """Lights drawn from the dome that can be reached; `count` of them if they are soon found."""
     lights = dome_lights(cell, calibration, cell.dome.candidates)
     drawn = [lights[number] for number in np.random.default_rng(seed).permutation(len(lights))[: 2 * count]]
-    found = refusals(drawn, cell, calibration)
-    return [light for light, refusal in zip(drawn, found, strict=True) if refusal is None][:count]
+    reasons = refusals(drawn, cell, calibration)
+    return [light for light, refusal in zip(drawn, reasons, strict=True) if refusal is None][:count]
 
 
 def corners(planned: Route) -> list[tuple[float, ...]]:
@@ -149,9 +149,9 @@ def test_route_unreachable_lights_are_named_with_reasons(
 def test_route_unconnected_light_is_named() -> None:
     cell, calibration = random_cell(4)
     lights = dome_lights(cell, calibration, cell.dome.candidates)
-    found = reach(cell, calibration).refusals
-    cut_off = next(light for light, refusal in zip(lights, found, strict=True) if _reason(refusal) == "not-connected")
-    good = next(light for light, refusal in zip(lights, found, strict=True) if refusal is None)
+    reasons = reach(cell, calibration).refusals
+    cut_off = next(light for light, refusal in zip(lights, reasons, strict=True) if _reason(refusal) == "not-connected")
+    good = next(light for light, refusal in zip(lights, reasons, strict=True) if refusal is None)
     with pytest.raises(RigError) as caught:
         route([good, cut_off], cell.arm.home, cell, calibration)
     assert caught.value.code == ErrorCode.WAYPOINTS_COLLISION
@@ -261,9 +261,9 @@ def test_searched_tour_is_near_exact_tour() -> None:
         exact = order_kernels.exact_tour(seconds, first, 32, 33)
         searched = order_kernels.searched_tour(seconds, first, 32, 33, np.empty(0, dtype=np.int64), 40)
         assert sorted(node // 4 for node in searched) == list(range(8))
-        best, found = (_length(tour, seconds) for tour in (exact, searched))
-        assert best == pytest.approx(min(best, found))
-        assert found <= 1.1 * best
+        best, heuristic = (_length(tour, seconds) for tour in (exact, searched))
+        assert best == pytest.approx(min(best, heuristic))
+        assert heuristic <= 1.1 * best
 
 
 def test_exact_tour_is_best_of_all_permutations() -> None:

@@ -114,7 +114,7 @@ def test_serve_missing_options_come_from_environment(monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("LIGHTPOSE_HOST", "0.0.0.0")  # noqa: S104
     monkeypatch.setenv("LIGHTPOSE_DATA", str(tmp_path))
     refused = CliRunner().invoke(app, ["serve"])
-    there = CliRunner().invoke(app, ["serve", "--host", "127.0.0.1"])
-    assert refused.exit_code == there.exit_code == 2
+    without_service = CliRunner().invoke(app, ["serve", "--host", "127.0.0.1"])
+    assert refused.exit_code == without_service.exit_code == 2
     assert "does not listen on '0.0.0.0' without keys" in refused.stderr
-    assert "of-the-environment.toml" in there.stderr
+    assert "of-the-environment.toml" in without_service.stderr

@@ -203,9 +203,9 @@ def test_solve_replay_and_summary_have_same_mean_sigma(tmp_path: Path, capsys: p
     folder = tmp_path / "a [b]"  # which is no markup
     shutil.copytree(RECORDED, folder)
     shutil.rmtree(folder / "results")
-    taken, result = read_session(folder), folder / "results" / "1"
+    observations, result = read_session(folder), folder / "results" / "1"
     summary = jobs.solve_normals(
-        taken.observations(1), taken.cell, taken.calibration, SolveSettings(), None, None, result
+        observations.observations(1), observations.cell, observations.calibration, SolveSettings(), None, None, result
     )
     replayed, solved = solving.replay(folder), solving.run(request(folder))
     assert replayed["sigma_before_deg"] == summary.mean_sigma_deg

@@ -47,11 +47,11 @@ def test_wait_ready_absent_rig_raises_reasons(shared: Any) -> None:
 
 def test_events_concurrent_listeners_miss_none_over_restart(start: Callable[..., AbstractContextManager[Any]]) -> None:
     async def listen(client: AsyncClient, count: int) -> list[int]:
-        found: list[int] = []
+        received: list[int] = []
         async for event in client.events(after=0):
-            found.append(event.id)
-            if len(found) == count:
-                return found
+            received.append(event.id)
+            if len(received) == count:
+                return received
         raise AssertionError
 
     async def script() -> None:

@@ -30,7 +30,7 @@ def test_synchronous_awaited_calls_become_plain_calls() -> None:
 
 def test_clients_have_the_same_methods_and_parameters() -> None:
     def methods(kind: type) -> dict[str, list[str]]:
-        found = inspect.getmembers(kind, inspect.isfunction)
-        return {name: list(inspect.signature(method).parameters) for name, method in found if name[0] != "_"}
+        members = inspect.getmembers(kind, inspect.isfunction)
+        return {name: list(inspect.signature(method).parameters) for name, method in members if name[0] != "_"}
 
     assert methods(AsyncClient) == methods(Client)

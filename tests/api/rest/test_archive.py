@@ -89,9 +89,9 @@ def test_prune_removes_only_old_ended_sessions(tmp_path: Path) -> None:
     now = (journal.session(old).ended_at or 0.0) + 31 * DAY_S
 
     def prune(days: float, keep: int, pretend: bool = False) -> list[str]:
-        found = retention.prune(tmp_path, older_than_days=days, keep=keep, now=now, dry_run=pretend)
-        assert all(item.bytes == 1000 for item in found)
-        return [item.session_id for item in found]
+        removed = retention.prune(tmp_path, older_than_days=days, keep=keep, now=now, dry_run=pretend)
+        assert all(item.bytes == 1000 for item in removed)
+        return [item.session_id for item in removed]
 
     assert prune(32, keep=0) == []
     assert prune(30, keep=2) == []

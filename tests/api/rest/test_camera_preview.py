@@ -112,9 +112,9 @@ class Viewer:
     def picture(self) -> Any:
         """The next picture."""
         while True:
-            head, found, rest = self._kept.partition(b"\r\n\r\n")
-            size = int(head.rpartition(b"Content-Length: ")[2]) if found else 0
-            if found and len(rest) >= size:
+            head, separator, rest = self._kept.partition(b"\r\n\r\n")
+            size = int(head.rpartition(b"Content-Length: ")[2]) if separator else 0
+            if separator and len(rest) >= size:
                 self._kept = rest[size:]
                 return decoded(rest[:size])
             self._kept += next(self.parts)

@@ -53,12 +53,12 @@ def test_results_and_actions_are_paged(own: Any) -> None:
     for number in range(5):
         own.client.choose_answer(session_id, number)
     for what in ("results", "actions"):
-        address, seen = f"/v1/sessions/{session_id}/{what}?limit=2", []
+        address, items = f"/v1/sessions/{session_id}/{what}?limit=2", []
         while address is not None:
             part = own.http.get(address).json()
             assert len(part["items"]) <= 2
-            seen += part["items"]
+            items += part["items"]
             address = part["next"]
-        assert len(seen) == 5
+        assert len(items) == 5
     assert [item.number for item in own.client.results(session_id)] == list(range(5))
     assert own.http.get(f"/v1/sessions/{session_id}/passes?limit=0").status_code == 422

@@ -12,8 +12,8 @@ import pytest
 from api.rest import events as events_module
 
 
-def ids(found: list[Any]) -> list[int]:
-    return [event.id for event in found]
+def ids(events: list[Any]) -> list[int]:
+    return [event.id for event in events]
 
 
 def announce(service: Any, count: int, session_id: str | None = None) -> None:

@@ -146,11 +146,11 @@ def test_result_file_name_with_traversal_is_refused(live: Any, done: tuple[Any, 
 
     connection.request("GET", f"/v1/sessions/{session.id}/results/1/{name}")  # sent as it stands
     answer = connection.getresponse()
-    found = json.loads(answer.read())
+    problem = json.loads(answer.read())
     connection.close()
 
     assert answer.status == 404
-    assert found["code"] == ErrorCode.REQUEST_NOT_FOUND
+    assert problem["code"] == ErrorCode.REQUEST_NOT_FOUND
 
 
 def test_passes_hold_plan_route_and_shots(live: Any, done: tuple[Any, list[Any]]) -> None:
@@ -214,11 +214,11 @@ def test_stop_during_capture_leaves_arm_and_lamp_at_rest(live: Any, done: tuple[
 
 
 def test_park_after_stop_moves_arm_home(live: Any, done: tuple[Any, list[Any]]) -> None:
-    seen = live.service.store.journal.last_event_id()
+    last_event = live.service.store.journal.last_event_id()
 
     live.client.park()
 
-    parked = next(event for event in live.client.events(after=seen) if event.type == "rig.parked")
+    parked = next(event for event in live.client.events(after=last_event) if event.type == "rig.parked")
     assert parked.body["outcome"] == "at home"
     assert live.client.rig().reading.joints == pytest.approx(live.service.cell.arm.home, abs=0.01)
 
@@ -244,11 +244,11 @@ def test_dry_run_gives_lights_path_and_time_and_stores_nothing(live: Any, done: 
     answer = live.http.post("/v1/dry-runs", json=RECIPE.model_dump(mode="json"), timeout=60)
 
     assert answer.status_code == 200
-    found = answer.json()
+    preview = answer.json()
     wanted = live.client.one_pass(session.id, 0).plan.model_dump(mode="json")
-    assert found["plan"]["lights"] == wanted["lights"]
-    assert sorted(found["route"]["light_numbers"]) == [0, 1, 2]
-    assert found["seconds"] > found["route"]["seconds"] > 0
+    assert preview["plan"]["lights"] == wanted["lights"]
+    assert sorted(preview["route"]["light_numbers"]) == [0, 1, 2]
+    assert preview["seconds"] > preview["route"]["seconds"] > 0
     assert [item.id for item in live.client.sessions()] == before
     far = Recipe(method="user", user_lights=[(0.0, 0.0, 5.0), (0.1, 0.0, 5.0), (0.0, 0.1, 5.0)])
     refused = live.http.post("/v1/dry-runs", json=far.model_dump(mode="json"), timeout=60)
@@ -268,13 +268,13 @@ def test_plan_under_review_can_be_replaced(live: Any, done: tuple[Any, list[Any]
     moved = [list(light.position) for light in planned.lights[::-1]]
 
     far = live.http.put(address, json={"lights": [moved[0], [0.0, 0.0, 5.0]]}, timeout=60)
-    taken = live.http.put(address, json={"lights": moved}, timeout=60)
+    answer = live.http.put(address, json={"lights": moved}, timeout=60)
 
     assert far.status_code == 422
     assert far.json()["code"] == ErrorCode.WAYPOINTS_UNREACHABLE
     assert [light["number"] for light in far.json()["lights"]] == [1]
-    assert taken.status_code == 200
-    assert [light["position"] for light in taken.json()["plan"]["lights"]] == moved
+    assert answer.status_code == 200
+    assert [light["position"] for light in answer.json()["plan"]["lights"]] == moved
     assert live.client.one_pass(created.id, 0).plan.method == "user"
     live.client.stop(created.id)
     assert live.client.wait(created.id).state is State.STOPPED

@@ -49,9 +49,9 @@ def test_protocol_malformed_http_is_a_problem_object(shared: Any, request_bytes:
     answer = raw(shared, request_bytes)
 
     assert answer.startswith(b"HTTP/1.1 400 ")
-    found = problem_in(answer)
-    assert found["code"] == ErrorCode.REQUEST_INVALID
-    assert found["status"] == 400
+    problem = problem_in(answer)
+    assert problem["code"] == ErrorCode.REQUEST_INVALID
+    assert problem["status"] == 400
     assert shared.http.get("/health/live").status_code == 200
 
 
@@ -86,9 +86,9 @@ def test_protocol_slow_request_is_closed(
 
         assert raw(service, head) == b""  # no request was there to be answered
         assert raw(service, b"") == b""
-        found = problem_in(raw(service, head + b'Content-Length: 50\r\n\r\n{"label":'))
+        problem = problem_in(raw(service, head + b'Content-Length: 50\r\n\r\n{"label":'))
 
-        assert found["code"] == ErrorCode.REQUEST_TIMEOUT
+        assert problem["code"] == ErrorCode.REQUEST_TIMEOUT
         assert service.service.store.journal.sessions(10) == []
 
 

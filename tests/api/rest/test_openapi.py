@@ -60,10 +60,10 @@ def test_openapi_each_body_has_an_example() -> None:
 
 def test_openapi_examples_are_valid() -> None:
     """Against the schemas as they stand in the description, by a validator that is not the models' own."""
-    whole = description()
-    for name, schema in whole["components"]["schemas"].items():
+    document = description()
+    for name, schema in document["components"]["schemas"].items():
         check = jsonschema_rs.validator_for(
-            {"$ref": f"#/components/schemas/{name}", "components": whole["components"]}, validate_formats=True
+            {"$ref": f"#/components/schemas/{name}", "components": document["components"]}, validate_formats=True
         )
         for example in schema.get("examples", []):
             assert not [error.message for error in check.iter_errors(example)], name

@@ -41,16 +41,16 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Generator[Cell]:
 
 def stopped_by_watchdog(client: Client, session_id: str) -> bool:
     """Whether the session is interrupted because the control program ended."""
-    found = client.session(session_id)
-    return found.state is State.INTERRUPTED and found.reason is not None and found.reason.code in PROGRAM_ENDED
+    resource = client.session(session_id)
+    return resource.state is State.INTERRUPTED and resource.reason is not None and resource.reason.code in PROGRAM_ENDED
 
 
 def followed(client: Client, session_id: str) -> SessionResource:
     """The session once it has ended, resumed where the watchdog stopped the arm."""
     for _ in range(MOST_STOPS):
-        found = client.wait(session_id)
+        resource = client.wait(session_id)
         if not stopped_by_watchdog(client, session_id):
-            return found
+            return resource
         client.resume(session_id)
     return client.wait(session_id)
 

@@ -14,14 +14,14 @@ JSON = {"Content-Type": "application/json"}
 
 def problem(answer: httpx.Response, code: ErrorCode) -> dict[str, Any]:
     assert answer.headers["content-type"] == "application/problem+json"
-    found = answer.json()
-    assert found["code"] == code
-    assert answer.status_code == found["status"] == PROBLEMS[code].status
-    assert found["title"] == PROBLEMS[code].title
-    assert found["remedy"]
-    assert found["detail"]
-    assert found["type"] == f"/problems/{code}"
-    return found
+    body = answer.json()
+    assert body["code"] == code
+    assert answer.status_code == body["status"] == PROBLEMS[code].status
+    assert body["title"] == PROBLEMS[code].title
+    assert body["remedy"]
+    assert body["detail"]
+    assert body["type"] == f"/problems/{code}"
+    return body
 
 
 @pytest.mark.parametrize(
@@ -57,9 +57,9 @@ def problem(answer: httpx.Response, code: ErrorCode) -> dict[str, Any]:
 def test_problem_invalid_recipe_names_its_field(shared: Any, body: str, field: str) -> None:
     answer = shared.http.post("/v1/sessions", content=body.encode(), headers=JSON)
 
-    found = problem(answer, ErrorCode.REQUEST_INVALID)
+    refusal = problem(answer, ErrorCode.REQUEST_INVALID)
 
-    assert any(item["field"].startswith(field) and item["message"] for item in found["errors"]), found
+    assert any(item["field"].startswith(field) and item["message"] for item in refusal["errors"]), refusal
     assert shared.service.store.journal.sessions(10) == []
 
 
@@ -96,9 +96,9 @@ def test_problem_too_large_chunked_body_is_refused(shared: Any) -> None:
 
 
 def test_problem_unknown_address_is_404(shared: Any) -> None:
-    found = problem(shared.http.get("/v1/nothing"), ErrorCode.REQUEST_NOT_FOUND)
+    body = problem(shared.http.get("/v1/nothing"), ErrorCode.REQUEST_NOT_FOUND)
 
-    assert found["instance"] == "/v1/nothing"
+    assert body["instance"] == "/v1/nothing"
 
 
 def test_problem_wrong_method_is_405(shared: Any) -> None:
@@ -121,9 +121,9 @@ def test_problem_wrong_method_is_405(shared: Any) -> None:
     ],
 )
 def test_problem_invalid_parameter_is_named(shared: Any, address: str, field: str) -> None:
-    found = problem(shared.http.get(f"{address}"), ErrorCode.REQUEST_INVALID)
+    body = problem(shared.http.get(f"{address}"), ErrorCode.REQUEST_INVALID)
 
-    assert found["errors"][0]["field"] == field
+    assert body["errors"][0]["field"] == field
 
 
 @pytest.mark.parametrize(
@@ -221,6 +221,6 @@ def test_problem_page_exists_for_each_code(shared: Any, code: ErrorCode) -> None
 
 
 def test_problem_page_unknown_code_is_404(shared: Any) -> None:
-    found = problem(shared.http.get("/problems/no.such"), ErrorCode.REQUEST_NOT_FOUND)
+    body = problem(shared.http.get("/problems/no.such"), ErrorCode.REQUEST_NOT_FOUND)
 
-    assert "rig.busy" in json.dumps(found["known"])
+    assert "rig.busy" in json.dumps(body["known"])

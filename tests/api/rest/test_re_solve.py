@@ -37,7 +37,7 @@ LIGHTS = [*scenes.ring(3, 20.0), *scenes.ring(3, 50.0, 0.5)]
 
 
 @pytest.fixture(scope="module")
-def here(tmp_path_factory: pytest.TempPathFactory) -> settings.Settings:
+def service_settings(tmp_path_factory: pytest.TempPathFactory) -> settings.Settings:
     """A cell file with a camera of few pixels and an arm that is not there."""
     folder = tmp_path_factory.mktemp("resolve")
     text = (REPOSITORY / "hardware_sim" / "cells" / "cell.sim.toml").read_text(encoding="utf-8")
@@ -51,9 +51,9 @@ def here(tmp_path_factory: pytest.TempPathFactory) -> settings.Settings:
 
 
 @pytest.fixture(scope="module")
-def service(here: settings.Settings, serving: Any) -> Generator[Any]:
-    with serving(here) as found:
-        yield found
+def service(service_settings: settings.Settings, serving: Any) -> Generator[Any]:
+    with serving(service_settings) as running:
+        yield running
 
 
 @cache
@@ -71,9 +71,9 @@ def capture(service: Any) -> str:
     store = service.service.store
     identity = service.client.create(Recipe(pilot_lights=3, planned_lights=3)).id
     folder = store.folder(identity)
-    taken = photographed()
-    dark = next(iter(taken.darks.values()))
-    frames: Any = taken.frames
+    observations = photographed()
+    dark = next(iter(observations.darks.values()))
+    frames: Any = observations.frames
 
     def enter(shot: Shot, pass_number: int, number: int) -> None:
         file = f"passes/{pass_number}/shots/{number}.tiff"
@@ -84,7 +84,7 @@ def capture(service: Any) -> str:
             identity, shot.model_copy(update={"key": key, "frame": frame, "light_number": light_number})
         )
 
-    for pass_number, part in enumerate((taken.shots[:3], taken.shots[3:])):
+    for pass_number, part in enumerate((observations.shots[:3], observations.shots[3:])):
         plan = LightPlan(lights=[shot.light for shot in part if shot.light], method="user", reasons=[""] * len(part))
         digest = write_value(folder / f"passes/{pass_number}/plan.json", plan)
         body = {"lights": len(part), "method": "user", "predicted_sigma_deg": 1.0, "predicted_median_deg": None}
@@ -134,12 +134,12 @@ def test_re_solve_is_accepted_solved_and_has_its_own_origin(service: Any, ended:
     accepted = answer.json()
     assert answer.headers["location"] == accepted["links"]["result"]
     assert outcome(service, ended, accepted["number"]).type == READY
-    found = service.client.result(ended, accepted["number"])
-    assert found.origin == "resolve"
-    assert found.passes == [0, 1]
-    assert found.settings == SolveSettings()
-    assert found.summary.images == len(LIGHTS)
-    assert 0 < found.summary.mean_sigma_deg < 5
+    result = service.client.result(ended, accepted["number"])
+    assert result.origin == "resolve"
+    assert result.passes == [0, 1]
+    assert result.settings == SolveSettings()
+    assert result.summary.images == len(LIGHTS)
+    assert 0 < result.summary.mean_sigma_deg < 5
     assert service.client.results(ended)[-1].number == accepted["number"]
     session = service.client.session(ended)
     assert session.answer is None  # it was stopped before its own solve
@@ -274,8 +274,10 @@ def test_re_solve_failure_is_announced_and_kept(service: Any) -> None:
 
 
 @pytest.mark.long
-def test_re_solve_requested_before_restart_is_done_after_it(serving: Any, here: Any, tmp_path: Path) -> None:
-    chosen = here.model_copy(update={"data": tmp_path / "data"})
+def test_re_solve_requested_before_restart_is_done_after_it(
+    serving: Any, service_settings: Any, tmp_path: Path
+) -> None:
+    chosen = service_settings.model_copy(update={"data": tmp_path / "data"})
     with serving(chosen) as before:
         identity = capture(before)
         before.client.stop(identity)

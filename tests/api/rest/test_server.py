@@ -76,10 +76,10 @@ def test_settings_are_read_from_environment(monkeypatch: pytest.MonkeyPatch, cel
     monkeypatch.setenv("LIGHTPOSE_PORT", "8123")
     monkeypatch.setenv("LIGHTPOSE_ALLOWED_ORIGINS", "http://a.example, HTTP://B.example/")
 
-    found = settings.read(port=8124)
+    read = settings.read(port=8124)
 
-    assert (found.cell, found.port) == (cell_file, 8124)
-    assert found.allowed_origins == ("http://a.example", "http://b.example")
+    assert (read.cell, read.port) == (cell_file, 8124)
+    assert read.allowed_origins == ("http://a.example", "http://b.example")
 
 
 def test_create_missing_cell_file_is_refused(tmp_path: Path) -> None:
@@ -98,8 +98,8 @@ def test_create_data_folder_in_use_is_refused(own: Any) -> None:
 
 
 def test_serve_port_in_use_is_refused(cell_file: Path, tmp_path: Path) -> None:
-    with socket.create_server(("127.0.4.5", 0)) as taken:
-        port = taken.getsockname()[1]
+    with socket.create_server(("127.0.4.5", 0)) as listener:
+        port = listener.getsockname()[1]
         with pytest.raises(RigError, match=f"127.0.4.5:{port}") as refused:
             server.serve(settings.read(cell=cell_file, data=tmp_path / "data", host="127.0.4.5", port=port))
 
@@ -140,6 +140,6 @@ def test_service_import_loads_no_kernel_and_no_ray_tracer() -> None:
         f"print([name for name in {HEAVY!r} if name in sys.modules])"
     )
 
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    completed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
 
-    assert found.stdout.strip() == "[]"
+    assert completed.stdout.strip() == "[]"

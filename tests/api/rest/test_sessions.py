@@ -91,11 +91,11 @@ def test_start_without_devices_is_refused_and_moves_nothing(shared: Any) -> None
 
 def test_rig_names_each_absent_device(shared: Any) -> None:
     deadline = time.monotonic() + 15
-    while (found := {reason.code for reason in shared.client.rig().reasons}) != {
+    while (codes := {reason.code for reason in shared.client.rig().reasons}) != {
         ErrorCode.ARM_UNREACHABLE,
         ErrorCode.CAMERA_UNREACHABLE,
     }:
-        assert time.monotonic() < deadline, found
+        assert time.monotonic() < deadline, codes
         time.sleep(0.1)
 
 
@@ -270,10 +270,10 @@ def test_start_waiting_for_devices_is_refused_at_shutdown(start: Any) -> None:
         while len(service.server.server_state.tasks) < len(waiting):  # requests that are being served
             threading.Event().wait(0.01)
         service.server.handle_exit(signal.SIGTERM, None)
-        found = [future.result(20).json() for future in waiting]
+        answers = [future.result(20).json() for future in waiting]
 
-    assert {item["code"] for item in found} <= {ErrorCode.RIG_NOT_READY, ErrorCode.ARM_UNREACHABLE}
-    assert "The service is ending" in [item["detail"] for item in found]
+    assert {item["code"] for item in answers} <= {ErrorCode.RIG_NOT_READY, ErrorCode.ARM_UNREACHABLE}
+    assert "The service is ending" in [item["detail"] for item in answers]
 
 
 def test_stop_with_blocked_journal_halts_the_arm(own: Any) -> None:

@@ -266,9 +266,9 @@ def test_movep_rotation_through_arc_is_even() -> None:
 
 
 def test_movep_reversal_stops_at_corner() -> None:
-    there = at(0.0, 0.1, 0.0)
-    record = run(f" movel({pose(PLACE)})\n movep({pose(there)}, r=0.02)\n movep({pose(PLACE)})\n")
+    turning_point = at(0.0, 0.1, 0.0)
+    record = run(f" movel({pose(PLACE)})\n movep({pose(turning_point)}, r=0.02)\n movep({pose(PLACE)})\n")
     assert "too sharp" in record.message("too sharp")
-    assert np.linalg.norm(record.tools - there, axis=1).min() < 0.02
+    assert np.linalg.norm(record.tools - turning_point, axis=1).min() < 0.02
     assert np.allclose(record.tools[-1], PLACE, atol=1e-8)
     assert np.abs(record.accelerations).max() < 20

@@ -227,11 +227,11 @@ def test_move_path_asynchronous_reports_progress(cell: Cell) -> None:
     """Check 20."""
     path = [[*(q + d for q in HOME), 2.0, 5.0, 0.0] for d in (0.2, 0.4, 0.2)]
     assert cell.control.moveJ(path, True)
-    seen = set()
+    reported = set()
     wait_until(lambda: cell.control.getAsyncOperationProgress() >= 0)
     while (progress := cell.control.getAsyncOperationProgress()) >= 0:
-        seen.add(progress)
-    assert seen >= {1, 2}
+        reported.add(progress)
+    assert reported >= {1, 2}
     # The two interfaces have a connection each: the last packet may still be on its way to the other one.
     wait_until(lambda: cell.receive.getActualQ() == pytest.approx([q + 0.2 for q in HOME], abs=1e-6))
 

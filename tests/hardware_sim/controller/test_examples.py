@@ -152,12 +152,12 @@ def test_example_move_path_async_runs(control: Any, receive: Any) -> None:
         path.addEntry(entry(kind, positions, values))
     assert path.size() == 3
     assert control.movePath(path, True)
-    seen = []
+    progress = []
     wait_until(lambda: control.getAsyncOperationProgressEx().isAsyncOperationRunning())
     while (status := control.getAsyncOperationProgressEx()).isAsyncOperationRunning():
-        seen.append(status.progress())
-    assert seen == sorted(seen)
-    assert set(seen) >= {1, 2}
+        progress.append(status.progress())
+    assert progress == sorted(progress)
+    assert set(progress) >= {1, 2}
     wait_until(lambda: receive.getActualQ() == pytest.approx(joints, abs=1e-5))
     # Another one is stopped on its way.
     assert control.movePath(path, True)

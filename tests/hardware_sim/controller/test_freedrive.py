@@ -8,7 +8,7 @@ from hardware_sim.controller.kinematics import MODELS
 from hardware_sim.controller.modes import RuntimeState, SafetyMode
 from tests.hardware_sim.controller.programs import HOME, run
 
-THERE = [0.2, -1.8, 1.8, -1.5, -1.5, 0.1]
+TARGET = [0.2, -1.8, 1.8, -1.5, -1.5, 0.1]
 
 
 def guided(lines: str, ticks: int = 50) -> Controller:
@@ -30,22 +30,22 @@ def advance(controller: Controller, ticks: int) -> np.ndarray:
 def test_freedrive_hand_move_moves_arm_and_program_continues(mode: str) -> None:
     controller = guided(f" {mode}")
     assert controller.arm.joints == HOME
-    controller.move_by_hand(THERE, 0.5)
+    controller.move_by_hand(TARGET, 0.5)
     assert np.abs(np.diff(advance(controller, 300), axis=0)).max() < 0.01
-    assert controller.arm.joints == THERE
+    assert controller.arm.joints == TARGET
     assert controller.safety_mode is SafetyMode.NORMAL
     assert controller.runtime_state is RuntimeState.PLAYING
 
 
 def test_hand_move_without_freedrive_causes_protective_stop() -> None:
     controller = guided(" freedrive_mode()\n end_freedrive_mode()")
-    controller.move_by_hand(THERE, 0.5)
+    controller.move_by_hand(TARGET, 0.5)
     assert controller.safety_mode is SafetyMode.PROTECTIVE_STOP
 
 
 def test_freedrive_blocked_axis_resists() -> None:
     controller = guided(" freedrive_mode(freeAxes=[1, 1, 0, 1, 1, 1], feature=p[0, 0, 0, 0, 0, 0])")
-    controller.move_by_hand(THERE, 0.5)
+    controller.move_by_hand(TARGET, 0.5)
     advance(controller, 300)
     assert controller.arm.joints == HOME
     assert any("does not free the axis z" in m for m in controller.messages)

@@ -113,7 +113,7 @@ WORDS = re.split(
     local run kill join halt break and or not xor enter_critical sync() def thread g(a): t():""",
 )
 words = st.sampled_from([*WORDS, " ", "\n", "\t"])
-programs = st.lists(words, max_size=40).map(lambda found: "def f():\n" + " ".join(found) + "\nend\n")
+programs = st.lists(words, max_size=40).map(lambda drawn: "def f():\n" + " ".join(drawn) + "\nend\n")
 
 
 def compiles_or_says_why(text: str) -> None:

@@ -52,8 +52,8 @@ def test_movel_over_base_reports_shoulder_singularity() -> None:
 
 def test_movel_through_wrist_singularity_stops() -> None:
     home = [0.0, -1.9, 1.9, -1.57, 0.12, 0.0]
-    there = kinematics.forward(MODELS["ur5e"], [0.0, -1.9, 1.9, -1.57, -0.12, 0.0])
-    offset = poses.compose(poses.invert(kinematics.forward(MODELS["ur5e"], home)), there)
+    beyond = kinematics.forward(MODELS["ur5e"], [0.0, -1.9, 1.9, -1.57, -0.12, 0.0])
+    offset = poses.compose(poses.invert(kinematics.forward(MODELS["ur5e"], home)), beyond)
     # Beside it, so that the wrist has to swing round.
     aside = poses.to_ur(poses.compose(offset, poses.from_ur([0, 0.02, 0, 0, 0, 0])))
     record = run(f" movel(pose_trans(get_forward_kin(), p{aside}), v=1, a=5)", 4.0, home=home)

@@ -69,11 +69,11 @@ def rate(controller: ControllerProcess, packets: int) -> None:
         stamps: list[list[int]] = [[], [], []]
         began, first = time.monotonic(), clients[0].sample()[0]
         for _ in range(packets):
-            for client, seen in zip(clients, stamps, strict=True):
-                seen.append(round(client.sample()[0] / 0.002))
+            for client, arrivals in zip(clients, stamps, strict=True):
+                arrivals.append(round(client.sample()[0] / 0.002))
         seconds, last = time.monotonic() - began, clients[0].sample()[0]
-    for seen in stamps:
-        assert {b - a for a, b in itertools.pairwise(seen)} == {1}
+    for arrivals in stamps:
+        assert {b - a for a, b in itertools.pairwise(arrivals)} == {1}
     # The time stamps keep pace with the clock, whatever the load did to single packets.
     assert last - first == pytest.approx(seconds, rel=0.01, abs=0.1)
 
@@ -87,10 +87,10 @@ def test_receive_frequency_matches_request(shared_cell: Cell, frequency: float, 
     stamps: set[float] = set()
     wait_until(lambda: stamps.add(receive.getTimestamp()) or len(stamps) > 12)
     receive.disconnect()
-    seen = [round((b - a) / 0.002) for a, b in itertools.pairwise(sorted(stamps))]
+    intervals = [round((b - a) / 0.002) for a, b in itertools.pairwise(sorted(stamps))]
     # The library keeps the newest packet only; a busy machine may skip some between two looks.
-    assert min(seen) in steps
-    assert all(step % min(steps) == 0 for step in seen)
+    assert min(intervals) in steps
+    assert all(step % min(steps) == 0 for step in intervals)
 
 
 def test_unknown_output_variable_is_named(shared_cell: Cell) -> None:

@@ -25,7 +25,7 @@ faults = ControlClient(address)
 def tell(*answers):
     print(*answers, flush=True)
 """
-SEEN = {
+OBSERVED_IN = {
     "test_failures": "protective_stop emergency_stop program_stop output_stuck joint_offset",
     "test_dashboard_client": "violation fault local_mode",
     "test_failing_links": "stall remote_mode",
@@ -54,7 +54,7 @@ def run(code: str, address: str) -> list[str]:
 
 
 def test_faults_are_each_observed_in_a_test() -> None:
-    assert set(" ".join(SEEN.values()).split()) == set(FAULTS)
+    assert set(" ".join(OBSERVED_IN.values()).split()) == set(FAULTS)
 
 
 def test_safeguard_stop_pauses_and_play_resumes(cell: Cell) -> None:

@@ -68,10 +68,10 @@ class Bystander:
     def undisturbed(self) -> float:
         """Ends it; fails where a packet was missing; the longest wait for one in s."""
         output, _ = self._process.communicate("\n", timeout=20)
-        seen = json.loads(output)
-        assert seen["missing"] == 0
-        assert seen["gap"] < LONGEST_GAP
-        return float(seen["gap"])
+        reply = json.loads(output)
+        assert reply["missing"] == 0
+        assert reply["gap"] < LONGEST_GAP
+        return float(reply["gap"])
 
 
 def descriptors(process: ControllerProcess) -> int:

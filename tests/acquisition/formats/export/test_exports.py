@@ -85,8 +85,8 @@ def test_write_optional_maps_read_back_exactly(near: export.Source, tmp_path: Pa
 
 
 def test_normal_images_name_convention_and_directx_inverts_green(near: export.Source, tmp_path: Path) -> None:
-    found = near.normal_map
-    export.write(found, tmp_path / "result")
+    normal_map = near.normal_map
+    export.write(normal_map, tmp_path / "result")
     pictures = {}
     for name, path in (
         ("OpenGL", tmp_path / "result" / "normals.png"),
@@ -95,26 +95,28 @@ def test_normal_images_name_convention_and_directx_inverts_green(near: export.So
         assert name in png_text(path)
         pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)[..., ::-1]
         pictures[name] = pixels.astype(float) / 65535 * 2 - 1
-        assert not np.any(pixels[~found.mask])
-    np.testing.assert_allclose(pictures["OpenGL"][found.mask], found.normals[found.mask], atol=1.6e-5)
-    np.testing.assert_allclose(pictures["DirectX"][found.mask], found.normals[found.mask] * [1, -1, 1], atol=1.6e-5)
+        assert not np.any(pixels[~normal_map.mask])
+    np.testing.assert_allclose(pictures["OpenGL"][normal_map.mask], normal_map.normals[normal_map.mask], atol=1.6e-5)
+    np.testing.assert_allclose(
+        pictures["DirectX"][normal_map.mask], normal_map.normals[normal_map.mask] * [1, -1, 1], atol=1.6e-5
+    )
     with tifffile.TiffFile(tmp_path / "result" / "depth.tiff") as file:
         assert "depth along the camera's axis, m" in file.pages.first.description
 
 
 def test_exr_channels_equal_the_maps(near: export.Source, tmp_path: Path) -> None:
-    found = near.normal_map
+    normal_map = near.normal_map
     file = OpenEXR.File(str(made("maps.exr", near, tmp_path / "out")), separate_channels=True)
     channels = {name: channel.pixels for name, channel in file.channels().items()}
     normals = np.stack([channels[f"N.{axis}"] for axis in "XYZ"], -1)
-    np.testing.assert_allclose(normals, found.normals, atol=5e-4)
-    np.testing.assert_array_equal(channels["Z"], found.depth)
-    np.testing.assert_array_equal(channels["sigma_deg"], np.nan_to_num(found.sigma_deg))
-    np.testing.assert_allclose(channels["albedo"], found.albedo, atol=5e-4)
-    np.testing.assert_array_equal(channels["indirect"], found.indirect)
+    np.testing.assert_allclose(normals, normal_map.normals, atol=5e-4)
+    np.testing.assert_array_equal(channels["Z"], normal_map.depth)
+    np.testing.assert_array_equal(channels["sigma_deg"], np.nan_to_num(normal_map.sigma_deg))
+    np.testing.assert_allclose(channels["albedo"], normal_map.albedo, atol=5e-4)
+    np.testing.assert_array_equal(channels["indirect"], normal_map.indirect)
     assert "y up" in file.header()["convention"]
     assert "axis, m;" in file.header()["units"]
-    np.testing.assert_allclose(channels["G"], found.albedo_rgb[..., 1], atol=5e-4)  # type: ignore[index]
+    np.testing.assert_allclose(channels["G"], normal_map.albedo_rgb[..., 1], atol=5e-4)  # type: ignore[index]
 
 
 def test_mesh_of_ball_has_its_radius_and_faces_the_camera(near: export.Source, tmp_path: Path) -> None:

@@ -64,25 +64,25 @@ def near(folder: Path, positions_mm: np.ndarray | None = None) -> Path:
     """A near-light folder: a ball of 40 mm radius, 500 mm away, TIFF images."""
     folder.mkdir(parents=True, exist_ok=True)
     focal = RADIUS * 500 / 40
-    places = np.array([[0, 0, 100], [250, 0, 150], [-250, 50, 150], [0, 260, 120], [50, -240, 150], [180, 180, 200]])
-    places = places.astype(float) if positions_mm is None else positions_mm
+    positions = np.array([[0, 0, 100], [250, 0, 150], [-250, 50, 150], [0, 260, 120], [50, -240, 150], [180, 180, 200]])
+    positions = positions.astype(float) if positions_mm is None else positions_mm
     column, row = np.meshgrid(np.arange(SIZE), np.arange(SIZE))
     ray = np.stack([(column - SIZE / 2) / focal, (row - SIZE / 2) / focal, np.ones((SIZE, SIZE))], -1)
     unit = ray / np.linalg.norm(ray, axis=-1, keepdims=True)
     middle = np.array([0, 0, 500.0])
-    along = unit @ middle
-    under = along**2 - 500**2 + 40**2
-    mask = under > 0
-    point = unit * (along - np.sqrt(np.clip(under, 0, None)))[..., None]
+    projection = unit @ middle
+    discriminant = projection**2 - 500**2 + 40**2
+    mask = discriminant > 0
+    point = unit * (projection - np.sqrt(np.clip(discriminant, 0, None)))[..., None]
     normals = np.where(mask[..., None], (point - middle) / 40, 0)
     lights = []
-    for number, place in enumerate(places):
-        way = place - point
-        r = np.linalg.norm(way, axis=-1)
+    for number, position in enumerate(positions):
+        to_lamp = position - point
+        r = np.linalg.norm(to_lamp, axis=-1)
         intensity = 0.9 + 0.02 * number
-        shading = np.clip(np.sum(normals * way, axis=-1) / r, 0, None) * (400 / r) ** 2
+        shading = np.clip(np.sum(normals * to_lamp, axis=-1) / r, 0, None) * (400 / r) ** 2
         tifffile.imwrite(folder / f"{number}.tiff", sixteen(ALBEDO * intensity * shading * mask))
-        lights.append({"file": f"{number}.tiff", "position": place.tolist(), "intensity": intensity})
+        lights.append({"file": f"{number}.tiff", "position": position.tolist(), "intensity": intensity})
     camera = {"K": [[focal, 0, SIZE / 2], [0, focal, SIZE / 2], [0, 0, 1]], "distortion": [0, 0, 0, 0, 0]}
     content = {"unit": "mm", "reference_mm": 400, "camera": camera, "lights": lights, "depth_mm": 480}
     (folder / "lights.json").write_text(json.dumps(content))

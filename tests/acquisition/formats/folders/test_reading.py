@@ -35,9 +35,9 @@ def distant_normals(images: ImageSet) -> np.ndarray:
     return out
 
 
-def error_deg(found: np.ndarray, true: np.ndarray) -> np.ndarray:
-    both = (np.linalg.norm(found, axis=-1) > 0.5) & (np.linalg.norm(true, axis=-1) > 0.5)
-    return np.degrees(np.arccos(np.clip(np.sum(found * true, axis=-1)[both], -1, 1)))
+def error_deg(estimate: np.ndarray, true: np.ndarray) -> np.ndarray:
+    both = (np.linalg.norm(estimate, axis=-1) > 0.5) & (np.linalg.norm(true, axis=-1) > 0.5)
+    return np.degrees(np.arccos(np.clip(np.sum(estimate * true, axis=-1)[both], -1, 1)))
 
 
 @pytest.mark.parametrize("colour", [True, False])
@@ -112,11 +112,11 @@ def test_read_near_light_folder_is_in_view_frame_and_metres(tmp_path: Path) -> N
 @pytest.mark.parametrize(("unit", "of_mm"), [("mm", 1.0), ("cm", 0.1), ("m", 0.001)])
 def test_read_near_light_folder_converts_metric_units(unit: str, of_mm: float, tmp_path: Path) -> None:
     folder = small.near(tmp_path / "in")
-    told = json.loads((folder / "lights.json").read_text())
-    told["unit"] = unit
-    for light in told["lights"]:
+    content = json.loads((folder / "lights.json").read_text())
+    content["unit"] = unit
+    for light in content["lights"]:
         light["position"] = [of_mm * value for value in light["position"]]
-    (folder / "lights.json").write_text(json.dumps(told))
+    (folder / "lights.json").write_text(json.dumps(content))
     images = folders.read(folder, tmp_path)
     assert isinstance(images.lights, NearLights)
     assert images.lights.positions_m[1].tolist() == pytest.approx([0.25, 0.0, -0.15])
@@ -135,11 +135,11 @@ def test_read_float_images_above_one_are_not_saturated(gain: float, clipped: boo
 
 def test_read_near_light_folder_unknown_fields_are_named(tmp_path: Path) -> None:
     folder = small.near(tmp_path / "in")
-    told = json.loads((folder / "lights.json").read_text())
-    told["blacklevel"] = 500
-    told["camera"]["distortion"] = [0.1, 0, 0, 0, 0, 0, 0, 0]
-    told["camera"]["name"] = "left"
-    (folder / "lights.json").write_text(json.dumps(told))
+    content = json.loads((folder / "lights.json").read_text())
+    content["blacklevel"] = 500
+    content["camera"]["distortion"] = [0.1, 0, 0, 0, 0, 0, 0, 0]
+    content["camera"]["name"] = "left"
+    (folder / "lights.json").write_text(json.dumps(content))
     images = folders.read(folder, tmp_path)
     assert any("blacklevel, camera.name" in sentence for sentence in images.notes["warnings"])
     assert images.camera is not None
@@ -149,18 +149,18 @@ def test_read_near_light_folder_unknown_fields_are_named(tmp_path: Path) -> None
 def test_solve_cropped_images_keep_the_optical_axis(tmp_path: Path) -> None:
     """The optical axis lies outside the cropped images."""
     folder = small.near(tmp_path / "in")
-    whole = near_light.solve_least_squares(folders.read(folder, tmp_path))
+    full = near_light.solve_least_squares(folders.read(folder, tmp_path))
     first = small.SIZE // 2 + 2
     for path in folder.glob("*.tiff"):
         tifffile.imwrite(path, tifffile.imread(path)[:, first:])
     cv2.imwrite(str(folder / "mask.png"), small_mask(folder)[:, first:])
     np.save(folder / "normals_gt.npy", np.load(folder / "normals_gt.npy")[:, first:])
-    told = json.loads((folder / "lights.json").read_text())
-    told["camera"]["K"][0][2] -= first
-    (folder / "lights.json").write_text(json.dumps(told))
+    content = json.loads((folder / "lights.json").read_text())
+    content["camera"]["K"][0][2] -= first
+    (folder / "lights.json").write_text(json.dumps(content))
     part = near_light.solve_least_squares(folders.read(folder, tmp_path))
     # Depth is estimated from half of the surface only, so the normals differ a little.
-    assert np.median(error_deg(part.normals, whole.normals[:, first:])) < 1.0
+    assert np.median(error_deg(part.normals, full.normals[:, first:])) < 1.0
 
 
 def small_mask(folder: Path) -> np.ndarray:
@@ -213,9 +213,9 @@ def test_read_truth_in_each_file_format_is_equal(name: str, tmp_path: Path) -> N
         case _:
             channels = {f"N.{axis}": np.ascontiguousarray(true[..., index]) for index, axis in enumerate("XYZ")}
             OpenEXR.File({"type": OpenEXR.scanlineimage}, channels).write(str(folder / name))
-    found = folders.read(folder, tmp_path).truth
-    assert found is not None
-    np.testing.assert_allclose(found, true, atol=1e-6)
+    truth = folders.read(folder, tmp_path).truth
+    assert truth is not None
+    np.testing.assert_allclose(truth, true, atol=1e-6)
 
 
 def test_read_truth_of_any_length_is_normalised(tmp_path: Path) -> None:
@@ -223,9 +223,9 @@ def test_read_truth_of_any_length_is_normalised(tmp_path: Path) -> None:
     true, mask = small.sphere()
     length = np.random.default_rng(0).uniform(0.002, 0.03, (*mask.shape, 1))
     savemat(folder / "Normal_gt.mat", {"Normal_gt": np.where(mask[..., None], true * length, np.nan)})
-    found = folders.read(folder, tmp_path).truth
-    assert found is not None
-    np.testing.assert_allclose(found, true * mask[..., None], atol=1e-6)
+    truth = folders.read(folder, tmp_path).truth
+    assert truth is not None
+    np.testing.assert_allclose(truth, true * mask[..., None], atol=1e-6)
 
 
 def test_read_image_list_with_foreign_paths_finds_its_images(tmp_path: Path) -> None:

@@ -96,9 +96,9 @@ def test_report_script_relights_by_the_rendering_equation(ball: NormalMap, tmp_p
     page, _ = parsed(tmp_path)
     script = "".join(page.scripts)
     start, end = script.index("function relight"), script.index("function draw")
-    whole = tmp_path / "whole.js"
-    whole.write_text(script)
-    assert subprocess.run(["node", "--check", str(whole)], capture_output=True, check=False).returncode == 0
+    script_file = tmp_path / "whole.js"
+    script_file.write_text(script)
+    assert subprocess.run(["node", "--check", str(script_file)], capture_output=True, check=False).returncode == 0
     probe = tmp_path / "probe.js"
     # One pixel facing the camera, one tilted to +x, one outside; albedo 128, the light from +x at 60° slant.
     probe.write_text(
@@ -148,9 +148,9 @@ def test_sentences_good_result_is_empty(ball: NormalMap, tmp_path: Path) -> None
 @pytest.mark.parametrize(("side", "axis", "sign"), [("right", 0, 1), ("left", 0, -1), ("top", 1, 1), ("bottom", 1, -1)])
 def test_sentences_pixels_facing_no_light_name_the_side(side: str, axis: int, sign: int, ball: NormalMap) -> None:
     starved = sign * ball.normals[..., axis] > 0.6
-    found = flagged(ball, starved, slice(0, 4), ATTACHED)
+    normal_map = flagged(ball, starved, slice(0, 4), ATTACHED)
     facts = replace(FACTS, directions=np.tile([0.0, 0.0, 1.0], (LIGHTS, 1)))
-    sentence = report.sentences(found, facts)[0]
+    sentence = report.sentences(normal_map, facts)[0]
     share = np.count_nonzero(starved & ball.mask) / np.count_nonzero(ball.mask)
     assert sentence.startswith(
         f"{100 * share:.0f} % of the pixels were lit by fewer than three lights: add a light from"
@@ -168,10 +168,12 @@ def test_missing_side_repeated_cast_shadow_gives_none(ball: NormalMap) -> None:
         ]
     )
     flags = np.where(pit & ball.mask, CAST, ball.flags[:1] * ball.mask).astype(np.uint8)
-    found = replace(ball, flags=np.repeat(flags, len(everywhere), axis=0), intensity_factors=np.ones(len(everywhere)))
+    normal_map = replace(
+        ball, flags=np.repeat(flags, len(everywhere), axis=0), intensity_factors=np.ones(len(everywhere))
+    )
     facts = replace(FACTS, names=tuple(str(n) for n in range(len(everywhere))), directions=everywhere)
-    assert advice.missing_side(found, pit & ball.mask, everywhere) is None
-    assert "no single light would help" in report.sentences(found, facts)[0]
+    assert advice.missing_side(normal_map, pit & ball.mask, everywhere) is None
+    assert "no single light would help" in report.sentences(normal_map, facts)[0]
 
 
 @pytest.mark.parametrize(
@@ -192,9 +194,9 @@ def test_missing_side_repeated_cast_shadow_gives_none(ball: NormalMap) -> None:
     ],
 )
 def test_sentences_each_fault_is_stated_in_the_page(change: object, said: str, ball: NormalMap, tmp_path: Path) -> None:
-    found = change(ball)  # type: ignore[operator]
-    assert any(said in sentence for sentence in report.sentences(found, FACTS))
-    report.write(found, FACTS, tmp_path)
+    normal_map = change(ball)  # type: ignore[operator]
+    assert any(said in sentence for sentence in report.sentences(normal_map, FACTS))
+    report.write(normal_map, FACTS, tmp_path)
     assert said in "".join(parsed(tmp_path)[0].texts)
 
 

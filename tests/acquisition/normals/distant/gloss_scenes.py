@@ -166,24 +166,24 @@ class Rows:
 def scene(shape: str, material: str, size: int = 128, seed: int = 0, bounces: int = 48) -> Scene:
     """Renders one scene."""
     rng = np.random.default_rng(seed + 1000)
-    thing = mesh(shape)
-    caster = RayMeshIntersector(thing)
+    body = mesh(shape)
+    caster = RayMeshIntersector(body)
     step = 2.1 / size
     v, u = np.mgrid[:size, :size]
     # Four rays a pixel: normals and light are means over the pixel, as a camera's are.
     inside = np.zeros((4, size, size), bool)
-    found = []
+    hits = []
     for number, (i, j) in enumerate(((-0.25, -0.25), (-0.25, 0.25), (0.25, -0.25), (0.25, 0.25))):
         x, y = (u + j - size / 2 + 0.5) * step, -(v + i - size / 2 + 0.5) * step
         origin = np.stack([x, y, np.full_like(x, 5.0)], axis=-1).reshape(-1, 3)
         down = np.tile([0.0, 0.0, -1.0], (size * size, 1))
         triangle, ray, place = caster.intersects_id(origin, down, multiple_hits=False, return_locations=True)
         inside[number].reshape(-1)[ray] = True
-        found.append((ray, place, _smooth_normals(thing, triangle, place, shape)))
+        hits.append((ray, place, _smooth_normals(body, triangle, place, shape)))
     mask = inside.all(axis=0)
     shading = [
-        _sample(caster, thing, shape, mask, ray, place, normal, material, seed, rng, bounces // 4, step)
-        for ray, place, normal in found
+        _sample(caster, body, shape, mask, ray, place, normal, material, seed, rng, bounces // 4, step)
+        for ray, place, normal in hits
     ]
     signal = np.mean([one for one, _, _ in shading], axis=0)  # (F, N, 3)
     normal = np.sum([one for _, one, _ in shading], axis=0)
@@ -201,19 +201,19 @@ def scene(shape: str, material: str, size: int = 128, seed: int = 0, bounces: in
     normals[mask] = normal
     lit_map = np.zeros((len(directions), size, size), bool)
     lit_map[:, mask] = lit
-    told = directions + rng.normal(0, np.radians(0.4), directions.shape)
-    told /= np.linalg.norm(told, axis=1, keepdims=True)
-    return Scene(f"{shape}/{material}", images, told, intensities * level, mask, normals, lit_map)
+    nominal = directions + rng.normal(0, np.radians(0.4), directions.shape)
+    nominal /= np.linalg.norm(nominal, axis=1, keepdims=True)
+    return Scene(f"{shape}/{material}", images, nominal, intensities * level, mask, normals, lit_map)
 
 
-def _smooth_normals(thing: trimesh.Trimesh, triangle: FloatArray, place: FloatArray, shape: str) -> FloatArray:
+def _smooth_normals(body: trimesh.Trimesh, triangle: FloatArray, place: FloatArray, shape: str) -> FloatArray:
     if shape == "ball":
         return place / np.linalg.norm(place, axis=1, keepdims=True)
-    normal = thing.face_normals[triangle]
+    normal = body.face_normals[triangle]
     return normal * np.where(normal[:, 2:] < 0, -1, 1)
 
 
-def _sample(caster, thing, shape, mask, ray, place, normal, material, seed, rng, bounces, step):
+def _sample(caster, body, shape, mask, ray, place, normal, material, seed, rng, bounces, step):
     """Radiance (F, N, 3), normals (N, 3) and lit mask (F, N) at one sample of each pixel of the mask."""
     size = mask.shape[0]
     row = np.full(size * size, -1)
@@ -235,8 +235,8 @@ def _sample(caster, thing, shape, mask, ray, place, normal, material, seed, rng,
     for f, direction in enumerate(directions):
         nl = normal @ direction
         half = (direction + view) / np.linalg.norm(direction + view)
-        seen = ~caster.intersects_any(point + normal * 2e-3, np.tile(direction, (len(point), 1)))
-        lit[f] = seen & (nl > 0)
+        visible = ~caster.intersects_any(point + normal * 2e-3, np.tile(direction, (len(point), 1)))
+        lit[f] = visible & (nl > 0)
         cosines = {
             "nl": np.maximum(nl, 1e-6), "nv": np.maximum(normal[:, 2], 1e-3), "nh": np.clip(normal @ half, 0, 1),
             "lh": np.full(len(point), direction @ half), "lv": np.full(len(point), direction[2]),
@@ -263,9 +263,11 @@ def _bounced(caster, point, normal, albedo, irradiance, mask, step, rng, count):
     for _ in range(count):
         ball = rng.normal(size=point.shape)
         ball /= np.linalg.norm(ball, axis=1, keepdims=True)
-        way = normal + 0.999 * ball
-        way /= np.linalg.norm(way, axis=1, keepdims=True)
-        _, ray, place = caster.intersects_id(point + normal * 2e-3, way, multiple_hits=False, return_locations=True)
+        direction = normal + 0.999 * ball
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        _, ray, place = caster.intersects_id(
+            point + normal * 2e-3, direction, multiple_hits=False, return_locations=True
+        )
         column = np.round(place[:, 0] / step + size / 2 - 0.5).astype(int)
         line = np.round(-place[:, 1] / step + size / 2 - 0.5).astype(int)
         good = (column >= 0) & (column < size) & (line >= 0) & (line < size)

@@ -51,8 +51,8 @@ def lambert(normals: np.ndarray, directions: np.ndarray, albedo: float = 0.6) ->
     return albedo * np.maximum(np.einsum("hwc,fc->fhw", normals, directions), 0)
 
 
-def errors(found: np.ndarray, normals: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    return np.degrees(np.arccos(np.clip(np.sum(found * normals, axis=-1)[mask], -1, 1)))
+def errors(estimate: np.ndarray, normals: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    return np.degrees(np.arccos(np.clip(np.sum(estimate * normals, axis=-1)[mask], -1, 1)))
 
 
 @pytest.mark.parametrize("solver", ["ls", "weighted", "robust", "auto"])
@@ -60,11 +60,11 @@ def test_solve_diffuse_unshadowed_surface_is_exact(solver: distant.Solver) -> No
     normals, mask = ball()
     mask = mask & (normals[..., 2] > np.cos(np.radians(40)))
     images = image_set(lambert(normals, few_lights()), few_lights(), mask)
-    found = distant.solve(images, solver)
-    assert np.array_equal(found.mask, mask)
-    assert errors(found.normals, normals, mask).max() < 0.05
-    np.testing.assert_allclose(found.albedo[mask], 0.6, atol=1e-3)
-    assert np.all(found.flags[:, mask] == LIT)
+    result = distant.solve(images, solver)
+    assert np.array_equal(result.mask, mask)
+    assert errors(result.normals, normals, mask).max() < 0.05
+    np.testing.assert_allclose(result.albedo[mask], 0.6, atol=1e-3)
+    assert np.all(result.flags[:, mask] == LIT)
 
 
 def test_solve_least_squares_uses_all_values_and_mixes_colours_by_luma() -> None:
@@ -75,8 +75,8 @@ def test_solve_least_squares_uses_all_values_and_mixes_colours_by_luma() -> None
     grey = brightness @ np.array([0.2989, 0.5870, 0.1140])
     expected = np.linalg.lstsq(directions, grey.reshape(8, -1), rcond=None)[0].T.reshape(6, 7, 3)
     expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
-    found = distant.solve(images, "ls", with_depth=False)
-    np.testing.assert_allclose(found.normals, expected, atol=1e-3)
+    result = distant.solve(images, "ls", with_depth=False)
+    np.testing.assert_allclose(result.normals, expected, atol=1e-3)
 
 
 def test_solve_weighted_excludes_and_flags_shadow_clip_and_highlight() -> None:
@@ -86,19 +86,19 @@ def test_solve_weighted_excludes_and_flags_shadow_clip_and_highlight() -> None:
     attached = np.einsum("hwc,fc->fhw", normals, directions) < 0
     cast = np.zeros_like(attached)
     cast[2, :, :20] = cast[5, 30:] = True
-    shown = np.where(cast, 0.004 * true, true)
-    shown[7, 20:24, 20:24] = 2.0
-    shown[1, 28:30, 20:24] += 0.3
-    images = image_set(shown, directions, mask)
-    plain, found = distant.solve(images, "ls"), distant.solve(images, "weighted")
-    assert errors(found.normals, normals, mask).mean() < 0.1
+    measured = np.where(cast, 0.004 * true, true)
+    measured[7, 20:24, 20:24] = 2.0
+    measured[1, 28:30, 20:24] += 0.3
+    images = image_set(measured, directions, mask)
+    plain, result = distant.solve(images, "ls"), distant.solve(images, "weighted")
+    assert errors(result.normals, normals, mask).mean() < 0.1
     assert errors(plain.normals, normals, mask).mean() > 3
-    assert np.all(found.flags[7, 20:24, 20:24] == SATURATED)
-    assert np.mean(found.flags[1, 28:30, 20:24] == HIGHLIGHT) > 0.9
+    assert np.all(result.flags[7, 20:24, 20:24] == SATURATED)
+    assert np.mean(result.flags[1, 28:30, 20:24] == HIGHLIGHT) > 0.9
     clear = true > 0.1
-    assert np.all(found.flags[2][cast[2] & clear[2] & mask] == CAST)
+    assert np.all(result.flags[2][cast[2] & clear[2] & mask] == CAST)
     deep = np.einsum("hwc,fc->fhw", normals, directions) < -0.05
-    assert np.all(found.flags[deep & mask] == ATTACHED)
+    assert np.all(result.flags[deep & mask] == ATTACHED)
 
 
 def test_solve_robust_penumbra_outliers_keep_normals() -> None:
@@ -106,13 +106,13 @@ def test_solve_robust_penumbra_outliers_keep_normals() -> None:
     normals, mask = ball()
     directions = few_lights(10)
     true = lambert(normals, directions)
-    shown = true.copy()
+    measured = true.copy()
     for image in rng.permutation(10)[:2]:
-        shown[image] *= np.where(rng.random(mask.shape) < 0.5, 0.6, 1.0)  # half shadow
-    images = image_set(shown, directions, mask)
-    found = {solver: errors(distant.solve(images, solver).normals, normals, mask) for solver in ("ls", "robust")}
-    assert np.median(found["robust"]) < 0.2
-    assert found["robust"].mean() < 0.4 * found["ls"].mean()
+        measured[image] *= np.where(rng.random(mask.shape) < 0.5, 0.6, 1.0)  # half shadow
+    images = image_set(measured, directions, mask)
+    error_of = {solver: errors(distant.solve(images, solver).normals, normals, mask) for solver in ("ls", "robust")}
+    assert np.median(error_of["robust"]) < 0.2
+    assert error_of["robust"].mean() < 0.4 * error_of["ls"].mean()
 
 
 @pytest.mark.parametrize("solver", ["ls", "weighted", "robust"])
@@ -122,10 +122,10 @@ def test_solve_colour_images_recovers_albedo_of_each_channel(solver: distant.Sol
     tint = np.array([0.7, 0.3, 0.1])
     intensities = np.random.default_rng(3).uniform(0.4, 1.0, (8, 3))
     images = image_set(lambert(normals, few_lights(), 1.0)[..., None] * tint, few_lights(), mask, intensities)
-    found = distant.solve(images, solver)
-    assert errors(found.normals, normals, mask).max() < 0.2
-    assert found.albedo_rgb is not None
-    np.testing.assert_allclose(found.albedo_rgb[mask], np.broadcast_to(tint, (np.count_nonzero(mask), 3)), rtol=0.02)
+    result = distant.solve(images, solver)
+    assert errors(result.normals, normals, mask).max() < 0.2
+    assert result.albedo_rgb is not None
+    np.testing.assert_allclose(result.albedo_rgb[mask], np.broadcast_to(tint, (np.count_nonzero(mask), 3)), rtol=0.02)
 
 
 def test_solve_channels_with_little_light_do_not_raise_error() -> None:
@@ -133,9 +133,9 @@ def test_solve_channels_with_little_light_do_not_raise_error() -> None:
     normals, mask = ball()
     mask = mask & (normals[..., 2] > np.cos(np.radians(40)))
     strength = np.tile([1.0, 0.02, 0.001], (8, 1))
-    shown = lambert(normals, few_lights(), 1.0)[..., None] * np.array([0.3, 0.6, 0.6])
-    noise = np.random.default_rng(6).normal(0, 0.001, shown.shape) / strength[:, None, None]
-    images = image_set(np.maximum(shown + noise, 0), few_lights(), mask, strength)
+    measured = lambert(normals, few_lights(), 1.0)[..., None] * np.array([0.3, 0.6, 0.6])
+    noise = np.random.default_rng(6).normal(0, 0.001, measured.shape) / strength[:, None, None]
+    images = image_set(np.maximum(measured + noise, 0), few_lights(), mask, strength)
     assert errors(distant.solve(images, "weighted").normals, normals, mask).mean() < 0.4
 
 
@@ -147,8 +147,8 @@ def test_solve_noisy_images_sigma_is_calibrated(solver: distant.Solver) -> None:
     directions = few_lights(12)
     true = lambert(normals, directions)
     images = image_set(true + rng.normal(0, 0.008, true.shape), directions, mask)
-    found = distant.solve(images, solver)
-    ratio = errors(found.normals, normals, mask) / found.sigma_deg[mask]
+    result = distant.solve(images, solver)
+    ratio = errors(result.normals, normals, mask) / result.sigma_deg[mask]
     assert 0.5 < np.mean(ratio < 1) < 0.8
     assert np.mean(ratio < 2) > 0.92
 
@@ -162,10 +162,10 @@ def test_solve_glossy_surface_auto_chooses_glossy_solver() -> None:
     gloss = np.exp(-((np.arccos(np.clip(np.einsum("hwc,fc->fhw", normals, half), -1, 1)) / 0.25) ** 2))
     images = image_set(0.3 * facing + 0.5 * gloss * np.sqrt(facing), directions, mask)
     plain = errors(distant.solve(images, "ls").normals, normals, mask)
-    found = distant.solve(images, "auto")
-    assert found.notes["solver"] == "glossy"
-    assert "not shown" in found.notes["why"]
-    chosen = errors(found.normals, normals, mask)
+    result = distant.solve(images, "auto")
+    assert result.notes["solver"] == "glossy"
+    assert "not shown" in result.notes["why"]
+    chosen = errors(result.normals, normals, mask)
     assert chosen.mean() < 0.12 * plain.mean()
     assert np.median(chosen) < 0.4
 
@@ -179,9 +179,9 @@ def test_solve_purely_specular_surface_recovers_normals() -> None:
     squared = np.einsum("hwc,fc->fhw", normals, half) ** 2
     facing = np.maximum(np.einsum("hwc,fc->fhw", normals, directions), 0)
     images = image_set(0.5 * (0.25 / (1 - 0.75 * squared)) ** 2 * (facing > 0), directions, mask)
-    found = distant.solve(images, "glossy")
-    assert np.array_equal(found.mask, mask)
-    assert np.median(errors(found.normals, normals, mask)) < 1.5
+    result = distant.solve(images, "glossy")
+    assert np.array_equal(result.mask, mask)
+    assert np.median(errors(result.normals, normals, mask)) < 1.5
 
 
 def test_from_neighbours_bad_initial_normals_are_corrected() -> None:
@@ -217,14 +217,14 @@ def test_form_variance_equals_finite_perturbation_of_diffuse_form() -> None:
     clipped = np.zeros(values.shape, np.bool_)
     start = true.astype(np.float32)
     straight = reflectance_fit.fit(values, clipped, table, reflectance_fit.LAMBERT, start, ring=0.0)
-    foretold = reflectance_fit.form_variance(straight, values, clipped, table, reflectance_fit.LAMBERT)
+    predicted = reflectance_fit.form_variance(straight, values, clipped, table, reflectance_fit.LAMBERT)
     turned = np.zeros(len(true))
     for change in 0.2 * np.diag(reflectance_fit.FORM_SIGMA):
         bent = reflectance_fit.fit(values, clipped, table, reflectance_fit.LAMBERT + change, straight.normals, ring=0.0)
         turned += (errors(bent.normals, straight.normals, np.ones(len(true), np.bool_)) / 0.2) ** 2
-    ratio = np.radians(np.sqrt(turned)) / np.sqrt(foretold)
+    ratio = np.radians(np.sqrt(turned)) / np.sqrt(predicted)
     assert 0.8 < np.median(ratio) < 1.25
-    assert np.degrees(np.median(np.sqrt(foretold))) > 0.3
+    assert np.degrees(np.median(np.sqrt(predicted))) > 0.3
 
 
 def test_roughness_measures_noise_and_not_curvature() -> None:
@@ -249,14 +249,14 @@ def test_solve_glossy_scenes_sigma_is_calibrated() -> None:
 
     A material outside the family of diffuse forms biases all normals of a scene, so the share is taken over scenes.
     """
-    told: list[tuple[float, float]] = []
+    shares: list[tuple[float, float]] = []
     for number, (shape, material) in enumerate(GLOSSY):
         true = gloss_scenes.scene(shape, material, size=128 if number % 2 else 64, seed=number + 10, bounces=24)
-        found = distant.solve(true.image_set(), "glossy", with_depth=False)
-        ratio = true.errors_deg(found.normals) / found.sigma_deg[true.mask]
-        told.append((float(np.mean(ratio < 1)), float(np.mean(ratio < 2))))
-        print(f"\n{true.name}: P(e < σ), P(e < 2σ)", *told[-1])
-    within, twice = np.mean(told, axis=0)
+        result = distant.solve(true.image_set(), "glossy", with_depth=False)
+        ratio = true.errors_deg(result.normals) / result.sigma_deg[true.mask]
+        shares.append((float(np.mean(ratio < 1)), float(np.mean(ratio < 2))))
+        print(f"\n{true.name}: P(e < σ), P(e < 2σ)", *shares[-1])
+    within, twice = np.mean(shares, axis=0)
     print("all:", within, twice)
     assert 0.55 <= within <= 0.75
     assert twice >= 0.92
@@ -277,9 +277,9 @@ def test_solve_glossy_scenes_sigma_is_calibrated() -> None:
 def test_solve_glossy_scenes_error_meets_bound(shape: str, material: str, mean_deg: float, median_deg: float) -> None:
     """Bounds: errors measured when the solver was written, plus a quarter; least squares errs by 5° to 20°."""
     true = gloss_scenes.scene(shape, material)
-    found = distant.solve(true.image_set(), "auto", with_depth=False)
-    error = true.errors_deg(found.normals)
-    assert found.notes["solver"] == "glossy"
+    result = distant.solve(true.image_set(), "auto", with_depth=False)
+    error = true.errors_deg(result.normals)
+    assert result.notes["solver"] == "glossy"
     assert error.mean() < mean_deg
     assert np.median(error) < median_deg
     assert error.mean() < 0.3 * true.errors_deg(distant.solve(true.image_set(), "ls", with_depth=False).normals).mean()
@@ -288,13 +288,13 @@ def test_solve_glossy_scenes_error_meets_bound(shape: str, material: str, mean_d
 def test_solve_in_blocks_of_rows_equals_solve_in_one(monkeypatch: pytest.MonkeyPatch) -> None:
     normals, mask = ball()
     images = image_set(lambert(normals, few_lights()), few_lights(), mask)
-    whole = distant.solve(images, "weighted")
+    full = distant.solve(images, "weighted")
     monkeypatch.setattr(pixel_blocks, "BLOCK_BYTES", 8 * SIZE * 2 * 7)
     parts = distant.solve(images, "weighted")
     # Pixels are solved one by one in double precision; where a block begins decides on vector or scalar instructions,
     # whose last bits differ by the processor. Results are rounded to single precision, at worst to the next value.
-    np.testing.assert_allclose(whole.normals, parts.normals, rtol=0, atol=np.finfo(np.float32).eps)
-    np.testing.assert_array_equal(whole.flags, parts.flags)
+    np.testing.assert_allclose(full.normals, parts.normals, rtol=0, atol=np.finfo(np.float32).eps)
+    np.testing.assert_array_equal(full.flags, parts.flags)
 
 
 def test_solve_8_bit_and_float_images_give_same_normals() -> None:
@@ -311,14 +311,14 @@ def test_solve_8_bit_and_float_images_give_same_normals() -> None:
 def test_solve_fewer_than_three_lit_measurements_are_doubtful() -> None:
     normals, mask = ball()
     directions = few_lights(4)
-    shown = lambert(normals, directions)
-    shown[:2, :12] = 0.0
-    found = distant.solve(image_set(shown, directions, mask), "weighted")
-    assert found.doubtful is not None
-    here = np.zeros_like(mask)
-    here[:12] = mask[:12]
-    assert np.all(found.doubtful[here & found.mask])
-    assert np.nanmin(found.sigma_deg[here]) > 30
+    measured = lambert(normals, directions)
+    measured[:2, :12] = 0.0
+    result = distant.solve(image_set(measured, directions, mask), "weighted")
+    assert result.doubtful is not None
+    dark_rows = np.zeros_like(mask)
+    dark_rows[:12] = mask[:12]
+    assert np.all(result.doubtful[dark_rows & result.mask])
+    assert np.nanmin(result.sigma_deg[dark_rows]) > 30
 
 
 def test_near_least_squares_inverse_square_recovers_normals() -> None:
@@ -330,9 +330,9 @@ def test_near_least_squares_inverse_square_recovers_normals() -> None:
     true = rng.normal(0, 0.3, (3, count)) + np.array([0, 0, 1.0])[:, None]
     true /= np.linalg.norm(true, axis=0)
     lamp = (few_lights() * 0.45 + np.array([0, 0, -0.9])).astype(np.float32)
-    way = lamp[:, :, None] - point[None]
-    distance = np.linalg.norm(way, axis=1)
-    signal = 0.5 * np.maximum(np.einsum("fcn,cn->fn", way, true) / distance, 0) * (0.45 / distance) ** 2 * 0.8
+    to_lamp = lamp[:, :, None] - point[None]
+    distance = np.linalg.norm(to_lamp, axis=1)
+    signal = 0.5 * np.maximum(np.einsum("fcn,cn->fn", to_lamp, true) / distance, 0) * (0.45 / distance) ** 2 * 0.8
     stored = np.round(signal * FULL).astype(np.uint16)
     normals, albedo = np.empty((3, count), np.float32), np.empty(count, np.float32)
     scale = np.full(8, 1 / (FULL * 0.8 * 0.45**2), np.float32)
@@ -399,9 +399,9 @@ def test_solve_empty_mask_is_refused() -> None:
 @pytest.mark.parametrize(("value", "word"), [(0.0, "black"), (1.0, "clipped")])
 def test_solve_black_or_clipped_image_is_named(value: float, word: str) -> None:
     normals, mask = ball()
-    shown = lambert(normals, few_lights())
-    shown[3] = value
-    error = refused(image_set(shown, few_lights(), mask))
+    measured = lambert(normals, few_lights())
+    measured[3] = value
+    error = refused(image_set(measured, few_lights(), mask))
     assert error.context["file"] == "004.png"
     assert word in error.detail
 

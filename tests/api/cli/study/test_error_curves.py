@@ -66,24 +66,24 @@ def test_page_of_known_samples_is_offline_and_holds_figures(tmp_path: Path) -> N
     samples += [replace(item, glossy=True) for item in samples]
     rows = [three_images.Row(item.name, "sphere", 2.0, 0.6, 1.0) for item in three_images.conditions(1)]
     scale = replace(run.QUICK, objects=("sphere",), diffuse=Draws({8: 6}, {8: 6}, {8: 6}))
-    found = StudyResult(
+    result = StudyResult(
         seed=1, quick=True, scale=scale, seconds=1.0, placements=[placement],
         errata=paper_criterion.errata(weight, 1, triples=100), table=rows, samples=samples,
         diffuse=error_curves.curves(samples, glossy=False), glossy=error_curves.curves(samples, glossy=True),
     )  # fmt: skip
-    told = run.summary(found)
-    page.write(tmp_path / "study.html", found, told)
+    summary = run.summary(result)
+    page.write(tmp_path / "study.html", result, summary)
     text = (tmp_path / "study.html").read_text(encoding="utf-8")
 
     assert not re.search(r"(src|href)=|url\(|@import|<script|https?://", text)
     assert text.count("<svg") == text.count("</svg>") == 3
     assert "0.900" in text
-    assert json.loads(json.dumps(told, allow_nan=False))["errors_deg"]["optimal"]["8"] > 0
-    assert told["phi"]["bound"] == 1.9
-    assert told["straddling"] == dict.fromkeys(error_curves.OBJECTS, pytest.approx(0.05))
-    assert told["over_10"]["optimal"][8] == 0
-    assert told["over_10_of_all"]["optimal"][8] == pytest.approx(0.02)
+    assert json.loads(json.dumps(summary, allow_nan=False))["errors_deg"]["optimal"]["8"] > 0
+    assert summary["phi"]["bound"] == 1.9
+    assert summary["straddling"] == dict.fromkeys(error_curves.OBJECTS, pytest.approx(0.05))
+    assert summary["over_10"]["optimal"][8] == 0
+    assert summary["over_10_of_all"]["optimal"][8] == pytest.approx(0.02)
     assert "5.00%" in text
     assert "2.000%" in text
-    assert set(told["ratios"][0]) == {"rival", "lights", "glossy", "ratio", "half_width"}
+    assert set(summary["ratios"][0]) == {"rival", "lights", "glossy", "ratio", "half_width"}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["study.html"]

@@ -40,16 +40,16 @@ def runs(shape: str, draw: int) -> list[dict[str, Any]]:
         def fixed(lights: int) -> Errors:
             return errors(scene.run(simulated_scene.recipe("optimal", lights, draw)))
 
-        told = []
+        results = []
         for wanted in WANTED_DEG:
             run = scene.run(Recipe(target_sigma_deg=wanted / 0.886, seed=draw))
             images = len(run.result.observations.shots)
-            told.append({
+            results.append({
                 "shape": shape, "draw": draw, "wanted_deg": wanted, "found_deg": errors(run), "images": images,
                 "fixed_deg": {lights: fixed(lights) for lights in range(4, images - 1)}, "why": run.plan.conclusion,
             })  # fmt: skip
         kept.parent.mkdir(parents=True, exist_ok=True)
-        kept.write_text(json.dumps(told), encoding="utf-8")
+        kept.write_text(json.dumps(results), encoding="utf-8")
     return json.loads(kept.read_text(encoding="utf-8"))
 
 
@@ -66,34 +66,34 @@ def test_ordered_accuracy_each_run_states_why_it_stopped(shape: str, draw: int) 
 
 def test_ordered_accuracy_targets_are_met() -> None:
     """The stepped part is left out: beside its steps there are errors that no variance knows of."""
-    told = all_runs()
-    missed, beside = late(told, ALL), late(told, ONE_SURFACE)
+    results = all_runs()
+    missed, beside = late(results, ALL), late(results, ONE_SURFACE)
     print(
-        f"\n{len(told)} runs: {len(told) - len(missed)} within a tenth of what was wanted"
-        f" ({len(told) - len(beside)} where pixels see one surface)"
+        f"\n{len(results)} runs: {len(results) - len(missed)} within a tenth of what was wanted"
+        f" ({len(results) - len(beside)} where pixels see one surface)"
     )
-    assert len(missed) <= 0.1 * len(told), missed
+    assert len(missed) <= 0.1 * len(results), missed
 
 
 def test_ordered_accuracy_uses_at_most_one_image_too_many() -> None:
-    told = all_runs()
-    wasteful, beside = lavish(told, ALL), lavish(told, ONE_SURFACE)
+    results = all_runs()
+    wasteful, beside = lavish(results, ALL), lavish(results, ONE_SURFACE)
     print(
-        f"\n{len(told)} runs: {len(told) - len(wasteful)} with at most an image more than the fewest that do"
-        f" ({len(told) - len(beside)} where pixels see one surface)"
+        f"\n{len(results)} runs: {len(results) - len(wasteful)} with at most an image more than the fewest that do"
+        f" ({len(results) - len(beside)} where pixels see one surface)"
     )
-    assert len(wasteful) <= 0.1 * len(told), wasteful
+    assert len(wasteful) <= 0.1 * len(results), wasteful
 
 
 def all_runs() -> list[dict[str, Any]]:
     return [run for shape in MATT if shape != "part" for draw in DRAWS for run in runs(shape, draw)]
 
 
-def late(told: list[dict[str, Any]], which: int) -> list[dict[str, Any]]:
+def late(results: list[dict[str, Any]], which: int) -> list[dict[str, Any]]:
     """The runs that miss what was wanted by more than a tenth, by the errors `which`."""
-    return [run for run in told if run["found_deg"][which] > 1.1 * run["wanted_deg"]]
+    return [run for run in results if run["found_deg"][which] > 1.1 * run["wanted_deg"]]
 
 
-def lavish(told: list[dict[str, Any]], which: int) -> list[dict[str, Any]]:
+def lavish(results: list[dict[str, Any]], which: int) -> list[dict[str, Any]]:
     """The runs that take at least two images more than a fixed number that meets what was wanted, by those errors."""
-    return [run for run in told if any(error[which] <= run["wanted_deg"] for error in run["fixed_deg"].values())]
+    return [run for run in results if any(error[which] <= run["wanted_deg"] for error in run["fixed_deg"].values())]

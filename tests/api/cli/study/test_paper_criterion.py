@@ -38,19 +38,19 @@ def test_best_unit_lights_reach_lower_bound(count: int) -> None:
 
 
 def test_errata_agree_with_numerical_checks() -> None:
-    found = paper_criterion.errata(projector(1), seed=1, triples=20_000)
-    assert found.idempotence["1"] < 1e-12
-    assert found.idempotence["0.5"] == pytest.approx(1.0)
-    assert all(value < 1e-12 for value in found.scaled_idempotence.values())
-    assert found.gradient_error < 1e-3
-    assert 0.5 < found.matrix_product_cosine < 0.99
-    values = [value for _, value, _ in found.literal]
-    lengths = [length for *_, length in found.literal]
+    errata = paper_criterion.errata(projector(1), seed=1, triples=20_000)
+    assert errata.idempotence["1"] < 1e-12
+    assert errata.idempotence["0.5"] == pytest.approx(1.0)
+    assert all(value < 1e-12 for value in errata.scaled_idempotence.values())
+    assert errata.gradient_error < 1e-3
+    assert 0.5 < errata.matrix_product_cosine < 0.99
+    values = [value for _, value, _ in errata.literal]
+    lengths = [length for *_, length in errata.literal]
     assert values == sorted(values, reverse=True)
     assert lengths == sorted(lengths)
     assert values[-1] < paper_criterion.lower_bound(projector(1), 3) / 10  # far below what unit lights can reach
-    assert found.single_normal_bound == pytest.approx(4 / 3)
-    assert found.single_normal_random > found.single_normal_bound
+    assert errata.single_normal_bound == pytest.approx(4 / 3)
+    assert errata.single_normal_random > errata.single_normal_bound
 
 
 def test_phi_coplanar_lights_is_infinite() -> None:

@@ -33,9 +33,9 @@ def test_scene_images_and_truth_equal_simulated_cell(shared: Geometry) -> None:
     np.testing.assert_allclose(shared.truth.normals, true.normals, atol=1e-6)
     np.testing.assert_allclose(shared.truth.depth, true.depth, atol=1e-6)
     light = scene.run(Recipe(method="two-rings", pilot_lights=3, planned_lights=0)).plan.lights[1]
-    taken = scene.capture([light])
-    shot = taken.shots[0]
-    frame = taken.frames.rows(shot.frame, 0, PIXELS).astype(float) - known.sensor.black_level_dn
+    observations = scene.capture([light])
+    shot = observations.shots[0]
+    frame = observations.frames.rows(shot.frame, 0, PIXELS).astype(float) - known.sensor.black_level_dn
     lamp = Lamp(
         geometry.transform(shared.object_from_view, np.array(light.position)),
         geometry.rotate(shared.object_from_view, np.array(light.axis)),
@@ -61,10 +61,10 @@ def test_scene_image_depends_on_draw_and_position_only(shared: Geometry) -> None
     assert np.std((first - second)[shared.truth.mask]) > 1  # a second image has errors of its own
 
 
-def levels(scene: Scene, taken: Observations) -> FloatArray:
+def levels(scene: Scene, observations: Observations) -> FloatArray:
     """How bright each image (F,) is, as a share of what was wanted."""
     known, region = scene.calibration, scene.geometry.region
-    frames = [taken.frames.rows(shot.frame, 0, PIXELS)[region] for shot in taken.shots]
+    frames = [observations.frames.rows(shot.frame, 0, PIXELS)[region] for shot in observations.shots]
     bright = np.array([np.percentile(frame, check.BRIGHT_PERCENTILE) for frame in frames])
     return (bright - known.sensor.black_level_dn) / known.sensor.full_scale_dn / Exposure().target
 
@@ -74,9 +74,9 @@ def test_capture_unpredicted_exposes_below_target_predicted_nearest(shared: Geom
     pattern = scene.run(simulated_scene.recipe("two-rings", 8))
     lights = pattern.plan.lights
     images = {8: pattern.result.observations} | {count: scene.capture(lights, count) for count in (None, 3, 0)}
-    for unpredicted, taken in images.items():
-        found = levels(scene, taken)
-        first, later = found[:unpredicted], found[len(found) if unpredicted is None else unpredicted :]
+    for unpredicted, observations in images.items():
+        measured = levels(scene, observations)
+        first, later = measured[:unpredicted], measured[len(measured) if unpredicted is None else unpredicted :]
         assert np.all((first > 1 / step / noise) & (first < noise))
         assert np.all((later > step**-0.5 / noise) & (later < step**0.5 * noise))
         # Some images would have been exposed otherwise had they been the other kind.
@@ -86,12 +86,12 @@ def test_capture_unpredicted_exposes_below_target_predicted_nearest(shared: Geom
 
 def test_run_planned_recipe_exposes_only_pilot_unpredicted(shared: Geometry) -> None:
     scene, step, noise = Scene(shared), exposure.STEP, 1.01
-    taken = scene.run(Recipe(pilot_lights=8, planned_lights=6)).result.observations
-    found = levels(scene, taken)
-    assert np.all((found[:8] > 1 / step / noise) & (found[:8] < noise))
-    assert np.all((found[8:] > step**-0.5 / noise) & (found[8:] < step**0.5 * noise))
-    lights = [shot.light for shot in taken.shots if shot.light is not None]
-    times = [shot.exposure_s for shot in taken.shots]
+    observations = scene.run(Recipe(pilot_lights=8, planned_lights=6)).result.observations
+    measured = levels(scene, observations)
+    assert np.all((measured[:8] > 1 / step / noise) & (measured[:8] < noise))
+    assert np.all((measured[8:] > step**-0.5 / noise) & (measured[8:] < step**0.5 * noise))
+    lights = [shot.light for shot in observations.shots if shot.light is not None]
+    times = [shot.exposure_s for shot in observations.shots]
     for others in (None, 0):  # some images would have been exposed otherwise had they been the other kind
         assert times != [shot.exposure_s for shot in scene.capture(lights, others).shots]
 
@@ -102,8 +102,10 @@ def test_illuminated_few_shadow_rays_agrees_with_all_rays(shared: Geometry) -> N
     for light in Scene(shared).run(simulated_scene.recipe("ring", 3)).plan.lights:
         position = geometry.transform(shared.object_from_view, np.array(light.position))
         lamp = Lamp(position, np.array([0.0, 0.0, -1.0]), 1.0, 0.45, 0.8)
-        for view, told in zip(shared.views, shared.illuminated(light.position, lamp), strict=True):
-            for some, every in zip(told, render.lit_samples(view, shared.glossy, shared.tracer, lamp), strict=True):
+        for view, reference in zip(shared.views, shared.illuminated(light.position, lamp), strict=True):
+            for some, every in zip(
+                reference, render.lit_samples(view, shared.glossy, shared.tracer, lamp), strict=True
+            ):
                 assert np.count_nonzero(some != every) <= 0.005 * len(every)
 
 

@@ -38,51 +38,51 @@ def ran(place: Path, *options: str) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def found() -> dict[str, Any]:
+def figures() -> dict[str, Any]:
     return ran(folder())
 
 
 @pytest.mark.parametrize("rival", MATT_8)
-def test_study_eight_diffuse_images_beats_other_methods(found: dict[str, Any], rival: str) -> None:
-    errors = found["errors_deg"]
+def test_study_eight_diffuse_images_beats_other_methods(figures: dict[str, Any], rival: str) -> None:
+    errors = figures["errors_deg"]
     assert errors["optimal"]["8"] <= MATT_8[rival] * errors[rival]["8"]
 
 
 @pytest.mark.parametrize("lights", ["12", "20"])
-def test_study_more_diffuse_images_beats_other_methods(found: dict[str, Any], lights: str) -> None:
-    errors = found["errors_deg"]
+def test_study_more_diffuse_images_beats_other_methods(figures: dict[str, Any], lights: str) -> None:
+    errors = figures["errors_deg"]
     assert errors["optimal"][lights] <= 0.95 * errors["two-rings"][lights]
 
 
-def test_study_each_object_is_not_much_worse_and_relief_gains_most(found: dict[str, Any]) -> None:
-    ours, rings = (found["errors_by_object_deg"][method]["8"] for method in ("optimal", "two-rings"))
+def test_study_each_object_is_not_much_worse_and_relief_gains_most(figures: dict[str, Any]) -> None:
+    ours, rings = (figures["errors_by_object_deg"][method]["8"] for method in ("optimal", "two-rings"))
     assert ours["relief"] <= 0.80 * rings["relief"]
     assert {shape: ours[shape] / rings[shape] for shape in ours if ours[shape] > 1.05 * rings[shape]} == {}
 
 
-def test_study_errors_above_10_degrees_are_few(found: dict[str, Any]) -> None:
-    assert {n: share for n, share in found["over_10"]["optimal"].items() if int(n) >= 8 and share > 0.001} == {}
+def test_study_errors_above_10_degrees_are_few(figures: dict[str, Any]) -> None:
+    assert {n: share for n, share in figures["over_10"]["optimal"].items() if int(n) >= 8 and share > 0.001} == {}
 
 
-def test_study_mixed_pixels_are_few(found: dict[str, Any]) -> None:
+def test_study_mixed_pixels_are_few(figures: dict[str, Any]) -> None:
     """Steps and rims only: fine relief is graded nearly whole."""
     most = {"part": 0.08, "figure": 0.02, "relief": 0.02}
-    assert {shape: share for shape, share in found["straddling"].items() if share > most.get(shape, 0.001)} == {}
+    assert {shape: share for shape, share in figures["straddling"].items() if share > most.get(shape, 0.001)} == {}
 
 
 @pytest.mark.parametrize(("lights", "bar"), [("8", 1.0), ("12", 0.95)])
-def test_study_glossy_objects_beats_other_methods(found: dict[str, Any], lights: str, bar: float) -> None:
-    errors = found["glossy_errors_deg"]
+def test_study_glossy_objects_beats_other_methods(figures: dict[str, Any], lights: str, bar: float) -> None:
+    errors = figures["glossy_errors_deg"]
     assert errors["optimal"][lights] <= bar * errors["two-rings"][lights]
 
 
-def test_study_criterion_reaches_its_bound(found: dict[str, Any]) -> None:
-    for bound, ours, best_random, best_heuristic in found["phi_by_object"].values():
+def test_study_criterion_reaches_its_bound(figures: dict[str, Any]) -> None:
+    for bound, ours, best_random, best_heuristic in figures["phi_by_object"].values():
         assert bound * (1 - 1e-9) <= ours <= 1.001 * bound
         assert min(best_random, best_heuristic) >= bound
 
 
-def test_study_forecast_agrees_with_observed_error(found: dict[str, Any]) -> None:
+def test_study_forecast_agrees_with_observed_error(figures: dict[str, Any]) -> None:
     """Found over predicted mean error in 0.8–1.25 for nine tenths of the matt runs; the stepped part is apart."""
     study = json.loads((folder() / "study.json").read_text(encoding="utf-8"))
     ratios = [
