@@ -15,7 +15,8 @@ from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 
 MIN_DIRECTION_SPREAD = 0.02
-"""Smallest singular value of the light directions (scaled by √F): below, they lie in one plane."""
+"""Least `direction_spread` of distant lights, below which they count as lying in one plane. The directions are stated
+and hold at all pixels, so that it is lower than the one of near lights in `solve`."""
 
 StoredValues = npt.NDArray[np.uint8] | npt.NDArray[np.uint16] | npt.NDArray[np.float32]
 
@@ -103,6 +104,15 @@ class ImageSet:
         return self.rows(image, start, stop).astype(np.float32) * np.float32(1.0 / self.full_scale)
 
 
+def direction_spread(vectors: FloatArray | Float32Array) -> float:
+    """Smallest singular value of unit light directions over √F, for vectors (F, 3) of any length.
+
+    Zero where the directions lie in one plane, so that one component of the normal is not determined.
+    """
+    units = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return float(np.linalg.svd(units, compute_uv=False)[-1] / np.sqrt(len(units)))
+
+
 def check(images: ImageSet) -> None:
     """Validates lights and mask: refuses a set that no solver can solve, whatever its pixels hold.
 
@@ -144,8 +154,7 @@ def check(images: ImageSet) -> None:
             "object",
         )
     if isinstance(lights, DistantLights):
-        units = first / np.linalg.norm(first, axis=1, keepdims=True)
-        spread = float(np.linalg.svd(units, compute_uv=False)[-1] / np.sqrt(len(units)))
+        spread = direction_spread(first)
         if not spread > MIN_DIRECTION_SPREAD:
             raise RigError(
                 ErrorCode.NORMALS_INFEASIBLE,

@@ -76,7 +76,9 @@ def solve_least_squares(images: ImageSet, *, keep_steps: bool = False) -> Normal
     notes = {"solver": "ls", "why": "as asked"}
 
     def solved() -> NormalMap:
-        return solve_blocks(images, point_lights.plain(images, depth), luma=False, notes=notes, keep_steps=keep_steps)
+        return solve_blocks(
+            images, point_lights.least_squares(images, depth), luma=False, notes=notes, keep_steps=keep_steps
+        )
 
     for _ in range(DEPTH_ROUNDS):
         normal_map = solved()

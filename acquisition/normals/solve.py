@@ -16,12 +16,14 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
 from acquisition.normals import alternation, final_solve, pyramid, sensor_estimate, session_images, silhouette
+from acquisition.normals.image_set import direction_spread
 from acquisition.normals.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages
 from acquisition.normals.session_images import Images
 
 MIN_DIRECTION_SPREAD = 0.05
-"""Smallest singular value of the unit light directions (scaled by √F): below, they lie in one plane."""
+"""Least `direction_spread` of near lights, below which they count as lying in one plane with the object. Directions are
+those at the centroid at a rough depth, so that it is higher than the one of distant lights in `image_set`."""
 
 MIN_PIXELS = 16
 """Object pixels below which nothing is solved."""
@@ -138,12 +140,10 @@ def _centroid(masked: MaskedImages, depth_m: Float32Array) -> Float32Array:
 
 
 def _refuse_coplanar_lights(lamps: Float32Array, centroid: Float32Array) -> None:
-    offsets = lamps[:, :3] - centroid
-    units = offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
-    spread = np.linalg.svd(units, compute_uv=False)[-1] / np.sqrt(len(units))
+    spread = direction_spread(lamps[:, :3] - centroid)
     if not spread > MIN_DIRECTION_SPREAD:
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE,
             "the lights are parallel or lie in one plane with the object: take lights from other sides",
-            spread=float(spread),
+            spread=spread,
         )

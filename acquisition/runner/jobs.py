@@ -243,12 +243,12 @@ def make_export(observations: Observations, calibration: Calibration, result: Pa
 def _facts(
     normal_map: NormalMap, observations: Observations, cell: CellConfig, calibration: Calibration,
     forecast: LightPlan | None, folder: Path, seconds: dict[str, float],
-) -> report.Facts:  # fmt: skip
+) -> report.ReportContext:  # fmt: skip
     """What the report of a session's result says beside the maps; the folder is sessions/<id>/results/<number>."""
     session = folder.parent.parent
     images = session_folder.images(observations, calibration, normal_map.silhouette)
     passes = [shot.key.pass_number for shot in observations.shots if shot.light is not None]
-    return report.Facts(
+    return report.ReportContext(
         title=f"Session {session.name}, result {folder.name}",
         names=images.names,
         directions=light_files.directions(images, export.Source(normal_map, images).centre),

@@ -23,7 +23,7 @@ from acquisition import photometry
 from acquisition.formats import export, folders, report
 from acquisition.formats.export import light_files
 from acquisition.formats.folders import Sphere, session_folder
-from acquisition.formats.folders.angular_error import Grade, grade
+from acquisition.formats.folders.angular_error import AngularErrors, angular_errors
 from acquisition.formats.folders.session_folder import SessionCapture
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
@@ -104,12 +104,12 @@ def run(request: SolveRequest) -> dict[str, Any]:
     console = Console(stderr=True, markup=False)
     with _bar(console) as bar, _scratch(request.out) as scratch:
         solved = _solved(request, scratch, bar, seconds)
-        graded = grade(solved.normal_map, solved.images)
+        graded = angular_errors(solved.normal_map, solved.images)
         if request.out is not None:
             with _timed(seconds, "write"), _step(bar, "writing"):
                 _write(request, solved, graded, seconds, request.out)
     outcome = _outcome(request, solved, graded, seconds, time.monotonic() - started)
-    _show(console, outcome, report.sentences(solved.normal_map, _facts(request, solved, graded, seconds)))
+    _show(console, outcome, report.quality_warnings(solved.normal_map, _facts(request, solved, graded, seconds)))
     return outcome
 
 
@@ -259,7 +259,9 @@ def _refuse(request: SolveRequest) -> None:
         raise RigError(ErrorCode.REQUEST_INVALID, "--export writes files: name a folder with --out")
 
 
-def _write(request: SolveRequest, solved: Solved, graded: Grade | None, seconds: dict[str, float], out: Path) -> None:
+def _write(
+    request: SolveRequest, solved: Solved, graded: AngularErrors | None, seconds: dict[str, float], out: Path
+) -> None:
     source = export.Source(solved.normal_map, solved.images)
     with export.atomic_folder(out) as partial, ThreadPoolExecutor(WRITERS) as pool:
         work = [
@@ -273,11 +275,13 @@ def _write(request: SolveRequest, solved: Solved, graded: Grade | None, seconds:
         (partial / SUMMARY).write_text(json.dumps(summary, indent=2), encoding="utf-8")
 
 
-def _facts(request: SolveRequest, solved: Solved, graded: Grade | None, seconds: dict[str, float]) -> report.Facts:
+def _facts(
+    request: SolveRequest, solved: Solved, graded: AngularErrors | None, seconds: dict[str, float]
+) -> report.ReportContext:
     images = solved.images
     error = {} if graded is None else {"mean": graded.mean_deg, "median": graded.median_deg, "95 %": graded.p95_deg}
     centre = export.Source(solved.normal_map, images).centre
-    return report.Facts(
+    return report.ReportContext(
         title=request.folder.resolve().name,
         names=images.names,
         directions=light_files.directions(images, centre),
@@ -290,10 +294,10 @@ def _facts(request: SolveRequest, solved: Solved, graded: Grade | None, seconds:
 
 
 def _outcome(
-    request: SolveRequest, solved: Solved, graded: Grade | None, seconds: dict[str, float], total: float
+    request: SolveRequest, solved: Solved, graded: AngularErrors | None, seconds: dict[str, float], total: float
 ) -> dict[str, Any]:
     """The figures of `--json`: errors are null where no truth is known."""
-    nothing: dict[str, Any] = dict.fromkeys(field.name for field in fields(Grade))
+    nothing: dict[str, Any] = dict.fromkeys(field.name for field in fields(AngularErrors))
     errors = nothing if graded is None else asdict(graded)
     return {
         **errors,

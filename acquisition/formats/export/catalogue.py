@@ -32,8 +32,8 @@ class Source:
     def centre(self) -> FloatArray:
         """The middle (3,) of the solved surface, view frame, in the unit of `points`."""
         mask, total = self.normal_map.mask, np.zeros(3)
-        for start in range(0, len(mask), map_files.STRIP):
-            rows = slice(start, min(start + map_files.STRIP, len(mask)))
+        for start in range(0, len(mask), map_files.STRIP_ROWS):
+            rows = slice(start, min(start + map_files.STRIP_ROWS, len(mask)))
             total += self._points(rows)[:, mask[rows]].sum(axis=1, dtype=np.float64)
         return total / max(np.count_nonzero(mask), 1)
 
@@ -66,8 +66,8 @@ def _exr(source: Source, path: Path) -> None:
 
 
 def _mesh(source: Source, path: Path) -> None:
-    found = source.normal_map
-    mesh.write(path, source.points, found.normals, found.mask, map_files.depth_unit(found))
+    normal_map = source.normal_map
+    mesh.write(path, source.points, normal_map.normals, normal_map.mask, map_files.depth_unit(normal_map))
 
 
 def _lp(source: Source, path: Path) -> None:
@@ -86,9 +86,9 @@ def _diligent(source: Source, path: Path) -> None:
 def _integration(source: Source, path: Path) -> None:
     """normal_map.png, mask.png and, where the camera is calibrated, K.txt, as normal-integration tools read them."""
     path.mkdir()
-    found = source.normal_map
-    map_files.normals_png(path / "normal_map.png", found.normals, found.mask)
-    map_files.png(path / "mask.png", found.mask.astype(np.uint8) * 255)
+    normal_map = source.normal_map
+    map_files.normals_png(path / "normal_map.png", normal_map.normals, normal_map.mask)
+    map_files.png(path / "mask.png", normal_map.mask.astype(np.uint8) * 255)
     if source.images.camera is not None:
         np.savetxt(path / "K.txt", source.images.camera.matrix, fmt="%.9g")
 

@@ -46,19 +46,19 @@ def write_dome(path: Path, images: ImageSet, centre_m: FloatArray, width_m: floa
     units = directions(images, centre_m)
     lights = images.lights
     near = not isinstance(lights, DistantLights)
-    places = (lights.positions_m - centre_m) * 1000 if not isinstance(lights, DistantLights) else units * DISTANT_MM
+    positions = (lights.positions_m - centre_m) * 1000 if not isinstance(lights, DistantLights) else units * DISTANT_MM
     power = intensities(images, centre_m).mean(axis=1)
     adjust = power.mean() / power
     content = {
         "label": "lightpose",
         "notes": "Positions in mm, x right, y up, z to the camera; origin: the object's centre.",
         "imageWidth": 0.0 if width_m is None else width_m * 1000,
-        "domeDiameter": float(2 * np.mean(np.linalg.norm(places, axis=1))),
+        "domeDiameter": float(2 * np.mean(np.linalg.norm(positions, axis=1))),
         "verticalOffset": 0.0,
         "lightConfiguration": "lights3d" if near else "directional",
         "directions": [_vector(row) for row in units],
         "positionsSphere": [],
-        "positions3d": [_vector(row) for row in places] if near else [],
+        "positions3d": [_vector(row) for row in positions] if near else [],
         "ledAdjust": [{"r": value, "g": value, "b": value} for value in adjust.tolist()],
     }
     path.write_text(json.dumps(content, indent=1), encoding="utf-8")

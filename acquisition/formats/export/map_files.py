@@ -15,7 +15,7 @@ from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.result import NormalMap
 
 Green = Literal["opengl", "directx"]
-STRIP = 256
+STRIP_ROWS = 256
 """Rows that are made into colours at once, so that large maps need no large helpers."""
 
 FRAME = "view frame: x right, y up, z to the camera; row 0 at the top"
@@ -34,10 +34,10 @@ def normals_png(path: Path, normals: Float32Array, mask: BoolArray, green: Green
     """A 16-bit RGB normal map of normals (H, W, 3), black outside the mask (H, W)."""
     scale = np.array([32767.5, 32767.5 if green == "opengl" else -32767.5, 32767.5], np.float32)
     colours = np.empty(normals.shape, np.uint16)
-    for start in range(0, len(normals), STRIP):
-        here = slice(start, start + STRIP)
-        shown = np.clip(normals[here] * scale + np.float32(32768.0), 0, 65535)  # truncation after + ½ rounds
-        colours[here] = shown[..., ::-1]  # OpenCV's order, B G R
+    for start in range(0, len(normals), STRIP_ROWS):
+        rows = slice(start, start + STRIP_ROWS)
+        shown = np.clip(normals[rows] * scale + np.float32(32768.0), 0, 65535)  # truncation after + ½ rounds
+        colours[rows] = shown[..., ::-1]  # OpenCV's order, B G R
     colours[~mask] = 0
     _write(path, colours, COLOURS[green])
 

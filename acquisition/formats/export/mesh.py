@@ -10,7 +10,7 @@ import numpy as np
 from acquisition.formats.export import map_files
 from acquisition.models.base import BoolArray, Float32Array
 
-STEEPEST = 8.0
+MAX_DEPTH_STEP = 8.0
 """Greatest depth step between neighbouring vertices, as a multiple of the width of a pixel there: 83°."""
 
 
@@ -43,16 +43,16 @@ def write(path: Path, points: Float32Array, normals: Float32Array, mask: BoolArr
 def _triangles(points: Float32Array, mask: BoolArray) -> np.ndarray:
     """Corners (T, 3) as numbers of vertices, counter-clockwise as the camera sees them."""
     number = np.cumsum(mask.ravel(), dtype=np.int32).reshape(mask.shape) - 1
-    near = STEEPEST * _pixel(points, mask)
+    near = MAX_DEPTH_STEP * _pixel(points, mask)
     z = points[2]
     upper, lower, left, right = slice(None, -1), slice(1, None), slice(None, -1), slice(1, None)
     a, b, c, d = (upper, left), (upper, right), (lower, left), (lower, right)
-    found: list[np.ndarray] = []
+    triangles: list[np.ndarray] = []
     for one, two, three in ((a, c, b), (b, c, d)):
         depths = np.stack([z[one], z[two], z[three]])
-        whole = mask[one] & mask[two] & mask[three] & (np.ptp(depths, axis=0) < near)
-        found.append(np.stack([number[one][whole], number[two][whole], number[three][whole]], axis=1))
-    return np.concatenate(found)
+        connected = mask[one] & mask[two] & mask[three] & (np.ptp(depths, axis=0) < near)
+        triangles.append(np.stack([number[one][connected], number[two][connected], number[three][connected]], axis=1))
+    return np.concatenate(triangles)
 
 
 def _pixel(points: Float32Array, mask: BoolArray) -> float:

@@ -81,7 +81,7 @@ def _images(folder: Path, kind: Kind, scratch: Path, progress: Progress | None) 
     if kind in READERS:
         name, reader = READERS[kind]
         return folder / name, reader(folder, scratch, progress)
-    found = [folder] if folder.is_file() else sorted(folder.glob("*.lp"))
-    if len(found) > 1:
-        raise refusal(folder, f"holds {', '.join(one.name for one in found)}: name the one to solve")
-    return found[0], lp_folder.read(found[0], scratch, progress)
+    lp_files = [folder] if folder.is_file() else sorted(folder.glob("*.lp"))
+    if len(lp_files) > 1:
+        raise refusal(folder, f"holds {', '.join(one.name for one in lp_files)}: name the one to solve")
+    return lp_files[0], lp_folder.read(lp_files[0], scratch, progress)

@@ -13,7 +13,7 @@ MEDIAN_OF_RAYLEIGH = 0.833
 
 
 @dataclass(frozen=True)
-class Grade:
+class AngularErrors:
     """Angular errors in degrees over `pixels` graded pixels; `coverage` is their share of those that could be graded.
 
     `sigma_ratio` is the median error over the median that σ predicts (1 is right), none where there is no σ.
@@ -27,7 +27,7 @@ class Grade:
     sigma_ratio: float | None
 
 
-def grade(found: NormalMap, images: ImageSet) -> Grade | None:
+def angular_errors(normal_map: NormalMap, images: ImageSet) -> AngularErrors | None:
     """Grades a result on the evaluation mask (default: the mask) where the truth is known; none without truth.
 
     Raises RigError normals.infeasible when no such pixel has a normal.
@@ -36,15 +36,17 @@ def grade(found: NormalMap, images: ImageSet) -> Grade | None:
         return None
     asked = images.mask if images.evaluation_mask is None else images.evaluation_mask
     known = asked & (np.linalg.norm(images.truth, axis=-1) > 0.5)
-    graded = known & found.mask
+    graded = known & normal_map.mask
     if not np.any(graded):
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "no pixel of the evaluation mask has a normal: check the masks")
-    one, two = found.normals[graded].astype(np.float64), images.truth[graded].astype(np.float64)
+    estimated, true = normal_map.normals[graded].astype(np.float64), images.truth[graded].astype(np.float64)
     # The arctangent is exact for small angles, where the arccosine is not.
-    error = np.degrees(np.arctan2(np.linalg.norm(np.cross(one, two), axis=-1), np.sum(one * two, axis=-1)))
-    sigma = found.sigma_deg[graded]
+    error = np.degrees(
+        np.arctan2(np.linalg.norm(np.cross(estimated, true), axis=-1), np.sum(estimated * true, axis=-1))
+    )
+    sigma = normal_map.sigma_deg[graded]
     predicted = MEDIAN_OF_RAYLEIGH * float(np.median(sigma[np.isfinite(sigma)])) if np.any(np.isfinite(sigma)) else 0.0
-    return Grade(
+    return AngularErrors(
         mean_deg=float(np.mean(error)),
         median_deg=float(np.median(error)),
         p95_deg=float(np.percentile(error, 95)),

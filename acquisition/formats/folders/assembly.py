@@ -4,19 +4,19 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from acquisition.formats.folders import image_files, masks
-from acquisition.formats.folders.image_files import Stored
+from acquisition.formats.folders.image_files import StoredImages
 from acquisition.models.base import BoolArray
 from acquisition.normals.image_set import DistantLights, ImageSet, NearLights
 
-SATURATED_FROM = 0.985
+SATURATION_LEVEL = 0.985
 """Share of full scale from which a value counts as clipped."""
 
-NEVER = 1e30
+NO_SATURATION_LEVEL = 1e30
 """The same for floating-point images that hold larger values than 1, such as merged exposures: nothing is clipped."""
 
 
-def made(
-    folder: Path, names: Sequence[str], paths: Sequence[Path], stored: Stored, lights: DistantLights | NearLights,
+def image_set(
+    folder: Path, names: Sequence[str], paths: Sequence[Path], stored: StoredImages, lights: DistantLights | NearLights,
     mask: BoolArray, *, kind: str, warnings: Sequence[str],
 ) -> ImageSet:  # fmt: skip
     """The images of a folder, `paths` in the order of `lights`, solved in `mask` (H, W); `kind` is the format's name.
@@ -24,8 +24,8 @@ def made(
     Raises RigError folder.invalid naming an image that is black or overexposed, or an evaluation mask that is wrong.
     """
     merged = stored.dtype == "float32" and image_files.exceeds(stored, 1.0)
-    clipped_from = NEVER if merged else SATURATED_FROM
-    image_files.look(stored, paths, mask, clipped_from)
+    clipped_from = NO_SATURATION_LEVEL if merged else SATURATION_LEVEL
+    image_files.refuse_unusable(stored, paths, mask, clipped_from)
     return ImageSet(
         names=tuple(names),
         height=stored.height,

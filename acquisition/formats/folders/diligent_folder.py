@@ -28,8 +28,8 @@ def read(folder: Path, scratch: Path, progress: Progress | None = None) -> Image
     if np.any(intensities <= 0):
         row = 1 + int(np.argmax(np.any(intensities <= 0, axis=1)))
         raise refusal(folder / INTENSITIES, f"line {row} is not positive: correct it, or take the image out")
-    paths = [text_table.beside(folder, name) for name in names]
-    stored = image_files.store(paths, scratch, progress=progress)
+    paths = [text_table.listed_file(folder, name) for name in names]
+    stored = image_files.open_images(paths, scratch, progress=progress)
     warnings: list[str] = []
     if stored.channels == 1 and intensities.shape[1] == 3:
         if not np.allclose(intensities, intensities[:, :1]):
@@ -37,6 +37,6 @@ def read(folder: Path, scratch: Path, progress: Progress | None = None) -> Image
         intensities = intensities.mean(axis=1, keepdims=True)
     elif stored.channels == 3 and intensities.shape[1] == 1:
         intensities = np.repeat(intensities, 3, axis=1)
-    mask = image_files.mask(folder / masks.MASK, stored.height, stored.width)
+    mask = image_files.read_mask(folder / masks.MASK, stored.height, stored.width)
     lights = DistantLights(directions, intensities)
-    return assembly.made(folder, names, paths, stored, lights, mask, kind="DiLiGenT", warnings=warnings)
+    return assembly.image_set(folder, names, paths, stored, lights, mask, kind="DiLiGenT", warnings=warnings)

@@ -13,7 +13,7 @@ from acquisition.normals.image_set import Camera
 
 FILES = ("Normal_gt.mat", "normals_gt.npy", "normals_gt.tiff", "normals_gt.tif", "normals_gt.exr")
 VARIABLE = "Normal_gt"
-SHORTEST = 0.02
+MIN_RELATIVE_LENGTH = 0.02
 """Of the median length of the vectors that are not zero."""
 
 EXR_CHANNELS = (("N.X", "N.Y", "N.Z"), ("normal.X", "normal.Y", "normal.Z"), ("X", "Y", "Z"), ("R", "G", "B"))
@@ -104,13 +104,13 @@ def _exr(path: Path) -> np.ndarray:
     raise refusal(path, f"has channels {', '.join(sorted(channels))}: name the normals' N.X, N.Y, N.Z or R, G, B")
 
 
-def _normals(path: Path, found: np.ndarray, height: int, width: int) -> Float32Array:
-    if found.shape != (height, width, 3):
-        raise refusal(path, f"has shape {found.shape}, not {(height, width, 3)}: use the normals of these images")
-    normals = np.nan_to_num(found.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
+def _normals(path: Path, values: np.ndarray, height: int, width: int) -> Float32Array:
+    if values.shape != (height, width, 3):
+        raise refusal(path, f"has shape {values.shape}, not {(height, width, 3)}: use the normals of these images")
+    normals = np.nan_to_num(values.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
     if not np.any(length > 0):
         raise refusal(path, "holds no normals: x right, y up, z to the camera")
     # Any length will do; what is next to nothing beside the others is where nothing is known.
-    least = SHORTEST * float(np.median(length[length > 0]))
+    least = MIN_RELATIVE_LENGTH * float(np.median(length[length > 0]))
     return np.where(length > least, normals / np.maximum(length, least), 0).astype(np.float32)

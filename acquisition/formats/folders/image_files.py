@@ -24,18 +24,18 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.normals.image_set import StoredValues
 
 FULL_SCALE = {"uint8": 255.0, "uint16": 65535.0, "float32": 1.0}
-THREADS = 2
+DECODER_THREADS = 2
 """Files decoded at once; each holds one whole image."""
 
-ROWS_BYTES = 16_000_000
+SCAN_BYTES = 16_000_000
 """Held at once of an image that is only looked at."""
 
 TIFF_NAMES = (".tif", ".tiff")
-PNG_START = b"\x89PNG\r\n\x1a\n"
-LEAST_LEVEL = 0.0005
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+BLACK_LEVEL = 0.0005
 """Fraction of full scale below which an image's brightest pixels count as black."""
 
-MOST_SATURATED = 0.9
+MAX_SATURATED_SHARE = 0.9
 """Share of clipped pixels above which an image is refused."""
 
 Progress = Callable[[int, int], None]
@@ -43,7 +43,7 @@ Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
-class Place:
+class PixelLocation:
     """Where an image's pixels lie: row by row, C order, from `offset` on."""
 
     path: Path
@@ -52,32 +52,32 @@ class Place:
 
 
 @dataclass(frozen=True)
-class StoredRows:
+class FileRowReader:
     """The images of a folder as a RowReader; picklable, since it holds places only."""
 
-    places: tuple[Place, ...]
+    locations: tuple[PixelLocation, ...]
     shape: tuple[int, ...]  # (H, W) or (H, W, 3)
 
     def __call__(self, image: int, start: int, stop: int) -> StoredValues:
         """Rows [start, stop) of one image. Raises RigError folder.invalid when the file is gone or cut short."""
-        place = self.places[image]
-        kind, row = np.dtype(place.dtype), int(np.prod(self.shape[1:]))
+        location = self.locations[image]
+        kind, row = np.dtype(location.dtype), int(np.prod(self.shape[1:]))
         count = (stop - start) * row
         # Reading beats mapping here: a map costs half a millisecond, and a file cut short would end the process.
         try:
-            pixels = np.fromfile(place.path, kind, count, offset=place.offset + start * row * kind.itemsize)
+            pixels = np.fromfile(location.path, kind, count, offset=location.offset + start * row * kind.itemsize)
         except OSError as error:
-            raise refusal(place.path, f"is gone: {error}; restore it") from error
+            raise refusal(location.path, f"is gone: {error}; restore it") from error
         if pixels.size < count:
-            raise refusal(place.path, "was cut short while it was read: restore it")
+            raise refusal(location.path, "was cut short while it was read: restore it")
         return pixels.reshape(stop - start, *self.shape[1:]).astype(kind.newbyteorder("="), copy=False)
 
 
 @dataclass(frozen=True)
-class Stored:
+class StoredImages:
     """All images of a folder, of one size, type and number of channels."""
 
-    rows: StoredRows
+    rows: FileRowReader
     height: int
     width: int
     channels: int
@@ -89,7 +89,9 @@ class Stored:
         return FULL_SCALE[self.dtype]
 
 
-def store(paths: Sequence[Path], scratch: Path, black: int = 0, progress: Progress | None = None) -> Stored:
+def open_images(
+    paths: Sequence[Path], scratch: Path, black_level: int = 0, progress: Progress | None = None
+) -> StoredImages:
     """Finds or puts down the pixels of all images; `black` is subtracted from each value, never below zero.
 
     Raises RigError folder.invalid naming the file that is missing, damaged, or unlike the first one.
@@ -99,26 +101,26 @@ def store(paths: Sequence[Path], scratch: Path, black: int = 0, progress: Progre
             raise refusal(path, "is missing: put the image there, or take its row out of the list")
     # What is wrong with a file is said in our own words.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    found: list[tuple[Place, tuple[int, ...]]] = []
-    with ThreadPoolExecutor(THREADS) as pool:
-        work = [pool.submit(_placed, path, scratch / f"{index}.raw", black) for index, path in enumerate(paths)]
+    located: list[tuple[PixelLocation, tuple[int, ...]]] = []
+    with ThreadPoolExecutor(DECODER_THREADS) as pool:
+        work = [pool.submit(_locate, path, scratch / f"{index}.raw", black_level) for index, path in enumerate(paths)]
         try:
             for path, future in zip(paths, work, strict=True):
-                place, shape = future.result()
-                _same(path, place, shape, paths[0], found)
-                found.append((place, shape))
+                location, shape = future.result()
+                _refuse_mismatch(path, location, shape, paths[0], located)
+                located.append((location, shape))
                 if progress is not None:
-                    progress(len(found), len(paths))
+                    progress(len(located), len(paths))
         finally:
             for future in work:
                 future.cancel()
-    first, shape = found[0]
+    first, shape = located[0]
     channels = 1 if len(shape) == 2 else shape[2]
-    rows = StoredRows(tuple(place for place, _ in found), shape)
-    return Stored(rows, shape[0], shape[1], channels, np.dtype(first.dtype).newbyteorder("=").name)
+    rows = FileRowReader(tuple(place for place, _ in located), shape)
+    return StoredImages(rows, shape[0], shape[1], channels, np.dtype(first.dtype).newbyteorder("=").name)
 
 
-def look(stored: Stored, paths: Sequence[Path], mask: BoolArray, saturated_from: float) -> None:
+def refuse_unusable(stored: StoredImages, paths: Sequence[Path], mask: BoolArray, saturated_from: float) -> None:
     """Refuses images that are all black or saturated within the mask, by a sample of rows.
 
     Raises RigError folder.invalid naming the image.
@@ -130,23 +132,23 @@ def look(stored: Stored, paths: Sequence[Path], mask: BoolArray, saturated_from:
         values = np.concatenate(rows).astype(np.float32) / stored.full_scale
         if not np.all(np.isfinite(values)):
             raise refusal(path, "holds values that are not numbers: write the image again")
-        if float(np.quantile(values, 0.999)) <= LEAST_LEVEL:
+        if float(np.quantile(values, 0.999)) <= BLACK_LEVEL:
             raise refusal(path, "is black within the mask: take the image again or take its row out of the list")
-        if float(np.mean(values >= saturated_from)) > MOST_SATURATED:
+        if float(np.mean(values >= saturated_from)) > MAX_SATURATED_SHARE:
             raise refusal(path, "is overexposed within the mask: expose it shorter or take its row out of the list")
 
 
-def exceeds(stored: Stored, level: float) -> bool:
+def exceeds(stored: StoredImages, level: float) -> bool:
     """Whether any stored value is above a level."""
-    step = max(1, ROWS_BYTES // (stored.width * stored.channels * np.dtype(stored.dtype).itemsize))
+    step = max(1, SCAN_BYTES // (stored.width * stored.channels * np.dtype(stored.dtype).itemsize))
     return any(
         bool(np.nanmax(stored.rows(index, start, min(start + step, stored.height)), initial=-np.inf) > level)
-        for index in range(len(stored.rows.places))
+        for index in range(len(stored.rows.locations))
         for start in range(0, stored.height, step)
     )
 
 
-def picture(path: Path) -> np.ndarray:
+def decode(path: Path) -> np.ndarray:
     """One image file as a whole, (H, W) or (H, W, 3) RGB, in the type it is stored in. Raises folder.invalid."""
     try:
         content = path.read_bytes()
@@ -154,7 +156,7 @@ def picture(path: Path) -> np.ndarray:
         raise refusal(path, "is missing: put it there") from error
     except OSError as error:
         raise refusal(path, f"cannot be read: {error}") from error
-    if content.startswith(PNG_START) and not _whole_png(content):
+    if content.startswith(PNG_SIGNATURE) and not _png_is_intact(content):
         raise refusal(path, "is a damaged or truncated PNG file: copy it again")
     pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED) if content else None
     if pixels is None:
@@ -164,12 +166,12 @@ def picture(path: Path) -> np.ndarray:
     return np.asarray(pixels[..., 0] if pixels.ndim == 3 and pixels.shape[2] == 1 else pixels)
 
 
-def mask(path: Path, height: int, width: int) -> BoolArray:
+def read_mask(path: Path, height: int, width: int) -> BoolArray:
     """A mask (H, W): true where any channel is above zero.
 
     Raises RigError folder.invalid when it is missing, empty, or of another size than the images.
     """
-    pixels = picture(path)
+    pixels = decode(path)
     if pixels.ndim == 3:
         pixels = np.max(pixels[..., :3], axis=2)
     if pixels.shape != (height, width):
@@ -179,16 +181,16 @@ def mask(path: Path, height: int, width: int) -> BoolArray:
     return pixels > 0
 
 
-def _placed(path: Path, scratch: Path, black: int) -> tuple[Place, tuple[int, ...]]:
+def _locate(path: Path, scratch: Path, black_level: int) -> tuple[PixelLocation, tuple[int, ...]]:
     """Where the pixels of one file lie, and their shape."""
-    if path.suffix.lower() in TIFF_NAMES and black == 0:
+    if path.suffix.lower() in TIFF_NAMES and black_level == 0:
         plain = _plain_tiff(path)
         if plain is not None:
             return plain
-    pixels = picture(path)
-    _refuse(path, pixels.dtype, pixels.shape)
-    if black:
-        pixels = np.asarray(cv2.subtract(pixels, np.full_like(pixels, black)))
+    pixels = decode(path)
+    _refuse_format(path, pixels.dtype, pixels.shape)
+    if black_level:
+        pixels = np.asarray(cv2.subtract(pixels, np.full_like(pixels, black_level)))
     try:
         with scratch.open("wb") as file:
             file.write(np.ascontiguousarray(pixels).data)
@@ -201,10 +203,10 @@ def _placed(path: Path, scratch: Path, black: int) -> tuple[Place, tuple[int, ..
                 file=str(path),
             ) from error
         raise
-    return Place(scratch, 0, pixels.dtype.name), pixels.shape
+    return PixelLocation(scratch, 0, pixels.dtype.name), pixels.shape
 
 
-def _plain_tiff(path: Path) -> tuple[Place, tuple[int, ...]] | None:
+def _plain_tiff(path: Path) -> tuple[PixelLocation, tuple[int, ...]] | None:
     """Where the pixels of an uncompressed TIFF file lie; None when it has to be decoded."""
     try:
         with tifffile.TiffFile(path) as file:
@@ -218,17 +220,17 @@ def _plain_tiff(path: Path) -> tuple[Place, tuple[int, ...]] | None:
                 raise refusal(path, "holds no pixels: save it again")
             if not page.is_contiguous or page.fillorder != 1:
                 return None
-            _refuse(path, kind, shape)
+            _refuse_format(path, kind, shape)
             offset = int(page.dataoffsets[0])
             order = kind.newbyteorder(file.byteorder)
     except (OSError, ValueError, LookupError, ArithmeticError, struct.error, tifffile.TiffFileError) as error:
         raise refusal(path, f"is no TIFF file or is damaged ({error}): copy it again") from error
     if os.path.getsize(path) < offset + int(np.prod(shape)) * kind.itemsize:
         raise refusal(path, "is a truncated TIFF file: copy it again")
-    return Place(path, offset, order.str), shape
+    return PixelLocation(path, offset, order.str), shape
 
 
-def _refuse(path: Path, kind: np.dtype, shape: tuple[int, ...]) -> None:
+def _refuse_format(path: Path, kind: np.dtype, shape: tuple[int, ...]) -> None:
     if kind.newbyteorder("=").name not in FULL_SCALE:
         raise refusal(path, f"holds {kind.name} values: save it as linear 16-bit (or 8-bit, or float32) values")
     if len(shape) not in (2, 3) or (len(shape) == 3 and shape[2] != 3):
@@ -236,16 +238,20 @@ def _refuse(path: Path, kind: np.dtype, shape: tuple[int, ...]) -> None:
         raise refusal(path, f"has {channels} channels: save it as grey or RGB, without alpha")
 
 
-def _same(
-    path: Path, place: Place, shape: tuple[int, ...], first: Path, found: list[tuple[Place, tuple[int, ...]]]
+def _refuse_mismatch(
+    path: Path,
+    location: PixelLocation,
+    shape: tuple[int, ...],
+    first: Path,
+    located: list[tuple[PixelLocation, tuple[int, ...]]],
 ) -> None:
-    if not found:
+    if not located:
         return
-    if shape[:2] != found[0][1][:2]:
-        raise refusal(path, f"is {_size(shape)}, {first.name} is {_size(found[0][1])}: use images of one size")
-    if shape != found[0][1]:
+    if shape[:2] != located[0][1][:2]:
+        raise refusal(path, f"is {_size(shape)}, {first.name} is {_size(located[0][1])}: use images of one size")
+    if shape != located[0][1]:
         raise refusal(path, f"and {first.name} differ in their number of channels: save all as grey or all as RGB")
-    kinds = [np.dtype(one.dtype).newbyteorder("=").name for one in (place, found[0][0])]
+    kinds = [np.dtype(one.dtype).newbyteorder("=").name for one in (location, located[0][0])]
     if kinds[0] != kinds[1]:
         raise refusal(path, f"holds {kinds[0]} values, {first.name} {kinds[1]}: save all images with the same depth")
 
@@ -254,17 +260,17 @@ def _size(shape: tuple[int, ...]) -> str:
     return f"{shape[1]} × {shape[0]} pixels"
 
 
-def _whole_png(content: bytes) -> bool:
+def _png_is_intact(content: bytes) -> bool:
     """Whether a PNG's chunks are all there and undamaged; the decoder accepts some that are not."""
-    at = len(PNG_START)
-    while at + 12 <= len(content):
-        length = int.from_bytes(content[at : at + 4], "big")
-        end = at + 12 + length
+    position = len(PNG_SIGNATURE)
+    while position + 12 <= len(content):
+        length = int.from_bytes(content[position : position + 4], "big")
+        end = position + 12 + length
         if end > len(content):
             return False
-        if zlib.crc32(content[at + 4 : end - 4]) != int.from_bytes(content[end - 4 : end], "big"):
+        if zlib.crc32(content[position + 4 : end - 4]) != int.from_bytes(content[end - 4 : end], "big"):
             return False
-        if content[at + 4 : at + 8] == b"IEND":
+        if content[position + 4 : position + 8] == b"IEND":
             return True
-        at = end
+        position = end
     return False

@@ -34,14 +34,14 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
     if not names:
         raise refusal(path, "names no images: write `name x y z` for each")
     folder = path.parent
-    paths = [text_table.beside(folder, name) for name in names]
-    stored = image_files.store(paths, scratch, progress=progress)
-    found = masks.solving(folder, stored.height, stored.width)
+    paths = [text_table.listed_file(folder, name) for name in names]
+    stored = image_files.open_images(paths, scratch, progress=progress)
+    object_mask = masks.solving(folder, stored.height, stored.width)
     warnings = ["All lights are taken as equally bright: an .lp file does not say."]
-    if found is None:
+    if object_mask is None:
         warnings.append(f"There is no {masks.MASK}: every pixel is solved.")
     if any(one.suffix.lower() in masks.LOSSY for one in paths):
         warnings.append("JPEG images are compressed and mostly gamma-encoded: normals will lean and flatten.")
-    mask = np.ones((stored.height, stored.width), np.bool_) if found is None else found
+    mask = np.ones((stored.height, stored.width), np.bool_) if object_mask is None else object_mask
     lights = DistantLights(np.array(directions), np.ones((len(names), stored.channels)))
-    return assembly.made(folder, names, paths, stored, lights, mask, kind=".lp", warnings=warnings)
+    return assembly.image_set(folder, names, paths, stored, lights, mask, kind=".lp", warnings=warnings)

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from acquisition.formats.folders import image_files
-from acquisition.formats.folders.image_files import Stored
+from acquisition.formats.folders.image_files import StoredImages
 from acquisition.models.base import BoolArray
 
 MASK, EVALUATION_MASK = "mask.png", "eval_mask.png"
@@ -13,16 +13,16 @@ LOSSY = (".jpg", ".jpeg")
 def solving(folder: Path, height: int, width: int) -> BoolArray | None:
     """The object's mask (H, W), none when the folder has none. Raises RigError folder.invalid."""
     path = folder / MASK
-    return image_files.mask(path, height, width) if path.exists() else None
+    return image_files.read_mask(path, height, width) if path.exists() else None
 
 
 def evaluation(folder: Path, height: int, width: int) -> BoolArray | None:
     """Where errors are graded (H, W), none when the folder does not say. Raises RigError folder.invalid."""
     path = folder / EVALUATION_MASK
-    return image_files.mask(path, height, width) if path.exists() else None
+    return image_files.read_mask(path, height, width) if path.exists() else None
 
 
-def depth_warning(stored: Stored) -> list[str]:
+def depth_warning(stored: StoredImages) -> list[str]:
     """Sentences on images whose numbers are coarser than a camera's, or not linear."""
     warnings: list[str] = []
     if stored.dtype == "uint8":

@@ -24,12 +24,12 @@ from acquisition.normals.image_set import Camera, ImageSet, NearLights
 
 LIGHTS = "lights.json"
 METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
-MOST_OFF_AXIS_DEG = 70.0
+MAX_OFF_AXIS_DEG = 70.0
 """Off the optical axis beyond which the middle of the images is not believed: an image cut out of a larger one may not
 hold the axis at all."""
 
 
-class _Given(Value):
+class _ForeignValue(Value):
     """Values of somebody else's file, which may hold more than is asked for."""
 
     model_config = ConfigDict(extra="allow")
@@ -39,18 +39,18 @@ class _Given(Value):
         return [where + name for name in self.model_extra or ()]
 
 
-class _Camera(_Given):
+class _Camera(_ForeignValue):
     K: Annotated[tuple[Vector3, Vector3, Vector3], Field(strict=False)]
     distortion: list[float] = Field(default_factory=list[float])
 
 
-class _Light(_Given):
+class _Light(_ForeignValue):
     file: str
     position: Vector3
     intensity: float = Field(gt=0)
 
 
-class _Lights(_Given):
+class _Lights(_ForeignValue):
     unit: Literal["mm", "cm", "m"]
     reference_mm: float = Field(gt=0)
     camera: _Camera
@@ -66,16 +66,16 @@ def read(folder: Path, scratch: Path, progress: Progress | None = None) -> Image
     matrix = np.array(given.camera.K)
     if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or not np.allclose(matrix[2], (0, 0, 1)):
         raise refusal(path, "camera.K is no camera matrix: give [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels")
-    told = np.array(given.camera.distortion)
-    if np.any(told[5:]):
+    coefficients = np.array(given.camera.distortion)
+    if np.any(coefficients[5:]):
         raise refusal(path, "camera.distortion holds more than k1 k2 p1 p2 k3: undistort the images with the rest")
     distortion = np.zeros(5)
-    distortion[: min(len(told), 5)] = told[:5]
-    paths = [text_table.beside(folder, light.file) for light in given.lights]
-    stored = image_files.store(paths, scratch, given.black_level, progress)
+    distortion[: min(len(coefficients), 5)] = coefficients[:5]
+    paths = [text_table.listed_file(folder, light.file) for light in given.lights]
+    stored = image_files.open_images(paths, scratch, given.black_level, progress)
     middle = np.array([stored.width / 2, stored.height / 2])
     off_axis = np.degrees(np.arctan(np.linalg.norm((middle - matrix[:2, 2]) / matrix[[0, 1], [0, 1]])))
-    if off_axis > MOST_OFF_AXIS_DEG:
+    if off_axis > MAX_OFF_AXIS_DEG:
         raise refusal(
             path,
             f"camera.K has its centre far outside the {stored.width} × {stored.height} images, whose middle would be "
@@ -87,17 +87,17 @@ def read(folder: Path, scratch: Path, progress: Progress | None = None) -> Image
         warnings.append(f"{LIGHTS} holds {', '.join(unused)}, which is not used.")
     if "black_level" not in given.model_fields_set:
         warnings.append("No black level is given: it is taken as zero. Give `black_level` where the camera has one.")
-    found = masks.solving(folder, stored.height, stored.width)
-    if found is None:
+    object_mask = masks.solving(folder, stored.height, stored.width)
+    if object_mask is None:
         warnings.append(f"There is no {masks.MASK}: the object is looked for in the images.")
-    mask = np.ones((stored.height, stored.width), np.bool_) if found is None else found
+    mask = np.ones((stored.height, stored.width), np.bool_) if object_mask is None else object_mask
     lights = NearLights(
         np.array([light.position for light in given.lights]) @ VIEW_FROM_CAMERA[:3, :3].T * METRES[given.unit],
         np.array([light.intensity for light in given.lights]),
         given.reference_mm / 1000,
     )
     names = [light.file for light in given.lights]
-    images = assembly.made(folder, names, paths, stored, lights, mask, kind="near light", warnings=warnings)
+    images = assembly.image_set(folder, names, paths, stored, lights, mask, kind="near light", warnings=warnings)
     return replace(
         images,
         saturated_from=images.saturated_from - given.black_level / stored.full_scale,

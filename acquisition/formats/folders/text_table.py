@@ -17,12 +17,12 @@ def lines(path: Path) -> list[str]:
 def numbers(path: Path, line: int, words: list[str]) -> list[float]:
     """The finite numbers of one line. Raises RigError folder.invalid naming the line."""
     try:
-        found = [float(word) for word in words]
+        values = [float(word) for word in words]
     except ValueError as error:
         raise refusal(path, f"line {line}: {error}: write numbers") from error
-    if not all(math.isfinite(value) for value in found):
+    if not all(math.isfinite(value) for value in values):
         raise refusal(path, f"line {line}: {' '.join(words)} is not finite: correct it, or take the image out")
-    return found
+    return values
 
 
 def rows(path: Path, columns: tuple[int, ...], count: int, listing: str) -> FloatArray:
@@ -30,8 +30,8 @@ def rows(path: Path, columns: tuple[int, ...], count: int, listing: str) -> Floa
 
     Raises RigError folder.invalid naming what is wrong.
     """
-    found = lines(path)
-    table = [numbers(path, number, line.replace(",", " ").split()) for number, line in enumerate(found, start=1)]
+    table_lines = lines(path)
+    table = [numbers(path, number, line.replace(",", " ").split()) for number, line in enumerate(table_lines, start=1)]
     for number, row in enumerate(table, start=1):
         if len(row) not in columns or len(row) != len(table[0]):
             wanted = " or ".join(str(one) for one in columns)
@@ -41,7 +41,7 @@ def rows(path: Path, columns: tuple[int, ...], count: int, listing: str) -> Floa
     return np.array(table, dtype=np.float64)
 
 
-def beside(folder: Path, name: str) -> Path:
+def listed_file(folder: Path, name: str) -> Path:
     """The file that a list in `folder` names; lists that another machine wrote may name its folders too."""
     named = folder / name
     return named if named.is_file() else folder / name.replace("\\", "/").rsplit("/", maxsplit=1)[-1]

@@ -9,69 +9,73 @@ import cv2
 import numpy as np
 
 from acquisition.formats.export import lights_used
-from acquisition.formats.report.context import Facts
+from acquisition.formats.report.context import ReportContext
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, NormalMap
 from acquisition.normals import memory_mapped
 
-ENOUGH_LIGHTS = 3
-SPEAKS_FROM = 0.01
+MIN_LIGHTS = 3
+MIN_REPORTED_SHARE = 0.01
 """Share of the object's pixels from which a fault is worth a sentence."""
 
 SIDES = ("right", "upper right", "top", "upper left", "left", "lower left", "bottom", "lower right")
 SLANTS_DEG = (20.0, 45.0, 65.0)
-LEAST_COSINE = 0.15
-LEAST_SHARE = 1 / 3
+MIN_COSINE = 0.15
+MIN_RELIT_SHARE = 1 / 3
 """Of the pixels that lack light, which one more light has to reach to be worth naming."""
 
 SAME_SIDE_COSINE = float(np.cos(np.radians(25)))
-MOST_SAMPLES = 4000
-LARGE_FACTOR = 0.03
-LARGE_RESIDUAL = 2.5
-LARGE_SIGMA_DEG = 5.0
+MAX_SAMPLES = 4000
+MAX_INTENSITY_DEVIATION = 0.03
+MAX_RESIDUAL = 2.5
+MAX_SIGMA_DEG = 5.0
 
 
-def sentences(found: NormalMap, facts: Facts) -> list[str]:
+def quality_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
     """Warnings with advice, the gravest first; none when there is nothing to say."""
-    said: list[str] = []
-    object_pixels = max(1, np.count_nonzero(found.silhouette))
-    used = lights_used(found)
-    few = found.silhouette & (used < ENOUGH_LIGHTS)
-    if np.all(found.silhouette):
-        few &= used > 0  # no mask was given: what no light reaches is background
-    if np.count_nonzero(few) > SPEAKS_FROM * object_pixels:
-        share = np.count_nonzero(few) / object_pixels
-        side = missing_side(found, few, facts.directions)
+    warnings: list[str] = []
+    object_pixels = max(1, np.count_nonzero(normal_map.silhouette))
+    used = lights_used(normal_map)
+    underlit = normal_map.silhouette & (used < MIN_LIGHTS)
+    if np.all(normal_map.silhouette):
+        underlit &= used > 0  # no mask was given: what no light reaches is background
+    if np.count_nonzero(underlit) > MIN_REPORTED_SHARE * object_pixels:
+        share = np.count_nonzero(underlit) / object_pixels
+        side = missing_side(normal_map, underlit, context.directions)
         advice = "no single light would help most of them" if side is None else f"add a light {side}"
-        said.append(f"{_percent(share)} of the pixels were lit by fewer than three lights: {advice}.")
-    said += _of_images(found, facts)
-    shining = np.zeros_like(found.silhouette)
-    for flags in memory_mapped.iterate(found.flags):  # image by image: all flags at once may not fit into memory twice
-        shining |= (flags & HIGHLIGHT) > 0
-    highlights = np.count_nonzero(shining & found.silhouette) / object_pixels
-    if highlights > 5 * SPEAKS_FROM:
-        said.append(
+        warnings.append(f"{_percent(share)} of the pixels were lit by fewer than three lights: {advice}.")
+    warnings += _image_warnings(normal_map, context)
+    highlighted = np.zeros_like(normal_map.silhouette)
+    for flags in memory_mapped.iterate(
+        normal_map.flags
+    ):  # image by image: all flags at once may not fit into memory twice
+        highlighted |= (flags & HIGHLIGHT) > 0
+    highlights = np.count_nonzero(highlighted & normal_map.silhouette) / object_pixels
+    if highlights > 5 * MIN_REPORTED_SHARE:
+        warnings.append(
             f"{_percent(highlights)} of the pixels show a highlight in some image: the surface is glossy there; "
             "solver `glossy` fits the gloss, and more lights leave more images without it."
         )
-    if found.indirect is not None:
-        strong = float(np.mean(found.indirect[found.mask] > 0.2)) if np.any(found.mask) else 0.0
-        if strong > SPEAKS_FROM:
-            said.append(
+    if normal_map.indirect is not None:
+        strong = float(np.mean(normal_map.indirect[normal_map.mask] > 0.2)) if np.any(normal_map.mask) else 0.0
+        if strong > MIN_REPORTED_SHARE:
+            warnings.append(
                 f"{_percent(strong)} of the pixels get over a fifth of their light from other surfaces: it is "
                 "predicted and taken out, but σ is larger there; where it is the table's, a dark cloth helps."
             )
-    if found.doubtful is not None and np.any(found.doubtful):
-        share = np.count_nonzero(found.doubtful & found.silhouette) / object_pixels
-        if share > SPEAKS_FROM:
-            said.append(f"At {_percent(share)} of the pixels σ means nothing (hatched in its map): do not rely on it.")
-    said += _of_fit(found)
-    return said + list(facts.warnings)
+    if normal_map.doubtful is not None and np.any(normal_map.doubtful):
+        share = np.count_nonzero(normal_map.doubtful & normal_map.silhouette) / object_pixels
+        if share > MIN_REPORTED_SHARE:
+            warnings.append(
+                f"At {_percent(share)} of the pixels σ means nothing (hatched in its map): do not rely on it."
+            )
+    warnings += _fit_warnings(normal_map)
+    return warnings + list(context.warnings)
 
 
-def missing_side(found: NormalMap, few: BoolArray, directions: FloatArray) -> str | None:
+def missing_side(normal_map: NormalMap, underlit: BoolArray, directions: FloatArray) -> str | None:
     """From which side most of the pixels `few` (H, W) would be lit, in words; none when none lights a third of them."""
-    normals, flags = _starved(found, few)
+    normals, flags = _underlit_sample(normal_map, underlit)
     if not len(normals):
         return None
     best, most = None, 0.0
@@ -81,69 +85,69 @@ def missing_side(found: NormalMap, few: BoolArray, directions: FloatArray) -> st
             unit = np.array([np.cos(azimuth), np.sin(azimuth), 0]) * np.sin(np.radians(slant))
             unit[2] = np.cos(np.radians(slant))
             cosine = normals @ unit
-            alike = directions @ unit > SAME_SIDE_COSINE
-            again = np.any(flags[alike] & CAST, axis=0) if np.any(alike) else np.zeros(len(normals), bool)
-            lit = (cosine > LEAST_COSINE) & ~again
+            same_side = directions @ unit > SAME_SIDE_COSINE
+            shadowed = np.any(flags[same_side] & CAST, axis=0) if np.any(same_side) else np.zeros(len(normals), bool)
+            lit = (cosine > MIN_COSINE) & ~shadowed
             light = float(np.mean(np.where(lit, cosine, 0)))
-            if light > most and np.mean(lit) > LEAST_SHARE:
+            if light > most and np.mean(lit) > MIN_RELIT_SHARE:
                 best, most = f"from the {side}, about {slant:.0f}° off the viewing axis", light
     return best
 
 
-def _starved(found: NormalMap, few: BoolArray) -> tuple[np.ndarray, np.ndarray]:
+def _underlit_sample(normal_map: NormalMap, underlit: BoolArray) -> tuple[np.ndarray, np.ndarray]:
     """Normals (K, 3) and flags (F, K) of a sample of pixels; unsolved ones borrow from the nearest solved one."""
-    if not np.any(found.mask):
-        return np.zeros((0, 3)), np.zeros((len(found.flags), 0), np.uint8)
-    rows, columns = np.nonzero(few)
-    step = max(1, len(rows) // MOST_SAMPLES)
+    if not np.any(normal_map.mask):
+        return np.zeros((0, 3)), np.zeros((len(normal_map.flags), 0), np.uint8)
+    rows, columns = np.nonzero(underlit)
+    step = max(1, len(rows) // MAX_SAMPLES)
     rows, columns = rows[::step], columns[::step]
     _, label = cv2.distanceTransformWithLabels(
-        (~found.mask).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+        (~normal_map.mask).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
     label = np.asarray(label, np.intp)
     nearest = np.zeros(int(label.max()) + 1, np.int64)
-    nearest[label[found.mask]] = np.flatnonzero(found.mask)
-    normals = found.normals.reshape(-1, 3)[nearest[label[rows, columns]]]
-    return normals.astype(np.float64), found.flags[:, rows, columns]
+    nearest[label[normal_map.mask]] = np.flatnonzero(normal_map.mask)
+    normals = normal_map.normals.reshape(-1, 3)[nearest[label[rows, columns]]]
+    return normals.astype(np.float64), normal_map.flags[:, rows, columns]
 
 
-def _of_images(found: NormalMap, facts: Facts) -> list[str]:
-    said: list[str] = []
-    for name, flags in zip(facts.names, memory_mapped.iterate(found.flags), strict=True):
-        inside = flags[found.silhouette]
+def _image_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
+    warnings: list[str] = []
+    for name, flags in zip(context.names, memory_mapped.iterate(normal_map.flags), strict=True):
+        inside = flags[normal_map.silhouette]
         clipped = float(np.mean((inside & SATURATED) > 0)) if inside.size else 0.0
         lit = float(np.mean((inside & LIT) > 0)) if inside.size else 0.0
         shadow = float(np.mean((inside & (CAST | ATTACHED)) > 0)) if inside.size else 0.0
-        if clipped > 5 * SPEAKS_FROM:
-            said.append(f"{name}: {_percent(clipped)} of the pixels are clipped: expose it shorter.")
+        if clipped > 5 * MIN_REPORTED_SHARE:
+            warnings.append(f"{name}: {_percent(clipped)} of the pixels are clipped: expose it shorter.")
         elif lit < 0.1 and shadow < 0.8:
-            said.append(f"{name} lights only {_percent(lit)} of the pixels: check its lamp and exposure.")
-    for name, factor in zip(facts.names, found.intensity_factors, strict=True):
-        if abs(factor - 1) > LARGE_FACTOR:
+            warnings.append(f"{name} lights only {_percent(lit)} of the pixels: check its lamp and exposure.")
+    for name, factor in zip(context.names, normal_map.intensity_factors, strict=True):
+        if abs(factor - 1) > MAX_INTENSITY_DEVIATION:
             than = "brighter" if factor > 1 else "dimmer"
-            said.append(
+            warnings.append(
                 f"{name}: its light was {_percent(abs(factor - 1))} {than} than the calibration says; corrected."
             )
-    return said
+    return warnings
 
 
-def _of_fit(found: NormalMap) -> list[str]:
-    if not np.any(found.mask):
+def _fit_warnings(normal_map: NormalMap) -> list[str]:
+    if not np.any(normal_map.mask):
         return ["No pixel could be solved: check lamps, exposure and mask."]
-    said: list[str] = []
-    residual = float(np.median(found.residual[found.mask]))
-    if residual > LARGE_RESIDUAL:
-        said.append(
+    warnings: list[str] = []
+    residual = float(np.median(normal_map.residual[normal_map.mask]))
+    if residual > MAX_RESIDUAL:
+        warnings.append(
             f"The images fit the model badly (residuals {residual:.1f} times what is expected): check that nothing "
             "moved, that the light's positions and intensities belong to these images, and that they are linear."
         )
-    sigma = found.sigma_deg[found.mask]
-    uncertain = float(np.mean(sigma[np.isfinite(sigma)] > LARGE_SIGMA_DEG)) if np.any(np.isfinite(sigma)) else 0.0
-    if uncertain > 5 * SPEAKS_FROM:
-        said.append(
-            f"{_percent(uncertain)} of the normals are uncertain by more than {LARGE_SIGMA_DEG:.0f}°: add lights."
+    sigma = normal_map.sigma_deg[normal_map.mask]
+    uncertain = float(np.mean(sigma[np.isfinite(sigma)] > MAX_SIGMA_DEG)) if np.any(np.isfinite(sigma)) else 0.0
+    if uncertain > 5 * MIN_REPORTED_SHARE:
+        warnings.append(
+            f"{_percent(uncertain)} of the normals are uncertain by more than {MAX_SIGMA_DEG:.0f}°: add lights."
         )
-    return said
+    return warnings
 
 
 def _percent(share: float) -> str:

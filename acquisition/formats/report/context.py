@@ -7,7 +7,7 @@ from acquisition.models.base import FloatArray
 
 
 @dataclass(frozen=True)
-class Facts:
+class ReportContext:
     """What a report is told of one result."""
 
     title: str

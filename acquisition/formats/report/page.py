@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 
 from acquisition.formats.report import advice, pictures
-from acquisition.formats.report.context import Facts
-from acquisition.formats.report.pictures import Small
+from acquisition.formats.report.context import ReportContext
+from acquisition.formats.report.pictures import ReducedMaps
 from acquisition.models.base import BoolArray
 from acquisition.models.result import NormalMap
 
@@ -22,28 +22,28 @@ PAGE, PICTURE = "report.html", "report.png"
 DOME_PX = 300
 
 
-def write(found: NormalMap, facts: Facts, folder: Path) -> None:
+def write(normal_map: NormalMap, context: ReportContext, folder: Path) -> None:
     """Writes report.html and report.png into an existing folder."""
-    small = pictures.reduced(found)
+    small = pictures.reduced(normal_map)
     maps = _maps(small)
-    (folder / PICTURE).write_bytes(_still(maps))
-    (folder / PAGE).write_text(_page(found, facts, small, maps), encoding="utf-8")
+    (folder / PICTURE).write_bytes(_contact_sheet(maps))
+    (folder / PAGE).write_text(_page(normal_map, context, small, maps), encoding="utf-8")
 
 
-def _page(found: NormalMap, facts: Facts, small: Small, maps: list["_Map"]) -> str:
-    warnings = advice.sentences(found, facts)
+def _page(normal_map: NormalMap, context: ReportContext, small: ReducedMaps, maps: list["_MapPicture"]) -> str:
+    warnings = advice.quality_warnings(normal_map, context)
     parts = {
-        "TITLE": html.escape(facts.title),
-        "FIGURES": _figures(found, facts),
+        "TITLE": html.escape(context.title),
+        "FIGURES": _figures(normal_map, context),
         "WARNINGS": "".join(f"<li>{html.escape(sentence)}" for sentence in warnings)
         or "<li class=good>Nothing to complain of.",
         "MAPS": "".join(_figure(one) for one in maps),
-        "DOME": _dome(facts),
+        "DOME": _dome(context),
         "DRAWINGS": "".join(
-            f"<figure>{svg}<figcaption>{html.escape(what)}</figcaption></figure>" for what, svg in facts.drawings
+            f"<figure>{svg}<figcaption>{html.escape(what)}</figcaption></figure>" for what, svg in context.drawings
         ),
-        "LIGHTS": _lights(found, facts),
-        "SECONDS": ", ".join(f"{html.escape(name)} {value:.2f} s" for name, value in facts.seconds.items()),
+        "LIGHTS": _lights(normal_map, context),
+        "SECONDS": ", ".join(f"{html.escape(name)} {value:.2f} s" for name, value in context.seconds.items()),
         "NORMALS_DATA": _data(pictures.normals(small), ".png"),
         "ALBEDO_DATA": _data(_albedo(small), ".png"),
     }
@@ -54,7 +54,7 @@ def _page(found: NormalMap, facts: Facts, small: Small, maps: list["_Map"]) -> s
 
 
 @dataclass(frozen=True)
-class _Map:
+class _MapPicture:
     """One map as a picture (h, w, 3) with its name, what it means, and the ends of its scale."""
 
     name: str
@@ -63,27 +63,27 @@ class _Map:
     scale: tuple[str, str] | None = None
 
 
-def _maps(small: Small) -> list[_Map]:
+def _maps(small: ReducedMaps) -> list[_MapPicture]:
     white = float(np.quantile(small.albedo[small.solved], 0.995)) if np.any(small.solved) else 1.0
-    sigma_top = pictures.top_of(small.sigma_deg, small.solved, 0.1)
-    residual_top = pictures.top_of(small.residual, small.solved, 1.0)
+    sigma_top = pictures.scale_top(small.sigma_deg, small.solved, 0.1)
+    residual_top = pictures.scale_top(small.residual, small.solved, 1.0)
     most = float(max(1.0, np.ceil(np.max(small.lights, initial=1.0))))
-    found = [
-        _Map("Normals", "(n + 1)/2: red right, green up, blue to the camera", pictures.normals(small)),
-        _Map("Albedo", f"white is {white:.2f}", pictures.seen(small.albedo, small.solved, white)),
-        _Map(
+    maps = [
+        _MapPicture("Normals", "(n + 1)/2: red right, green up, blue to the camera", pictures.normals(small)),
+        _MapPicture("Albedo", f"white is {white:.2f}", pictures.gamma_encoded(small.albedo, small.solved, white)),
+        _MapPicture(
             "Uncertainty σ",
             "degrees; the mean error is 0.89 σ; hatched: σ means nothing",
             _hatched(pictures.coloured(small.sigma_deg, small.solved, sigma_top), small.doubtful > 0.5),
             ("0°", f"{sigma_top:g}°"),
         ),
-        _Map(
+        _MapPicture(
             "Lights used",
             "how many images each normal rests on",
             pictures.coloured(small.lights, small.mask, most),
             ("0", f"{most:.0f}"),
         ),
-        _Map(
+        _MapPicture(
             "Residual",
             "misfit over what noise explains: 1 is right",
             pictures.coloured(small.residual, small.solved, residual_top),
@@ -91,35 +91,35 @@ def _maps(small: Small) -> list[_Map]:
         ),
     ]
     if small.indirect is not None:
-        top = pictures.top_of(small.indirect, small.solved, 0.01)
+        top = pictures.scale_top(small.indirect, small.solved, 0.01)
         picture = pictures.coloured(small.indirect, small.solved, top)
-        found.append(_Map("Light from other surfaces", "share I/y, taken out", picture, ("0", f"{top:.0%}")))
-    return found
+        maps.append(_MapPicture("Light from other surfaces", "share I/y, taken out", picture, ("0", f"{top:.0%}")))
+    return maps
 
 
-def _figures(found: NormalMap, facts: Facts) -> str:
-    sigma = found.sigma_deg[found.mask]
+def _figures(normal_map: NormalMap, context: ReportContext) -> str:
+    sigma = normal_map.sigma_deg[normal_map.mask]
     sigma = sigma[np.isfinite(sigma)]
-    pixels, whole = np.count_nonzero(found.mask), max(1, np.count_nonzero(found.silhouette))
+    pixels, object_pixels = np.count_nonzero(normal_map.mask), max(1, np.count_nonzero(normal_map.silhouette))
     rows = [
-        ("images", f"{len(found.flags)}"),
-        ("normals", f"{pixels:,}".replace(",", " ") + f" ({pixels / whole:.1%} of the object)"),
+        ("images", f"{len(normal_map.flags)}"),
+        ("normals", f"{pixels:,}".replace(",", " ") + f" ({pixels / object_pixels:.1%} of the object)"),
     ]
     if sigma.size:
         rows.append(("σ of all solved pixels", f"mean {np.mean(sigma):.2f}°, median {np.median(sigma):.2f}°"))
         rows.append(("error to expect", f"mean {0.886 * np.mean(sigma):.2f}°, median {0.833 * np.median(sigma):.2f}°"))
-    if facts.predicted_sigma_deg is not None:
-        rows.append(("mean σ that the plan predicted", f"{facts.predicted_sigma_deg:.2f}°"))
-    if facts.error_deg:
-        rows.append(("error against the truth", ", ".join(f"{k} {v:.2f}°" for k, v in facts.error_deg.items())))
-    if facts.solver:
-        rows.append(("solver", facts.solver + (f": {facts.why}" if facts.why else "")))
-    if "sensor" in found.notes:
-        rows.append(("sensor", str(found.notes["sensor"])))
+    if context.predicted_sigma_deg is not None:
+        rows.append(("mean σ that the plan predicted", f"{context.predicted_sigma_deg:.2f}°"))
+    if context.error_deg:
+        rows.append(("error against the truth", ", ".join(f"{k} {v:.2f}°" for k, v in context.error_deg.items())))
+    if context.solver:
+        rows.append(("solver", context.solver + (f": {context.why}" if context.why else "")))
+    if "sensor" in normal_map.notes:
+        rows.append(("sensor", str(normal_map.notes["sensor"])))
     return "".join(f"<tr><th>{html.escape(name)}<td>{html.escape(value)}" for name, value in rows)
 
 
-def _figure(one: _Map) -> str:
+def _figure(one: _MapPicture) -> str:
     scale = ""
     if one.scale is not None:
         stops = ",".join(pictures.scale_colours())
@@ -131,7 +131,7 @@ def _figure(one: _Map) -> str:
     )
 
 
-def _dome(facts: Facts) -> str:
+def _dome(context: ReportContext) -> str:
     """The lights as seen from the camera: rings are 30°, 60° and 90° off the viewing axis."""
     middle, radius = DOME_PX / 2, DOME_PX / 2 - 18
     parts = [
@@ -139,12 +139,12 @@ def _dome(facts: Facts) -> str:
         f'<text x="{middle + 3}" y="{middle - radius * slant / 90 - 2:.1f}" class=tick>{slant}°</text>'
         for slant in (30, 60, 90)
     ]
-    kinds = sorted(set(facts.groups))
-    for number, (x, y, z) in enumerate(facts.directions.tolist()):
+    kinds = sorted(set(context.groups))
+    for number, (x, y, z) in enumerate(context.directions.tolist()):
         off_axis = np.degrees(np.arctan2(np.hypot(x, y), z)) / 90
         length = max(np.hypot(x, y), 1e-9)
         column, row = middle + radius * off_axis * x / length, middle - radius * off_axis * y / length
-        kind = kinds.index(facts.groups[number]) if facts.groups else 0
+        kind = kinds.index(context.groups[number]) if context.groups else 0
         parts.append(
             f'<g class="light kind{kind}"><circle cx="{column:.1f}" cy="{row:.1f}" r="8" />'
             f'<text x="{column:.1f}" y="{row + 3.5:.1f}">{number}</text></g>'
@@ -154,19 +154,19 @@ def _dome(facts: Facts) -> str:
     return f"{view}<figcaption><b>Lights</b> as the camera sees them. {legend}</figcaption>"
 
 
-def _lights(found: NormalMap, facts: Facts) -> str:
-    shares = pictures.shares(found)
+def _lights(normal_map: NormalMap, context: ReportContext) -> str:
+    shares = pictures.shares(normal_map)
     rows: list[str] = []
-    for number, (name, (x, y, z)) in enumerate(zip(facts.names, facts.directions.tolist(), strict=True)):
+    for number, (name, (x, y, z)) in enumerate(zip(context.names, context.directions.tolist(), strict=True)):
         rows.append(
             f"<tr><td>{number}<td>{html.escape(name)}<td>{np.degrees(np.arctan2(np.hypot(x, y), z)):.0f}°"
-            f"<td>{np.degrees(np.arctan2(y, x)):.0f}°<td>{found.intensity_factors[number]:.3f}"
+            f"<td>{np.degrees(np.arctan2(y, x)):.0f}°<td>{normal_map.intensity_factors[number]:.3f}"
             f"<td>{shares['used'][number]:.0%}<td>{shares['saturated'][number]:.1%}"
         )
     return "".join(rows)
 
 
-def _albedo(small: Small) -> np.ndarray:
+def _albedo(small: ReducedMaps) -> np.ndarray:
     """Albedo for relighting, 8 bits linear with its brightest as white, and the mask as blue."""
     grey = small.albedo if small.albedo.ndim == 2 else small.albedo.mean(axis=-1)
     top = float(np.quantile(grey[small.solved], 0.995)) if np.any(small.solved) else 1.0
@@ -192,7 +192,7 @@ def _data(pixels: np.ndarray, suffix: str) -> str:
     return f"data:image/{suffix[1:]};base64,{base64.b64encode(_encoded(pixels, suffix)).decode('ascii')}"
 
 
-def _still(maps: list[_Map]) -> bytes:
+def _contact_sheet(maps: list[_MapPicture]) -> bytes:
     """All maps side by side with their names, three in a row."""
     label = 26
     tiles: list[np.ndarray] = []

@@ -13,16 +13,16 @@ from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.result import LIT, SATURATED, NormalMap
 from acquisition.normals import memory_mapped, silhouette
 
-LONGEST = 460
+MAX_SIDE_PX = 460
 """Pixels of the longer side."""
 
-MARGIN = 0.03
-GROUND = (238, 238, 236)
+MARGIN_SHARE = 0.03
+BACKGROUND_RGB = (238, 238, 236)
 """Grey around the object, R G B."""
 
 
 @dataclass(frozen=True)
-class Small:
+class ReducedMaps:
     """A result reduced to the size of a report; maps (h, w), normals (h, w, 3)."""
 
     normals: Float32Array
@@ -36,14 +36,14 @@ class Small:
     solved: BoolArray
 
 
-def reduced(found: NormalMap) -> Small:
+def reduced(normal_map: NormalMap) -> ReducedMaps:
     """The object's window of a result, at most `LONGEST` pixels along a side."""
-    shown = found.silhouette | found.mask
+    shown = normal_map.silhouette | normal_map.mask
     rows, columns = _window(shown)
     inside = shown[rows, columns]
-    solved = found.mask[rows, columns]
+    solved = normal_map.mask[rows, columns]
     height, width = inside.shape
-    scale = min(1.0, LONGEST / max(height, width))
+    scale = min(1.0, MAX_SIDE_PX / max(height, width))
     size = max(1, round(width * scale)), max(1, round(height * scale))
 
     def small(values: np.ndarray, where: BoolArray) -> Float32Array:
@@ -57,38 +57,40 @@ def reduced(found: NormalMap) -> Small:
         mean = np.asarray(cv2.resize(kept, size, interpolation=cv2.INTER_AREA))
         return np.asarray(mean / np.maximum(share, 1e-6), np.float32)
 
-    normals = small(found.normals[rows, columns], solved)
-    doubtful = np.zeros_like(inside) if found.doubtful is None else found.doubtful[rows, columns]
+    normals = small(normal_map.normals[rows, columns], solved)
+    doubtful = np.zeros_like(inside) if normal_map.doubtful is None else normal_map.doubtful[rows, columns]
     everywhere = np.ones_like(inside)
-    return Small(
+    return ReducedMaps(
         normals=np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-6), np.float32),
-        albedo=small((found.albedo if found.albedo_rgb is None else found.albedo_rgb)[rows, columns], solved),
-        sigma_deg=small(found.sigma_deg[rows, columns], solved),
-        residual=small(found.residual[rows, columns], solved),
-        lights=small(lights_used(found)[rows, columns], inside),
-        indirect=None if found.indirect is None else small(found.indirect[rows, columns], solved),
+        albedo=small(
+            (normal_map.albedo if normal_map.albedo_rgb is None else normal_map.albedo_rgb)[rows, columns], solved
+        ),
+        sigma_deg=small(normal_map.sigma_deg[rows, columns], solved),
+        residual=small(normal_map.residual[rows, columns], solved),
+        lights=small(lights_used(normal_map)[rows, columns], inside),
+        indirect=None if normal_map.indirect is None else small(normal_map.indirect[rows, columns], solved),
         doubtful=small(doubtful, inside),
         mask=small(inside, everywhere) > 0.5,
         solved=small(solved, everywhere) > 0.5,
     )
 
 
-def normals(small: Small) -> np.ndarray:
+def normals(small: ReducedMaps) -> np.ndarray:
     """Normals as colours (n + 1)/2, OpenGL green, 8 bits (h, w, 3) RGB."""
-    return _on_ground(np.round((small.normals + 1) * 127.5), small.solved)
+    return _on_background(np.round((small.normals + 1) * 127.5), small.solved)
 
 
-def seen(values: Float32Array, mask: BoolArray, top: float) -> np.ndarray:
+def gamma_encoded(values: Float32Array, mask: BoolArray, top: float) -> np.ndarray:
     """Linear values, grey (h, w) or colour (h, w, 3), as a screen shows them, `top` as white; (h, w, 3)."""
     shown = np.round(np.clip(values / max(top, 1e-9), 0, 1) ** (1 / 2.2) * 255)
-    return _on_ground(shown if shown.ndim == 3 else np.repeat(shown[..., None], 3, axis=-1), mask)
+    return _on_background(shown if shown.ndim == 3 else np.repeat(shown[..., None], 3, axis=-1), mask)
 
 
 def coloured(values: Float32Array, mask: BoolArray, top: float) -> np.ndarray:
     """Values from 0 to `top` in the colours of `scale`; (h, w, 3) RGB."""
     level = np.clip(values / max(top, 1e-9), 0, 1)
     bgr = np.asarray(cv2.applyColorMap(np.round(level * 255).astype(np.uint8), cv2.COLORMAP_VIRIDIS))
-    return _on_ground(bgr[..., ::-1], mask)
+    return _on_background(bgr[..., ::-1], mask)
 
 
 def scale_colours(steps: int = 16) -> list[str]:
@@ -97,20 +99,20 @@ def scale_colours(steps: int = 16) -> list[str]:
     return [f"rgb({r},{g},{b})" for b, g, r in np.asarray(cv2.applyColorMap(bar, cv2.COLORMAP_VIRIDIS))[0].tolist()]
 
 
-def top_of(values: Float32Array, mask: BoolArray, least: float) -> float:
+def scale_top(values: Float32Array, mask: BoolArray, least: float) -> float:
     """A round upper end for a map's scale: its 98th percentile, rounded up to one digit and a half."""
     high = max(float(np.quantile(values[mask], 0.98)) if np.any(mask) else 0.0, least)
     step = 10.0 ** np.floor(np.log10(high)) / 2
     return float(np.ceil(high / step) * step)
 
 
-def shares(found: NormalMap) -> dict[str, list[float]]:
+def shares(normal_map: NormalMap) -> dict[str, list[float]]:
     """For each image the shares of the object's pixels that were used and that were clipped."""
-    count = max(1, np.count_nonzero(found.silhouette))
+    count = max(1, np.count_nonzero(normal_map.silhouette))
     return {
         name: [
-            float(np.count_nonzero(flags[found.silhouette] & bit)) / count
-            for flags in memory_mapped.iterate(found.flags)
+            float(np.count_nonzero(flags[normal_map.silhouette] & bit)) / count
+            for flags in memory_mapped.iterate(normal_map.flags)
         ]
         for name, bit in (("used", LIT), ("saturated", SATURATED))
     }
@@ -120,12 +122,12 @@ def _window(mask: BoolArray) -> tuple[slice, slice]:
     if not np.any(mask):
         return slice(0, mask.shape[0]), slice(0, mask.shape[1])
     rows, columns = silhouette.bounding_box(mask)
-    more = 1 + round(MARGIN * (max(rows.stop - rows.start, columns.stop - columns.start) - 1))
+    more = 1 + round(MARGIN_SHARE * (max(rows.stop - rows.start, columns.stop - columns.start) - 1))
     return (
         slice(max(0, rows.start - more), min(mask.shape[0], rows.stop + more)),
         slice(max(0, columns.start - more), min(mask.shape[1], columns.stop + more)),
     )
 
 
-def _on_ground(colours: np.ndarray, mask: BoolArray) -> np.ndarray:
-    return np.where(mask[..., None], colours, GROUND).astype(np.uint8)
+def _on_background(colours: np.ndarray, mask: BoolArray) -> np.ndarray:
+    return np.where(mask[..., None], colours, BACKGROUND_RGB).astype(np.uint8)

@@ -1,7 +1,7 @@
-"""Normals from distant lights: from least squares for a few images to reflectance fits for many of a glossy object.
+"""Photometric stereo under distant lights: least squares, robust regression and reflectance fits per pixel.
 
-Before: a reader of capture folders, which gives an ImageSet. After: exports and report. `solve` takes blocks of rows
-through one of the `methods`; `choice` picks it where nobody has.
+Before: a folder reader, which gives an ImageSet. After: exports and report. `distant_solve` passes blocks of
+rows through one of the `solvers`; `solver_selection` chooses it by held-out lights where none was asked for.
 """
 
 from acquisition.normals.distant.distant_solve import solve

@@ -1,7 +1,8 @@
-"""Images under distant lights to a normal map: one block of rows after another, with the solver that was asked for.
+"""Distant-light photometric stereo from an image set to a normal map, by blocks of rows.
 
-`auto` lets the residuals choose: each solver explains lights that it was not shown, on a sample of pixels, and the one
-that does so best solves them all. Nothing holds the whole stack; what is known of every pixel is the result.
+`auto` selects the solver by cross-validation: each predicts held-out lights at a sample of pixels, and the one with the
+least error solves all pixels. Only one block of the stack is in memory at a time, so that a stack of any size can be
+solved; per pixel, only the result is kept.
 """
 
 from typing import Any
@@ -17,39 +18,44 @@ from acquisition.normals.distant import pixel_blocks, solver_selection, solvers
 from acquisition.normals.distant.solvers import Solver
 from acquisition.normals.image_set import DistantLights, ImageSet, check
 
-SAMPLE = 900
-USELESS = 0.95
-"""Share of clipped pixels from which an image tells nothing."""
+SAMPLE_PIXELS = 900
+"""Pixels read in advance: for the check of the images, the choice of solver and the shared diffuse parameters."""
+
+MAX_CLIPPED_SHARE = 0.95
+"""Share of the sampled pixels that may be clipped; an image with more is refused."""
 
 
 def solve(images: ImageSet, solver: Solver = "auto", *, with_depth: bool = True, keep_steps: bool = False) -> NormalMap:
-    """Solves images with DistantLights; `notes` say which solver did it and why.
+    """Solves an image set with DistantLights for normals, albedo, σ and depth; `notes` state the solver and why.
 
-    `keep_steps` lets depth jump where normals disagree with their neighbours, see `integrate`. Depth is in m where a
-    camera and a rough depth are known, else relative (`notes["depth_unit"]`). Raises RigError normals.infeasible as
-    `image_set.check` does, and naming the file where an image is black, clipped or not finite.
+    `keep_steps` lets depth jump where normals disagree with their neighbours, see `integration.depth`. Depth is in m
+    where a camera and a rough depth are known, else relative (`notes["depth_unit"]`). Raises RigError
+    normals.infeasible as `image_set.check` does, and naming the file where an image is black, clipped or not finite.
     """
     check(images)
     if not isinstance(images.lights, DistantLights):
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "these lights are near: solve them as near lights")
     directions = pixel_blocks.directions(images)
-    values, clipped = pixel_blocks.sample(images, SAMPLE)
+    values, clipped = pixel_blocks.sample(images, SAMPLE_PIXELS)
     refuse_unusable(images, values, clipped)
     chosen, why = (solver, "as asked")
     if solver == "auto":
-        chosen, why = solver_selection.best(values, clipped, directions)
+        chosen, why = solver_selection.select(values, clipped, directions)
     method, notes = solvers.prepare(chosen, values, clipped, directions)
     notes = {"solver": chosen, "why": why} | notes
     return solve_blocks(images, method, luma=chosen == "ls", notes=notes, with_depth=with_depth, keep_steps=keep_steps)
 
 
 def refuse_unusable(images: ImageSet, values: Float32Array, clipped: BoolArray) -> None:
-    """Raises RigError normals.infeasible naming an image that is not finite, black or clipped at a sample (K, F)."""
+    """Refuses images that are not finite, black or clipped at a sample of pixels (K, F).
+
+    Raises RigError normals.infeasible naming the image.
+    """
     for index, name in enumerate(images.names):
         column, full = values[:, index], clipped[:, index]
         if not np.all(np.isfinite(column)):
             what = "has values that are not finite: write it again"
-        elif np.mean(full) > USELESS:
+        elif np.mean(full) > MAX_CLIPPED_SHARE:
             what = "is clipped all over the object: expose it for a shorter time"
         elif not np.any(column > 0):
             what = "is black all over the object: was the lamp on? Leave it out or take it again"
@@ -62,7 +68,10 @@ def solve_blocks(
     images: ImageSet, method: solvers.Method, *, luma: bool, notes: dict[str, Any], with_depth: bool = True,
     keep_steps: bool = False,
 ) -> NormalMap:  # fmt: skip
-    """Solves all blocks of rows into one normal map; `luma` as for `pixel_blocks.read`, `notes` for the NormalMap."""
+    """Solves all blocks of rows by one method into one normal map.
+
+    `luma` as for `pixel_blocks.read`; `notes` go into the NormalMap.
+    """
     size = (images.height, images.width)
     normals = np.zeros((*size, 3), np.float32)
     albedo, residual = np.zeros(size, np.float32), np.zeros(size, np.float32)
@@ -70,26 +79,26 @@ def solve_blocks(
     sigma = np.full(size, np.nan, np.float32)
     solved, doubtful = np.zeros(size, np.bool_), np.zeros(size, np.bool_)
     flags = memory_mapped.zeros((images.count, *size))
-    for block in pixel_blocks.every(images, luma=luma):
+    for block in pixel_blocks.iterate(images, luma=luma):
         rows = slice(block.start, block.stop)
         chosen = np.flatnonzero(images.mask[rows])
-        found = method(block, chosen)
-        good = (found.albedo > 0) & np.all(np.isfinite(found.normals), axis=0)
+        result = method(block, chosen)
+        good = (result.albedo > 0) & np.all(np.isfinite(result.normals), axis=0)
 
-        def place(target: np.ndarray, values: np.ndarray, rows: slice = rows, chosen: np.ndarray = chosen) -> None:
+        def scatter(target: np.ndarray, values: np.ndarray, rows: slice = rows, chosen: np.ndarray = chosen) -> None:
             part = target[rows].reshape(-1, *target.shape[2:])
             part[chosen] = values
 
-        place(solved, good)
-        place(normals, np.where(good[:, None], found.normals.T, 0))
-        place(albedo, np.where(good, found.albedo, 0))
-        place(residual, np.where(good, found.residual, 0))
-        place(sigma, np.where(good, np.degrees(np.sqrt(found.variance)), np.nan))
-        place(doubtful, np.count_nonzero(found.flags & (LIT | HIGHLIGHT), axis=0) < 3)
+        scatter(solved, good)
+        scatter(normals, np.where(good[:, None], result.normals.T, 0))
+        scatter(albedo, np.where(good, result.albedo, 0))
+        scatter(residual, np.where(good, result.residual, 0))
+        scatter(sigma, np.where(good, np.degrees(np.sqrt(result.variance)), np.nan))
+        scatter(doubtful, np.count_nonzero(result.flags & (LIT | HIGHLIGHT), axis=0) < 3)
         if colour is not None and block.colour is not None:
-            place(colour, np.where(good[:, None], found.albedo[:, None] * block.colour[chosen], 0))
+            scatter(colour, np.where(good[:, None], result.albedo[:, None] * block.colour[chosen], 0))
         part = flags[:, rows].reshape(images.count, -1)
-        part[:, chosen] = found.flags
+        part[:, chosen] = result.flags
         flags[:, rows] = part.reshape(images.count, rows.stop - rows.start, images.width)
         memory_mapped.release(flags)
     depth, unit = np.zeros(size, np.float32), "none"
@@ -115,7 +124,10 @@ def solve_blocks(
 def _depth(
     images: ImageSet, normals: Float32Array, solved: BoolArray, sigma: Float32Array, keep_steps: bool
 ) -> tuple[Float32Array, str]:
-    """Depth and its unit: m, share of the rough depth that is unknown (`relative`), or pixels where orthographic."""
+    """Integrates normals to depth (H, W); returns it with its unit.
+
+    The unit is m, `relative` (multiples of an unknown rough depth), or `pixel` for an orthographic camera.
+    """
     planar = normals.transpose(2, 0, 1)  # no copy: it is read twice only
     if images.camera is None:
         return integration.orthographic_depth(
@@ -125,13 +137,13 @@ def _depth(
     ray = photometry.camera_rays(images.camera.matrix, images.camera.distortion, rows, columns)
     rough = images.rough_depth_m
     start = np.broadcast_to(np.asarray(1.0 if rough is None else rough, np.float32), solved.shape)
-    found = integration.depth(planar, solved, ray, _confidence(solved, sigma), start, keep_steps=keep_steps)
-    found[~solved] = 0
-    return found, "relative" if rough is None else "m"
+    depth = integration.depth(planar, solved, ray, _confidence(solved, sigma), start, keep_steps=keep_steps)
+    depth[~solved] = 0
+    return depth, "relative" if rough is None else "m"
 
 
 def _confidence(solved: BoolArray, sigma: Float32Array) -> Float32Array:
-    """How far each normal is to be believed in integration (H, W), 0–1; kept by nobody else, since memory counts."""
+    """Integration weight (H, W) of each normal, 0–1, from its σ in degrees; zero where it is not solved."""
     variance = np.radians(np.nan_to_num(sigma, nan=90.0))
     variance *= variance
     confidence = integration.confidence(variance)
@@ -140,6 +152,6 @@ def _confidence(solved: BoolArray, sigma: Float32Array) -> Float32Array:
 
 
 def _no_information() -> FisherInformation:
-    """No planner reads a result of distant light."""
+    """Empty Fisher information: a planner reads results of near light only."""
     none = np.empty(0, np.int64)
     return FisherInformation(none, none, np.empty((0, 4, 4)))

@@ -1,4 +1,7 @@
-"""Colour images to one brightness per pixel, in one pass over the stack; a kernel, because memory sets the pace."""
+"""Conversion of RGB images to one brightness per pixel, in one pass over the stack.
+
+A fused kernel, because the speed is limited by memory: the stack is read twice and no intermediate of its size is made.
+"""
 
 import numba
 import numpy as np
@@ -6,8 +9,8 @@ import numpy as np
 from acquisition.models.base import Float32Array
 from acquisition.normals.distant.least_squares_kernels import BLOCK, signatures
 
-CLIPPED = 1e9
-"""What a clipped measurement becomes, in units of white."""
+CLIPPED_VALUE = 1e9
+"""Brightness that marks a clipped measurement, in units of white; far above any real one."""
 
 
 @numba.njit(
@@ -22,12 +25,15 @@ def mix(
     gain: Float32Array,  # (F, 3) brightness per stored value
     clipped_from: float,  # stored value
     luma: Float32Array,  # (3,) fixed weights
-    trust: Float32Array,  # (3,) of the channels
+    channel_weights: Float32Array,  # (3,) 0–1, of the channels
     fixed: bool,  # mix by the fixed weights, and leave clipped measurements as they are
     out: Float32Array,  # (F, N) brightness; CLIPPED where any channel is clipped
     colour: Float32Array,  # (N, 3) out: brightness of each channel over the luma of all
 ) -> None:
-    """Mixes by fixed weights, or by the pixel's own mean colour scaled to have the same luma."""
+    """Weighted sum of the channels, by fixed luma weights or by the pixel's own mean colour.
+
+    The pixel's own weights are scaled so that a surface of its mean colour has the same luma.
+    """
     count, pixels = stored.shape[0], stored.shape[1]
     for block in numba.prange((pixels + BLOCK - 1) // BLOCK):
         start, end = block * BLOCK, min(block * BLOCK + BLOCK, pixels)
@@ -44,7 +50,7 @@ def mix(
             if fixed:
                 weight[0, p], weight[1, p], weight[2, p] = luma[0], luma[1], luma[2]
             else:
-                one, two, three = r * trust[0], g * trust[1], b * trust[2]
+                one, two, three = r * channel_weights[0], g * channel_weights[1], b * channel_weights[2]
                 share = light / (one * r + two * g + three * b)
                 weight[0, p], weight[1, p], weight[2, p] = one * share, two * share, three * share
         for f in range(count):
@@ -54,7 +60,7 @@ def mix(
                 b = np.float32(stored[f, start + p, 2])
                 value = weight[0, p] * gain[f, 0] * r + weight[1, p] * gain[f, 1] * g + weight[2, p] * gain[f, 2] * b
                 clipped = not fixed and max(r, g, b) >= clipped_from
-                out[f, start + p] = np.float32(CLIPPED) if clipped else value
+                out[f, start + p] = np.float32(CLIPPED_VALUE) if clipped else value
 
 
 KERNELS = (mix,)

@@ -1,9 +1,10 @@
-"""Fused kernels for many pixels under few lights: stored values to normals without a copy of the stack.
+"""Fused kernels of Lambertian least squares under distant lights, from stored values to normals (Woodham 1980).
 
-Memory sets the pace: the stack is read once, in blocks of pixels that stay in the cache, and every intermediate lives
-in such a block. Lights are the outer loops and pixels the inner ones, which compilers vectorise; the obvious order is
-an order of magnitude slower. Stored integers are converted on the way. Kernels compile at import, into numba's cache;
-what runs in parallel is a thin shell round each, because compilers take minutes otherwise.
+Memory bandwidth limits the speed: the stack is read once, in blocks of pixels that stay in the cache, and every
+intermediate lives in such a block. Lights are the outer loops and pixels the inner ones, which compilers vectorise; the
+obvious order is an order of magnitude slower. Stored integers are converted where they are read. Kernels compile at
+import, into numba's cache; the parallel kernel is a thin loop round a serial one, because compiling takes minutes
+otherwise.
 """
 
 import numba
@@ -12,12 +13,14 @@ import numpy as np
 from acquisition.models.base import Float32Array
 
 BLOCK = 4096
+"""Pixels of one block, whose intermediates stay in the processor's cache."""
 
 STORED = ("uint16", "float32")
-"""Types of stored values that the kernels take; eight-bit ones are widened when they are read."""
+"""Types of stored values that the kernels accept; eight-bit values are widened when they are read."""
 
 
 def signatures(pattern: str) -> list[str]:
+    """Numba signatures of a kernel, one for each stored type in place of `STORED`."""
     return [pattern.replace("STORED", stored) for stored in STORED]
 
 
@@ -87,7 +90,7 @@ def least_squares(
     normals: Float32Array,  # (3, N) out
     albedo: Float32Array,  # (N,) out
 ) -> None:
-    """Plain least squares of all measurements: g = inverse · values, its length the albedo."""
+    """Lambertian least squares of all measurements: g = pseudo-inverse · values, albedo |g|, normal g/|g|."""
     pixels = stack.shape[1]
     for block in numba.prange((pixels + BLOCK - 1) // BLOCK):
         start = block * BLOCK
@@ -96,7 +99,10 @@ def least_squares(
 
 @numba.njit(fastmath=True, error_model="numpy", inline="always")  # a part of its callers, never compiled by itself
 def solve3(m: Float32Array, b: Float32Array, g: Float32Array, leverage: Float32Array, size: int) -> None:
-    """LDLᵀ of symmetric 3 × 3 systems m (6, size: 00 01 02 11 12 22); g (3, size), trace of the inverse (size,)."""
+    """Solves symmetric 3 × 3 systems m g = b (m: 00 01 02 11 12 22) by LDLᵀ, for `size` pixels side by side.
+
+    `leverage` is the trace of the inverse of m less its part along g.
+    """
     one = np.float32(1.0)
     for p in range(size):
         i0 = one / m[0, p]
@@ -140,7 +146,7 @@ def _weighted(  # noqa: PLR0915 - one fused kernel is the point
     albedo: Float32Array,  # (N,) out
     leverage: Float32Array,  # (N,) out: trace of the tangential part of (SᵀWS)⁻¹
     spread: Float32Array,  # (N,) out: variance of one measurement, from the residuals
-    flags: np.ndarray,  # (F, N) uint8 out: bits of acquisition.types
+    flags: np.ndarray,  # (F, N) uint8 out: bits of acquisition.models.result
     start: int,
     end: int,
 ) -> None:
@@ -156,7 +162,7 @@ def _weighted(  # noqa: PLR0915 - one fused kernel is the point
     g = np.empty((3, size), np.float32)
     n = np.zeros(size, np.float32)
     total = np.zeros(size, np.float32)
-    loose = leverage[start:end]
+    block_leverage = leverage[start:end]
     for f in range(0, count, 2):
         # Two lights a turn: what is carried from light to light is read and written half as often.
         other = min(f + 1, count - 1)
@@ -199,7 +205,7 @@ def _weighted(  # noqa: PLR0915 - one fused kernel is the point
             b[2, p] += v * sz + u * tz
             n[p] += w + x
             total[p] += v * v + u * u
-    solve3(m, b, g, loose, size)
+    solve3(m, b, g, block_leverage, size)
     limit = np.empty(size, np.float32)
     for p in range(size):
         limit[p] = excess * np.sqrt(g[0, p] * g[0, p] + g[1, p] * g[1, p] + g[2, p] * g[2, p])
@@ -215,23 +221,23 @@ def _weighted(  # noqa: PLR0915 - one fused kernel is the point
         for p in range(size):
             v = np.float32(y[p])
             u = np.float32(z[p])
-            whole = one if v < clipped_from else zero
-            lit = whole * (one if v * k >= largest[p] else zero)
+            unclipped = one if v < clipped_from else zero
+            lit = unclipped * (one if v * k >= largest[p] else zero)
             facing = g[0, p] * sx + g[1, p] * sy + g[2, p] * sz
             away = np.float32(2.0) if facing < zero else zero
             over = v * k - facing
             bright = lit * (one if over > limit[p] else zero)
             # 1 lit, 16 highlight, 8 clipped, 4 in shadow, 2 in shadow and turned from the light
-            dark = (one - lit) * (np.float32(8.0) - (np.float32(4.0) + away) * whole)
+            dark = (one - lit) * (np.float32(8.0) - (np.float32(4.0) + away) * unclipped)
             flag[p] = np.uint8(np.int32(lit + np.float32(15.0) * bright + dark))
             highlights += bright
-            whole = one if u < clipped_from else zero
-            lit = whole * (one if u * l >= largest[p] else zero)
+            unclipped = one if u < clipped_from else zero
+            lit = unclipped * (one if u * l >= largest[p] else zero)
             facing = g[0, p] * tx + g[1, p] * ty + g[2, p] * tz
             away = np.float32(2.0) if facing < zero else zero
             over = u * l - facing
             bright = lit * (one if over > limit[p] else zero)
-            dark = (one - lit) * (np.float32(8.0) - (np.float32(4.0) + away) * whole)
+            dark = (one - lit) * (np.float32(8.0) - (np.float32(4.0) + away) * unclipped)
             flag_other[p] = np.uint8(np.int32(lit + np.float32(15.0) * bright + dark))
             highlights += bright
     for f in range(count if highlights > zero else 0):
@@ -253,7 +259,7 @@ def _weighted(  # noqa: PLR0915 - one fused kernel is the point
             n[p] -= w
             total[p] -= value * value
     if highlights > zero:
-        solve3(m, b, g, loose, size)
+        solve3(m, b, g, block_leverage, size)
     for p in range(size):
         length = np.sqrt(g[0, p] * g[0, p] + g[1, p] * g[1, p] + g[2, p] * g[2, p])
         inverse = one / max(length, np.float32(1e-20))
@@ -282,13 +288,13 @@ def weighted(
     albedo: Float32Array,  # (N,) out
     leverage: Float32Array,  # (N,) out: trace of the tangential part of (SᵀWS)⁻¹
     spread: Float32Array,  # (N,) out: variance of one measurement, from the residuals
-    flags: np.ndarray,  # (F, N) uint8 out: bits of acquisition.types
+    flags: np.ndarray,  # (F, N) uint8 out: bits of acquisition.models.result
 ) -> None:
-    """Least squares of what is lit: clipped and shadowed measurements are left out, then highlights.
+    """Thresholded least squares: omits clipped and shadowed measurements, then highlights, and solves again.
 
-    A measurement is in shadow below a share of the pixel's largest unclipped value, attached where the found normal
-    turns from the light, cast else. Highlights exceed the first fit by a share of the albedo; they are left out unless
-    fewer than four measurements would remain.
+    A measurement is in shadow below a share of the pixel's largest unclipped value, attached where the fitted normal
+    faces away from the light, cast else. Highlights exceed the first fit by a share of the albedo; they are left out
+    unless fewer than four measurements would remain.
     """
     pixels = stack.shape[1]
     for block in numba.prange((pixels + BLOCK - 1) // BLOCK):

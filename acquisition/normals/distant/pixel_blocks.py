@@ -1,4 +1,4 @@
-"""Blocks of rows of an image set as planar stacks (F, N) of one brightness per pixel, whatever is stored.
+"""Blocks of rows of an image set as planar stacks (F, N) of one brightness per pixel, from any stored type.
 
 Grey images pass in the type they are stored in, without a copy beyond the reader's. Colours are divided by the light's
 intensity channel by channel and mixed to one grey: by fixed weights where figures are to be compared (the luma of ITU-R
@@ -16,11 +16,14 @@ from acquisition.normals.distant import grey_conversion
 from acquisition.normals.image_set import DistantLights, ImageSet
 
 LUMA = np.array([0.2989, 0.5870, 0.1140], np.float32)
-DIM = 0.25
-"""Of the strongest channel's light: channels with less drown in noise once they are divided by their intensity."""
+"""Weights of R, G, B: luma of ITU-R BT.601."""
+
+DIM_CHANNEL_SHARE = 0.25
+"""Share of the strongest channel's intensity at which a channel's weight falls to a half: divided by its intensity, a
+fainter channel is mostly noise."""
 
 BLOCK_BYTES = 8_000_000
-"""Of stored values held at once; what solvers make of them takes five to ten times as much."""
+"""Bytes of stored values in one block; solvers' intermediates take five to ten times as much."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,7 @@ class Block:
     colour: Float32Array | None
 
     def pixels(self, chosen: np.ndarray) -> tuple[Float32Array, BoolArray]:
-        """Brightness and whether clipped, of some pixels (K) by their number, both (K, F)."""
+        """Brightness and clipping mask, both (K, F), of the pixels with the numbers `chosen` (K,)."""
         picked = self.stack[:, chosen]
         values = picked.T.astype(np.float32) * self.scale
         clipped = picked >= self.clipped_from
@@ -54,7 +57,7 @@ def directions(images: ImageSet) -> FloatArray:
 
 
 def intensities(images: ImageSet) -> FloatArray:
-    """What stored values (as shares of full scale) are divided by, (F, C): for point lights, their intensity at 1 m."""
+    """Intensity (F, C) that fractions of full scale are divided by; for point lights, that at 1 m."""
     lights = images.lights
     if isinstance(lights, DistantLights):
         return lights.intensities
@@ -62,13 +65,13 @@ def intensities(images: ImageSet) -> FloatArray:
 
 
 def rows_at_once(images: ImageSet) -> int:
-    """Rows of a block that stays small."""
+    """Number of rows of one block, such that its stored values stay below BLOCK_BYTES."""
     size = 2 if images.channels == 1 else 4 * 4
     return max(1, min(images.height, BLOCK_BYTES // (images.count * images.width * size)))
 
 
 def read(images: ImageSet, start: int, stop: int, *, luma: bool) -> Block:
-    """One block of rows; `luma` mixes colours by fixed weights."""
+    """Reads the rows [start, stop) as one block; `luma` mixes colours by the fixed weights LUMA."""
     strength = intensities(images)
     size = (stop - start) * images.width
     first = images.rows(0, start, stop)
@@ -84,19 +87,19 @@ def read(images: ImageSet, start: int, stop: int, *, luma: bool) -> Block:
         return Block(start, stop, stored.reshape(images.count, size), gain[:, 0].copy(), clipped_from, None)
     stack, tint = np.empty((images.count, size), np.float32), np.empty((size, 3), np.float32)
     grey_conversion.mix(
-        stored.reshape(images.count, size, 3), gain, clipped_from, LUMA, _trust(strength), luma, stack, tint
+        stored.reshape(images.count, size, 3), gain, clipped_from, LUMA, _channel_weights(strength), luma, stack, tint
     )
-    return Block(start, stop, stack, np.ones(images.count, np.float32), grey_conversion.CLIPPED / 2, tint)
+    return Block(start, stop, stack, np.ones(images.count, np.float32), grey_conversion.CLIPPED_VALUE / 2, tint)
 
 
-def _trust(strength: FloatArray) -> Float32Array:
-    """How much of each channel (C,) to believe, 0–1, for lights of `strength` (F, C)."""
+def _channel_weights(strength: FloatArray) -> Float32Array:
+    """Weight (C,) of each channel, 0–1, for light intensities `strength` (F, C): s²/(s² + DIM_CHANNEL_SHARE²)."""
     share = np.mean(strength, axis=0) / np.max(np.mean(strength, axis=0))
-    return (share**2 / (share**2 + DIM**2)).astype(np.float32)
+    return (share**2 / (share**2 + DIM_CHANNEL_SHARE**2)).astype(np.float32)
 
 
-def every(images: ImageSet, *, luma: bool) -> Iterator[Block]:
-    """All blocks that hold pixels of the mask."""
+def iterate(images: ImageSet, *, luma: bool) -> Iterator[Block]:
+    """Iterates over the blocks that hold pixels of the mask."""
     step = rows_at_once(images)
     for start in range(0, images.height, step):
         stop = min(start + step, images.height)
@@ -105,10 +108,10 @@ def every(images: ImageSet, *, luma: bool) -> Iterator[Block]:
 
 
 def sample(images: ImageSet, count: int, *, luma: bool = False) -> tuple[Float32Array, BoolArray]:
-    """About `count` pixels of the mask from rows all over it: brightness and whether clipped, both (K, F)."""
+    """Samples about `count` pixels of the mask, from evenly spread rows: brightness and clipping mask, both (K, F)."""
     rng = np.random.default_rng(0)
-    there = np.flatnonzero(np.any(images.mask, axis=1))
-    rows = np.unique(there[np.linspace(0, len(there) - 1, min(len(there), 48)).astype(int)])
+    object_rows = np.flatnonzero(np.any(images.mask, axis=1))
+    rows = np.unique(object_rows[np.linspace(0, len(object_rows) - 1, min(len(object_rows), 48)).astype(int)])
     values: list[Float32Array] = []
     clipped: list[BoolArray] = []
     share = -(-count // len(rows))

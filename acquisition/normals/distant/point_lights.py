@@ -1,7 +1,7 @@
-"""Plain least squares under point lights, fused: each pixel with its own light directions and distances.
+"""Lambertian least squares under point lights at a given depth map: each pixel with its own directions and distances.
 
-For a depth map that is known, or rough: on a flat object a plane will do. The directions are made on the way, because
-storing them would be four times the stack.
+The depth map may be rough: for a flat object a plane will do. Directions are computed inside the kernel, because
+storing them would take four times the stack.
 """
 
 import numba
@@ -14,15 +14,15 @@ from acquisition.models.result import LIT, SATURATED
 from acquisition.normals.distant import solvers
 from acquisition.normals.distant.least_squares_kernels import BLOCK, signatures, solve3
 from acquisition.normals.distant.pixel_blocks import Block
-from acquisition.normals.distant.solvers import Found, Method
+from acquisition.normals.distant.solvers import Method, SolveResult
 from acquisition.normals.image_set import ImageSet, NearLights
 
 CHUNK = 100_000
-"""Pixels whose residuals are looked at at once: each takes some hundred bytes a light."""
+"""Pixels whose residuals are held at once: each takes some hundred bytes for each light."""
 
 
-def plain(images: ImageSet, depth_m: Float32Array) -> Method:
-    """Least squares of all that is not clipped, at a depth map (H, W).
+def least_squares(images: ImageSet, depth_m: Float32Array) -> Method:
+    """Lambertian least squares of unclipped measurements under near lights, at a depth map (H, W) in m.
 
     Raises RigError normals.infeasible without a camera or the lamps' positions.
     """
@@ -31,34 +31,34 @@ def plain(images: ImageSet, depth_m: Float32Array) -> Method:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs a calibrated camera and the lamps' positions")
     lamp = np.ascontiguousarray(lights.positions_m, dtype=np.float32)
 
-    def solve(block: Block, chosen: np.ndarray) -> Found:
+    def solve(block: Block, chosen: np.ndarray) -> SolveResult:
         rows = slice(block.start, block.stop)
         ray = photometry.camera_rays(camera.matrix, camera.distortion, rows, slice(0, images.width)).reshape(2, -1)
-        far = np.ascontiguousarray(depth_m[rows], dtype=np.float32).reshape(-1)
+        depth = np.ascontiguousarray(depth_m[rows], dtype=np.float32).reshape(-1)
         count, size = block.stack.shape
         normals, albedo = np.empty((3, size), np.float32), np.empty(size, np.float32)
         limits = np.array([block.clipped_from, 0.0], np.float32)
-        near_least_squares(block.stack, block.scale, lamp, ray, far, limits, normals, albedo)
+        near_least_squares(block.stack, block.scale, lamp, ray, depth, limits, normals, albedo)
         spread, leverage = np.empty(len(chosen), np.float32), np.empty(len(chosen), np.float32)
         used, flags = np.empty(len(chosen), np.float32), np.empty((count, len(chosen)), np.uint8)
         for start in range(0, len(chosen), CHUNK):
             part = slice(start, start + CHUNK)
-            here = chosen[part]
-            kept = block.stack[:, here] < block.clipped_from
+            pixels = chosen[part]
+            kept = block.stack[:, pixels] < block.clipped_from
             flags[:, part] = np.where(kept, LIT, SATURATED)
             used[part] = np.count_nonzero(kept, axis=0)
-            way = lamp[:, :, None] - photometry.points(ray[:, here], far[here])[None]
-            square = np.einsum("fcn,fcn->fn", way, way)
-            unit = way / np.sqrt(square)[:, None]
-            rest = block.stack[:, here] * block.scale[:, None] * square
-            rest -= np.einsum("fcn,cn->fn", unit, normals[:, here] * albedo[here])
-            spread[part] = np.sum(kept * rest * rest, axis=0) / np.maximum(used[part] - 3, 1)
+            offsets = lamp[:, :, None] - photometry.points(ray[:, pixels], depth[pixels])[None]
+            squared_distance = np.einsum("fcn,fcn->fn", offsets, offsets)
+            unit = offsets / np.sqrt(squared_distance)[:, None]
+            residual = block.stack[:, pixels] * block.scale[:, None] * squared_distance
+            residual -= np.einsum("fcn,cn->fn", unit, normals[:, pixels] * albedo[pixels])
+            spread[part] = np.sum(kept * residual * residual, axis=0) / np.maximum(used[part] - 3, 1)
             matrix = np.einsum("fn,fan,fbn->nab", kept, unit, unit, optimize=True)
             inverse = np.linalg.inv(matrix + np.float32(1e-5) * np.eye(3, dtype=np.float32))
-            along = np.einsum("an,nab,bn->n", normals[:, here], inverse, normals[:, here], optimize=True)
-            leverage[part] = np.trace(inverse, axis1=1, axis2=2) - along
+            along_normal = np.einsum("an,nab,bn->n", normals[:, pixels], inverse, normals[:, pixels], optimize=True)
+            leverage[part] = np.trace(inverse, axis1=1, axis2=2) - along_normal
         variance = solvers.angular_variance(spread, leverage, albedo[chosen], used)
-        return Found(normals[:, chosen], albedo[chosen], variance, np.sqrt(spread), flags)
+        return SolveResult(normals[:, chosen], albedo[chosen], variance, np.sqrt(spread), flags)
 
     return solve
 
@@ -166,7 +166,7 @@ def near_least_squares(
     normals: Float32Array,  # (3, N) out, view frame
     albedo: Float32Array,  # (N,) out
 ) -> None:
-    """Least squares of what is lit by point lights, each pixel with its own directions and distances (1/r²)."""
+    """Lambertian least squares under point lights with 1/r² falloff, without clipped and shadowed measurements."""
     pixels = stack.shape[1]
     for block in numba.prange((pixels + BLOCK - 1) // BLOCK):
         start = block * BLOCK

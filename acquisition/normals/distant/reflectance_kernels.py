@@ -1,13 +1,13 @@
-"""One pixel's reflectance and normal together: a matt term and lobes of several widths, non-negative, at any normal.
+"""Joint fit of normal and BRDF per pixel: a diffuse term and GGX lobes with non-negative strengths.
 
-A camera near the lights' axis sees half-way angles to the light below 30°, where Fresnel's factor is constant and the
-reflectance of isotropic matter is a function of n·l, n·h and n·v only. Its gloss is then a non-negative sum of lobes in
-n·h of fixed widths, which holds whatever long or short tail a real lobe has. So for a given normal the model is linear
-in non-negative strengths, and only two unknowns, the tangential directions, are left to search (variable projection
-with Levenberg–Marquardt, Golub & Pereyra 1973, Kaufman 1975).
+A camera near the lights' axis sees angles between half vector and light below 30°, where Fresnel's factor is constant
+and the reflectance of an isotropic material is a function of n·l, n·h and n·v only. Its specular part is then a
+non-negative sum of lobes in n·h of fixed roughness, which represents long and short tails of real lobes. So for a given
+normal the model is linear in non-negative strengths, and only the two tangential directions of the normal are left to
+search: variable projection (Golub & Pereyra 1973, Kaufman 1975) with Levenberg–Marquardt.
 
-What cannot be left to each pixel is how its matt part falls off with n·l, since bending it and tilting the normal look
-alike. Its form (three numbers) is therefore shared by the whole object, see `reflectance_fit`.
+The falloff of the diffuse term with n·l cannot be fitted in each pixel, since it is not separable from a tilt of the
+normal there. Its three parameters are therefore shared by the whole object, see `reflectance_fit`.
 """
 
 import numba
@@ -15,15 +15,17 @@ import numpy as np
 
 from acquisition.models.base import Float32Array, FloatArray
 
-WIDTHS = np.array([0.08, 0.16, 0.32, 0.6])
+GGX_ROUGHNESS = np.array([0.08, 0.16, 0.32, 0.6])
 """GGX roughness α of the lobes."""
 
-STRENGTHS = 1 + len(WIDTHS)
-FORM = 3
-"""Numbers that say how the matt part falls off: see `basis`."""
+BASIS_SIZE = 1 + len(GGX_ROUGHNESS)
+"""Number of basis functions: the diffuse term and the lobes."""
 
-STEP = 1e-4
-"""Change of the normal for difference quotients."""
+DIFFUSE_PARAMS = 3
+"""Number of the diffuse term's parameters κ, ω, γ, see `basis`."""
+
+DIFFERENCE_STEP = 1e-4
+"""Change of the normal (rad) for difference quotients."""
 
 
 @numba.njit(
@@ -33,18 +35,18 @@ STEP = 1e-4
 def basis(
     normal: FloatArray,  # (3,)
     light: FloatArray,  # (6, F) direction, then half vector
-    form: FloatArray,  # (FORM,)
-    widths: FloatArray,  # (K − 1,)
+    diffuse_params: FloatArray,  # (DIFFUSE_PARAMS,)
+    roughness: FloatArray,  # (K − 1,)
     out: FloatArray,  # (K, F)
 ) -> None:
-    """Brightness under each light of a matt surface and of each lobe, all of about unit height.
+    """Evaluates the diffuse term and the GGX lobes at a normal under each light, all of about unit height.
 
-    The matt part is x^γ (1 − κ (1 − x/2)⁵) + ω x s/max(x, n·v), x = n·l, form = (κ, ω, γ): κ = 1 is the diffuse light
-    that leaves a smooth dielectric (Ashikhmin & Shirley 2000), ω the flattening by rough relief (Oren & Nayar 1994, in
-    Fujii's form). Lobes are GGX with Smith's shadowing (Walter et al. 2007).
+    The diffuse term is x^γ (1 − κ (1 − x/2)⁵) + ω x s/max(x, n·v), x = n·l, diffuse_params = (κ, ω, γ): κ = 1 is the
+    diffuse light that leaves a smooth dielectric (Ashikhmin & Shirley 2000), ω the flattening by rough relief (Oren &
+    Nayar 1994, in Fujii's form). Lobes are GGX with Smith's shadowing (Walter et al. 2007).
     """
     one = 1.0
-    kappa, omega, gamma = form[0], form[1], form[2]
+    kappa, omega, gamma = diffuse_params[0], diffuse_params[1], diffuse_params[2]
     nv = max(normal[2], 0.02)
     for f in range(light.shape[1]):
         x = normal[0] * light[0, f] + normal[1] * light[1, f] + normal[2] * light[2, f]
@@ -54,13 +56,13 @@ def basis(
         fall = one - 0.5 * x
         fall2 = fall * fall
         s = light[2, f] - x * normal[2]
-        matt = x if gamma == one else x**gamma
-        matt *= one - kappa * fall2 * fall2 * fall
-        matt += omega * x * max(s, 0.0) / max(x, nv)
-        out[0, f] = inside * matt
+        diffuse = x if gamma == one else x**gamma
+        diffuse *= one - kappa * fall2 * fall2 * fall
+        diffuse += omega * x * max(s, 0.0) / max(x, nv)
+        out[0, f] = inside * diffuse
         h2 = h * h
-        for k in range(len(widths)):
-            a2 = widths[k] * widths[k]
+        for k in range(len(roughness)):
+            a2 = roughness[k] * roughness[k]
             d = a2 / (h2 * (a2 - one) + one)
             out[k + 1, f] = inside * d * d * 2 * x / (x + np.sqrt(a2 + (one - a2) * x * x))
 
@@ -69,15 +71,15 @@ def basis(
     "float64(float64[::1], float64[::1], float64[:,::1], float64[:,::1], float64[::1], float64[::1])",
     cache=True, fastmath=True, error_model="numpy",
 )  # fmt: skip
-def strengths(
+def non_negative_least_squares(
     values: FloatArray,  # (F,)
     weights: FloatArray,  # (F,)
     basis_values: FloatArray,  # (K, F)
     normal_matrix: FloatArray,  # (K, K) out
     right: FloatArray,  # (K,) out
-    found: FloatArray,  # (K,) start in, result out
+    solution: FloatArray,  # (K,) start in, result out
 ) -> float:
-    """Non-negative least squares by coordinate descent on the normal equations; returns the weighted squared error."""
+    """Weighted non-negative least squares by coordinate descent on the normal equations; returns the squared error."""
     count, size = basis_values.shape
     for i in range(count):
         for j in range(i + 1):
@@ -93,26 +95,26 @@ def strengths(
     for _ in range(60):
         change = 0.0
         for i in range(count):
-            rest = right[i]
+            residual = right[i]
             for j in range(count):
-                rest -= normal_matrix[i, j] * found[j]
-            new = max(found[i] + rest / (normal_matrix[i, i] + 1e-12), 0.0)
-            change = max(change, abs(new - found[i]))
-            found[i] = new
+                residual -= normal_matrix[i, j] * solution[j]
+            new = max(solution[i] + residual / (normal_matrix[i, i] + 1e-12), 0.0)
+            change = max(change, abs(new - solution[i]))
+            solution[i] = new
         if change < 1e-5:
             break
     error = 0.0
     for f in range(size):
-        rest = values[f]
+        residual = values[f]
         for i in range(count):
-            rest -= found[i] * basis_values[i, f]
-        error += weights[f] * rest * rest
+            residual -= solution[i] * basis_values[i, f]
+        error += weights[f] * residual * residual
     return error
 
 
 @numba.njit("void(float64[::1], float64[:,::1])", cache=True, error_model="numpy")
 def _tangents(normal: FloatArray, out: FloatArray) -> None:
-    """Two unit vectors across a unit normal, rows of (2, 3)."""
+    """Two orthogonal unit tangents of a unit normal, as rows of `out` (2, 3)."""
     if abs(normal[0]) < 0.8:
         out[0, 0], out[0, 1], out[0, 2] = 0.0, normal[2], -normal[1]
     else:
@@ -126,8 +128,8 @@ def _tangents(normal: FloatArray, out: FloatArray) -> None:
 
 
 @numba.njit("void(float64[::1], float64[:,::1], float64, float64, float64[::1])", cache=True, error_model="numpy")
-def _moved(normal: FloatArray, tangent: FloatArray, first: float, second: float, out: FloatArray) -> None:
-    """The normal moved by two tangential amounts, facing the camera."""
+def _perturbed(normal: FloatArray, tangent: FloatArray, first: float, second: float, out: FloatArray) -> None:
+    """Normal displaced by two tangential amounts (rad), kept facing the camera (n_z ≥ 0.02 before normalisation)."""
     for i in range(3):
         out[i] = normal[i] + first * tangent[0, i] + second * tangent[1, i]
     out[2] = max(out[2], 0.02)
@@ -143,27 +145,27 @@ def _moved(normal: FloatArray, tangent: FloatArray, first: float, second: float,
 )  # fmt: skip
 def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     values: Float32Array,  # (N, F), of about unit height
-    trust: Float32Array,  # (N, F) weights of the measurements; 0: not used
+    weights: Float32Array,  # (N, F) weights of the measurements; 0: not used
     light: FloatArray,  # (6, F)
-    form: FloatArray,  # (FORM,)
-    widths: FloatArray,  # (K − 1,)
+    diffuse_params: FloatArray,  # (DIFFUSE_PARAMS,)
+    roughness: FloatArray,  # (K − 1,)
     scalars: FloatArray,  # Cauchy scale in units of the residuals' spread, least spread, iterations, ring in rad
     start: Float32Array,  # (N, 3) normals
     normals: Float32Array,  # (N, 3) out
-    found: Float32Array,  # (N, K) out: strengths
-    figures: Float32Array,  # (N, 3) out: loss, spread of residuals, variance in rad² over both tangential directions
+    strengths: Float32Array,  # (N, K) out: strengths
+    statistics: Float32Array,  # (N, 3) out: loss, spread of residuals, variance in rad² over both tangential directions
     p: int,
 ) -> None:
-    """One pixel of `fit`."""
+    """Fits pixel p, see `fit`."""
     size = values.shape[1]
-    count = len(widths) + 1
+    count = len(roughness) + 1
     cauchy, least, iterations, ring = scalars[0], scalars[1], int(scalars[2]), scalars[3]
     y = np.empty(size)
     base = np.empty(size)
     w = np.empty(size)
-    rest = np.empty(size)
+    residual = np.empty(size)
     model = np.empty((count, size))
-    beside = np.empty((count, size))
+    trial_model = np.empty((count, size))
     slope = np.empty((2, size))
     matrix = np.empty((count, count))
     right = np.empty(count)
@@ -178,25 +180,25 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     used = 0
     for f in range(size):
         y[f] = values[p, f]
-        base[f] = trust[p, f]
+        base[f] = weights[p, f]
         w[f] = base[f]
         used += 1 if base[f] > 0 else 0
     for i in range(3):
         n[i] = start[p, i]
         best[i] = n[i]
-    basis(n, light, form, widths, model)
-    loss = strengths(y, w, model, matrix, right, c)
+    basis(n, light, diffuse_params, roughness, model)
+    loss = non_negative_least_squares(y, w, model, matrix, right, c)
     if ring > 0:
         _tangents(n, tangent)
         for turn in range(16):
             radius = ring * (1 + turn // 8)
             angle = 2 * np.pi * (turn + 0.5 * (turn // 8)) / 8
-            _moved(n, tangent, radius * np.cos(angle), radius * np.sin(angle), trial)
-            basis(trial, light, form, widths, model)
+            _perturbed(n, tangent, radius * np.cos(angle), radius * np.sin(angle), trial)
+            basis(trial, light, diffuse_params, roughness, model)
             trial_c[:] = c
-            here = strengths(y, w, model, matrix, right, trial_c)
-            if here < loss:
-                loss = here
+            trial_loss = non_negative_least_squares(y, w, model, matrix, right, trial_c)
+            if trial_loss < loss:
+                loss = trial_loss
                 best[:] = trial
     n[:] = best
     spread = least
@@ -204,45 +206,45 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     for stage in range(2):
         squared = 1e30  # scale² of the Cauchy weights
         if stage == 1:
-            basis(n, light, form, widths, model)
+            basis(n, light, diffuse_params, roughness, model)
             for f in range(size):
                 r = y[f]
                 for k in range(count):
                     r -= c[k] * model[k, f]
-                rest[f] = abs(r) * np.sqrt(base[f])
-            ordered = np.sort(rest)
+                residual[f] = abs(r) * np.sqrt(base[f])
+            ordered = np.sort(residual)
             spread = max(1.4826 * ordered[size - used + used // 2], least)
             squared = (cauchy * spread) ** 2
         damping = 1e-3
         loss = 1e30
         for _ in range(iterations):
-            basis(n, light, form, widths, model)
+            basis(n, light, diffuse_params, roughness, model)
             if stage == 1:
                 for f in range(size):
                     r = y[f]
                     for k in range(count):
                         r -= c[k] * model[k, f]
                     w[f] = base[f] / (1 + r * r * base[f] / squared)
-            strengths(y, w, model, matrix, right, c)
+            non_negative_least_squares(y, w, model, matrix, right, c)
             loss = 0.0
             for f in range(size):
                 r = y[f]
                 for k in range(count):
                     r -= c[k] * model[k, f]
-                rest[f] = r
+                residual[f] = r
                 if stage == 1:
                     loss += squared * np.log(1 + r * r * base[f] / squared)
                 else:
                     loss += base[f] * r * r
             _tangents(n, tangent)
             for t in range(2):
-                _moved(n, tangent, STEP * (1 - t), STEP * t, trial)
-                basis(trial, light, form, widths, beside)
+                _perturbed(n, tangent, DIFFERENCE_STEP * (1 - t), DIFFERENCE_STEP * t, trial)
+                basis(trial, light, diffuse_params, roughness, trial_model)
                 for f in range(size):
                     total = 0.0
                     for k in range(count):
-                        total += c[k] * (beside[k, f] - model[k, f])
-                    slope[t, f] = total / STEP
+                        total += c[k] * (trial_model[k, f] - model[k, f])
+                    slope[t, f] = total / DIFFERENCE_STEP
             # Strengths that are zero stay so; the others follow the normal, so their columns are projected out.
             for k in range(count):
                 for t in range(2):
@@ -278,8 +280,8 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
                 a += w[f] * slope[0, f] * slope[0, f]
                 b += w[f] * slope[0, f] * slope[1, f]
                 d += w[f] * slope[1, f] * slope[1, f]
-                g0 += w[f] * slope[0, f] * rest[f]
-                g1 += w[f] * slope[1, f] * rest[f]
+                g0 += w[f] * slope[0, f] * residual[f]
+                g1 += w[f] * slope[1, f] * residual[f]
             for k in range(count):
                 a -= solved[0, k] * solved[0, k]
                 b -= solved[0, k] * solved[1, k]
@@ -299,22 +301,22 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
                 if length > 0.3:
                     first *= 0.3 / length
                     second *= 0.3 / length
-                _moved(n, tangent, first, second, trial)
-                basis(trial, light, form, widths, beside)
+                _perturbed(n, tangent, first, second, trial)
+                basis(trial, light, diffuse_params, roughness, trial_model)
                 trial_c[:] = c
-                strengths(y, w, beside, matrix, right, trial_c)
-                here = 0.0
+                non_negative_least_squares(y, w, trial_model, matrix, right, trial_c)
+                trial_loss = 0.0
                 for f in range(size):
                     r = y[f]
                     for k in range(count):
-                        r -= trial_c[k] * beside[k, f]
+                        r -= trial_c[k] * trial_model[k, f]
                     if stage == 1:
-                        here += squared * np.log(1 + r * r * base[f] / squared)
+                        trial_loss += squared * np.log(1 + r * r * base[f] / squared)
                     else:
-                        here += base[f] * r * r
-                if here < loss:
+                        trial_loss += base[f] * r * r
+                if trial_loss < loss:
                     accepted = True
-                    loss = here
+                    loss = trial_loss
                     n[:] = trial
                     c[:] = trial_c
                     damping = max(damping * 0.2, 1e-4)
@@ -325,10 +327,10 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     for i in range(3):
         normals[p, i] = n[i]
     for k in range(count):
-        found[p, k] = c[k]
-    figures[p, 0] = loss
-    figures[p, 1] = spread
-    figures[p, 2] = variance * spread * spread * used / max(used - count - 2, 1)
+        strengths[p, k] = c[k]
+    statistics[p, 0] = loss
+    statistics[p, 1] = spread
+    statistics[p, 2] = variance * spread * spread * used / max(used - count - 2, 1)
 
 
 @numba.njit(
@@ -338,19 +340,19 @@ def _fit_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
 )  # fmt: skip
 def fit(
     values: Float32Array,  # (N, F), of about unit height
-    trust: Float32Array,  # (N, F) weights of the measurements; 0: not used
+    weights: Float32Array,  # (N, F) weights of the measurements; 0: not used
     light: FloatArray,  # (6, F)
-    form: FloatArray,  # (FORM,)
-    widths: FloatArray,  # (K − 1,)
+    diffuse_params: FloatArray,  # (DIFFUSE_PARAMS,)
+    roughness: FloatArray,  # (K − 1,)
     scalars: FloatArray,  # Cauchy scale in units of the residuals' spread, least spread, iterations, ring in rad
     start: Float32Array,  # (N, 3) normals
     normals: Float32Array,  # (N, 3) out
-    found: Float32Array,  # (N, K) out: strengths
-    figures: Float32Array,  # (N, 3) out: loss, spread of residuals, variance in rad² over both tangential directions
+    strengths: Float32Array,  # (N, K) out: strengths
+    statistics: Float32Array,  # (N, 3) out: loss, spread of residuals, variance in rad² over both tangential directions
 ) -> None:
-    """Fits all pixels: least squares from the best of a ring of starts, then Cauchy weights."""
+    """Fits all pixels in parallel: least squares from the best of a ring of starts, then Cauchy-weighted IRLS."""
     for p in numba.prange(values.shape[0]):
-        _fit_pixel(values, trust, light, form, widths, scalars, start, normals, found, figures, p)
+        _fit_pixel(values, weights, light, diffuse_params, roughness, scalars, start, normals, strengths, statistics, p)
 
 
 @numba.njit(
@@ -358,12 +360,14 @@ def fit(
     cache=True,
     error_model="numpy",
 )
-def many(normals: FloatArray, light: FloatArray, form: FloatArray, widths: FloatArray, out: Float32Array) -> None:
-    """`basis` at normals (N, 3), into (N, K, F)."""
-    one = np.empty((out.shape[1], out.shape[2]))
+def basis_of_normals(
+    normals: FloatArray, light: FloatArray, diffuse_params: FloatArray, roughness: FloatArray, out: Float32Array
+) -> None:
+    """Evaluates `basis` at normals (N, 3), into (N, K, F)."""
+    basis_values = np.empty((out.shape[1], out.shape[2]))
     for p in range(len(normals)):
-        basis(normals[p], light, form, widths, one)
-        out[p] = one
+        basis(normals[p], light, diffuse_params, roughness, basis_values)
+        out[p] = basis_values
 
 
-KERNELS = (basis, strengths, _tangents, _moved, _fit_pixel, fit, many)
+KERNELS = (basis, non_negative_least_squares, _tangents, _perturbed, _fit_pixel, fit, basis_of_normals)

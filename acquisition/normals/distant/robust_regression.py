@@ -1,8 +1,8 @@
-"""Robust least squares, pixel by pixel: from the best lit triple or from the middle ranks to Cauchy weights.
+"""Robust regression per pixel: iteratively reweighted least squares (IRLS) with Cauchy weights.
 
-A fit that starts from least squares of everything has already bent to what it should reject. With few lights the start
-is the triple of measurements that explains most of the others; with many it is the regression over the middle ranks,
-which drops shadows and highlights unseen (position thresholds, Shi et al., TPAMI 2014).
+IRLS from least squares of all measurements starts biased by the outliers that it should reject. With few lights it
+starts from the triple of measurements with the least truncated absolute error over the others; with many, from least
+squares over the middle ranks, which omits shadows and highlights (position thresholds, Shi et al., TPAMI 2014).
 """
 
 from itertools import combinations
@@ -12,31 +12,39 @@ import numpy as np
 
 from acquisition.models.base import Float32Array, FloatArray
 
-MIDDLE = (0.25, 0.7)
-"""Ranks, as shares of the lights, between which measurements count at first: highlights reach further down than shadows
-reach up."""
+POSITION_THRESHOLDS = (0.25, 0.7)
+"""Ranks, as shares of the lights, between which measurements count at the start; asymmetric, because highlights reach
+further down than shadows reach up."""
 
-MANY_LIGHTS = 20
-TRIPLES = 40
+MIN_POSITION_THRESHOLD_LIGHTS = 20
+"""Lights from which the start is the middle ranks, below which it is the best triple."""
+
+MAX_TRIPLES = 40
+"""Triples that are tried at most."""
+
 CAUCHY_SCALE = 2.0
-ROUNDS = 12
-LEAST_SPREAD = 2e-3
-"""Of the residuals, as a share of the pixel's typical value."""
+"""Scale of the Cauchy weight, in units of the residuals' robust spread (1.4826 MAD)."""
+
+MAX_ITERATIONS = 12
+"""IRLS iterations at most."""
+
+MIN_SPREAD = 2e-3
+"""Least spread of the residuals, as a share of the mean of the pixel's usable values."""
 
 
 def triples(light: FloatArray) -> tuple[np.ndarray, FloatArray]:
-    """At most TRIPLES well spread triples of lights (T, 3), and the inverses (T, 3, 3) of their directions (F, 3)."""
+    """Selects at most MAX_TRIPLES triples (T, 3) of lights (F, 3) with large volume; and their inverses (T, 3, 3)."""
     every = np.array(list(combinations(range(len(light)), 3)))
     volume = np.abs(np.linalg.det(light[every]))
     kept = every[volume > 0.3 * volume.max()]
-    chosen = kept[np.linspace(0, len(kept) - 1, min(TRIPLES, len(kept))).astype(int)]
+    chosen = kept[np.linspace(0, len(kept) - 1, min(MAX_TRIPLES, len(kept))).astype(int)]
     inverses = np.linalg.inv(light[chosen])
     return chosen.astype(np.int64), np.ascontiguousarray(inverses, dtype=np.float64)
 
 
 @numba.njit("boolean(float64[::1], float64[::1], float64[::1])", cache=True, error_model="numpy")
 def _solve3(m: FloatArray, b: FloatArray, g: FloatArray) -> bool:
-    """Solves one symmetric 3 × 3 system m (00 01 02 11 12 22); false where it is singular."""
+    """Solves one symmetric 3 × 3 system m g = b (00 01 02 11 12 22) by its adjugate; false where it is singular."""
     c00 = m[3] * m[5] - m[4] * m[4]
     c01 = m[2] * m[4] - m[1] * m[5]
     c02 = m[1] * m[4] - m[2] * m[3]
@@ -56,6 +64,7 @@ def _solve3(m: FloatArray, b: FloatArray, g: FloatArray) -> bool:
     "void(float64[::1], float64[::1], float64[:,::1], float64[::1], float64[::1])", cache=True, error_model="numpy"
 )
 def _normal_equations(y: FloatArray, w: FloatArray, light: FloatArray, m: FloatArray, b: FloatArray) -> None:
+    """Accumulates weighted normal equations: m = SᵀWS (00 01 02 11 12 22), b = SᵀWy."""
     m[:] = 0.0
     b[:] = 0.0
     for f in range(len(y)):
@@ -82,17 +91,17 @@ def _solve_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     light: FloatArray,  # (F, 3) unit directions
     lit_triples: np.ndarray,  # (T, 3); none: start from the middle ranks
     inverses: FloatArray,  # (T, 3, 3)
-    settings: FloatArray,  # low rank, high rank, Cauchy scale (0: stop at the start), rounds
-    found: Float32Array,  # (N, 3) out: albedo × normal
-    figures: Float32Array,  # (N, 2) out: variance of one measurement; trace of the tangential part of (SᵀWS)⁻¹
+    settings: FloatArray,  # low rank, high rank, Cauchy scale (0: no IRLS), iterations
+    scaled_normals: Float32Array,  # (N, 3) out: albedo × normal
+    statistics: Float32Array,  # (N, 2) out: variance of one measurement; trace of the tangential part of (SᵀWS)⁻¹
     p: int,
 ) -> None:
-    """One pixel of `solve`."""
+    """Robust regression of pixel p, see `solve`."""
     size = values.shape[1]
     low, high, cauchy, rounds = settings[0], settings[1], settings[2], int(settings[3])
     y = np.empty(size)
     w = np.empty(size)
-    rest = np.empty(size)
+    residual = np.empty(size)
     m = np.empty(6)
     b = np.empty(3)
     g = np.zeros(3)
@@ -134,43 +143,43 @@ def _solve_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
             w[f] = usable[p, f]
         _normal_equations(y, w, light, m, b)
         good = _solve3(m, b, g)
-    spread = LEAST_SPREAD * bright
+    spread = MIN_SPREAD * bright
     if good and cauchy > 0:
-        for turn in range(rounds):
+        for iteration in range(rounds):
             count = 0
             for f in range(size):
-                rest[f] = y[f] - (g[0] * light[f, 0] + g[1] * light[f, 1] + g[2] * light[f, 2])
-            if turn < 4:
+                residual[f] = y[f] - (g[0] * light[f, 0] + g[1] * light[f, 1] + g[2] * light[f, 2])
+            if iteration < 4:
                 absolute = np.empty(used)
                 for f in range(size):
                     if usable[p, f] > 0:
-                        absolute[count] = abs(rest[f])
+                        absolute[count] = abs(residual[f])
                         count += 1
                 # Three of the residuals' degrees of freedom are gone, which shows with few lights.
                 middle = np.sort(absolute)[used // 2] * 1.4826 * np.sqrt(used / max(used - 3.0, 1.0))
-                spread = max(middle, LEAST_SPREAD * bright)
+                spread = max(middle, MIN_SPREAD * bright)
             for f in range(size):
-                w[f] = usable[p, f] / (1.0 + (rest[f] / (cauchy * spread)) ** 2)
+                w[f] = usable[p, f] / (1.0 + (residual[f] / (cauchy * spread)) ** 2)
             _normal_equations(y, w, light, m, b)
             if not _solve3(m, b, trial):
                 break
             change = abs(trial[0] - g[0]) + abs(trial[1] - g[1]) + abs(trial[2] - g[2])
             g[:] = trial
-            if turn >= 4 and change < 1e-5 * bright:
+            if iteration >= 4 and change < 1e-5 * bright:
                 break
     squared = g[0] * g[0] + g[1] * g[1] + g[2] * g[2]
     for a in range(3):
-        found[p, a] = g[a] if good else 0.0
-    loose = 1e3
+        scaled_normals[p, a] = g[a] if good else 0.0
+    leverage = 1e3
     if good and squared > 0:
         # Trace of m⁻¹ less its part along g, from the adjugate
         c00, c11, c22 = m[3] * m[5] - m[4] * m[4], m[0] * m[5] - m[2] * m[2], m[0] * m[3] - m[1] * m[1]
         c01, c02, c12 = m[2] * m[4] - m[1] * m[5], m[1] * m[4] - m[2] * m[3], m[1] * m[2] - m[0] * m[4]
         inner = c00 * g[0] ** 2 + c11 * g[1] ** 2 + c22 * g[2] ** 2
         inner += 2 * (c01 * g[0] * g[1] + c02 * g[0] * g[2] + c12 * g[1] * g[2])
-        loose = (c00 + c11 + c22 - inner / squared) / (m[0] * c00 + m[1] * c01 + m[2] * c02)
-    figures[p, 0] = spread * spread
-    figures[p, 1] = loose
+        leverage = (c00 + c11 + c22 - inner / squared) / (m[0] * c00 + m[1] * c01 + m[2] * c02)
+    statistics[p, 0] = spread * spread
+    statistics[p, 1] = leverage
 
 
 @numba.njit(
@@ -184,13 +193,13 @@ def solve(
     light: FloatArray,  # (F, 3) unit directions
     lit_triples: np.ndarray,  # (T, 3); none: start from the middle ranks
     inverses: FloatArray,  # (T, 3, 3)
-    settings: FloatArray,  # low rank, high rank, Cauchy scale (0: stop at the start), rounds
-    found: Float32Array,  # (N, 3) out: albedo × normal
-    figures: Float32Array,  # (N, 2) out: variance of one measurement; trace of the tangential part of (SᵀWS)⁻¹
+    settings: FloatArray,  # low rank, high rank, Cauchy scale (0: no IRLS), iterations
+    scaled_normals: Float32Array,  # (N, 3) out: albedo × normal
+    statistics: Float32Array,  # (N, 2) out: variance of one measurement; trace of the tangential part of (SᵀWS)⁻¹
 ) -> None:
-    """Solves all pixels; where fewer than three usable lights span space, g is zero."""
+    """Cauchy-weighted IRLS of all pixels in parallel; zero where usable lights do not span space."""
     for p in numba.prange(values.shape[0]):
-        _solve_pixel(values, usable, light, lit_triples, inverses, settings, found, figures, p)
+        _solve_pixel(values, usable, light, lit_triples, inverses, settings, scaled_normals, statistics, p)
 
 
 KERNELS = (_solve3, _normal_equations, _solve_pixel, solve)

@@ -1,8 +1,8 @@
-"""Which solver explains an object best, found from its own images: each predicts lights that it was not shown.
+"""Selection of the solver by k-fold cross-validation over lights: each solver predicts held-out images.
 
-A fit's own residuals favour whatever has most parameters; held-out lights do not. What counts of a pixel is the error
-that most of its lights stay below: high enough to see the highlights that a matt model misses, low enough for shadows,
-which no model predicts, not to decide.
+A fit's own residuals favour the model with most parameters; held-out lights do not. A pixel counts by a high quantile
+of its errors over the lights: high enough to include the highlights that a diffuse model misses, low enough to exclude
+cast shadows, which no model predicts.
 """
 
 import numpy as np
@@ -12,58 +12,66 @@ from acquisition.normals.distant import reflectance_fit, robust_regression, solv
 from acquisition.normals.distant.solvers import Solver
 
 FOLDS = 4
-SAMPLE = 300
-MOST = 0.8
-"""Share of a pixel's lights whose error counts."""
+"""Parts of the lights, each held out once."""
 
-FEW: tuple[Solver, ...] = ("weighted", "robust")
-MANY: tuple[Solver, ...] = ("thresholded", "glossy")
-ADVANTAGE = 0.97
-"""A solver further down the list must beat the ones above it by this factor: simple ones are steadier and faster."""
+SAMPLE_PIXELS = 300
+"""Pixels that the solvers are compared at."""
+
+ERROR_QUANTILE = 0.8
+"""Quantile of a pixel's relative errors over its lights that stands for the pixel."""
+
+FEW_LIGHTS_SOLVERS: tuple[Solver, ...] = ("weighted", "robust")
+MANY_LIGHTS_SOLVERS: tuple[Solver, ...] = ("thresholded", "glossy")
+MAX_ERROR_RATIO = 0.97
+"""Greatest ratio of errors at which a solver further down the list replaces one above it, which is simpler and
+faster."""
 
 
-def best(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> tuple[Solver, str]:
-    """The solver and a sentence that says why, from a sample of pixels (K, F)."""
-    step = max(1, len(values) // SAMPLE)
+def select(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> tuple[Solver, str]:
+    """Selects the solver of least held-out error at a sample of pixels (K, F); returns it with the reason in words."""
+    step = max(1, len(values) // SAMPLE_PIXELS)
     values, clipped = np.ascontiguousarray(values[::step]), np.ascontiguousarray(clipped[::step])
-    many = len(directions) >= solvers.GLOSSY_LIGHTS * FOLDS // (FOLDS - 1)
-    candidates = FEW + MANY if many else FEW
+    many = len(directions) >= solvers.MIN_GLOSSY_LIGHTS * FOLDS // (FOLDS - 1)
+    candidates = FEW_LIGHTS_SOLVERS + MANY_LIGHTS_SOLVERS if many else FEW_LIGHTS_SOLVERS
     if len(directions) <= FOLDS + 1:
         return "weighted", f"{len(directions)} lights leave none to test other solvers by"
     errors = {solver: held_out_error(solver, values, clipped, directions) for solver in candidates}
     chosen = candidates[0]
     for solver in candidates[1:]:
-        if errors[solver] < ADVANTAGE * errors[chosen]:
+        if errors[solver] < MAX_ERROR_RATIO * errors[chosen]:
             chosen = solver
     figures = ", ".join(f"{solver} {100 * error:.2f} %" for solver, error in errors.items())
     return chosen, f"error in predicting most of the lights not shown: {figures}"
 
 
 def held_out_error(solver: Solver, values: Float32Array, clipped: BoolArray, directions: FloatArray) -> float:
-    """Geometric mean over pixels of the relative error that MOST held-out lights stay below, over all folds."""
+    """Cross-validation error of a solver: geometric mean over pixels of the ERROR_QUANTILE of their relative errors."""
     count = len(directions)
-    # The form's three numbers stand for all pixels: that they have seen every light tells no pixel anything.
-    form = (
-        reflectance_fit.matt_form(values[::2], clipped[::2], directions)
+    # The three diffuse parameters are shared by all pixels, so that fitting them to all lights gives none away to a
+    # pixel.
+    diffuse_params = (
+        reflectance_fit.estimate_diffuse_params(values[::2], clipped[::2], directions)
         if solver == "glossy"
-        else reflectance_fit.LAMBERT
+        else reflectance_fit.LAMBERT_PARAMS
     )
     errors = np.full(values.shape, np.nan)
     order = np.random.default_rng(0).permutation(count)
     for fold in range(FOLDS):
-        left = np.sort(order[fold::FOLDS])
-        shown = np.setdiff1d(np.arange(count), left)
+        held_out = np.sort(order[fold::FOLDS])
+        shown = np.setdiff1d(np.arange(count), held_out)
         predicted = _predict(
             solver, np.ascontiguousarray(values[:, shown]), np.ascontiguousarray(clipped[:, shown]),
-            directions[shown], directions[left], form,
+            directions[shown], directions[held_out], diffuse_params,
         )  # fmt: skip
         typical = np.maximum(np.median(values, axis=1, keepdims=True), 1e-9)
-        errors[:, left] = np.abs(predicted - values[:, left]) / (values[:, left] + reflectance_fit.SOFTENING * typical)
+        errors[:, held_out] = np.abs(predicted - values[:, held_out]) / (
+            values[:, held_out] + reflectance_fit.NOISE_FLOOR * typical
+        )
     errors[~solvers.usable(values, clipped)] = np.nan
     known = np.count_nonzero(np.isfinite(errors), axis=1) >= 3
     if not np.any(known):
         return np.inf
-    return float(np.exp(np.mean(np.log(np.nanquantile(errors[known], MOST, axis=1) + 1e-6))))
+    return float(np.exp(np.mean(np.log(np.nanquantile(errors[known], ERROR_QUANTILE, axis=1) + 1e-6))))
 
 
 def _predict(
@@ -71,16 +79,20 @@ def _predict(
     values: Float32Array,
     clipped: BoolArray,
     shown: FloatArray,
-    left: FloatArray,
-    form: FloatArray,
+    held_out: FloatArray,
+    diffuse_params: FloatArray,
 ) -> FloatArray:
-    """Brightness (N, L) under lights that were left out (L, 3)."""
+    """Predicts the brightness (N, L) under held-out lights (L, 3) from the fit to the lights `shown` (F, 3)."""
     if solver == "glossy":
         fits = reflectance_fit.fit(
-            values, clipped, reflectance_fit.light_table(shown), form, reflectance_fit.start(values, clipped, shown)
+            values,
+            clipped,
+            reflectance_fit.light_table(shown),
+            diffuse_params,
+            reflectance_fit.initial_normals(values, clipped, shown),
         )
-        return reflectance_fit.brightness(fits, reflectance_fit.light_table(left), form)
-    ranks = (0.0, 1.0) if solver == "weighted" else robust_regression.MIDDLE
-    rounds = robust_regression.ROUNDS if solver == "robust" else 0
-    found, _ = solvers.robust_fit(values, solvers.usable(values, clipped), shown, ranks, rounds)
-    return np.maximum(found @ left.T, 0)
+        return reflectance_fit.brightness(fits, reflectance_fit.light_table(held_out), diffuse_params)
+    ranks = (0.0, 1.0) if solver == "weighted" else robust_regression.POSITION_THRESHOLDS
+    rounds = robust_regression.MAX_ITERATIONS if solver == "robust" else 0
+    scaled_normals, _ = solvers.robust_fit(values, solvers.usable(values, clipped), shown, ranks, rounds)
+    return np.maximum(scaled_normals @ held_out.T, 0)

@@ -1,7 +1,10 @@
-"""The solvers for distant light, each as a function from a block of pixels to what was found there.
+"""The solvers for distant light, each as a function from a block of pixels to normals, albedo, variance and flags.
 
-All share one account of uncertainty: the variance of a measurement comes from the pixel's own residuals, steadied by a
-weak prior since few lights leave few residuals, and is carried to the normal by the leverage of the measurements used.
+`ls` is Lambertian least squares (Woodham 1980), `weighted` the same without clipped, shadowed and highlight
+measurements, `thresholded` the same over position thresholds (Shi et al., TPAMI 2014), `robust` iteratively reweighted
+least squares with Cauchy weights, `glossy` a fit of a diffuse term and GGX lobes. All propagate uncertainty alike: the
+variance of a measurement comes from the pixel's own residuals with a weak prior, since few lights leave few residuals,
+and the leverage of the measurements used carries it to the normal.
 """
 
 from collections.abc import Callable
@@ -18,94 +21,105 @@ from acquisition.normals.distant.pixel_blocks import Block
 
 Solver = Literal["auto", "ls", "weighted", "thresholded", "robust", "glossy"]
 
-SHADOW = 0.05
+SHADOW_THRESHOLD = 0.05
 """Share of a pixel's largest unclipped value below which a measurement is in shadow."""
 
-EXCESS = 0.1
-"""Share of the albedo by which a highlight exceeds a matt surface."""
+HIGHLIGHT_THRESHOLD = 0.1
+"""Share of the albedo by which a highlight exceeds the diffuse prediction."""
 
-GLOSSY_LIGHTS = 12
-"""Least lights for normal, matt part and lobes of each pixel."""
+MIN_GLOSSY_LIGHTS = 12
+"""Least number of lights that determines normal, diffuse term and lobes of each pixel."""
 
-PRIOR_SPREAD = 0.01
+PRIOR_RESIDUAL = 0.01
+"""Prior 1 σ of a measurement's residual, as a share of the albedo."""
+
 PRIOR_COUNT = 2.0
-"""What the residuals are expected to be, as a share of the albedo, and how many residuals that expectation counts."""
+"""Degrees of freedom that the prior counts as."""
 
-FORM_SAMPLE = 400
-LEAST_RAD2 = np.float32(np.radians(0.15) ** 2)
-"""Variance of a glossy fit's normals, over both directions, that directions and intensities of lights leave."""
+DIFFUSE_PARAMS_SAMPLE = 400
+"""Pixels that the shared diffuse parameters are fitted to."""
 
-UNKNOWN_RAD2 = np.float32(np.radians(60.0) ** 2)
+MIN_GLOSSY_VARIANCE_RAD2 = np.float32(np.radians(0.15) ** 2)
+"""Least variance (rad², both tangential directions) of a glossy fit's normals: the errors of the lights' directions and
+intensities, 0.15°."""
+
+UNKNOWN_VARIANCE_RAD2 = np.float32(np.radians(60.0) ** 2)
+"""Variance (rad²) of a normal that fewer than three measurements determine, and the upper bound of all: 60°."""
 
 
 @dataclass(frozen=True)
-class Found:
-    """Of N pixels of a block."""
+class SolveResult:
+    """Normals, albedo, variance and flags of N pixels of a block."""
 
     normals: Float32Array  # (3, N)
-    albedo: Float32Array  # (N,) brightness of a matt surface facing a light of intensity 1
+    albedo: Float32Array  # (N,) brightness of a diffuse surface facing a light of intensity 1
     variance: Float32Array  # (N,) rad², both tangential directions
     residual: Float32Array  # (N,) rms of the residuals that were used, in units of brightness
     flags: np.ndarray  # (F, N) uint8
 
 
-Method = Callable[[Block, np.ndarray], Found]
+Method = Callable[[Block, np.ndarray], SolveResult]
 """Solves the pixels of a block that are given by their numbers."""
 
 
 def prepare(
     solver: Solver, values: Float32Array, clipped: BoolArray, directions: FloatArray
 ) -> tuple[Method, dict[str, Any]]:
-    """The method and what is to be noted of it; what it needs to know of the whole comes from a sample (K, F).
+    """Prepares a solver for these lights; returns its method and the notes on it for the result.
+
+    Parameters that all pixels share are fitted to a sample of pixels (K, F).
 
     Raises RigError normals.infeasible where `glossy` or `thresholded` is asked of too few lights.
     """
-    if solver in {"glossy", "thresholded"} and len(directions) < GLOSSY_LIGHTS:
+    if solver in {"glossy", "thresholded"} and len(directions) < MIN_GLOSSY_LIGHTS:
         raise RigError(
             ErrorCode.NORMALS_INFEASIBLE,
-            f"{solver} needs {GLOSSY_LIGHTS} lights or more, these are {len(directions)}: ask for robust or add images",
+            f"{solver} needs {MIN_GLOSSY_LIGHTS} lights or more, these are {len(directions)}: ask for robust or add "
+            "images",
         )
     match solver:
         case "ls":
-            return _plain(directions), {"grey": "0.2989 R + 0.5870 G + 0.1140 B"}
+            return _least_squares(directions), {"grey": "0.2989 R + 0.5870 G + 0.1140 B"}
         case "weighted":
-            return _weighted(directions), {"shadow_share": SHADOW}
+            return _weighted(directions), {"shadow_share": SHADOW_THRESHOLD}
         case "glossy":
-            step = max(1, len(values) // FORM_SAMPLE)
-            form = reflectance_fit.matt_form(values[::step], clipped[::step], directions)
+            step = max(1, len(values) // DIFFUSE_PARAMS_SAMPLE)
+            diffuse_params = reflectance_fit.estimate_diffuse_params(values[::step], clipped[::step], directions)
             names = ("kappa", "omega", "gamma")
-            return _glossy(directions, form), {"matt_form": dict(zip(names, form.tolist(), strict=True))}
+            return _glossy(directions, diffuse_params), {
+                "matt_form": dict(zip(names, diffuse_params.tolist(), strict=True))
+            }
         case _:
-            return _robust(directions, rounds=0 if solver == "thresholded" else robust_regression.ROUNDS), {}
+            return _robust(directions, rounds=0 if solver == "thresholded" else robust_regression.MAX_ITERATIONS), {}
 
 
 def usable(values: Float32Array, clipped: BoolArray) -> BoolArray:
     """Which measurements (N, F) are neither clipped nor in shadow."""
     largest = np.max(np.where(clipped, 0, values), axis=1, keepdims=True)
-    return ~clipped & (values > 0) & (values >= np.float32(SHADOW) * largest)
+    return ~clipped & (values > 0) & (values >= np.float32(SHADOW_THRESHOLD) * largest)
 
 
 def robust_fit(
     values: Float32Array, lit: BoolArray, directions: FloatArray, ranks: tuple[float, float], rounds: int
 ) -> tuple[Float32Array, Float32Array]:
-    """Albedo × normal (N, 3); variance of one measurement and leverage (N, 2)."""
-    found, figures = np.empty((len(values), 3), np.float32), np.empty((len(values), 2), np.float32)
-    many = len(directions) >= robust_regression.MANY_LIGHTS or rounds == 0
+    """Robust regression of pixels (N, F): albedo × normal (N, 3); variance of one measurement and leverage (N, 2)."""
+    scaled_normals, statistics = np.empty((len(values), 3), np.float32), np.empty((len(values), 2), np.float32)
+    many = len(directions) >= robust_regression.MIN_POSITION_THRESHOLD_LIGHTS or rounds == 0
     chosen, inverses = (
         (np.empty((0, 3), np.int64), np.empty((0, 3, 3))) if many else robust_regression.triples(directions)
     )  # fmt: skip
     settings = np.array([*ranks, robust_regression.CAUCHY_SCALE if rounds else 0.0, rounds])
     light = np.ascontiguousarray(directions, dtype=np.float64)
-    robust_regression.solve(values, lit.astype(np.uint8), light, chosen, inverses, settings, found, figures)
-    return found, figures
+    robust_regression.solve(values, lit.astype(np.uint8), light, chosen, inverses, settings, scaled_normals, statistics)
+    return scaled_normals, statistics
 
 
-def _plain(directions: FloatArray) -> Method:
-    """Least squares of all measurements, nothing left out."""
+def _least_squares(directions: FloatArray) -> Method:
+    """Lambertian least squares of all measurements (Woodham 1980)."""
     inverse = np.linalg.pinv(directions)
     covariance = np.linalg.inv(directions.T @ directions)
 
-    def solve(block: Block, chosen: np.ndarray) -> Found:
+    def solve(block: Block, chosen: np.ndarray) -> SolveResult:
         size = block.stack.shape[1]
         normals, albedo = np.empty((3, size), np.float32), np.empty(size, np.float32)
         least_squares_kernels.least_squares(
@@ -120,75 +134,77 @@ def _plain(directions: FloatArray) -> Method:
         flags = np.full(picked.shape, LIT, np.uint8)
         flags[picked >= block.clipped_from] = SATURATED
         variance = angular_variance(spread, loose.astype(np.float32), albedo, float(len(directions)))
-        return Found(normals, albedo, variance, np.sqrt(spread).astype(np.float32), flags)
+        return SolveResult(normals, albedo, variance, np.sqrt(spread).astype(np.float32), flags)
 
     return solve
 
 
 def _weighted(directions: FloatArray) -> Method:
-    """Least squares of what is neither clipped, nor in shadow, nor a highlight."""
+    """Lambertian least squares without clipped, shadowed and highlight measurements."""
     light = np.ascontiguousarray(directions, dtype=np.float32)
 
-    def solve(block: Block, chosen: np.ndarray) -> Found:
+    def solve(block: Block, chosen: np.ndarray) -> SolveResult:
         count, size = block.stack.shape
         normals, flags = np.empty((3, size), np.float32), np.empty((count, size), np.uint8)
         albedo, loose, spread = (np.empty(size, np.float32) for _ in range(3))
-        limits = np.array([block.clipped_from, SHADOW, EXCESS], np.float32)
+        limits = np.array([block.clipped_from, SHADOW_THRESHOLD, HIGHLIGHT_THRESHOLD], np.float32)
         least_squares_kernels.weighted(block.stack, block.scale, light, limits, normals, albedo, loose, spread, flags)
         picked = flags[:, chosen]
         used = np.count_nonzero(picked == LIT, axis=0).astype(np.float32)
         variance = angular_variance(spread[chosen], loose[chosen], albedo[chosen], used)
         residual = np.sqrt(spread[chosen])
-        return Found(normals[:, chosen], albedo[chosen], variance, residual, picked)
+        return SolveResult(normals[:, chosen], albedo[chosen], variance, residual, picked)
 
     return solve
 
 
 def _robust(directions: FloatArray, rounds: int) -> Method:
-    """Cauchy weights, or with no round the middle ranks alone."""
+    """Cauchy-weighted IRLS; with no iteration, least squares over the position thresholds alone."""
 
-    def solve(block: Block, chosen: np.ndarray) -> Found:
+    def solve(block: Block, chosen: np.ndarray) -> SolveResult:
         values, clipped = block.pixels(chosen)
         lit = usable(values, clipped)
-        found, figures = robust_fit(values, lit, directions, robust_regression.MIDDLE, rounds)
+        found, figures = robust_fit(values, lit, directions, robust_regression.POSITION_THRESHOLDS, rounds)
         albedo = np.linalg.norm(found, axis=1)
         normals = found / np.maximum(albedo, 1e-20)[:, None]
         predicted = found @ directions.T.astype(np.float32)
         rest = values - predicted
         spread = np.sqrt(figures[:, :1])
         near = lit & (np.abs(rest) < 4 * np.maximum(spread, 0.01 * albedo[:, None]))
-        highlight = lit & ~near & (rest > EXCESS * albedo[:, None])
+        highlight = lit & ~near & (rest > HIGHLIGHT_THRESHOLD * albedo[:, None])
         flags = _flags(lit & ~highlight, highlight, clipped, predicted)
         used = np.count_nonzero(near, axis=1).astype(np.float32)
         left = np.sum(near * rest * rest, axis=1) / np.maximum(used - 3, 1)
         variance = angular_variance(np.maximum(left, figures[:, 0]), figures[:, 1], albedo, used)
-        return Found(normals.T, albedo, variance, np.sqrt(left), flags)
+        return SolveResult(normals.T, albedo, variance, np.sqrt(left), flags)
 
     return solve
 
 
-def _glossy(directions: FloatArray, form: FloatArray) -> Method:
-    """Matt part and lobes of each pixel, the matt part's form given."""
+def _glossy(directions: FloatArray, diffuse_params: FloatArray) -> Method:
+    """Fit of a diffuse term and GGX lobes to each pixel, with shared diffuse parameters (3,)."""
     table = reflectance_fit.light_table(directions)
 
-    def solve(block: Block, chosen: np.ndarray) -> Found:
+    def solve(block: Block, chosen: np.ndarray) -> SolveResult:
         values, clipped = block.pixels(chosen)
-        fits = reflectance_fit.fit(values, clipped, table, form, reflectance_fit.start(values, clipped, directions))
+        fits = reflectance_fit.fit(
+            values, clipped, table, diffuse_params, reflectance_fit.initial_normals(values, clipped, directions)
+        )
         width = block.stack.shape[1] // (block.stop - block.start)
-        fits = reflectance_fit.from_neighbours(fits, values, clipped, table, form, chosen, width)
-        matt = reflectance_fit.matt(fits.normals, table, form) * fits.strengths[:, :1]
-        lit = reflectance_fit.trusted(values, clipped)
-        highlight = lit & (values > (1 + EXCESS) * matt + EXCESS * fits.strengths[:, :1])
+        fits = reflectance_fit.refit_from_neighbours(fits, values, clipped, table, diffuse_params, chosen, width)
+        diffuse = reflectance_fit.diffuse(fits.normals, table, diffuse_params) * fits.strengths[:, :1]
+        lit = reflectance_fit.usable(values, clipped)
+        highlight = lit & (values > (1 + HIGHLIGHT_THRESHOLD) * diffuse + HIGHLIGHT_THRESHOLD * fits.strengths[:, :1])
         flags = _flags(lit & ~highlight, highlight, clipped, fits.normals @ directions.T.astype(np.float32))
-        # A pixel that is all gloss has a normal too, though no matt albedo to speak of.
+        # A pixel that is all gloss has a normal too, though next to no diffuse albedo.
         albedo = np.maximum(fits.strengths[:, 0], np.float32(1e-6) * np.sum(fits.strengths, axis=1))
         residual = fits.spread * np.median(values, axis=1)
-        bent = reflectance_fit.form_variance(fits, values, clipped, table, form)
-        # What lobes and matt part trade with each other, and shadows half cast, show among neighbours, if anywhere.
+        shared = reflectance_fit.diffuse_params_variance(fits, values, clipped, table, diffuse_params)
+        # Ambiguity between lobes and diffuse term, and penumbrae, show in deviations from the neighbours, if anywhere.
         # Noise shows there as well as in the residuals, so that the larger of the two holds both.
-        own = np.maximum(fits.variance, np.square(reflectance_fit.roughness(fits.normals, chosen, width)))
-        variance = np.minimum(own + bent + LEAST_RAD2, UNKNOWN_RAD2).astype(np.float32)
-        return Found(fits.normals.T, albedo, variance, residual.astype(np.float32), flags)
+        own = np.maximum(fits.variance, np.square(reflectance_fit.neighbour_deviation(fits.normals, chosen, width)))
+        variance = np.minimum(own + shared + MIN_GLOSSY_VARIANCE_RAD2, UNKNOWN_VARIANCE_RAD2).astype(np.float32)
+        return SolveResult(fits.normals.T, albedo, variance, residual.astype(np.float32), flags)
 
     return solve
 
@@ -196,16 +212,16 @@ def _glossy(directions: FloatArray, form: FloatArray) -> Method:
 def angular_variance(
     spread: Float32Array, leverage: Float32Array, albedo: Float32Array, used: Float32Array | float
 ) -> Float32Array:
-    """Angular variance (N,) in rad² from the variance of a measurement and the leverage; unknown where none lit it."""
+    """Angular variance (N,) in rad² from the variance of a measurement and the leverage, at most 60°."""
     squared = np.maximum(albedo * albedo, np.float32(1e-20))
     freedom = np.maximum(used - 3.0, 0.0)
-    steady = (freedom * spread + PRIOR_COUNT * PRIOR_SPREAD**2 * squared) / (freedom + PRIOR_COUNT)
-    variance = np.where(np.asarray(used) >= 3, steady * leverage / squared, UNKNOWN_RAD2)
-    return np.minimum(variance, UNKNOWN_RAD2).astype(np.float32)
+    steady = (freedom * spread + PRIOR_COUNT * PRIOR_RESIDUAL**2 * squared) / (freedom + PRIOR_COUNT)
+    variance = np.where(np.asarray(used) >= 3, steady * leverage / squared, UNKNOWN_VARIANCE_RAD2)
+    return np.minimum(variance, UNKNOWN_VARIANCE_RAD2).astype(np.float32)
 
 
 def _flags(lit: BoolArray, highlight: BoolArray, clipped: BoolArray, facing: Float32Array) -> np.ndarray:
-    """Bit fields (F, N) from masks (N, F) and from which way the light comes (N, F)."""
+    """Flags (F, N), as in `models.result`, from masks (N, F) and n·l (N, F), whose sign tells attached from cast."""
     dark = np.where(facing < 0, ATTACHED, CAST)
     flags = np.where(lit, LIT, np.where(highlight, HIGHLIGHT, np.where(clipped, SATURATED, dark)))
     return np.ascontiguousarray(flags.T.astype(np.uint8))

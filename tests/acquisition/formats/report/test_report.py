@@ -19,7 +19,7 @@ from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED,
 SIZE, LIGHTS = 90, 6
 AZIMUTHS = np.radians(np.arange(LIGHTS) * 60.0)
 DIRECTIONS = np.stack([0.6 * np.cos(AZIMUTHS), 0.6 * np.sin(AZIMUTHS), np.full(LIGHTS, 0.8)], axis=1)
-FACTS = report.Facts("A <ball> & more", tuple(f"{number}.png" for number in range(LIGHTS)), DIRECTIONS)
+FACTS = report.ReportContext("A <ball> & more", tuple(f"{number}.png" for number in range(LIGHTS)), DIRECTIONS)
 
 
 @pytest.fixture
@@ -119,7 +119,7 @@ def test_report_script_relights_by_the_rendering_equation(ball: NormalMap, tmp_p
 def test_reduced_maps_are_means_over_object_pixels(ball: NormalMap) -> None:
     small = pictures.reduced(ball)
     assert small.normals.shape[:2] == small.mask.shape
-    assert max(small.mask.shape) <= pictures.LONGEST
+    assert max(small.mask.shape) <= pictures.MAX_SIDE_PX
     large = NormalMap(
         **{
             name: np.kron(getattr(ball, name), np.ones((10, 10, 1) if name == "normals" else (10, 10))).astype(
@@ -132,25 +132,27 @@ def test_reduced_maps_are_means_over_object_pixels(ball: NormalMap) -> None:
         information=ball.information,
     )
     small = pictures.reduced(large)
-    assert max(small.mask.shape) == pictures.LONGEST
+    assert max(small.mask.shape) == pictures.MAX_SIDE_PX
     np.testing.assert_allclose(small.albedo[small.solved], 0.4, rtol=1e-4)
     np.testing.assert_allclose(small.lights[small.mask], LIGHTS, rtol=0.6)
     middle = tuple(size // 2 for size in small.mask.shape)
     np.testing.assert_allclose(small.normals[middle], [0, 0, 1], atol=0.05)
 
 
-def test_sentences_good_result_is_empty(ball: NormalMap, tmp_path: Path) -> None:
-    assert report.sentences(ball, FACTS) == []
+def test_quality_warnings_good_result_is_empty(ball: NormalMap, tmp_path: Path) -> None:
+    assert report.quality_warnings(ball, FACTS) == []
     report.write(ball, FACTS, tmp_path)
     assert "Nothing to complain of" in "".join(parsed(tmp_path)[0].texts)
 
 
 @pytest.mark.parametrize(("side", "axis", "sign"), [("right", 0, 1), ("left", 0, -1), ("top", 1, 1), ("bottom", 1, -1)])
-def test_sentences_pixels_facing_no_light_name_the_side(side: str, axis: int, sign: int, ball: NormalMap) -> None:
+def test_quality_warnings_pixels_facing_no_light_name_the_side(
+    side: str, axis: int, sign: int, ball: NormalMap
+) -> None:
     starved = sign * ball.normals[..., axis] > 0.6
     normal_map = flagged(ball, starved, slice(0, 4), ATTACHED)
     facts = replace(FACTS, directions=np.tile([0.0, 0.0, 1.0], (LIGHTS, 1)))
-    sentence = report.sentences(normal_map, facts)[0]
+    sentence = report.quality_warnings(normal_map, facts)[0]
     share = np.count_nonzero(starved & ball.mask) / np.count_nonzero(ball.mask)
     assert sentence.startswith(
         f"{100 * share:.0f} % of the pixels were lit by fewer than three lights: add a light from"
@@ -173,7 +175,7 @@ def test_missing_side_repeated_cast_shadow_gives_none(ball: NormalMap) -> None:
     )
     facts = replace(FACTS, names=tuple(str(n) for n in range(len(everywhere))), directions=everywhere)
     assert advice.missing_side(normal_map, pit & ball.mask, everywhere) is None
-    assert "no single light would help" in report.sentences(normal_map, facts)[0]
+    assert "no single light would help" in report.quality_warnings(normal_map, facts)[0]
 
 
 @pytest.mark.parametrize(
@@ -193,9 +195,11 @@ def test_missing_side_repeated_cast_shadow_gives_none(ball: NormalMap) -> None:
         (lambda ball: replace(ball, mask=np.zeros_like(ball.mask)), "No pixel could be solved"),
     ],
 )
-def test_sentences_each_fault_is_stated_in_the_page(change: object, said: str, ball: NormalMap, tmp_path: Path) -> None:
+def test_quality_warnings_each_fault_is_stated_in_the_page(
+    change: object, said: str, ball: NormalMap, tmp_path: Path
+) -> None:
     normal_map = change(ball)  # type: ignore[operator]
-    assert any(said in sentence for sentence in report.sentences(normal_map, FACTS))
+    assert any(said in sentence for sentence in report.quality_warnings(normal_map, FACTS))
     report.write(normal_map, FACTS, tmp_path)
     assert said in "".join(parsed(tmp_path)[0].texts)
 

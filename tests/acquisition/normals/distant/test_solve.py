@@ -194,14 +194,18 @@ def test_from_neighbours_bad_initial_normals_are_corrected() -> None:
     values = (0.5 * np.maximum(true @ table[:3], 0) + 0.4 * half**60).astype(np.float32)
     clipped = np.zeros(values.shape, np.bool_)
     fits = reflectance_fit.fit(
-        values, clipped, table, reflectance_fit.LAMBERT, reflectance_fit.start(values, clipped, lights())
+        values,
+        clipped,
+        table,
+        reflectance_fit.LAMBERT_PARAMS,
+        reflectance_fit.initial_normals(values, clipped, lights()),
     )
     bad = np.arange(len(row)) % 3 == 1
     spoiled = {name: part.copy() for name, part in vars(fits).items()}
     spoiled["normals"][bad] = [0.0, 0.8, 0.6]
     spoiled["loss"][bad] += 1
-    helped = reflectance_fit.from_neighbours(
-        reflectance_fit.Fits(**spoiled), values, clipped, table, reflectance_fit.LAMBERT, row, SIZE
+    helped = reflectance_fit.refit_from_neighbours(
+        reflectance_fit.ReflectanceFits(**spoiled), values, clipped, table, reflectance_fit.LAMBERT_PARAMS, row, SIZE
     )
     everywhere = np.ones(len(row), np.bool_)
     assert errors(spoiled["normals"], true, everywhere).max() > 40
@@ -216,11 +220,15 @@ def test_form_variance_equals_finite_perturbation_of_diffuse_form() -> None:
     values = (0.5 * np.maximum(true @ table[:3], 0) + 0.2 * half**40).astype(np.float32)
     clipped = np.zeros(values.shape, np.bool_)
     start = true.astype(np.float32)
-    straight = reflectance_fit.fit(values, clipped, table, reflectance_fit.LAMBERT, start, ring=0.0)
-    predicted = reflectance_fit.form_variance(straight, values, clipped, table, reflectance_fit.LAMBERT)
+    straight = reflectance_fit.fit(values, clipped, table, reflectance_fit.LAMBERT_PARAMS, start, ring_rad=0.0)
+    predicted = reflectance_fit.diffuse_params_variance(
+        straight, values, clipped, table, reflectance_fit.LAMBERT_PARAMS
+    )
     turned = np.zeros(len(true))
-    for change in 0.2 * np.diag(reflectance_fit.FORM_SIGMA):
-        bent = reflectance_fit.fit(values, clipped, table, reflectance_fit.LAMBERT + change, straight.normals, ring=0.0)
+    for change in 0.2 * np.diag(reflectance_fit.DIFFUSE_PARAMS_SIGMA):
+        bent = reflectance_fit.fit(
+            values, clipped, table, reflectance_fit.LAMBERT_PARAMS + change, straight.normals, ring_rad=0.0
+        )
         turned += (errors(bent.normals, straight.normals, np.ones(len(true), np.bool_)) / 0.2) ** 2
     ratio = np.radians(np.sqrt(turned)) / np.sqrt(predicted)
     assert 0.8 < np.median(ratio) < 1.25
@@ -231,12 +239,14 @@ def test_roughness_measures_noise_and_not_curvature() -> None:
     normals, mask = ball(96)
     mask = mask & (normals[..., 2] > np.cos(np.radians(50)))
     place, smooth = np.flatnonzero(mask), normals[mask]
-    assert np.degrees(reflectance_fit.roughness(smooth, place, 96).max()) < 0.1
+    assert np.degrees(reflectance_fit.neighbour_deviation(smooth, place, 96).max()) < 0.1
     noisy = smooth + np.random.default_rng(7).normal(0, 0.02, smooth.shape)
     noisy /= np.linalg.norm(noisy, axis=1, keepdims=True)
     # The larger of two estimates of √2 · 0.02, each with two degrees of freedom.
-    assert 1.0 < np.sqrt(np.mean(reflectance_fit.roughness(noisy, place, 96) ** 2)) / (np.sqrt(2) * 0.02) < 1.4
-    assert np.all(reflectance_fit.roughness(noisy[:1], place[:1], 96) == 0)
+    assert (
+        1.0 < np.sqrt(np.mean(reflectance_fit.neighbour_deviation(noisy, place, 96) ** 2)) / (np.sqrt(2) * 0.02) < 1.4
+    )
+    assert np.all(reflectance_fit.neighbour_deviation(noisy[:1], place[:1], 96) == 0)
 
 
 GLOSSY = tuple((shape, material) for shape in ("ball", "figure-side", "vase-side") for material in REFLECTANCES)
@@ -414,4 +424,4 @@ def test_solve_non_finite_values_are_named() -> None:
 
 
 def test_solve_glossy_with_few_lights_is_refused() -> None:
-    assert str(solvers.GLOSSY_LIGHTS) in refused(good(), "glossy").detail
+    assert str(solvers.MIN_GLOSSY_LIGHTS) in refused(good(), "glossy").detail
