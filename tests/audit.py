@@ -1,8 +1,8 @@
-"""An independent look at where the arm has been: joint samples against meshes, with FCL.
+"""Independent collision audit of the arm's motion: joint samples against meshes, with FCL.
 
-Nothing of the planner is used: the forward kinematics is written out here (and its flange compared with
-`ur_analytic_ik` at every call), links are the maker's collision meshes instead of capsules, and the bodies' shapes are
-triangles. A body is its surface here, so replay finely enough that nothing jumps inside between two samples.
+No code of the planner is used: the forward kinematics is implemented here (and its flange compared with
+`ur_analytic_ik` at every call), links are the manufacturer's collision meshes instead of capsules, and obstacles are
+triangle meshes. Meshes are surfaces, so sample finely enough that no body passes inside another between two samples.
 """
 
 from collections.abc import Sequence
@@ -49,7 +49,7 @@ class Hit:
 
 @dataclass(frozen=True)
 class _Body:
-    """A triangle mesh that moves with a link (None: stands still), with its box and bounding sphere in that frame."""
+    """A triangle mesh that moves with a link (None: static), with its box and bounding sphere in the link's frame."""
 
     name: str
     link: int | None
@@ -67,7 +67,7 @@ def audit(
     """All touching pairs of bodies over joint samples (N, 6): links, tool, table, object, camera, obstacles.
 
     `object_mesh` (vertices (V, 3) in m, base frame; faces (F, 3)) replaces the keep-out cylinder. Neighbouring links
-    share a joint and are not compared; nor is the base with what it stands on. FCL is asked only about samples at which
+    share a joint and are not compared; nor is the base with the table. Broad phase: FCL checks only samples at which
     neither body's bounding sphere is clear of the other's box.
     """
     frames = link_frames(cell.arm.model, joints)
@@ -106,7 +106,7 @@ def samples_along(corners: Sequence[Sequence[float]], step_rad: float = 0.01) ->
 
 
 def thinned(joints: FloatArray, step_rad: float = 0.005) -> FloatArray:
-    """A trace (N, 6) without the samples in which no joint has turned by `step_rad` since the last one kept."""
+    """Subsamples a trace (N, 6): omits samples in which no joint has turned by `step_rad` since the last one kept."""
     kept = [0]
     for number in range(1, len(joints)):
         if np.abs(joints[number] - joints[kept[-1]]).max() >= step_rad:
@@ -115,10 +115,10 @@ def thinned(joints: FloatArray, step_rad: float = 0.005) -> FloatArray:
 
 
 def occlusions(joints: FloatArray, cell: CellConfig, origins: FloatArray, with_tool: bool) -> list[int]:
-    """The samples (N, 6) at which the arm stands between a point and the keep-out cylinder, by casting rays.
+    """Ray casting: the samples of (N, 6) at which the arm occludes the keep-out cylinder from a point.
 
-    `origins` is one point (3,) or one for each sample (N, 3). `with_tool` False leaves the tool out, for rays that
-    leave the lamp itself.
+    `origins` is one point (3,) or one for each sample (N, 3). `with_tool` False omits the tool, for rays from the lamp
+    itself.
     """
     frames = link_frames(cell.arm.model, joints)
     origins = np.broadcast_to(origins, (len(joints), 3))
@@ -132,17 +132,17 @@ def occlusions(joints: FloatArray, cell: CellConfig, origins: FloatArray, with_t
 
 
 def hidden_by(cell: CellConfig, origin: FloatArray) -> list[str]:
-    """The camera's bodies and obstacles that stand between a point (3,) and the keep-out cylinder, by casting rays."""
+    """Ray casting: the camera's bodies and obstacles that occlude the keep-out cylinder from a point (3,)."""
     targets = _cylinder_points(cell)
     bodies = [_standing(item) for item in (*cell.camera_body, *cell.obstacles)]
     return [body.name for body in bodies if _between(body, np.eye(4), origin, targets)]
 
 
 def _between(body: _Body, frame: FloatArray, origin: FloatArray, targets: FloatArray) -> bool:
-    """Whether a body, its frame (4, 4) in base, stands on one of the lines from a point (3,) to others (N, 3)."""
+    """Whether a body, its frame (4, 4) in base, intersects a line segment from a point (3,) to others (N, 3)."""
     start, *ends = (np.vstack([origin, targets]) - frame[:3, 3]) @ frame[:3, :3]
     reach = np.array(ends) - start
-    # All lines stay this near to the one to the targets' middle; most bodies are further away.
+    # All segments are within this distance of the one to the targets' centre; most bodies are further away.
     middle = reach.mean(axis=0)
     wide = np.linalg.norm(reach - middle, axis=1).max()
     share = np.clip((body.center - start) @ middle / (middle @ middle), 0.0, 1.0)
@@ -184,7 +184,7 @@ def _arm(cell: CellConfig) -> list[_Body]:
 
 @cache
 def link_meshes(model: str) -> tuple[trimesh.Trimesh, ...]:
-    """The maker's collision meshes of the seven links, base first, each in its link's DH frame, m."""
+    """The manufacturer's collision meshes of the seven links, base first, each in its link's DH frame, m."""
     with np.load(MESHES / f"{model}.npz") as stored:
         names = sorted(name.removesuffix("_faces") for name in stored.files if name.endswith("_faces"))
         return tuple(
@@ -249,7 +249,7 @@ def _keep_out(cell: CellConfig) -> trimesh.Trimesh:
 
 
 def _cylinder_points(cell: CellConfig) -> FloatArray:
-    """Points all over the keep-out's rims, side and top, drawn in a little so that rays end inside."""
+    """Points on the keep-out cylinder's rims, side and top, shrunk slightly so that rays end inside."""
     keep = cell.object.keep_out
     angle = np.linspace(0, 2 * np.pi, 48, endpoint=False)
     rings = [
@@ -261,7 +261,7 @@ def _cylinder_points(cell: CellConfig) -> FloatArray:
 
 
 def _capsule(item: Capsule | CapsuleShape) -> trimesh.Trimesh:
-    """A mesh with the capsule wholly inside, and nowhere 2 % further out than its radius."""
+    """A mesh that encloses the capsule and exceeds its radius by less than 2 %."""
     vertices, faces = _capsule_of_one()
     start, end = np.array(item.start_m), np.array(item.end_m)
     length = float(np.linalg.norm(end - start))
@@ -275,11 +275,11 @@ def _capsule(item: Capsule | CapsuleShape) -> trimesh.Trimesh:
 
 @cache
 def _capsule_of_one() -> tuple[FloatArray, npt.NDArray[np.int64]]:
-    """Vertices and faces round the capsule of radius 1 from z = −1 to z = 1."""
+    """Vertices and faces of a mesh that encloses the capsule of radius 1 from z = −1 to z = 1."""
     mesh = trimesh.creation.capsule(2.0, 1.0, count=(12, 24))
     vertices = mesh.vertices - mesh.bounds.mean(axis=0)
     feet = np.sign(vertices[:, 2:]) * (0, 0, 1)
-    # The corners lie on the unit capsule and the faces inside it, the deepest of them so near to their line:
+    # The corners lie on the unit capsule and the faces inside it, the deepest at this distance from its line:
     sphere = trimesh.Trimesh(vertices - feet, mesh.faces, process=False)
     sphere.update_faces(sphere.area_faces > 1e-9)
     inside = np.abs(np.einsum("fi,fi->f", sphere.face_normals, sphere.triangles[:, 0])).min()
@@ -302,7 +302,7 @@ def _near(first: _Body, second: _Body, frames: FloatArray) -> npt.NDArray[np.boo
     """The samples (N,) at which neither body's bounding sphere is clear of the other's box, or of its plane."""
     if second.plane is not None:
         normal, offset = second.plane
-        # The least of a box over all its corners, seen along the plane's normal.
+        # Support of the box along the plane's normal: the minimum over its corners.
         across = np.abs(normal @ frames[:, first.link, :3, :3]) @ first.half
         return _centers(first, frames) @ normal - offset - across < 0
     return _sphere_meets_box(first, second, frames) & _sphere_meets_box(second, first, frames)

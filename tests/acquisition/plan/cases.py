@@ -1,4 +1,4 @@
-"""Cases for the planner: abstract ones of random rows, and normal maps of scenes whose truth is known."""
+"""Test cases of the planner: synthetic ones with random design rows, and normal maps of scenes with known truth."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ NO_OBSERVATIONS = Observations(shots=[], darks={}, frames=Frames())
 
 
 def facing_camera(rng: np.random.Generator, count: int, widest_deg: float = 70) -> FloatArray:
-    """Unit normals (3, count) within a cone round the view axis, evenly by area."""
+    """Unit normals (3, count), uniform by area within a cone about the view axis."""
     cosine = rng.uniform(np.cos(np.radians(widest_deg)), 1, count)
     azimuth = rng.uniform(0, 2 * np.pi, count)
     sine = np.sqrt(1 - cosine**2)
@@ -25,7 +25,7 @@ def facing_camera(rng: np.random.Generator, count: int, widest_deg: float = 70) 
 
 
 def random_case(seed: int, pixels: int = 20, lights: int = 6) -> tuple[Samples, Candidates]:
-    """Random pixels with random prior information, and random rows seen with random probability."""
+    """Random pixels with random prior information, and random design rows with random visibility probabilities."""
     rng = np.random.default_rng(seed)
     half = rng.normal(size=(pixels, 4, 4)) * 20
     samples = Samples(
@@ -48,7 +48,7 @@ def random_case(seed: int, pixels: int = 20, lights: int = 6) -> tuple[Samples, 
 
 
 def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -> tuple[Samples, Candidates]:
-    """Pixels of normals (3, P) that see each distant unit light (K, 3) with noise 1/`scale`, and know little else."""
+    """Pixels of normals (3, P) lit by distant unit lights (K, 3) with noise 1/`scale`, and a weak prior."""
     pixels = normal.shape[1]
     samples = Samples(
         row=np.zeros(pixels, np.int64),
@@ -70,13 +70,13 @@ def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -
 
 
 def lit_case(seed: int, units: FloatArray, pixels: int = 200) -> tuple[Samples, Candidates]:
-    """Pixels that see distant lights they are turned to, as surely as 3° of doubt of their normal allows."""
+    """Pixels with attached and cast shadows of distant lights, at a normal uncertainty of 3°."""
     rng = np.random.default_rng(seed)
     normal = facing_camera(rng, pixels)
     samples, options = distant_case(normal, units, scale=80.0)
     cosine = units @ normal
     visibility = 1 / (1 + np.exp(-(cosine - 0.08) / 0.04))
-    hidden = rng.random((pixels, 3)) - 0.5  # each pixel has a side from which something stands in the light's way
+    hidden = rng.random((pixels, 3)) - 0.5  # each pixel has a side from which lights are occluded
     blocked = units @ np.stack([hidden[:, 0], hidden[:, 1], 0 * hidden[:, 2]]) > 0.25
     return samples, Candidates(options.row, np.where(blocked, 0, visibility).astype(np.float32), options.unit)
 
@@ -98,13 +98,13 @@ def design_rows(
     samples: Samples, lights: list[Light], normal_map: NormalMap, known: Calibration, recipe: Recipe | None = None,
     *, cautious: bool = False,
 ) -> Candidates:  # fmt: skip
-    """What lights would tell sample pixels of a normal map."""
+    """Design rows and visibilities of lights at sample pixels of a normal map."""
     surface = visibility.surface(normal_map, known)
     return criterion.candidates(samples, lights, surface, known, recipe or Recipe(), cautious=cautious)
 
 
 def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: int = 3) -> NormalMap:
-    """The normal map of a solver that is right everywhere, with the information that `lights` would have given."""
+    """The true normal map of a scene, with the Fisher information that images of `lights` would give."""
     known = true.calibration
     height, width = true.mask.shape
     rows, columns = np.nonzero(true.graded)
@@ -139,7 +139,7 @@ def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: in
 
 
 def vectors_by_hand(true: Scene, light: Light, rows: np.ndarray, columns: np.ndarray) -> FloatArray:
-    """Light vectors (3, K) at pixels of a scene, written out again."""
+    """Light vectors (3, K) at pixels of a scene, by an independent implementation."""
     known = true.calibration
     offset = np.array(light.position)[:, None] - true.points[:, rows, columns]
     r = np.linalg.norm(offset, axis=0)
@@ -150,7 +150,7 @@ def vectors_by_hand(true: Scene, light: Light, rows: np.ndarray, columns: np.nda
 def noise_by_hand(
     true: Scene, level: float, value: FloatArray, cosine: FloatArray, strength: FloatArray, distance: FloatArray
 ) -> FloatArray:
-    """Variance of values at an exposure that takes y = 1 to `level` of full scale, from the planner's constants."""
+    """Variance of values exposed so that y = 1 gives `level` of full scale, from the planner's constants."""
     known, sensor = true.calibration, true.calibration.sensor
     electrons = sensor.gain_e_per_dn * sensor.full_scale_dn * level
     aside = known.lamp_position_sigma_m / distance

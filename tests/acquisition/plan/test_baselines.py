@@ -1,4 +1,4 @@
-"""The patterns that planning has to beat: their geometry, and what they say when the arm cannot serve them."""
+"""Fixed patterns that planning is compared with: geometry, and errors where the arm cannot reach them."""
 
 import numpy as np
 import pytest
@@ -123,7 +123,7 @@ def test_baseline_paper_beats_random_lights_in_its_criterion(count: int) -> None
     slant = np.arccos(rng.uniform(np.cos(np.radians(75)), 1, (5000, count)))
     drawn = geometry.direction(slant, azimuth)
     assert value(lights) < min(value(one) for one in drawn)
-    # (tr √M)²/m with M = diag(1, 1, 0) bounds it; the slant limit keeps it above.
+    # (tr √M)²/m with M = diag(1, 1, 0) is a lower bound, not attained because of the slant limit.
     bound = 4 / count
     assert bound < value(lights) < 1.2 * bound / np.sin(np.radians(75)) ** 2
 

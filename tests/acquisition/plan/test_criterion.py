@@ -1,4 +1,4 @@
-"""The criterion against plain linear algebra, and what it believes of shadows, exposure and depth."""
+"""The criterion against plain linear algebra, and its model of shadows, exposure and depth."""
 
 from dataclasses import replace
 
@@ -134,7 +134,7 @@ def test_candidates_rows_are_whitened_light_vectors_and_depth_slopes(cushion: sc
     )
     np.testing.assert_allclose(row[:3, lit], (s / deviation)[:, lit], rtol=2e-3, atol=1e-3)
 
-    # Depth moves a point along its ray; the lobe, which hardly changes over millimetres, is left out of the model.
+    # Depth moves a point along its ray; the model omits the change of the lamp's lobe over millimetres.
     e = 1e-4
     x = cushion.points[:, rows, columns]
     position = np.array(light.position)[:, None]
@@ -194,7 +194,7 @@ def test_candidates_certain_map_has_visibility_of_scene(cushion: scenes.Scene) -
     visibility = cases.design_rows(sample, lights, normal_map, cushion.calibration).visibility
     rows, columns = normal_map.information.rows, normal_map.information.columns
     brightest = [cases.vectors_by_hand(cushion, light, rows, columns) for light in lights]
-    least = criterion.MIN_COSINE * sample.albedo * np.linalg.norm(brightest, axis=1)  # below it the solver rejects
+    least = criterion.MIN_COSINE * sample.albedo * np.linalg.norm(brightest, axis=1)  # rejected below
     lit = np.stack([scenes.lit(cushion, light)[rows, columns] for light in lights]) > least
     assert np.mean((visibility > 0.5) == lit) > 0.95
     assert np.mean(lit[visibility > 0.9]) > 0.98
@@ -205,7 +205,7 @@ def test_candidates_clipping_exposure_gives_no_information(cushion: scenes.Scene
     normal_map = cases.known_map(cushion, [])
     sample = criterion.samples(normal_map, cushion.calibration, np.arange(len(normal_map.information.rows)))
     light = scenes.ring(1, 20.0)
-    seconds = 1.0 / (0.5 * cushion.calibration.lamp_intensity)  # y = 0.5 · 1.0 reaches the converter's end
+    seconds = 1.0 / (0.5 * cushion.calibration.lamp_intensity)  # y = 0.5 · 1.0 saturates the converter
     for factor, expected in ((0.5, 0.0), (8.0, 1.0)):
         recipe = Recipe(exposure=Exposure(seconds=factor * seconds))
         visibility = cases.design_rows(sample, light, normal_map, cushion.calibration, recipe).visibility
@@ -227,7 +227,7 @@ def test_usable_pixels_grazing_or_not_finite_are_left_out(cushion: scenes.Scene)
 
 
 def test_unexplained_shadows_uses_determined_pixels_only(cushion: scenes.Scene) -> None:
-    """Dark where the map's shape would be lit: a step where three others lit the pixel, a guessed shape where not."""
+    """Dark pixels that the map's shape would light count only where at least three other lights lit the pixel."""
     lights = scenes.ring(4, 30.0)
     normal_map = cases.known_map(cushion, lights)
     observations = replace(

@@ -1,4 +1,4 @@
-"""What each light gains: never less than nothing, nothing where it does not shine, and pictures that show it."""
+"""Leave-one-out gains of lights: never negative, zero where a light does not reach, and gain images."""
 
 import cv2
 import numpy as np

@@ -1,4 +1,4 @@
-"""What the loss is told of two rings: how uncertain a pixel may be before it hardly counts more."""
+"""Scaling of the loss by the two-ring posterior: the cap of the variance."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from acquisition.plan.criterion import Posterior
 
 
 def of_sigmas(*sigma_deg: float) -> Posterior:
-    """What two rings give: pixels of these σ in all three scenarios."""
+    """A two-ring posterior of pixels with these σ in all three scenarios."""
     variance = np.tile(np.radians(sigma_deg) ** 2, (3, 1))
     return Posterior(np.zeros((3, 10, len(sigma_deg)), np.float32), variance, np.full(variance.shape, 4.0), np.eye(3))
 

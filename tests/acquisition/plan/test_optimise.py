@@ -49,7 +49,7 @@ def test_bound_any_subset_is_not_beaten(seed: int) -> None:
 
 @pytest.mark.parametrize("count", [3, 4, 5, 6, 8, 12])
 def test_search_distant_unshadowed_lights_reaches_closed_form(count: int) -> None:
-    """Unit lights, equal noise: no set is better than (tr √M)²/m, M the mean of I − n nᵀ; the relaxation finds it."""
+    """Unit lights, equal noise: (tr √M)²/m is a lower bound, M the mean of I − n nᵀ; the relaxation attains it."""
     normal = cases.facing_camera(np.random.default_rng(0), 150)
     mean = np.mean(np.eye(3)[None] - normal.T[:, :, None] * normal.T[:, None, :], axis=0)
     closed = np.sum(np.sqrt(np.linalg.eigvalsh(mean))) ** 2 / count

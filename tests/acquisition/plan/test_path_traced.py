@@ -1,7 +1,7 @@
 """Planned lights against two rings on images of an independent path tracer, both solved by the same final solver.
 
 Three objects (a stepped part, a smooth animal, a rabbit whose coat is fine relief), three draws of 1 % intensity and
-1 mm position, eight images, the pilot's included. Renders are kept in `build/path-traced`, figures of each object and
+1 mm position, eight images, the pilot's included. Renders are kept in `build/path-traced`, errors of each object and
 draw in `build/path-traced-plans-<commit>`: `pytest -m long -s tests/acquisition/plan/test_path_traced.py`.
 """
 
@@ -33,7 +33,7 @@ LIGHTS = 8
 
 
 class Cap(scenes.Dome):
-    """All of the dome round the middle of the path tracer's scenes."""
+    """The full dome about the centre of the path tracer's scenes."""
 
     def __init__(self) -> None:
         super().__init__(refused=0)
@@ -45,7 +45,7 @@ REACH = Cap()
 
 
 def captured(name: str, positions: np.ndarray, seed: int, *, bounces: bool) -> ImageStack:
-    """Images from lamps at positions (F, 3) as a solver gets them; their errors are those of `seed`."""
+    """Rendered images of lamps at positions (F, 3) with calibration errors drawn with `seed`, as the solver's input."""
     images = bench.render(name, positions, pixels=PIXELS, bounces=bounces)
     return bench.capture(images, positions, seed).stack
 
@@ -79,7 +79,7 @@ def places(lights: list[Light] | tuple[Light, ...]) -> np.ndarray:
 
 
 def planned(name: str, draw: int, *, bounces: bool) -> ImageStack:
-    """The pilot's images, and those of the lights that are planned from them."""
+    """Images of the pilot and of the lights planned from it."""
     first = captured(name, places(pilot.pattern(Recipe(), REACH)), 2 * draw, bounces=bounces)
     shots = [
         cases.shot_of(light, number).model_copy(update={"exposure_s": float(1 / (shot * bench.SENSOR.full_well_e))})

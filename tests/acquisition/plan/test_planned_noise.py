@@ -1,4 +1,4 @@
-"""What planned images are expected to be wrong by: gloss, surface that bends within a pixel, noise weighed anew."""
+"""Noise model of planned images: gloss, sub-pixel curvature, and the reweighting of information."""
 
 from dataclasses import replace
 
@@ -88,9 +88,9 @@ def test_curvature_variance_follows_second_difference_of_normals(ball: scenes.Sc
     assert np.quantile(planned_noise.curvature_variance(normal_map, rows, columns), 0.95) < np.radians(0.1) ** 2
     bent = normal_map.normals.copy()
     turn = np.radians(20.0)
-    bent[60:68, 64] = [np.sin(turn), 0, np.cos(turn)]  # a column of pixels on the ball's top that leans by 20°
+    bent[60:68, 64] = [np.sin(turn), 0, np.cos(turn)]  # a column of pixels on the ball's top, tilted by 20°
     kept = planned_noise.curvature_variance(replace(normal_map, normals=bent), np.array([64]), np.array([64]))
-    # The second difference across is twice the step of 2 sin 10°, along it is nothing.
+    # The second difference across the column is twice the step of 2 sin 10°, along it zero.
     square = (2 * 2 * np.sin(turn / 2)) ** 2 / 2 - planned_noise.DIFFERENCE_NOISE_RAD**2
     square -= (planned_noise.DIFFERENCE_NOISE_SIGMAS * np.radians(1.0)) ** 2  # σ is 1° in this map
     np.testing.assert_allclose(kept, planned_noise.SUBPIXEL_FACTOR**2 * square, rtol=0.15)
@@ -105,7 +105,7 @@ def test_curvature_variance_edges_and_nan_stay_finite(ball: scenes.Scene) -> Non
 
 
 def test_reweight_scales_information_to_expected_noise(ball: scenes.Scene) -> None:
-    """What a solver has weighted by ten times the noise in all terms counts for a hundred times more than it said."""
+    """Information that the solver weighted with ten times the noise is scaled up by a hundred."""
     lights = pilot.pattern(Recipe(), scenes.Dome(refused=0))
     observations = scenes.capture(ball, lights)
     normal_map = piloted(ball)
@@ -145,10 +145,10 @@ def test_solved_variance_indirect_light_adds_a_tenth(ball: scenes.Scene) -> None
 
 
 def test_reweight_indirect_radiance_follows_share_of_images(ball: scenes.Scene) -> None:
-    """What share i of all light is, is i / (1 − i) of what the lamps gave; more than half is not believed."""
+    """An indirect share i of all light is i / (1 − i) of the direct light; shares are clipped at one half."""
     lights = pilot.pattern(Recipe(), scenes.Dome(refused=0))
     normal_map = piloted(ball)
-    normal_map.flags[2] = 0  # the third light reaches nothing
+    normal_map.flags[2] = 0  # the third light lights no pixel
     share = np.zeros(ball.mask.shape, np.float32)
     share[:, 50:64], share[:, 64:80], share[:, 80:] = 0.2, 0.5, 0.9
     with_indirect = replace(normal_map, indirect=share)
@@ -168,7 +168,7 @@ def test_reweight_indirect_radiance_follows_share_of_images(ball: scenes.Scene) 
     assert set(times) == {0.0, 0.25, 1.0}
     np.testing.assert_allclose(reweighted.indirect, times * given, rtol=1e-3)
 
-    # Where it is as bright as what the lamps give, it decides: four tenths of it are left where a tenth was weighed.
+    # Where it is as bright as the direct light, it dominates: σ is 0.4 of it, where the solver assumed 0.1.
     left = np.trace(reweighted.information - reweighted.prior, axis1=1, axis2=2)
     left /= np.trace(sample.information - sample.prior, axis1=1, axis2=2)
     np.testing.assert_allclose(left[times == 1], 1 / 16, rtol=0.25)

@@ -1,4 +1,4 @@
-"""Whole plans on scenes of known truth, and what they say of bad input."""
+"""Complete plans on scenes of known truth, and errors for invalid input."""
 
 from dataclasses import replace
 
@@ -16,7 +16,7 @@ from acquisition.plan.objective import CAPPED
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
-# ------------------------------------------------------------------------------------------------------- whole plans
+# ---------------------------------------------------------------------------------------------------- complete plans
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ def test_choose_plan_is_predicted_better_than_two_rings(
 
 
 def test_choose_side_unlit_by_pilot_gets_light(cushion: scenes.Scene, reach: scenes.Dome) -> None:
-    """After pilot lights from the right only, most of the lights that are added come from the left."""
+    """After pilot lights from the right only, most of the added lights are on the left."""
     right = [light for light in scenes.ring(12, 55.0) if light.position[0] > 0.15]
     assert len(right) >= 3
     normal_map = replace(cases.known_map(cushion, right), flags=np.full((len(right), 128, 128), LIT, np.uint8))
@@ -162,7 +162,7 @@ def test_choose_some_non_finite_pixels_are_left_out(
 
 @pytest.fixture(scope="module", params=[0.0, 0.03], ids=["plain", "stepped"])
 def plate(request: pytest.FixtureRequest, reach: scenes.Dome) -> tuple[bool, NormalMap, Observations, scenes.Scene]:
-    """The images are those of a plate with a block on it or without, the depth map that of the bare plate."""
+    """Images of a plate with or without a block on it; the depth map is that of the bare plate."""
 
     def height(x: np.ndarray, y: np.ndarray, top: float = 0.0) -> np.ndarray:
         return np.where(np.hypot(x, y) < 0.06, 0.01, 0.0) + np.where(np.maximum(abs(x), abs(y)) < 0.015, top, 0.0)
@@ -189,7 +189,7 @@ def test_choose_unexplained_steps_falls_back_to_two_rings(
 
 
 def test_choose_little_gain_falls_back_to_two_rings(cushion: scenes.Scene, reach: scenes.Dome) -> None:
-    """After eighty even lights nothing that one more could do is worth a model."""
+    """After eighty evenly distributed lights the predicted gain of another is below the threshold of the fallback."""
     lights = [*scenes.ring(27, 25.0), *scenes.ring(53, 55.0, turn=0.1)]
     normal_map = replace(cases.known_map(cushion, lights), flags=np.full((80, 128, 128), LIT, np.uint8))
     observations = replace(
@@ -216,7 +216,7 @@ def test_choose_certificate_bounds_plan_and_pattern(
 
 
 def test_choose_region_of_interest_moves_lights(cushion: scenes.Scene, reach: scenes.Dome) -> None:
-    """Lights for the left flank come from the left, for the right flank from the right."""
+    """Lights for the left flank are on the left, for the right flank on the right."""
     normal_map = cases.known_map(cushion, scenes.ring(3, 15.0), step=1)
     columns = np.arange(128)[None, :] * np.ones((128, 1))
     share: dict[str, float] = {}
@@ -248,7 +248,7 @@ def test_choose_empty_or_misshapen_region_is_refused(
 
 
 def test_choose_each_objective_is_best_by_its_own_measure(cushion: scenes.Scene, reach: scenes.Dome) -> None:
-    """After a ring of high lights, on all pixels, by the noise that is chosen by: none does better at another's."""
+    """After a ring at a small slant, on all pixels, with cautious noise: each objective is best at its own figure."""
     lights = scenes.ring(3, 20.0)
     normal_map = cases.known_map(cushion, lights, step=1)
     sample = criterion.samples(

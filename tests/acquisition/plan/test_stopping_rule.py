@@ -1,4 +1,4 @@
-"""Accuracy on order: how many lights are taken, when none is, and why."""
+"""Stopping rule for a target σ: how many lights are planned, and the conclusion when there are none."""
 
 from dataclasses import replace
 
@@ -29,14 +29,14 @@ def known() -> tuple[NormalMap, Observations]:
     return solved(observations), observations
 
 
-def approach(known: tuple[NormalMap, Observations], **order: object) -> LightPlan:
+def plan_to(known: tuple[NormalMap, Observations], **order: object) -> LightPlan:
     return plan.plan_to_target(*known, Recipe.model_validate({"max_lights": 8, **order}), REACH, TRUE.calibration)
 
 
 def test_plan_to_target_within_reach_plans_forecast_count(known: tuple[NormalMap, Observations]) -> None:
     reached = stopping_rule.achieved_sigma_deg(known[0], TRUE.calibration)
     curve = plan.forecast(*known, Recipe(), REACH, TRUE.calibration, [2, 3, 4])
-    chosen = approach(
+    chosen = plan_to(
         known, target_sigma_deg=curve[1].sigma_deg / (1 + stopping_rule.FIRST_SLACK) * 1.0001, max_lights=12
     )
     assert len(chosen.lights) == 3
@@ -50,28 +50,28 @@ def test_plan_to_target_within_reach_plans_forecast_count(known: tuple[NormalMap
 def test_plan_to_target_target_met_concludes(known: tuple[NormalMap, Observations]) -> None:
     reached = stopping_rule.achieved_sigma_deg(known[0], TRUE.calibration)
     for wanted in (reached, reached / 1.029):
-        chosen = approach(known, target_sigma_deg=wanted, pilot_lights=3)
+        chosen = plan_to(known, target_sigma_deg=wanted, pilot_lights=3)
         assert chosen.lights == []
         assert chosen.conclusion == f"target met with 4 images: mean σ {reached:.2f}°, wanted {wanted:.3g}°"
-    assert approach(known, target_sigma_deg=reached / 1.031, pilot_lights=3).conclusion is None
+    assert plan_to(known, target_sigma_deg=reached / 1.031, pilot_lights=3).conclusion is None
 
 
 def test_plan_to_target_pilot_only_needs_first_slack(known: tuple[NormalMap, Observations]) -> None:
     reached = stopping_rule.achieved_sigma_deg(known[0], TRUE.calibration)
-    assert len(approach(known, target_sigma_deg=reached * 1.19).lights) == 1
-    assert approach(known, target_sigma_deg=reached * 1.21).lights == []
+    assert len(plan_to(known, target_sigma_deg=reached * 1.19).lights) == 1
+    assert plan_to(known, target_sigma_deg=reached * 1.21).lights == []
 
 
 def test_plan_to_target_max_lights_captured_concludes(known: tuple[NormalMap, Observations]) -> None:
-    assert approach(known, target_sigma_deg=0.1, max_lights=4).conclusion is not None
-    last = approach(known, target_sigma_deg=0.1, max_lights=6, pilot_lights=3)
+    assert plan_to(known, target_sigma_deg=0.1, max_lights=4).conclusion is not None
+    last = plan_to(known, target_sigma_deg=0.1, max_lights=6, pilot_lights=3)
     assert len(last.lights) == 2
     assert any("may not be met" in note for note in last.notes)
 
 
 def test_plan_to_target_negligible_gain_concludes(known: tuple[NormalMap, Observations]) -> None:
     normal_map, observations = known
-    # The images left less than one more light is expected to leave.
+    # The σ of the images is already below that expected after one more light.
     sure = replace(normal_map, sigma_deg=np.where(normal_map.mask, 0.2, np.nan).astype(np.float32))
     order = Recipe(target_sigma_deg=0.1, max_lights=5)
     conclusion = plan.plan_to_target(sure, observations, order, REACH, TRUE.calibration).conclusion
@@ -84,7 +84,7 @@ def test_plan_to_target_negligible_gain_concludes(known: tuple[NormalMap, Observ
 
 def test_plan_to_target_unreachable_spares_last_lights(known: tuple[NormalMap, Observations]) -> None:
     normal_map, _ = known
-    # Bends within the pixels, which no light removes, leave next to nothing to be gained by many lights.
+    # Sub-pixel curvature, which no light removes, leaves a negligible gain for many lights.
     bent = normal_map.normals.copy()
     bent[::2, ::2, 0] += 1.0
     bent /= np.maximum(np.linalg.norm(bent, axis=-1, keepdims=True), 1e-9)
@@ -116,10 +116,10 @@ def test_plan_to_target_first_pass_has_slack_later_is_rescaled(
 ) -> None:
     curve = plan.forecast(*known, Recipe(), REACH, TRUE.calibration, [2, 3])
     between = curve[1].sigma_deg / 1.19
-    assert len(approach(known, target_sigma_deg=between, max_lights=12).lights) == 3
-    assert len(approach(known, target_sigma_deg=curve[1].sigma_deg / 1.21, max_lights=12).lights) > 3
-    # The same images in a session whose pilot is over.
-    later = approach(known, target_sigma_deg=between, pilot_lights=3)
+    assert len(plan_to(known, target_sigma_deg=between, max_lights=12).lights) == 3
+    assert len(plan_to(known, target_sigma_deg=curve[1].sigma_deg / 1.21, max_lights=12).lights) > 3
+    # The same images in a session whose pilot is complete.
+    later = plan_to(known, target_sigma_deg=between, pilot_lights=3)
     now = plan.forecast(*known, Recipe(), REACH, TRUE.calibration, [0])[0].sigma_deg
     factor = stopping_rule.achieved_sigma_deg(known[0], TRUE.calibration) / now
     assert later.forecast[2].sigma_deg == pytest.approx(curve[1].sigma_deg * factor, rel=1e-6)

@@ -36,7 +36,7 @@ def simulated_cell() -> tuple[CellConfig, Calibration]:
 
 
 def random_cell(seed: int) -> tuple[CellConfig, Calibration]:
-    """A cell whose home is free; its lights may well be out of reach."""
+    """A random cell whose home is free; its lights may be out of reach."""
     random = np.random.default_rng(seed)
     cell, calibration = simulated_cell()
     while True:
@@ -94,7 +94,7 @@ def _draw(random: np.random.Generator, cell: CellConfig, calibration: Calibratio
 
 
 def _obstacle(random: np.random.Generator, scale: float, number: int, keep_out: KeepOut) -> Obstacle:
-    """One of the five kinds, somewhere in the arm's surroundings, with a least distance of its own or the usual one."""
+    """One of the five kinds, somewhere in the arm's workspace, with a clearance of its own or the default one."""
     place = scale * random.uniform((-0.8, -0.8, 0.0), (0.8, 0.8, 0.8))
     pose = Pose(position_m=_vector(place), rotation_vector_rad=_vector(random.normal(0, 1, 3)))
     name = f"obstacle {number}"
@@ -122,7 +122,7 @@ def _obstacle(random: np.random.Generator, scale: float, number: int, keep_out: 
             vertices = [_vector(vertex) for vertex in random.normal(0, 0.06, (int(random.integers(5, 30)), 3))]
             return ConvexMesh(name=name, clearance_m=clearance_m, base_from_mesh=pose, vertices_m=vertices)
         case _:
-            # A wall beyond the arm's usual room, so that its home is not behind it, and not through the object.
+            # A wall outside the arm's usual workspace, so that its home is not behind it, and not through the object.
             around = random.uniform(-math.pi, math.pi)
             outwards = np.array([math.cos(around), math.sin(around), 0.0])
             behind_object = outwards @ keep_out.base_from_object.position_m + keep_out.radius_m + 0.01

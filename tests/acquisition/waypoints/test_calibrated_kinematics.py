@@ -1,4 +1,4 @@
-"""The arm as built: an independent calibrated chain, and joints that are right for it."""
+"""Calibrated kinematics against an independent chain, and convergence of the refinement."""
 
 import math
 
@@ -17,7 +17,7 @@ MODELS = ("ur3e", "ur5e", "ur10e", "ur16e")
 
 
 def chain_of(name: str, seed: int) -> np.ndarray:
-    """A calibration drawn by the simulated controller."""
+    """A random factory calibration from the simulated controller."""
     links = calibrated(independent.MODELS[name], seed).links
     return calibrated_kinematics.chain(
         [

@@ -175,11 +175,11 @@ def test_clearance_agrees_with_independent_library(shape: str) -> None:
 
 
 def test_blocked_cones_agree_with_cast_rays() -> None:
-    """Nothing that rays see in the cones is passed; few of the others are refused."""
+    """No occlusion seen by cast rays is accepted; few unoccluded configurations are refused."""
     cell, calibration = simulated_cell()
     arm = scene(cell, calibration)
     random = np.random.default_rng(4)
-    # Configurations about the object, so that a good part of them stands in the view.
+    # Configurations about the object, so that a good part of them occludes the view.
     joints = np.array(cell.arm.home) + random.uniform(-1.2, 1.2, (3000, 6))
     joints = joints[arm.free(joints)][:120]
     emitters = (forward(arm.model, joints)[:, 6] @ cell.arm.flange_from_tool.matrix)[:, :3, 3].copy()

@@ -1,4 +1,4 @@
-"""Pictures of reach and route: they show what is the case, and need no network."""
+"""PNG and HTML drawings of reach and route: correct content, and no network access."""
 
 import re
 

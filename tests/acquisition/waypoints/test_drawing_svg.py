@@ -1,4 +1,4 @@
-"""The small drawings of cell and route: well-formed, to scale, every light where it is."""
+"""SVG views of cell and route: well-formed, to scale, every light at its position."""
 
 import re
 from xml.etree import ElementTree
@@ -25,7 +25,7 @@ def routes() -> list[Route]:
 
 
 def dots(svg: str) -> dict[str, np.ndarray]:
-    """The places (2,) in pixels of the numbered lights."""
+    """The positions (2,) in pixels of the numbered lights."""
     circles = re.findall(r'<circle cx="([-\d.]+)" cy="([-\d.]+)"[^>]*/><text[^>]*>(\d+)</text>', svg)
     return {word: np.array([float(x), float(y)]) for x, y, word in circles}
 

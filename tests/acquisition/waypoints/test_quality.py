@@ -1,6 +1,6 @@
-"""How good routes are in random cells, and whether what is refused is out of reach; minutes, so in the long suite.
+"""Route quality in random cells, and whether refused lights are unreachable; takes minutes, so in the long suite.
 
-LIGHTPOSE_CELLS=start:stop chooses the seeds (0:100 else); each item is one shard of them and prints what it found.
+LIGHTPOSE_CELLS=start:stop chooses the seeds (default 0:100); each item is one shard of them and prints its figures.
 """
 
 import os
@@ -28,23 +28,23 @@ CELLS = range(*map(int, os.environ.get("LIGHTPOSE_CELLS", "0:100").split(":")))
 DOME = 40
 BUDGET = 100
 TRIALS = BUDGET * roadmap_module._TREES * roadmap_module._TRIALS
-"""The product grows trees from some configurations of a light, in so many trials each."""
+"""Samples of the test's search: `BUDGET` times those of RRT-Connect from all its configurations of a light."""
 INCOMPLETE = {74, 81}
-"""Of the first hundred cells those in which the planner misses a light that the other search reaches."""
+"""Cells of the first hundred in which the planner misses a light that the test's search reaches."""
 
 STEP_RAD = 0.6
 ROLLS = 360
 BARS = {3: 1.02, 6: 1.02, 9: 1.02, 12: 1.25}
-"""The median time over its bound is to be no more, for so many lights."""
+"""Upper limit of the median ratio of route time to lower bound, by number of lights."""
 
 
 def shards(size: int) -> list[range]:
-    """The seeds, some at a time."""
+    """The seeds in shards of `size`."""
     return [range(first, min(first + size, CELLS.stop)) for first in CELLS[::size]]
 
 
 def good_lights(cell: CellConfig, calibration: Calibration, count: int, seed: int) -> list[Light]:
-    """`count` lights that the arm takes, drawn from a fine dome; fewer where there are none."""
+    """Up to `count` reachable lights, drawn from a fine dome."""
     lights = dome_lights(cell, calibration, 4 * count)
     reasons = refusals(lights, cell, calibration)
     good = [light for light, refusal in zip(lights, reasons, strict=True) if refusal is None]
@@ -71,9 +71,9 @@ def test_route_time_is_near_its_lower_bound(seeds: range) -> None:
 
 @pytest.mark.parametrize("seeds", shards(10))
 def test_reach_refused_lights_are_unreachable(seeds: range) -> None:
-    """Each light that is refused is sought again, at ten times the rolls and with a hundred times as many trials.
+    """Each refused light is searched again with ten times the rolls and a hundred times as many samples.
 
-    Lights that no configuration takes even then (too far, in collision, in a cone) have no end for a way to lead to.
+    Lights without a valid configuration even then (too far, in collision, cone blocked) have no goal for a path.
     """
     missed: list[str] = []
     incomplete: set[int] = set()
@@ -98,16 +98,16 @@ def test_reach_refused_lights_are_unreachable(seeds: range) -> None:
         missed += reached
     complete = len(seeds) - len(incomplete)
     print(
-        f"\ncells {seeds.start}–{seeds.stop - 1}: {complete} of {len(seeds)} whole; {refused} lights refused, of these "
-        f"{accepted} have configurations, {len(missed)} are reached with {BUDGET} times the budget {missed}"
+        f"\ncells {seeds.start}–{seeds.stop - 1}: {complete} of {len(seeds)} complete; {refused} lights refused, "
+        f"of these {accepted} have configurations, {len(missed)} are reached with {BUDGET} times the budget {missed}"
     )
     assert incomplete <= INCOMPLETE
 
 
 class Search:
-    """Two trees of certified segments, one from all that is connected to home, made once; one from a light's places.
+    """Two trees of certified segments: one from the nodes connected to home, grown once, and one from a light's joints.
 
-    Each takes half the budget. A tree is grown by many samples at once, each time half as many as it has points, so
+    Each uses half the budget. A tree is grown by many samples at once, each time half as many as it has points, so
     that the nearest points are found by a k-d tree.
     """
 
@@ -123,7 +123,7 @@ class Search:
         self.connected = cKDTree(points)
 
     def connects(self, joints: FloatArray) -> bool:
-        """Whether a way leads from one of (M, 6) to a connected point."""
+        """Whether a certified path joins one of (M, 6) to a connected point."""
         points, trials, new = joints, 0, joints
         while True:
             _, nearest = self.connected.query(new)
@@ -137,7 +137,7 @@ class Search:
             new, trials = points[before:], trials + count
 
     def _grown(self, points: FloatArray) -> tuple[FloatArray, int]:
-        """The tree's points and new ones, each a certified step from an old one towards a sample; the samples drawn."""
+        """Extends the tree: all points, each new one a certified step towards a sample, and the number of samples."""
         samples = self.random.uniform(self.low, self.high, (max(500, len(points) // 2), 6))
         _, nearest = cKDTree(points).query(samples)
         roots = points[nearest]

@@ -1,4 +1,4 @@
-"""The map of what can be lit."""
+"""The reachability map."""
 
 import pickle
 

@@ -1,4 +1,4 @@
-"""Routes: complete, certified, within the speed limits, the same each time, or refused with reasons."""
+"""Routes: complete, certified, within the speed limits, deterministic, or refused with reasons."""
 
 import itertools
 import os
@@ -26,7 +26,7 @@ from tests.acquisition.waypoints.cells import random_cell, simulated_cell
 
 
 def some_lights(cell: CellConfig, calibration: Calibration, count: int, seed: int) -> list[Light]:
-    """Lights drawn from the dome that can be reached; `count` of them if they are soon found."""
+    """Up to `count` reachable lights drawn from the dome."""
     lights = dome_lights(cell, calibration, cell.dome.candidates)
     drawn = [lights[number] for number in np.random.default_rng(seed).permutation(len(lights))[: 2 * count]]
     reasons = refusals(drawn, cell, calibration)
@@ -91,7 +91,7 @@ def test_route_tool_and_elbow_keep_speed_limits(eight: tuple[CellConfig, Calibra
         assert elbow <= cell.arm.max_elbow_speed_m_s
         assert speed <= cell.arm.max_joint_speed_rad_s
         fastest_tool = max(fastest_tool, tool)
-    assert fastest_tool > 0.9 * cell.arm.max_tool_speed_m_s  # nor slower than need be
+    assert fastest_tool > 0.9 * cell.arm.max_tool_speed_m_s  # nor slower than necessary
 
 
 def test_route_seconds_equal_its_trapezoids(
@@ -160,7 +160,7 @@ def test_route_unconnected_light_is_named() -> None:
 
 def test_route_colliding_start_is_refused() -> None:
     cell, calibration = simulated_cell()
-    low = (cell.arm.home[0], 0.3, 0.0, 0.0, 0.0, 0.0)  # stretched out, through the table
+    low = (cell.arm.home[0], 0.3, 0.0, 0.0, 0.0, 0.0)  # extended, through the table
     for plan in (lambda: route([], low, cell, calibration), lambda: retreat(low, cell, calibration)):
         with pytest.raises(RigError) as caught:
             plan()
@@ -224,7 +224,7 @@ def _check_speeds(planned: Route, cell: CellConfig) -> None:
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6))
 def test_route_random_cells_neither_touch_nor_occlude(quarter: int, seed: int) -> None:
-    """By a thin roadmap: it costs a third, and what it lacks is made up for by detours and trees."""
+    """With a sparse roadmap, at a third of the cost; detours and RRT-Connect compensate."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(roadmap_module, "_DOME_LIGHTS", 16)
         check_cell(4 * seed + quarter, count=3)
@@ -239,7 +239,7 @@ CELLS_AT_A_TIME = 100
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("first", CELLS[::CELLS_AT_A_TIME])
 def test_route_many_random_cells_neither_touch_nor_occlude(first: int) -> None:
-    """LIGHTPOSE_CELLS=start:stop chooses the seeds; each hundred is an item of its own, and says what it has seen."""
+    """LIGHTPOSE_CELLS=start:stop chooses the seeds; each hundred is one item and prints its figures."""
     some = range(first, min(first + CELLS_AT_A_TIME, CELLS.stop))
     planned = [check_cell(seed, count=6) for seed in some]
     lights, legs = sum(len(one.waypoints) for one in planned), sum(len(corners(one)) - 1 for one in planned)
