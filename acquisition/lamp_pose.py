@@ -35,12 +35,12 @@ def directions(candidates: FloatArray, center: FloatArray, count: int) -> FloatA
     if not np.all(np.isfinite(candidates)) or not np.all(np.isfinite(center)):
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
-            "a reachable position is not a number: check base_from_camera and the cell's dome",
+            "a reachable position is not finite: check base_from_camera and the cell's dome",
         )
     if len(candidates) < max(count, 3):
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
-            f"{count} lights are wanted, but the arm reaches only {len(candidates)} positions: ask for fewer lights, "
+            f"{count} lights are requested, but the arm reaches only {len(candidates)} positions: request fewer, "
             "or widen the reach (GET /v1/rig/reach says why positions are refused)",
             reachable=len(candidates),
             wanted=count,
@@ -54,7 +54,7 @@ def directions(candidates: FloatArray, center: FloatArray, count: int) -> FloatA
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
             f"all reachable positions lie on one side of the object (none towards azimuth {side}°, view frame): lights "
-            "must surround it; GET /v1/rig/reach says what refuses the others",
+            "must surround it; GET /v1/rig/reach shows why the others are refused",
             empty_azimuth_deg=side,
         )
     return units

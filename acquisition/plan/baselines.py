@@ -45,21 +45,21 @@ def baseline(method: Method, count: int, recipe: Recipe, reach: Reach) -> LightP
         return _plan(method, chosen, units, reach, ["drawn at random"] * count, [])
     if method == "max-distance":
         chosen = _maximin(units, count)
-        return _plan(method, chosen, units, reach, ["as far as can be from the others"] * count, [])
+        return _plan(method, chosen, units, reach, ["maximin distance to the other lights"] * count, [])
     if method == "paper":
         ideals = [least_trace_directions(count, rng)]
         why = "least trace of the inverse Gram matrix, unit lights"
     else:
         ideals = [_rings(method, count, recipe.slant_deg, turn) for turn in np.arange(AZIMUTH_STEPS) / AZIMUTH_STEPS]
-        why = f"its place in the pattern {method}"
+        why = f"position in the pattern {method}"
     options = [lamp_pose.nearest_distinct(ideal, units, free) for ideal in ideals]
     chosen, miss = min(options, key=lambda option: float(np.sum(option[1] ** 2)))
     reasons = [f"{why}, missed by {np.degrees(angle):.0f}°" for angle in miss]
     notes = []
     if np.max(miss) > np.radians(10):
         notes.append(
-            f"{int(np.sum(miss > np.radians(10)))} of {count} lights stand more than 10° from their place in the "
-            "pattern: the arm does not reach nearer"
+            f"{int(np.sum(miss > np.radians(10)))} of {count} lights are more than 10° from their position in the "
+            "pattern: the arm cannot reach closer"
         )
     return _plan(method, chosen, units, reach, reasons, notes)
 

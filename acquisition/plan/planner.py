@@ -184,7 +184,7 @@ def choose(
     if fallback is not None:
         notes.append(f"two rings instead of planned lights: {fallback}")
     if until.passed:
-        notes.append(f"the search was cut short after {deadline_s:g} s: the best set so far is used")
+        notes.append(f"the search was stopped by its time limit of {deadline_s:g} s: the best set so far is used")
     undetermined = float(np.mean(problem.search_sample.lit < criterion.MIN_LIGHTS))
     if observations.shots and undetermined > MAX_UNDETERMINED_SHARE:
         notes.append(
@@ -256,7 +256,7 @@ def _build_problem(
     if len(usable) < MIN_PIXELS:
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
-            f"only {len(usable)} sample pixels of the normal map can be planned by{where}, {MIN_PIXELS} are needed: "
+            f"only {len(usable)} sample pixels of the normal map are usable{where}, {MIN_PIXELS} are needed: "
             "check the pilot's images and the region",
             pixels=len(usable),
         )

@@ -80,7 +80,7 @@ def _batch(
         of_light = owner == number
         occluder = scene.light_occluder(positions[number])
         if occluder >= 0:
-            detail = f"{scene.names[occluder]} stands between the lamp and the object"
+            detail = f"{scene.names[occluder]} occludes the object from the lamp"
             result.append(IkSolutions(joints[:0], Refusal(reason="shadows-object", detail=detail)))
             continue
         usable = joints[of_light & clear]
@@ -106,7 +106,7 @@ def _refusal(
         if views * 2 >= len(blocked):
             return Refusal(
                 reason="blocks-view",
-                detail=f"the arm would stand between lens and object in {views} of {len(blocked)} free configurations",
+                detail=f"the arm would block the view of the object in {views} of {len(blocked)} free configurations",
             )
         return Refusal(
             reason="shadows-object",
@@ -116,13 +116,11 @@ def _refusal(
         reason, name = scene.most_common_violation(hits)
         return Refusal(
             reason=reason,
-            detail=f"none of {len(hits)} configurations is free of collision; most often in the way: {name}",
+            detail=f"none of {len(hits)} configurations is collision-free; most frequent obstacle: {name}",
         )
     if solutions:
         return Refusal(
             reason="joint-limit",
             detail=f"all {solutions} configurations are beyond a joint's limit or half a turn from home",
         )
-    return Refusal(
-        reason="too-far", detail=f"the arm cannot bring the lamp there: {distance_m:.2f} m from its base at any roll"
-    )
+    return Refusal(reason="too-far", detail=f"the lamp is out of reach: {distance_m:.2f} m from its base at any roll")

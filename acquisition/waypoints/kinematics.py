@@ -50,7 +50,7 @@ def arm_model(name: str) -> ArmModel:
     )["models"]
     if name not in models:
         raise RigError(
-            ErrorCode.CONFIG_INVALID, f"no geometry is known of arm {name!r}", model=name, known=sorted(models)
+            ErrorCode.CONFIG_INVALID, f"no kinematic model for arm {name!r}", model=name, known=sorted(models)
         )
     item = models[name]
     return ArmModel(

@@ -213,7 +213,7 @@ def _branches(joints: FloatArray, hubs: Roadmap, arm: Scene, home: FloatArray) -
 def _unconnected(joints: FloatArray) -> Refusal:
     return Refusal(
         reason="not-connected",
-        detail=f"{len(joints)} configurations are free, but no certified way leads from them to home",
+        detail=f"{len(joints)} configurations are free, but no certified path connects them to home",
     )
 
 
@@ -235,7 +235,7 @@ def _roadmap(cell_json: str, calibration_json: str) -> Roadmap:
         reason, name = arm.describe_violation(violation)
         raise RigError(
             ErrorCode.WAYPOINTS_COLLISION,
-            f"the home position is not free: too near to {name}; change `home` in the cell file",
+            f"the home position is not free: clearance to {name} violated; change `home` in the cell file",
             lights=[],
             reason=reason,
         )

@@ -114,13 +114,13 @@ def _start(start_joints: Sequence[float], arm: Scene, hubs: Roadmap) -> FloatArr
     """Validates the start configuration (6,): finite, collision-free and connected to home; returns it as an array."""
     joints = np.array(start_joints, dtype=float).reshape(6)
     if not np.isfinite(joints).all():
-        raise RigError(ErrorCode.WAYPOINTS_COLLISION, "the arm's joints are not known", lights=[])
+        raise RigError(ErrorCode.WAYPOINTS_COLLISION, "the arm's joint angles are unknown", lights=[])
     if not len(hubs.attachments(joints, arm)):
         violation = int(arm.violations(joints[None])[0])
-        reason, why = "not-connected", "no certified way leads home from where the arm stands"
+        reason, why = "not-connected", "no certified path leads home from the arm's present configuration"
         if violation >= 0:
             reason, name = arm.describe_violation(violation)
-            why = f"the arm stands too near to {name}"
+            why = f"the arm's clearance to {name} is violated"
         raise RigError(
             ErrorCode.WAYPOINTS_COLLISION, f"{why}; move it clear by hand at the pendant", lights=[], reason=reason
         )

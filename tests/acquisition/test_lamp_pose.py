@@ -48,7 +48,7 @@ def test_directions_non_finite_position_is_refused() -> None:
     reach = Dome()
     candidates = reach.candidates.copy()
     candidates[3, 1] = np.nan
-    with pytest.raises(RigError, match=r"plan\.infeasible.*not a number"):
+    with pytest.raises(RigError, match=r"plan\.infeasible.*not finite"):
         lamp_pose.directions(candidates, reach.center, 4)
 
 

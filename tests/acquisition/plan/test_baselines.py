@@ -134,7 +134,7 @@ def test_baseline_light_far_from_ideal_is_noted() -> None:
     azimuth = np.degrees(np.arctan2(around[:, 1], around[:, 0]))
     reach.candidates = reach.candidates[(np.abs(azimuth) > 50) | (around[:, 2] > np.cos(np.radians(20)))]
     chosen = plan.baseline("ring", 12, Recipe(method="ring", slant_deg=60), reach)
-    assert any("more than 10° from their place" in note for note in chosen.notes)
+    assert any("more than 10° from their position" in note for note in chosen.notes)
 
 
 @pytest.mark.parametrize("method", PATTERNS)

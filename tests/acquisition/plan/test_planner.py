@@ -290,7 +290,7 @@ def test_choose_deadline_passed_is_noted(piloted: NormalMap, cushion: scenes.Sce
         plan.PlanOptions(deadline_s=0.0, certify=False),
     )
     assert len(chosen.lights) == 4
-    assert any("cut short" in note for note in chosen.notes)
+    assert any("time limit" in note for note in chosen.notes)
 
 
 def test_forecast_falls_with_lights_and_agrees_with_plan(
