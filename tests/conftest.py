@@ -1,4 +1,4 @@
-"""Nothing in this suite may reach a real arm: this process and every one it starts are held to loopback.
+"""Keeps the suite away from real arms: this process and its children connect to loopback only.
 
 Tests of real processes over real sockets race a clock that a busy machine does not keep: one that fails is run once
 more, and the summary names it. What depends on no clock fails at once, and what measures for minutes counts as it is.

@@ -1,4 +1,4 @@
-"""The audit itself: it must find what touches, or its silence says nothing."""
+"""The collision audit finds known contacts, so that its empty result is evidence."""
 
 import numpy as np
 

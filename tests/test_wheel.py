@@ -1,4 +1,4 @@
-"""The wheel: what it holds, and that it runs where no checkout is."""
+"""The wheel: its content, and that it runs without a checkout."""
 
 import json
 import os

@@ -43,7 +43,7 @@ def calibration(size: int = 192, **changes: object) -> Calibration:
 
 
 def sphere(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A ball of 50 mm radius on the table, as far as it is seen from above."""
+    """Upper half of a ball of 50 mm radius on the table."""
     inside = 0.05**2 - x**2 - y**2
     return np.where(inside > 0, 0.05 + np.sqrt(np.maximum(inside, 0)), 0.0)
 
@@ -64,7 +64,7 @@ def relief(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Scene:
-    """What is true of each pixel of a height field."""
+    """Ground truth of each pixel of a height field."""
 
     height: Height
     calibration: Calibration
@@ -95,7 +95,7 @@ class Scene:
 
 
 def scene(height: Height, known: Calibration, albedo: float = 0.5, table: float = 0.08) -> Scene:
-    """Finds what each pixel sees by marching its ray down to the height field."""
+    """Scene of a height field, by marching each pixel's ray down to it."""
     focal, middle = known.camera_matrix[0][0], known.camera_matrix[0][2]
     v, u = np.mgrid[: known.height, : known.width]
     x, y = (u - middle) / focal, -(v - middle) / focal
@@ -151,7 +151,7 @@ def capture(
     exposure_s: float | None = None,
     noisy: bool = True,
 ) -> Observations:
-    """Takes one image per light with errors that the solver is not told, and the lamp-off frames."""
+    """Simulates one image per light, with errors unknown to the solver, and the lamp-off frames."""
     rng = np.random.default_rng(seed)
     known = true.calibration
     frames = Frames()

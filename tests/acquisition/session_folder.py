@@ -1,4 +1,4 @@
-"""A session's folder as a session leaves it, of a small scene of known truth; no service has been there."""
+"""The folder of a completed session of a small scene of known truth, written without a service."""
 
 import json
 from pathlib import Path

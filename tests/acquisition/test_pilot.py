@@ -1,4 +1,4 @@
-"""Where the first lights go: one near the axis, the others round the object at 52.5°, wherever the arm allows it."""
+"""The pilot pattern: one light near the axis, a ring at a slant of 52.5°, within the arm's reach."""
 
 import numpy as np
 import pytest

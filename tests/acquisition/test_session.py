@@ -1,4 +1,4 @@
-"""The state table and the next step: every state × trigger, and the order of the work."""
+"""The state table for every state × trigger, and the order of steps from `next_step`."""
 
 import itertools
 import re
@@ -147,7 +147,7 @@ def record(recipe: Recipe, *passes: PassRecord) -> SessionRecord:
 
 
 def walk(recipe: Recipe, lights: Sequence[int] = (3,)) -> list[Step]:
-    """Does every step on paper, in the order that next_step gives; planned passes have so many lights, in turn."""
+    """All steps in the order of `next_step`, each applied to the record; `lights` of planned passes in turn."""
     work: dict[int, PassRecord] = {}
     at_joints: tuple[float, ...] = HOME
     steps: list[Step] = []

@@ -1,4 +1,4 @@
-"""The README's session, as it stands, at a service that is quick; only the address is another one."""
+"""The README's session runs unchanged, except for the address, against a fast service."""
 
 import json
 import re

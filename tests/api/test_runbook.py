@@ -1,4 +1,4 @@
-"""What the runbook and the example cell say is so."""
+"""The runbook and the example cell agree with the code."""
 
 import re
 import shutil

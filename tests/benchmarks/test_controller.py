@@ -1,4 +1,4 @@
-"""How fast the simulated controller answers, and what it costs.
+"""Latency and processor time of the simulated controller.
 
 pytest tests/benchmarks/test_controller.py --benchmark-enable -q -s
 """

@@ -1,4 +1,4 @@
-"""How long the whole near-light recipe takes on path-traced images with bounced light, made larger by interpolation."""
+"""Time of the full near-light solve on path-traced images with interreflections, enlarged by interpolation."""
 
 import cv2
 import numpy as np

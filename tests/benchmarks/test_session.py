@@ -1,4 +1,4 @@
-"""One whole session in the cell that tests use, from the start asked for over HTTP to its end; s.
+"""Time (s) of one complete session in the tests' cell, from the start request over HTTP to its end.
 
 `pytest tests/benchmarks/test_session.py --benchmark-enable --benchmark-only`
 """

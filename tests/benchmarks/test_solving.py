@@ -1,4 +1,4 @@
-"""`lightpose solve` as a person starts it: seconds from its start to written maps, and the most memory it ever held.
+"""`lightpose solve` as a process: seconds from start to written maps, and peak memory.
 
 Each run is a process of its own, since what was imported or held before would flatter it.
 """

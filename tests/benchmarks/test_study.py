@@ -1,4 +1,4 @@
-"""What a item of the study costs: one draw of one object with the numbers of images that the bars are read at.
+"""Time of one work item of the study: one draw of one object at the image counts of the bounds.
 
 The whole study is six such draws of six objects, and once all other numbers: about fifty times as much.
 """

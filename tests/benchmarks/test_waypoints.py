@@ -1,4 +1,4 @@
-"""Planning time, and how much quicker the route is than the simple ones, in the simulated cell."""
+"""Planning time of routes, and their duration against simple routes, in the simulated cell."""
 
 import os
 

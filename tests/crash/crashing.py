@@ -111,7 +111,7 @@ class Bench:
 
 @dataclass(frozen=True)
 class Course:
-    """How a session went that nothing disturbed: when each stage began, in s since the start was asked for."""
+    """Course of an undisturbed session: when each stage began, s since the start request."""
 
     session_id: str
     stages: list[float]
@@ -172,7 +172,7 @@ def wait_for_image(client: Client, session_id: str) -> None:
 
 
 def announced(data: Path, session_id: str) -> dict[tuple[int, int], str]:
-    """SHA-256 of the frames that the events of a session have told of, read from the database as it is."""
+    """SHA-256 of the frames that a session's events announced, read directly from the database."""
     journal = Journal(data / "rig.db")
     try:
         announced_images = {
@@ -198,7 +198,7 @@ def state_of(data: Path, session_id: str) -> State:
 
 
 def resume(made: Bench, client: Client, session_id: str) -> SessionResource:
-    """Resumes until the session ends, as a person does whom a machine that is too busy gives more than one reason."""
+    """Resumes until the session ends; a busy machine may interrupt it more than once."""
     for _ in range(MOST_RESUMES):
         deadline = time.monotonic() + 60
         while True:
@@ -258,7 +258,7 @@ def assert_equal_to_the_undisturbed(made: Bench, session: SessionResource, kept:
 
 
 def frames(folder: Path) -> dict[tuple[int, int], str]:
-    """SHA-256 by pass and number of the images that a session's manifest tells of, repeated ones left out."""
+    """SHA-256 by pass and number of the images in a session's manifest, without repetitions."""
     manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
     keys = [
         (shot["key"]["pass_number"], shot["key"]["number"]) for shot in manifest["shots"] if shot["kind"] != "reference"

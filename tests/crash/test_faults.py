@@ -1,4 +1,4 @@
-"""Faults of controller, links, lamp, camera and scene at a random moment of a session, mended by a person who resumes.
+"""Faults of controller, links, lamp, camera and scene at a random moment of a session, corrected before a resume.
 
 Shards by `LIGHTPOSE_FAULTS=start:stop`; the number of a case is its seed and chooses the fault.
 """

@@ -1,4 +1,4 @@
-"""SIGKILL of the service at a random moment of a session, restart, resume: nothing is lost, nothing moves by itself.
+"""SIGKILL of the service at a random moment of a session, restart, resume: no lost frame, no motion without a command.
 
 Shards by `LIGHTPOSE_CRASHES=start:stop`; the number of a case is its seed. The cases take the stages in turn, and a
 random moment of the stage.

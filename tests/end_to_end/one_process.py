@@ -1,4 +1,4 @@
-"""A whole session in one process: its stages one after the other, on frames of the simulated world.
+"""A complete session in one process: its stages in order, on frames of the simulated world.
 
 What is left out is what must change nothing: sockets, ur-rtde, the arm's motion, the service, its journal and files.
 Reach, routes, the arm's kinematics, exposures, planner and solver are those of a session, in the session's order. The
@@ -44,7 +44,7 @@ class Frames:
 
 @cache
 def reached(pixels: int) -> ReachMap:
-    """What the arm of the simulated cell reaches."""
+    """Reach map of the simulated cell's arm."""
     return reach(CELL, nominal.calibration(pixels))
 
 
@@ -110,7 +110,7 @@ class Session:
         self._shots += [*shots.values(), *darks]
 
     def _repeat(self, first: Shot, waypoint: Waypoint) -> None:
-        """The first pass, whose images nothing foretells, ends with its first image again."""
+        """Repeats the first image at the end of the first pass, whose images have no prediction."""
         key = ShotKey(pass_number=0, number=FIRST_REFERENCE_NUMBER)
         again = self._shot(key, waypoint.joints, first.exposure_s, first.attempt + 1, lit=True)
         self._shots.append(again.model_copy(update={"kind": "reference", "repeats": first.key}))

@@ -1,4 +1,4 @@
-"""The solver on the simulator's own pictures, without the arm: light that the object throws on itself, and steps."""
+"""The solver on simulated images without the arm: interreflections and depth discontinuities."""
 
 from dataclasses import dataclass
 from functools import cache

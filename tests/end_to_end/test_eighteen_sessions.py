@@ -60,7 +60,7 @@ def figures(name: str, seed: int, profile: str, *options: str) -> dict[str, Any]
 
 
 def collisions(folder: Path) -> list[str]:
-    """What the arm went through on the way, by meshes and kinematics that are not the planner's."""
+    """Collisions on the arm's path, by meshes and kinematics independent of the planner."""
     cell = cell_config.load(folder / "cell" / "cell.toml")
     joints = trace.read_trace(folder / "cell" / "ticks.record").joints
     return [str(hit) for hit in audit.audit(audit.thinned(joints), cell)]

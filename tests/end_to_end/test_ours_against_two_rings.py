@@ -1,4 +1,4 @@
-"""Through the arm: ours against two rings with eight images, the six objects, six draws, both profiles.
+"""Planned lights against two rings of eight images, through the arm: six objects, six draws, both profiles.
 
 The bars are read off sessions in one process, a few seconds each; a session over HTTP in a simulated cell, a minute,
 finds the same to the last digit, and that is a test of its own, of three draws. A draw of a smooth object scatters by a
@@ -74,7 +74,7 @@ def figures(profile: ProfileName, name: str, seed: int, method: str, pixels: int
 
 
 def over_http(profile: ProfileName, name: str, seed: int, method: str) -> dict[str, Any]:
-    """What the demonstration tells of a session over HTTP; kept. One that a busy machine broke off is taken again."""
+    """Figures that the demonstration prints of a session over HTTP; cached. One interrupted by load is repeated."""
     place = folder() / f"{profile}-{name}-{seed}-{method}"
     kept = place / "outcome.json"
     if not kept.exists():

@@ -1,4 +1,4 @@
-"""Whole sessions over HTTP: real processes, the real ur-rtde, and the truth to grade against."""
+"""Complete sessions over HTTP: separate processes, the real ur-rtde, graded against the truth."""
 
 import hashlib
 import json

@@ -200,7 +200,7 @@ def first_contact(check: ContactCheck, goal: FloatArray, steps: int) -> FloatArr
 
 
 def test_advance_large_steps_finds_every_contact(check: ContactCheck) -> None:
-    """The way that is looked at where something could have happened has the contacts of one looked at everywhere."""
+    """Adaptive sampling of a path finds the same contacts as dense sampling."""
     random = np.random.default_rng(7)
     result = 0
     for _ in range(3):

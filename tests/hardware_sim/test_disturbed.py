@@ -1,4 +1,4 @@
-"""A world whose lamp, camera or object is at fault."""
+"""The simulated world with faults of lamp, camera or object."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Many clients of one service, in a process of their own: who listens, who stalls, who polls.
+"""Many clients of one service in a separate process: listeners, stalled listeners, pollers.
 
     LIGHTPOSE_KEY=… python -m tests.load.crowd URL LISTENERS STALLED POLLERS
 
@@ -61,7 +61,7 @@ class Crowd:
         self.refused = 0
 
     async def run(self, listeners: int, stalled: int, pollers: int) -> dict[str, object]:
-        """Connects all, waits for the word, and tells what was seen."""
+        """Connects all clients, reads the last event's number from standard input, returns a summary."""
         reading = [await self._listener(1 << 16) for _ in range(listeners)]
         slow = [await self._listener(4096) for _ in range(stalled)]
         for listener in reading:

@@ -1,5 +1,5 @@
-"""A session while a hundred listen, twenty of them stalled, and fifty poll: the arm's loop keeps its time, nobody
-misses an event, a stop is as quick as ever; and two hundred sessions leave the memory as it was.
+"""A session beside a hundred listeners, twenty of them stalled, and fifty pollers: the arm's loop is punctual, no event
+is lost, a stop halts within its limit; and memory stays constant over two hundred sessions.
 
 The figures are printed: `pytest -m long -s tests/load`. The arm moves at life speed; cell, service and crowd are
 processes of their own.
@@ -101,7 +101,7 @@ class Crowd:
         self._process.wait()
 
     def summary(self, last_event: int) -> dict[str, Any]:
-        """What all have seen up to this event."""
+        """Summary of what the clients received up to this event."""
         answer, _ = self._process.communicate(f"{last_event}\n", timeout=120)
         return json.loads(answer)
 

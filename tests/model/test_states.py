@@ -1,4 +1,4 @@
-"""Whatever people ask for in whatever order, a session is only ever where the table of states allows it to be.
+"""Random requests in random order: a session's states always follow the state table.
 
 A machine of `hypothesis` sends requests over HTTP to a whole service with quick devices: one after the other and
 several at once, between protective stops that come, are cleared and acknowledged, or not. What is held against the

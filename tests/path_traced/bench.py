@@ -49,7 +49,7 @@ TEXTURE = "texture"
 
 @dataclass(frozen=True)
 class Truth:
-    """What is true of each pixel of an (H, W) image: normals (H, W, 3), view frame; depth (H, W) along OpenCV's z."""
+    """Ground truth of each pixel of an (H, W) image: normals (H, W, 3), view frame; depth (H, W) along OpenCV's z."""
 
     name: str
     normals: np.ndarray
@@ -90,7 +90,7 @@ def _tracer(name: str) -> Tracer:
 
 
 def _view_hits(name: str, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which rays (N, 3) from the camera hit, where, and the normals there."""
+    """Intersections of camera rays (N, 3) with the object: hit mask, points, normals."""
     mesh = placed(name)
     hits = _tracer(name).first_hits(np.zeros_like(direction), direction)
     hit = hits.triangles >= 0
@@ -102,7 +102,7 @@ def _view_hits(name: str, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 @functools.lru_cache(maxsize=32)
 def truth(name: str, pixels: int) -> Truth:
-    """What is true at the pixels' centres."""
+    """Ground truth at the pixels' centres."""
     direction = rays(pixels)[0]
     hits = _view_hits(name, direction.reshape(-1, 3))
     hit, point, normal = (part.reshape(pixels, pixels, *part.shape[1:]) for part in hits)
@@ -270,7 +270,7 @@ def _ggx(n_h: np.ndarray, n_l: np.ndarray, n_v: np.ndarray, h_v: np.ndarray, rou
 
 @dataclass(frozen=True)
 class Capture:
-    """What a solver is given of a scene: images, lights as told, exact camera; and the true log intensities (F,)."""
+    """Solver input of a scene: images, nominal lights, exact camera; and the true log intensities (F,)."""
 
     stack: ImageStack
     calibration: Calibration
@@ -309,7 +309,7 @@ def capture(
     y: np.ndarray, light_positions: np.ndarray, seed: int, *, intensity_sigma: float = 0.01,
     position_sigma_m: float = 0.001, known: Calibration | None = None,
 ) -> Capture:  # fmt: skip
-    """One draw of errors and sensor noise on images y (F, H, W); the solver is told lights that are off by them."""
+    """One draw of lamp errors and sensor noise on images y (F, H, W); the solver gets the nominal lights."""
     rng = np.random.default_rng(1000 + seed)
     pixels = y.shape[-1]
     known = known or calibration(pixels)

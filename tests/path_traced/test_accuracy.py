@@ -1,4 +1,4 @@
-"""The whole recipe on path-traced images, against bars: five objects, three draws of 1 % intensity and 1 mm position.
+"""The full solve on path-traced images against bounds: five objects, three draws of 1 % intensity and 1 mm position.
 
 Grades are means over objects of means over draws; two rings of lights. Renders are cached under build/path-traced; each
 bar is an item of its own and prints its figure (`pytest -m long -s tests/path_traced`). The thresholds of lobe and
@@ -68,7 +68,7 @@ def grade(
 
 
 def nothing(pixels: Pixels, values: np.ndarray, *_: object) -> np.ndarray:
-    """What surfaces would receive if none sent light."""
+    """Indirect irradiance of surfaces that reflect no light: zero."""
     return np.zeros_like(values)
 
 
@@ -147,7 +147,7 @@ def test_interreflection_dark_scene_error_is_not_raised(name: str) -> None:
     ("name", "bar_deg"), [("part", 0.28), ("animal", 0.02), ("rabbit", 0.14), ("bowl", 0.24), ("vee", 0.8)]
 )
 def test_interreflection_dark_scene_normals_stay(name: str, bar_deg: float) -> None:
-    """Mean angle between the normals with and without the correction of bounced light."""
+    """Mean angle between the normals with and without the interreflection correction."""
     angles: list[float] = []
     for draw in range(DRAWS):
         one, other = (solve(name, "dark", 8, draw, 0.01, corrected)[0] for corrected in (True, False))

@@ -1,4 +1,4 @@
-"""The path tracer's images and the solver on two small ones: every day's share of the accuracy tests."""
+"""The path tracer's images, and the solver on two small ones: the short part of the accuracy tests."""
 
 import numpy as np
 import pytest

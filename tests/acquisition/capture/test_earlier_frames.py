@@ -1,4 +1,4 @@
-"""Frames against earlier ones: taken again, foretold, and as sharp as before; on a scene whose shading is known."""
+"""Comparison of a frame with its repetition, with its prediction, and of its sharpness; on a scene of known shading."""
 
 import cv2
 import numpy as np

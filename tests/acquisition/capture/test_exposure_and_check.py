@@ -1,4 +1,4 @@
-"""Exposure times and the judgement of frames."""
+"""Exposure control and the quality check of frames."""
 
 from pathlib import Path
 

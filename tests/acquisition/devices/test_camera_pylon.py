@@ -1,4 +1,4 @@
-"""The Basler camera through the maker's own library and its emulated camera."""
+"""The Basler camera driver against the emulated camera of the vendor's library."""
 
 import time
 from collections.abc import Iterator

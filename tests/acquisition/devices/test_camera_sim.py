@@ -1,4 +1,4 @@
-"""The simulated camera's client against the simulated cell's own camera server, and against servers that misbehave."""
+"""The simulated camera's client against the cell's camera server, and against faulty servers."""
 
 import json
 import math

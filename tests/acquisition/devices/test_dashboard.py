@@ -1,4 +1,4 @@
-"""Probing an address: absent, silent, foreign."""
+"""Probe of an arm's address: no listener, silent ports, foreign hosts."""
 
 import socket
 import threading

@@ -1,4 +1,4 @@
-"""Preflight as a comparison of values: each disagreement is named, and nothing else is."""
+"""Preflight compares the arm's values with the cell file: each difference is a finding, and nothing else is."""
 
 from dataclasses import replace
 

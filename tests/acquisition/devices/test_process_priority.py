@@ -1,4 +1,4 @@
-"""Niceness, in processes of their own so that the suite's stays as it is."""
+"""Niceness of background processes, tested in subprocesses so that the suite's own is unchanged."""
 
 import os
 import subprocess

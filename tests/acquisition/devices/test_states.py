@@ -1,4 +1,4 @@
-"""What the controller's numbers mean."""
+"""Safety and power states decoded from the controller's bits and modes."""
 
 import pytest
 

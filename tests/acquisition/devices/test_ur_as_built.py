@@ -1,4 +1,4 @@
-"""An arm that differs from its drawings by millimetres: the lamp is where the log says, and where the plan wants it."""
+"""An arm whose calibrated kinematics differ from nominal by millimetres: lamp poses agree with log and plan."""
 
 from collections.abc import Iterator
 

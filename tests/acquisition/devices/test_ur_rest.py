@@ -1,4 +1,4 @@
-"""How soon the arm rests when somebody dies or falls silent in mid-move, by the simulator's record of every tick.
+"""Stopping time when a process or link fails during a move, from the simulator's record of every tick.
 
 At rest within 0.6 s, and nothing moves again: neither when what was stopped goes on, nor when the link comes back. The
 times are told; run it alone (`pytest -m long -s tests/acquisition/devices/test_ur_rest.py`).

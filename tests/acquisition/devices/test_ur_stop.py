@@ -1,4 +1,4 @@
-"""Everything that must stop a moving arm does, by the simulator's own account; and nothing moves again by itself.
+"""Every stop path stops a moving arm, by the simulator's record, and no motion resumes without a command.
 
 The simulator's time stamps are compared, not this machine's clock: `STOPPED_WITHIN_S` is several times what is measured
 on an idle machine and far less than what is left of the move.
@@ -67,7 +67,7 @@ def arm(shared_arm: UrArm, control: ControlClient) -> UrArm:
 
 
 def made_ready(arm: UrArm, control: ControlClient) -> UrArm:
-    """Somebody moves the arm home by hand, which ends its program; then it is connected and moves again."""
+    """Moves the arm home by hand, which ends its program; then connects it again."""
     if not same_joints(tuple(control.state()["joints"]), HOME):
         control.fault("program_stop")
         control.fault("hand_move", joints=list(HOME), seconds=0.0)

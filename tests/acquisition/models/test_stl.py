@@ -1,4 +1,4 @@
-"""Mesh files in cell files: both forms of STL give the same vertices, and a cell says by itself what it read."""
+"""STL meshes of cell files: binary and ASCII give the same vertices; invalid meshes are named."""
 
 from pathlib import Path
 

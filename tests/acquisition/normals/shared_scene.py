@@ -1,4 +1,4 @@
-"""Synthetic measurements by the image-formation model itself, for what all pixels share: lamps, lobe, noise."""
+"""Synthetic measurements by the image-formation model, for the parameters that all pixels share: lamps, lobe, noise."""
 
 from dataclasses import dataclass
 

@@ -23,7 +23,7 @@ def cushion() -> scenes.Scene:
 
 @pytest.fixture(scope="module")
 def light(cushion: scenes.Scene) -> np.ndarray:
-    """What falls on the sensor (F, H, W), with errors of 1 mm and 1 % that nobody knows of."""
+    """Irradiance on the sensor (F, H, W), with unknown lamp errors of 1 mm and 1 %."""
     rng = np.random.default_rng(4)
     moved = [
         Light(position=tuple(np.array(one.position) + rng.normal(0, 1e-3, 3)), axis=one.axis)  # pyright: ignore[reportArgumentType]

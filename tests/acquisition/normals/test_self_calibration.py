@@ -21,7 +21,7 @@ TURNED = np.linalg.qr(np.random.default_rng(0).normal(size=(8, 8)))[0]
 
 
 def normal_equations(estimates: list[float], precision: list[float]) -> tuple[np.ndarray, np.ndarray]:
-    """Of eight log intensities, and of a shift (m) that the images do not determine; `found` along rotated axes."""
+    """Of eight log intensities, and of a shift (m) that the images do not determine; `estimates` along rotated axes."""
     matrix = np.zeros((9, 9))
     matrix[:8, :8] = TURNED @ np.diag(precision) @ TURNED.T
     return matrix, matrix @ np.append(TURNED @ estimates, 0.0)

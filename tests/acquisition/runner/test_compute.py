@@ -1,4 +1,4 @@
-"""The compute process: results, typed errors, death and abandonment, with the real jobs."""
+"""The compute process: results, typed errors, crash and cancellation, with the real jobs."""
 
 import os
 import signal

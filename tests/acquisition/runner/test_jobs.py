@@ -1,4 +1,4 @@
-"""Jobs that stand between two stages: a plan is refused where the measured object stands out of its keep-out."""
+"""Checks between stages: planning is refused where the measured object protrudes from the keep-out cylinder."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Bringing the arm home from wherever it was left, through the runner and the simulated controller."""
+"""Parking: the arm returns home from any joints, through the runner and the simulated controller."""
 
 import time
 from collections.abc import Generator
@@ -28,7 +28,7 @@ class Rig:
     home: Joints
 
     def outcome(self) -> str:
-        """How the newest parking ended; waits for it."""
+        """Outcome of the newest parking; waits for it."""
         deadline = time.monotonic() + 30
         while True:
             ended = list(self.store.journal.events(0, types=("rig.parked",)))

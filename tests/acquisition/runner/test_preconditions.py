@@ -1,4 +1,4 @@
-"""What a session knows of its own past, and room on the disk."""
+"""Preconditions of a session: arm near its path, same arm, enough disk space."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Which images a result is solved from, as the journal's record and as a folder's manifest tell it."""
+"""Images of a re-solve: the journal's record and the folder's manifest give the same ones."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The runner against the simulated cell: requests that race with its turns, pause and resume, what it refuses."""
+"""The runner against the simulated cell: concurrent requests, pause and resume, refusals."""
 
 import threading
 import time
@@ -223,7 +223,7 @@ def interrupted(rig: Rig) -> str:
 
 
 def acknowledge(rig: Rig) -> None:
-    """A person mends what is wrong and looks."""
+    """Acknowledges a fault as a person does after correcting it."""
     rig.control.fault("clear")
     deadline = time.monotonic() + 5
     while True:

@@ -1,4 +1,4 @@
-"""The safety monitor on a scripted arm: what latches, what opens the latch, what does not."""
+"""The safety monitor on a scripted arm: which states latch a fault and which clear the latch."""
 
 import threading
 from collections.abc import Sequence
@@ -59,7 +59,7 @@ class ScriptedArm:
 
 
 class Watched:
-    """A monitor that looks when told, and what it announced."""
+    """A monitor polled by the test, and the events it announced."""
 
     def __init__(self, reading: ArmReading = NORMAL, latched: Latch | None = None) -> None:
         self.arm = ScriptedArm(reading)

@@ -1,4 +1,4 @@
-"""Data folders of past releases open in this build, and what they tell is whole."""
+"""Data folders of past releases open in this build, with complete content."""
 
 import hashlib
 import json

@@ -1,4 +1,4 @@
-"""The closed form against an independent implementation."""
+"""Closed-form kinematics against an independent implementation."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""`lightpose check` names each thing that is wrong, and what to do about it, in one go."""
+"""`lightpose check` reports every problem with its remedy in one run."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""The command line as a person calls it."""
+"""The command line: help, errors, exit codes, environment variables."""
 
 import contextlib
 import json

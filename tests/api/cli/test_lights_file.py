@@ -1,4 +1,4 @@
-"""Positions of lights from a file: what is read, and what is said of a file that cannot be."""
+"""Light positions from text, JSON, plan and session files; errors of invalid files."""
 
 import json
 from pathlib import Path

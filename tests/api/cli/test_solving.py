@@ -199,7 +199,7 @@ def test_replay_unchanged_session_gives_stored_normals(number: int | None, image
 
 
 def test_solve_replay_and_summary_have_same_mean_sigma(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Over the facing pixels; over all that are solved it is another figure, which tells the two apart."""
+    """Over the facing pixels; the mean over all solved pixels is another figure, so the test tells both apart."""
     folder = tmp_path / "a [b]"  # which is no markup
     shutil.copytree(RECORDED, folder)
     shutil.rmtree(folder / "results")

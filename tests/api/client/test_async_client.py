@@ -1,4 +1,4 @@
-"""The awaited client does what the other one does, and many of it follow at once."""
+"""The asynchronous client: a session from creation to deletion, and concurrent event listeners."""
 
 import asyncio
 from collections.abc import Callable

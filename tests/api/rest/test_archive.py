@@ -1,4 +1,4 @@
-"""Taking a session home: the archive, the log, the figures for monitoring, and forgetting what is old."""
+"""Archive, log, metrics and retention of sessions over HTTP."""
 
 import io
 import json

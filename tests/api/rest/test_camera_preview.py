@@ -1,6 +1,4 @@
-"""The camera's picture: looked at while nobody holds the rig, the session's own frames meanwhile; nobody waits for
-another's viewer.
-"""
+"""The camera preview: exposures while the rig is free, the session's frames while held; viewers are independent."""
 
 import json
 import socket

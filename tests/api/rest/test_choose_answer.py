@@ -1,4 +1,4 @@
-"""Which result is a session's answer, and lists that are longer than a page."""
+"""Choice of a session's answer among its results, and paged lists."""
 
 from typing import Any
 

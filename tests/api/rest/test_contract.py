@@ -1,4 +1,4 @@
-"""The description kept to its word: whatever is sent, allowed by it or not, the answer is one that it declares.
+"""Generated requests, valid and invalid: every response conforms to the OpenAPI description.
 
 Requests are made by schemathesis from the description, half of them for things that exist: a session with results and
 images whose recipe, files and entries are there. Of the answers 503 (a device is absent, as here) and 507 are the only
@@ -80,7 +80,7 @@ def furnished(service: Any) -> str:
 
 @pytest.fixture(scope="module")
 def known(shared: Any) -> dict[str, Any]:
-    """Parts of addresses that lead somewhere."""
+    """Path parameters that exist."""
     return {"session_id": furnished(shared), "number": 0, "shot_number": 0, "light": 0, "artefact": "manifest.json"}
 
 
@@ -115,7 +115,7 @@ def contract(known: dict[str, Any], mode: GenerationMode) -> Any:
 def keeps_its_word(
     contracts: dict[GenerationMode, Any], service: Any, method: str, path: str, mode: GenerationMode, cases: int
 ) -> None:
-    """Sends requests of one kind to one route and looks at what comes."""
+    """Sends generated requests of one kind to one route and checks the responses."""
     load_all_checks()
     # Of the events' parameters null and lists are sent as words, which are valid again.
     checks = [CHECKS.get_one(name) for name in CHECKED if (name, path) != ("negative_data_rejection", "/v1/events")]

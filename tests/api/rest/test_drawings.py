@@ -1,4 +1,4 @@
-"""Pictures over HTTP: what the arm reaches, and the way of a pass."""
+"""Drawings over HTTP: reach, and the route of a pass."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The event stream: replayed, followed, taken up again, and nothing lost for anybody."""
+"""The event stream: replay, live events, reconnection, without lost events."""
 
 import json
 import socket

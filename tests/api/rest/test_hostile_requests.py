@@ -1,4 +1,4 @@
-"""Who means ill: half requests, bytes that are no HTTP, names that lead out, headers that hide others, huge numbers."""
+"""Hostile requests: partial or malformed HTTP, path traversal, request smuggling, huge numbers."""
 
 import json
 import socket

@@ -1,4 +1,4 @@
-"""Keys and tickets: who is let in, who may do what, and what happens when keys change under a running service."""
+"""Keys and tickets: authentication, roles, and key changes while the service runs."""
 
 import stat
 import time

@@ -1,4 +1,4 @@
-"""The log: each entry names its session, as a line or as JSON, and no request writes lines of its own."""
+"""The log: each entry names its session, as text or JSON, and requests cannot inject lines."""
 
 import json
 import logging

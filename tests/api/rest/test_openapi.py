@@ -1,4 +1,4 @@
-"""The committed description is the service's own, and says of every route what may go wrong."""
+"""The committed OpenAPI description is current and declares the problems of every route."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Whatever is wrong with a request, the answer is a problem object that says what to do, and nothing moves."""
+"""Every invalid request is answered by a problem object with a remedy, and starts no motion."""
 
 import http.client
 import json

@@ -1,4 +1,4 @@
-"""Solving again over HTTP, at a cell whose devices nobody answers for: no hardware is needed.
+"""Re-solving over HTTP without any device: no hardware is needed.
 
 The session's images are those of a small scene of known truth; they were entered as a capture enters them.
 """
@@ -104,7 +104,7 @@ def ended(service: Any) -> str:
 
 
 def outcome(service: Any, identity: str, number: int, within_s: float = 60.0) -> Any:
-    """The event that tells what became of a solve."""
+    """The event that ends a solve."""
     deadline = time.monotonic() + within_s
     while time.monotonic() < deadline:
         for event in service.client.past_events(identity):

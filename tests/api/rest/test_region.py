@@ -1,4 +1,4 @@
-"""The region of interest over HTTP: what is taken, what is refused, and when."""
+"""The region of interest over HTTP: accepted and refused masks, and in which states."""
 
 from pathlib import Path
 from typing import Any

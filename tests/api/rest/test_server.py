@@ -1,4 +1,4 @@
-"""The server process: where it may listen, how it starts and how it ends."""
+"""The server process: addresses, settings, start and shutdown."""
 
 import os
 import signal

@@ -34,14 +34,14 @@ class Record:
 
     @property
     def tools(self) -> np.ndarray:
-        """The flange's places (N, 3) in m."""
+        """Positions (N, 3) of the flange, m."""
         model = self.controller.arm.model
         frames = (kinematics.forward(model, joints) for joints in self.joints.tolist())
         return np.array([(f[3], f[7], f[11]) for f in frames])
 
     @property
     def seconds(self) -> float:
-        """How long the arm moved."""
+        """Time for which the arm moved, s."""
         moving = np.flatnonzero(np.abs(self.speeds).max(axis=1) > 0)
         return 0.0 if len(moving) == 0 else float(moving[-1] - moving[0] + 1) * TICK
 

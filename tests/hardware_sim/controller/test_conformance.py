@@ -1,4 +1,4 @@
-"""The unmodified ur-rtde against the controller: what a robot does when all goes well.
+"""The unmodified ur-rtde against the controller: nominal behaviour.
 
 What a controller has to pass, and where; docstrings of tests bear the numbers ("Check 2.").
 

@@ -1,4 +1,4 @@
-"""What users send through `sendCustomScript` and its relatives, good and bad."""
+"""Valid and invalid user scripts through `sendCustomScript` and its variants."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack

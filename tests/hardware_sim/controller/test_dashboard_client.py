@@ -1,4 +1,4 @@
-"""The library's dashboard client: every method, and the arm's life from power off to running and back."""
+"""The library's dashboard client: every method, and the power cycle from off to running and back."""
 
 from typing import Any
 

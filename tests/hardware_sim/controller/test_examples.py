@@ -1,4 +1,4 @@
-"""Programs as people write them: after the library's documented examples, and by a plain client after UR's own two."""
+"""Example programs: the library's documented ones, and UR's own two by a plain RTDE client."""
 
 import csv
 import itertools

@@ -1,4 +1,4 @@
-"""Faults themselves: documented, reproducible, and what they do to links and arm."""
+"""Simulated faults: documented, reproducible, and their effect on links and arm."""
 
 import itertools
 import time

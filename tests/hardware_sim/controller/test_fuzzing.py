@@ -64,7 +64,7 @@ def connected() -> Iterator[tuple[RtdeConnection, socket.socket]]:
 
 
 def talk(requests: list[bytes], chunks: list[int]) -> list[bytes]:
-    """What comes back for requests that arrive in chunks of such sizes."""
+    """Replies to requests that arrive in chunks of these sizes."""
     with connected() as (connection, client):
         data, replies = b"".join(requests), b""
         at, turn = 0, 0

@@ -1,4 +1,4 @@
-"""Every fault that can be ordered, as the unmodified ur-rtde sees it; `SEEN` says which test has which.
+"""Every fault that can be ordered, as the unmodified ur-rtde reports it; `OBSERVED_IN` lists the test of each.
 
 Lamp, camera and object fail in the world: the library sees nothing of them.
 """

@@ -1,4 +1,4 @@
-"""Bad bytes, bad manners and many clients on every port: the controller lives, serves others on time, leaks nothing."""
+"""Malformed bytes, bad and many clients on every port: the controller survives, stays on time, leaks nothing."""
 
 import contextlib
 import json

@@ -1,4 +1,4 @@
-"""RTDE as a plain client sees it: recipes, types, owners, rates, and what bad frames do."""
+"""RTDE against a plain client: recipes, types, owners, rates, invalid frames."""
 
 import itertools
 import math

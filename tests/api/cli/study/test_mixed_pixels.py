@@ -1,4 +1,4 @@
-"""Pixels that see two surfaces are found by the shape alone; what is smooth stays graded."""
+"""Mixed pixels are detected from the shape alone; smooth surfaces stay graded."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Accuracy on order without the arm: targets are met, and with hardly an image more than needed.
+"""Target accuracy without the arm: targets are met with at most one image more than needed.
 
 Each run's figures are kept in `build/order-<commit>/`, so that an interrupted series goes on where it was.
 """
@@ -29,7 +29,7 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(3600)]
 
 
 def runs(shape: str, draw: int) -> list[dict[str, Any]]:
-    """For each wanted error the images taken and the errors found, and those of all numbers of images set beforehand,
+    """For each target error the number of images and the errors of the run, and of runs with fixed numbers of images,
     from four to two fewer."""
     done = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=True)
     kept = ROOT / "build" / f"order-{done.stdout.strip()}" / f"{shape}-{draw}.json"
@@ -65,7 +65,7 @@ def test_ordered_accuracy_each_run_states_why_it_stopped(shape: str, draw: int) 
 
 
 def test_ordered_accuracy_targets_are_met() -> None:
-    """The stepped part is left out: beside its steps there are errors that no variance knows of."""
+    """The machined part is excluded: errors beside its depth discontinuities are outside the variance model."""
     results = all_runs()
     missed, beside = late(results, ALL), late(results, ONE_SURFACE)
     print(
@@ -90,10 +90,10 @@ def all_runs() -> list[dict[str, Any]]:
 
 
 def late(results: list[dict[str, Any]], which: int) -> list[dict[str, Any]]:
-    """The runs that miss what was wanted by more than a tenth, by the errors `which`."""
+    """The runs that exceed the target by more than a tenth, by the errors `which`."""
     return [run for run in results if run["found_deg"][which] > 1.1 * run["wanted_deg"]]
 
 
 def lavish(results: list[dict[str, Any]], which: int) -> list[dict[str, Any]]:
-    """The runs that take at least two images more than a fixed number that meets what was wanted, by those errors."""
+    """The runs with at least two images more than a fixed number that meets the target, by those errors."""
     return [run for run in results if any(error[which] <= run["wanted_deg"] for error in run["fixed_deg"].values())]

@@ -1,4 +1,4 @@
-"""The study's scenes are the simulated cell's: the same pictures and truth; errors depend on draw and place alone."""
+"""The study's scenes equal the simulated cell's images and truth; errors depend on draw and position only."""
 
 import numpy as np
 import pytest
@@ -62,7 +62,7 @@ def test_scene_image_depends_on_draw_and_position_only(shared: Geometry) -> None
 
 
 def levels(scene: Scene, observations: Observations) -> FloatArray:
-    """How bright each image (F,) is, as a share of what was wanted."""
+    """Bright level of each image (F,), as a share of the target."""
     known, region = scene.calibration, scene.geometry.region
     frames = [observations.frames.rows(shot.frame, 0, PIXELS)[region] for shot in observations.shots]
     bright = np.array([np.percentile(frame, check.BRIGHT_PERCENTILE) for frame in frames])

@@ -1,4 +1,4 @@
-"""What planning must bring, on the six objects with profile `direct`: the whole study's figures against the bars.
+"""The full study's figures against their bounds, on the six objects with profile `direct`.
 
 The study's JSON is kept in `build/study-<commit>/`, so that a series that was cut off does not begin anew.
 """
@@ -65,7 +65,7 @@ def test_study_errors_above_10_degrees_are_few(figures: dict[str, Any]) -> None:
 
 
 def test_study_mixed_pixels_are_few(figures: dict[str, Any]) -> None:
-    """Steps and rims only: fine relief is graded nearly whole."""
+    """Only depth discontinuities and contours are excluded: fine relief stays graded."""
     most = {"part": 0.08, "figure": 0.02, "relief": 0.02}
     assert {shape: share for shape, share in figures["straddling"].items() if share > most.get(shape, 0.001)} == {}
 
