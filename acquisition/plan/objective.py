@@ -90,6 +90,7 @@ class Loss:
 
 
 CAPPED = Loss(1.0, 0.0, 0.0, 1.0 / np.radians(CAP_DEG) ** 2, 0.0)
+"""Mean capped variance at a cap of `CAP_DEG`, without the imbalance term."""
 VARIANCE = Loss(1.0, 0.0, 0.0, 0.0, 0.0)
 """A-optimality, the plain mean variance: convex in the design weights, so a lower bound exists (`relaxation`)."""
 

@@ -72,6 +72,7 @@ class Gloss:
 
 
 DIFFUSE = Gloss()
+"""No highlight variance."""
 
 
 def gloss(normal_map: NormalMap) -> Gloss:

@@ -30,10 +30,12 @@ WIDTH_PX, BORDER_PX = 340.0, 12.0
 """Width and border of an SVG view."""
 
 _DPI = 110
+"""Resolution of the PNG images."""
 GREY, TABLE, OBSTACLE, CAMERA, OBJECT = "#888888", "#b9a98a", "#a05050", "#303030", "#c08030"
 ARM, PATH, LIGHT, REFUSED = "#4060a0", "#2a8a4a", "#f0a000", "#c03030"
 _LINE_WIDTHS = {ARM: 2.5, PATH: 0.7, OBJECT: 1.5}
 _ROUND = np.linspace(0.0, 2 * np.pi, 33)
+"""Azimuths in rad at which circles are drawn."""
 _SAMPLES = 16
 
 
