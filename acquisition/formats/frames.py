@@ -1,4 +1,5 @@
-"""The frames of a session folder, read row by row; nothing but the files is needed, so a folder can leave home."""
+"""Reading of a session folder's frames by rows; needs the files only, not the journal, so that a folder can be
+copied."""
 
 from dataclasses import dataclass
 from pathlib import Path

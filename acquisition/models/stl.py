@@ -20,9 +20,9 @@ def vertices(path: Path) -> FloatArray:
     faces = int.from_bytes(data[_HEADER : _HEADER + _COUNT], "little")
     if len(data) == _HEADER + _COUNT + faces * _FACE:
         record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-        found = np.frombuffer(data, record, faces, _HEADER + _COUNT)["corners"].reshape(-1, 3).astype(float)
+        corners = np.frombuffer(data, record, faces, _HEADER + _COUNT)["corners"].reshape(-1, 3).astype(float)
     else:
-        found = np.array(_VERTEX.findall(data)).astype(float).reshape(-1, 3)
-    if len(found) < 4 or not np.isfinite(found).all():
+        corners = np.array(_VERTEX.findall(data)).astype(float).reshape(-1, 3)
+    if len(corners) < 4 or not np.isfinite(corners).all():
         raise ValueError("it holds no solid: fewer than four finite vertices")
-    return np.unique(found, axis=0)
+    return np.unique(corners, axis=0)

@@ -1,4 +1,4 @@
-"""A normal map as files: a result's own folder, which reads back exactly, and what other programs read.
+"""Export of a normal map: a result's own folder, which reads back exactly, and the formats of other programs.
 
 Pictures are for people and for normal-integration tools: normals as (n + 1)/2 in 16 bits (8 bits would cost 0.17°),
 OpenGL green (+Y up) unless the name says DirectX. Each file carries its convention in its own metadata.

@@ -1,4 +1,4 @@
-"""Folders that appear whole or not at all: written beside their place under a hidden name, then renamed."""
+"""Atomic writing of folders: written under a hidden name in the same parent folder, then renamed."""
 
 import shutil
 import tempfile
@@ -22,7 +22,7 @@ def refuse_foreign(folder: Path, sign: str) -> None:
 
 @contextmanager
 def atomic_folder(folder: Path) -> Generator[Path]:
-    """Gives a hidden folder to write into; it takes the name `folder` when the block ends, and is gone when it fails.
+    """Yields a hidden folder to write into; it takes the name `folder` when the block ends, and is gone when it fails.
 
     What stood there before is replaced as a whole.
     """

@@ -1,4 +1,4 @@
-"""The exports by name: each makes one file, or one folder, from a result and the images it was solved from.
+"""Catalogue of the exports by name: each writes one file, or one folder, from a result and its images.
 
 They can all be made again from these two, so a service makes them when they are first asked for.
 """
@@ -18,7 +18,7 @@ from acquisition.normals.image_set import ImageSet
 
 @dataclass(frozen=True)
 class Source:
-    """What an export is made from."""
+    """A result and the images that it was solved from."""
 
     normal_map: NormalMap
     images: ImageSet

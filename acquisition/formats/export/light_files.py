@@ -1,4 +1,4 @@
-"""Lights for other programs: `.lp` (directions) and Relight's `.dome` (positions in mm about the object).
+"""Export of lights: `.lp` (directions) and Relight's `.dome` (positions in mm about the object).
 
 Programs match `.lp` rows by order and by name, so rows stand in the images' order. Both are seen from the object, so a
 near light's direction is the one at `centre`: that is what these formats can say.

@@ -1,4 +1,4 @@
-"""Pictures and float maps with their convention written into them, so that a file that left home still says what it is.
+"""Writing of PNG pictures and float TIFF maps, each with its convention in the file's own metadata.
 
 OpenCV writes no text into PNG files; a tEXt chunk put in behind the header does.
 """
@@ -16,7 +16,7 @@ from acquisition.models.result import NormalMap
 
 Green = Literal["opengl", "directx"]
 STRIP_ROWS = 256
-"""Rows that are made into colours at once, so that large maps need no large helpers."""
+"""Rows converted to colours at once, so that large maps need no large intermediates."""
 
 FRAME = "view frame: x right, y up, z to the camera; row 0 at the top"
 COLOURS = {

@@ -1,6 +1,6 @@
-"""The surface as a PLY mesh: one vertex for each solved pixel, with its normal; triangles where four neighbours meet.
+"""Export of the surface as a PLY mesh: a vertex with normal for each solved pixel, two triangles for four neighbours.
 
-Triangles that stand nearly along the viewing ray join what only happens to be seen side by side: they are left out.
+Triangles nearly along the viewing ray, which join surfaces across a depth discontinuity, are omitted.
 """
 
 from pathlib import Path

@@ -1,8 +1,8 @@
-"""Capture folders of the field, recognised by what is in them: DiLiGenT-style, `.lp`, near light, our own sessions.
+"""Readers of capture folders, recognised by the files in them: DiLiGenT-style, `.lp`, near light, our own sessions.
 
-Each reader gives the same value, an `ImageSet`, and knows nothing of solvers; session folders give what the session's
-own solver took. Whatever is wrong with a folder is found here, before anything is solved or written, and said with the
-file's name. Before: any capture. After: `distant`, or `solve` for near light.
+Each reader gives the same value, an `ImageSet`, and knows nothing of solvers; session folders give a `SessionCapture`,
+which the session solver reads. Faults of a folder are refused here, before anything is solved or written, naming the
+file. Before: any capture. After: `normals.distant`, or `normals.solve` for near light.
 """
 
 import tempfile
@@ -52,9 +52,9 @@ def kind_of(folder: Path) -> Kind:
 
 
 def read(folder: Path, scratch: Path, *, sphere: Sphere | None = None, progress: Progress | None = None) -> ImageSet:
-    """Reads a DiLiGenT-style, `.lp` or near-light folder, with what is known to be true of it.
+    """Reads a DiLiGenT-style, `.lp` or near-light folder, with its ground truth.
 
-    `scratch` is an existing folder for images that decode only as a whole; it has to live as long as the result.
+    `scratch` is an existing folder for images that have to be decoded in full; it has to live as long as the result.
     `sphere` is a sphere in the image, whose normals are the truth. Raises RigError folder.invalid naming the file, and
     normals.infeasible for lights that no solver can use.
     """

@@ -1,4 +1,4 @@
-"""What was found against what a folder knows to be true."""
+"""Angular error of a normal map against the ground truth of a folder."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from acquisition.models.result import NormalMap
 from acquisition.normals.image_set import ImageSet
 
 MEDIAN_OF_RAYLEIGH = 0.833
-"""Median error for σ = 1."""
+"""Median of the Rayleigh distribution of angular error for σ of both tangential directions together = 1: √ln 2."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class AngularErrors:
 
 
 def angular_errors(normal_map: NormalMap, images: ImageSet) -> AngularErrors | None:
-    """Grades a result on the evaluation mask (default: the mask) where the truth is known; none without truth.
+    """Angular errors of a result within the evaluation mask (default: the mask) where truth is known; none without.
 
     Raises RigError normals.infeasible when no such pixel has a normal.
     """

@@ -1,4 +1,4 @@
-"""The image set that every reader ends with: stored pixels, lights and masks, looked at once before any solve."""
+"""Assembly of the image set that every reader returns: pixels, lights and masks, with the images checked once."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,14 +12,15 @@ SATURATION_LEVEL = 0.985
 """Share of full scale from which a value counts as clipped."""
 
 NO_SATURATION_LEVEL = 1e30
-"""The same for floating-point images that hold larger values than 1, such as merged exposures: nothing is clipped."""
+"""Level of floating-point images with values above 1, such as merged exposures: none counts as clipped."""
 
 
 def image_set(
     folder: Path, names: Sequence[str], paths: Sequence[Path], stored: StoredImages, lights: DistantLights | NearLights,
     mask: BoolArray, *, kind: str, warnings: Sequence[str],
 ) -> ImageSet:  # fmt: skip
-    """The images of a folder, `paths` in the order of `lights`, solved in `mask` (H, W); `kind` is the format's name.
+    """Assembles the image set of a folder, `paths` in the order of `lights`, solved in `mask` (H, W); `kind` is the
+    format's name.
 
     Raises RigError folder.invalid naming an image that is black or overexposed, or an evaluation mask that is wrong.
     """

@@ -1,4 +1,4 @@
-"""What is known to be true of a folder's object, for grading: a file of normals, or a sphere that stands for itself."""
+"""Ground-truth normals of a folder's object: from a file of normals, or from the outline of a sphere."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from acquisition.normals.image_set import Camera
 FILES = ("Normal_gt.mat", "normals_gt.npy", "normals_gt.tiff", "normals_gt.tif", "normals_gt.exr")
 VARIABLE = "Normal_gt"
 MIN_RELATIVE_LENGTH = 0.02
-"""Of the median length of the vectors that are not zero."""
+"""Least length of a vector that counts as known, as a share of the median length of those that are not zero."""
 
 EXR_CHANNELS = (("N.X", "N.Y", "N.Z"), ("normal.X", "normal.Y", "normal.Z"), ("X", "Y", "Z"), ("R", "G", "B"))
 

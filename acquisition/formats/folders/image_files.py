@@ -1,8 +1,8 @@
-"""Image files as rows: where each image's pixels lie on the disk, so that a stack need not fit into memory.
+"""Reading of image files by rows, from the location of their pixels on disk, so that a stack need not fit into memory.
 
-Uncompressed TIFF is read where it lies. Every other format decodes only as a whole, so it is decoded once, a few files
-at a time, and its pixels are put down as they are in a scratch folder; from then on both are the same: a file, an
-offset, a shape. What the system has memory for stays in its page cache.
+Uncompressed TIFF is read in place. Every other format has to be decoded in full, so it is decoded once, a few files at
+a time, into raw files of a scratch folder; from then on both are a file, an offset and a shape. The operating system's
+page cache keeps what memory allows.
 """
 
 import errno
@@ -25,10 +25,10 @@ from acquisition.normals.image_set import StoredValues
 
 FULL_SCALE = {"uint8": 255.0, "uint16": 65535.0, "float32": 1.0}
 DECODER_THREADS = 2
-"""Files decoded at once; each holds one whole image."""
+"""Files decoded at once; each takes the memory of one image."""
 
 SCAN_BYTES = 16_000_000
-"""Held at once of an image that is only looked at."""
+"""Bytes of an image held at once while it is scanned for its largest value."""
 
 TIFF_NAMES = (".tif", ".tiff")
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -44,7 +44,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class PixelLocation:
-    """Where an image's pixels lie: row by row, C order, from `offset` on."""
+    """Location of an image's pixels: in file `path` from byte `offset` on, row by row in C order."""
 
     path: Path
     offset: int
@@ -53,7 +53,7 @@ class PixelLocation:
 
 @dataclass(frozen=True)
 class FileRowReader:
-    """The images of a folder as a RowReader; picklable, since it holds places only."""
+    """The images of a folder as a RowReader; picklable, since it holds locations only."""
 
     locations: tuple[PixelLocation, ...]
     shape: tuple[int, ...]  # (H, W) or (H, W, 3)
@@ -92,7 +92,7 @@ class StoredImages:
 def open_images(
     paths: Sequence[Path], scratch: Path, black_level: int = 0, progress: Progress | None = None
 ) -> StoredImages:
-    """Finds or puts down the pixels of all images; `black` is subtracted from each value, never below zero.
+    """Locates the pixels of all images, decoded where need be; `black` is subtracted from each value, never below zero.
 
     Raises RigError folder.invalid naming the file that is missing, damaged, or unlike the first one.
     """
@@ -149,7 +149,7 @@ def exceeds(stored: StoredImages, level: float) -> bool:
 
 
 def decode(path: Path) -> np.ndarray:
-    """One image file as a whole, (H, W) or (H, W, 3) RGB, in the type it is stored in. Raises folder.invalid."""
+    """Decodes one image file, (H, W) or (H, W, 3) RGB, in the type it is stored in. Raises folder.invalid."""
     try:
         content = path.read_bytes()
     except FileNotFoundError as error:
@@ -182,7 +182,7 @@ def read_mask(path: Path, height: int, width: int) -> BoolArray:
 
 
 def _locate(path: Path, scratch: Path, black_level: int) -> tuple[PixelLocation, tuple[int, ...]]:
-    """Where the pixels of one file lie, and their shape."""
+    """Location and shape of the pixels of one file, decoded into `scratch` unless it can be read in place."""
     if path.suffix.lower() in TIFF_NAMES and black_level == 0:
         plain = _plain_tiff(path)
         if plain is not None:
@@ -207,7 +207,7 @@ def _locate(path: Path, scratch: Path, black_level: int) -> tuple[PixelLocation,
 
 
 def _plain_tiff(path: Path) -> tuple[PixelLocation, tuple[int, ...]] | None:
-    """Where the pixels of an uncompressed TIFF file lie; None when it has to be decoded."""
+    """Location and shape of the pixels of an uncompressed TIFF file; None when it has to be decoded."""
     try:
         with tifffile.TiffFile(path) as file:
             if len(file.pages) != 1:
@@ -261,7 +261,7 @@ def _size(shape: tuple[int, ...]) -> str:
 
 
 def _png_is_intact(content: bytes) -> bool:
-    """Whether a PNG's chunks are all there and undamaged; the decoder accepts some that are not."""
+    """Whether a PNG's chunks are complete and their CRCs right; the decoder accepts some that are not."""
     position = len(PNG_SIGNATURE)
     while position + 12 <= len(content):
         length = int.from_bytes(content[position : position + 4], "big")

@@ -1,4 +1,4 @@
-"""What the formats share beside the pixels: masks, and what a person should know of the files."""
+"""Masks of a folder, and warnings about its files' bit depth."""
 
 from pathlib import Path
 

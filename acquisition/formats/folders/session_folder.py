@@ -28,7 +28,7 @@ ValueT = TypeVar("ValueT", bound=Value)
 
 @dataclass(frozen=True)
 class SessionCapture:
-    """What a session took, and which of its results are in the folder."""
+    """A session's shots with their recipe, cell, calibration and plans, and the numbers of its results."""
 
     folder: Path
     recipe: Recipe

@@ -1,4 +1,4 @@
-"""Tables in text files: one row for each image, and every complaint with its line."""
+"""Parsing of text tables with one row for each image; errors name the line."""
 
 import math
 from pathlib import Path

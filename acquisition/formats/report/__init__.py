@@ -1,4 +1,4 @@
-"""The page that a person reads: report.html and report.png of a result and of what is known of its images."""
+"""The report of a result for a person: report.html and report.png."""
 
 from acquisition.formats.report.advice import quality_warnings
 from acquisition.formats.report.context import ReportContext

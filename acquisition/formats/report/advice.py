@@ -1,8 +1,8 @@
-"""What a person should know of a result, in words, and what to do about it.
+"""Warnings about a result with advice, as sentences for the report.
 
-A pixel lit by fewer than three lights wants one from a side that the lights so far leave dark there. Candidate
-directions are weighed by how many such pixels they would face; a pixel that stood in another part's shadow under a
-light from much the same direction would do so again, and does not count.
+A pixel lit by fewer than three lights needs one from a side that the lights so far leave dark there. Candidate
+directions are weighed by the mean cosine at such pixels; a pixel in cast shadow under a light from nearly the same
+direction does not count, as it would be in shadow again.
 """
 
 import cv2
@@ -15,24 +15,39 @@ from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED,
 from acquisition.normals import memory_mapped
 
 MIN_LIGHTS = 3
+"""Lights that determine a normal."""
+
 MIN_REPORTED_SHARE = 0.01
-"""Share of the object's pixels from which a fault is worth a sentence."""
+"""Share of the object's pixels from which a fault is reported."""
 
 SIDES = ("right", "upper right", "top", "upper left", "left", "lower left", "bottom", "lower right")
 SLANTS_DEG = (20.0, 45.0, 65.0)
+"""Angles off the viewing axis of the candidate lights."""
+
 MIN_COSINE = 0.15
+"""Least n·l at which a candidate light counts as lighting a pixel."""
+
 MIN_RELIT_SHARE = 1 / 3
-"""Of the pixels that lack light, which one more light has to reach to be worth naming."""
+"""Share of the underlit pixels that one more light has to light to be proposed."""
 
 SAME_SIDE_COSINE = float(np.cos(np.radians(25)))
+"""Cosine of the angle within which two lights cast nearly the same shadows."""
+
 MAX_SAMPLES = 4000
+"""Underlit pixels that candidate lights are judged at."""
+
 MAX_INTENSITY_DEVIATION = 0.03
+"""Relative deviation of a lamp's intensity from the calibration above which it is reported."""
+
 MAX_RESIDUAL = 2.5
+"""Median residual, as a multiple of its expectation, above which the fit is reported as bad."""
+
 MAX_SIGMA_DEG = 5.0
+"""σ above which a normal counts as uncertain."""
 
 
 def quality_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
-    """Warnings with advice, the gravest first; none when there is nothing to say."""
+    """Warnings about a result with advice, the gravest first; empty where there is nothing to warn of."""
     warnings: list[str] = []
     object_pixels = max(1, np.count_nonzero(normal_map.silhouette))
     used = lights_used(normal_map)

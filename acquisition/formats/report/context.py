@@ -1,4 +1,4 @@
-"""What the report says beside the maps: where the lights stood, what was chosen, predicted and measured."""
+"""What a report states beside the maps: light directions, solver, predicted σ, errors and times."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ from acquisition.models.base import FloatArray
 
 @dataclass(frozen=True)
 class ReportContext:
-    """What a report is told of one result."""
+    """Title, lights, solver and figures of one result, for its report."""
 
     title: str
     names: tuple[str, ...]
@@ -16,7 +16,7 @@ class ReportContext:
     directions: FloatArray
     """(F, 3) unit vectors from the object to the lights, view frame."""
     groups: tuple[str, ...] = ()
-    """For each image what its light was taken for, such as `pilot` and `planned`; none: nothing to tell apart."""
+    """For each image the group of its light, such as `pilot` and `planned`; none: one group."""
     solver: str = ""
     why: str = ""
     """Why that solver."""

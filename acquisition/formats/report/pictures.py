@@ -1,4 +1,4 @@
-"""Maps as small pictures: the object's part of each, averaged over the pixels that belong to it.
+"""Reduction of a result's maps to small pictures of the object, averaged over the pixels of the mask.
 
 A report is looked at on a screen, so maps are reduced before anything else is done with them, whatever their size.
 """
@@ -14,9 +14,11 @@ from acquisition.models.result import LIT, SATURATED, NormalMap
 from acquisition.normals import memory_mapped, silhouette
 
 MAX_SIDE_PX = 460
-"""Pixels of the longer side."""
+"""Longer side of a picture, px."""
 
 MARGIN_SHARE = 0.03
+"""Margin around the object, as a share of its longer side."""
+
 BACKGROUND_RGB = (238, 238, 236)
 """Grey around the object, R G B."""
 
@@ -37,7 +39,7 @@ class ReducedMaps:
 
 
 def reduced(normal_map: NormalMap) -> ReducedMaps:
-    """The object's window of a result, at most `LONGEST` pixels along a side."""
+    """The object's window of a result, at most `MAX_SIDE_PX` pixels along a side."""
     shown = normal_map.silhouette | normal_map.mask
     rows, columns = _window(shown)
     inside = shown[rows, columns]
@@ -81,7 +83,7 @@ def normals(small: ReducedMaps) -> np.ndarray:
 
 
 def gamma_encoded(values: Float32Array, mask: BoolArray, top: float) -> np.ndarray:
-    """Linear values, grey (h, w) or colour (h, w, 3), as a screen shows them, `top` as white; (h, w, 3)."""
+    """Gamma-encoded picture (h, w, 3), exponent 1/2.2, of linear grey (h, w) or colour (h, w, 3); `top` is white."""
     shown = np.round(np.clip(values / max(top, 1e-9), 0, 1) ** (1 / 2.2) * 255)
     return _on_background(shown if shown.ndim == 3 else np.repeat(shown[..., None], 3, axis=-1), mask)
 

@@ -164,19 +164,19 @@ def _robust(directions: FloatArray, rounds: int) -> Method:
     def solve(block: Block, chosen: np.ndarray) -> SolveResult:
         values, clipped = block.pixels(chosen)
         lit = usable(values, clipped)
-        found, figures = robust_fit(values, lit, directions, robust_regression.POSITION_THRESHOLDS, rounds)
-        albedo = np.linalg.norm(found, axis=1)
-        normals = found / np.maximum(albedo, 1e-20)[:, None]
-        predicted = found @ directions.T.astype(np.float32)
-        rest = values - predicted
-        spread = np.sqrt(figures[:, :1])
-        near = lit & (np.abs(rest) < 4 * np.maximum(spread, 0.01 * albedo[:, None]))
-        highlight = lit & ~near & (rest > HIGHLIGHT_THRESHOLD * albedo[:, None])
+        scaled_normals, statistics = robust_fit(values, lit, directions, robust_regression.POSITION_THRESHOLDS, rounds)
+        albedo = np.linalg.norm(scaled_normals, axis=1)
+        normals = scaled_normals / np.maximum(albedo, 1e-20)[:, None]
+        predicted = scaled_normals @ directions.T.astype(np.float32)
+        residual = values - predicted
+        spread = np.sqrt(statistics[:, :1])
+        inlier = lit & (np.abs(residual) < 4 * np.maximum(spread, 0.01 * albedo[:, None]))
+        highlight = lit & ~inlier & (residual > HIGHLIGHT_THRESHOLD * albedo[:, None])
         flags = _flags(lit & ~highlight, highlight, clipped, predicted)
-        used = np.count_nonzero(near, axis=1).astype(np.float32)
-        left = np.sum(near * rest * rest, axis=1) / np.maximum(used - 3, 1)
-        variance = angular_variance(np.maximum(left, figures[:, 0]), figures[:, 1], albedo, used)
-        return SolveResult(normals.T, albedo, variance, np.sqrt(left), flags)
+        used = np.count_nonzero(inlier, axis=1).astype(np.float32)
+        residual_variance = np.sum(inlier * residual * residual, axis=1) / np.maximum(used - 3, 1)
+        variance = angular_variance(np.maximum(residual_variance, statistics[:, 0]), statistics[:, 1], albedo, used)
+        return SolveResult(normals.T, albedo, variance, np.sqrt(residual_variance), flags)
 
     return solve
 
