@@ -103,11 +103,11 @@ class QuickArm:
         self.halt()
 
     def stop_protectively(self) -> None:
-        """What a person does who leans on the arm."""
+        """Causes a protective stop, as a push against the arm does."""
         self._safety_bits = PROTECTIVE_STOP
 
     def unlock(self) -> None:
-        """What a person does at the pendant."""
+        """Unlocks the protective stop, as a person does at the pendant."""
         self._safety_bits = NORMAL
 
 

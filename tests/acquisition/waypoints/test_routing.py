@@ -210,9 +210,9 @@ def _check_speeds(planned: Route, cell: CellConfig) -> None:
         [*itertools.chain.from_iterable(waypoint.speeds for waypoint in planned.waypoints), *planned.home_speeds]
     )
     stops = np.array(corners(planned))
-    starts, ways = stops[:-1], np.diff(stops, axis=0)
-    samples = starts[:, None] + np.linspace(0, 1, 40)[:, None] * ways[:, None]  # (legs, 40, 6)
-    step_s = np.abs(ways).max(axis=1) / speeds / 39
+    starts, directions = stops[:-1], np.diff(stops, axis=0)
+    samples = starts[:, None] + np.linspace(0, 1, 40)[:, None] * directions[:, None]  # (legs, 40, 6)
+    step_s = np.abs(directions).max(axis=1) / speeds / 39
     tool = tool_points(samples.reshape(-1, 6), cell).reshape(-1, 40, 3)
     elbow = audit.link_frames(cell.arm.model, samples.reshape(-1, 6))[:, 2, :3, 3].reshape(-1, 40, 3)
     for points, limit in ((tool, cell.arm.max_tool_speed_m_s), (elbow, cell.arm.max_elbow_speed_m_s)):

@@ -204,12 +204,12 @@ def check_that_process_moves_keep_their_tool_speed_round_the_corner(
     assert tool_speeds.max() <= speed * 1.001 + 1e-6
     changes = np.diff(tool_speeds) / TICK
     assert np.abs(changes).max() <= 2.1 * acceleration
-    ways = [np.linalg.norm(b - a) for a, b in itertools.pairwise(corners)]
-    bend = math.acos(np.clip((first @ second) / max(ways[0] * ways[1], 1e-12), -1, 1))
-    if min(ways) > radius and bend < 2.5:
+    lengths = [np.linalg.norm(b - a) for a, b in itertools.pairwise(corners)]
+    bend = math.acos(np.clip((first @ second) / max(lengths[0] * lengths[1], 1e-12), -1, 1))
+    if min(lengths) > radius and bend < 2.5:
         admitted = min(speed, math.sqrt(acceleration * radius / math.tan(max(bend, 1e-6) / 2)))
         ramp = speed**2 / (2 * acceleration)
-        if min(ways) > radius + ramp + 0.01:
+        if min(lengths) > radius + ramp + 0.01:
             near = np.linalg.norm(record.tools[begin + 1 :] - corners[1], axis=1) < radius
             assert tool_speeds[near].min() >= 0.98 * admitted
 

@@ -101,7 +101,7 @@ def test_unknown_output_variable_is_named(shared_cell: Cell) -> None:
         rtde_receive.RTDEReceiveInterface(shared_cell.address, 500.0, ["timestamp", "no_such_variable"])
 
 
-def test_two_cells_run_at_once() -> None:
+def test_cells_two_at_once_run_independently() -> None:
     """Check 28."""
     import rtde_receive
 
