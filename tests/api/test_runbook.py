@@ -61,7 +61,7 @@ def test_runbook_backup_of_running_service_restores(own: Any, tmp_path: Path) ->
 def test_runbook_metric_names_exist(own: Any) -> None:
     metrics = own.http.get("/metrics").text
     for name in re.findall(r"lightpose_\w+", RUNBOOK):
-        if "lateness" not in name:  # told once an arm has moved
+        if "lateness" not in name:  # reported once an arm has moved
             assert name in metrics
 
 

@@ -19,7 +19,7 @@ PIXELS = 40
 
 
 class Cell:
-    """An arm that stands where it is told, and a camera whose frames tell what they were asked for."""
+    """An arm at fixed joints, and a camera whose frames record the request they answer."""
 
     def __init__(self) -> None:
         self.lamp_on = True

@@ -142,7 +142,7 @@ def test_interreflection_dark_scene_error_is_not_raised(name: str) -> None:
 
 # The goal is 0.02° of each. Elsewhere than on the animal there is light to take out, and taking it out turns normals
 # the right way: 0.23° on the part (its error falls from 1.04° to 0.94°), 0.11° on the rabbit (0.70° to 0.68°), 0.20° in
-# the bowl (0.50° to 0.44°), 0.70° in the groove, which has 1.2 % of bounced light (0.85° to 0.40°).
+# the bowl (0.50° to 0.44°), 0.70° in the groove, which has 1.2 % of indirect light (0.85° to 0.40°).
 @pytest.mark.parametrize(
     ("name", "bar_deg"), [("part", 0.28), ("animal", 0.02), ("rabbit", 0.14), ("bowl", 0.24), ("vee", 0.8)]
 )

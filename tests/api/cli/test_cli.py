@@ -58,7 +58,7 @@ def test_command_bad_input_exits_2_and_names_remedy(
     done = CliRunner().invoke(app, [*arguments, *more])
     assert done.exit_code == 2
     assert said in done.stdout + done.stderr
-    assert isinstance(done.exception, SystemExit)  # told, not thrown
+    assert isinstance(done.exception, SystemExit)  # a printed message, not a traceback
 
 
 def test_command_error_exits_without_traceback() -> None:
