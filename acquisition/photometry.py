@@ -1,6 +1,6 @@
 """The image-formation model that planner and solver share, so that what is planned is what is solved.
 
-A matt point x with normal n and albedo ρ, lit by a lamp at p with axis a, gives the normalised value
+A Lambertian point x with normal n and albedo ρ, lit by a lamp at p with axis a, gives the normalised value
 
     y = ρ max(0, n·s),   s = (R0/r)² cosᵘ(a, x − p) d/r,   d = p − x, r = |d|,
 
@@ -45,7 +45,7 @@ FLAT_FIELD_SIGMA = 0.005
 """1 σ of what remains of the flat field and of the lobe, as a fraction."""
 
 PREDICTED_INDIRECT_SIGMA = 0.1
-"""1 σ of the predicted bounced light, as a share of it, that differs from light to light: what measurements are
+"""1 σ of the predicted indirect light, as a share of it, that differs from light to light: what measurements are
 weighed by."""
 
 PREDICTED_HIGHLIGHT_SIGMA = 0.2

@@ -48,8 +48,8 @@ class DistantLights:
 class NearLights:
     """Point lights at `positions_m` (F, 3) in the view frame (origin at the camera).
 
-    `intensity` (F,) is the value, as a fraction of full scale, that a perfectly white matt surface facing the lamp at
-    `reference_m` would give.
+    `intensity` (F,) is the value, as a fraction of full scale, that a perfectly white Lambertian surface facing the
+    lamp at `reference_m` would give.
     """
 
     positions_m: FloatArray

@@ -114,7 +114,7 @@ def estimate(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
                 image[f, 7, p] += shot_f * lit + floor_f + c2 * y * y
                 image[f, 8, p] = s2
                 # Residuals against the prior say nothing, so the first round is least squares; it counts bright
-                # measurements most, because those left over in shadow by bounced light are dark.
+                # measurements most, because those left over in shadow by indirect light are dark.
                 share = lit * lit / (pixel[18, p] * s2 + tiny)
                 image[f, 10, p] = image[f, 9, p] * (share * share if inverse_cauchy2 > zero else one)
         for iteration in range(rounds):

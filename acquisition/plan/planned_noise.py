@@ -54,7 +54,7 @@ tenth, but the residual common to all lights, a fifth and more, also affects nor
 visible. Eight path-traced images have 0.98–0.99 times the error of two rings with 0.4, 1.03 times without."""
 
 GLOSSY_SHARE = 0.03
-"""Share of pixels with a highlight in some image above which a surface is glossy: 0.5–2 % on matt ones, 4–13 % on
+"""Share of pixels with a highlight in some image above which a surface is glossy: 0.5–2 % on diffuse ones, 4–13 % on
 slightly glossy ones."""
 
 DEFAULT_LOBE_STRENGTH, DEFAULT_LOBE_EXPONENT = 0.15, 30.0

@@ -13,7 +13,7 @@ InThread = Callable[[Callable[[], Frame]], Frame]
 
 
 class Preview:
-    """Takes single frames; `look` and `give_way` may be called from any thread."""
+    """Takes single frames; `take_frame` and `preempt` may be called from any thread."""
 
     def __init__(self, rig: Rig, refuse_held: Callable[[], None], in_thread: InThread) -> None:
         """`refuse_held` raises RigError rig.busy while a session holds the rig; `in_thread` runs work in the runner's

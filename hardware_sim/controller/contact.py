@@ -180,19 +180,19 @@ class ContactCheck:
         alone = pair.body >= 0 or pair.other == _OBJECT
         moving, near = (pair.part, 0) if alone else (pair.other, _FRAMES[pair.part])
         part, far = self._parts[moving], _FRAMES[moving]
-        levers = [0.0] * 6
+        lever_arms = [0.0] * 6
         # In the frame before the last joint the part turns about z; before that only its reach is known.
         link = self._links[far - 1]
         x = part.spheres[:, 0] + link.length
         y = link.cos_twist * part.spheres[:, 1] - link.sin_twist * part.spheres[:, 2]
         z = link.sin_twist * part.spheres[:, 1] + link.cos_twist * part.spheres[:, 2] + link.distance
-        levers[far - 1] = float((np.hypot(x, y) + part.radii).max())
+        lever_arms[far - 1] = float((np.hypot(x, y) + part.radii).max())
         reach = float((np.sqrt(x**2 + y**2 + z**2) + part.radii).max())
         for joint in range(far - 2, near - 1, -1):
             # The offset along a joint's own axis does not turn with it.
-            levers[joint] = abs(self._links[joint].length) + reach
+            lever_arms[joint] = abs(self._links[joint].length) + reach
             reach += math.hypot(self._links[joint].length, self._links[joint].distance)
-        return levers
+        return lever_arms
 
 
 def _links(model: str) -> list[FloatArray]:

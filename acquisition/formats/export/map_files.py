@@ -36,8 +36,8 @@ def normals_png(path: Path, normals: Float32Array, mask: BoolArray, green: Green
     colours = np.empty(normals.shape, np.uint16)
     for start in range(0, len(normals), STRIP_ROWS):
         rows = slice(start, start + STRIP_ROWS)
-        shown = np.clip(normals[rows] * scale + np.float32(32768.0), 0, 65535)  # truncation after + ½ rounds
-        colours[rows] = shown[..., ::-1]  # OpenCV's order, B G R
+        encoded = np.clip(normals[rows] * scale + np.float32(32768.0), 0, 65535)  # truncation after + ½ rounds
+        colours[rows] = encoded[..., ::-1]  # OpenCV's order, B G R
     colours[~mask] = 0
     _write(path, colours, COLOURS[green])
 

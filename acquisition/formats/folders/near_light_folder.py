@@ -2,8 +2,8 @@
 
 Positions are in OpenCV's camera frame (x right, y down, z forward) in `unit` (mm, cm or m) and become the view frame in
 m here; lengths whose names end in `_mm` are in mm always.
-`intensity` is what a perfectly white matt surface facing the lamp at `reference_mm` would give, as a fraction of full
-scale, so albedo is absolute. `black_level` (stored values, the same for all images) is optional and zero if absent.
+`intensity` is what a perfectly white Lambertian surface facing the lamp at `reference_mm` would give, as a fraction of
+full scale, so albedo is absolute. `black_level` (stored values, the same for all images) is optional, zero if absent.
 Fields of other names are not used, and a warning says so.
 """
 

@@ -3,7 +3,7 @@
 Grey images pass in the type they are stored in, without a copy beyond the reader's. Colours are divided by the light's
 intensity channel by channel and mixed to one grey: by fixed weights where figures are to be compared (the luma of ITU-R
 BT.601, as the field's plain least squares uses), else by the pixel's own colour, which is the best unbiased mix for a
-matt surface and lets coloured paint outweigh its white gloss; channels of faint light count less.
+diffuse surface and lets coloured paint outweigh its white gloss; channels of faint light count less.
 """
 
 from collections.abc import Iterator
