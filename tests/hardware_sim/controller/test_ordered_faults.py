@@ -231,14 +231,17 @@ def run_restart(address: str) -> list[str]:
         """
 faults.fault("restart", at_s=0.3)
 tell(control.moveJ(far, 1.05, 1.4))
-while True:
+restarted = False
+while not restarted:
     try:
         again = rtde_receive.RTDEReceiveInterface(address)
-        break
     except RuntimeError:
         time.sleep(0.05)
-while again.getRobotMode() != 3:
-    time.sleep(0.01)
+        continue
+    # On a busy machine the restart can cut this new client too, which would then wait for a mode that never comes.
+    while again.isConnected() and not restarted:
+        restarted = again.getRobotMode() == 3
+        time.sleep(0.01)
 tell(control.isConnected(), receive.isConnected(), control.moveJ(far, 1.05, 1.4), again.getSafetyMode())
 """,
         address,
