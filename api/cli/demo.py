@@ -20,6 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 from acquisition.models import cell_config
+from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
 from acquisition.store import Store
@@ -140,18 +141,23 @@ def _capture(client: Client, recipe: Recipe) -> str:
     return client.capture(recipe, progress=True).id
 
 
+def _truth(cell_file: Path) -> tuple[truth.Truth, Calibration]:
+    """Reads the simulated cell's true scene and its nominal calibration, which stand beside its cell file."""
+    return truth.load(cell_file.parent / "truth.npz"), cell_config.load_calibration(
+        cell_file.parent / "calibration.json"
+    )
+
+
 def _grades(folder: Path, cell_file: Path, session_id: str) -> list[grade.Grade]:
     """Grades each result of a session against the truth, the pilot's first."""
-    true = truth.load(cell_file.parent / "truth.npz")
-    calibration = cell_config.load_calibration(cell_file.parent / "calibration.json")
+    true, calibration = _truth(cell_file)
     results = sorted((folder / "data" / "sessions" / session_id / "results").iterdir(), key=lambda path: int(path.name))
     return [grade.grade_folder(result, true, calibration) for result in results]
 
 
 def _gradings(cell_file: Path, result: Path) -> dict[grade.Grading, grade.Grade]:
     """One result against the truth, over each of the three sets of pixels."""
-    true = truth.load(cell_file.parent / "truth.npz")
-    calibration = cell_config.load_calibration(cell_file.parent / "calibration.json")
+    true, calibration = _truth(cell_file)
     return {grading: grade.grade_folder(result, true, calibration, grading) for grading in grade.GRADINGS}
 
 

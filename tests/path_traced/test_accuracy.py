@@ -52,7 +52,7 @@ def solve(
     mask = bench.truth(name, PIXELS).mask
     with pytest.MonkeyPatch.context() as patch:
         if not corrected:
-            patch.setattr(interreflection, "received", nothing)
+            patch.setattr(interreflection, "received_irradiance", nothing)
         normal_map = normals.solve_stack(
             captured.stack, captured.calibration, SolveSettings(), initial_depth_m=0.9, object_mask=mask
         )
