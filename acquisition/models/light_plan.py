@@ -51,7 +51,8 @@ class LightPlan(Value):
         description="Expected σ as a function of the number of lights; empty: not requested",
     )
     fallback: str | None = Field(
-        default=None, description="Why the two-ring pattern replaces the planned lights; none: it does not"
+        default=None,
+        description="In plans of release 0.1, why two rings replaced the planned lights; none in all later plans",
     )
     gains: list[float] = Field(
         default_factory=list[float],

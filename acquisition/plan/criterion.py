@@ -21,7 +21,7 @@ from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Recipe
-from acquisition.models.result import ATTACHED, CAST, LIT, NormalMap
+from acquisition.models.result import LIT, NormalMap
 from acquisition.models.shot import Observations
 from acquisition.plan import criterion_kernels, planned_noise, visibility
 from acquisition.plan.planned_noise import Gloss
@@ -31,8 +31,6 @@ VISIBILITY_LEVELS = (1 / 6, 1 / 2, 5 / 6)
 """Visibility probabilities above which a light counts as visible, one for each scenario; decision 0027."""
 MIN_COSINE = 0.08
 """Cosine of incidence below which a pixel counts as in attached shadow."""
-CERTAIN_VISIBILITY = 0.9
-"""Visibility probability above which a dark measurement counts as an unexplained shadow."""
 ATTACHED_SIGMA = 0.06
 """1 σ of the attached-shadow threshold, in cosine of incidence; combined with the normal's own σ."""
 CAST_SIGMA = 0.04
@@ -289,38 +287,6 @@ def reweight(
     scale = np.divide(after, before, out=np.ones_like(before), where=before > 0)
     information = (sample.information - sample.prior) * scale[:, None, None] + sample.prior
     return replace(sample, information=information, indirect=indirect)
-
-
-def unexplained_shadows(
-    sample: Samples, normal_map: NormalMap, surface: Surface, observations: Observations, calibration: Calibration,
-    recipe: Recipe,
-) -> float:  # fmt: skip
-    """Share of dark measurements among those that are lit with high probability given the reconstructed shape.
-
-    Normal integration smooths over depth discontinuities that no pixel sees; the shadows that they cast remain in the
-    images and reveal them. Only pixels with determined normals are used: elsewhere the shape is uncertain, and its
-    errors are no discontinuities. Zero without such pixels.
-    """
-    lights = [shot.light for shot in observations.shots if shot.kind == "light" and shot.light is not None]
-    if not lights or len(lights) != len(normal_map.flags):
-        return 0.0
-    surely_lit = candidates(sample, lights, surface, calibration, recipe).visibility > CERTAIN_VISIBILITY
-    surely_lit &= sample.lit >= MIN_LIGHTS
-    dark = normal_map.flags[:, sample.row, sample.column] & (ATTACHED | CAST) > 0
-    return float(np.mean(dark[surely_lit])) if np.any(surely_lit) else 0.0
-
-
-def mirrored_share(sample: Samples, units: FloatArray, gloss: Gloss) -> float:
-    """Largest share of pixels, over unit lights (K, 3), in which one light's specular lobe reaches half its peak.
-
-    Zero on a diffuse surface.
-    """
-    if gloss.sigma == 0 or not len(units):
-        return 0.0
-    to_camera = -sample.ray_direction / np.sqrt(np.sum(sample.ray_direction**2, axis=0))
-    half = units[:, :, None] + to_camera
-    aligned = np.einsum("kcp,cp->kp", half, sample.normal) / np.sqrt(np.einsum("kcp,kcp->kp", half, half))
-    return float(np.max(np.mean(np.maximum(aligned, 0) ** gloss.exponent > 0.5, axis=1)))
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,6 @@ from acquisition.plan import (
 )
 from acquisition.plan.criterion import Candidates, Posterior, Samples
 from acquisition.plan.deadline import Deadline
-from acquisition.plan.fallback import PlanDiagnostics
 from acquisition.plan.objective import Loss
 from acquisition.plan.planned_noise import Gloss
 from acquisition.plan.visibility import Surface
@@ -136,11 +135,11 @@ def choose(
 ) -> LightPlan:
     """A-optimal sequential design: the `count` lights that lower the recipe's loss of the angular variance most.
 
-    Bayesian: the normal map's information is the prior of the new lights. Exchange over the dome's candidates
-    (`optimise.search`), then a pattern search off their grid (`optimise.refine`), then a fallback to two rings where
-    `PlanDiagnostics` rejects the plan, and the relaxation's lower bound as certificate. `count` None: as many lights as
-    remain of the recipe; an empty plan means that it is fulfilled. Raises RigError plan.infeasible when the arm
-    reaches too few positions or the normal map has too few usable pixels.
+    Bayesian: the normal map's information is the prior of the new lights. Exchange over the dome's candidates from many
+    starts, completed rings among them (`optimise.search`), then a pattern search off their grid (`optimise.refine`),
+    and the relaxation's lower bound as certificate. `count` None: as many lights as remain of the recipe; an empty plan
+    means that it is fulfilled. Raises RigError plan.infeasible when the arm reaches too few positions or the normal map
+    has too few usable pixels.
     """
     region, deadline_s = options.region, options.deadline_s
     until = Deadline.within(deadline_s)
@@ -164,25 +163,12 @@ def choose(
         until,
     )
     rings = problem.holdout_posterior(problem.positions[sets[0]])
-    gain = 1 - loss.evaluate(problem.holdout_posterior(positions)) / loss.evaluate(rings)
-    unexplained_shadows = criterion.unexplained_shadows(
-        problem.search_sample, normal_map, problem.surface, observations, calibration, recipe
-    )
-    mirrored_share = criterion.mirrored_share(problem.search_sample, problem.units, problem.gloss)
-    fallback = PlanDiagnostics(unexplained_shadows, mirrored_share, gain).fallback_reason
-    if fallback is not None:
-        positions = problem.positions[
-            two_ring_pattern.fallback_rings(problem.captured_directions, problem.units, count_to_add)
-        ]
-
     planned_rows = problem.holdout_candidates(positions)
     sigma_deg = criterion.posterior(problem.holdout_sample, planned_rows).sigma_deg
     notes = [
         f"mean σ {np.mean(before_deg):.2f}° so far, {np.mean(sigma_deg):.2f}° expected with these lights, "
         f"{np.mean(rings.sigma_deg):.2f}° with two rings"
     ]
-    if fallback is not None:
-        notes.append(f"two rings instead of planned lights: {fallback}")
     if until.passed:
         notes.append(f"the search was stopped by its time limit of {deadline_s:g} s: the best set so far is used")
     undetermined = float(np.mean(problem.search_sample.lit < criterion.MIN_LIGHTS))
@@ -198,7 +184,7 @@ def choose(
     plan = _light_plan(problem.lights(positions), reasons, gains, sigma_deg, notes)
     within_reach = [further for further in options.forecast_counts if further <= len(problem.positions)]
     curve = _forecast_curve(problem, candidates, captured, within_reach)
-    plan = plan.model_copy(update={"fallback": fallback, "forecast": curve})
+    plan = plan.model_copy(update={"forecast": curve})
     if options.certify:
         plan = plan.model_copy(update=_certificate(problem, candidates, positions, sets[0], until))
     return plan

@@ -1,4 +1,4 @@
-"""Two-ring completion of captured lights: a start of the planner's search, its reference, and its fallback.
+"""Two-ring completion of captured lights: a start of the planner's search, and its reference.
 
 Each captured light fills the nearest position of a ring (linear assignment), and the open positions are added. Of the
 possible completions the most balanced is chosen: wrong depth and steep surfaces that pixels do not resolve bias normals
@@ -18,20 +18,11 @@ AZIMUTH_STEPS = 12
 TOP_MAX_SLANT_DEG, INNER_MAX_SLANT_DEG = 15.0, 40.0
 """Upper slants of captured lights that count as the top light and as the inner ring; beyond, the outer ring."""
 
-FALLBACK_SLANT_DEG, FALLBACK_SLANT_MANY_DEG = 60.0, 65.0
-FALLBACK_MANY = 12
-"""Slants of the outer ring of a fallback, the second from `FALLBACK_MANY` images in all. The pilot's top light adds
-little information on the normals, and a steeper ring compensates for that. Errors relative to two rings: eight images
-of a machined part 0.95 at 60°, 1.04 at 55°; twelve of glossy relief 0.88 at 65°, 0.93 at 60°, 1.07 at 55°, and of a
-glossy part 1.05 at 65°, no worse than at 55°. With eight images walls leave too many pixels dark at 65° (1.14)."""
-
 MISFIT_WEIGHT = 0.5
 """Weight of the rms misfit of captured lights to their ring positions, per rad, relative to imbalance."""
 
 
-def completions(
-    captured: FloatArray, units: FloatArray, count: int, outer_slant_deg: float = OUTER_SLANT_DEG
-) -> list[list[int]]:
+def completions(captured: FloatArray, units: FloatArray, count: int) -> list[list[int]]:
     """Completes unit lights `captured` (T, 3) to two rings: sets of `count` distinct numbers of `units` (K, 3).
 
     One set for each likely number of lights on the inner ring, the lowest score (imbalance and misfit) first.
@@ -48,7 +39,7 @@ def completions(
             [_open_positions(ring, number, slant_deg, turn) for turn in np.arange(AZIMUTH_STEPS) / AZIMUTH_STEPS]
             for ring, number, slant_deg in (
                 (captured_inner, inner, INNER_SLANT_DEG),
-                (captured_outer, count - inner, outer_slant_deg),
+                (captured_outer, count - inner, OUTER_SLANT_DEG),
             )
         ]
         moments = [np.array([np.sum(_circular_moments(places), axis=0) for places, _ in ring]) for ring in rings]
@@ -59,12 +50,6 @@ def completions(
         best = np.concatenate([rings[0][int(first)][0], rings[1][int(second)][0]])
         scored.append((float(score[first, second]), lamp_pose.nearest_distinct(best, units, free)[0]))
     return [chosen for _, chosen in sorted(scored)]
-
-
-def fallback_rings(captured: FloatArray, units: FloatArray, count: int) -> list[int]:
-    """The steeper two-ring completion that replaces a rejected plan, as numbers of `units` (K, 3)."""
-    many = len(captured) + count >= FALLBACK_MANY
-    return completions(captured, units, count, FALLBACK_SLANT_MANY_DEG if many else FALLBACK_SLANT_DEG)[0]
 
 
 def imbalance(units: FloatArray) -> float:

@@ -89,7 +89,6 @@ class Sample:
     over_10_of_all: float
     sigma_deg: float
     predicted_sigma_deg: float | None
-    fallback: str | None
 
 
 @dataclass(frozen=True)
@@ -155,7 +154,6 @@ def _sample(item: WorkItem, scene: Scene, method: str, lights: int) -> Sample:
         over_10_of_all=float(np.mean(run.result.all_error_deg > FAR_OFF_DEG)),
         sigma_deg=float(np.nanmean(sigma)),
         predicted_sigma_deg=run.plan.predicted_sigma_deg,
-        fallback=run.plan.fallback,
     )
 
 

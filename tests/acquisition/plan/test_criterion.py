@@ -11,7 +11,6 @@ from acquisition import geometry, photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Exposure, Recipe
-from acquisition.models.result import CAST, LIT
 from acquisition.plan import criterion, two_ring_pattern, visibility
 from acquisition.plan.criterion import VISIBILITY_LEVELS, Candidates, Samples
 from acquisition.plan.objective import CAP_DEG, CAPPED
@@ -224,27 +223,6 @@ def test_usable_pixels_grazing_or_not_finite_are_left_out(cushion: scenes.Scene)
     normal_map.normals[rows[4], columns[4]] = geometry.direction(np.radians(89.0), 0.3)
     kept = criterion.usable_pixels(normal_map, cushion.calibration)
     assert set(all_pixels) - set(kept) == {0, 1, 2, 3, 4} & set(all_pixels)
-
-
-def test_unexplained_shadows_uses_determined_pixels_only(cushion: scenes.Scene) -> None:
-    """Dark pixels that the map's shape would light count only where at least three other lights lit the pixel."""
-    lights = scenes.ring(4, 30.0)
-    normal_map = cases.known_map(cushion, lights)
-    observations = replace(
-        cases.NO_OBSERVATIONS, shots=[cases.shot_of(light, number) for number, light in enumerate(lights)]
-    )
-    surface = visibility.surface(normal_map, cushion.calibration)
-    shares: list[float] = []
-    for dark in (1, 2):
-        flags = np.full((4, *cushion.mask.shape), LIT, np.uint8)
-        flags[:dark] = CAST
-        flagged = replace(normal_map, flags=flags)
-        sample = criterion.samples(flagged, cushion.calibration, criterion.usable_pixels(flagged, cushion.calibration))
-        shares.append(
-            criterion.unexplained_shadows(sample, flagged, surface, observations, cushion.calibration, Recipe())
-        )
-    assert shares[0] == pytest.approx(0.25, abs=0.03)
-    assert shares[1] == 0
 
 
 def test_posterior_unlit_pixels_keep_prior_of_40_degrees(cushion: scenes.Scene) -> None:

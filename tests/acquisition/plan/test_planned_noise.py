@@ -9,7 +9,6 @@ from acquisition import pilot
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import HIGHLIGHT, LIT, NormalMap
 from acquisition.plan import criterion, planned_noise, visibility
-from acquisition.plan.fallback import PlanDiagnostics
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
 
@@ -56,30 +55,6 @@ def test_candidates_gloss_devalues_light_at_its_highlight(ball: scenes.Scene) ->
     assert np.sum(near) > 5
     assert np.all(glossy[near] < 0.1 * matt[near])
     np.testing.assert_allclose(glossy[far], matt[far], rtol=1e-3)
-
-
-def test_mirrored_share_flat_is_large_ball_is_small(ball: scenes.Scene) -> None:
-    gloss = planned_noise.Gloss(0.03, 30.0)
-    plate = scenes.scene(lambda x, y: np.where(np.hypot(x, y) < 0.06, 0.01, 0.0), scenes.calibration(64))
-    shares: dict[str, float] = {}
-    for name, true in {"ball": ball, "plate": plate}.items():
-        normal_map = piloted(true)
-        sample = criterion.samples(normal_map, true.calibration, np.arange(len(normal_map.information.rows)))
-        units = criterion.directions(scenes.ring(12, 15.0))
-        shares[name] = criterion.mirrored_share(sample, units, gloss)
-        assert criterion.mirrored_share(sample, units, planned_noise.DIFFUSE) == 0
-    assert shares["plate"] > 0.5
-    assert 0 < shares["ball"] < 0.2
-
-
-def test_diagnostics_bad_model_gives_fallback_reason() -> None:
-    assert PlanDiagnostics(unexplained_shadows=0.004, mirrored_share=0.1, gain=0.1).fallback_reason is None
-    for diagnostics, reason in (
-        (PlanDiagnostics(0.006, 0.1, 0.1), "steps"),
-        (PlanDiagnostics(0.004, 0.8, 0.1), "mirrors"),
-        (PlanDiagnostics(0.004, 0.1, 0.0), "only"),
-    ):
-        assert reason in (diagnostics.fallback_reason or "")
 
 
 def test_curvature_variance_follows_second_difference_of_normals(ball: scenes.Scene) -> None:

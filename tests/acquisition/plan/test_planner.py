@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition import pilot, plan
+from acquisition import lamp_pose, pilot, plan
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Objective, Recipe
 from acquisition.models.result import CAST, LIT, FisherInformation, NormalMap
-from acquisition.models.shot import Observations
-from acquisition.plan import criterion, two_ring_pattern
+from acquisition.plan import criterion, objective, two_ring_pattern
 from acquisition.plan.objective import CAPPED
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
@@ -160,44 +159,53 @@ def test_choose_some_non_finite_pixels_are_left_out(
     assert chosen.predicted_sigma_deg == pytest.approx(reference.predicted_sigma_deg, rel=0.15)
 
 
-@pytest.fixture(scope="module", params=[0.0, 0.03], ids=["plain", "stepped"])
-def plate(request: pytest.FixtureRequest, reach: scenes.Dome) -> tuple[bool, NormalMap, Observations, scenes.Scene]:
-    """Images of a plate with or without a block on it; the depth map is that of the bare plate."""
+def test_choose_unexplained_steps_keeps_planned_lights(reach: scenes.Dome) -> None:
+    """A block that the depth map lacks: the lights are still those of least loss given that map, and say their σ."""
 
     def height(x: np.ndarray, y: np.ndarray, top: float = 0.0) -> np.ndarray:
         return np.where(np.hypot(x, y) < 0.06, 0.01, 0.0) + np.where(np.maximum(abs(x), abs(y)) < 0.015, top, 0.0)
 
     flat = scenes.scene(height, scenes.calibration(112))
-    stepped = scenes.scene(lambda x, y: height(x, y, request.param), scenes.calibration(112))
+    stepped = scenes.scene(lambda x, y: height(x, y, 0.03), scenes.calibration(112))
     lights = pilot.pattern(Recipe(), reach)
     dark = np.stack([scenes.lit(stepped, light) == 0 for light in lights])
+    assert np.mean(dark[:, flat.mask]) > 0.02
     normal_map = replace(cases.known_map(flat, lights), flags=np.where(dark, CAST, LIT).astype(np.uint8))
-    return request.param > 0, normal_map, scenes.capture(stepped, lights), flat
+    chosen = plan.choose(normal_map, scenes.capture(stepped, lights), Recipe(), reach, flat.calibration)
+    assert chosen.method == "optimal"
+    assert chosen.fallback is None
+    assert chosen.efficiency is not None
+    assert chosen.two_rings_efficiency is not None
+    assert chosen.efficiency >= chosen.two_rings_efficiency
 
 
-def test_choose_unexplained_steps_falls_back_to_two_rings(
-    plate: tuple[bool, NormalMap, Observations, scenes.Scene], reach: scenes.Dome
+@pytest.mark.parametrize(("evenly", "count"), [(True, 1), (True, 4), (False, 4)])
+def test_choose_never_predicts_more_loss_than_completed_rings(
+    cushion: scenes.Scene, reach: scenes.Dome, count: int, *, evenly: bool
 ) -> None:
-    stepped, normal_map, observations, true = plate
-    chosen = plan.choose(normal_map, observations, Recipe(), reach, true.calibration)
-    assert (chosen.fallback is not None and "steps" in chosen.fallback) == stepped
-    if stepped:
-        assert any("two rings instead of planned lights" in note for note in chosen.notes)
-        pilots = np.array([shot.light.position for shot in observations.shots if shot.light is not None]) - reach.center
-        added = np.array([light.position for light in chosen.lights]) - reach.center
-        assert two_ring_pattern.imbalance(np.concatenate([pilots, added]) / reach.radius_m) < 0.08
-
-
-def test_choose_little_gain_falls_back_to_two_rings(cushion: scenes.Scene, reach: scenes.Dome) -> None:
-    """After eighty evenly distributed lights the predicted gain of another is below the threshold of the fallback."""
-    lights = [*scenes.ring(27, 25.0), *scenes.ring(53, 55.0, turn=0.1)]
-    normal_map = replace(cases.known_map(cushion, lights), flags=np.full((80, 128, 128), LIT, np.uint8))
+    """Completed rings are a start of the search: also where eighty lights leave next to nothing to gain."""
+    lights = [*scenes.ring(27, 25.0), *scenes.ring(53, 55.0, turn=0.1)] if evenly else scenes.ring(4, 45.0)
+    normal_map = replace(cases.known_map(cushion, lights), flags=np.full((len(lights), 128, 128), LIT, np.uint8))
     observations = replace(
         cases.NO_OBSERVATIONS, shots=[cases.shot_of(light, number) for number, light in enumerate(lights)]
     )
-    chosen = plan.choose(normal_map, observations, Recipe(), reach, cushion.calibration, 1)
-    assert chosen.fallback is not None
-    assert "only" in chosen.fallback
+    recipe = Recipe(objective="mean")
+    chosen = plan.choose(normal_map, observations, recipe, reach, cushion.calibration, count)
+    usable = criterion.usable_pixels(normal_map, cushion.calibration)
+    sample = criterion.samples(normal_map, cushion.calibration, usable, lights)
+    sample = criterion.reweight(sample, normal_map, observations, cushion.calibration, cautious=True)
+    units = criterion.directions([lamp_pose.light_at(position, reach.center) for position in reach.candidates])
+    rings = two_ring_pattern.completions(criterion.directions(lights), units, count)
+    positions = [[lamp_pose.light_at(reach.candidates[one], reach.center) for one in numbers] for numbers in rings]
+    loss = objective.loss(recipe.objective, criterion.posterior(sample, criterion.no_candidates(sample)))
+    planned_loss, *ring_losses = (
+        loss.evaluate(
+            criterion.posterior(sample, cases.design_rows(sample, some, normal_map, cushion.calibration, cautious=True))
+        )
+        for some in (chosen.lights, *positions)
+    )
+    assert chosen.fallback is None
+    assert planned_loss <= 1.01 * min(ring_losses)  # on all pixels, of which the search has seen some
 
 
 def test_choose_certificate_bounds_plan_and_pattern(

@@ -12,6 +12,7 @@ from acquisition import session
 from acquisition.formats import export
 from acquisition.models import cell_config
 from acquisition.models.cell_config import CellConfig
+from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.runner.re_solve import observations
 from acquisition.session import State, Trigger
@@ -69,3 +70,12 @@ def test_past_release_database_accepts_new_sessions(store: Store) -> None:
     assert new
     store.journal.trigger(row.id, Trigger.START, "a")
     assert store.journal.holder() == store.journal.session(row.id)
+
+
+def test_past_release_plan_with_rings_in_place_still_says_why(store: Store) -> None:
+    """Release 0.1 put two rings in the place of some plans, and wrote the reason into `plan.json`."""
+    (completed,) = (row for row in store.journal.sessions(10) if row.state is State.COMPLETED)
+    written = json.loads((store.folder(completed.id) / "passes/1/plan.json").read_text(encoding="utf-8"))
+    why = "1.2% of the measurements that the shape so far predicts as lit are dark"
+    assert LightPlan.model_validate_json(json.dumps(written)).fallback is None
+    assert LightPlan.model_validate_json(json.dumps(written | {"fallback": why})).fallback == why
