@@ -1,0 +1,50 @@
+"""Random objects by code: eight families of shapes, each with random parameters, textures and reflectances.
+
+They stand for what nobody tuned planner or solver to: a family and a seed make an object, the same on every call, and
+there are as many as there are seeds. Seeds below 1000 are design seeds, free to look at and to tune on; seeds from 1000
+on are report seeds, which are run once, for the closing note of a change (`CONTRIBUTING.md`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hardware_sim.families import blob, relief
+from hardware_sim.families.appearance import Texture, reflectance_of, texture_of
+from hardware_sim.families.surfaces import placed, turned_by
+from hardware_sim.reflectance import Reflectance
+from hardware_sim.sheets import Mesh
+
+NAMES = ("turned", "relief", "machined", "vessel", "cluster", "blob", "knot", "sheet")
+
+SHAPES = {"relief": relief.shape, "blob": blob.shape}
+
+EXTENT_M = (0.07, 0.13)
+"""Range of the largest extent along an axis, m: what the cell's table and keep-out take with room for the lamp."""
+
+
+@dataclass(frozen=True)
+class RandomObject:
+    """An object of a family, object frame: its mesh stands on z = 0, centred in x and y; lights and camera are above.
+
+    `dataclasses.replace` gives it another texture or reflectance.
+    """
+
+    family: str
+    seed: int
+    mesh: Mesh
+    texture: Texture
+    reflectance: Reflectance
+
+
+def make(family: str, seed: int) -> RandomObject:
+    """Makes an object, bit for bit the same for the same family and seed. Raises ValueError naming the families."""
+    if family not in SHAPES:
+        raise ValueError(f"there is no family {family!r}: choose one of {', '.join(NAMES)}")
+    if seed < 0:
+        raise ValueError(f"the seed is {seed}: it must be 0 or more")
+    random = np.random.default_rng([NAMES.index(family), seed])
+    extent, yaw = random.uniform(*EXTENT_M), random.uniform(-np.pi, np.pi)
+    mesh = SHAPES[family](random)
+    upright = mesh.transformed(turned_by(np.array([0.0, 0.0, 1.0]), yaw), np.zeros(3))
+    return RandomObject(family, seed, placed(upright, extent), texture_of(seed), reflectance_of(seed))
