@@ -13,7 +13,7 @@ from api.cli.study import error_curves, page, paper_criterion, run, three_images
 from api.cli.study.error_curves import Draws, Sample
 from api.cli.study.study_result import StudyResult
 
-WHO = Sample("sphere", 0, False, "optimal", 8, 0.6, 0.5, 0.0, 0.05, 0.9, 0.02, 0.7, 0.65, None)
+WHO = Sample("sphere", 0, False, "optimal", 8, 0.6, 0.5, 0.0, 0.05, 0.9, 0.02, 0.7, 0.65)
 
 
 def drawn(method: str, level: float, noise: float = 0.0, draws: int = 6, lights: int = 8) -> list[Sample]:
