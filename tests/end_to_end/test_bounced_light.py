@@ -103,7 +103,7 @@ def test_interreflection_correction_improves_normals(name: str, monkeypatch: pyt
     assert corrected.notes["interreflection"]["scale"] > 0.6
     assert corrected.notes["interreflection"]["share"] > 0.01
     with monkeypatch.context() as patched:
-        patched.setattr(interreflection, "scale", lambda *_: 0.0)
+        patched.setattr(interreflection, "prediction_scale", lambda *_: 0.0)
         uncorrected = solved(observations)
     assert graded(corrected, world).mean_deg < 0.85 * graded(uncorrected, world).mean_deg
 
