@@ -1,58 +1,16 @@
-"""Distant-light solvers on small scenes of known truth: diffuse, shadowed, coloured, glossy; and invalid image sets."""
+"""Distant-light solvers on small scenes of known truth: diffuse, shadowed, coloured, glossy."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED
 from acquisition.normals import distant
-from acquisition.normals.distant import pixel_blocks, point_lights, reflectance_fit, solvers
-from acquisition.normals.image_set import DistantLights, ImageSet
+from acquisition.normals.distant import pixel_blocks, point_lights, reflectance_fit
 from tests.acquisition.normals.distant import gloss_scenes
+from tests.acquisition.normals.distant.ball_scenes import FULL, SIZE, ball, errors, few_lights, image_set, lambert
 from tests.acquisition.normals.distant.gloss_scenes import REFLECTANCES, Rows, lights
-
-SIZE = 48
-FULL = 65535
-
-
-def ball(size: int = SIZE) -> tuple[np.ndarray, np.ndarray]:
-    """Normals (H, W, 3) of a ball that fills the image, up to 75° from the viewing direction, and its mask (H, W)."""
-    v, u = np.mgrid[:size, :size]
-    x, y = (u - size / 2 + 0.5) / (size / 2), -(v - size / 2 + 0.5) / (size / 2)
-    squared = x**2 + y**2
-    mask = squared < np.sin(np.radians(75)) ** 2
-    return np.stack([x, y, np.sqrt(np.maximum(1 - squared, 0))], axis=-1) * mask[..., None], mask
-
-
-def few_lights(count: int = 8) -> np.ndarray:
-    angle = 2 * np.pi * np.arange(count) / count
-    slant = np.radians(np.where(np.arange(count) % 2, 25, 45))
-    return np.stack([np.sin(slant) * np.cos(angle), np.sin(slant) * np.sin(angle), np.cos(slant)], axis=-1)
-
-
-def image_set(
-    brightness: np.ndarray, directions: np.ndarray, mask: np.ndarray, intensities: np.ndarray | None = None
-) -> ImageSet:
-    """Brightness (F, H, W[, 3]) per unit of light as stored images of a 16-bit camera."""
-    channels = 3 if brightness.ndim == 4 else 1
-    strength = np.ones((len(directions), channels)) if intensities is None else intensities
-    shape = strength[:, None, None] if channels == 3 else strength[:, :1, None]
-    stored = np.clip(np.round(brightness * shape * FULL), 0, FULL).astype(np.uint16)
-    return ImageSet(
-        names=tuple(f"{n:03d}.png" for n in range(1, len(directions) + 1)), height=mask.shape[0], width=mask.shape[1],
-        channels=channels, rows=Rows(stored), full_scale=FULL, saturated_from=0.99,
-        lights=DistantLights(directions, strength), mask=mask,
-    )  # fmt: skip
-
-
-def lambert(normals: np.ndarray, directions: np.ndarray, albedo: float = 0.6) -> np.ndarray:
-    return albedo * np.maximum(np.einsum("hwc,fc->fhw", normals, directions), 0)
-
-
-def errors(estimate: np.ndarray, normals: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    return np.degrees(np.arccos(np.clip(np.sum(estimate * normals, axis=-1)[mask], -1, 1)))
 
 
 @pytest.mark.parametrize("solver", ["ls", "weighted", "robust", "auto"])
@@ -350,78 +308,3 @@ def test_near_least_squares_inverse_square_recovers_normals() -> None:
     point_lights.near_least_squares(stored, scale, lamp, ray, depth, limits, normals, albedo)
     assert np.degrees(np.arccos(np.clip(np.sum(normals * true, axis=0), -1, 1))).max() < 0.1
     np.testing.assert_allclose(albedo, 0.5, rtol=2e-3)
-
-
-# ------------------------------------------------------------------------------------------------------------ bad input
-
-
-def refused(images: ImageSet, solver: distant.Solver = "weighted") -> RigError:
-    with pytest.raises(RigError) as caught:
-        distant.solve(images, solver)
-    assert caught.value.code == ErrorCode.NORMALS_INFEASIBLE
-    return caught.value
-
-
-def good(count: int = 8) -> ImageSet:
-    normals, mask = ball()
-    return image_set(lambert(normals, few_lights(count)), few_lights(count), mask)
-
-
-def with_lights(images: ImageSet, directions: np.ndarray) -> ImageSet:
-    return replace(images, lights=DistantLights(directions, np.ones((len(directions), 1))))
-
-
-def test_solve_two_images_is_refused() -> None:
-    assert "002.png" in refused(good(2)).detail
-
-
-def test_solve_parallel_lights_is_refused() -> None:
-    assert "parallel" in refused(with_lights(good(), np.tile([0.1, 0.2, 1.0], (8, 1)))).detail
-
-
-def test_solve_coplanar_lights_is_refused() -> None:
-    flat = few_lights().copy()
-    flat[:, 1] = 0
-    assert "one plane" in refused(with_lights(good(), flat)).detail
-
-
-@pytest.mark.parametrize("bad", [np.nan, np.inf, 0.0])
-def test_solve_invalid_light_direction_is_named(bad: float) -> None:
-    directions = few_lights().copy()
-    directions[4] = bad
-    assert refused(with_lights(good(), directions)).context["file"] == "005.png"
-
-
-def test_solve_zero_intensity_is_named() -> None:
-    strength = np.ones((8, 1))
-    strength[2] = 0
-    assert refused(replace(good(), lights=DistantLights(few_lights(), strength))).context["file"] == "003.png"
-
-
-def test_solve_light_count_mismatch_is_refused() -> None:
-    assert "one row for each" in refused(with_lights(good(), few_lights(6))).detail
-
-
-def test_solve_empty_mask_is_refused() -> None:
-    assert "mask" in refused(replace(good(), mask=np.zeros((SIZE, SIZE), np.bool_))).detail
-
-
-@pytest.mark.parametrize(("value", "word"), [(0.0, "black"), (1.0, "clipped")])
-def test_solve_black_or_clipped_image_is_named(value: float, word: str) -> None:
-    normals, mask = ball()
-    measured = lambert(normals, few_lights())
-    measured[3] = value
-    error = refused(image_set(measured, few_lights(), mask))
-    assert error.context["file"] == "004.png"
-    assert word in error.detail
-
-
-def test_solve_non_finite_values_are_named() -> None:
-    images = good()
-    stored = lambert(ball()[0], few_lights()).astype(np.float32)
-    stored[5] = np.nan
-    assert refused(replace(images, rows=Rows(stored), full_scale=1.0)).context["file"] == "006.png"
-
-
-def test_solve_glossy_with_few_lights_is_refused() -> None:
-    assert str(solvers.MIN_GLOSSY_LIGHTS) in refused(good(), "glossy").detail

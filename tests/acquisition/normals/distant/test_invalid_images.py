@@ -1,0 +1,85 @@
+"""Image sets that the distant-light solvers refuse, with what the refusal names: degenerate lights, bad values."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.normals import distant
+from acquisition.normals.distant import solvers
+from acquisition.normals.image_set import DistantLights, ImageSet
+from tests.acquisition.normals.distant.ball_scenes import SIZE, ball, few_lights, image_set, lambert
+from tests.acquisition.normals.distant.gloss_scenes import Rows
+
+
+def refused(images: ImageSet, solver: distant.Solver = "weighted") -> RigError:
+    with pytest.raises(RigError) as caught:
+        distant.solve(images, solver)
+    assert caught.value.code == ErrorCode.NORMALS_INFEASIBLE
+    return caught.value
+
+
+def good(count: int = 8) -> ImageSet:
+    normals, mask = ball()
+    return image_set(lambert(normals, few_lights(count)), few_lights(count), mask)
+
+
+def with_lights(images: ImageSet, directions: np.ndarray) -> ImageSet:
+    return replace(images, lights=DistantLights(directions, np.ones((len(directions), 1))))
+
+
+def test_solve_two_images_is_refused() -> None:
+    assert "002.png" in refused(good(2)).detail
+
+
+def test_solve_parallel_lights_is_refused() -> None:
+    assert "parallel" in refused(with_lights(good(), np.tile([0.1, 0.2, 1.0], (8, 1)))).detail
+
+
+def test_solve_coplanar_lights_is_refused() -> None:
+    flat = few_lights().copy()
+    flat[:, 1] = 0
+    assert "one plane" in refused(with_lights(good(), flat)).detail
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 0.0])
+def test_solve_invalid_light_direction_is_named(bad: float) -> None:
+    directions = few_lights().copy()
+    directions[4] = bad
+    assert refused(with_lights(good(), directions)).context["file"] == "005.png"
+
+
+def test_solve_zero_intensity_is_named() -> None:
+    strength = np.ones((8, 1))
+    strength[2] = 0
+    assert refused(replace(good(), lights=DistantLights(few_lights(), strength))).context["file"] == "003.png"
+
+
+def test_solve_light_count_mismatch_is_refused() -> None:
+    assert "one row for each" in refused(with_lights(good(), few_lights(6))).detail
+
+
+def test_solve_empty_mask_is_refused() -> None:
+    assert "mask" in refused(replace(good(), mask=np.zeros((SIZE, SIZE), np.bool_))).detail
+
+
+@pytest.mark.parametrize(("value", "word"), [(0.0, "black"), (1.0, "clipped")])
+def test_solve_black_or_clipped_image_is_named(value: float, word: str) -> None:
+    normals, mask = ball()
+    measured = lambert(normals, few_lights())
+    measured[3] = value
+    error = refused(image_set(measured, few_lights(), mask))
+    assert error.context["file"] == "004.png"
+    assert word in error.detail
+
+
+def test_solve_non_finite_values_are_named() -> None:
+    images = good()
+    stored = lambert(ball()[0], few_lights()).astype(np.float32)
+    stored[5] = np.nan
+    assert refused(replace(images, rows=Rows(stored), full_scale=1.0)).context["file"] == "006.png"
+
+
+def test_solve_glossy_with_few_lights_is_refused() -> None:
+    assert str(solvers.MIN_GLOSSY_LIGHTS) in refused(good(), "glossy").detail
