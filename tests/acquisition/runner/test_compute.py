@@ -58,7 +58,7 @@ def test_compute_urgent_job_preempts_a_preemptible_one(compute: Compute, tmp_pat
     while compute._connection is None or not compute._busy.locked():
         time.sleep(0.01)
     route = compute.run(threading.Event(), "plan_route", [], CELL.arm.home, CELL, CALIBRATION)
-    patient.join(20)
+    patient.join(90)
     assert isinstance(route, Route)
     assert [type(end) for end in ends] == [Preempted]
 

@@ -163,7 +163,7 @@ def test_monitor_thread_latches_a_stop() -> None:
     monitor.start()
     try:
         arm.reading = PROTECTIVE
-        assert observed.wait(10.0)
+        assert observed.wait(60.0)
     finally:
         monitor.close()
     assert monitor.latch is not None

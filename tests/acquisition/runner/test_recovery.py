@@ -1,0 +1,193 @@
+"""The runner against the simulated cell: moved arm or object, rejected frames, faults, and recovery from them."""
+
+import time
+from collections.abc import Generator
+
+import pytest
+
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.recipe import Recipe
+from acquisition.session import ENDED, State, Trigger
+from acquisition.store.folder import sha256_of
+from tests.acquisition.runner.simulated_rig import (
+    LONG,
+    Rig,
+    acknowledge,
+    after_first_image,
+    end_what_is_left,
+    interrupted,
+    new,
+    reason_of,
+    refusal,
+    rests,
+    simulated_rig,
+    wait_for,
+)
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[Rig, None, None]:
+    with simulated_rig(tmp_path_factory.mktemp("runner"), "127.0.6.11") as made:
+        yield made
+
+
+@pytest.fixture(autouse=True)
+def _at_ease(rig: Rig) -> None:
+    end_what_is_left(rig)
+
+
+def test_resume_displaced_arm_requires_from_here(rig: Rig) -> None:
+    session_id = interrupted(rig)
+    joints = list(rig.control.state()["joints"])
+    rig.control.fault("hand_move", joints=[joints[0] + 0.3, *joints[1:]], seconds=0)
+    deadline = time.monotonic() + 60
+    while rig.runner.status().reading.joints[0] < joints[0] + 0.299:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    error = refusal(rig, session_id)
+    assert error.code is ErrorCode.ARM_ELSEWHERE
+    assert 0.1 < error.context["distance_rad"] <= 0.3 + 1e-3
+    assert rests(rig)
+    rig.runner.act(session_id, Trigger.RESUME, "a", from_here=True)
+    assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
+    kinds = [shot.kind for shot in rig.store.journal.shots(session_id)]
+    assert kinds.count("reference") == 2  # after the interruption, and at the end of the pass
+
+
+def test_resume_moved_object_is_detected_by_repeated_image(rig: Rig) -> None:
+    session_id = interrupted(rig)
+    captured = len(rig.store.journal.shots(session_id))
+    rig.control.fault("nudged_object", shift_m=[0.004, 0.0, 0.0])
+    rig.runner.act(session_id, Trigger.RESUME, "a")
+    wait_for(rig, session_id, State.PAUSED)
+    reason = reason_of(rig, session_id)
+    assert reason["code"] == "scene.moved"
+    assert reason["shift_px"] > 1
+    assert len(rig.store.journal.shots(session_id)) == captured
+    rig.control.fault("nudged_object", shift_m=[-0.004, 0.0, 0.0])
+    rig.runner.act(session_id, Trigger.RESUME, "a")
+    assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
+
+
+def test_object_moved_during_pilot_discards_all_its_images(rig: Rig) -> None:
+    session_id = after_first_image(rig)
+    rig.control.fault("nudged_object", shift_m=[0.004, 0.0, 0.0])
+    wait_for(rig, session_id, State.PAUSED)
+    reason = reason_of(rig, session_id)
+    assert reason["code"] == "scene.moved"
+    assert "anew" in reason["detail"]
+    assert rig.store.journal.shots(session_id) == []
+    events = [event for event in rig.store.journal.events(0, 500, session_id) if event.type.startswith("shot")]
+    assert [event.type for event in events].count("shot.captured") == LONG.pilot_lights
+    assert events[-1].type == "shots.discarded"
+    rig.runner.act(session_id, Trigger.RESUME, "a")  # the object stays where it is now
+    assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
+    rig.control.fault("nudged_object", shift_m=[-0.004, 0.0, 0.0])
+    shots = rig.store.journal.shots(session_id)
+    lights = LONG.pilot_lights
+    assert [shot.kind for shot in shots] == ["light"] * lights + ["reference"] + ["dark"] * (len(shots) - lights - 1)
+    assert shots[lights].repeats == shots[0].key
+    folder = rig.store.folder(session_id)
+    assert all(sha256_of(folder / shot.frame.path) == shot.frame.sha256 for shot in shots)
+
+
+def test_dark_frame_pauses_and_lost_frames_are_retaken(rig: Rig) -> None:
+    rig.control.fault("lamp", fraction=0.0)
+    session_id = new(rig)
+    rig.runner.act(session_id, Trigger.START, "a")
+    wait_for(rig, session_id, State.PAUSED)
+    reason = reason_of(rig, session_id)
+    assert reason["code"] == "capture.frame_rejected"
+    assert "lamp" in reason["detail"]
+    rig.control.fault("lamp", fraction=1.0)
+    rig.control.fault("dropped_frame")
+    rig.control.fault("saturated_frame")
+    rig.runner.act(session_id, Trigger.RESUME, "a")
+    assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
+    reasons = [event.body["reason"] for event in rig.store.journal.events(0, 500, session_id, ("shot.retaken",))]
+    assert any("no light" in reason for reason in reasons)
+    assert any("lost on its way" in reason for reason in reasons)
+    assert any("saturated" in reason for reason in reasons)
+
+
+def test_fault_interrupts_a_paused_session(rig: Rig) -> None:
+    session_id = after_first_image(rig)
+    rig.runner.act(session_id, Trigger.PAUSE, "a")
+    wait_for(rig, session_id, State.PAUSED)
+    rig.control.fault("safeguard_stop")
+    wait_for(rig, session_id, State.INTERRUPTED)
+    assert reason_of(rig, session_id)["code"].startswith("arm.")
+    acknowledge(rig)
+    rig.runner.act(session_id, Trigger.STOP, "a")
+    assert rig.store.journal.session(session_id).state is State.STOPPED
+
+
+def test_recover_unlock_requires_the_actors_acknowledgement(rig: Rig) -> None:
+    with pytest.raises(RigError) as refused:
+        rig.runner.recover("unlock", "nobody has looked")
+    assert refused.value.code is ErrorCode.SAFETY_NOT_ACKNOWLEDGED
+    rig.control.fault("protective_stop")
+    stopped = time.monotonic()
+    while rig.runner.status().latched is None:
+        assert time.monotonic() < stopped + 60
+        time.sleep(0.02)
+    for step, when in (("unlock", 0.0), ("unlock", 5.1)):
+        time.sleep(max(0.0, stopped + when - time.monotonic()))
+        with pytest.raises(RigError) as refused:
+            rig.runner.acknowledge("b")
+        assert refused.value.code is ErrorCode.SAFETY_STILL_FAULTED
+        if when == 0.0:
+            with pytest.raises(RigError) as refused:
+                rig.runner.recover(step, "b")
+            assert refused.value.code is ErrorCode.SAFETY_RECOVERY_REFUSED
+            assert "5s" in refused.value.detail
+        else:
+            rig.runner.recover(step, "b")
+    assert rig.runner.status().latched is not None
+    acknowledge(rig)
+    assert rig.runner.status().may_start
+
+
+def test_recover_power_and_brakes_in_two_steps(rig: Rig) -> None:
+    rig.control.fault("power_off")
+    rig.runner.acknowledge("c")
+    for step, mode in (("power", 5), ("brakes", 7)):  # UR's robot modes: idle, running
+        assert rig.control.state()["robot_mode"] != mode
+        rig.runner.recover(step, "c")
+        deadline = time.monotonic() + 60
+        while rig.control.state()["robot_mode"] != mode:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+    acknowledge(rig)
+
+
+def test_start_with_other_calibration_raises_rig_changed(rig: Rig) -> None:
+    session_id = interrupted(rig)
+    file = rig.store.folder(session_id) / "calibration.json"
+    kept = file.read_text(encoding="utf-8")
+    file.write_text(kept.replace('"lamp_intensity": 20.0', '"lamp_intensity": 21.0'), encoding="utf-8")
+    assert refusal(rig, session_id).code is ErrorCode.RIG_CHANGED
+    file.write_text(kept, encoding="utf-8")
+    (file.parent / "arm.txt").write_text("another arm", encoding="utf-8")
+    assert refusal(rig, session_id).code is ErrorCode.RIG_CHANGED
+    rig.runner.act(session_id, Trigger.STOP, "a")
+
+
+@pytest.mark.long
+def test_object_moved_after_pilot_fails_first_planned_frame(rig: Rig) -> None:
+    session_id = new(rig, Recipe(pilot_lights=3, planned_lights=1))
+    rig.runner.act(session_id, Trigger.START, "a")
+    deadline = time.monotonic() + 60
+    while not any(work.solved for work in rig.store.record(session_id).passes):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    rig.control.fault("nudged_object", shift_m=[0.0, 0.005, 0.0])
+    wait_for(rig, session_id, State.PAUSED)
+    assert reason_of(rig, session_id)["code"] == "scene.moved"
+    rig.control.fault("nudged_object", shift_m=[0.0, -0.005, 0.0])
+    rig.runner.act(session_id, Trigger.RESUME, "a")
+    assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
+    quality = rig.store.record(session_id).passes[1].shots[0].quality
+    assert quality.shift_px is not None
+    assert quality.shift_px < 1
+    assert quality.sharpness is not None
