@@ -61,12 +61,12 @@ def serve(chosen: Settings) -> Generator[Running]:
     thread = threading.Thread(target=made.run)
     thread.start()
     try:
-        assert listening.wait(20)
-        with Client(said[0]) as client, httpx.Client(base_url=said[0], timeout=20) as http:
+        assert listening.wait(60)
+        with Client(said[0]) as client, httpx.Client(base_url=said[0], timeout=60) as http:
             yield Running(said[0], made, made.service, client, http, chosen, thread)
     finally:
         made.should_exit = True
-        thread.join(20)
+        thread.join(60)
         assert not thread.is_alive()
 
 

@@ -234,7 +234,7 @@ def assert_rests(made: Bench, *, lamp_stuck: bool = False) -> None:
 
 def come_to_rest(made: Bench) -> tuple[int, list[float]]:
     """Moves begun so far, and where the arm stands once it rests."""
-    rests_after(made.control, 5.0)
+    rests_after(made.control)
     state = made.control.state()
     return state["moves_started"], state["joints"]
 

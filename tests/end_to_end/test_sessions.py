@@ -98,7 +98,7 @@ def test_stop_during_move_next_session_starts_at_stopped_joints(rig: Rig) -> Non
         client.start(first.id)
         wait_until_moving(control)
         client.halt()
-        assert rests_after(control, 3.0) < 1.0
+        assert rests_after(control) < 1.0
         until_state(client, first.id, State.STOPPED)
         assert control.state()["digital_outputs"] == 0
         joints = control.state()["joints"]
@@ -109,7 +109,7 @@ def test_stop_during_move_next_session_starts_at_stopped_joints(rig: Rig) -> Non
         wait_until_moving(control)
         client.stop(second.id)
         until_state(client, second.id, State.STOPPED)
-        assert rests_after(control, 3.0) < 1.0
+        assert rests_after(control) < 1.0
 
 
 def test_killed_service_loses_no_announced_frame(tmp_path: Path) -> None:
@@ -126,7 +126,7 @@ def test_killed_service_loses_no_announced_frame(tmp_path: Path) -> None:
                     break
             wait_until_moving(control)
             service.kill()
-            assert rests_after(control, 3.0) < 1.5
+            assert rests_after(control) < 1.5
         assert control.state()["digital_outputs"] == 0
         with serving(running, data) as service, Client(service.url) as client:
             session = client.session(session_id)
@@ -151,7 +151,7 @@ def test_killed_service_loses_no_announced_frame(tmp_path: Path) -> None:
             assert grades(running, data, session_id)[-1].coverage > 0.98
 
 
-def until_state(client: Client, session_id: str, state: State, within_s: float = 10.0) -> None:
+def until_state(client: Client, session_id: str, state: State, within_s: float = 60.0) -> None:
     deadline = time.monotonic() + within_s
     while client.session(session_id).state is not state:
         assert time.monotonic() < deadline, client.session(session_id)

@@ -235,9 +235,9 @@ def quick_service(
     thread = threading.Thread(target=made.run)
     thread.start()
     try:
-        assert ready.wait(20)
+        assert ready.wait(60)
         yield made, arm, listening[0], secrets
     finally:
         made.should_exit = True
-        thread.join(20)
+        thread.join(60)
         assert not thread.is_alive()

@@ -28,7 +28,7 @@ HOST = "127.0.15.5"
 SHARDS = 8
 CASES = int(os.environ.get("LIGHTPOSE_CASES", "250"))
 """Runs of each shard of the long test."""
-ANSWER_WITHIN_S = 10.0
+ANSWER_WITHIN_S = 60.0
 ALLOWED = {(before, then) for (before, _), then in TRANSITIONS.items()}
 WISHES = st.sampled_from([str(action) for action in ACTIONS])
 RECIPES = st.sampled_from(

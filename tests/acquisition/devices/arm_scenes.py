@@ -19,7 +19,7 @@ from hardware_sim.controller.process import ControllerProcess
 CELL: CellConfig = cell_config.load(Path(__file__).parents[3] / "hardware_sim" / "cells" / "cell.sim.toml")
 LIMITS = MotionLimits(1.05, 1.4)
 HOME = CELL.arm.home
-FAR = (HOME[0] + 2.0, *HOME[1:])  # over two seconds away
+FAR = (HOME[0] - 4.0, *HOME[1:])  # over four seconds away
 NEAR = (HOME[0] + 0.05, *HOME[1:])
 
 SERVICE_CODE = """
@@ -60,7 +60,7 @@ def connected(arm: UrArm) -> Iterator[UrArm]:
         arm.close()
 
 
-def wait_for(condition: Callable[[], bool], seconds: float = 10.0) -> None:
+def wait_for(condition: Callable[[], bool], seconds: float = 60.0) -> None:
     """Waits for something that must come; the limit only keeps a failed test from hanging."""
     deadline = time.monotonic() + seconds
     while not condition():
@@ -75,7 +75,7 @@ def speed(state: dict[str, Any]) -> float:
 
 def wait_until_moving(control: ControlClient) -> dict[str, Any]:
     """Waits for full speed; returns the state then."""
-    wait_for(lambda: speed(control.state()) > 1.0, 30.0)
+    wait_for(lambda: speed(control.state()) > 1.0)
     return control.state()
 
 
@@ -125,6 +125,6 @@ class Journey:
 
     def end(self) -> Exception | None:
         """Waits for the move to return; its error, or None."""
-        self._thread.join(20.0)
+        self._thread.join(90.0)
         assert not self._thread.is_alive(), "move() did not return"
         return self.outcome

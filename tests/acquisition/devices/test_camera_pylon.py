@@ -13,7 +13,7 @@ from acquisition.devices.camera_pylon import PylonCamera
 from acquisition.models.cell_config import PylonCameraConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError
 
-EMULATED = PylonCameraConfig(kind="pylon", serial="0815-0000", pixel_format="Mono16", timeout_s=2.0)
+EMULATED = PylonCameraConfig(kind="pylon", serial="0815-0000", pixel_format="Mono16", timeout_s=30.0)
 
 
 @pytest.fixture(autouse=True)

@@ -24,8 +24,8 @@ from hardware_sim.shutter import CellState
 CALIBRATION = cell_config.load_calibration(
     Path(__file__).parents[3] / "hardware_sim" / "cells" / "calibration.sim.json"
 ).model_copy(update={"width": 320, "height": 200})
-HONEST = SimCameraConfig(address="127.0.3.10", timeout_s=5.0)
-CROOKED = SimCameraConfig(address="127.0.3.11", timeout_s=0.3)
+HONEST = SimCameraConfig(address="127.0.3.10", timeout_s=60.0)
+CROOKED = SimCameraConfig(address="127.0.3.11", timeout_s=60.0)
 FRAME = np.arange(320 * 200, dtype=np.uint16).reshape(200, 320)
 
 
@@ -49,7 +49,7 @@ def camera() -> Iterator[SimCamera]:
 
 
 @contextmanager
-def answering(answer: Callable[[socket.socket], None]) -> Iterator[SimCamera]:
+def answering(answer: Callable[[socket.socket], None], timeout_s: float = CROOKED.timeout_s) -> Iterator[SimCamera]:
     """A server that reads one request and then does what the test says."""
     with socket.socket() as server:
         server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -64,7 +64,7 @@ def answering(answer: Callable[[socket.socket], None]) -> Iterator[SimCamera]:
 
         thread = threading.Thread(target=serve)
         thread.start()
-        yield SimCamera(CROOKED)
+        yield SimCamera(CROOKED.model_copy(update={"timeout_s": timeout_s}))
         thread.join()
 
 
@@ -123,18 +123,18 @@ def test_sim_connect_without_listener_raises_unreachable() -> None:
     with pytest.raises(RigError) as caught:
         absent.expose(0.01, 0, StopToken())
     assert caught.value.code == ErrorCode.CAMERA_UNREACHABLE
-    assert time.monotonic() - started < 3.0
+    assert time.monotonic() - started < 30.0
 
 
 def test_sim_camera_silent_server_times_out() -> None:
     ending = threading.Event()
-    with answering(lambda connection: ending.wait() and None) as camera:
+    with answering(lambda connection: ending.wait() and None, timeout_s=0.3) as camera:
         with pytest.raises(RigError) as caught:
             camera.connect()
         ending.set()
     assert caught.value.code == ErrorCode.CAMERA_UNREACHABLE
     ending.clear()
-    with answering(lambda connection: ending.wait() and None) as camera:
+    with answering(lambda connection: ending.wait() and None, timeout_s=0.3) as camera:
         with pytest.raises(RigError) as caught:
             camera.expose(0.01, 0, StopToken())
         ending.set()

@@ -32,7 +32,7 @@ def test_probe_without_listener_raises_arm_unreachable() -> None:
         dashboard.probe(ABSENT)
     assert caught.value.code == ErrorCode.ARM_UNREACHABLE
     assert caught.value.context["port"] == dashboard.DASHBOARD_PORT
-    assert time.monotonic() - started < 3.0
+    assert time.monotonic() - started < 30.0
 
 
 def test_probe_silent_port_raises_arm_unreachable() -> None:
@@ -40,7 +40,7 @@ def test_probe_silent_port_raises_arm_unreachable() -> None:
     with listening(SILENT, 29999, 30003, 30004), pytest.raises(RigError, match="does not answer in time") as caught:
         dashboard.probe(SILENT)
     assert caught.value.code == ErrorCode.ARM_UNREACHABLE
-    assert time.monotonic() - started < 3.0
+    assert time.monotonic() - started < 30.0
 
 
 def test_probe_silent_rtde_port_raises_arm_unreachable() -> None:

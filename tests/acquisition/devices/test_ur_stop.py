@@ -1,7 +1,8 @@
 """Every stop path stops a moving arm, by the simulator's record, and no motion resumes without a command.
 
 The simulator's time stamps are compared, not this machine's clock: `STOPPED_WITHIN_S` is several times what is measured
-on an idle machine and far less than what is left of the move.
+on an idle machine and less than what is left of the move. It includes how late this process, on a busy machine, sees
+that the arm rests; `test_ur_rest` measures the time itself, tick by tick.
 """
 
 import os
@@ -44,7 +45,7 @@ from tests.acquisition.devices.arm_scenes import (
 )
 
 ADDRESS, SAFETY, LOST, SERVICE = "127.0.3.30", "127.0.3.31", "127.0.3.32", "127.0.3.33"
-STOPPED_WITHIN_S = 1.0
+STOPPED_WITHIN_S = 2.0
 STOPPED, PLAYING = 1, 2
 
 
@@ -336,7 +337,7 @@ def test_hanging_service_expired_lease_stops_the_arm() -> None:
         after = assert_stopped(control, moving)
         assert after["runtime_state"] == PLAYING, "the lease stopped the arm, not the watchdog"
         process.send_signal(signal.SIGCONT)
-        _, stderr = process.communicate(timeout=20)
+        _, stderr = process.communicate(timeout=90)
         assert b"fell silent" in stderr
         assert stays_at_rest(control)
 

@@ -114,7 +114,7 @@ def test_wait_for_event_wakes_and_replays_by_session_and_type(store: Store) -> N
     assert not store.journal.wait_for_event(last, 0.01)
     timer = threading.Timer(0.05, lambda: store.journal.announce(session_id, "log.warning", {"text": "x"}))
     timer.start()
-    assert store.journal.wait_for_event(last, 5.0)
+    assert store.journal.wait_for_event(last, 60.0)
     timer.join()
     store.journal.announce(None, "device.changed", {})
     assert [event.type for event in store.journal.events(last)] == ["log.warning", "device.changed"]

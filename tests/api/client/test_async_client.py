@@ -64,11 +64,11 @@ def test_events_concurrent_listeners_miss_none_over_restart(start: Callable[...,
                 await asyncio.sleep(0.3)
                 await asyncio.to_thread(running.client.close)
                 running.server.should_exit = True
-                await asyncio.to_thread(running.thread.join, 20)
+                await asyncio.to_thread(running.thread.join, 60)
                 with start(port=port) as again:
                     made = await asyncio.to_thread(again.client.create, Recipe())
                     await asyncio.to_thread(again.client.stop, made.id)
-                    heard = await asyncio.wait_for(asyncio.gather(*listeners), 20)
+                    heard = await asyncio.wait_for(asyncio.gather(*listeners), 90)
                 assert heard == [heard[0]] * 8
                 assert heard[0] == sorted(set(heard[0]))
 

@@ -188,9 +188,10 @@ def test_preview_during_session_shows_its_last_frame(
             assert viewer.picture().shape == (SIDE, 2 * SIDE)
             take(service, session_id, 1, 2000)
             assert viewer.picture().shape == (SIDE, 2 * SIDE)
+            assert len(camera.exposures) == before  # the session's frames are shown, none is taken
             service.service.store.journal.trigger(session_id, Trigger.FINISH, "runner")
             assert viewer.picture().shape == (SIDE, SIDE)  # the camera is free again
-        assert before < len(camera.exposures) <= before + 2
+        assert len(camera.exposures) > before
 
 
 def test_preview_stream_survives_camera_failure_ends_with_service(
@@ -200,8 +201,10 @@ def test_preview_stream_survives_camera_failure_ends_with_service(
         viewer = Viewer(answer)
         viewer.picture()
         camera.dead = True
-        time.sleep(0.3)
-        refused = service.http.get("/v1/rig/preview.jpg")
+        deadline = time.monotonic() + 60
+        while (refused := service.http.get("/v1/rig/preview.jpg")).status_code == 200:  # a picture taken before
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
         assert refused.json()["code"] == ErrorCode.CAMERA_TIMEOUT
         camera.dead = False
         viewer.picture()

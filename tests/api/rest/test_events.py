@@ -3,6 +3,7 @@
 import json
 import socket
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
 from typing import Any
@@ -50,7 +51,7 @@ def test_events_without_id_begin_now(own: Any) -> None:
         while own.server._feed.listeners == 0:
             threading.Event().wait(0.01)
         announce(own, 1)
-        assert first.result(10).id == 4
+        assert first.result(60).id == 4
 
 
 def test_events_filter_by_session_and_type(own: Any) -> None:
@@ -128,11 +129,11 @@ def test_client_events_resume_after_service_restart(start: Any) -> None:
         thread = threading.Thread(target=listen, args=(client,))
         thread.start()
         announce(service, 3)
-        assert three.wait(10)
+        assert three.wait(60)
     with start(port=port) as service:
         announce(service, 2)
-        assert five.wait(10)
-    thread.join(10)
+        assert five.wait(60)
+    thread.join(60)
     client.close()
 
     assert heard == [1, 2, 3, 4, 5]
@@ -142,14 +143,11 @@ def test_events_disconnected_listeners_are_removed(own: Any) -> None:
     for _ in range(5):
         with own.http.stream("GET", "/v1/events?after=0") as answer:
             next(answer.iter_text())
-    gone = threading.Event()
-    for _ in range(200):
+    deadline = time.monotonic() + 60
+    while own.server._feed.listeners:
+        assert time.monotonic() < deadline
         announce(own, 1)
-        if own.server._feed.listeners == 0:
-            break
-        gone.wait(0.02)
-
-    assert own.server._feed.listeners == 0
+        time.sleep(0.02)
 
 
 def test_events_stalled_client_delays_nobody_and_misses_none(own: Any) -> None:
@@ -159,7 +157,7 @@ def test_events_stalled_client_delays_nobody_and_misses_none(own: Any) -> None:
     host, port = own.url.removeprefix("http://").split(":")
     with socket.socket() as stalled:
         stalled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        stalled.settimeout(10)
+        stalled.settimeout(60)
         stalled.connect((host, int(port)))
         stalled.sendall(f"GET /v1/events?after=0 HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())
         for _ in range(20):  # others read and write meanwhile

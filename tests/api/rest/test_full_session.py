@@ -142,7 +142,7 @@ def test_download_damaged_file_is_refused(live: Any, done: tuple[Any, list[Any]]
 def test_result_file_name_with_traversal_is_refused(live: Any, done: tuple[Any, list[Any]], name: str) -> None:
     session, _ = done
     host, port = live.url.removeprefix("http://").split(":")
-    connection = http.client.HTTPConnection(host, int(port), timeout=20)
+    connection = http.client.HTTPConnection(host, int(port), timeout=60)
 
     connection.request("GET", f"/v1/sessions/{session.id}/results/1/{name}")  # sent as it stands
     answer = connection.getresponse()

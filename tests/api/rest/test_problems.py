@@ -184,7 +184,7 @@ def test_request_allowed_origin_may_call_and_read(start: Any) -> None:
 
 def test_request_without_host_is_refused(shared: Any) -> None:
     host, port = shared.url.removeprefix("http://").split(":")
-    connection = http.client.HTTPConnection(host, int(port), timeout=10)
+    connection = http.client.HTTPConnection(host, int(port), timeout=60)
     connection.putrequest("GET", "/v1/rig", skip_host=True)
     connection.endheaders()
 

@@ -90,7 +90,7 @@ def test_start_without_devices_is_refused_and_moves_nothing(shared: Any) -> None
 
 
 def test_rig_names_each_absent_device(shared: Any) -> None:
-    deadline = time.monotonic() + 15
+    deadline = time.monotonic() + 60
     while (codes := {reason.code for reason in shared.client.rig().reasons}) != {
         ErrorCode.ARM_UNREACHABLE,
         ErrorCode.CAMERA_UNREACHABLE,
@@ -242,7 +242,7 @@ def test_safety_latched_fault_waits_for_acknowledgement(start: Any) -> None:
 def test_service_answers_while_arm_is_silent(start: Any) -> None:
     """An address that accepts connections and never says a word, and more waiting starts than there are threads."""
     with socket.create_server(("127.0.4.3", 29999), backlog=50) as silent, ThreadPoolExecutor(12) as pool:
-        silent.settimeout(5)
+        silent.settimeout(60)
         with start(address="127.0.4.3") as service:
             made = service.client.create()
             waiting = [pool.submit(_start, service.url, made.id) for _ in range(10)]
@@ -270,7 +270,7 @@ def test_start_waiting_for_devices_is_refused_at_shutdown(start: Any) -> None:
         while len(service.server.server_state.tasks) < len(waiting):  # requests that are being served
             threading.Event().wait(0.01)
         service.server.handle_exit(signal.SIGTERM, None)
-        answers = [future.result(20).json() for future in waiting]
+        answers = [future.result(60).json() for future in waiting]
 
     assert {item["code"] for item in answers} <= {ErrorCode.RIG_NOT_READY, ErrorCode.ARM_UNREACHABLE}
     assert "The service is ending" in [item["detail"] for item in answers]
@@ -283,13 +283,13 @@ def test_stop_with_blocked_journal_halts_the_arm(own: Any) -> None:
     def hold() -> None:
         with journal._lock:
             stuck.set()
-            done.wait(20)
+            done.wait(90)
 
     thread = threading.Thread(target=hold)
     thread.start()
     try:
-        assert stuck.wait(5)
-        answer = own.http.post("/v1/rig/stop", timeout=5)
+        assert stuck.wait(60)
+        answer = own.http.post("/v1/rig/stop", timeout=60)
         halted = own.service.runner._token.is_set()
     finally:
         done.set()

@@ -7,8 +7,9 @@ import subprocess
 import sys
 import textwrap
 import time
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,13 +36,19 @@ def start(**options: Any) -> ControllerProcess:
     raise RuntimeError("no free address")
 
 
-def wait_until(condition: Callable[[], object], seconds: float = 3.0) -> None:
-    """Waits until a condition holds; fails when it does not within `seconds`."""
+def wait_until(condition: Callable[[], object], seconds: float = 60.0) -> None:
+    """Waits until a condition holds; the limit only keeps a failed test from hanging on a busy machine."""
     deadline = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > deadline:
             pytest.fail("the condition did not come true in time")
         time.sleep(0.002)
+
+
+def let_pass(receive: Any, seconds: float) -> None:
+    """Waits for so many seconds of the controller's clock, as the receive client sees it."""
+    since = receive.getTimestamp()
+    wait_until(lambda: receive.getTimestamp() >= since + seconds)
 
 
 @dataclass
@@ -58,6 +65,21 @@ class Cell:
     def address(self) -> str:
         """Where it listens."""
         return self.process.address
+
+
+@contextmanager
+def fault_in_move(cell: Cell, kind: str) -> Iterator[None]:
+    """Orders a fault once the arm moves, whenever that is, while the block makes a synchronous move."""
+
+    def order() -> None:
+        with cell.process.control() as faults:
+            wait_until(lambda: max(map(abs, faults.state()["joint_speeds"])) > 0.3)
+            faults.fault(kind)
+
+    with ThreadPoolExecutor(1) as pool:
+        ordered = pool.submit(order)
+        yield
+        ordered.result()
 
 
 def restart_program(cell: Cell) -> None:
@@ -121,7 +143,7 @@ class Client:
         assert self.process.stdout is not None
         assert self.process.stdout.readline() == line + "\n"
 
-    def finish(self, seconds: float = 20.0) -> list[str]:
+    def finish(self, seconds: float = 90.0) -> list[str]:
         """Lets it go on, waits for its end; the rest of its output."""
         output, errors = self.process.communicate("\n", timeout=seconds)
         return output.splitlines() or errors.splitlines()
@@ -139,5 +161,5 @@ class Client:
 
 def send_script(address: str, text: str) -> None:
     """Sends a program to the secondary port."""
-    with socket.create_connection((address, 30002), 3.0) as script:
+    with socket.create_connection((address, 30002), 30.0) as script:
         script.sendall(text.encode())

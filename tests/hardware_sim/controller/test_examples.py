@@ -2,8 +2,8 @@
 
 import csv
 import itertools
+import math
 import struct
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -71,14 +71,14 @@ def test_example_move_async_stops_and_reverses(control: Any, receive: Any) -> No
     target = receive.getActualTCPPose()
     start_height = target[2]
     target[2] += 0.10
-    assert control.moveL(target, 0.25, 0.5, True)
-    time.sleep(0.2)
+    assert control.moveL(target, 0.05, 0.5, True)
+    wait_until(lambda: receive.getActualTCPPose()[2] > start_height + 0.005)
     control.stopL(0.5)
     assert start_height < receive.getActualTCPPose()[2] < target[2]
     joints = receive.getActualQ()
     joints[0] += 1.0
-    assert control.moveJ(joints, 1.05, 1.4, True)
-    time.sleep(0.2)
+    assert control.moveJ(joints, 0.5, 1.4, True)
+    wait_until(lambda: receive.getActualQd()[0] > 0.1)
     control.stopJ(0.5)
     wait_until(lambda: receive.getActualQd() == [0.0] * 6)
     assert HOME[0] < receive.getActualQ()[0] < joints[0]
@@ -115,22 +115,25 @@ def test_example_speedj_runs(control: Any, receive: Any) -> None:
     wait_until(lambda: receive.getActualQd() == [0.0] * 6)
 
 
-def test_example_movel_path_blends(control: Any, receive: Any) -> None:
+def test_example_movel_path_blends(controller: ControllerProcess, control: Any, receive: Any) -> None:
     """Check 32: movel_path_with_blend_example."""
     corner = receive.getActualTCPPose()
     corner[2] += 0.10
     end = [corner[0], corner[1] + 0.10, *corner[2:]]
     begin = receive.getActualTCPPose()
     path = [[*pose, 0.5, 1.5, blend] for pose, blend in ((begin, 0.0), (corner, 0.02), (end, 0.0))]
-    assert control.moveL(path, True)
     speeds, nearest = [], 1.0
-    wait_until(lambda: control.getAsyncOperationProgress() >= 0)
-    while control.getAsyncOperationProgress() >= 0:
-        at = receive.getActualTCPPose()
-        distance = sum((a - b) ** 2 for a, b in zip(at[:3], corner[:3], strict=True)) ** 0.5
-        nearest = min(nearest, distance)
-        if distance < 0.018:
-            speeds.append(sum(v * v for v in receive.getActualTCPSpeed()[:3]) ** 0.5)
+    with PlainClient(controller.address) as every_tick:
+        every_tick.outputs("actual_TCP_pose,actual_TCP_speed")
+        every_tick.request("S")
+        assert control.moveL(path, True)
+        sample = every_tick.sample()
+        while sample[:6] != pytest.approx(end, abs=1e-5):
+            distance = math.dist(sample[:3], corner[:3])
+            nearest = min(nearest, distance)
+            if distance < 0.018:
+                speeds.append(math.hypot(*sample[6:9]))
+            sample = every_tick.sample()
     assert nearest > 0.002  # it cuts the corner …
     assert min(speeds) > 0.1  # … without standing
     wait_until(lambda: receive.getActualTCPPose() == pytest.approx(end, abs=1e-5))
@@ -145,9 +148,9 @@ def test_example_move_path_async_runs(control: Any, receive: Any) -> None:
     pose[2] += 0.05
     joints = [q + 0.1 for q in HOME]
     for kind, positions, values in (
-        (entry.MoveJ, entry.PositionTcpPose, [*pose, 0.9, 4.0, 0.0]),
-        (entry.MoveL, entry.PositionTcpPose, [*pose[:2], pose[2] - 0.05, *pose[3:], 0.3, 2.0, 0.0]),
-        (entry.MoveJ, entry.PositionJoints, [*joints, 1.0, 4.0, 0.0]),
+        (entry.MoveJ, entry.PositionTcpPose, [*pose, 0.1, 4.0, 0.0]),
+        (entry.MoveL, entry.PositionTcpPose, [*pose[:2], pose[2] - 0.05, *pose[3:], 0.03, 2.0, 0.0]),
+        (entry.MoveJ, entry.PositionJoints, [*joints, 0.07, 4.0, 0.0]),
     ):
         path.addEntry(entry(kind, positions, values))
     assert path.size() == 3

@@ -32,21 +32,20 @@ def test_constructor_without_listener_raises() -> None:
 
 def test_constructor_at_silent_port_waits_for_reply(controller: ControllerProcess) -> None:
     """Failure: the port is open and silent."""
-    with controller.control() as faults:
-        faults.fault("stall", port=30004, seconds=2.0)
-        client = Client(
-            """
-            import rtde_receive
-            print("constructing", flush=True)
-            began = time.monotonic()
-            receive = rtde_receive.RTDEReceiveInterface(sys.argv[1])
-            print(receive.isConnected(), time.monotonic() - began > 0.5, flush=True)
-            os._exit(0)
-            """,
-            controller.address,
-        )
-        client.wait_for("constructing")
-        assert client.finish() == ["True True"]
+    answer = run(
+        """
+        import rtde_receive
+        from hardware_sim.controller.control import ControlClient
+        with ControlClient(sys.argv[1]) as faults:
+            faults.fault("stall", port=30004, seconds=3.0)
+        began = time.monotonic()
+        receive = rtde_receive.RTDEReceiveInterface(sys.argv[1])
+        print(receive.isConnected(), time.monotonic() - began > 0.5, flush=True)
+        os._exit(0)
+        """,
+        controller.address,
+    )
+    assert answer == ["True True"]
 
 
 @pytest.mark.long
@@ -90,7 +89,7 @@ def test_receive_client_after_cut_reports_disconnected(controller: ControllerPro
         receive = rtde_receive.RTDEReceiveInterface(sys.argv[1])
         with ControlClient(sys.argv[1]) as control:
             control.fault("cut", port=30004)
-        deadline = time.monotonic() + 3
+        deadline = time.monotonic() + 90
         while receive.isConnected() and time.monotonic() < deadline:
             time.sleep(0.01)
         print("connected", receive.isConnected(), flush=True)
@@ -123,7 +122,7 @@ def test_client_after_controller_kill_reports_disconnected(controller: Controlle
         time.sleep(0.1)
         print("ready", flush=True)
         sys.stdin.readline()
-        deadline = time.monotonic() + 6
+        deadline = time.monotonic() + 90
         while (control.isConnected() or receive.isConnected()) and time.monotonic() < deadline:
             time.sleep(0.01)
         print(control.isConnected(), receive.isConnected(), control.isProgramRunning(), flush=True)
@@ -251,7 +250,8 @@ def test_frozen_controller_makes_library_reconnect(controller: ControllerProcess
         controller.address,
     )
     client.wait_for("ready")
-    time.sleep(0.5)
+    with controller.control() as truth:
+        wait_until(lambda: truth.state()["joint_speeds"][0] > 0.1)
     controller.process.send_signal(signal.SIGSTOP)
     time.sleep(4.0)
     controller.process.send_signal(signal.SIGCONT)

@@ -35,12 +35,12 @@ def test_delay_same_seed_draws_same_times() -> None:
 def test_pipe_delayed_bytes_keep_order() -> None:
     pipe = Pipe()
     assert not pipe.holds_back(b"a")
-    pipe.delay = Delay(0.01, 0.5, 3)
+    pipe.delay = Delay(60.0, 0.5, 3)
     assert all(pipe.holds_back(bytes([n])) for n in range(20))
     pipe.delay = None
     assert pipe.holds_back(b"late")  # it must not overtake
     assert pipe.arrived(time.monotonic()) == []
-    pieces = pipe.arrived(time.monotonic() + 1.0)
+    pieces = pipe.arrived(time.monotonic() + 61.0)
     assert b"".join(pieces) == bytes(range(20)) + b"late"
     pipe.put_back(b"rest")
     assert pipe.arrived(time.monotonic()) == [b"rest"]
@@ -70,7 +70,7 @@ def test_hand_move_stops_running_program_and_moves_resting_arm(cell: Cell) -> No
         control.fault("clear")
         control.fault("program_stop")
         control.fault("power_off")
-        control.fault("hand_move", joints=HOME, seconds=0.2)  # brakes are opened by hand
+        control.fault("hand_move", joints=HOME, seconds=2.0)  # brakes are opened by hand
         wait_until(lambda: any(cell.receive.getActualQd()))
         wait_until(lambda: cell.receive.getActualQ() == pytest.approx(HOME))
         assert control.state()["safety_mode"] == SafetyMode.NORMAL

@@ -67,15 +67,27 @@ def rate(controller: ControllerProcess, packets: int) -> None:
             client.outputs("timestamp,actual_q,actual_TCP_pose")
             client.request("S")
         stamps: list[list[int]] = [[], [], []]
-        began, first = time.monotonic(), clients[0].sample()[0]
+        control = stack.enter_context(controller.control())
+
+        def clock() -> tuple[float, float, float]:
+            """The controller's time, and this machine's before and after it was read."""
+            asked = time.monotonic()
+            return control.state()["timestamp"], asked, time.monotonic()
+
+        first, first_asked, first_read = clock()
         for _ in range(packets):
             for client, arrivals in zip(clients, stamps, strict=True):
                 arrivals.append(round(client.sample()[0] / 0.002))
-        seconds, last = time.monotonic() - began, clients[0].sample()[0]
+
+        def keeps_pace() -> bool:
+            """The controller's clock has advanced as this machine's, within what reading both leaves open."""
+            last, asked, read = clock()
+            least, most = asked - first_read, read - first_asked
+            return 0.99 * least - 0.1 <= last - first <= 1.01 * most + 0.1
+
+        wait_until(keeps_pace)  # a controller that the machine has held up catches up
     for arrivals in stamps:
         assert {b - a for a, b in itertools.pairwise(arrivals)} == {1}
-    # The time stamps keep pace with the clock, whatever the load did to single packets.
-    assert last - first == pytest.approx(seconds, rel=0.01, abs=0.1)
 
 
 @pytest.mark.parametrize(("frequency", "steps"), [(125.0, {4}), (10.0, {50})])
@@ -122,17 +134,16 @@ def test_client_killed_in_move_frees_inputs_and_arm_continues(controller: Contro
 import os, signal, sys, time
 import rtde_control
 control = rtde_control.RTDEControlInterface(sys.argv[1])
-control.moveJ([1.0, -1.9, 1.9, -1.57, -1.57, 0.0], 0.5, 1.0, True)
-time.sleep(0.2)
+control.moveJ([1.0, -1.9, 1.9, -1.57, -1.57, 0.0], 0.1, 1.0, True)
 os.kill(os.getpid(), signal.SIGKILL)
 """
     result = subprocess.run(
-        [sys.executable, "-c", code, controller.address], capture_output=True, timeout=20, check=False
+        [sys.executable, "-c", code, controller.address], capture_output=True, timeout=90, check=False
     )
     assert result.returncode == -signal.SIGKILL
     with controller.control() as truth:
         assert truth.state()["program_running"]
-        assert truth.state()["joint_speeds"][0] > 0.0
+        wait_until(lambda: truth.state()["joint_speeds"][0] > 0.0)
         control = rtde_control.RTDEControlInterface(controller.address)
         assert control.isProgramRunning()
         control.disconnect()

@@ -9,11 +9,13 @@ import pytest
 
 from hardware_sim.controller.faults import FAULTS
 from hardware_sim.controller.process import ControllerProcess
-from tests.hardware_sim.controller.cells import HOME, Cell, Client, start, wait_until
+from tests.hardware_sim.controller.cells import HOME, Cell, Client, fault_in_move, start, wait_until
+from tests.hardware_sim.controller.plain_client import PlainClient
 
-FAR = [q + 1.0 for q in HOME]
+FAR = [HOME[0] + 2.5, *HOME[1:]]
 SPEED, ACCELERATION = 1.05, 1.4
 START = """
+import threading
 import rtde_control, rtde_io, rtde_receive
 from hardware_sim.controller.control import ControlClient
 address, far = sys.argv[1], [1.0, -1.9, 1.9, -1.57, -1.57, 0.0]
@@ -24,6 +26,15 @@ faults = ControlClient(address)
 
 def tell(*answers):
     print(*answers, flush=True)
+
+def fault_in_move(kind, **parameters):
+    def order():
+        with ControlClient(address) as orders:
+            while orders.state()["joint_speeds"][0] < 0.3:
+                time.sleep(0.005)
+            orders.fault(kind, **parameters)
+
+    threading.Thread(target=order, daemon=True).start()
 """
 OBSERVED_IN = {
     "test_failures": "protective_stop emergency_stop program_stop output_stuck joint_offset",
@@ -50,7 +61,7 @@ def controller() -> Iterator[ControllerProcess]:
 
 def run(code: str, address: str) -> list[str]:
     client = Client(START + code + "\nos._exit(0)\n", address)
-    return [line for line in client.finish(40.0) if "econnect" not in line]
+    return [line for line in client.finish() if "econnect" not in line]
 
 
 def test_faults_are_each_observed_in_a_test() -> None:
@@ -60,8 +71,8 @@ def test_faults_are_each_observed_in_a_test() -> None:
 def test_safeguard_stop_pauses_and_play_resumes(cell: Cell) -> None:
     """A synchronous move says False, but after the release `play` goes on with it."""
     with cell.process.control() as faults:
-        faults.fault("safeguard_stop", at_s=0.3)
-        assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
+        with fault_in_move(cell, "safeguard_stop"):
+            assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
         wait_until(lambda: cell.receive.getSafetyStatusBits() == 1 << 4 | 1 << 10)
         assert cell.receive.getSafetyMode() == 5
         assert not cell.receive.isProtectiveStopped()
@@ -77,8 +88,8 @@ def test_safeguard_stop_pauses_and_play_resumes(cell: Cell) -> None:
 
 def test_system_emergency_stop_sets_its_own_bits(cell: Cell) -> None:
     with cell.process.control() as faults:
-        faults.fault("system_emergency_stop", at_s=0.2)
-        assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
+        with fault_in_move(cell, "system_emergency_stop"):
+            assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
         wait_until(lambda: cell.receive.getSafetyStatusBits() == 1 << 5 | 1 << 7 | 1 << 10)
         assert cell.receive.isEmergencyStopped()
         assert (cell.receive.getSafetyMode(), cell.receive.getRobotMode()) == (6, 3)
@@ -87,8 +98,7 @@ def test_system_emergency_stop_sets_its_own_bits(cell: Cell) -> None:
 
 
 def test_power_off_in_move_returns_false(cell: Cell) -> None:
-    with cell.process.control() as faults:
-        faults.fault("power_off", at_s=0.2)
+    with fault_in_move(cell, "power_off"):
         assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
     wait_until(lambda: cell.receive.getRobotMode() == 3)
     wait_until(lambda: cell.receive.getActualQd() == [0.0] * 6)
@@ -97,8 +107,7 @@ def test_power_off_in_move_returns_false(cell: Cell) -> None:
 
 def test_program_pause_in_move_resumes_on_play(cell: Cell) -> None:
     """A synchronous move says False at once; the arm stands until somebody plays on, then it goes on."""
-    with cell.process.control() as faults:
-        faults.fault("program_pause", at_s=0.3)
+    with fault_in_move(cell, "program_pause"):
         assert not cell.control.moveJ(FAR, SPEED, ACCELERATION)
     wait_until(lambda: cell.receive.getRuntimeState() == 4)
     assert not cell.control.isProgramRunning()
@@ -111,15 +120,22 @@ def test_program_pause_in_move_resumes_on_play(cell: Cell) -> None:
 def test_speed_slider_fault_slows_or_holds_move(cell: Cell, fraction: float) -> None:
     """An asynchronous move crawls or stands, and goes on when the slider is up again."""
     near = [HOME[0] + 0.2, *HOME[1:]]
-    with cell.process.control() as faults:
+    with cell.process.control() as faults, PlainClient(cell.address) as every_tick:
+        every_tick.outputs("timestamp,actual_q")
         faults.fault("speed_slider", fraction=fraction)
         wait_until(lambda: cell.receive.getTargetSpeedFraction() == fraction)
-        before = cell.receive.getTimestamp()
+        every_tick.request("S")
+        before = every_tick.sample()[0]
         assert cell.control.moveJ(near, SPEED, ACCELERATION, True)
-        wait_until(lambda: cell.receive.getTimestamp() > before + 0.5)
+        after = cell.receive.getTimestamp()
+        samples = [every_tick.sample()]
+        while samples[-1][0] < after + 0.5:
+            samples.append(every_tick.sample())
         assert cell.control.getAsyncOperationProgressEx().isAsyncOperationRunning()
-        assert cell.receive.getActualQ()[0] - HOME[0] < 0.01
-        assert (cell.receive.getActualQ()[0] > HOME[0]) == (fraction > 0.0)
+        begun = next((sample[0] for sample in samples if sample[1] > HOME[0] + 1e-9), before)
+        turned = [sample[1] - HOME[0] for sample in samples if sample[0] < begun + 0.5]
+        assert max(turned) < 0.01
+        assert (samples[-1][1] > HOME[0]) == (fraction > 0.0)
         faults.fault("speed_slider", fraction=1.0)
     wait_until(lambda: cell.receive.getActualQ() == pytest.approx(near, abs=1e-6))
 
@@ -162,7 +178,7 @@ def test_link_cut_in_move_reconnects_control(controller: ControllerProcess, faul
         f"""
 control.moveJ([0.0, *far[1:]], 3.0, 20.0)
 io.setStandardDigitalOut(1, False)
-faults.fault("{fault}", at_s=0.3, **({{"port": 30004}} if "{fault}" == "cut" else {{}}))
+fault_in_move("{fault}", **({{"port": 30004}} if "{fault}" == "cut" else {{}}))
 tell(control.moveJ(far, 1.05, 1.4) in (True, False))
 while faults.state()["joints"][0] != 1.0:
     time.sleep(0.01)
@@ -183,7 +199,7 @@ def test_control_client_after_cut_serves_again(controller: ControllerProcess) ->
     lines = run(
         """
 faults.fault("cut", port=30004)
-deadline = time.monotonic() + 30
+deadline = time.monotonic() + 60
 while not control.moveJ(far, 3.0, 20.0) and time.monotonic() < deadline:
     time.sleep(0.1)
 tell(time.monotonic() < deadline, control.isConnected(), faults.state()["joints"][0])
@@ -199,7 +215,8 @@ def test_script_port_cut_loses_next_upload(controller: ControllerProcess) -> Non
         """
 faults.fault("cut", port=30003)
 tell(control.moveJ([0.1, *far[1:]], 3.0, 20.0), control.reuploadScript())
-time.sleep(0.3)
+while control.isProgramRunning():
+    time.sleep(0.01)
 tell(control.isProgramRunning(), control.moveJ(far, 3.0, 20.0))
 """,
         controller.address,

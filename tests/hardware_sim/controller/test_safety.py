@@ -275,8 +275,8 @@ def test_shutdown_controller_is_gone_until_restart() -> None:
         with pytest.raises(RuntimeError, match="Could not connect to"):
             rtde_receive.RTDEReceiveInterface(process.address)
         control.fault("restart")
-        wait_until(lambda: _answers(process.address), 6.0)
-        wait_until(lambda: control.state()["robot_mode"] == RobotMode.POWER_OFF, 6.0)
+        wait_until(lambda: _answers(process.address))
+        wait_until(lambda: control.state()["robot_mode"] == RobotMode.POWER_OFF)
         receive = rtde_receive.RTDEReceiveInterface(process.address)
         assert receive.getRobotMode() == RobotMode.POWER_OFF
         receive.disconnect()

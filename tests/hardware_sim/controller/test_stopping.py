@@ -1,7 +1,6 @@
 """Stops and speeds of the real library, computed from the record of every tick alone."""
 
 import math
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 
 from hardware_sim.controller.trace import Trace, read_trace
-from tests.hardware_sim.controller.cells import HOME, Cell, at_home, connect, wait_until
+from tests.hardware_sim.controller.cells import HOME, Cell, at_home, connect, let_pass, wait_until
 
 TICK = 0.002
 SPEED, ACCELERATION = 1.05, 1.4
@@ -60,7 +59,7 @@ def test_stopj_in_move_keeps_deceleration(recorded: Recorded, deceleration: floa
     target = [2.0, *HOME[1:]]
     assert cell.control.moveJ(target, SPEED, ACCELERATION, True)
     wait_until(lambda: cell.receive.getActualQd()[0] > 0.999 * SPEED)
-    time.sleep(0.1)
+    let_pass(cell.receive, 0.1)
     cell.control.stopJ(deceleration)
     assert cell.control.getAsyncOperationProgress() < 0
     wait_until(lambda: cell.receive.getActualQd() == [0.0] * 6)
@@ -80,18 +79,18 @@ def test_stopj_in_move_keeps_deceleration(recorded: Recorded, deceleration: floa
 def test_stopl_in_move_stays_on_line(recorded: Recorded) -> None:
     cell = recorded.cell
     pose = cell.receive.getActualTCPPose()
-    assert cell.control.moveL([pose[0], pose[1] + 0.25, *pose[2:]], 0.25, 1.0, True)
-    wait_until(lambda: math.hypot(*cell.receive.getActualTCPSpeed()[:3]) > 0.2499)
-    time.sleep(0.1)
+    assert cell.control.moveL([pose[0], pose[1] + 0.25, *pose[2:]], 0.1, 1.0, True)
+    wait_until(lambda: math.hypot(*cell.receive.getActualTCPSpeed()[:3]) > 0.0999)
+    let_pass(cell.receive, 0.1)
     # The script's first stop is stopj, whatever it is called; after an asynchronous one it is stopl.
-    cell.control.stopL(2.0, True)
+    cell.control.stopL(0.5, True)
     wait_until(lambda: cell.receive.getActualQd() == [0.0] * 6)
     _, _, places = recorded.ticks()
     assert np.abs(places - [pose[0], 0.0, pose[2]])[:, [0, 2]].max() < 1e-4
     lead = np.diff(places[:, 1]) / TICK
-    full = np.flatnonzero(lead > 0.2499)
+    full = np.flatnonzero(lead > 0.09999)
     moving = np.flatnonzero(lead > 1e-4)
-    assert (moving[-1] - full[-1]) * TICK == pytest.approx(0.25 / 2.0, abs=3 * TICK)
+    assert (moving[-1] - full[-1]) * TICK == pytest.approx(0.1 / 0.5, abs=4 * TICK)
 
 
 @pytest.mark.parametrize("fraction", [0.25, 0.5])
@@ -112,17 +111,17 @@ def test_slider_scales_speed_and_keeps_path(recorded: Recorded, fraction: float)
 
 def test_slider_at_zero_holds_move_until_raised(recorded: Recorded) -> None:
     cell = recorded.cell
-    assert cell.control.moveJ([0.5, *HOME[1:]], 1.0, 4.0, True)
+    assert cell.control.moveJ([2.0, *HOME[1:]], 1.0, 4.0, True)
     wait_until(lambda: cell.receive.getActualQd()[0] > 0.5)
     assert cell.io.setSpeedSlider(0.0)
     wait_until(lambda: cell.receive.getActualQd() == [0.0] * 6)
     held = cell.receive.getActualQ()[0]
-    assert 0.0 < held < 0.5
+    assert 0.0 < held < 2.0
     assert cell.control.getAsyncOperationProgressEx().isAsyncOperationRunning()
     assert cell.io.setSpeedSlider(1.0)
     wait_until(lambda: not cell.control.getAsyncOperationProgressEx().isAsyncOperationRunning())
     joints, speeds, _ = recorded.ticks()
-    assert joints[-1, 0] == pytest.approx(0.5, abs=1e-12)
+    assert joints[-1, 0] == pytest.approx(2.0, abs=1e-12)
     # The time base fades within 0.2 s: from full speed 5 rad/s², beside the move's own 4.
     assert np.abs(np.diff(speeds[:, 0]) / TICK).max() < 9.5
 
