@@ -55,9 +55,13 @@ def refuse_foreign(address: str) -> None:
 class Dashboard:
     """One dashboard connection: a line out, a line back."""
 
-    def __init__(self, address: str, timeout_s: float = PROBE_S) -> None:
-        """Connects and reads the greeting. Raises OSError (TimeoutError when silent)."""
+    def __init__(self, address: str, timeout_s: float | None = None) -> None:
+        """Connects and reads the greeting, each within `timeout_s`, by default `PROBE_S`.
+
+        Raises OSError (TimeoutError when silent).
+        """
         refuse_foreign(address)
+        timeout_s = PROBE_S if timeout_s is None else timeout_s
         self._timeout_s = timeout_s
         self._rest = b""
         deadline = time.monotonic() + timeout_s

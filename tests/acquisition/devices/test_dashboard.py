@@ -41,6 +41,7 @@ def test_probe_silent_port_raises_arm_unreachable() -> None:
         dashboard.probe(SILENT)
     assert caught.value.code == ErrorCode.ARM_UNREACHABLE
     assert time.monotonic() - started < 30.0
+    assert 4 * dashboard.PROBE_S < 3.0, "the greeting, two connections and a reply, each within PROBE_S"
 
 
 def test_probe_silent_rtde_port_raises_arm_unreachable() -> None:
