@@ -1,0 +1,176 @@
+"""Runs of the bench: solves captures of many scenes by many patterns, one JSON line for each solve.
+
+A run goes on where an earlier one with the same file stopped. Scenes are shared out to processes, each of which renders
+and solves its own; solves of one scene share pilot, renders and truth.
+"""
+
+import fcntl
+import itertools
+import json
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from acquisition import normals
+from acquisition.models.errors import RigError
+from acquisition.models.result import NormalMap, SolveSettings
+from tests.unseen import faults, grading, patterns, scenes
+from tests.unseen.captures import Capture, capture
+from tests.unseen.patterns import PLANNED
+from tests.unseen.scenes import Scene
+
+Line = dict[str, object]
+IDENTITY = ("family", "seed", "reflectance", "fault", "solver", "pattern", "lights", "azimuth")
+"""Keys that name one solve."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a run solves."""
+
+    families: Sequence[str]
+    seeds: Sequence[int]
+    lights: Sequence[int]
+    patterns: Sequence[str]
+    azimuths: int
+    out: Path
+    fault: str | None = None
+    reflectance: str | None = None
+    solver: str = "product"
+    report: bool = False
+    done: frozenset[tuple[object, ...]] = field(default=frozenset())
+
+    def of_scene(self, family: str, seed: int) -> Iterator[Line]:
+        """The solves of one scene that are not done."""
+        for azimuth, pattern, count in itertools.product(range(self.azimuths), self.patterns, self.lights):
+            line: Line = {
+                "family": family, "seed": seed, "reflectance": self.reflectance, "fault": self.fault,
+                "solver": self.solver, "pattern": pattern, "lights": count, "azimuth": azimuth,
+            }  # fmt: skip
+            if tuple(line[key] for key in IDENTITY) not in self.done:
+                yield line
+
+
+def solve(scene: Scene, captured: Capture) -> NormalMap:
+    """The product's normal map of a capture."""
+    return normals.solve_stack(
+        captured.stack,
+        captured.calibration,
+        SolveSettings(),
+        initial_depth_m=captured.rough_depth_m,
+        object_mask=scene.truth.object,
+    )
+
+
+class SceneRun:
+    """Solves of one scene; the pilot of each azimuth is solved once."""
+
+    def __init__(self, scene: Scene, run: Plan) -> None:
+        self.scene, self.run, self.fault = scene, run, faults.named(run.fault)
+        self._pilots: dict[int, tuple[np.ndarray, Capture, NormalMap]] = {}
+
+    def positions(self, line: Line) -> tuple[np.ndarray, float]:
+        """Positions of all lights of a line, and the forecast of σ where there is a plan."""
+        pattern, count, azimuth = str(line["pattern"]), int(str(line["lights"])), int(str(line["azimuth"]))
+        if pattern not in PLANNED:
+            return patterns.fixed(pattern, self.scene, count, azimuth, self.run.azimuths), float("nan")
+        first, captured, solved = self._pilot(azimuth)
+        if pattern == "oracle":
+            solved = patterns.oracle(self.scene, solved, captured)
+        if count <= len(first):
+            return first, float("nan")
+        plan = patterns.planned(self.scene, solved, captured, count, azimuth)
+        return np.concatenate([first, plan.positions]), plan.predicted_sigma_deg
+
+    def _pilot(self, azimuth: int) -> tuple[np.ndarray, Capture, NormalMap]:
+        if azimuth not in self._pilots:
+            first = patterns.pilot_lights(self.scene, azimuth, self.run.azimuths)
+            captured = capture(self.scene, first, azimuth, self.fault)
+            self._pilots[azimuth] = first, captured, solve(self.scene, captured)
+        return self._pilots[azimuth]
+
+    def solved(self, line: Line) -> Line:
+        """One line's grades. A refusal of planner or solver stands in `error` instead."""
+        start = time.monotonic()
+        true = self.scene.truth
+        found: Line = {"material": str(self.scene.reflectance), "scatter_mm": 1e3 * self.scene.reflectance.scatter_m}
+        try:
+            positions, predicted = self.positions(line)
+            captured = capture(self.scene, positions, int(str(line["azimuth"])), self.fault)
+            planning = time.monotonic() - start
+            if self.run.solver == "ls":
+                mapped = grading.least_squares(
+                    captured.stack, captured.calibration, captured.rough_depth_m, true.object
+                )
+                return line | found | grading.errors(mapped, true.object, true)
+            start = time.monotonic()
+            normal_map = solve(self.scene, captured)
+            seconds = time.monotonic() - start
+        except RigError as error:
+            return line | found | {"error": f"{error.code}: {error}"}
+        scalars = {key: value for key, value in normal_map.notes.items() if isinstance(value, str | int | float | bool)}
+        error = np.log(normal_map.intensity_factors) - captured.log_intensity
+        return (
+            line
+            | found
+            | grading.errors(normal_map.normals, normal_map.mask, true)
+            | grading.sigma(normal_map, true)
+            | {
+                "predicted_sigma": predicted,
+                "intensity_error": float(np.std(error)),
+                "noise": {name: float(value) for name, value in normal_map.noise.items()},
+                "notes": scalars,
+                "seconds": round(seconds, 3),
+                "planning_seconds": round(planning, 3),
+            }
+        )
+
+
+def run_scene(run: Plan, family: str, seed: int) -> int:
+    """Solves one scene's lines and appends them to the run's file; how many there were."""
+    lines = list(run.of_scene(family, seed))
+    if not lines:
+        return 0
+    if run.report:
+        with scenes.report_seeds():
+            scene = scenes.scene(family, seed, run.reflectance)
+    else:
+        scene = scenes.scene(family, seed, run.reflectance)
+    of_scene = SceneRun(scene, run)
+    for line in lines:
+        append(run.out, of_scene.solved(line))
+    return len(lines)
+
+
+def run_all(run: Plan, jobs: int) -> int:
+    """Solves all scenes in `jobs` processes; how many lines were added."""
+    pairs = list(itertools.product(run.seeds, run.families))
+    if jobs == 1:
+        return sum(run_scene(run, family, seed) for seed, family in pairs)
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        return sum(one.result() for one in [pool.submit(run_scene, run, family, seed) for seed, family in pairs])
+
+
+def append(path: Path, line: Line) -> None:
+    """Appends a JSON line, whole, whoever else writes to the file."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a", encoding="utf-8") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        file.write(json.dumps(line) + "\n")
+
+
+def read(path: Path) -> list[Line]:
+    """The lines of a run's file; none where there is no file."""
+    if not path.exists():
+        return []
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+
+
+def done(lines: Sequence[Line]) -> frozenset[tuple[object, ...]]:
+    """What the lines have solved."""
+    return frozenset(tuple(line.get(key) for key in IDENTITY) for line in lines)
