@@ -10,8 +10,10 @@ from typing import Any
 
 from acquisition.devices import MotionLimits, StopToken
 from acquisition.devices.ur.arm import UrArm
+from acquisition.devices.ur.lamp import UrLamp
 from acquisition.models import cell_config
 from acquisition.models.cell_config import ArmConfig, CellConfig
+from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.process import ControllerProcess
@@ -128,3 +130,37 @@ class Journey:
         self._thread.join(90.0)
         assert not self._thread.is_alive(), "move() did not return"
         return self.outcome
+
+
+LOAD = (ErrorCode.ARM_MOVE_FAILED, ErrorCode.ARM_NOT_READY, ErrorCode.DEVICE_DISCONNECTED, ErrorCode.DRIVER_LOST)
+"""What ends a move when the machine keeps service, driver or controller waiting for longer than the lease of 0.2 s."""
+
+
+def until_undisturbed(act: Callable[[], object]) -> None:
+    """Does it again, nine times at most, when the machine's load has ended it."""
+    for _ in range(9):
+        try:
+            act()
+        except RigError as error:
+            if error.code not in LOAD:
+                raise
+            continue
+        return
+    act()
+
+
+def under_way(
+    arm: UrArm, control: ControlClient, path: Sequence[Sequence[float]] = (FAR,)
+) -> tuple[Journey, dict[str, Any]]:
+    """A move at full speed, and the state then; begun again, connected anew, where the machine's load has ended it."""
+    begun: list[tuple[Journey, dict[str, Any]]] = []
+
+    def begin() -> None:
+        if not arm.reading.connected or not arm.reading.program_running:
+            arm.connect()
+            UrLamp(arm, CELL.lamp).set(True)
+        journey = Journey(arm, path)
+        begun.append((journey, journey.wait_until_moving(control)))
+
+    until_undisturbed(begin)
+    return begun[-1]

@@ -27,10 +27,10 @@ from tests.acquisition.devices.arm_scenes import (
     HOME,
     LIMITS,
     SERVICE_CODE,
-    Journey,
     arm_config,
     connected,
     controller,
+    under_way,
     wait_until_moving,
 )
 
@@ -61,8 +61,7 @@ def moving_arm(control: ControlClient) -> Iterator[UrArm]:
     with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output)) as arm:
         arm.move([HOME], [LIMITS], StopToken())
         UrLamp(arm, CELL.lamp).set(True)
-        journey = Journey(arm)
-        journey.wait_until_moving(control)
+        journey, _ = under_way(arm, control)
         yield arm
         journey.end()
 

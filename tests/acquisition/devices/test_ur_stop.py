@@ -34,11 +34,12 @@ from tests.acquisition.devices.arm_scenes import (
     LIMITS,
     NEAR,
     SERVICE_CODE,
-    Journey,
     arm_config,
     connected,
     controller,
     stays_at_rest,
+    under_way,
+    until_undisturbed,
     wait_for,
     wait_until_at_rest,
     wait_until_moving,
@@ -94,8 +95,7 @@ def test_halt_by_driver_alone_stops_the_arm(shared_arm: UrArm, control: ControlC
     shared_arm.close()
     with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_dashboard=False)) as arm:
         made_ready(arm, control)
-        journey = Journey(arm)
-        moving = journey.wait_until_moving(control)
+        journey, moving = under_way(arm, control)
         journey.stop.set()
         arm.halt()
         after = assert_stopped(control, moving)
@@ -108,8 +108,7 @@ def test_halt_by_dashboard_alone_stops_the_arm(shared_arm: UrArm, control: Contr
     shared_arm.close()
     with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_driver=False)) as arm:
         made_ready(arm, control)
-        journey = Journey(arm)
-        moving = journey.wait_until_moving(control)
+        journey, moving = under_way(arm, control)
         arm.halt()
         after = assert_stopped(control, moving)
         error = journey.end()
@@ -120,8 +119,7 @@ def test_halt_by_dashboard_alone_stops_the_arm(shared_arm: UrArm, control: Contr
 
 
 def test_halt_hanging_driver_stops_by_dashboard(arm: UrArm, control: ControlClient) -> None:
-    journey = Journey(arm)
-    moving = journey.wait_until_moving(control)
+    journey, moving = under_way(arm, control)
     assert arm.driver_pid is not None
     os.kill(arm.driver_pid, signal.SIGSTOP)
     journey.stop.set()
@@ -132,16 +130,14 @@ def test_halt_hanging_driver_stops_by_dashboard(arm: UrArm, control: ControlClie
 
 
 def test_move_token_set_meanwhile_halts(arm: UrArm, control: ControlClient) -> None:
-    journey = Journey(arm)
-    moving = journey.wait_until_moving(control)
+    journey, moving = under_way(arm, control)
     journey.stop.set()
     assert_stopped(control, moving)
     assert isinstance(journey.end(), Halted)
 
 
 def test_halt_mid_path_ends_all_segments(arm: UrArm, control: ControlClient) -> None:
-    journey = Journey(arm, path=(FAR, HOME, FAR))
-    moving = journey.wait_until_moving(control)
+    journey, moving = under_way(arm, control, (FAR, HOME, FAR))
     journey.stop.set()
     arm.halt()
     after = assert_stopped(control, moving)
@@ -150,8 +146,7 @@ def test_halt_mid_path_ends_all_segments(arm: UrArm, control: ControlClient) -> 
 
 
 def test_killed_driver_stops_the_arm(arm: UrArm, control: ControlClient) -> None:
-    journey = Journey(arm)
-    moving = journey.wait_until_moving(control)
+    journey, moving = under_way(arm, control)
     assert arm.driver_pid is not None
     os.kill(arm.driver_pid, signal.SIGKILL)
     assert_stopped(control, moving)
@@ -170,8 +165,7 @@ def test_killed_driver_stops_by_controller_watchdog(shared_arm: UrArm, control: 
     shared_arm.close()
     with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_dashboard=False)) as arm:
         made_ready(arm, control)
-        journey = Journey(arm)
-        moving = journey.wait_until_moving(control)
+        journey, moving = under_way(arm, control)
         assert arm.driver_pid is not None
         os.kill(arm.driver_pid, signal.SIGKILL)
         assert_stopped(control, moving)
@@ -180,8 +174,7 @@ def test_killed_driver_stops_by_controller_watchdog(shared_arm: UrArm, control: 
 
 
 def test_hanging_driver_stops_the_arm(arm: UrArm, control: ControlClient) -> None:
-    journey = Journey(arm)
-    moving = journey.wait_until_moving(control)
+    journey, moving = under_way(arm, control)
     assert arm.driver_pid is not None
     os.kill(arm.driver_pid, signal.SIGSTOP)
     assert_stopped(control, moving)
@@ -205,8 +198,7 @@ def test_sleeping_driver_does_not_report_a_lost_link(arm: UrArm, control: Contro
 
 
 def test_driver_ended_by_signal_stops_the_arm(arm: UrArm, control: ControlClient) -> None:
-    journey = Journey(arm)
-    moving = journey.wait_until_moving(control)
+    journey, moving = under_way(arm, control)
     assert arm.driver_pid is not None
     os.kill(arm.driver_pid, signal.SIGINT)  # Ctrl-C reaches the whole group; the service decides, not the driver
     os.kill(arm.driver_pid, signal.SIGTERM)
@@ -217,8 +209,7 @@ def test_driver_ended_by_signal_stops_the_arm(arm: UrArm, control: ControlClient
 
 
 def test_pendant_stop_during_move_raises_move_failed(arm: UrArm, control: ControlClient) -> None:
-    journey = Journey(arm)
-    moving = journey.wait_until_moving(control)
+    journey, moving = under_way(arm, control)
     control.fault("program_stop")
     assert_stopped(control, moving)
     error = journey.end()
@@ -239,10 +230,9 @@ def test_pendant_stop_during_move_raises_move_failed(arm: UrArm, control: Contro
 def test_safety_stop_during_move_raises_its_code(fault: str, code: ErrorCode) -> None:
     with controller(SAFETY) as control, connected(UrArm(arm_config(SAFETY), CELL.lamp.output)) as arm:
         made_ready(arm, control)
+        journey, moving = under_way(arm, control)
         monitor = SafetyMonitor(arm, lambda latch: None)
         monitor.start()
-        journey = Journey(arm)
-        moving = journey.wait_until_moving(control)
         control.fault(fault)
         assert_stopped(control, moving)
         error = journey.end()
@@ -264,8 +254,7 @@ def test_safety_stop_during_move_raises_its_code(fault: str, code: ErrorCode) ->
             wait_for(lambda: arm.reading.safety_bits == 1)
             assert stays_at_rest(control)
             assert control.state()["runtime_state"] == STOPPED, "only connect or prepare may start it again"
-            arm.prepare()
-            arm.move([HOME], [LIMITS], StopToken())
+            until_undisturbed(lambda: (arm.prepare(), arm.move([HOME], [LIMITS], StopToken())))
 
 
 @pytest.mark.parametrize(
@@ -275,8 +264,7 @@ def test_safety_stop_during_move_raises_its_code(fault: str, code: ErrorCode) ->
 def test_lost_link_during_move_stops_the_arm(fault: dict[str, Any], sentence: str) -> None:
     with controller(LOST) as control, connected(UrArm(arm_config(LOST), CELL.lamp.output)) as arm:
         made_ready(arm, control)
-        journey = Journey(arm)
-        moving = journey.wait_until_moving(control)
+        journey, moving = under_way(arm, control)
         control.fault(port=30004, **fault)
         assert_stopped(control, moving)
         error = journey.end()
@@ -295,8 +283,7 @@ def test_power_loss_of_controller_is_reported() -> None:
         connected(UrArm(arm_config(LOST), CELL.lamp.output)) as arm,
     ):
         made_ready(arm, control)
-        journey = Journey(arm)
-        journey.wait_until_moving(control)
+        journey, _ = under_way(arm, control)
         process.kill()
         error = journey.end()
         assert isinstance(error, RigError)
@@ -344,8 +331,7 @@ def test_hanging_service_expired_lease_stops_the_arm() -> None:
 
 @pytest.mark.long
 def test_move_speed_slider_at_zero_fails_in_time(arm: UrArm, control: ControlClient) -> None:
-    journey = Journey(arm)
-    journey.wait_until_moving(control)
+    journey, _ = under_way(arm, control)
     control.fault("speed_slider", fraction=0.0)
     try:
         error = journey.end()
