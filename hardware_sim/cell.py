@@ -19,11 +19,12 @@ from types import FrameType
 from typing import Any, get_args
 
 from acquisition.models.errors import ErrorCode, RigError
-from hardware_sim import nominal, objects
+from hardware_sim import nominal, object_spec
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.process import ControllerProcess
 from hardware_sim.nominal import FULL_PIXELS
+from hardware_sim.object_spec import ObjectSpec
 from hardware_sim.status import StatusLines
 from hardware_sim.world import ProfileName
 
@@ -35,15 +36,16 @@ STATUS_EVERY_S = 0.05
 class CellOptions:
     """What stands in a simulated cell, and where it listens.
 
-    `address`: loopback address of controller and camera. `object_name`, `seed`: what `objects.build` makes. `profile`:
-    how the world differs from its calibration (`world.PROFILES`). `speed`: factor of motion time against wall time.
+    `address`: loopback address of controller and camera. `spec`, `seed`: what `object_spec.build` makes; a text is the
+    name of a built-in object. `profile`: how the world differs from its calibration (`world.PROFILES`). `speed`: factor
+    of motion time against wall time.
     `pixels`: edge of the camera's square image. `cell_file`: the cell to stand in for; None is the simulated one.
     `calibration_seed`: an arm that differs from its nominal kinematics; None is the nominal arm. `record`: a file for
     every tick. `programs`: a folder of programs that the dashboard can load.
     """
 
     address: str
-    object_name: str
+    spec: ObjectSpec | str
     seed: int
     profile: str
     speed: float
@@ -57,22 +59,24 @@ class CellOptions:
 class Cell:
     """A running cell, as a context manager; on entry returns when controller and camera can be connected to.
 
-    Raises RigError request.invalid for an unknown object or profile and for a size or speed out of range,
-    config.invalid for a bad cell file, service.fault when a process does not start (its reason is in the detail).
+    Raises RigError request.invalid for an object that cannot be made, an unknown profile and for a size or speed out of
+    range, config.invalid for a bad cell file or an object that stands out of its keep-out, all before anything starts;
+    service.fault when a process does not start (its reason is in the detail).
     """
 
     def __init__(self, options: CellOptions, folder: Path) -> None:
         """`folder` receives the cell's files."""
+        cell_file = options.cell_file or nominal.default_cell_file()
+        spec = object_spec.as_spec(options.spec)
         _check(options)
+        object_spec.check(spec, options.seed, cell_file)
         self.address = options.address
         self.folder = folder
         self.cell_file = folder / "cell.toml"
         self.calibration_file = folder / "calibration.json"
         self.truth_file = folder / "truth.npz"
-        self.config = nominal.write(
-            folder, options.address, options.pixels, options.cell_file or nominal.default_cell_file()
-        )
-        self._options = options
+        self.config = nominal.write(folder, options.address, options.pixels, cell_file)
+        self._options, self._spec = options, spec
         self._controller: ControllerProcess | None = None
         self._world: subprocess.Popen[bytes] | None = None
         self._control: ControlClient | None = None
@@ -93,7 +97,7 @@ class Cell:
             ),
             log_level="INFO",  # why a program ended is the first question about a stopped move
         )
-        world = [str(self.folder), options.object_name, str(options.seed), options.profile]
+        world = [str(self.folder), self._spec.as_json(), str(options.seed), options.profile]
         try:
             self._world = subprocess.Popen(  # noqa: S603 - our own module, arguments checked
                 [sys.executable, "-m", "hardware_sim.world_process", *world],
@@ -166,8 +170,9 @@ def run(
             tempfile.TemporaryDirectory(prefix="lightpose-sim-") as temporary,
             Cell(options, folder or Path(temporary)) as cell,
         ):
+            label = object_spec.as_spec(options.spec).label
             say(
-                f"ready cell={cell.cell_file} address={options.address} object={options.object_name}"
+                f"ready cell={cell.cell_file} address={options.address} object={label}"
                 f" seed={options.seed} profile={options.profile}"
             )
             lines = StatusLines() if json_status else None
@@ -185,11 +190,6 @@ def run(
 
 def _check(options: CellOptions) -> None:
     """Raises RigError request.invalid naming the value that cannot be."""
-    if options.object_name not in objects.names():
-        raise RigError(
-            ErrorCode.REQUEST_INVALID,
-            f"there is no object {options.object_name!r}: choose of {', '.join(objects.names())}",
-        )
     if options.profile not in get_args(ProfileName):
         raise RigError(
             ErrorCode.REQUEST_INVALID,

@@ -2,6 +2,10 @@
 
 Both are smooth, so they are computed on the patches of `radiosity` and interpolated to pixels. The room is a sky of one
 brightness; a patch sees as much of it as object and table leave free.
+
+Only diffuse light is reflected again, and as by Lambert: an object's albedo counts times the share of it that its
+reflectance gives to diffuse light on average over the hemisphere (`diffuse_share`), which is nothing for a metal. What
+gloss and metal mirror of other surfaces, of the table and of the room is left out.
 """
 
 import cv2
@@ -10,6 +14,7 @@ import numpy as np
 from acquisition.models.base import Float32Array, FloatArray
 from hardware_sim import radiosity
 from hardware_sim.objects import SceneObject
+from hardware_sim.reflectance import Reflectance
 from hardware_sim.render import TABLE_ALBEDO, Lamp, View, lit_mask
 from hardware_sim.tracing import Tracer
 
@@ -17,6 +22,10 @@ OBJECT_PATCHES = 2600
 TABLE_RADIUS_M = 0.35
 TABLE_END_M = 4.0
 TABLE_CELL_PIXELS = 8
+
+QUADRATURE = 4096
+R3 = np.array([0.8191725134, 0.6710436067, 0.5497004779])
+"""Points of the quadrature of `diffuse_share`, and the steps of Roberts' low-discrepancy sequence in 3 dimensions."""
 
 
 class IndirectLight:
@@ -29,15 +38,16 @@ class IndirectLight:
         self._count = len(surface.centres)
         self._patches = radiosity.joined(surface, table)
         self._factors = radiosity.form_factors(self._patches, tracer, TABLE_END_M)
+        share = diffuse_share(scene.reflectance)
         self._albedo = np.concatenate(
             [
-                surface.mean(scene.texture.albedo(surface.points).astype(float)),
+                surface.mean(share * scene.texture(surface.points).astype(float)),
                 np.full(len(table.centres), TABLE_ALBEDO),
             ]
         )
         pixels, first, number = np.unique(view.surface.pixels, return_index=True, return_inverse=True)
         self._pixels = pixels
-        self._reflectance = view.share * np.bincount(number, view.surface.albedo).astype(np.float32)
+        self._reflectance = view.share * share * np.bincount(number, view.surface.albedo).astype(np.float32)
         self._to_pixels = radiosity.interpolation(
             surface, view.surface.points[first].astype(float), view.surface.normals[first].astype(float)
         )
@@ -72,6 +82,18 @@ class IndirectLight:
         image = np.ascontiguousarray(irradiance, dtype=np.float32).ravel() * self._table_reflectance
         image[self._pixels] += self._reflectance * surface.astype(np.float32)
         return image.reshape(lens.height, lens.width)
+
+
+def diffuse_share(reflectance: Reflectance) -> float:
+    """Bihemispherical reflectance of the diffuse part for albedo 1: 1 for Lambert's, 0 for a metal's; by quadrature."""
+    if reflectance.kind == "lambert":
+        return 1.0
+    u, v, w = ((np.arange(QUADRATURE) + 0.5)[:, None] * R3 % 1.0).T  # both directions cosine-weighted, one azimuth
+    to_lamp = np.stack([np.sqrt(u), np.zeros(QUADRATURE), np.sqrt(1 - u)], axis=-1)
+    radius, angle = np.sqrt(v), 2 * np.pi * w
+    to_eye = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - v)], axis=-1)
+    up = np.broadcast_to([0.0, 0.0, 1.0], to_lamp.shape)
+    return float(np.mean(reflectance.diffuse(up, to_lamp, to_eye, 1.0) / to_lamp[:, 2]))
 
 
 def _table_grid(view: View) -> tuple[tuple[int, int], FloatArray]:

@@ -6,6 +6,7 @@ under a thin gloss). Without a finish the albedo drifts softly between 0.3 and 0
 """
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, get_args
@@ -15,7 +16,11 @@ import numpy as np
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import shapes
+from hardware_sim.reflectance import Reflectance
 from hardware_sim.sheets import Mesh
+
+LAMBERT = Reflectance()
+"""The reflectance of every built-in object."""
 
 Finish = Literal["soft", "matt", "textured", "glossy"]
 
@@ -39,7 +44,7 @@ class Texture:
     waves: FloatArray  # (K, 3) rad/m
     phases: FloatArray  # (K,)
 
-    def albedo(self, points: FloatArray | Float32Array) -> Float32Array:
+    def __call__(self, points: FloatArray | Float32Array) -> Float32Array:
         """Albedo (N,) at points (N, 3), m, object frame."""
         total = np.zeros(len(points), dtype=np.float32)
         for wave, phase in zip(self.waves.astype(np.float32), self.phases, strict=True):
@@ -52,15 +57,17 @@ class Texture:
 class SceneObject:
     """An object of the cell, object frame: it stands on z = 0 round the z axis.
 
-    Gloss (Blinn–Phong) adds `gloss` · |E| · (n·h)^`gloss_exponent` to the light that a pixel sends to the camera, E the
-    lamp's irradiance on a surface facing it, h half-way between lamp and camera.
+    `texture` gives the albedo (N,) at points (N, 3). Gloss (Blinn–Phong), for a Lambertian `reflectance` alone, adds
+    `gloss` · |E| · (n·h)^`gloss_exponent` to the light that a pixel sends to the camera, E the lamp's irradiance on a
+    surface facing it, h half-way between lamp and camera.
     """
 
     name: str
     mesh: Mesh
-    texture: Texture
+    texture: Callable[[FloatArray], FloatArray | Float32Array]
     gloss: float
     gloss_exponent: float
+    reflectance: Reflectance = LAMBERT
 
     @cached_property
     def radius_m(self) -> float:
@@ -78,8 +85,8 @@ def names() -> list[str]:
     return [shape if finish == "soft" else f"{shape}-{finish}" for shape in SHAPES for finish in get_args(Finish)]
 
 
-def build(name: str, seed: int) -> SceneObject:
-    """Makes an object. Raises RigError request.invalid naming the objects there are."""
+def check_name(name: str) -> None:
+    """Raises RigError request.invalid naming the objects there are, unless `name` is one."""
     if name not in names():
         known = ", ".join(SHAPES)
         raise RigError(
@@ -87,8 +94,13 @@ def build(name: str, seed: int) -> SceneObject:
             f"there is no object {name!r}: choose one of {known}, plain or with -matt, -textured or -glossy",
             object=name,
         )
+
+
+def build(name: str, seed: int) -> SceneObject:
+    """Makes an object. Raises RigError request.invalid as `check_name` does."""
+    check_name(name)
     shape, _, finish = name.partition("-")
-    random = np.random.default_rng(int.from_bytes(hashlib.sha256(f"{shape} {seed}".encode()).digest()[:8], "big"))
+    random = _generator(shape, seed)
     mesh = SHAPES[shape](random)
     yaw = random.uniform(-np.pi, np.pi)
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
@@ -100,6 +112,15 @@ def build(name: str, seed: int) -> SceneObject:
         gloss=gloss if finish == "glossy" else 0.0,
         gloss_exponent=30.0,
     )
+
+
+def soft_texture(name: str, seed: int) -> Texture:
+    """The albedo of an object that brings none: it drifts softly between 0.3 and 0.7, as without a finish."""
+    return _texture("soft", _generator(name, seed))
+
+
+def _generator(name: str, seed: int) -> np.random.Generator:
+    return np.random.default_rng(int.from_bytes(hashlib.sha256(f"{name} {seed}".encode()).digest()[:8], "big"))
 
 
 def _texture(finish: str, random: np.random.Generator) -> Texture:

@@ -5,6 +5,10 @@ camera's rays are traced once (`trace_view`): each pixel keeps n × n samples of
 silhouettes and shadow edges blend as they do on a sensor. A shot then shades these samples and traces their shadow
 rays.
 
+What a surface does with light is its `Reflectance`, evaluated at each of these samples, so that a highlight narrower
+than a pixel is averaged over its footprint. Subsurface scatter alone is no function of one point: it is an average of
+the diffuse image over the object's neighbouring pixels (`scattered`).
+
 Light is counted relative to the calibration's reference: 1 is what a white Lambertian surface sends to the camera that
 faces the lamp on its axis at the reference distance.
 """
@@ -18,7 +22,7 @@ import numpy.typing as npt
 
 from acquisition import geometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
-from hardware_sim.objects import SceneObject
+from hardware_sim.objects import LAMBERT, SceneObject
 from hardware_sim.tracing import START_M, Tracer
 
 TABLE_ALBEDO = 0.05
@@ -97,7 +101,7 @@ def object_samples(scene: SceneObject, tracer: Tracer, eye: FloatArray, directio
     points = np.einsum("nc,nci->ni", weights, scene.mesh.triangles.astype(np.float32)[triangles])
     normals = np.einsum("nc,nci->ni", weights, scene.mesh.corner_normals.astype(np.float32)[triangles])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return Samples(rays.astype(np.int32), points, normals, scene.texture.albedo(points))
+    return Samples(rays.astype(np.int32), points, normals, scene.texture(points).astype(np.float32))
 
 
 def trace_view(scene: SceneObject, tracer: Tracer, lens: Lens, subdivision: int) -> View:
@@ -164,13 +168,17 @@ def lit_samples(view: View, scene: SceneObject, tracer: Tracer, lamp: Lamp) -> t
 def direct_image(
     view: View, scene: SceneObject, tracer: Tracer, lamp: Lamp, free: tuple[BoolArray, BoolArray] | None = None
 ) -> Float32Array:
-    """Image (H, W) of the lamp's direct light: Lambertian and Blinn–Phong reflection, no interreflections.
+    """Image (H, W) of the lamp's direct light by the object's reflectance, no interreflections; the table is Lambert's.
 
     `free` are the masks of `lit_samples`, where they are known already.
     """
     image = np.zeros(view.lens.width * view.lens.height, dtype=np.float32)
     on_surface, on_table = lit_samples(view, scene, tracer, lamp) if free is None else free
-    for samples, where, gloss in ((view.surface, on_surface, scene.gloss), (view.table, on_table, 0.0)):
+    parts = [(view.surface, on_surface, scene.gloss), (view.table, on_table, 0.0)]
+    if scene.reflectance != LAMBERT:
+        image += reflected_image(view, scene, lamp, on_surface).ravel()
+        parts = parts[1:]
+    for samples, where, gloss in parts:
         _shade(
             samples.points,
             samples.normals,
@@ -187,6 +195,52 @@ def direct_image(
             image,
         )
     return image.reshape(view.lens.height, view.lens.width)
+
+
+def reflected_image(view: View, scene: SceneObject, lamp: Lamp, lit: BoolArray) -> Float32Array:
+    """Image (H, W) of the object alone under a lamp's direct light, by its `reflectance`; `lit` are its lit samples."""
+    size = view.lens.height * view.lens.width
+    normals = view.surface.normals[lit].astype(float)
+    points, albedo = view.surface.points[lit].astype(float), view.surface.albedo[lit].astype(float)
+    to_lamp, to_eye = lamp.position - points, view.lens.eye - points
+    distance = np.linalg.norm(to_lamp, axis=1)
+    to_lamp /= distance[:, None]
+    to_eye /= np.linalg.norm(to_eye, axis=1, keepdims=True)
+    ahead = np.clip(-(to_lamp @ lamp.axis), 0, None)
+    arriving = view.share * lamp.power * ahead**lamp.lobe_exponent * (lamp.reference_m / distance) ** 2
+    diffuse, specular = (
+        np.bincount(view.surface.pixels[lit], arriving * part(normals, to_lamp, to_eye, albedo), size).astype(float)
+        for part in (scene.reflectance.diffuse, scene.reflectance.specular)
+    )
+    if scene.reflectance.scatter_m > 0:
+        diffuse = scattered(view, diffuse.reshape(view.lens.height, view.lens.width), scene.reflectance.scatter_m)
+    return (diffuse.ravel() + specular).astype(np.float32).reshape(view.lens.height, view.lens.width)
+
+
+def scattered(view: View, image: FloatArray, scatter_m: float) -> FloatArray:
+    """A diffuse image (H, W) after subsurface scatter whose path along the surface is exponential of mean `scatter_m`.
+
+    Light leaves at a distance r from where it entered with density exp(−r / ℓ) / (2 π ℓ r) per area. Averaged over the
+    object's pixels, lengths taken at the object's mean distance: a slanted surface scatters too far by 1 / cosine, and
+    light passes between surfaces that are neighbours in the image alone.
+    """
+    if len(view.surface.pixels) == 0:
+        return image
+    away = float(np.linalg.norm(view.surface.points - view.lens.eye, axis=1).mean())
+    kernel = _scatter_kernel(scatter_m * float(view.lens.matrix[0, 0]) / away)
+    share = view.share * np.bincount(view.surface.pixels, minlength=image.size).reshape(image.shape)
+    spread, weight = (cv2.filter2D(part, -1, kernel, borderType=cv2.BORDER_CONSTANT) for part in (image, share))
+    return np.where(share > 0, share * spread / np.maximum(weight, 1e-12), 0.0)
+
+
+def _scatter_kernel(mean_px: float) -> FloatArray:
+    """Weights (K, K), sum 1, of exp(−r / ℓ) / (2 π ℓ r), ℓ in px, over pixels out to 5 ℓ, 0.7 % of it left out."""
+    reach, fine = max(1, int(np.ceil(5 * mean_px))), 8
+    across = (np.arange((2 * reach + 1) * fine) + 0.5) / fine - reach - 0.5
+    radius = np.hypot(*np.meshgrid(across, across))
+    density = np.exp(-radius / mean_px) / radius
+    blocks = density.reshape(2 * reach + 1, fine, 2 * reach + 1, fine).sum(axis=(1, 3))
+    return blocks / blocks.sum()
 
 
 @numba.njit(

@@ -24,6 +24,10 @@ class Mesh:
         """The mesh rotated by (3, 3), then shifted by (3,) m."""
         return Mesh(self.triangles @ rotation.T + shift_m, self.corner_normals @ rotation.T)
 
+    def scaled(self, factor: float) -> "Mesh":
+        """The mesh enlarged by a factor about the frame's origin."""
+        return Mesh(factor * self.triangles, self.corner_normals)
+
     @property
     def areas(self) -> FloatArray:
         """Area (F,) of each triangle, m²."""

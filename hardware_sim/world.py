@@ -21,11 +21,11 @@ from acquisition import geometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
-from acquisition.models.errors import ErrorCode, RigError
-from hardware_sim import footprint, objects, render, sensor
+from hardware_sim import footprint, object_spec, render, sensor
 from hardware_sim.controller import kinematics
 from hardware_sim.controller.calibration import calibrated
 from hardware_sim.indirect import IndirectLight
+from hardware_sim.object_spec import ObjectSpec
 from hardware_sim.render import Lamp, Lens
 from hardware_sim.tracing import Tracer
 from hardware_sim.truth import Truth
@@ -90,22 +90,19 @@ class World:
         self,
         cell: CellConfig,
         calibration: Calibration,
-        object_name: str,
+        spec: ObjectSpec | str,
         seed: int,
         profile: ProfileName,
         arm_calibration: tuple[int | None, float] = (None, 0.0),
     ) -> None:
-        """`arm_calibration` (seed, error in m) is the controller's: the lamp truly is where the arm as built has it."""
+        """`spec` describes the object; a text names a built-in one. `arm_calibration` (seed, error in m) is the
+        controller's: the lamp truly is where the arm as built has it. Raises RigError request.invalid as
+        `object_spec.build` does.
+        """
         self.calibration = calibration
         self.cell = cell
-        self.scene = objects.build(object_name, seed)
         keep_out = cell.object.keep_out
-        if self.scene.radius_m > keep_out.radius_m or self.scene.height_m > keep_out.height_m:
-            raise RigError(
-                ErrorCode.CONFIG_INVALID,
-                f"the object {object_name!r} (radius {self.scene.radius_m:.3f} m, height {self.scene.height_m:.3f} m)"
-                " does not fit into object.keep_out",
-            )
+        self.scene = object_spec.build(object_spec.as_spec(spec), seed, keep_out)
         self._profile = PROFILES[profile]
         self._seed = seed
         self._object_from_base = geometry.inverse(keep_out.base_from_object.matrix)

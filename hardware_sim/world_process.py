@@ -3,8 +3,8 @@
 It writes the solid bodies for the controller's collision check too: `surroundings.npz` in the folder.
 
 Run as `python -m hardware_sim.world_process FOLDER OBJECT SEED PROFILE`, with `cell.toml` and `calibration.json` in the
-folder. Prints one JSON line, `{"ready": true}` or `{"error": sentence}`. It ends when its standard input ends, which
-happens however its parent dies.
+folder; OBJECT is `ObjectSpec.as_json`. Prints one JSON line, `{"ready": true}` or `{"error": sentence}`. It ends when
+its standard input ends, which happens however its parent dies.
 """
 
 import json
@@ -22,6 +22,7 @@ from hardware_sim import solids
 from hardware_sim.camera import CameraServer
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.disturbed import Disturbances, DisturbedWorld
+from hardware_sim.object_spec import ObjectSpec
 from hardware_sim.shutter import CellState
 from hardware_sim.world import ProfileName, World
 
@@ -61,7 +62,7 @@ class ControllerState:
         )
 
 
-def main(folder: Path, object_name: str, seed: int, profile: ProfileName) -> None:
+def main(folder: Path, spec: ObjectSpec, seed: int, profile: ProfileName) -> None:
     """Serves one world until standard input ends."""
     cv2.setNumThreads(1)  # the other core belongs to the service
     process_priority.set_niceness(
@@ -75,7 +76,7 @@ def main(folder: Path, object_name: str, seed: int, profile: ProfileName) -> Non
         source = ControllerState(cell.arm.address, cell.lamp.output)
 
         def make(cell: CellConfig) -> World:
-            return World(cell, calibration, object_name, seed, profile, arm_calibration=source.calibration)
+            return World(cell, calibration, spec, seed, profile, arm_calibration=source.calibration)
 
         disturbed = DisturbedWorld(cell, make, seed)
         disturbed.world.truth().save(folder / "truth.npz")
@@ -99,4 +100,4 @@ def main(folder: Path, object_name: str, seed: int, profile: ProfileName) -> Non
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]), cast(ProfileName, sys.argv[4]))
+    main(Path(sys.argv[1]), ObjectSpec.from_json(sys.argv[2]), int(sys.argv[3]), cast(ProfileName, sys.argv[4]))

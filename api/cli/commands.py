@@ -14,6 +14,7 @@ from typing import Annotated, NoReturn, TypeVar
 import typer
 
 from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
+from api.cli.object_options import Family, MeshFile, ObjectName, Reflects, SizeMm
 
 T = TypeVar("T")
 
@@ -37,12 +38,6 @@ class LogFormat(StrEnum):
     JSON = "json"
 
 
-ObjectName = Annotated[
-    str,
-    typer.Option(
-        "--object", help="sphere, vase, relief, part, bumps or figure; -textured or -glossy after it for its versions"
-    ),
-]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of object, errors and noise")]
 Speed = Annotated[float, typer.Option(help="Speed of the simulated arm as a multiple of real time")]
 Pixels = Annotated[int, typer.Option(help="Width and height of the simulated image")]
@@ -50,7 +45,11 @@ Pixels = Annotated[int, typer.Option(help="Width and height of the simulated ima
 
 @app.command()
 def demo(
-    object_name: ObjectName = "vase",
+    object_name: ObjectName = None,
+    mesh: MeshFile = None,
+    size_mm: SizeMm = None,
+    family: Family = None,
+    reflectance: Reflects = None,
     seed: Seed = 1,
     pilot: Annotated[int, typer.Option(help="Pilot lights")] = 4,
     planned: Annotated[int, typer.Option(help="Planned lights")] = 4,
@@ -68,9 +67,10 @@ def demo(
 ) -> None:
     """Runs a full session in a simulated cell, over HTTP, and grades its normals against the truth."""
     from api.cli import demo as demonstration
+    from hardware_sim import object_spec
 
     options = demonstration.DemoOptions(
-        object_name=object_name,
+        spec=_explain_errors(lambda: object_spec.choose(object_name, mesh, size_mm, family, reflectance)),
         seed=seed,
         pilot_lights=pilot,
         planned_lights=planned,
@@ -90,7 +90,11 @@ def demo(
 @app.command()
 def sim(
     address: Annotated[str, typer.Option(help="A loopback address; one cell each")] = "127.0.0.1",
-    object_name: ObjectName = "vase",
+    object_name: ObjectName = None,
+    mesh: MeshFile = None,
+    size_mm: SizeMm = None,
+    family: Family = None,
+    reflectance: Reflects = None,
     seed: Seed = 1,
     profile: Profile = Profile.REALISTIC,
     speed: Speed = 1.0,
@@ -108,12 +112,13 @@ def sim(
 ) -> None:
     """Runs a simulated cell until interrupted; prints a line `ready …` when it accepts connections."""
     from hardware_sim import cell as simulation
+    from hardware_sim import object_spec
 
     _explain_errors(
         lambda: simulation.run(
             simulation.CellOptions(
                 address,
-                object_name,
+                object_spec.choose(object_name, mesh, size_mm, family, reflectance),
                 seed,
                 profile.value,
                 speed,

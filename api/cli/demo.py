@@ -26,7 +26,8 @@ from acquisition.models.recipe import Recipe
 from acquisition.store import Store
 from api.cli import lights_file
 from api.client.client import Client
-from hardware_sim import grade, truth
+from hardware_sim import grade, nominal, object_spec, truth
+from hardware_sim.object_spec import ObjectSpec
 
 START_TIMEOUT_S = 90.0
 """Time limit for cell and service to become ready, s."""
@@ -44,7 +45,7 @@ STAGES = ("pilot", "waypoints", "capture", "normals", "plan")
 class DemoOptions:
     """Options of the demonstration: object, method, errors, image size, folders."""
 
-    object_name: str
+    spec: ObjectSpec
     seed: int
     pilot_lights: int
     planned_lights: int
@@ -60,9 +61,11 @@ class DemoOptions:
 def run(options: DemoOptions) -> dict[str, Any]:
     """Runs the demonstration and returns its figures; prints progress and a table.
 
-    Raises RigError when cell, service or session fail.
+    Raises RigError when the object cannot be made or does not fit, before anything starts, and when cell, service or
+    session fail.
     """
     console = Console(stderr=False)
+    object_spec.check(options.spec, options.seed, nominal.default_cell_file())
     recipe = _recipe(options, options.method)
     folder = options.data.resolve()
     (folder / "log").mkdir(parents=True, exist_ok=True)
@@ -70,7 +73,7 @@ def run(options: DemoOptions) -> dict[str, Any]:
     start = time.monotonic()
     with _cell(options, folder) as cell_file, _service(cell_file, folder) as url, Client(url) as client:
         connect_s = time.monotonic() - start
-        console.print(f"Service at {url}, simulated cell with the object '{options.object_name}', seed {options.seed}")
+        console.print(f"Service at {url}, simulated cell with the object '{options.spec.label}', seed {options.seed}")
         _end_previous_session(client)
         session_id = _capture(client, recipe)
         grades = _grades(folder, cell_file, session_id)
@@ -84,7 +87,7 @@ def run(options: DemoOptions) -> dict[str, Any]:
         gradings = _gradings(cell_file, results)
     outcome = {
         "session_id": session_id,
-        "object": options.object_name,
+        "object": options.spec.label,
         "seed": options.seed,
         "method": options.method,
         "profile": options.profile,
@@ -115,7 +118,7 @@ def _recipe(options: DemoOptions, method: str) -> Recipe:
         "pilot_lights": options.pilot_lights,
         "planned_lights": options.planned_lights,
         "seed": options.seed,
-        "label": f"{options.object_name}, {method}",
+        "label": f"{options.spec.label[:150]}, {method}",
     }
     if method == "user" and options.lights is not None:
         values["user_lights"] = lights_file.read(options.lights)
@@ -225,7 +228,7 @@ def _show(
 def _cell(options: DemoOptions, folder: Path) -> Generator[Path]:
     """Runs the simulated cell as a process; yields its cell file."""
     arguments = [
-        "sim", "--address", _free_address(), "--object", options.object_name, "--seed", str(options.seed),
+        "sim", "--address", _free_address(), *options.spec.arguments(), "--seed", str(options.seed),
         "--profile", options.profile, "--speed", str(options.speed), "--pixels", str(options.pixels),
         "--folder", str(folder / "cell"), "--record", str(folder / "cell" / "ticks.record"),
     ]  # fmt: skip

@@ -119,7 +119,7 @@ def _wait_for_output(address: str, bits: int) -> None:
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"object_name": "teapot"}, "teapot"),
+        ({"spec": "teapot"}, "teapot"),
         ({"profile": "perfect"}, "perfect"),
         ({"speed": 0.0}, "speed"),
         ({"speed": float("nan")}, "speed"),
@@ -129,7 +129,7 @@ def _wait_for_output(address: str, bits: int) -> None:
     ],
 )
 def test_cell_invalid_option_is_refused_before_start(tmp_path: Path, changes: dict[str, Any], says: str) -> None:
-    arguments = {"object_name": "sphere", "seed": 1, "profile": "ideal", "speed": 1.0, "pixels": 64, **changes}
+    arguments = {"spec": "sphere", "seed": 1, "profile": "ideal", "speed": 1.0, "pixels": 64, **changes}
     with pytest.raises(RigError, match=says) as caught:
         Cell(CellOptions("127.0.2.31", **arguments), tmp_path / "cell")
     assert caught.value.code == ErrorCode.REQUEST_INVALID

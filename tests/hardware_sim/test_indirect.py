@@ -53,7 +53,7 @@ def trace_paths(
         normals = np.where(on_object[:, None], mesh.face_normals[hits.triangles], [0.0, 0.0, 1.0])
         # A face met from behind is the inside of a shading normal's slip; nothing comes from there.
         behind = on_object & (np.einsum("ni,ni->n", normals, directions) > 0)
-        albedo = np.where(on_object, scene.texture.albedo(points), TABLE_ALBEDO)
+        albedo = np.where(on_object, scene.texture(points), TABLE_ALBEDO)
         carried = np.where(gone | behind, 0.0, carried * albedo)
         if light is not None:
             free = render.lit_mask(points.astype(np.float32), normals.astype(np.float32), light.position, tracer, scene)

@@ -61,21 +61,21 @@ def test_build_seeds_vary_and_repeat_shape_and_albedo() -> None:
     assert np.array_equal(first.mesh.triangles, again.mesh.triangles)
     assert not np.allclose(first.mesh.triangles, other.mesh.triangles, atol=1e-3)
     points = first.mesh.triangles[::50, 0]
-    assert np.array_equal(first.texture.albedo(points), again.texture.albedo(points))
-    assert not np.allclose(first.texture.albedo(points), other.texture.albedo(points), atol=0.05)
+    assert np.array_equal(first.texture(points), again.texture(points))
+    assert not np.allclose(first.texture(points), other.texture(points), atol=0.05)
 
 
 def test_build_finishes_set_albedo_and_gloss() -> None:
     soft, matt, textured, glossy = (objects.build(f"vase{end}", 3) for end in ("", "-matt", "-textured", "-glossy"))
     points = soft.mesh.triangles[:, 0]
     for scene in (soft, textured, glossy):
-        albedo = scene.texture.albedo(points)
+        albedo = scene.texture(points)
         assert albedo.min() >= 0.3 - 1e-6
         assert albedo.max() <= 0.7 + 1e-6
         assert np.ptp(albedo) > 0.15
-    assert np.ptp(matt.texture.albedo(points)) == 0
-    assert 0.55 <= matt.texture.albedo(points)[0] <= 0.65
-    assert np.std(textured.texture.albedo(points)) > np.std(soft.texture.albedo(points))
+    assert np.ptp(matt.texture(points)) == 0
+    assert 0.55 <= matt.texture(points)[0] <= 0.65
+    assert np.std(textured.texture(points)) > np.std(soft.texture(points))
     assert (soft.gloss, matt.gloss, textured.gloss) == (0, 0, 0)
     assert 0.1 <= glossy.gloss <= 0.2
     assert np.array_equal(soft.mesh.triangles, glossy.mesh.triangles)

@@ -1,0 +1,41 @@
+"""The options of `lightpose demo` and `lightpose sim` that say which object stands in the simulated cell.
+
+What they say together is checked by `hardware_sim.object_spec.choose`, which a command imports when it runs.
+"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+ObjectName = Annotated[
+    str | None,
+    typer.Option(
+        "--object",
+        help="sphere, vase, relief, part, bumps or figure; -textured or -glossy after it for its versions; "
+        "default: vase",
+    ),
+]
+MeshFile = Annotated[
+    Path | None,
+    typer.Option("--mesh", help="Your own object: a closed mesh, .stl, .ply or .obj, z up; instead of --object"),
+]
+SizeMm = Annotated[
+    float | None,
+    typer.Option(
+        help="Largest extent of the --mesh, mm; default: its own, its units being mm if that is more than 1, else m"
+    ),
+]
+Family = Annotated[
+    str | None,
+    typer.Option(
+        help="A random object by --seed instead of --object: turned, relief, machined, vessel, cluster, blob, knot or "
+        "sheet"
+    ),
+]
+Reflects = Annotated[
+    str | None,
+    typer.Option(
+        "--reflectance", help="lambert, oren-nayar:SIGMA (rad), ggx:ALPHA or metal:ALPHA; default: the object's own"
+    ),
+]
