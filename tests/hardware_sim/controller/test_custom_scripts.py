@@ -47,7 +47,7 @@ def test_custom_script_function_runs_and_control_resumes(cell: Cell) -> None:
 \tend
 """
     assert cell.control.sendCustomScriptFunction("users", lines)
-    assert cell.receive.getActualQ() == pytest.approx(NEAR, abs=1e-9)
+    wait_until(lambda: cell.receive.getActualQ() == pytest.approx(NEAR, abs=1e-9))
     wait_until(cell.control.isProgramRunning)
     assert cell.control.moveJ(HOME, 3.0, 20.0)
     assert "program users started" in log(cell)
