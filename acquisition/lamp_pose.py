@@ -26,18 +26,18 @@ def light_at(position: FloatArray, center: FloatArray) -> Light:
     return Light(position=(x, y, z), axis=(a, b, c))
 
 
-def directions(candidates: FloatArray, center: FloatArray, count: int) -> FloatArray:
+def directions(candidates: FloatArray, center: FloatArray, count: int, *, surround: bool = True) -> FloatArray:
     """Validated unit directions (K, 3) from `center` to the candidates (K, 3) for a design with `count` lights.
 
-    Raises RigError plan.infeasible when there are fewer than `count`, when a position is not finite, or when all lie
-    in one half-plane as seen by the camera, so that the lights could not surround the object.
+    Raises RigError plan.infeasible when there are fewer than `count`, when a position is not finite, or, where they
+    have to `surround` the object, when all lie in one half-plane as seen by the camera.
     """
     if not np.all(np.isfinite(candidates)) or not np.all(np.isfinite(center)):
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
             "a reachable position is not finite: check base_from_camera and the cell's dome",
         )
-    if len(candidates) < max(count, 3):
+    if len(candidates) < max(count, 3 if surround else 1):
         raise RigError(
             ErrorCode.PLAN_INFEASIBLE,
             f"{count} lights are requested, but the arm reaches only {len(candidates)} positions: request fewer, "
@@ -47,6 +47,8 @@ def directions(candidates: FloatArray, center: FloatArray, count: int) -> FloatA
         )
     offsets = candidates - center
     units = offsets / np.linalg.norm(offsets, axis=-1, keepdims=True)
+    if not surround:
+        return units
     around = np.arange(72) * 2 * np.pi / 72
     support = np.max(units[:, :2] @ np.stack([np.cos(around), np.sin(around)]), axis=0)
     if np.min(support) < MIN_SUPPORT:

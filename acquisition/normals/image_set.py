@@ -5,7 +5,8 @@ the bytes of floats, and solvers are limited by memory. A stack of any size can 
 rows without holding every image; formats that decode only as a whole are for the reader to unpack once.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -99,9 +100,31 @@ class ImageSet:
         """How many images there are."""
         return len(self.names)
 
+    def only(self, chosen: Sequence[int]) -> "ImageSet":
+        """The images with the numbers `chosen`, in that order, with their lights."""
+        numbers = list(chosen)
+        lights = self.lights
+        if isinstance(lights, DistantLights):
+            kept: DistantLights | NearLights = DistantLights(lights.directions[numbers], lights.intensities[numbers])
+        else:
+            kept = replace(lights, positions_m=lights.positions_m[numbers], intensity=lights.intensity[numbers])
+        names = tuple(self.names[number] for number in numbers)
+        return replace(self, names=names, rows=_ChosenRows(self.rows, tuple(numbers)), lights=kept)
+
     def values(self, image: int, start: int, stop: int) -> Float32Array:
         """Rows [start, stop) of one image as fractions of full scale, float32 (rows, W) or (rows, W, 3)."""
         return self.rows(image, start, stop).astype(np.float32) * np.float32(1.0 / self.full_scale)
+
+
+@dataclass(frozen=True)
+class _ChosenRows:
+    """Rows of some of the images of another reader, by their numbers there."""
+
+    rows: RowReader
+    chosen: tuple[int, ...]
+
+    def __call__(self, image: int, start: int, stop: int) -> StoredValues:
+        return self.rows(self.chosen[image], start, stop)
 
 
 def direction_spread(vectors: FloatArray | Float32Array) -> float:

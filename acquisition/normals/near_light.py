@@ -44,7 +44,7 @@ def solve(images: ImageSet, settings: SolveSettings) -> NormalMap:
     is found in the images. Raises RigError normals.infeasible as `solve_stack` does, and where lights, camera or depth
     are missing.
     """
-    calibration = _calibration(images)
+    calibration = calibration_of(images)
     depth = images.rough_depth_m
     if depth is None:
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs the object's rough depth: give depth_mm")
@@ -141,8 +141,11 @@ class _Rows:
         return values, clipped
 
 
-def _calibration(images: ImageSet) -> Calibration:
-    """Calibration from camera and lights: isotropic lamps, default uncertainties."""
+def calibration_of(images: ImageSet) -> Calibration:
+    """Calibration from camera and lights: isotropic lamps, default uncertainties.
+
+    Raises RigError normals.infeasible where one of them is missing.
+    """
     lights, camera = images.lights, images.camera
     if camera is None or not isinstance(lights, NearLights):
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "near light needs a calibrated camera and the lamps' positions")

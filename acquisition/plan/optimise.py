@@ -54,6 +54,8 @@ def search(
     Short searches on few pixels from greedy, pattern and random starts, then exchange on all pixels from the best of
     these sets and the patterns. `quick`: fewer starts, for forecasts.
     """
+    if count >= len(options.row):  # nothing to choose
+        return list(range(len(options.row)))
     step = max(1, len(sample.albedo) // COARSE_PIXELS)
     coarse, coarse_options = sample.thinned(step), options.thinned(step)
     rng = np.random.default_rng(seed)

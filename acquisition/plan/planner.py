@@ -67,6 +67,10 @@ class PlanOptions:
     certify: bool = True
     """Whether the relaxation's lower bound is computed."""
 
+    listed: bool = False
+    """Whether the candidates are all the positions there are, such as the lamps of a dome: lights are not refined off
+    them, and they need not surround the object, since the images so far may do so."""
+
     forecast_counts: Sequence[int] = ()
     """Numbers of further lights for which the plan's `forecast` predicts σ; those above the candidates' are omitted."""
 
@@ -141,27 +145,28 @@ def choose(
     means that it is fulfilled. Raises RigError plan.infeasible when the arm reaches too few positions or the normal map
     has too few usable pixels.
     """
-    region, deadline_s = options.region, options.deadline_s
-    until = Deadline.within(deadline_s)
+    until = Deadline.within(options.deadline_s)
     captured = sum(shot.kind == "light" for shot in observations.shots)
     count_to_add = max(recipe.lights_total - captured, 0) if count is None else count
-    problem = _build_problem(normal_map, observations, recipe, reach, calibration, region, count_to_add)
+    problem = _build_problem(normal_map, observations, recipe, reach, calibration, options, count_to_add)
     before_deg = problem.holdout_posterior(np.empty((0, 3))).sigma_deg
     if count_to_add == 0:
         return _light_plan([], [], [], before_deg, ["all lights of the recipe have been captured"])
     candidates = problem.search_candidates(problem.positions)
     loss, sets = _loss_and_patterns(problem, candidates, count_to_add)
     chosen = optimise.search(problem.search_sample, candidates, loss, sets, count_to_add, recipe.seed, until)
-    refine_sample = problem.search_sample.thinned(REFINE_STRIDE)
-    positions = optimise.refine(
-        refine_sample,
-        problem.positions[chosen],
-        reach.center,
-        loss,
-        lambda places: problem.design_rows(refine_sample, places, cautious=True),
-        lambda place: reach.allows(place) is None,
-        until,
-    )
+    positions = problem.positions[chosen]
+    if not options.listed:
+        refine_sample = problem.search_sample.thinned(REFINE_STRIDE)
+        positions = optimise.refine(
+            refine_sample,
+            positions,
+            reach.center,
+            loss,
+            lambda places: problem.design_rows(refine_sample, places, cautious=True),
+            lambda place: reach.allows(place) is None,
+            until,
+        )
     rings = problem.holdout_posterior(problem.positions[sets[0]])
     planned_rows = problem.holdout_candidates(positions)
     sigma_deg = criterion.posterior(problem.holdout_sample, planned_rows).sigma_deg
@@ -170,7 +175,9 @@ def choose(
         f"{np.mean(rings.sigma_deg):.2f}° with two rings"
     ]
     if until.passed:
-        notes.append(f"the search was stopped by its time limit of {deadline_s:g} s: the best set so far is used")
+        notes.append(
+            f"the search was stopped by its time limit of {options.deadline_s:g} s: the best set so far is used"
+        )
     undetermined = float(np.mean(problem.search_sample.lit < criterion.MIN_LIGHTS))
     if observations.shots and undetermined > MAX_UNDETERMINED_SHARE:
         notes.append(
@@ -186,7 +193,8 @@ def choose(
     curve = _forecast_curve(problem, candidates, captured, within_reach)
     plan = plan.model_copy(update={"forecast": curve})
     if options.certify:
-        plan = plan.model_copy(update=_certificate(problem, candidates, positions, sets[0], until))
+        bounded = candidates if options.listed else candidates.joined(problem.search_candidates(positions))
+        plan = plan.model_copy(update=_certificate(problem, bounded, positions, sets[0], until))
     return plan
 
 
@@ -205,7 +213,8 @@ def forecast(
     Raises RigError plan.infeasible as `choose` does.
     """
     captured = sum(shot.kind == "light" for shot in observations.shots)
-    problem = _build_problem(normal_map, observations, recipe, reach, calibration, region, max(counts, default=0))
+    options, most = PlanOptions(region=region), max(counts, default=0)
+    problem = _build_problem(normal_map, observations, recipe, reach, calibration, options, most)
     return _forecast_curve(problem, problem.search_candidates(problem.positions), captured, counts)
 
 
@@ -225,10 +234,10 @@ def _forecast_curve(problem: Problem, options: Candidates, captured: int, counts
 
 def _build_problem(
     normal_map: NormalMap, observations: Observations, recipe: Recipe, reach: Reach, calibration: Calibration,
-    region: BoolArray | None, count: int,
+    options: PlanOptions, count: int,
 ) -> Problem:  # fmt: skip
     usable = criterion.usable_pixels(normal_map, calibration)
-    where = ""
+    region, where = options.region, ""
     if region is not None:
         if region.shape != normal_map.mask.shape:
             raise RigError(
@@ -254,7 +263,7 @@ def _build_problem(
         criterion.samples(normal_map, calibration, np.sort(numbers[:SAMPLE_PIXELS]), captured)
         for numbers in (order[:half], order[half:])
     )
-    units = lamp_pose.directions(reach.candidates, reach.center, count)
+    units = lamp_pose.directions(reach.candidates, reach.center, count, surround=not options.listed)
     kept = np.linspace(0, len(units) - 1, min(len(units), MAX_CANDIDATES)).round().astype(int)
     return Problem(
         normal_map=normal_map,
@@ -284,7 +293,7 @@ def _certificate(
 ) -> dict[str, float | str]:
     """Efficiency of plan and two rings against the relaxation's lower bound, as fields of `LightPlan`.
 
-    The plan's own positions are candidates too. The sub-pixel curvature variance, which no light removes, is left out:
+    `options` holds the plan's own positions too. The sub-pixel curvature variance, which no light removes, is left out:
     it would pull all efficiencies towards 1.
     """
     step = max(1, len(problem.search_sample.albedo) // CERTIFICATE_PIXELS)
@@ -292,7 +301,7 @@ def _certificate(
     sample = replace(sample, curvature_variance=np.zeros_like(sample.curvature_variance))
     planned = problem.search_candidates(positions).thinned(step)
     thinned = options.thinned(step)
-    bound = relaxation.bound(sample, thinned.joined(planned), len(positions), until)
+    bound = relaxation.bound(sample, thinned, len(positions), until)
     variance, rings = (
         float(np.mean(criterion.posterior(sample, set_).variance)) for set_ in (planned, thinned.only(pattern))
     )
@@ -302,7 +311,7 @@ def _certificate(
         "two_rings_efficiency": float(np.sqrt(bound.variance / rings)),
         "relaxation_gap": bound.gap,
         "certificate_note": (
-            f"no choice of {len(positions)} among the {len(thinned.row) + len(positions)} candidate positions "
+            f"no choice of {len(positions)} among the {len(thinned.row)} candidate positions "
             f"brings the root mean square σ below {bound.sigma_deg:.2f}°; this plan is expected to reach "
             f"{np.degrees(np.sqrt(variance)):.2f}°, two rings {np.degrees(np.sqrt(rings)):.2f}°"
         ),

@@ -1,4 +1,4 @@
-"""The command line: `lightpose demo | sim | serve | check | solve | replay | …`.
+"""The command line: `lightpose demo | sim | serve | check | solve | plan | replay | …`.
 
 Each command imports what it needs when it runs, so that `lightpose --help` answers at once and loads neither numerical
 kernels nor an HTTP library.
@@ -281,6 +281,38 @@ def solve_folder(
 
     outcome = _explain_errors(
         lambda: solving.run(solving.solve_request(folder, solver.value, near, out, sphere, exports or [], keep_steps))
+    )
+    if as_json:
+        print(json.dumps(outcome), flush=True)
+
+
+@app.command("plan")
+def plan_folder(
+    folder: Annotated[Path, typer.Argument(help="Any folder that `solve` reads; its images are the pilot's")],
+    count: Annotated[int, typer.Option(help="Number of further lights")],
+    candidates: Annotated[
+        Path | None,
+        typer.Option(help="Where lights can be: three numbers on each line, in the folder's own frame and unit"),
+    ] = None,
+    radius_mm: Annotated[
+        float | None, typer.Option(help="Radius of a free dome; default: the pilot's mean distance from the object")
+    ] = None,
+    max_slant_deg: Annotated[
+        float | None,
+        typer.Option(help="Greatest slant from the view axis; default: 70 on a free dome, none of given candidates"),
+    ] = None,
+    pilot: Annotated[
+        str | None,
+        typer.Option(help="Use only these images, such as 0,7,31,90, counted from 0; the others are the candidates"),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="File for the JSON object")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
+) -> None:
+    """Plans further lights for a folder of images, for any dome, ring or robot; moves nothing."""
+    from api.cli import planning
+
+    outcome = _explain_errors(
+        lambda: planning.run(planning.plan_request(folder, count, candidates, radius_mm, max_slant_deg, pilot, out))
     )
     if as_json:
         print(json.dumps(outcome), flush=True)

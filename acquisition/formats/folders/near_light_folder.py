@@ -106,6 +106,11 @@ def read(folder: Path, scratch: Path, progress: Progress | None = None) -> Image
     )
 
 
+def unit(folder: Path) -> Literal["mm", "cm", "m"]:
+    """The unit of the folder's positions. Raises RigError folder.invalid as `read` does."""
+    return _lights(folder / LIGHTS).unit
+
+
 def _lights(path: Path) -> _Lights:
     try:
         return _Lights.model_validate_json(text(path))

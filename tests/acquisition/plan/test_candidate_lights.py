@@ -1,0 +1,100 @@
+"""Candidate lights without an arm: free domes and lists."""
+
+import numpy as np
+import pytest
+
+from acquisition import geometry, lamp_pose, pilot, plan
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import NormalMap
+from acquisition.plan.candidate_lights import MIN_SLANT_DEG, FreeDome, ListedLights
+from tests.acquisition import scenes
+from tests.acquisition.plan import cases
+
+CENTER = np.array([0.01, -0.02, -0.87])
+
+
+@pytest.fixture(scope="module")
+def cushion() -> scenes.Scene:
+    return scenes.scene(scenes.bumps, scenes.calibration(96))
+
+
+@pytest.fixture(scope="module")
+def piloted(cushion: scenes.Scene) -> NormalMap:
+    return cases.known_map(cushion, pilot.pattern(Recipe(), scenes.Dome(refused=0)))
+
+
+def listed(count: int, *, below: float = 2.0) -> ListedLights:
+    """Lamps of a dome, in random order, those with y above `below` m left out."""
+    free = FreeDome(scenes.Dome(refused=0).center, 0.45, np.radians(70)).candidates
+    some = free[np.random.default_rng(3).permutation(len(free))]
+    return ListedLights(some[some[:, 1] < below][:count], scenes.Dome(refused=0).center)
+
+
+@pytest.mark.parametrize("max_slant_deg", [30.0, 70.0, 85.0])
+def test_free_dome_candidates_fill_it_and_are_allowed(max_slant_deg: float) -> None:
+    dome = FreeDome(CENTER, 0.4, np.radians(max_slant_deg))
+    offsets = dome.candidates - CENTER
+    slant_deg = np.degrees(geometry.slant_azimuth(offsets)[0])
+    np.testing.assert_allclose(np.linalg.norm(offsets, axis=1), 0.4)
+    assert slant_deg.min() == pytest.approx(MIN_SLANT_DEG)
+    assert slant_deg.max() == pytest.approx(max_slant_deg)
+    assert np.linalg.norm(np.mean(offsets[:, :2], axis=0)) < 0.01
+    slants = np.radians([5.0, 20.0, max_slant_deg + 1])
+    refusals = [dome.allows(CENTER + 0.4 * geometry.direction(slant, 1.0)) for slant in slants]
+    assert [None if one is None else one.reason for one in refusals] == ["blocks-view", None, "too-far"]
+
+
+def test_listed_lights_allow_their_own_positions_only() -> None:
+    lamps = listed(20)
+    assert lamps.radius_m == pytest.approx(0.45)
+    assert all(lamps.allows(position) is None for position in lamps.candidates)
+    assert lamps.allows(lamps.candidates[3] + [0, 0, 0.001]) is not None
+
+
+def test_listed_numbers_of_doubled_positions_are_distinct() -> None:
+    lamps = listed(6)
+    doubled = ListedLights(np.concatenate([lamps.candidates, lamps.candidates[[2, 2]]]), lamps.center)
+    lights = [lamp_pose.light_at(lamps.candidates[place], lamps.center) for place in (2, 5, 2, 2)]
+    numbers = doubled.numbers(lights)
+    assert numbers[1] == 5
+    assert sorted(numbers) == [2, 5, 6, 7]
+
+
+@pytest.mark.parametrize("below", [2.0, 0.0])
+def test_choose_listed_stays_on_list_wherever_it_lies(below: float, piloted: NormalMap, cushion: scenes.Scene) -> None:
+    """Also where all lamps stand on one side: the images so far may surround the object."""
+    lamps = listed(40, below=below)
+    chosen = plan.choose(
+        piloted, cases.NO_OBSERVATIONS, Recipe(), lamps, cushion.calibration, 5, plan.PlanOptions(listed=True)
+    )
+    assert len(set(lamps.numbers(chosen.lights))) == 5
+    assert all(lamps.allows(np.array(light.position)) is None for light in chosen.lights)
+    assert 0 < (chosen.efficiency or 0) <= 1
+
+
+def test_choose_as_many_as_listed_takes_all(piloted: NormalMap, cushion: scenes.Scene) -> None:
+    arguments = (piloted, cases.NO_OBSERVATIONS, Recipe())
+    for count in (1, 2, 5):
+        lamps = listed(count)
+        chosen = plan.choose(*arguments, lamps, cushion.calibration, count, plan.PlanOptions(listed=True))
+        assert sorted(lamps.numbers(chosen.lights)) == list(range(count))
+        assert chosen.efficiency == pytest.approx(1, abs=1e-3)
+        with pytest.raises(RigError) as caught:
+            plan.choose(*arguments, lamps, cushion.calibration, count + 1, plan.PlanOptions(listed=True))
+        assert caught.value.code is ErrorCode.PLAN_INFEASIBLE
+
+
+def test_choose_one_of_nine_listed_is_among_the_best(piloted: NormalMap, cushion: scenes.Scene) -> None:
+    """As lists of each of the same lamps alone state it; the search sees other pixels, and cautious noise."""
+    lamps = listed(9)
+    arguments = (piloted, cases.NO_OBSERVATIONS, Recipe(objective="mean"))
+    options = plan.PlanOptions(listed=True, certify=False)
+    chosen = plan.choose(*arguments, lamps, cushion.calibration, 1, options)
+    alone = [
+        plan.choose(*arguments, ListedLights(lamps.candidates[[one]], lamps.center), cushion.calibration, 1, options)
+        for one in range(9)
+    ]
+    sigma = [one.predicted_sigma_deg or np.inf for one in alone]
+    assert (chosen.predicted_sigma_deg or np.inf) <= sorted(sigma)[1]
+    assert (chosen.predicted_sigma_deg or np.inf) < 0.7 * np.median(sigma)
