@@ -84,6 +84,8 @@ class ImageSet:
     lights: DistantLights | NearLights
     mask: BoolArray
     """(H, W) the object: where normals are solved."""
+    mask_given: bool = True
+    """False: the source has no mask, `mask` is the whole frame, and a solver may propose one."""
     camera: Camera | None = None
     """None: orthographic."""
     evaluation_mask: BoolArray | None = None

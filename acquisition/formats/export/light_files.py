@@ -1,18 +1,30 @@
 """Export of lights: `.lp` (directions) and Relight's `.dome` (positions in mm about the object).
 
 Programs match `.lp` rows by order and by name, so rows stand in the images' order. Both are seen from the object, so a
-near light's direction is the one at `centre`: that is what these formats can say.
+near light's direction is the one at `centre`: that is what these formats can say. Intensities are those that the
+solver found, where it found any.
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from acquisition.models.base import FloatArray
+from acquisition.models.result import NormalMap
 from acquisition.normals.image_set import DistantLights, ImageSet
 
 DISTANT_MM = 10_000.0
+
+
+def as_found(images: ImageSet, normal_map: NormalMap) -> ImageSet:
+    """The images with their lights' intensities as the solver found them: stated intensities times its factors."""
+    lights, factors = images.lights, normal_map.intensity_factors
+    if isinstance(lights, DistantLights):
+        each = np.asarray(normal_map.notes.get("intensity_factors", factors[:, None]), float)
+        return replace(images, lights=replace(lights, intensities=lights.intensities * each))
+    return replace(images, lights=replace(lights, intensity=lights.intensity * factors))
 
 
 def directions(images: ImageSet, centre_m: FloatArray) -> FloatArray:

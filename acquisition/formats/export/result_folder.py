@@ -36,7 +36,8 @@ def write(normal_map: NormalMap, folder: Path) -> list[str]:
     """Writes the files of a result into a new folder and returns their names; an existing one is replaced as a whole.
 
     normals.png (16-bit RGB, OpenGL green), mask.png, lights_used.png (count), normals/depth/sigma_deg/albedo/residual
-    and, where they are known, albedo_rgb and indirect .tiff (float32; m, degrees), doubtful.png, normal_map.npz.
+    and, where they are known, albedo_rgb and indirect .tiff (float32; m, degrees), doubtful.png, mask_proposed.png,
+    normal_map.npz.
     """
     with atomic_folder(folder) as partial:
         write_into(normal_map, partial)
@@ -56,6 +57,8 @@ def write_maps(normal_map: NormalMap, folder: Path) -> None:
     """The pictures and float maps alone, into an existing folder."""
     map_files.normals_png(folder / "normals.png", normal_map.normals, normal_map.mask)
     map_files.png(folder / "mask.png", normal_map.mask.astype(np.uint8) * 255)
+    if normal_map.notes.get("mask") == "proposed":
+        map_files.png(folder / "mask_proposed.png", normal_map.silhouette.astype(np.uint8) * 255)
     map_files.png(folder / "lights_used.png", lights_used(normal_map))
     if normal_map.doubtful is not None:
         map_files.png(folder / "doubtful.png", normal_map.doubtful.astype(np.uint8) * 255)

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from acquisition.formats.folders import image_files, masks
 from acquisition.formats.folders.image_files import StoredImages
 from acquisition.models.base import BoolArray
@@ -17,16 +19,17 @@ NO_SATURATION_LEVEL = 1e30
 
 def image_set(
     folder: Path, names: Sequence[str], paths: Sequence[Path], stored: StoredImages, lights: DistantLights | NearLights,
-    mask: BoolArray, *, kind: str, warnings: Sequence[str],
+    mask: BoolArray | None, *, kind: str, warnings: Sequence[str],
 ) -> ImageSet:  # fmt: skip
-    """Assembles the image set of a folder, `paths` in the order of `lights`, solved in `mask` (H, W); `kind` is the
-    format's name.
+    """Assembles the image set of a folder, `paths` in the order of `lights`, solved in `mask` (H, W), none: the whole
+    frame; `kind` is the format's name.
 
     Raises RigError folder.invalid naming an image that is black or overexposed, or an evaluation mask that is wrong.
     """
     merged = stored.dtype == "float32" and image_files.exceeds(stored, 1.0)
     clipped_from = NO_SATURATION_LEVEL if merged else SATURATION_LEVEL
-    image_files.refuse_unusable(stored, paths, mask, clipped_from)
+    area = np.ones((stored.height, stored.width), np.bool_) if mask is None else mask
+    image_files.refuse_unusable(stored, paths, area, clipped_from)
     return ImageSet(
         names=tuple(names),
         height=stored.height,
@@ -36,7 +39,8 @@ def image_set(
         full_scale=stored.full_scale,
         saturated_from=clipped_from,
         lights=lights,
-        mask=mask,
+        mask=area,
+        mask_given=mask is not None,
         evaluation_mask=masks.evaluation(folder, stored.height, stored.width),
         notes={"format": kind, "warnings": [*warnings, *masks.depth_warning(stored)]},
     )

@@ -37,11 +37,10 @@ def read(path: Path, scratch: Path, progress: Progress | None = None) -> ImageSe
     paths = [text_table.listed_file(folder, name) for name in names]
     stored = image_files.open_images(paths, scratch, progress=progress)
     object_mask = masks.solving(folder, stored.height, stored.width)
-    warnings = ["All lights are taken as equally bright: an .lp file does not say."]
+    warnings = ["An .lp file does not say how bright its lights are: they start as equal, the images correct that."]
     if object_mask is None:
-        warnings.append(f"There is no {masks.MASK}: every pixel is solved.")
+        warnings.append(f"There is no {masks.MASK}: what no light reaches is left out, see mask_proposed.png.")
     if any(one.suffix.lower() in masks.LOSSY for one in paths):
         warnings.append("JPEG images are compressed and mostly gamma-encoded: normals will lean and flatten.")
-    mask = np.ones((stored.height, stored.width), np.bool_) if object_mask is None else object_mask
     lights = DistantLights(np.array(directions), np.ones((len(names), stored.channels)))
-    return assembly.image_set(folder, names, paths, stored, lights, mask, kind=".lp", warnings=warnings)
+    return assembly.image_set(folder, names, paths, stored, lights, object_mask, kind=".lp", warnings=warnings)

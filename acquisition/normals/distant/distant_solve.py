@@ -1,10 +1,13 @@
 """Distant-light photometric stereo from an image set to a normal map, by blocks of rows.
 
 `auto` selects the solver by cross-validation: each predicts held-out lights at a sample of pixels, and the one with the
-least error solves all pixels. Only one block of the stack is in memory at a time, so that a stack of any size can be
+least error solves all pixels. Before that the lights' relative intensities are found (`light_intensities`), except for
+`ls`, the plain baseline, which takes them as stated; and where the source has no mask, one is proposed (`lit_mask`).
+Only one block of the stack is in memory at a time, so that a stack of any size can be
 solved; per pixel, only the result is kept.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +17,7 @@ from acquisition.models.base import BoolArray, Float32Array
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import HIGHLIGHT, LIT, FisherInformation, NormalMap
 from acquisition.normals import integration, memory_mapped
-from acquisition.normals.distant import pixel_blocks, solver_selection, solvers
+from acquisition.normals.distant import light_intensities, lit_mask, pixel_blocks, solver_selection, solvers
 from acquisition.normals.distant.solvers import Solver
 from acquisition.normals.image_set import DistantLights, ImageSet, check
 
@@ -28,6 +31,9 @@ MAX_CLIPPED_SHARE = 0.95
 def solve(images: ImageSet, solver: Solver = "auto", *, with_depth: bool = True, keep_steps: bool = False) -> NormalMap:
     """Solves an image set with DistantLights for normals, albedo, σ and depth; `notes` state the solver and why.
 
+    `intensity_factors` are means over the channels of what the stated intensities were multiplied by; `notes` hold each
+    channel's (`intensity_factors`), how they were judged (`intensities`), and whether the mask was `proposed` (`mask`).
+
     `keep_steps` lets depth jump where normals disagree with their neighbours, see `integration.depth`. Depth is in m
     where a camera and a rough depth are known, else relative (`notes["depth_unit"]`). Raises RigError
     normals.infeasible as `image_set.check` does, and naming the file where an image is black, clipped or not finite.
@@ -35,15 +41,32 @@ def solve(images: ImageSet, solver: Solver = "auto", *, with_depth: bool = True,
     check(images)
     if not isinstance(images.lights, DistantLights):
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "these lights are near: solve them as near lights")
+    notes: dict[str, Any] = {}
+    if not images.mask_given:
+        images = replace(images, mask=lit_mask.propose(images))
+        notes["mask"] = "proposed"
     directions = pixel_blocks.directions(images)
     values, clipped = pixel_blocks.sample(images, SAMPLE_PIXELS)
     refuse_unusable(images, values, clipped)
+    factors = np.ones((images.count, images.channels))
+    if solver != "ls":
+        intensities = light_intensities.estimate(*pixel_blocks.sample_channels(images, SAMPLE_PIXELS), directions)
+        factors = intensities.factors
+        notes["intensities"] = intensities.why
+        if np.any(factors != 1):
+            notes["intensity_factors"] = np.round(factors, 5).tolist()
+            lights = replace(images.lights, intensities=images.lights.intensities * factors)
+            images = replace(images, lights=lights)
+            values, clipped = pixel_blocks.sample(images, SAMPLE_PIXELS)
     chosen, why = (solver, "as asked")
     if solver == "auto":
         chosen, why = solver_selection.select(values, clipped, directions)
-    method, notes = solvers.prepare(chosen, values, clipped, directions)
-    notes = {"solver": chosen, "why": why} | notes
-    return solve_blocks(images, method, luma=chosen == "ls", notes=notes, with_depth=with_depth, keep_steps=keep_steps)
+    method, more = solvers.prepare(chosen, values, clipped, directions)
+    notes = {"solver": chosen, "why": why} | more | notes
+    solved = solve_blocks(
+        images, method, luma=chosen == "ls", notes=notes, with_depth=with_depth, keep_steps=keep_steps
+    )
+    return replace(solved, intensity_factors=np.exp(np.mean(np.log(factors), axis=1)))
 
 
 def refuse_unusable(images: ImageSet, values: Float32Array, clipped: BoolArray) -> None:

@@ -109,16 +109,35 @@ def iterate(images: ImageSet, *, luma: bool) -> Iterator[Block]:
 
 def sample(images: ImageSet, count: int, *, luma: bool = False) -> tuple[Float32Array, BoolArray]:
     """Samples about `count` pixels of the mask, from evenly spread rows: brightness and clipping mask, both (K, F)."""
-    rng = np.random.default_rng(0)
-    object_rows = np.flatnonzero(np.any(images.mask, axis=1))
-    rows = np.unique(object_rows[np.linspace(0, len(object_rows) - 1, min(len(object_rows), 48)).astype(int)])
     values: list[Float32Array] = []
     clipped: list[BoolArray] = []
-    share = -(-count // len(rows))
-    for row in rows:
-        columns = np.flatnonzero(images.mask[row])
-        chosen = np.sort(rng.permutation(columns)[:share])
-        picked, full = read(images, int(row), int(row) + 1, luma=luma).pixels(chosen)
+    for row, columns in _sampled(images.mask, count):
+        picked, full = read(images, row, row + 1, luma=luma).pixels(columns)
         values.append(picked)
         clipped.append(full)
     return np.concatenate(values), np.concatenate(clipped)
+
+
+def sample_channels(images: ImageSet, count: int) -> tuple[Float32Array, BoolArray]:
+    """The same pixels channel by channel: brightness and clipping mask, both (C, K, F)."""
+    gain = 1.0 / intensities(images)
+    values: list[Float32Array] = []
+    for row, columns in _sampled(images.mask, count):
+        rows = [images.values(image, row, row + 1)[0, columns] for image in range(images.count)]
+        values.append(np.stack(rows).reshape(images.count, len(columns), images.channels))
+    stack = np.concatenate(values, axis=1)  # (F, K, C) fractions of full scale
+    brightness = (stack * gain[:, None, : images.channels]).astype(np.float32)
+    return (
+        np.ascontiguousarray(brightness.transpose(2, 1, 0)),
+        np.ascontiguousarray((stack >= images.saturated_from).transpose(2, 1, 0)),
+    )
+
+
+def _sampled(mask: BoolArray, count: int) -> Iterator[tuple[int, np.ndarray]]:
+    """Rows and columns of about `count` pixels of the mask, from evenly spread rows."""
+    rng = np.random.default_rng(0)
+    object_rows = np.flatnonzero(np.any(mask, axis=1))
+    rows = np.unique(object_rows[np.linspace(0, len(object_rows) - 1, min(len(object_rows), 48)).astype(int)])
+    share = -(-count // len(rows))
+    for row in rows:
+        yield int(row), np.sort(rng.permutation(np.flatnonzero(mask[row]))[:share])
