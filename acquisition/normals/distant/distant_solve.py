@@ -39,7 +39,8 @@ def solve(images: ImageSet, solver: Solver = "auto", *, with_depth: bool = True,
     normals.infeasible as `image_set.check` does, and naming the file where an image is black, clipped or not finite.
     """
     check(images)
-    if not isinstance(images.lights, DistantLights):
+    lights = images.lights
+    if not isinstance(lights, DistantLights):
         raise RigError(ErrorCode.NORMALS_INFEASIBLE, "these lights are near: solve them as near lights")
     notes: dict[str, Any] = {}
     if not images.mask_given:
@@ -55,8 +56,7 @@ def solve(images: ImageSet, solver: Solver = "auto", *, with_depth: bool = True,
         notes["intensities"] = intensities.why
         if np.any(factors != 1):
             notes["intensity_factors"] = np.round(factors, 5).tolist()
-            lights = replace(images.lights, intensities=images.lights.intensities * factors)
-            images = replace(images, lights=lights)
+            images = replace(images, lights=replace(lights, intensities=lights.intensities * factors))
             values, clipped = pixel_blocks.sample(images, SAMPLE_PIXELS)
     chosen, why = (solver, "as asked")
     if solver == "auto":

@@ -82,7 +82,7 @@ def estimate(values: Float32Array, clipped: BoolArray, directions: FloatArray) -
     return IntensityFactors(np.exp(log_factors), f"found: {verdict}")
 
 
-def fit(values: Float32Array | FloatArray, clipped: BoolArray, directions: FloatArray) -> FloatArray:
+def fit(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> FloatArray:
     """Maximum a posteriori log factors (F,), mean zero, of pixels (K, F), by robust Gauss–Newton."""
     count = len(directions)
     log_factors = np.zeros(count)

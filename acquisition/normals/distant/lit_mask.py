@@ -86,7 +86,7 @@ def _grey(images: ImageSet, number: int, start: int, stop: int) -> Float32Array:
 
 
 def _regions(lit: BoolArray) -> BoolArray:
-    """Connected regions of lit pixels above MIN_COMPONENT_SHARE of the largest, with single pixels closed or removed."""
+    """Connected regions of lit pixels above MIN_COMPONENT_SHARE of the largest; single pixels are closed or removed."""
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
     whole = cv2.morphologyEx(lit.astype(np.uint8), cv2.MORPH_OPEN, cross)
     whole = cv2.morphologyEx(whole, cv2.MORPH_CLOSE, cross)
