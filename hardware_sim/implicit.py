@@ -31,7 +31,7 @@ def mesh(field: Field, low: FloatArray, high: FloatArray, spacing_m: float) -> s
 
     The field must nowhere be steeper than 1, as distances are.
     """
-    inside = _inside(field, low, high, spacing_m)
+    inside = inside_lattice(field, low, high, spacing_m)
     corners = [inside[i : i - 1 or None, j : j - 1 or None, k : k - 1 or None] for i, j, k in np.ndindex(2, 2, 2)]
     crossed = np.any(corners, axis=0) & ~np.all(corners, axis=0)
     number = np.full(crossed.shape, -1, dtype=np.int64)
@@ -47,8 +47,11 @@ def mesh(field: Field, low: FloatArray, high: FloatArray, spacing_m: float) -> s
     return sheets.indexed(vertices, normals, faces)
 
 
-def _inside(field: Field, low: FloatArray, high: FloatArray, spacing_m: float) -> np.ndarray:
-    """For each lattice point whether it is inside; the field is evaluated only where the surface may be."""
+def inside_lattice(field: Field, low: FloatArray, high: FloatArray, spacing_m: float) -> np.ndarray:
+    """For each lattice point whether it is inside; the field is evaluated only where the surface may be.
+
+    The lattice starts at `low` and may reach up to 8 spacings beyond `high`.
+    """
     edge = 8
     blocks = np.ceil((high - low) / (edge * spacing_m)).astype(int)
     starts = np.stack(np.meshgrid(*(np.arange(n) for n in blocks), indexing="ij"), axis=-1).reshape(-1, 3) * edge

@@ -9,15 +9,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hardware_sim.families import blob, relief
+from hardware_sim.families import blob, cluster, knot, machined, relief, sheet, turned, vessel
 from hardware_sim.families.appearance import Texture, reflectance_of, texture_of
 from hardware_sim.families.surfaces import placed, turned_by
 from hardware_sim.reflectance import Reflectance
 from hardware_sim.sheets import Mesh
 
-NAMES = ("turned", "relief", "machined", "vessel", "cluster", "blob", "knot", "sheet")
+SHAPES = {
+    "turned": turned.shape,
+    "relief": relief.shape,
+    "machined": machined.shape,
+    "vessel": vessel.shape,
+    "cluster": cluster.shape,
+    "blob": blob.shape,
+    "knot": knot.shape,
+    "sheet": sheet.shape,
+}
+"""The families and what makes a mesh of any size from random numbers."""
 
-SHAPES = {"relief": relief.shape, "blob": blob.shape}
+NAMES = tuple(SHAPES)
 
 EXTENT_M = (0.07, 0.13)
 """Range of the largest extent along an axis, m: what the cell's table and keep-out take with room for the lamp."""

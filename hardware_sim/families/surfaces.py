@@ -25,17 +25,23 @@ def creased(vertices: FloatArray, faces: Faces, crease_rad: float = CREASE_RAD) 
     solid = length > LEAST_DOUBLE_AREA_M2
     triangles, faces, double, length = triangles[solid], faces[solid], double[solid], length[solid]
     unit = double / length[:, None]
-    owner = np.repeat(np.arange(len(faces)), 3)
-    vertex = faces.ravel()
-    order = np.argsort(vertex, kind="stable")
-    first = np.searchsorted(vertex[order], vertex)  # each corner's first fellow in `order`
-    valence = np.bincount(vertex, minlength=len(vertices))[vertex]
-    total = np.zeros((len(vertex), 3))
-    for turn in range(int(valence.max())):
-        corner = np.nonzero(valence > turn)[0]
-        fellow = owner[order[first[corner] + turn]]
-        near = np.einsum("ci,ci->c", unit[fellow], unit[owner[corner]]) > np.cos(crease_rad)
-        total[corner[near]] += double[fellow[near]]
+    owner, vertex = np.repeat(np.arange(len(faces)), 3), faces.ravel()
+    mean = np.stack([np.bincount(vertex, component, len(vertices)) for component in double[owner].T], axis=1)
+    total = mean[vertex]
+    # Faces that are all within half the angle of their mean are within the angle of one another.
+    along = np.einsum("ci,ci->c", total, unit[owner])
+    bent = np.zeros(len(vertices), dtype=bool)
+    bent[vertex[along < np.cos(crease_rad / 2) * np.linalg.norm(total, axis=1)]] = True
+    corners = np.nonzero(bent[vertex])[0]
+    corners = corners[np.argsort(vertex[corners], kind="stable")]  # those of one vertex side by side
+    first = np.searchsorted(vertex[corners], vertex[corners])
+    valence = np.bincount(vertex[corners], minlength=len(vertices))[vertex[corners]]
+    total[corners] = 0.0
+    for turn in range(int(valence.max(initial=0))):
+        long = np.nonzero(valence > turn)[0]
+        own, fellow = owner[corners[long]], owner[corners[first[long] + turn]]
+        near = np.einsum("ci,ci->c", unit[fellow], unit[own]) > np.cos(crease_rad)
+        total[corners[long[near]]] += double[fellow[near]]
     total /= np.linalg.norm(total, axis=1, keepdims=True)
     return Mesh(triangles, total.reshape(-1, 3, 3))
 
