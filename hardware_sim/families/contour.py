@@ -89,7 +89,7 @@ def _features(
     cell = quads.T.ravel()
 
     def summed(values: FloatArray) -> FloatArray:
-        return np.bincount(cell, np.tile(values, 4), count)
+        return np.asarray(np.bincount(cell, np.tile(values, 4), count), dtype=np.float64)
 
     weight = np.maximum(np.bincount(cell, minlength=count), 1)
     mean = np.stack([summed(component) for component in points.T], axis=1) / weight[:, None]
