@@ -5,14 +5,20 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
-from acquisition import geometry
+from acquisition import geometry, lamp_pose, pilot
+from acquisition.formats import folders
 from acquisition.formats.folders.session_folder import read as read_session
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import Light
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import SolveSettings
+from acquisition.normals import near_light
 from api.cli import lights_file, planning
-from tests.acquisition import session_folder
+from tests.acquisition import scenes, session_folder
 from tests.acquisition.formats.folders import small
 
 ROOT = Path(__file__).parents[3]
@@ -233,11 +239,64 @@ def test_plan_coplanar_pilot_is_refused(tmp_path: Path) -> None:
 
 
 def test_plan_refusal_exits_as_solve_does(tmp_path: Path, made: dict[str, Path]) -> None:
-    for folder, pilot in ((tmp_path / "none", "0,1,2"), (made["lp"], "0,0,0")):
+    for folder, images in ((tmp_path / "none", "0,1,2"), (made["lp"], "0,0,0")):
         done = subprocess.run(
-            [sys.executable, "-m", "api.cli", "plan", str(folder), "--count", "1", "--pilot", pilot],
+            [sys.executable, "-m", "api.cli", "plan", str(folder), "--count", "1", "--pilot", images],
             cwd=ROOT, capture_output=True, text=True, check=False,
         )  # fmt: skip
         assert done.returncode == 2
         assert "What to do" in done.stderr
         assert not done.stdout
+
+
+def near_folder(folder: Path, true: scenes.Scene, lights: list[Light]) -> Path:
+    """A near-light folder of a scene, in cm, with the errors of lamps and the noise that `scenes.capture` draws."""
+    folder.mkdir()
+    known, captured = true.calibration, scenes.capture(true, lights, seed=5)
+    listed: list[dict[str, object]] = []
+    for shot in captured.shots:
+        assert shot.light is not None
+        name = shot.frame.path.replace(".tiff", ".png")
+        signal = captured.frames.rows(shot.frame, 0, known.height) - known.sensor.black_level_dn
+        cv2.imwrite(
+            str(folder / name), np.clip(signal / known.sensor.full_scale_dn * 65535, 0, 65535).astype(np.uint16)
+        )
+        x, y, z = (100 * value for value in shot.light.position)
+        listed.append({"file": name, "position": [x, -y, -z], "intensity": shot.exposure_s * known.lamp_intensity})
+    camera = {"K": [list(row) for row in known.camera_matrix], "distortion": []}
+    content = {
+        "unit": "cm", "reference_mm": 1000 * known.reference_m, "camera": camera, "lights": listed, "depth_mm": 870,
+        "black_level": 0,
+    }  # fmt: skip
+    (folder / "lights.json").write_text(json.dumps(content))
+    cv2.imwrite(str(folder / "mask.png"), true.mask.astype(np.uint8) * 255)
+    return folder
+
+
+@pytest.mark.long
+def test_plan_replayed_dome_beats_most_random_choices(tmp_path: Path) -> None:
+    """Found errors of pilot and four further lights: the plan's and those of twelve random choices of a dome of 24."""
+    true = scenes.scene(scenes.bumps, scenes.calibration(112, lobe_exponent=0.0))
+    reach = scenes.Dome(refused=0)
+    slants, azimuths = np.radians(np.linspace(15, 72, 24)), np.arange(24) * np.pi * (3 - np.sqrt(5))
+    dome = [
+        lamp_pose.light_at(reach.center + 0.45 * unit, reach.center) for unit in geometry.direction(slants, azimuths)
+    ]
+    first = pilot.pattern(Recipe(), reach)
+    folder = near_folder(tmp_path / "dome", true, [*first, *dome])
+    images = folders.read(folder, tmp_path)
+
+    def found_deg(further: list[int]) -> float:
+        solved = near_light.solve(images.only([0, 1, 2, 3, *further]), SolveSettings())
+        return float(np.mean(true.error_deg(solved.normals)))
+
+    outcome = planned(folder, 4, pilot="0,1,2,3")
+    chosen = [light["number"] for light in outcome["lights"]]  # type: ignore[union-attr, index]
+    assert outcome["unit"] == "cm"
+    assert outcome["candidates"] == 24
+    ours = found_deg(chosen)
+    rng = np.random.default_rng(8)
+    random = sorted(found_deg([int(number) for number in 4 + rng.permutation(24)[:4]]) for _ in range(12))
+    assert ours < random[3]
+    assert ours < 0.8 * found_deg([])
+    assert outcome["forecast_mean_deg"] == pytest.approx(ours, rel=0.4)
