@@ -25,7 +25,8 @@ def shape(random: np.random.Generator) -> Mesh:
     rows = _fine(profile)
     angle = np.linspace(0, 2 * np.pi, SEGMENTS, endpoint=False)
     flutes, twist = int(random.integers(5, 18)), random.uniform(-8, 8)
-    depth = random.uniform(0.03, 0.12) if random.random() < 0.35 else 0.0
+    # Not on a face plate: where the profile runs inward on level ground, flutes would fold it over itself.
+    depth = random.uniform(0.03, 0.12) if kind != "plate" and random.random() < 0.35 else 0.0
     low, high = np.sort(random.uniform(0.1, 0.9, 2))
     # Flutes run along a part of the work and fade at its ends.
     along = np.clip((rows[:, 1] / rows[:, 1].max() - low) / 0.06, 0, 1) * np.clip(
@@ -86,7 +87,8 @@ def _spindle(random: np.random.Generator, standing: bool) -> FloatArray:
         run[:, 0] *= random.uniform(0.4, 0.8)
     height = run[:, 0]
     inside = np.stack([radius, height], axis=1)
-    dome = random.uniform(-0.3, 0.8) * radius[-1] if random.random() < 0.6 else 0.0
+    # A hollow end would come back through the flutes, which go by height.
+    dome = random.uniform(0.0, 0.8) * radius[-1] if random.random() < 0.6 else 0.0
     bend = np.linspace(0, np.pi / 2, 30)
     cap = np.stack([radius[-1] * np.cos(bend), height[-1] + dome * np.sin(bend)], axis=1)
     return np.concatenate([[[0.0, 0.0]], inside, cap[1:-1], [[0.0, cap[-1, 1]]]])
