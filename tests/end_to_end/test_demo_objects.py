@@ -12,15 +12,18 @@ import trimesh
 
 ROOT = Path(__file__).parents[2]
 
-MESH_LIMITS_DEG = {"lambert": 2.0, "oren-nayar:0.35": 8.0, "ggx:0.2": 8.0, "metal:0.3": 40.0}
-"""Mean error within 78° that a wavy ball may have at 192 pixels and 8 lights; what is not Lambert's is no part of the
-solver's model, and the limits are to notice a broken rendering, not to grade the solver."""
+MESH_LIMITS_DEG = {"lambert": 1.0, "oren-nayar:0.35": 6.0, "ggx:0.2": 4.0, "metal:0.3": 45.0}
+"""Mean error within 78° that a wavy ball may have with 8 lights, about 1.5 times what was found (.37, 3.9, 2.1, 29.5°):
+they are to notice a broken rendering, not to grade the solver, whose model holds neither roughness nor metal."""
+
+METHODS = {"metal:0.3": "two-rings"}
+"""A metal's images give a wrong depth, on which the service refuses to plan near the keep-out: so it is not planned."""
 
 
 def demo(folder: Path, *arguments: str) -> dict[str, Any]:
     done = subprocess.run(
         [
-            sys.executable, "-m", "api.cli", "demo", *arguments, "--pixels", "192", "--speed", "30", "--no-random",
+            sys.executable, "-m", "api.cli", "demo", *arguments, "--pixels", "160", "--speed", "8", "--no-random",
             "--data", str(folder), "--json",
         ],
         cwd=ROOT, capture_output=True, text=True, check=False, timeout=1200,
@@ -44,7 +47,9 @@ def wavy_ball(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("reflectance", MESH_LIMITS_DEG)
 def test_demo_mesh_is_graded_against_its_truth(tmp_path: Path, wavy_ball: Path, reflectance: str) -> None:
-    outcome = demo(tmp_path, "--mesh", str(wavy_ball), "--size-mm", "90", "--reflectance", reflectance)
+    method = METHODS.get(reflectance, "optimal")
+    mesh = ("--mesh", str(wavy_ball), "--size-mm", "90")
+    outcome = demo(tmp_path, *mesh, "--reflectance", reflectance, "--method", method)
     assert outcome["object"] == f"wavy ball.stl ({reflectance})"
     gradings = outcome["gradings"]
     assert set(gradings) == {"one_surface", "within_78_deg", "object"}
@@ -56,7 +61,7 @@ def test_demo_mesh_is_graded_against_its_truth(tmp_path: Path, wavy_ball: Path, 
 
 @pytest.mark.long
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize(("family", "seed"), [("blob", 0), ("relief", 5)])
+@pytest.mark.parametrize(("family", "seed"), [("blob", 0), ("turned", 0), ("machined", 3)])
 def test_demo_family_is_graded_against_its_truth(tmp_path: Path, family: str, seed: int) -> None:
     outcome = demo(tmp_path, "--family", family, "--seed", str(seed))
     assert outcome["object"] == f"family {family}"
