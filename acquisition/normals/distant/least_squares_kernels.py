@@ -155,6 +155,7 @@ def _weighted(  # noqa: PLR0915 - one fused kernel is the point
     clipped_from, dark, excess = limits[0], limits[1], limits[2]
     zero = np.float32(0.0)
     one = np.float32(1.0)
+    half = np.float32(0.5)
     size = end - start
     largest = np.zeros(size, np.float32)
     m = np.zeros((6, size), np.float32)
@@ -177,7 +178,7 @@ def _weighted(  # noqa: PLR0915 - one fused kernel is the point
             most = one_value if one_value > most else most
             largest[p] = other_value if other_value > most else most
     for p in range(size):
-        largest[p] = max(largest[p] * dark, np.float32(1e-20))
+        largest[p] = one / max(largest[p] * dark, np.float32(1e-20))
         m[0, p] = m[3, p] = m[5, p] = np.float32(1e-5)
     for f in range(0, count, 2):
         other = min(f + 1, count - 1)
@@ -190,27 +191,30 @@ def _weighted(  # noqa: PLR0915 - one fused kernel is the point
         for p in range(size):
             v = np.float32(y[p])
             u = np.float32(z[p])
-            w = (one if v < clipped_from else zero) * (one if v * k >= largest[p] else zero)
-            x = (present if u < clipped_from else zero) * (one if u * l >= largest[p] else zero)
+            w = (one if v < clipped_from else zero) * min(max(v * k * largest[p] - half, zero), one)
+            x = (present if u < clipped_from else zero) * min(max(u * l * largest[p] - half, zero), one)
             m[0, p] += w * (sx * sx) + x * (tx * tx)
             m[1, p] += w * (sx * sy) + x * (tx * ty)
             m[2, p] += w * (sx * sz) + x * (tx * tz)
             m[3, p] += w * (sy * sy) + x * (ty * ty)
             m[4, p] += w * (sy * sz) + x * (ty * tz)
             m[5, p] += w * (sz * sz) + x * (tz * tz)
-            v *= w * k
-            u *= x * l
+            v *= k
+            u *= l
+            total[p] += w * v * v + x * u * u
+            v *= w
+            u *= x
             b[0, p] += v * sx + u * tx
             b[1, p] += v * sy + u * ty
             b[2, p] += v * sz + u * tz
             n[p] += w + x
-            total[p] += v * v + u * u
     solve3(m, b, g, block_leverage, size)
     limit = np.empty(size, np.float32)
     for p in range(size):
         limit[p] = excess * np.sqrt(g[0, p] * g[0, p] + g[1, p] * g[1, p] + g[2, p] * g[2, p])
         limit[p] += np.float32(1e9) if n[p] <= np.float32(4.0) else zero
     highlights = zero
+    first = g.copy()
     for f in range(0, count, 2):
         other = min(f + 1, count - 1)
         y, z = stack[f, start:end], stack[other, start:end]
@@ -222,7 +226,7 @@ def _weighted(  # noqa: PLR0915 - one fused kernel is the point
             v = np.float32(y[p])
             u = np.float32(z[p])
             unclipped = one if v < clipped_from else zero
-            lit = unclipped * (one if v * k >= largest[p] else zero)
+            lit = unclipped * (one if v * k * largest[p] >= one else zero)
             facing = g[0, p] * sx + g[1, p] * sy + g[2, p] * sz
             away = np.float32(2.0) if facing < zero else zero
             over = v * k - facing
@@ -230,34 +234,37 @@ def _weighted(  # noqa: PLR0915 - one fused kernel is the point
             # 1 lit, 16 highlight, 8 clipped, 4 in shadow, 2 in shadow and turned from the light
             dark = (one - lit) * (np.float32(8.0) - (np.float32(4.0) + away) * unclipped)
             flag[p] = np.uint8(np.int32(lit + np.float32(15.0) * bright + dark))
-            highlights += bright
+            highlights += lit * (one if over > half * limit[p] else zero)
             unclipped = one if u < clipped_from else zero
-            lit = unclipped * (one if u * l >= largest[p] else zero)
+            lit = unclipped * (one if u * l * largest[p] >= one else zero)
             facing = g[0, p] * tx + g[1, p] * ty + g[2, p] * tz
             away = np.float32(2.0) if facing < zero else zero
             over = u * l - facing
             bright = lit * (one if over > limit[p] else zero)
             dark = (one - lit) * (np.float32(8.0) - (np.float32(4.0) + away) * unclipped)
             flag_other[p] = np.uint8(np.int32(lit + np.float32(15.0) * bright + dark))
-            highlights += bright
+            highlights += lit * (one if over > half * limit[p] else zero)
     for f in range(count if highlights > zero else 0):
         y = stack[f, start:end]
         sx, sy, sz = light[f, 0], light[f, 1], light[f, 2]
-        flag = flags[f, start:end]
+        k = scale[f]
         for p in range(size):
-            w = one if np.int32(flag[p]) == 16 and n[p] > np.float32(4.0) else zero
+            v = np.float32(y[p]) * k
+            facing = first[0, p] * sx + first[1, p] * sy + first[2, p] * sz
+            w = (one if y[p] < clipped_from else zero) * min(max(v * largest[p] - half, zero), one)
+            w *= min(max((v - facing) / limit[p] - half, zero), one)
             m[0, p] -= w * (sx * sx)
             m[1, p] -= w * (sx * sy)
             m[2, p] -= w * (sx * sz)
             m[3, p] -= w * (sy * sy)
             m[4, p] -= w * (sy * sz)
             m[5, p] -= w * (sz * sz)
-            value = w * scale[f] * np.float32(y[p])
+            value = w * v
             b[0, p] -= value * sx
             b[1, p] -= value * sy
             b[2, p] -= value * sz
             n[p] -= w
-            total[p] -= value * value
+            total[p] -= value * v
     if highlights > zero:
         solve3(m, b, g, block_leverage, size)
     for p in range(size):
@@ -294,7 +301,8 @@ def weighted(
 
     A measurement is in shadow below a share of the pixel's largest unclipped value, attached where the fitted normal
     faces away from the light, cast else. Highlights exceed the first fit by a share of the albedo; they are left out
-    unless fewer than four measurements would remain.
+    unless fewer than four measurements would remain. Both weights fall linearly from one to zero between half and one
+    and a half of the threshold, so that normals have no seam where the set of lights changes.
     """
     pixels = stack.shape[1]
     for block in numba.prange((pixels + BLOCK - 1) // BLOCK):

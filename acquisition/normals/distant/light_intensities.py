@@ -86,7 +86,7 @@ def fit(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> Flo
     """Maximum a posteriori log factors (F,), mean zero, of pixels (K, F), by robust Gauss–Newton."""
     count = len(directions)
     log_factors = np.zeros(count)
-    usable = solvers.usable(values, clipped).astype(float)
+    usable = solvers.shadow_weights(values, clipped)
     scaled, weight = _robust_normals(values, usable, directions)
     for _ in range(ITERATIONS):
         predicted = scaled @ directions.T
@@ -119,12 +119,12 @@ def fit(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> Flo
 
 
 def _robust_normals(
-    values: FloatArray | Float32Array, usable: FloatArray, directions: FloatArray
+    values: FloatArray | Float32Array, usable: Float32Array, directions: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Scaled normals (K, 3) and the weights (K, F) at which they are the least-squares solution."""
     fitted, statistics = solvers.robust_fit(
         np.ascontiguousarray(values, dtype=np.float32),
-        usable > 0,
+        usable,
         directions,
         robust_regression.POSITION_THRESHOLDS,
         robust_regression.MAX_ITERATIONS,
@@ -141,7 +141,7 @@ def _prediction_error(
 ) -> float:
     """Geometric mean over pixels of the median leave-one-image-out residual, as a share of the albedo."""
     corrected = values * np.exp(-log_factors)
-    scaled, weight = _robust_normals(corrected, solvers.usable(values, clipped).astype(float), directions)
+    scaled, weight = _robust_normals(corrected, solvers.shadow_weights(values, clipped), directions)
     matrix = np.einsum("kf,fa,fb->kab", weight, directions, directions, optimize=True)
     kept = np.sum(weight > 0, axis=1) > 4
     inverse = np.linalg.inv(matrix[kept] + 1e-9 * np.eye(3))

@@ -85,7 +85,7 @@ def initial_normals(values: Float32Array, clipped: BoolArray, directions: FloatA
     """Initial normals (N, 3): least squares over the position thresholds (Shi et al., TPAMI 2014)."""
     scaled_normals, statistics = np.empty((len(values), 3), np.float32), np.empty((len(values), 2), np.float32)
     robust_regression.solve(
-        values, (~clipped).astype(np.uint8), directions, np.empty((0, 3), np.int64), np.empty((0, 3, 3)),
+        values, (~clipped).astype(np.float32), directions, np.empty((0, 3), np.int64), np.empty((0, 3, 3)),
         np.array([*robust_regression.POSITION_THRESHOLDS, 0.0, 0.0]), scaled_normals, statistics,
     )  # fmt: skip
     scaled_normals[:, 2] = np.maximum(scaled_normals[:, 2], 0.03 * np.linalg.norm(scaled_normals, axis=1) + 1e-9)

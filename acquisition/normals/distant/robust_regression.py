@@ -16,6 +16,9 @@ POSITION_THRESHOLDS = (0.25, 0.7)
 """Ranks, as shares of the lights, between which measurements count at the start; asymmetric, because highlights reach
 further down than shadows reach up."""
 
+MIN_TRIPLE_WEIGHT = 0.5
+"""Least weight of the measurements of a triple."""
+
 MIN_POSITION_THRESHOLD_LIGHTS = 20
 """Lights from which the start is the middle ranks, below which it is the best triple."""
 
@@ -81,13 +84,13 @@ def _normal_equations(y: FloatArray, w: FloatArray, light: FloatArray, m: FloatA
 
 
 @numba.njit(
-    "void(float32[:,::1], uint8[:,::1], float64[:,::1], int64[:,::1], float64[:,:,::1], float64[::1],"
+    "void(float32[:,::1], float32[:,::1], float64[:,::1], int64[:,::1], float64[:,:,::1], float64[::1],"
     " float32[:,::1], float32[:,::1], int64)",
     cache=True, error_model="numpy",
 )  # fmt: skip
 def _solve_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     values: Float32Array,  # (N, F)
-    usable: np.ndarray,  # (N, F) uint8, neither clipped nor in shadow
+    usable: Float32Array,  # (N, F) weights 0–1; 0: clipped or in shadow
     light: FloatArray,  # (F, 3) unit directions
     lit_triples: np.ndarray,  # (T, 3); none: start from the middle ranks
     inverses: FloatArray,  # (T, 3, 3)
@@ -108,17 +111,19 @@ def _solve_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
     trial = np.zeros(3)
     used = 0
     bright = 0.0
+    share = 0.0
     for f in range(size):
         y[f] = values[p, f]
         bright += y[f] * usable[p, f]
-        used += usable[p, f]
-    bright /= max(used, 1)
+        share += usable[p, f]
+        used += 1 if usable[p, f] > 0 else 0
+    bright /= max(share, 1e-12)
     good = False
     if len(lit_triples) > 0:
         best = 1e30
         for t in range(len(lit_triples)):
             i, j, k = lit_triples[t, 0], lit_triples[t, 1], lit_triples[t, 2]
-            if usable[p, i] + usable[p, j] + usable[p, k] < 3:
+            if min(usable[p, i], usable[p, j], usable[p, k]) < MIN_TRIPLE_WEIGHT:
                 continue
             for a in range(3):
                 trial[a] = inverses[t, a, 0] * y[i] + inverses[t, a, 1] * y[j] + inverses[t, a, 2] * y[k]
@@ -183,13 +188,13 @@ def _solve_pixel(  # noqa: PLR0912, PLR0915 - one fused kernel is the point
 
 
 @numba.njit(
-    "void(float32[:,::1], uint8[:,::1], float64[:,::1], int64[:,::1], float64[:,:,::1], float64[::1],"
+    "void(float32[:,::1], float32[:,::1], float64[:,::1], int64[:,::1], float64[:,:,::1], float64[::1],"
     " float32[:,::1], float32[:,::1])",
     cache=True, parallel=True, error_model="numpy",
 )  # fmt: skip
 def solve(
     values: Float32Array,  # (N, F)
-    usable: np.ndarray,  # (N, F) uint8, neither clipped nor in shadow
+    usable: Float32Array,  # (N, F) weights 0–1; 0: clipped or in shadow
     light: FloatArray,  # (F, 3) unit directions
     lit_triples: np.ndarray,  # (T, 3); none: start from the middle ranks
     inverses: FloatArray,  # (T, 3, 3)

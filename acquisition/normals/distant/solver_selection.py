@@ -14,6 +14,9 @@ from acquisition.normals.distant.solvers import Solver
 FOLDS = 4
 """Parts of the lights, each held out once."""
 
+FOLDS_OF_FEW = 6
+"""The same where four parts would leave fewer lights than `glossy` needs: parts of two of twelve lights."""
+
 SAMPLE_PIXELS = 300
 """Pixels that the solvers are compared at."""
 
@@ -31,8 +34,8 @@ def select(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> 
     """Selects the solver of least held-out error at a sample of pixels (K, F); returns it with the reason in words."""
     step = max(1, len(values) // SAMPLE_PIXELS)
     values, clipped = np.ascontiguousarray(values[::step]), np.ascontiguousarray(clipped[::step])
-    many = len(directions) >= solvers.MIN_GLOSSY_LIGHTS * FOLDS // (FOLDS - 1)
-    candidates = FEW_LIGHTS_SOLVERS + MANY_LIGHTS_SOLVERS if many else FEW_LIGHTS_SOLVERS
+    enough = len(directions) >= solvers.MIN_GLOSSY_LIGHTS
+    candidates = FEW_LIGHTS_SOLVERS + MANY_LIGHTS_SOLVERS if enough else FEW_LIGHTS_SOLVERS
     if len(directions) <= FOLDS + 1:
         return "weighted", f"{len(directions)} lights leave none to test other solvers by"
     errors = {solver: held_out_error(solver, values, clipped, directions) for solver in candidates}
@@ -47,6 +50,7 @@ def select(values: Float32Array, clipped: BoolArray, directions: FloatArray) -> 
 def held_out_error(solver: Solver, values: Float32Array, clipped: BoolArray, directions: FloatArray) -> float:
     """Cross-validation error of a solver: geometric mean over pixels of the ERROR_QUANTILE of their relative errors."""
     count = len(directions)
+    folds = FOLDS if count * (FOLDS - 1) // FOLDS >= solvers.MIN_GLOSSY_LIGHTS else FOLDS_OF_FEW
     # The three diffuse parameters are shared by all pixels, so that fitting them to all lights gives none away to a
     # pixel.
     diffuse_params = (
@@ -56,8 +60,8 @@ def held_out_error(solver: Solver, values: Float32Array, clipped: BoolArray, dir
     )
     errors = np.full(values.shape, np.nan)
     order = np.random.default_rng(0).permutation(count)
-    for fold in range(FOLDS):
-        held_out = np.sort(order[fold::FOLDS])
+    for fold in range(folds):
+        held_out = np.sort(order[fold::folds])
         shown = np.setdiff1d(np.arange(count), held_out)
         predicted = _predict(
             solver, np.ascontiguousarray(values[:, shown]), np.ascontiguousarray(clipped[:, shown]),
@@ -94,5 +98,5 @@ def _predict(
         return reflectance_fit.brightness(fits, reflectance_fit.light_table(held_out), diffuse_params)
     ranks = (0.0, 1.0) if solver == "weighted" else robust_regression.POSITION_THRESHOLDS
     rounds = robust_regression.MAX_ITERATIONS if solver == "robust" else 0
-    scaled_normals, _ = solvers.robust_fit(values, solvers.usable(values, clipped), shown, ranks, rounds)
+    scaled_normals, _ = solvers.robust_fit(values, solvers.shadow_weights(values, clipped), shown, ranks, rounds)
     return np.maximum(scaled_normals @ held_out.T, 0)

@@ -99,10 +99,19 @@ def usable(values: Float32Array, clipped: BoolArray) -> BoolArray:
     return ~clipped & (values > 0) & (values >= np.float32(SHADOW_THRESHOLD) * largest)
 
 
+def shadow_weights(values: Float32Array, clipped: BoolArray) -> Float32Array:
+    """Weights (N, F) of the measurements: 0 where clipped, from 0 to 1 between half and 1.5 of the shadow's threshold.
+
+    A weight that jumps leaves a seam in the normals where a light falls into shadow.
+    """
+    threshold = np.float32(SHADOW_THRESHOLD) * np.max(np.where(clipped, 0, values), axis=1, keepdims=True)
+    return np.where(clipped, 0, np.clip(values / np.maximum(threshold, 1e-20) - 0.5, 0, 1)).astype(np.float32)
+
+
 def robust_fit(
-    values: Float32Array, lit: BoolArray, directions: FloatArray, ranks: tuple[float, float], rounds: int
+    values: Float32Array, weights: Float32Array, directions: FloatArray, ranks: tuple[float, float], rounds: int
 ) -> tuple[Float32Array, Float32Array]:
-    """Robust regression of pixels (N, F): albedo × normal (N, 3); variance of one measurement and leverage (N, 2)."""
+    """Robust regression of pixels (N, F) with weights: albedo × normal (N, 3); variance and leverage (N, 2)."""
     scaled_normals, statistics = np.empty((len(values), 3), np.float32), np.empty((len(values), 2), np.float32)
     many = len(directions) >= robust_regression.MIN_POSITION_THRESHOLD_LIGHTS or rounds == 0
     chosen, inverses = (
@@ -110,7 +119,9 @@ def robust_fit(
     )  # fmt: skip
     settings = np.array([*ranks, robust_regression.CAUCHY_SCALE if rounds else 0.0, rounds])
     light = np.ascontiguousarray(directions, dtype=np.float64)
-    robust_regression.solve(values, lit.astype(np.uint8), light, chosen, inverses, settings, scaled_normals, statistics)
+    robust_regression.solve(
+        values, np.ascontiguousarray(weights), light, chosen, inverses, settings, scaled_normals, statistics
+    )
     return scaled_normals, statistics
 
 
@@ -164,7 +175,9 @@ def _robust(directions: FloatArray, rounds: int) -> Method:
     def solve(block: Block, chosen: np.ndarray) -> SolveResult:
         values, clipped = block.pixels(chosen)
         lit = usable(values, clipped)
-        scaled_normals, statistics = robust_fit(values, lit, directions, robust_regression.POSITION_THRESHOLDS, rounds)
+        scaled_normals, statistics = robust_fit(
+            values, shadow_weights(values, clipped), directions, robust_regression.POSITION_THRESHOLDS, rounds
+        )
         albedo = np.linalg.norm(scaled_normals, axis=1)
         normals = scaled_normals / np.maximum(albedo, 1e-20)[:, None]
         predicted = scaled_normals @ directions.T.astype(np.float32)
