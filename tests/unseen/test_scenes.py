@@ -8,7 +8,6 @@ import pytest
 from acquisition.formats.folders import near_light_folder
 from acquisition.models.result import SolveSettings
 from acquisition.normals import solve_stack
-from hardware_sim import families
 from tests.unseen import faults, patterns, scenes
 from tests.unseen.captures import capture, write_folder
 from tests.unseen.scenes import Scene
@@ -39,8 +38,8 @@ def test_scene_is_the_same_for_the_same_seed(blob: Scene) -> None:
     assert scenes.scene("blob", 1, "lambert", SMALL).key != blob.key
 
 
-@pytest.mark.parametrize("family", sorted(families.SHAPES))
-def test_scene_of_every_family_fills_the_frame(family: str) -> None:
+@pytest.mark.parametrize("family", ["turned", "knot", "sheet"])
+def test_scene_of_a_family_fills_the_frame(family: str) -> None:
     one = scenes.scene(family, 0, pixels=SMALL)
     corners = one.mesh.triangles.reshape(-1, 3)
     reach = np.max(np.abs(corners[:, :2] / -corners[:, 2:])) * one.focal_px / (one.pixels / 2)
