@@ -110,7 +110,11 @@ class Scene:
         key.update(np.ascontiguousarray(self.mesh.corner_normals).tobytes())
         key.update(np.asarray(self.texture(self.mesh.triangles[::7].mean(axis=1))).tobytes())
         camera = (self.pixels, self.focal_px, self.center.tolist(), self.radius_m, self.lobe)
-        key.update(repr((VERSION, tracer.VERSION, self.reflectance, self.reflectance.scatter_m, camera)).encode())
+        key.update(
+            repr(
+                (VERSION, tracer.VERSION[self.reflectance.kind], self.reflectance, self.reflectance.scatter_m, camera)
+            ).encode()
+        )
         return key.hexdigest()[:20]
 
     @property

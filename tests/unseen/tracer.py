@@ -4,9 +4,9 @@ Thousands of images are needed on two cores, and the paths do not depend on the 
 ray from each of 4 × 4 points of a pixel and the full reflectance. Indirect light comes over stored paths: from each
 pixel about a hundred rays, drawn by the reflectance, end at vertices whose light is that of the nearest of 16,384
 points spread over the surface. The points' irradiance takes one shadow ray each; light between them is diffuse
-radiosity with form factors by rays (Goral et al., SIGGRAPH 1984), a product with a sparse matrix. A metal's paths are
-followed over four vertices, since its light is not diffuse. So an image takes 0.1–0.3 s in place of Mitsuba's 10–60 s,
-with which it agrees within 2 % (`test_tracer.py`).
+radiosity with form factors by rays (Goral et al., SIGGRAPH 1984), a product with a sparse matrix. Where there is a
+lobe, paths go on by reflection in it, a metal's over eight vertices, since its light is not diffuse. So an image takes
+0.1–0.3 s in place of Mitsuba's 10–60 s; how far they agree says `test_mitsuba.py`.
 
 Camera at the origin, looks along −z: the view frame, m. Values y are those of the product: a white Lambertian that
 faces the lamp at the reference distance on the lamp's axis gives 1. Nothing but the mesh is shared with solver or
@@ -26,16 +26,19 @@ from hardware_sim.sheets import Mesh
 from tests.unseen import brdf
 from tests.unseen.brdf import Brdf
 
-VERSION = 2
-"""To be raised when anything here changes what is rendered."""
+VERSION = {"lambert": 3, "oren-nayar": 3, "ggx": 3, "metal": 3}
+"""By kind of reflectance; to be raised when anything here changes what is rendered."""
 
 POINTS, POINT_RAYS = 16_384, 64
 """Points over the surface that carry indirect light, and the rays of each one's form factors."""
 DIFFUSE_RAYS, LOBE_RAYS = 7, 4
 """Rays of the final gather from each of a pixel's 16 points, by the diffuse part and by a glossy surface's lobe."""
-METAL_RAYS, METAL_VERTICES = 12, 4
-"""Rays of a metal's gather from each of the 16 points, and the vertices over which its paths are followed."""
-BOUNCES = 8
+METAL_RAYS = 12
+"""Rays of a metal's gather from each of the 16 points."""
+METAL_VERTICES, GLOSS_VERTICES = 8, 3
+"""Vertices over which paths are followed by reflection in the lobe: with 4 a metal mug is 2 % too dark."""
+MOST_BOUNCES, LAST_BOUNCE = 40, 1e-3
+"""Bounces of diffuse light end when one adds less than this share."""
 TURN_M = 0.006
 """Two places whose normals are at right angles count as √2 times this far apart when the nearest point is sought, so
 that the two sides of a thin sheet are kept apart."""
@@ -230,15 +233,20 @@ class Tracer:
             self.brdf.parameters, pose, lobe, self.reference_m, paths.point, paths.normal, paths.outward, paths.albedo,
             sees[paths.nearest],
         )  # fmt: skip
-        later = radiosity - self._share * direct
-        light += np.where(paths.closing, later[paths.nearest], 0.0)
+        incoming = (radiosity / self._share - direct)[paths.nearest]
+        diffuse = self._albedo_share * self._points.albedo[paths.nearest]
+        light += np.where(paths.closing, self._share[paths.nearest], diffuse) * incoming
         return np.bincount(paths.pixel, paths.weight * light, self.pixels**2)
 
     def _radiosity(self, direct: np.ndarray) -> np.ndarray:
         """Radiosity (P,) of the points under irradiance (P,): Jacobi iteration of B = ρ (E + F B)."""
         out = self._share * direct
-        for _ in range(BOUNCES):
+        light = np.sum(out)
+        for _ in range(MOST_BOUNCES):
             out = self._share * (direct + self._form @ out)
+            if (more := np.sum(out)) < (1 + LAST_BOUNCE) * light:
+                break
+            light = more
         return out
 
     def _entries(self, scatter_m: float) -> Hits:
@@ -287,6 +295,12 @@ class Tracer:
         tint = self._points.albedo if self.brdf.tinted else 1.0
         self._share = self._points.albedo * self._albedo_share + tint * self._lobe_share
 
+    @property
+    def _vertices(self) -> int:
+        if self.brdf.alpha == 0:
+            return 1
+        return GLOSS_VERTICES if self.brdf.diffuse > 0 else METAL_VERTICES
+
     def _gather(self) -> Paths:
         """Stored paths from the camera's points: diffuse and lobe rays to one vertex, a metal's to several."""
         seen, outward = self._seen, self._outward
@@ -297,7 +311,7 @@ class Tracer:
             weight = brdf.values(
                 self.brdf.base.parameters, seen.albedo[origin], seen.normal[origin], outward[origin], direction
             )
-            made += self._followed(origin, direction, weight / DIFFUSE_RAYS, vertices=1)
+            made += self._followed(origin, direction, weight / DIFFUSE_RAYS, self._vertices)
         if self.brdf.alpha > 0:
             count = LOBE_RAYS if self.brdf.diffuse > 0 else METAL_RAYS
             origin = np.repeat(np.arange(len(seen.ray)), count)
@@ -305,8 +319,7 @@ class Tracer:
             direction, weight = brdf.reflected(
                 self.brdf, seen.albedo[origin], seen.normal[origin], outward[origin], square
             )
-            vertices = 1 if self.brdf.diffuse > 0 else METAL_VERTICES
-            made += self._followed(origin, direction, weight / count, vertices)
+            made += self._followed(origin, direction, weight / count, self._vertices)
         return Paths(*(np.concatenate(parts) for parts in zip(*made, strict=True)))
 
     def _followed(
