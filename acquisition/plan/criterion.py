@@ -8,7 +8,6 @@ light of probability above its level as visible, because an error of one pixel's
 together. Multiplying information by probability instead would be optimistic (decision 0027).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -57,7 +56,7 @@ class Samples:
     lit: Float32Array  # (P,) images so far in which the pixel is lit
     curvature_variance: Float32Array  # (P,) rad², independent of the lights
     indirect: Float32Array  # (P,) indirect part of y, mean of the images so far
-    captured_directions: FloatArray  # (T, 3) unit directions of the lights of those images
+    offset_sigma_m: float = photometry.OFFSET_SIGMA_M  # ζ = 1 is a depth offset of so much
 
     @cached_property
     def packed(self) -> FloatArray:
@@ -82,9 +81,9 @@ class Samples:
         thinned = {
             name: np.ascontiguousarray(value[::step] if name in over_first else value[:, ::step])
             for name, value in values.items()
-            if name != "captured_directions"
+            if name != "offset_sigma_m"
         }
-        return Samples(**thinned, captured_directions=self.captured_directions)
+        return Samples(**thinned, offset_sigma_m=self.offset_sigma_m)
 
 
 @dataclass(frozen=True)
@@ -93,43 +92,32 @@ class Candidates:
 
     row: Float32Array  # (K, 4, P) whitened
     visibility: Float32Array  # (K, P) probability
-    unit: FloatArray  # (K, 3) directions of the lights
 
     def only(self, chosen: list[int] | npt.NDArray[np.intp]) -> "Candidates":
         """Subset of the candidates."""
-        return Candidates(
-            np.ascontiguousarray(self.row[chosen]), np.ascontiguousarray(self.visibility[chosen]), self.unit[chosen]
-        )
+        return Candidates(np.ascontiguousarray(self.row[chosen]), np.ascontiguousarray(self.visibility[chosen]))
 
     def thinned(self, step: int) -> "Candidates":
         """Every `step`-th pixel."""
         return Candidates(
-            np.ascontiguousarray(self.row[:, :, ::step]), np.ascontiguousarray(self.visibility[:, ::step]), self.unit
+            np.ascontiguousarray(self.row[:, :, ::step]), np.ascontiguousarray(self.visibility[:, ::step])
         )
 
     def joined(self, others: "Candidates") -> "Candidates":
         """Concatenation of these candidates and others."""
-        return Candidates(
-            np.concatenate([self.row, others.row]),
-            np.concatenate([self.visibility, others.visibility]),
-            np.concatenate([self.unit, others.unit]),
-        )
-
-
-def directions(lights: Sequence[Light]) -> FloatArray:
-    """Unit directions (K, 3) from the point at which lights look to the lights."""
-    return -np.array([light.axis for light in lights]).reshape(-1, 3)
+        return Candidates(np.concatenate([self.row, others.row]), np.concatenate([self.visibility, others.visibility]))
 
 
 def samples(
-    normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray, captured: Sequence[Light] = ()
-) -> Samples:
-    """Sample pixels of a normal map, by numbers in its `information`; `captured`: the lights it was solved from."""
+    normal_map: NormalMap, calibration: Calibration, chosen: np.ndarray,
+    offset_sigma_m: float = photometry.OFFSET_SIGMA_M,
+) -> Samples:  # fmt: skip
+    """Sample pixels of a normal map, by numbers in its `information`, with a prior of their depth offsets in m."""
     rows, columns = normal_map.information.rows[chosen], normal_map.information.columns[chosen]
     ray = visibility.rays_at(calibration, rows, columns)
     depth = normal_map.depth[rows, columns]
     albedo = np.maximum(normal_map.albedo[rows, columns], 1e-3)
-    scale = np.array([1.0, 1.0, 1.0, photometry.OFFSET_SIGMA_M])
+    scale = np.array([1.0, 1.0, 1.0, offset_sigma_m])
     information = normal_map.information.matrices[chosen] * np.outer(scale, scale)
     return Samples(
         row=rows,
@@ -143,7 +131,7 @@ def samples(
         lit=np.count_nonzero(normal_map.flags[:, rows, columns] & LIT, axis=0).astype(np.float32),
         curvature_variance=planned_noise.curvature_variance(normal_map, rows, columns),
         indirect=np.zeros_like(albedo),
-        captured_directions=directions(captured),
+        offset_sigma_m=offset_sigma_m,
     )
 
 
@@ -236,14 +224,11 @@ def candidates(
     deviation = np.sqrt(expected)
     light_ray_cosine = np.einsum("fcp,cp->fp", shading.light, sample.ray_direction) / np.maximum(shading.strength, 1e-9)
     normal_ray = np.einsum("cp,cp->p", sample.normal, sample.ray_direction)
-    slope = (
-        -strength / shading.distance * (normal_ray - 3 * shading.cosine * light_ray_cosine) * photometry.OFFSET_SIGMA_M
-    )
+    slope = -strength / shading.distance * (normal_ray - 3 * shading.cosine * light_ray_cosine) * sample.offset_sigma_m
     row = np.concatenate([shading.light, slope[:, None]], axis=1) / deviation[:, None]
     return Candidates(
         np.ascontiguousarray(row, np.float32),
         np.ascontiguousarray(visibility_probability, np.float32),
-        directions(lights),
     )
 
 
@@ -296,7 +281,6 @@ class Posterior:
     covariance: Float32Array  # (S, 10, P) of (g, ζ)
     variance: FloatArray  # (S, P) rad²
     lit: Float32Array  # (S, P) lights visible from the pixel, captured ones included
-    units: FloatArray  # (N, 3) directions of all lights, captured ones included
 
     @property
     def sigma_deg(self) -> FloatArray:
@@ -307,7 +291,7 @@ class Posterior:
 def no_candidates(sample: Samples) -> Candidates:
     """The empty set of candidates."""
     pixels = len(sample.albedo)
-    return Candidates(np.empty((0, 4, pixels), np.float32), np.empty((0, pixels), np.float32), np.empty((0, 3)))
+    return Candidates(np.empty((0, 4, pixels), np.float32), np.empty((0, pixels), np.float32))
 
 
 def posterior(sample: Samples, lights: Candidates, weight: FloatArray | None = None) -> Posterior:
@@ -320,7 +304,6 @@ def posterior(sample: Samples, lights: Candidates, weight: FloatArray | None = N
         np.empty((shape[0], 10, shape[1]), np.float32),
         np.empty(shape),
         np.empty(shape, dtype=np.float32),
-        np.concatenate([sample.captured_directions, lights.unit]),
     )
     criterion_kernels.posterior(
         sample.packed,

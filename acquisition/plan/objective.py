@@ -6,10 +6,9 @@ pattern: pixels well below it count nothing, those well above it all count the s
 lowers the upper quantiles. `coverage` first counts by how many lights pixels fall short of the three that a solve
 needs, and uses `capped` between equals.
 
-Many sets of lights are within a few per cent of the best by any of these. Among them the even ones are preferable:
-errors that no variance contains (mixed pixels, wrong depth, interreflection) bias normals towards or away from the
-lights, and these biases cancel where lights surround the object evenly. So each loss rises with the lights' azimuthal
-imbalance. Decision 0026.
+Many sets of lights are within a few per cent of the best by any of these. Even ones among them suffer least from wrong
+depth, which biases normals towards or away from the lights; what makes plans even is the wide prior of the depth offset
+(`planner.SEARCH_OFFSET_SIGMA_M`), not a term of the loss. Decision 0026.
 """
 
 from dataclasses import dataclass, replace
@@ -18,7 +17,7 @@ import numpy as np
 
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.recipe import Objective
-from acquisition.plan import criterion_kernels, two_ring_pattern
+from acquisition.plan import criterion_kernels
 from acquisition.plan.criterion import VISIBILITY_LEVELS, Candidates, Posterior, Samples
 
 CAP_DEG = 3.0
@@ -37,17 +36,12 @@ LOWER_FACTOR, UPPER_FACTOR = 0.6, 2.0
 COVERAGE_WEIGHT = 10.0
 """Loss of `coverage` when all pixels fall short by one light: a thousand times the range of the capped variance."""
 
-IMBALANCE_WEIGHT = 4.0
-"""Relative increase of the loss per squared azimuthal imbalance: 4 % at 0.1, 16 % at 0.2, the usual one of a plan.
-Measured errors are the same between 2 and 5."""
-
 
 @dataclass(frozen=True)
 class Loss:
     """Loss of a pixel with angular variance v (rad²), capped to c = v / (1 + v · inverse_cap).
 
-    (variance_weight · c + sigma_weight · max(√c − threshold, 0)) (1 + imbalance_weight · imbalance²)
-    + coverage_weight · lights short of three.
+    variance_weight · c + sigma_weight · max(√c − threshold, 0) + coverage_weight · lights short of three.
     """
 
     variance_weight: float
@@ -55,15 +49,13 @@ class Loss:
     threshold: float
     inverse_cap: float
     coverage_weight: float
-    imbalance_weight: float = 0.0
 
     def evaluate(self, expectation: Posterior) -> float:
         """The mean loss over pixels and scenarios."""
         capped = expectation.variance / (1 + expectation.variance * self.inverse_cap)
         loss = self.variance_weight * capped + self.sigma_weight * np.maximum(np.sqrt(capped) - self.threshold, 0)
         lacked = np.maximum(3 - expectation.lit, 0) if self.coverage_weight > 0 else np.zeros(1)
-        uneven = self.imbalance_weight * two_ring_pattern.imbalance(expectation.units) ** 2
-        return float(np.mean(loss) * (1 + uneven) + self.coverage_weight * np.mean(lacked))
+        return float(np.mean(loss) + self.coverage_weight * np.mean(lacked))
 
     def scan(self, sample: Samples, present: Posterior, lights: Candidates) -> FloatArray:
         """Mean loss (K,) with each one of `lights` added to the present posterior (Sherman–Morrison)."""
@@ -81,7 +73,6 @@ class Loss:
             out,
             deficit,
         )
-        out *= 1 + self.imbalance_weight * two_ring_pattern.imbalance_with_each(present.units, lights.unit) ** 2
         return out + self.coverage_weight * deficit
 
     @property
@@ -90,7 +81,7 @@ class Loss:
 
 
 CAPPED = Loss(1.0, 0.0, 0.0, 1.0 / np.radians(CAP_DEG) ** 2, 0.0)
-"""Mean capped variance at a cap of `CAP_DEG`, without the imbalance term."""
+"""Mean capped variance at a cap of `CAP_DEG`."""
 VARIANCE = Loss(1.0, 0.0, 0.0, 0.0, 0.0)
 """A-optimality, the plain mean variance: convex in the design weights, so a lower bound exists (`relaxation`)."""
 
@@ -98,17 +89,16 @@ VARIANCE = Loss(1.0, 0.0, 0.0, 0.0, 0.0)
 def loss(objective: Objective, reference: Posterior) -> Loss:
     """The loss of an objective; `reference` is the two-ring posterior, which sets the cap and the threshold."""
     if objective == "mean":
-        return Loss(0.0, 1.0, 0.0, 0.0, 0.0, IMBALANCE_WEIGHT)
+        return Loss(0.0, 1.0, 0.0, 0.0, 0.0)
     if objective == "quantile":
         level = float(np.sqrt(np.quantile(reference.variance, QUANTILE)))
         inverse_cap = 1.0 / (UPPER_FACTOR * level) ** 2
         lower_variance = (LOWER_FACTOR * level) ** 2
         threshold = float(np.sqrt(lower_variance / (1 + lower_variance * inverse_cap)))
-        return Loss(0.0, 1.0, threshold, inverse_cap, 0.0, IMBALANCE_WEIGHT)
+        return Loss(0.0, 1.0, threshold, inverse_cap, 0.0)
     cap = max(np.radians(CAP_DEG), CAP_FACTOR * float(np.mean(np.sqrt(reference.variance))))
     return replace(
         CAPPED,
         inverse_cap=1.0 / cap**2,
         coverage_weight=COVERAGE_WEIGHT if objective == "coverage" else 0.0,
-        imbalance_weight=IMBALANCE_WEIGHT,
     )

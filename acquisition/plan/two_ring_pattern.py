@@ -52,22 +52,9 @@ def completions(captured: FloatArray, units: FloatArray, count: int) -> list[lis
     return [chosen for _, chosen in sorted(scored)]
 
 
-def imbalance(units: FloatArray) -> float:
-    """Azimuthal imbalance of unit lights (N, 3) round the view axis: 0 even, 1 all on one side at the horizon.
-
-    Norm of the first two circular moments, weighted by the sine of the slant and its square; 0 of no lights.
-    """
-    return float(np.linalg.norm(np.sum(_circular_moments(units), axis=0))) / max(len(units), 1)
-
-
-def imbalance_with_each(units: FloatArray, further: FloatArray) -> FloatArray:
-    """The imbalance (K,) of unit lights (N, 3) together with each one of further ones (K, 3)."""
-    return np.linalg.norm(np.sum(_circular_moments(units), axis=0) + _circular_moments(further), axis=1) / (
-        len(units) + 1
-    )
-
-
 def _circular_moments(units: FloatArray) -> FloatArray:
+    """First two circular moments (N, 4) of unit lights round the view axis, weighted by the sine of the slant and its
+    square; their sum is zero where lights are even."""
     x, y = units[:, 0], units[:, 1]
     return np.column_stack([x, y, x * x - y * y, 2 * x * y])
 

@@ -40,11 +40,10 @@ def random_case(seed: int, pixels: int = 20, lights: int = 6) -> tuple[Samples, 
         lit=np.zeros(pixels, np.float32),
         curvature_variance=np.zeros(pixels, np.float32),
         indirect=np.zeros(pixels, np.float32),
-        captured_directions=np.empty((0, 3)),
     )
     row = rng.normal(size=(lights, 4, pixels)) * 60
     visibility = rng.random((lights, pixels)).astype(np.float32)
-    return samples, Candidates(row.astype(np.float32), visibility, facing_camera(rng, lights).T)
+    return samples, Candidates(row.astype(np.float32), visibility)
 
 
 def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -> tuple[Samples, Candidates]:
@@ -62,11 +61,10 @@ def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -
         lit=np.zeros(pixels, np.float32),
         curvature_variance=np.zeros(pixels, np.float32),
         indirect=np.zeros(pixels, np.float32),
-        captured_directions=np.empty((0, 3)),
     )
     row = np.zeros((len(units), 4, pixels), np.float32)
     row[:, :3] = scale * units[:, :, None]
-    return samples, Candidates(row, np.ones((len(units), pixels), np.float32), units)
+    return samples, Candidates(row, np.ones((len(units), pixels), np.float32))
 
 
 def lit_case(seed: int, units: FloatArray, pixels: int = 200) -> tuple[Samples, Candidates]:
@@ -78,7 +76,7 @@ def lit_case(seed: int, units: FloatArray, pixels: int = 200) -> tuple[Samples, 
     visibility = 1 / (1 + np.exp(-(cosine - 0.08) / 0.04))
     hidden = rng.random((pixels, 3)) - 0.5  # each pixel has a side from which lights are occluded
     blocked = units @ np.stack([hidden[:, 0], hidden[:, 1], 0 * hidden[:, 2]]) > 0.25
-    return samples, Candidates(options.row, np.where(blocked, 0, visibility).astype(np.float32), options.unit)
+    return samples, Candidates(options.row, np.where(blocked, 0, visibility).astype(np.float32))
 
 
 def shot_of(light: Light, number: int) -> Shot:

@@ -1,7 +1,5 @@
 """The criterion against plain linear algebra, and its model of shadows, exposure and depth."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,7 +9,7 @@ from acquisition import geometry, photometry
 from acquisition.models.base import FloatArray
 from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Exposure, Recipe
-from acquisition.plan import criterion, two_ring_pattern, visibility
+from acquisition.plan import criterion, visibility
 from acquisition.plan.criterion import VISIBILITY_LEVELS, Candidates, Samples
 from acquisition.plan.objective import CAP_DEG, CAPPED
 from tests.acquisition import scenes
@@ -75,33 +73,9 @@ def test_posterior_added_light_never_raises_variance(seed: int) -> None:
 def test_posterior_shadow_gains_nothing_uncertain_visibility_less(seed: int) -> None:
     sample, lights = cases.random_case(seed)
     before = criterion.posterior(sample, lights.only([]))
-    hidden, doubtful, lit = (
-        Candidates(lights.row, np.full_like(lights.visibility, v), lights.unit) for v in (0.0, 0.5, 1.0)
-    )
+    hidden, doubtful, lit = (Candidates(lights.row, np.full_like(lights.visibility, v)) for v in (0.0, 0.5, 1.0))
     np.testing.assert_allclose(CAPPED.scan(sample, before, hidden), CAPPED.evaluate(before), rtol=1e-5)
     assert np.all(CAPPED.scan(sample, before, doubtful) >= CAPPED.scan(sample, before, lit) * (1 - 1e-6))
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 2**31 - 1), st.integers(0, 5))
-def test_loss_imbalanced_lights_cost_their_penalty(seed: int, present: int) -> None:
-    sample, lights = cases.random_case(seed)
-    before = criterion.posterior(sample, lights.only(list(range(present))))
-    uneven = replace(CAPPED, imbalance_weight=3.0)
-    plain, dear = (loss.scan(sample, before, lights) for loss in (CAPPED, uneven))
-    for light in range(len(lights.row)):
-        units = np.concatenate([lights.unit[:present], lights.unit[light : light + 1]])
-        assert dear[light] / plain[light] == pytest.approx(1 + 3 * two_ring_pattern.imbalance(units) ** 2, rel=1e-6)
-    assert uneven.evaluate(before) == pytest.approx(
-        CAPPED.evaluate(before) * (1 + 3 * two_ring_pattern.imbalance(before.units) ** 2), rel=1e-6
-    )
-
-
-def test_imbalance_even_rings_is_zero_one_side_is_large() -> None:
-    even = np.concatenate([geometry.direction(0.4, np.arange(3) * 2 * np.pi / 3), geometry.direction(0.0, np.zeros(1))])
-    assert two_ring_pattern.imbalance(even) == pytest.approx(0, abs=1e-12)
-    assert two_ring_pattern.imbalance(geometry.direction(1.0, np.linspace(-0.3, 0.3, 4))) > 0.8
-    assert two_ring_pattern.imbalance(np.empty((0, 3))) == 0
 
 
 # ------------------------------------------------------------------------------------------------ from a normal map

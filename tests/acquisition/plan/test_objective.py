@@ -11,7 +11,7 @@ from acquisition.plan.criterion import Posterior
 def of_sigmas(*sigma_deg: float) -> Posterior:
     """A two-ring posterior of pixels with these σ in all three scenarios."""
     variance = np.tile(np.radians(sigma_deg) ** 2, (3, 1))
-    return Posterior(np.zeros((3, 10, len(sigma_deg)), np.float32), variance, np.full(variance.shape, 4.0), np.eye(3))
+    return Posterior(np.zeros((3, 10, len(sigma_deg)), np.float32), variance, np.full(variance.shape, 4.0))
 
 
 @pytest.mark.parametrize("name", ["capped", "coverage"])
