@@ -1,8 +1,9 @@
-"""The bench on unseen shapes: `python -m tests.unseen run …` and `python -m tests.unseen table FILE`.
+"""The bench on unseen shapes: `python -m tests.unseen run …`, `… table FILE`, `… ablate …`.
 
     python -m tests.unseen run --families all --seeds 0:6 --lights 6,8,12,20 \
         --patterns two-rings,planned,ring-35,drbohlav,random,oracle --azimuths 4 --jobs 2 --out build/unseen/run.jsonl
     python -m tests.unseen table build/unseen/run.jsonl [--against OTHER.jsonl]
+    python -m tests.unseen ablate --families all --seeds 0:4 --lights 8 --write docs/explanation/ablation.md
 """
 
 import os
@@ -19,29 +20,26 @@ from pathlib import Path
 import cv2
 
 from hardware_sim import families
-from tests.unseen import faults, reports, run, tables
+from tests.unseen import ablation, faults, reports, run, tables
 from tests.unseen.patterns import PATTERNS
+from tests.unseen.scenes import GRADINGS
 
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.unseen", description=__doc__.splitlines()[0])
     commands = parser.add_subparsers(dest="command", required=True)
     runs = commands.add_parser("run", help="solve scenes, one JSON line each solve")
-    runs.add_argument("--families", default="all", help=f"all, or of {','.join(families.NAMES)}")
-    runs.add_argument("--seeds", default="0:3", help="FROM:TO (without TO), or a list")
-    runs.add_argument("--lights", default="8", help="numbers of images, pilot included")
-    runs.add_argument("--patterns", default="two-rings", help=f"of {','.join(PATTERNS)}")
-    runs.add_argument("--azimuths", type=int, default=4)
-    runs.add_argument("--fault", choices=sorted(faults.ALL), default=None)
-    runs.add_argument("--reflectance", default=None, help="lambert, oren-nayar:0.35, ggx:0.2, metal:0.3; else own")
+    _add_captures(runs, azimuths=4, out=Path("build/unseen/run.jsonl"))
     runs.add_argument("--solver", choices=("product", "ls"), default="product", help="ls: plain least squares")
-    runs.add_argument("--jobs", type=int, default=1)
-    runs.add_argument("--out", type=Path, default=Path("build/unseen/run.jsonl"))
-    runs.add_argument("--report", action="store_true", help="allow report seeds; written into tests/unseen/reports.md")
+    ablate = commands.add_parser("ablate", help="solve the same captures without each stage of the solver, and compare")
+    _add_captures(ablate, azimuths=1, out=Path("build/unseen/ablation.jsonl"))
+    ablate.add_argument("--stages", default="all", help=f"all, or of {', '.join(ablation.BY_NAME)}")
+    ablate.add_argument("--grading", default="within_78_deg", choices=GRADINGS)
+    ablate.add_argument("--write", type=Path, default=None, help="the documentation's page, written anew")
     shown = commands.add_parser("table", help="tables of a run's lines")
     shown.add_argument("file", type=Path)
     shown.add_argument("--against", type=Path, default=None, help="an older run: paired ratios to it")
-    shown.add_argument("--grading", default="within_78_deg", choices=("one_surface", "within_78_deg", "object"))
+    shown.add_argument("--grading", default="within_78_deg", choices=GRADINGS)
     asked = parser.parse_args(arguments)
     if asked.command == "table":
         older = None if asked.against is None else run.read(asked.against)
@@ -58,19 +56,47 @@ def main(arguments: list[str] | None = None) -> int:
         out=asked.out,
         fault=asked.fault,
         reflectance=asked.reflectance,
-        solver=asked.solver,
+        solver="product" if asked.command == "ablate" else asked.solver,
         report=asked.report,
-        done=run.done(run.read(asked.out)),
+        done=frozenset() if asked.command == "ablate" else run.done(run.read(asked.out)),
     )
     unknown = (set(names) - set(families.NAMES)) | (set(plan.patterns) - set(PATTERNS))
     if unknown:
         parser.error(f"there is no {', '.join(sorted(unknown))}")
     start = time.monotonic()
-    added = run.run_all(plan, asked.jobs)
+    command = " ".join(sys.argv[1:] if arguments is None else arguments)
+    if asked.command == "ablate":
+        stages = list(ablation.BY_NAME) if asked.stages == "all" else asked.stages.split(",")
+        if missing := set(stages) - set(ablation.BY_NAME):
+            parser.error(f"there is no stage {', '.join(sorted(missing))}")
+        added = ablation.run_all(plan, stages, asked.jobs)
+        summary = ablation.all_tables(run.read(asked.out), asked.grading)
+        print(summary)
+        if asked.write is not None:
+            ablation.write(asked.write, command, run.read(asked.out), asked.grading)
+    else:
+        added = run.run_all(plan, asked.jobs)
+        summary = tables.all_tables(run.read(asked.out), "within_78_deg", None) if asked.report else ""
     print(f"{added} solves in {time.monotonic() - start:.0f} s -> {asked.out}")
     if asked.report:
-        reports.write(" ".join(sys.argv[1:]), tables.all_tables(run.read(asked.out), "within_78_deg", None))
+        reports.write(command, summary)
     return 0
+
+
+def _add_captures(command: argparse.ArgumentParser, azimuths: int, out: Path) -> None:
+    """Options that name captures, and the file of lines."""
+    command.add_argument("--families", default="all", help=f"all, or of {','.join(families.NAMES)}")
+    command.add_argument("--seeds", default="0:3", help="FROM:TO (without TO), or a list")
+    command.add_argument("--lights", default="8", help="numbers of images, pilot included")
+    command.add_argument("--patterns", default="two-rings", help=f"of {','.join(PATTERNS)}")
+    command.add_argument("--azimuths", type=int, default=azimuths)
+    command.add_argument("--fault", choices=sorted(faults.ALL), default=None)
+    command.add_argument("--reflectance", default=None, help="lambert, oren-nayar:0.35, ggx:0.2, metal:0.3; else own")
+    command.add_argument("--jobs", type=int, default=1)
+    command.add_argument("--out", type=Path, default=out)
+    command.add_argument(
+        "--report", action="store_true", help="allow report seeds; written into tests/unseen/reports.md"
+    )
 
 
 def _numbers(text: str) -> list[int]:

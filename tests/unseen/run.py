@@ -8,8 +8,9 @@ import fcntl
 import itertools
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
@@ -56,12 +57,12 @@ class Plan:
                 yield line
 
 
-def solve(scene: Scene, captured: Capture) -> NormalMap:
+def solve(scene: Scene, captured: Capture, settings: SolveSettings | None = None) -> NormalMap:
     """The product's normal map of a capture."""
     return normals.solve_stack(
         captured.stack,
         captured.calibration,
-        SolveSettings(),
+        settings or SolveSettings(),
         initial_depth_m=captured.rough_depth_m,
         object_mask=scene.truth.object,
     )
@@ -94,8 +95,11 @@ class SceneRun:
             self._pilots[azimuth] = first, captured, solve(self.scene, captured)
         return self._pilots[azimuth]
 
-    def solved(self, line: Line) -> Line:
-        """One line's grades. A refusal of planner or solver stands in `error` instead."""
+    def solved(self, line: Line, solver: Callable[[Scene, Capture], NormalMap] = solve) -> Line:
+        """One line's grades. A refusal of planner or solver stands in `error` instead.
+
+        `solver` solves the line's capture; plans come from pilots solved by the product.
+        """
         start = time.monotonic()
         true = self.scene.truth
         found: Line = {"material": str(self.scene.reflectance), "scatter_mm": 1e3 * self.scene.reflectance.scatter_m}
@@ -109,7 +113,7 @@ class SceneRun:
                 )
                 return line | found | grading.errors(mapped, true.object, true)
             start = time.monotonic()
-            normal_map = solve(self.scene, captured)
+            normal_map = solver(self.scene, captured)
             seconds = time.monotonic() - start
         except RigError as error:
             return line | found | {"error": f"{error.code}: {error}"}
@@ -131,17 +135,18 @@ class SceneRun:
         )
 
 
+def drawn(run: Plan, family: str, seed: int) -> Scene:
+    """One of the run's scenes; report seeds only in a report's run."""
+    with scenes.report_seeds() if run.report else nullcontext():
+        return scenes.scene(family, seed, run.reflectance)
+
+
 def run_scene(run: Plan, family: str, seed: int) -> int:
     """Solves one scene's lines and appends them to the run's file; how many there were."""
     lines = list(run.of_scene(family, seed))
     if not lines:
         return 0
-    if run.report:
-        with scenes.report_seeds():
-            scene = scenes.scene(family, seed, run.reflectance)
-    else:
-        scene = scenes.scene(family, seed, run.reflectance)
-    of_scene = SceneRun(scene, run)
+    of_scene = SceneRun(drawn(run, family, seed), run)
     for line in lines:
         append(run.out, of_scene.solved(line))
     return len(lines)

@@ -59,8 +59,8 @@ def ratio_table(lines: Sequence[Line], grading: str, baseline: str = "two-rings"
     counts = sorted({_count(line) for line in lines})
     ratios = {
         (count, name): paired(
-            _by_scene(lines, grading, lambda line, c=count, n=name: (_count(line), line["pattern"]) == (c, n)),
-            _by_scene(lines, grading, lambda line, c=count: (_count(line), line["pattern"]) == (c, baseline)),
+            by_scene(lines, grading, lambda line, c=count, n=name: (_count(line), line["pattern"]) == (c, n)),
+            by_scene(lines, grading, lambda line, c=count: (_count(line), line["pattern"]) == (c, baseline)),
         )
         for count in counts
         for name in names
@@ -79,7 +79,7 @@ def against_table(lines: Sequence[Line], older: Sequence[Line], grading: str) ->
 
         common = {_identity(line) for line in lines} & {_identity(line) for line in older}
         pair = [[line for line in run if _identity(line) in common] for run in (lines, older)]
-        ratios[f"{pattern} {count}"] = paired(*(_by_scene(run, grading, chosen) for run in pair))
+        ratios[f"{pattern} {count}"] = paired(*(by_scene(run, grading, chosen) for run in pair))
     return _ratios(ratios, "new over old")
 
 
@@ -130,12 +130,12 @@ def _ratios(columns: dict[str, dict[Cell, float]], title: str) -> str:
     rows = [[title, *columns]]
     for family in dict.fromkeys(family for ratios in columns.values() for family, _ in ratios):
         row = [geometric({cell: r for cell, r in ratios.items() if cell[0] == family}) for ratios in columns.values()]
-        rows.append([family, *(_with_error(*one) for one in row)])
-    rows.append(["all", *(_with_error(*geometric(ratios)) for ratios in columns.values())])
+        rows.append([family, *(with_error(*one) for one in row)])
+    rows.append(["all", *(with_error(*geometric(ratios)) for ratios in columns.values())])
     return _table(rows)
 
 
-def _by_scene(lines: Sequence[Line], grading: str, chosen: Callable[[Line], bool]) -> dict[Cell, float]:
+def by_scene(lines: Sequence[Line], grading: str, chosen: Callable[[Line], bool]) -> dict[Cell, float]:
     """Mean over azimuths of the mean error of each scene's chosen lines."""
     values: dict[Cell, list[float]] = defaultdict(list)
     for line in lines:
@@ -169,7 +169,8 @@ def _shown(value: float) -> str:
     return "" if math.isnan(value) else f"{value:.2f}"
 
 
-def _with_error(value: float, error: float) -> str:
+def with_error(value: float, error: float) -> str:
+    """A figure ± its standard error; nothing where there is none."""
     if math.isnan(value):
         return ""
     return f"{value:.3f}" if math.isnan(error) else f"{value:.3f} ±{error:.3f}"

@@ -1,0 +1,214 @@
+"""What each stage of the near solver buys: the same captures solved with one stage off at a time, and with all on.
+
+A run writes one JSON line for each solve, as the bench's `run` does, with the key `stage`: the name of the one that is
+off, or none. It goes on where an earlier one with the same file stopped. Figures are paired by scene: the error without
+a stage over that with it, and how σ compares with the error, without and with.
+"""
+
+import itertools
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from datetime import UTC, datetime
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.models.result import NormalMap, SolveSettings
+from tests.unseen import reports, run, stages, tables
+from tests.unseen.captures import Capture
+from tests.unseen.run import IDENTITY, Line, Plan, SceneRun
+from tests.unseen.scenes import Scene
+from tests.unseen.stages import Stage
+
+BY_NAME = {stage.name: stage for stage in stages.STAGES}
+
+
+def done(lines: Sequence[Line]) -> frozenset[tuple[object, ...]]:
+    """What the lines have solved, and without which stage."""
+    return frozenset(tuple(line.get(key) for key in (*IDENTITY, "stage")) for line in lines)
+
+
+def run_scene(plan: Plan, names: Sequence[str | None], family: str, seed: int) -> int:
+    """Solves one scene's captures without each of the named stages (none: with all), and appends what is not done to
+    the plan's file; how many solves there were."""
+    asked = [line | {"stage": name} for line, name in itertools.product(plan.of_scene(family, seed), names)]
+    known = done(run.read(plan.out))
+    left = [line for line in asked if tuple(line[key] for key in (*IDENTITY, "stage")) not in known]
+    if not left:
+        return 0
+    of_scene, commit = SceneRun(run.drawn(plan, family, seed), plan), reports.commit()
+    for line in left:
+        stage = None if line["stage"] is None else BY_NAME[str(line["stage"])]
+
+        def solver(scene: Scene, captured: Capture, stage: Stage | None = stage) -> NormalMap:
+            return solve_without(stage, scene, captured)
+
+        run.append(plan.out, of_scene.solved(line, solver) | {"commit": commit})
+    return len(left)
+
+
+def solve_without(stage: Stage | None, scene: Scene, captured: Capture) -> NormalMap:
+    """The product's normal map of a capture without a stage."""
+    if stage is None:
+        return run.solve(scene, captured)
+    with stages.off(stage):
+        return run.solve(scene, captured, stage.settings)
+
+
+def run_all(plan: Plan, names: Sequence[str], jobs: int) -> int:
+    """Solves all scenes with all stages and without each of the named ones, in `jobs` processes; how many lines were
+    added."""
+    pairs = list(itertools.product(plan.seeds, plan.families))
+    all_names = (None, *names)
+    if jobs == 1:
+        return sum(run_scene(plan, all_names, family, seed) for seed, family in pairs)
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        waiting = [pool.submit(run_scene, plan, all_names, family, seed) for seed, family in pairs]
+        return sum(one.result() for one in waiting)
+
+
+def all_tables(lines: Sequence[Line], grading: str) -> str:
+    """Tables in Markdown: over all families, then error, rms e/σ and P(e < σ) of each; stages in the order of what they
+    buy."""
+    good, failed = _by_stage(lines, refused=False), _by_stage(lines, refused=True)
+    base = good.pop(None, [])
+    if not base or not good:
+        return "There is no pair of solves without and with a stage yet."
+    names = sorted(good, key=lambda name: -tables.geometric(_ratios(good[name], base, grading))[0])
+    families = list(dict.fromkeys(str(line["family"]) for line in base))
+    parts = [
+        "## Over all families",
+        _markdown(
+            ["without", "error without / with", "rms e/σ without → with", "P(e < σ) without → with", "scenes"],
+            [
+                [
+                    str(name),
+                    tables.with_error(*tables.geometric(_ratios(good[name], base, grading))),
+                    _change(good[name], base, "rms"),
+                    _change(good[name], base, "within_1"),
+                    str(len(_ratios(good[name], base, grading))),
+                ]
+                for name in names
+            ],
+        ),
+    ]
+
+    def of(family: str, some: Sequence[Line]) -> list[Line]:
+        return [line for line in some if line["family"] == family]
+
+    def by_family(title: str, cell: Callable[[Sequence[Line], Sequence[Line]], str]) -> None:
+        rows = [[str(name), *(cell(of(one, good[name]), of(one, base)) for one in families)] for name in names]
+        parts.extend([title, _markdown(["without", *families], rows)])
+
+    def ratio(some: Sequence[Line], with_it: Sequence[Line]) -> str:
+        return tables.with_error(*tables.geometric(_ratios(some, with_it, grading)))
+
+    by_family("## Error without / with, by family", ratio)
+    by_family("## rms e/σ without → with, by family", lambda some, with_it: _change(some, with_it, "rms"))
+    by_family("## P(e < σ) without → with, by family", lambda some, with_it: _change(some, with_it, "within_1"))
+    if failed:
+        told = [f"{name or 'all stages on'}: {len(some)} ({some[0]['error']})" for name, some in failed.items()]
+        parts.append("Refused: " + "; ".join(told) + ".")
+    return "\n\n".join(parts)
+
+
+def page(command: str, lines: Sequence[Line], grading: str) -> str:
+    """The documentation's page of the tables: command, date, commit, and what each switch does."""
+    commits = " and ".join(sorted({f"`{line.get('commit', 'unknown')}`" for line in lines}))
+    scenes = len({(line["family"], line["seed"]) for line in lines})
+    switches = _markdown(
+        ["stage that is off", "then", "switch"],
+        [[stage.name, stage.without, _switch(stage)] for stage in stages.STAGES],
+    )
+    when = datetime.now(UTC).strftime("%Y-%m-%d")
+    return f"""# What each stage of the near solver buys
+
+Written by `python -m tests.unseen {command}`: {when}, solver of commit {commits}, {scenes} scenes. Written anew by each
+such run; edit `tests/unseen/ablation.py` instead.
+
+{INTRODUCTION.format(grading=GRADING_WORDS[grading])}
+
+{all_tables(lines, grading)}
+
+## What off means
+
+{switches}
+
+{NOT_SWITCHED}
+"""
+
+
+GRADING_WORDS = {
+    "one_surface": "pixels of one surface",
+    "within_78_deg": "pixels within 78° of the viewing ray, eroded by one",
+    "object": "all object pixels",
+}
+
+INTRODUCTION = """The same captures of random, path-traced objects (`tests/unseen`) are solved with one stage switched
+off at a time, all others on. An error without / with of 1.10 says that the stage takes a tenth off the error; below 1
+the captures are solved better without it. Means are geometric, over the scenes of a family and then over families; ± is
+the standard error over scenes (bootstrap), and a stage whose ± reaches 1 has not been shown to matter on these scenes.
+Errors are means over {grading}. rms e/σ and P(e < σ), arithmetic means over solves, are of the same pixels without
+those that are marked doubtful; ideal are 1 and 0.63. Stages work on one another: what one buys depends on the others
+being on, and the figures do not add up."""
+
+NOT_SWITCHED = """Not among them is the estimate of the sensor's noise (`acquisition.normals.sensor_estimate`,
+`acquisition.normals.pixel_noise`): the bench states the sensor's true noise, and neither is reached."""
+
+
+def write(path: Path, command: str, lines: Sequence[Line], grading: str) -> None:
+    """Writes the page."""
+    path.write_text(page(command, lines, grading), encoding="utf-8")
+
+
+def _switch(stage: Stage) -> str:
+    changed = [f"`{patch.target}`" for patch in stage.patches]
+    if stage.settings is not None:
+        usual = SolveSettings().model_dump()
+        changed += [f"`{name}` {value}" for name, value in stage.settings.model_dump().items() if value != usual[name]]
+    return ", ".join(changed)
+
+
+def _by_stage(lines: Sequence[Line], *, refused: bool) -> dict[object, list[Line]]:
+    groups: dict[object, list[Line]] = defaultdict(list)
+    for line in lines:
+        if ("error" in line) == refused:
+            groups[line.get("stage")].append(line)
+    return groups
+
+
+def _ratios(some: Sequence[Line], base: Sequence[Line], grading: str) -> dict[tables.Cell, float]:
+    """Error over that of `base`, of scenes; only captures that both have solved count."""
+    common = _captures(some) & _captures(base)
+    pair = [[line for line in group if _capture(line) in common] for group in (some, base)]
+    return tables.paired(*(tables.by_scene(group, grading, lambda _: True) for group in pair))
+
+
+def _change(some: Sequence[Line], base: Sequence[Line], key: str) -> str:
+    """The mean of a figure over the captures that both have, without → with: over families of means over solves."""
+    common = _captures([line for line in some if key in line]) & _captures([line for line in base if key in line])
+    if not common:
+        return ""
+    means: list[float] = []
+    for group in (some, base):
+        by_family: dict[object, list[float]] = defaultdict(list)
+        for line in group:
+            if _capture(line) in common:
+                by_family[line["family"]].append(float(str(line[key])))
+        means.append(float(np.mean([np.mean(values) for values in by_family.values()])))
+    return f"{means[0]:.2f} → {means[1]:.2f}"
+
+
+def _capture(line: Line) -> tuple[object, ...]:
+    return tuple(line.get(key) for key in IDENTITY)
+
+
+def _captures(lines: Sequence[Line]) -> set[tuple[object, ...]]:
+    return {_capture(line) for line in lines}
+
+
+def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    written = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(row) + " |" for row in written)

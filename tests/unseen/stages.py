@@ -1,0 +1,192 @@
+"""Switches of the near solver's stages: what each is, and what is put in place of which name to take it away.
+
+A switch replaces constants or functions of the solver's modules while its context lasts, and nothing else: all other
+stages go on as they are and see what this one no longer does. A stage is off when its result is what the solver starts
+from (nominal lamps, flat depth, stated noise), or when it passes on what it is given.
+"""
+
+import math
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from types import ModuleType
+
+from acquisition import photometry
+from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.result import SolveSettings
+from acquisition.normals import (
+    alternation,
+    discontinuity,
+    integrability,
+    integration,
+    pixel_solve,
+    regularisation,
+    residual_noise,
+    self_calibration,
+    specular,
+)
+from acquisition.normals.pixel_solve import Estimate
+from acquisition.normals.self_calibration import Priors, SharedParameters
+from acquisition.photometry import Noise
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A module's name and what stands in its place."""
+
+    module: ModuleType
+    name: str
+    value: object
+
+    @property
+    def target(self) -> str:
+        """Dotted name of what is replaced."""
+        return f"{self.module.__name__}.{self.name}"
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stage, what the solver does without it in one sentence, and what switches it off: patches or settings."""
+
+    name: str
+    without: str
+    patches: tuple[Patch, ...] = ()
+    settings: SolveSettings | None = None
+
+
+@contextmanager
+def off(stage: Stage) -> Generator[None]:
+    """Applies the stage's patches; they are gone afterwards, whatever happens. AttributeError for a name that is not
+    there."""
+    before = [getattr(patch.module, patch.name) for patch in stage.patches]
+    try:
+        for patch in stage.patches:
+            setattr(patch.module, patch.name, patch.value)
+        yield
+    finally:
+        for patch, value in zip(stage.patches, before, strict=True):
+            setattr(patch.module, patch.name, value)
+
+
+_gauss_newton_step = self_calibration.gauss_newton_step
+
+
+def _holding(**sigma: float) -> Patch:
+    """A Gauss–Newton step of the shared parameters with some priors' 1 σ at zero, which holds these parameters."""
+
+    def step(
+        estimate: Estimate, by_depth: Float32Array, values: Float32Array, lamps: Float32Array,
+        present: SharedParameters, priors: Priors, *rest: object,
+    ) -> SharedParameters:  # fmt: skip
+        return _gauss_newton_step(estimate, by_depth, values, lamps, present, replace(priors, **sigma), *rest)  # type: ignore[arg-type]
+
+    return Patch(self_calibration, "gauss_newton_step", step)
+
+
+def _stated_noise(solution: Estimate, values: Float32Array, noise: Noise, stated: Noise, *_: object) -> Noise:
+    """In place of `residual_noise.estimate`."""
+    return stated
+
+
+def _unchanged(*_: object) -> None:
+    """In place of what changes its arguments."""
+
+
+def _start_depth(
+    normals: Float32Array, mask: BoolArray, ray: Float32Array, confidence: Float32Array, start_m: Float32Array,
+    **_: object,
+) -> Float32Array:  # fmt: skip
+    """In place of `integration.depth`."""
+    return start_m.copy()
+
+
+def _no_discontinuity(*_: object) -> None:
+    """In place of `discontinuity.discontinuous_depth`: the shadows contradict nothing."""
+
+
+NO_DISCONTINUITY = Patch(discontinuity, "discontinuous_depth", _no_discontinuity)
+
+STAGES = (
+    Stage(
+        "self-calibration of intensities",
+        "Lamps are as bright as the calibration says; places and shift are still estimated.",
+        (_holding(intensity=0.0),),
+    ),
+    Stage(
+        "lamps' places",
+        "Lamps are where the calibration says; intensities and shift are still estimated.",
+        (_holding(position_m=0.0),),
+    ),
+    Stage(
+        "the object's shift",
+        "The object's mean depth is the caller's rough one.",
+        (_holding(shift_m=0.0),),
+    ),
+    Stage(
+        "self-calibration as a whole",
+        "Intensities, lamps' places and the object's shift are all held.",
+        (_holding(intensity=0.0, position_m=0.0, shift_m=0.0),),
+    ),
+    Stage(
+        "interreflection",
+        "Indirect light is never significant, so that none is subtracted and none is in σ.",
+        (Patch(alternation, "MIN_INDIRECT_SHARE", math.inf),),
+    ),
+    Stage(
+        "specular lobe",
+        "Every surface counts as diffuse.",
+        (Patch(specular, "MIN_STRENGTH", math.inf),),
+    ),
+    Stage(
+        "noise from residuals",
+        "The shares c and σ_d of the noise are those of the calibration.",
+        (Patch(residual_noise, "estimate", _stated_noise),),
+    ),
+    Stage(
+        "integrability projection",
+        "Normals stay as pixels have them; σ is not lowered for it.",
+        (Patch(integrability, "project_integrable", _unchanged),),
+    ),
+    Stage(
+        "smoothing of uncertain pixels",
+        "Pixels of large σ stay as they are, before and after the projection.",
+        (Patch(regularisation, "smooth_uncertain", _unchanged),),
+    ),
+    Stage(
+        "Cauchy weights",
+        "Pixels are solved by least squares (recipe's `robust` off); the fit of the lobe keeps its own weights.",
+        settings=SolveSettings(robust=False),
+    ),
+    Stage(
+        "half-shadow variance",
+        "Measurements beside shadows count as surely as others.",
+        (Patch(pixel_solve, "PENUMBRA_SIGMA", 0.0),),
+    ),
+    Stage(
+        "depth discontinuities",
+        "Depth is integrated from normals alone; cast shadows give no equations.",
+        (NO_DISCONTINUITY,),
+    ),
+    Stage(
+        "depth offset in the last solve",
+        "A pixel's depth is the integrated one exactly.",
+        (Patch(photometry, "OFFSET_SIGMA_M", pixel_solve.NO_OFFSET_SIGMA_M),),
+    ),
+    Stage(
+        "depth integration",
+        "The object stays flat at its rough depth; its shift is estimated, and there are no discontinuities.",
+        (Patch(integration, "depth", _start_depth), NO_DISCONTINUITY),
+    ),
+    Stage(
+        "high first shadow threshold",
+        "The first round, and the fit of the lobe, have the last round's low threshold.",
+        (Patch(alternation, "INITIAL_SHADOW_THRESHOLD", SolveSettings().shadow_threshold),),
+    ),
+    Stage(
+        "low last shadow threshold",
+        "All rounds have the first one's high threshold.",
+        settings=SolveSettings(shadow_threshold=alternation.INITIAL_SHADOW_THRESHOLD),
+    ),
+)
+"""The stages of the near solver that the bench's captures reach. Sensor and pixel noise are not among them: the bench
+states the sensor's true noise, so that neither `sensor_estimate` nor `pixel_noise` is reached."""
