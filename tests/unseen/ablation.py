@@ -6,7 +6,8 @@ a stage over that with it, and how σ compares with the error, without and with.
 """
 
 import itertools
-from collections import defaultdict
+import textwrap
+from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from datetime import UTC, datetime
@@ -123,12 +124,19 @@ def page(command: str, lines: Sequence[Line], grading: str) -> str:
         [[stage.name, stage.without, _switch(stage)] for stage in stages.STAGES],
     )
     when = datetime.now(UTC).strftime("%Y-%m-%d")
+    origin = (
+        f"Written by `python -m tests.unseen {command}` on {when}, solver of commit {commits}, {scenes} scenes "
+        f"({_materials(lines)}). Each such run writes it anew; edit `tests/unseen/ablation.py` instead."
+    )
+    words = [
+        textwrap.fill(text, 120, break_on_hyphens=False, break_long_words=False)
+        for text in (origin, INTRODUCTION.format(grading=GRADING_WORDS[grading]), NOT_SWITCHED)
+    ]
     return f"""# What each stage of the near solver buys
 
-Written by `python -m tests.unseen {command}`: {when}, solver of commit {commits}, {scenes} scenes. Written anew by each
-such run; edit `tests/unseen/ablation.py` instead.
+{words[0]}
 
-{INTRODUCTION.format(grading=GRADING_WORDS[grading])}
+{words[1]}
 
 {all_tables(lines, grading)}
 
@@ -136,8 +144,16 @@ such run; edit `tests/unseen/ablation.py` instead.
 
 {switches}
 
-{NOT_SWITCHED}
+{words[2]}
 """
+
+
+def _materials(lines: Sequence[Line]) -> str:
+    """How many scenes of which kind of reflectance."""
+    kinds = Counter(
+        kind for *_, kind in {(n["family"], n["seed"], str(n.get("material")).split(":")[0]) for n in lines}
+    )
+    return ", ".join(f"{kind} {count}" for kind, count in sorted(kinds.items()))
 
 
 GRADING_WORDS = {

@@ -101,7 +101,7 @@ def test_switch_of_one_shared_parameter_leaves_the_others(without: dict[str, Nor
 def line(seed: int, stage: str | None, error: float, rms: float = 1.0, family: str = "blob") -> run.Line:
     return {
         "family": family, "seed": seed, "reflectance": None, "fault": None, "solver": "product",
-        "pattern": "two-rings", "lights": 8, "azimuth": 0, "stage": stage, "commit": "abc1234",
+        "pattern": "two-rings", "lights": 8, "azimuth": 0, "stage": stage, "commit": "abc1234", "material": "ggx:0.2",
         "within_78_deg.mean": error, "within_1": 0.5, "rms": rms,
     }  # fmt: skip
 
@@ -135,8 +135,9 @@ def test_page_holds_command_commit_and_every_switch(tmp_path: Path) -> None:
     path = tmp_path / "ablation.md"
     ablation.write(path, "ablate --seeds 0", [line(0, None, 1.0), line(0, "interreflection", 1.1)], "within_78_deg")
     text = path.read_text(encoding="utf-8")
-    assert "`python -m tests.unseen ablate --seeds 0`" in text
-    assert "`abc1234`, 1 scenes" in text
+    words = " ".join(text.split())
+    assert "`python -m tests.unseen ablate --seeds 0`" in words
+    assert "`abc1234`, 1 scenes (ggx 1)" in words
     assert all(f"| {stage.name} | {stage.without} |" in text for stage in STAGES)
     assert "`shadow_threshold` 0.15" in text
 
