@@ -70,10 +70,11 @@ def main(arguments: list[str] | None = None) -> int:
         if missing := set(stages) - set(ablation.BY_NAME):
             parser.error(f"there is no stage {', '.join(sorted(missing))}")
         added = ablation.run_all(plan, stages, asked.jobs)
-        summary = ablation.all_tables(run.read(asked.out), asked.grading)
+        lines = ablation.of_plan(plan, stages)
+        summary = ablation.all_tables(lines, asked.grading)
         print(summary)
         if asked.write is not None:
-            ablation.write(asked.write, command, run.read(asked.out), asked.grading)
+            ablation.write(asked.write, command, lines, asked.grading)
     else:
         added = run.run_all(plan, asked.jobs)
         summary = tables.all_tables(run.read(asked.out), "within_78_deg", None) if asked.report else ""

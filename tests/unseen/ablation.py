@@ -31,12 +31,22 @@ def done(lines: Sequence[Line]) -> frozenset[tuple[object, ...]]:
     return frozenset(tuple(line.get(key) for key in (*IDENTITY, "stage")) for line in lines)
 
 
-def run_scene(plan: Plan, names: Sequence[str | None], family: str, seed: int) -> int:
-    """Solves one scene's captures without each of the named stages (none: with all), and appends what is not done to
-    the plan's file; how many solves there were."""
-    asked = [line | {"stage": name} for line, name in itertools.product(plan.of_scene(family, seed), names)]
+def asked(plan: Plan, names: Sequence[str], family: str, seed: int) -> list[Line]:
+    """One scene's solves, with all stages on and without each of the named ones."""
+    return [line | {"stage": name} for line, name in itertools.product(plan.of_scene(family, seed), (None, *names))]
+
+
+def of_plan(plan: Plan, names: Sequence[str]) -> list[Line]:
+    """What the plan's file holds of what is asked."""
+    pairs = itertools.product(plan.families, plan.seeds)
+    wanted = done([line for family, seed in pairs for line in asked(plan, names, family, seed)])
+    return [line for line in run.read(plan.out) if done([line]) <= wanted]
+
+
+def run_scene(plan: Plan, names: Sequence[str], family: str, seed: int) -> int:
+    """Solves what is asked of a scene and not done, and appends it to the plan's file; how many solves there were."""
     known = done(run.read(plan.out))
-    left = [line for line in asked if tuple(line[key] for key in (*IDENTITY, "stage")) not in known]
+    left = [line for line in asked(plan, names, family, seed) if not done([line]) <= known]
     if not left:
         return 0
     of_scene, commit = SceneRun(run.drawn(plan, family, seed), plan), reports.commit()
@@ -62,11 +72,10 @@ def run_all(plan: Plan, names: Sequence[str], jobs: int) -> int:
     """Solves all scenes with all stages and without each of the named ones, in `jobs` processes; how many lines were
     added."""
     pairs = list(itertools.product(plan.seeds, plan.families))
-    all_names = (None, *names)
     if jobs == 1:
-        return sum(run_scene(plan, all_names, family, seed) for seed, family in pairs)
+        return sum(run_scene(plan, names, family, seed) for seed, family in pairs)
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        waiting = [pool.submit(run_scene, plan, all_names, family, seed) for seed, family in pairs]
+        waiting = [pool.submit(run_scene, plan, names, family, seed) for seed, family in pairs]
         return sum(one.result() for one in waiting)
 
 
