@@ -26,6 +26,30 @@ class FisherInformation:
     matrices: FloatArray  # (K, 4, 4)
 
 
+class ModelFinding(Value):
+    """Something about the capture that the plain model of the images does not contain."""
+
+    kind: str = Field(description="rough surface, ambient light, coded values, bad image, swapped lamps, …")
+    message: str = Field(description="What was found and what was done about it, one sentence")
+    corrected: bool = Field(description="Whether the solve takes it into account; else σ may be too small")
+    value: float | None = Field(default=None, description="Its estimated amount: rad, share of white, exponent, image")
+
+
+class GoodnessOfFit(Value):
+    """How well the images fit the model, against the noise that sensor and calibration state.
+
+    A misfit is the robust rms of studentised residuals; its probability is that of a sound capture fitting as badly.
+    """
+
+    misfit: float
+    probability: float
+    image_misfits: list[float | None] = Field(description="Of each image; none: too few measurements")
+    image_probabilities: list[float | None]
+    region_misfits: list[list[float | None]] = Field(
+        description="Of a grid of regions over the object's bounding box, rows from the top"
+    )
+
+
 @dataclass(frozen=True)
 class NormalMap:
     """Per-pixel result of a solve; arrays are zero (σ: NaN) outside `mask`.
@@ -50,6 +74,8 @@ class NormalMap:
     albedo_rgb: Float32Array | None = None  # (H, W, 3) of each channel; none: grey images
     noise: dict[str, float] = field(default_factory=dict[str, float])  # names of parameters → values used
     notes: dict[str, Any] = field(default_factory=dict[str, Any])
+    fit: GoodnessOfFit | None = None  # none: not evaluated
+    findings: tuple[ModelFinding, ...] = ()  # what the plain model of the images does not contain
 
 
 class ResultSummary(Value):
@@ -70,6 +96,10 @@ class ResultSummary(Value):
     fewer_than_three_lights: float
     intensity_factors: list[float]
     noise: dict[str, float]
+    fit: GoodnessOfFit | None = Field(default=None, description="None: results of releases up to 0.1, or not evaluated")
+    findings: list[ModelFinding] = Field(
+        default=[], description="What the plain model of the images does not contain, corrected or not"
+    )
 
 
 class SolveSettings(Value):

@@ -25,6 +25,7 @@ from acquisition.normals import (
     specular,
 )
 from acquisition.normals.discontinuity import ShadowImages
+from acquisition.normals.image_terms import LAMBERTIAN, MAX_ROUGH_WEIGHT, ImageTerms
 from acquisition.normals.interreflection import Surface
 from acquisition.normals.pixel_solve import Estimate, Pixels, PixelSolveOptions, Scene
 from acquisition.normals.pyramid import PyramidLevel
@@ -82,7 +83,7 @@ class AlternationResult:
     Depth (N,) in m; continuity weight of the surface (N,), 1 where it is continuous and 0 at depth discontinuities; the
     parameters shared by all pixels; the variance (N,), rad², of the normals by errors of lamps and indirect light that
     all pixels share; indirect irradiance (F, N) or none where it is insignificant, and the scale that its prediction
-    was multiplied by; the specular lobe; the noise of coarse pixels.
+    was multiplied by; the specular lobe; the noise of coarse pixels; normals (3, M) of the coarse pixels, never others.
     """
 
     depth_m: Float32Array
@@ -93,6 +94,7 @@ class AlternationResult:
     indirect_scale: float
     lobe: Lobe
     noise: Noise
+    normals: Float32Array
 
     def resampled(self, interpolate: Callable[[Float32Array], Float32Array]) -> "AlternationResult":
         """The same at other pixels, to which `interpolate` takes values (..., N)."""
@@ -130,10 +132,11 @@ def coarse_factor(count: int) -> int:
     return int(np.ceil(np.sqrt(count / MAX_COARSE_PIXELS)))
 
 
-def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene) -> AlternationResult:
+def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Priors) -> AlternationResult:
     """Block-coordinate descent from depth (N,) in m at the level's coarse pixels.
 
-    `scene` has the nominal lamps and the noise of single pixels; the level's table is what surrounds the object.
+    `scene` has the nominal lamps, the noise of single pixels, and the terms beyond Lambert's to begin with; what all
+    pixels share is estimated with `priors`; the level's table is what surrounds the object.
     """
     coarse = level.coarse
     mask = coarse.image(np.ones(len(coarse.index), np.bool_))
@@ -144,7 +147,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene) -> Alternat
     block = level.factor**2
     present = replace(scene, noise=replace(scene.noise, shot=scene.noise.shot / block, floor=scene.noise.floor / block))
     sample = _Sample(coarse.subset(chosen), ray_direction[:, chosen], present)
-    shared = SharedParameters.nominal(len(scene.lamps))
+    shared = replace(SharedParameters.nominal(len(scene.lamps)), terms=scene.terms or LAMBERTIAN)
     lobe = specular.NO_LOBE
     indirect: _IndirectLight | None = None
     estimate: Estimate | None = None
@@ -167,7 +170,8 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene) -> Alternat
         discontinuous_depth = None
         if discontinuous:
             cuts = INITIAL_DISCONTINUITY_ROUNDS if turn == 0 else 1
-            shadows = ShadowImages(coarse, measured - highlight, estimate.light, present.lamps)
+            reflected = measured - highlight - estimate.ambient_value
+            shadows = ShadowImages(coarse, reflected, estimate.light, present.lamps)
             discontinuous_depth = discontinuity.discontinuous_depth(shadows, normals, confidence, depth, smooth, cuts)
         discontinuous = discontinuous_depth is not None
         depth, continuity_weight = discontinuous_depth or (smooth, np.ones_like(smooth))
@@ -177,7 +181,8 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene) -> Alternat
         )
         highlight = lobe.highlight(estimate, ray_direction)
         indirect = _indirect_light(
-            level, measured - highlight, values, estimate, depth, normals, present,
+            level, measured - highlight - estimate.ambient_value, values - estimate.ambient_value, estimate, depth,
+            normals, present,
             expected=indirect is not None and indirect.significant,
         )  # fmt: skip
         radiance = indirect.radiance
@@ -187,11 +192,11 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene) -> Alternat
         before = shared.shift_m
         hold = turn == 0 and not direct_diffuse
         shared, noise = _self_calibrate(
-            sample, values, highlight[:, chosen], lobe, depth[chosen], shared, present.noise, hold=hold
+            sample, values, highlight[:, chosen], lobe, depth[chosen], shared, present.noise, priors, hold=hold
         )
         calibrations += not hold
         depth = depth + np.float32(shared.shift_m - before)
-        present = replace(present, lamps=shared.lamps(scene.lamps), noise=noise)
+        present = replace(present, lamps=shared.lamps(scene.lamps), noise=noise, terms=scene.terms and shared.terms)
         threshold = scene.settings.shadow_threshold
         converged = turn >= scene.settings.depth_rounds and _mean_angle_deg(previous, normals) < CONVERGED_DEG
         if converged or (direct_diffuse and calibrations >= scene.settings.depth_rounds):
@@ -209,6 +214,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene) -> Alternat
         indirect_scale=indirect.scale if indirect else 0.0,
         lobe=lobe,
         noise=present.noise,
+        normals=normals,
     )
 
 
@@ -263,7 +269,7 @@ def divide_intensity(values: Float32Array, log_intensity: FloatArray) -> Float32
 
 def _self_calibrate(
     sample: _Sample, values: Float32Array, highlight: Float32Array, lobe: Lobe, depth_m: Float32Array,
-    before: SharedParameters, noise: Noise, *, hold: bool,
+    before: SharedParameters, noise: Noise, stated: Priors, *, hold: bool,
 ) -> tuple[SharedParameters, Noise]:  # fmt: skip
     """Three Gauss–Newton steps of the shared parameters on K sample pixels, and the noise scales from the residuals.
 
@@ -274,9 +280,7 @@ def _self_calibrate(
     if len(nominal.lamps) < MIN_IMAGES_FOR_SHIFT:
         return before, noise
     calibrate = not hold and len(nominal.lamps) >= MIN_IMAGES_FOR_LAMPS
-    stated = nominal.calibration
-    sigmas = (stated.intensity_sigma, stated.lamp_position_sigma_m) if calibrate else (0.0, 0.0)
-    priors, present = Priors(*sigmas, SHIFT_SIGMA_M), before
+    priors, present = stated if calibrate else replace(stated, intensity=0.0, position_m=0.0), before
     options = PixelSolveOptions(
         nominal.settings.shadow_threshold, CALIBRATION_DEPTH_SIGMA_M, cauchy_scale=nominal.cauchy_scale
     )
@@ -286,7 +290,8 @@ def _self_calibrate(
         diffuse, extra = divided - highlight, (np.float32(specular.HIGHLIGHT_SIGMA) * highlight) ** 2
         estimate = pixel_solve.solve(
             sample.pixels, diffuse, depth_m + np.float32(present.shift_m - before.shift_m),
-            replace(nominal, lamps=lamps, noise=noise), options, extra_variance=extra,
+            replace(nominal, lamps=lamps, noise=noise, terms=nominal.terms and present.terms), options,
+            extra_variance=extra,
         )  # fmt: skip
         if turn in (0, 3):
             noise = residual_noise.estimate(
@@ -307,5 +312,10 @@ def _self_calibrate(
             lamp_offset_m=present.lamp_offset_m + step.lamp_offset_m,
             shift_m=float(np.clip(present.shift_m + shift, -MAX_SHIFT_M, MAX_SHIFT_M)),
             covariance=step.covariance if calibrate else present.covariance,
+            terms=ImageTerms(
+                float(np.clip(present.terms.roughness + step.terms.roughness, 0, MAX_ROUGH_WEIGHT)),
+                max(present.terms.ambient + step.terms.ambient, 0.0),
+                present.terms.offset + step.terms.offset,
+            ),
         )
     return present, noise

@@ -18,6 +18,7 @@ from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, FisherInformation, NormalMap
 from acquisition.normals import (
     alternation,
+    error_variance,
     integrability,
     integration,
     interreflection,
@@ -49,7 +50,7 @@ HIGHLIGHT_DEVIATIONS, MIN_HIGHLIGHT = 4, 0.03
 
 
 @dataclass(frozen=True)
-class _PixelSolution:
+class PixelSolution:
     """A final solve of some pixels: the estimate, values of nominal lamps (F, N), the values that it was solved from
     (F, N), their variance beside the noise model's (F, N), and the indirect light that was subtracted (F, N)."""
 
@@ -78,27 +79,32 @@ def noise_sample(count: int) -> np.ndarray:
     return np.sort(np.random.default_rng(1).permutation(count)[:SAMPLE_PIXELS])
 
 
-def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) -> Scene:
-    """The scene with noise scales and median albedo estimated from residuals of a sample at full resolution."""
+def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) -> tuple[Scene, PixelSolution]:
+    """The scene with noise scales and median albedo estimated from residuals of a sample at full resolution, and the
+    sample's solution."""
     ray_direction = photometry.ray_directions(sample.ray)
     noise = replace(scene.noise, intensity=state.noise.intensity, direction=state.noise.direction)
+    solution = _solve_pixels(sample, state, replace(scene, noise=noise))
     albedo = None
-    for _ in range(2):
-        solution = _solve_pixels(sample, state, replace(scene, noise=noise))
+    for turn in range(2):
+        if turn > 0:
+            solution = _solve_pixels(sample, state, replace(scene, noise=noise))
         noise = residual_noise.estimate(
             solution.estimate, solution.values, noise, scene.noise, ray_direction, scene.lamps,
             photometry.OFFSET_SIGMA_M, solution.extra_variance,
         )  # fmt: skip
         albedo = pixel_solve.median_albedo(solution.estimate, solution.measured, sample.clipped)
-    return replace(scene, noise=noise, median_albedo=albedo)
+    return replace(scene, noise=noise, median_albedo=albedo), solution
 
 
 def solve(
-    masked: MaskedImages, level: PyramidLevel, state: AlternationResult, scene: Scene, size: tuple[int, int]
-) -> NormalMap:
+    masked: MaskedImages, level: PyramidLevel, state: AlternationResult, scene: Scene, size: tuple[int, int],
+    *, unsound: bool = False,
+) -> NormalMap:  # fmt: skip
     """Solves all object pixels block by block, regularises and integrates; maps of the whole frame (H, W) of `size`.
 
-    `state` is that of the level's coarse pixels; `scene` has lamps and noise as estimated.
+    `state` is that of the level's coarse pixels; `scene` has lamps and noise as estimated; `unsound`: something is
+    wrong with the capture that the model does not contain.
     """
     images, shape = masked.images, masked.mask.shape
     window = (images.rows, images.columns)
@@ -111,6 +117,7 @@ def solve(
     matrices: list[FloatArray] = []
     before, light, indirect = 0, 0.0, 0.0
     margin = 1 if _direct_diffuse(state) else 3
+    margin += 0 if scene.terms is None else pixel_solve.TERM_ROUNDS * margin
     for rows in masked.blocks():
         mask = masked.mask[rows]
         after = before + int(np.count_nonzero(mask))
@@ -127,7 +134,14 @@ def solve(
             matrices.append(block.matrices)
         before = after
     del views
+    posterior_deg = maps["sigma_deg"][window].copy()
     _regularise(maps["normals"][window], maps["sigma_deg"][window], surface["variance"], masked.ray)
+    weight = surface.get("continuity_weight")
+    maps["sigma_deg"][window] = error_variance.sigma_deg(
+        posterior_deg, maps["sigma_deg"][window], maps["residual"][window], surface.pop("lights"),
+        None if weight is None else 1 - weight, unsound=unsound,
+    )  # fmt: skip
+    del posterior_deg
     depth = integration.depth(
         maps["normals"][window].transpose(2, 0, 1), masked.mask, masked.ray,
         integration.confidence(surface.pop("variance")), surface.pop("start"),
@@ -141,7 +155,15 @@ def solve(
     window_rows, window_columns = np.unravel_index(np.concatenate(numbers), shape)
     noise = scene.noise
     return NormalMap(
-        **maps,
+        normals=maps["normals"],
+        albedo=maps["albedo"],
+        depth=maps["depth"],
+        sigma_deg=maps["sigma_deg"],
+        residual=maps["residual"],
+        mask=maps["mask"],
+        silhouette=maps["silhouette"],
+        indirect=maps["indirect"],
+        doubtful=maps["doubtful"],
         flags=flags,
         intensity_factors=np.exp(state.shared.log_intensity),
         information=FisherInformation(
@@ -185,7 +207,10 @@ def _empty_maps(size: tuple[int, int]) -> dict[str, np.ndarray]:
 def _integration_inputs(shape: tuple[int, int], *, discontinuous: bool) -> dict[str, np.ndarray]:
     """Further maps (h, w) of the window that regularisation and integration need, with their values outside of the
     object."""
-    maps = {"variance": np.zeros(shape, np.float32), "start": np.ones(shape, np.float32)}
+    maps: dict[str, np.ndarray] = {
+        "variance": np.zeros(shape, np.float32), "start": np.ones(shape, np.float32)
+    }  # fmt: skip
+    maps["lights"] = np.zeros(shape, np.uint8)
     return maps | ({"continuity_weight": np.ones(shape, np.float32)} if discontinuous else {})
 
 
@@ -220,6 +245,7 @@ def _solve_block(
         "variance": estimate.variance,
         "start": local.depth_m,
         "continuity_weight": local.continuity_weight,
+        "lights": np.minimum(used, 255),
     }
     sampled = chosen[solved[own][chosen]]
     return _BlockResult(
@@ -237,7 +263,7 @@ def _direct_diffuse(state: AlternationResult) -> bool:
     return state.indirect_irradiance is None and state.lobe.strength == 0
 
 
-def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> _PixelSolution:
+def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> PixelSolution:
     """Solves pixels by fixed-point iteration: indirect light depends on the albedo and gloss on the normals."""
     measured = alternation.divide_intensity(pixels.values, state.shared.log_intensity)
 
@@ -262,11 +288,14 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> _Pi
         direct, values = values, measured - highlight
         extra = np.square(np.float32(specular.HIGHLIGHT_SIGMA) * highlight)
         if state.indirect_irradiance is not None:
-            indirect = interreflection.reflected_radiosity(state.indirect_irradiance, values, direct, estimate.albedo)
+            ambient = estimate.ambient_value
+            indirect = interreflection.reflected_radiosity(
+                state.indirect_irradiance, values - ambient, direct - ambient, estimate.albedo
+            )
             values = values - indirect
             extra = extra + np.square(np.float32(photometry.PREDICTED_INDIRECT_SIGMA) * indirect)
         estimate = once(values, extra, iterations, gloss)
-    return _PixelSolution(estimate, measured, values, extra, indirect)
+    return PixelSolution(estimate, measured, values, extra, indirect)
 
 
 def _measurement_flags(
@@ -281,6 +310,8 @@ def _measurement_flags(
     scale = np.sqrt(noise.shot), np.sqrt(noise.floor)
     for number, (light, usable, saturated) in enumerate(zip(estimate.light, estimate.usable, clipped, strict=True)):
         predicted = np.einsum("cn,cn->n", light, estimate.g)
+        if estimate.terms is not None:
+            predicted += estimate.terms.value[number]
         strength = np.sqrt(np.einsum("cn,cn->n", light, light)) * estimate.albedo
         dark = ~usable & ~saturated
         attached = dark & (predicted < np.float32(ATTACHED_COSINE) * strength)

@@ -16,7 +16,8 @@ from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import SolveSettings
-from acquisition.normals import pixel_solve_kernels
+from acquisition.normals import image_terms, pixel_solve_kernels
+from acquisition.normals.image_terms import ImageTerms, TermValues
 
 PENUMBRA_SIGMA = 0.1
 """1 σ added in the eight neighbours of shadowed pixels, as a share of the pixel's peak value. Half or twice as much
@@ -29,6 +30,9 @@ CAUCHY_SCALE: float | None = 2.5
 IRLS_ITERATIONS = 6
 """Gauss–Newton steps with reweighting."""
 
+TERM_ROUNDS = 3
+"""Solves of a pixel with terms beyond Lambert's, each with their derivatives at the one before."""
+
 NO_OFFSET_SIGMA_M = 1e-6
 """1 σ of the depth offset, m, that switches it off."""
 
@@ -38,9 +42,11 @@ MIN_VIEW_COSINE = 0.02
 
 @dataclass(frozen=True)
 class Scene:
-    """What solves take as given: lamps (F, 6) as of `photometry.lamps`, calibration, noise model and settings.
+    """What solves take as given: lamps (F, 6) as of `photometry.lamps`, calibration, noise model, settings, and terms
+    of image formation beyond Lambert's.
 
-    `median_albedo` is that of the whole object where the pixels at hand are but a part of it; none: theirs.
+    Terms that are none are not solved for, nor are their derivatives. `median_albedo` is that of the whole object where
+    the pixels at hand are but a part of it; none: theirs.
     """
 
     lamps: Float32Array
@@ -48,6 +54,7 @@ class Scene:
     noise: photometry.Noise
     settings: SolveSettings = field(default_factory=SolveSettings)
     median_albedo: float | None = None
+    terms: ImageTerms | None = None
 
     @property
     def cauchy_scale(self) -> float | None:
@@ -112,6 +119,17 @@ class Estimate:
     usable: BoolArray  # (F, N)
     light: Float32Array  # (F, 3, N) light vectors s
     point: Float32Array  # (3, N) m, view frame
+    terms: TermValues | None = None  # those beyond Lambert's, as solved with; none: there are none
+
+    @property
+    def term_value(self) -> Float32Array | np.float32:
+        """What the terms beyond Lambert's contribute to the values (F, N); 0 without any."""
+        return np.float32(0) if self.terms is None else self.terms.value
+
+    @property
+    def ambient_value(self) -> Float32Array | np.float32:
+        """What ambient light contributes to the values (N,); 0 without any."""
+        return np.float32(0) if self.terms is None else self.terms.ambient
 
     @property
     def albedo(self) -> Float32Array:
@@ -196,14 +214,50 @@ def solve(
     ray_direction = photometry.ray_directions(pixels.ray)
     light = photometry.light_vectors(point, scene.lamps, scene.calibration)
     strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
-    usable, penumbra, peak = classify_measurements(pixels, values, strength, options.shadow_threshold)
-    added = np.where(penumbra, (np.float32(PENUMBRA_SIGMA) * peak * strength) ** 2, np.float32(0))
+    axis = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
+    bent = light if highlight_by_g is None else light + highlight_by_g
+    if scene.terms is None:
+        return _solve(pixels, values, _Rows(light, bent, strength, point, axis), scene, options, extra_variance)
+    peak = _peak_ratio(values / np.maximum(strength, np.float32(1e-9)), pixels.clipped)
+    usable = np.ones_like(pixels.clipped)
+    terms = image_terms.evaluate(scene.terms, (axis * peak).astype(np.float32), light, usable, axis)
+    estimate = _solve(
+        pixels, values, _Rows(light, bent + terms.by_g, strength, point, axis), scene, options, extra_variance, terms
+    )
+    for _ in range(TERM_ROUNDS - 1):
+        terms = image_terms.evaluate(scene.terms, estimate.g, light, estimate.usable, axis)
+        rows = _Rows(light, bent + terms.by_g, strength, point, axis)
+        estimate = _solve(pixels, values, rows, scene, options, extra_variance, terms)
+    terms = image_terms.evaluate(scene.terms, estimate.g, light, estimate.usable, axis)
+    return replace(estimate, terms=terms)
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Design rows of N pixels: light vectors s and s + ∂h/∂g (F, 3, N), |s| (F, N), points and unit axes to the camera
+    (3, N)."""
+
+    light: Float32Array
+    bent: Float32Array
+    strength: Float32Array
+    point: Float32Array
+    axis: Float32Array
+
+
+def _solve(
+    pixels: Pixels, values: Float32Array, rows: _Rows, scene: Scene, options: PixelSolveOptions,
+    extra_variance: Float32Array | None, terms: TermValues | None = None,
+) -> Estimate:  # fmt: skip
+    """One solve with given design rows; `terms` are subtracted from the values where measurements are classified."""
+    lambertian = values if terms is None else values - terms.value
+    values = values if terms is None else values - np.float32(terms.offset)
+    usable, penumbra, peak = classify_measurements(pixels, lambertian, rows.strength, options.shadow_threshold)
+    added = np.where(penumbra, (np.float32(PENUMBRA_SIGMA) * peak * rows.strength) ** 2, np.float32(0))
     if extra_variance is not None:
         added = added + extra_variance
     typical = np.median(peak) if scene.median_albedo is None else scene.median_albedo
     albedo = np.maximum(peak, np.float32(0.2) * np.float32(typical))
     albedo = np.maximum(albedo, np.float32(1e-6))
-    axis = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
     count = pixels.values.shape[1]
     out = Estimate(
         g=np.empty((3, count), np.float32),
@@ -212,24 +266,25 @@ def solve(
         residual=np.empty(count, np.float32),
         weights=np.empty(values.shape, np.float32),
         usable=usable,
-        light=light,
-        point=point,
+        light=rows.light,
+        point=rows.point,
+        terms=terms,
     )
     noise = scene.noise
     pixel_solve_kernels.estimate(
         np.ascontiguousarray(values, dtype=np.float32),
-        light if highlight_by_g is None else np.ascontiguousarray(light + highlight_by_g, dtype=np.float32),
+        np.ascontiguousarray(rows.bent, dtype=np.float32),
         usable.astype(np.uint8),
         np.ascontiguousarray(added, dtype=np.float32),
-        np.ascontiguousarray(point),
-        np.ascontiguousarray(ray_direction),
+        np.ascontiguousarray(rows.point),
+        np.ascontiguousarray(photometry.ray_directions(pixels.ray)),
         scene.lamps,
         noise.shot.astype(np.float32),
         noise.floor.astype(np.float32),
         np.array(
             [noise.intensity, noise.direction, options.cauchy_scale or 0.0, options.offset_sigma_m], dtype=np.float32
         ),
-        np.ascontiguousarray(axis * albedo, dtype=np.float32),
+        np.ascontiguousarray(rows.axis * albedo, dtype=np.float32),
         (1.0 / (photometry.PRIOR_SCALE * albedo) ** 2).astype(np.float32),
         options.iterations,
         out.g,

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numba
 import numpy as np
 
-from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.normals import pixel_solve, pixel_solve_kernels
 from acquisition.normals.pixel_solve import Estimate
 from acquisition.photometry import Noise
@@ -68,6 +68,8 @@ def estimate(
     slope = np.einsum("fck,ck->fk", change, g)
     bent = light + change * solution.offset_m[enough]
     predicted = np.einsum("fck,ck->fk", bent, g)
+    if solution.terms is not None:
+        predicted += solution.terms.value[:, enough]
     rows = np.ascontiguousarray(np.concatenate([bent, slope[:, None]], axis=1))  # (F, 4, K)
     leverage = np.empty(y.shape)
     strength = np.sqrt(np.einsum("fck,fck->fk", light, light)) * np.sqrt(np.sum(g * g, axis=0))
@@ -92,6 +94,31 @@ def estimate(
         )
         noise = replace(noise, intensity=intensity, direction=stated.direction if direction is None else direction)
     return noise
+
+
+def studentised_squares(
+    solution: Estimate, values: Float32Array, noise: Noise, ray_direction: Float32Array, lamps: Float32Array,
+    offset_sigma_m: float, extra: Float32Array,
+) -> tuple[FloatArray, FloatArray, BoolArray]:  # fmt: skip
+    """Squared residuals (F, K) over their expectation v (1 − h) in the given `noise`, over the squared value and 1 − h,
+    and which of them count.
+
+    Those of pixels with fewer than MIN_LIGHTS usable lights, or of leverage above MAX_LEVERAGE, do not count.
+    Arguments as of `estimate`.
+    """
+    change = pixel_solve.depth_derivative(solution.light, solution.point, ray_direction, lamps)
+    g = solution.g.astype(np.float64)
+    bent = solution.light + change * solution.offset_m
+    predicted = np.einsum("fck,ck->fk", bent, g) + solution.term_value
+    rows = np.ascontiguousarray(np.concatenate([bent, np.einsum("fck,ck->fk", change, g)[:, None]], axis=1), np.float64)
+    strength = np.sqrt(np.einsum("fck,fck->fk", solution.light, solution.light)) * solution.albedo
+    variance = noise.variance(np.maximum(values, 0), strength) + extra
+    used = solution.weights > 0
+    leverage = np.empty(values.shape)
+    _leverage(rows, np.ascontiguousarray(np.where(used, 1 / variance, 0), np.float64), offset_sigma_m, leverage)
+    counted = used & (leverage < MAX_LEVERAGE) & (np.count_nonzero(used, axis=0) >= MIN_LIGHTS)
+    unleveraged = (values - predicted) ** 2 / np.maximum(1 - leverage, 0.05)
+    return unleveraged / variance, unleveraged / np.maximum(values, 1e-6) ** 2, counted
 
 
 def _median_matched_share(

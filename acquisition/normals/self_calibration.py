@@ -19,6 +19,7 @@ import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.normals import pixel_solve, pixel_solve_kernels
+from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.pixel_solve import Estimate
 from acquisition.normals.specular import HighlightDerivatives
 
@@ -46,13 +47,14 @@ MIN_PIXELS = 50
 @dataclass(frozen=True)
 class SharedParameters:
     """Parameters that all pixels share: log intensity factor per image (F,), each lamp's offset from its nominal
-    position (F, 3) in m, view frame, and the object's shift along the rays in m; and the covariance (4F, 4F) of the
-    lamps' parameters: log intensities first, then all x, all y and all z."""
+    position (F, 3) in m, view frame, the object's shift along the rays in m, and the terms beyond Lambert's; and the
+    covariance (4F, 4F) of the lamps' parameters: log intensities first, then all x, all y and all z."""
 
     log_intensity: FloatArray
     lamp_offset_m: FloatArray
     shift_m: float
     covariance: FloatArray
+    terms: ImageTerms = LAMBERTIAN
 
     @classmethod
     def nominal(cls, count: int) -> "SharedParameters":
@@ -68,11 +70,105 @@ class SharedParameters:
 
 @dataclass(frozen=True)
 class Priors:
-    """1 σ of log intensities, lamp positions along each axis in m, and the shift in m; zero holds a parameter fixed."""
+    """1 σ of log intensities, lamp positions along each axis in m, the shift in m, and the terms beyond Lambert's; zero
+    holds a parameter fixed."""
 
     intensity: float
     position_m: float
     shift_m: float
+    terms: ImageTerms = LAMBERTIAN
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Normal equations of the shared parameters: `matrix` x = `right` (M, M), their 1 σ (M,) of the prior and what it
+    pulls back by (M,). Log intensities (F) come first, then lamp positions (3F), shift, terms and lobe."""
+
+    matrix: FloatArray
+    right: FloatArray
+    sigma: FloatArray
+    before: FloatArray
+
+    def posterior(self) -> tuple[FloatArray, FloatArray]:
+        """Change (M,) of the parameters to the maximum a posteriori, and their covariance (M, M)."""
+        precision = _precision(self.sigma)
+        covariance = np.asarray(np.linalg.inv(self.matrix + np.diag(precision)), np.float64)
+        return covariance @ (self.right - precision * np.where(self.sigma > 0, self.before, 0.0)), covariance
+
+
+def normal_equations(
+    estimate: Estimate, by_depth: Float32Array, values: Float32Array, lamps: Float32Array, present: SharedParameters,
+    priors: Priors, offset_sigma_m: float, gloss: HighlightDerivatives | None = None,
+) -> Equations | None:  # fmt: skip
+    """Linearised least squares of the shared parameters from estimates at K pixels, each pixel's own eliminated.
+
+    `by_depth` (∂s/∂Z) (F, 3, K), `values` (F, K), `lamps` (F, 6) as estimated with; what is `present` is already
+    divided out of `values`, and in lamps and depth. Priors pull all towards zero; that of the intensities is widened by
+    `evidence_maximised_sigma`. Of glossy pixels `values` are without highlights, and `gloss` has their derivatives.
+    None where too few pixels have enough lights.
+    """
+    count = len(values)
+    enough = np.count_nonzero(estimate.weights > 0, axis=0) >= MIN_LIGHTS
+    if np.count_nonzero(enough) < MIN_PIXELS:
+        return None
+    terms = estimate.terms
+    derivatives: list[Float32Array] = []
+    if terms is not None:
+        derivatives.append(terms.by_parameter)
+    if gloss is not None:
+        derivatives.append(gloss.by_lobe)
+    columns = sum(part.shape[1] for part in derivatives)
+    sigma = np.concatenate(
+        [
+            np.full(3 * count, priors.position_m),
+            [priors.shift_m],
+            [] if terms is None else _term_sigmas(priors.terms, terms.by_parameter.shape[1]),
+            [] if gloss is None else [LOBE_LOG_SIGMA] * gloss.by_lobe.shape[1],
+        ]
+    )
+    size = count + len(sigma)
+    sums = np.zeros((size + 1, size + 1))
+    nothing, none = np.zeros((count, 0, 0), np.float32), np.zeros((count, 0), np.float32)
+    by_g, added = nothing, none
+    if terms is not None:
+        by_g, added = terms.by_g, terms.value
+    if gloss is not None:
+        by_g, added = (
+            (gloss.by_g, gloss.highlight) if terms is None else (terms.by_g + gloss.by_g, added + gloss.highlight)
+        )
+    _normal_equations(
+        estimate.light,
+        by_depth,
+        position_derivative(estimate, lamps),
+        np.ascontiguousarray(values if terms is None else values - terms.value, np.float32),
+        estimate.g,
+        estimate.offset_m,
+        estimate.weights,
+        np.ascontiguousarray(by_g, np.float32),
+        np.ascontiguousarray(added, np.float32),
+        np.ascontiguousarray(np.concatenate(derivatives, axis=1) if columns else nothing, np.float32),
+        enough,
+        offset_sigma_m,
+        sums,
+    )
+    matrix, right = sums[:-1, :-1] / EFFECTIVE_SAMPLE_DIVISOR, sums[:-1, -1] / EFFECTIVE_SAMPLE_DIVISOR
+    before = np.zeros(size)
+    before[: 4 * count + 1] = np.concatenate(
+        [present.log_intensity, present.lamp_offset_m.T.ravel(), [present.shift_m]]
+    )
+    if terms is not None:
+        before[4 * count + 1 : 4 * count + 4] = present.terms.roughness, present.terms.ambient, present.terms.offset
+    intensity_sigma = priors.intensity
+    if intensity_sigma > 0:
+        intensity_sigma = evidence_maximised_sigma(matrix, right + matrix @ before, _precision(sigma), intensity_sigma)
+    return Equations(matrix, right, np.concatenate([np.full(count, intensity_sigma), sigma]), before)
+
+
+def _term_sigmas(sigma: ImageTerms, count: int) -> FloatArray:
+    """1 σ of the columns (`count`) of terms: b, a and o, and others, which are held."""
+    out = np.zeros(count)
+    out[:3] = sigma.roughness, sigma.ambient, sigma.offset
+    return out
 
 
 def gauss_newton_step(
@@ -81,50 +177,23 @@ def gauss_newton_step(
 ) -> SharedParameters:  # fmt: skip
     """Gauss–Newton step of the shared parameters from estimates at K pixels: their changes, and the covariance after.
 
-    `by_depth` (∂s/∂Z) (F, 3, K), `values` (F, K), `lamps` (F, 6) as estimated with; what is `present` is already
-    divided out of `values`, and in lamps and depth. Priors pull all towards zero; that of the intensities is widened by
-    `evidence_maximised_sigma`. Of glossy pixels `values` are without highlights, and `gloss` has their derivatives.
+    Arguments as of `normal_equations`. The terms of the result are changes, too.
     """
     count = len(values)
-    enough = np.count_nonzero(estimate.weights > 0, axis=0) >= MIN_LIGHTS
-    lobes = 0 if gloss is None else gloss.by_lobe.shape[1]
-    others = np.concatenate([np.full(3 * count, priors.position_m), [priors.shift_m], [LOBE_LOG_SIGMA] * lobes])
-    if np.count_nonzero(enough) < MIN_PIXELS:
-        held = np.concatenate([np.full(count, priors.intensity), others[: 3 * count]])
+    equations = normal_equations(estimate, by_depth, values, lamps, present, priors, offset_sigma_m, gloss)
+    if equations is None:
+        held = np.concatenate([np.full(count, priors.intensity), np.full(3 * count, priors.position_m)])
         return replace(SharedParameters.nominal(count), covariance=np.diag(held**2))
-    size = count + len(others)
-    sums = np.zeros((size + 1, size + 1))
-    nothing = np.zeros((count, 0, 0), np.float32)
-    _normal_equations(
-        estimate.light,
-        by_depth,
-        position_derivative(estimate, lamps),
-        np.ascontiguousarray(values, np.float32),
-        estimate.g,
-        estimate.offset_m,
-        estimate.weights,
-        nothing if gloss is None else np.ascontiguousarray(gloss.by_g, np.float32),
-        nothing if gloss is None else np.ascontiguousarray(gloss.by_lobe, np.float32),
-        enough,
-        offset_sigma_m,
-        sums,
-    )
-    matrix, right = sums[:-1, :-1] / EFFECTIVE_SAMPLE_DIVISOR, sums[:-1, -1] / EFFECTIVE_SAMPLE_DIVISOR
-    before = np.concatenate(
-        [present.log_intensity, present.lamp_offset_m.T.ravel(), [present.shift_m], np.zeros(lobes)]
-    )
-    intensity_sigma = priors.intensity
-    if intensity_sigma > 0:
-        intensity_sigma = evidence_maximised_sigma(matrix, right + matrix @ before, _precision(others), intensity_sigma)
-    held = np.concatenate([np.full(count, intensity_sigma), others])
-    prior = _precision(held)
-    covariance = np.asarray(np.linalg.inv(matrix + np.diag(prior)), np.float64)
-    change = covariance @ (right - prior * np.where(held > 0, before, 0.0))
+    change, covariance = equations.posterior()
+    terms = LAMBERTIAN
+    if estimate.terms is not None:
+        terms = ImageTerms(*(float(one) for one in change[4 * count + 1 : 4 * count + 4]))
     return SharedParameters(
         log_intensity=change[:count],
         lamp_offset_m=change[count : 4 * count].reshape(3, count).T,
         shift_m=float(change[4 * count]),
         covariance=covariance[: 4 * count, : 4 * count],
+        terms=terms,
     )
 
 
@@ -180,7 +249,7 @@ def normal_variance(estimate: Estimate, lamps: Float32Array, covariance: FloatAr
 
 @numba.njit(
     "void(float32[:,:,::1], float32[:,:,::1], float32[:,:,::1], float32[:,::1], float32[:,::1], float32[::1],"
-    " float32[:,::1], float32[:,:,::1], float32[:,:,::1], boolean[::1], float64, float64[:,::1])",
+    " float32[:,::1], float32[:,:,::1], float32[:,::1], float32[:,:,::1], boolean[::1], float64, float64[:,::1])",
     cache=True,
     fastmath=True,
     error_model="numpy",
@@ -193,11 +262,12 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
     g: Float32Array,  # (3, K)
     offset_m: Float32Array,  # (K,)
     weights: Float32Array,  # (F, K)
-    by_g: Float32Array,  # (F, 3, K), or empty without a lobe
-    by_lobe: Float32Array,  # (F, L, K)
+    by_g: Float32Array,  # (F, 3, K) of values beside Lambert's, or empty
+    added: Float32Array,  # (F, K) values beside Lambert's that scale with the lamp, or empty
+    by_lobe: Float32Array,  # (F, L, K) of values by the parameters of terms and lobe
     enough: BoolArray,  # (K,): the pixels that count
     offset_sigma_m: float,
-    sums: FloatArray,  # (M + 1, M + 1), M = 4F + 1 + L: intensities, positions along x, y, z, shift, lobe; residuals
+    sums: FloatArray,  # (M + 1, M + 1), M = 4F + 1 + L: intensities, positions, shift, terms and lobe; residuals
 ) -> None:
     """Sums the normal equations of the shared parameters, each pixel's own unknowns eliminated (Schur complement).
 
@@ -225,7 +295,7 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
                 own[c, f] = root * (bent + by_g[f, c, p] if lobes else bent)
                 columns[1 + c, f] = root * by_position[f, c, p]
             direct += slope * offset
-            columns[0, f] = root * (direct + by_lobe[f, 0, p] if lobes else direct)
+            columns[0, f] = root * (direct + added[f, p] if lobes else direct)
             own[3, f] = columns[4, f] = root * slope
             for one in range(lobes):
                 columns[5 + one, f] = root * by_lobe[f, one, p]

@@ -15,8 +15,17 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.models.shot import Observations
-from acquisition.normals import alternation, final_solve, pyramid, sensor_estimate, session_images, silhouette
+from acquisition.normals import (
+    alternation,
+    final_solve,
+    model_selection,
+    pyramid,
+    sensor_estimate,
+    session_images,
+    silhouette,
+)
 from acquisition.normals.image_set import direction_spread
+from acquisition.normals.model_alternatives import Problem
 from acquisition.normals.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages
 from acquisition.normals.session_images import Images
@@ -100,10 +109,11 @@ def solve_stack(
     if factor > 1:
         start = np.full(len(level.coarse.index), np.mean(start), np.float32)
     nominal = Scene(lamps, calibration, noise, settings)
-    state = alternation.refine(level, start, nominal)
-    scene = replace(nominal, lamps=state.shared.lamps(lamps))
-    scene = final_solve.with_residual_noise(level.sample, state.resampled(level.interpolate_sample), scene)
-    return final_solve.solve(masked, level, state, scene, size)
+    solution, findings = model_selection.select(Problem(masked, level, start, nominal))
+    chosen = solution.problem
+    unsound = any(not finding.corrected for finding in findings)
+    normal_map = final_solve.solve(chosen.masked, chosen.level, solution.state, solution.scene, size, unsound=unsound)
+    return replace(normal_map, fit=solution.fit.summary(), findings=tuple(findings))
 
 
 def _refuse_few(images: Images) -> None:

@@ -112,7 +112,8 @@ def fit(
         estimate = pixel_solve.solve(
             pixels, values - added, depth_m, scene, wide, extra_variance=(np.float32(HIGHLIGHT_SIGMA) * added) ** 2
         )
-        lobe, explained = _fit_strength(values, estimate, ray_direction, scene.lamps)
+        diffuse = values if estimate.terms is None else values - estimate.terms.value
+        lobe, explained = _fit_strength(diffuse, estimate, ray_direction, scene.lamps)
         if lobe.strength <= MIN_STRENGTH or explained < MIN_EXPLAINED_SHARE:
             return NO_LOBE
     return lobe

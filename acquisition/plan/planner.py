@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acquisition import lamp_pose
+from acquisition import lamp_pose, photometry
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
@@ -156,7 +156,7 @@ def choose(
     captured = sum(shot.kind == "light" for shot in observations.shots)
     count_to_add = max(recipe.lights_total - captured, 0) if count is None else count
     problem = _build_problem(normal_map, observations, recipe, reach, calibration, options, count_to_add)
-    before_deg = problem.holdout_posterior(np.empty((0, 3))).sigma_deg
+    before_deg = problem.holdout_posterior(np.empty((0, 3))).sigma_deg * photometry.EXPECTED_SIGMA_FACTOR
     if count_to_add == 0:
         return _light_plan([], [], [], before_deg, ["all lights of the recipe have been captured"])
     candidates = problem.search_candidates(problem.positions)
@@ -176,10 +176,10 @@ def choose(
         )
     rings = problem.holdout_posterior(problem.positions[sets[0]])
     planned_rows = problem.holdout_candidates(positions)
-    sigma_deg = criterion.posterior(problem.holdout_sample, planned_rows).sigma_deg
+    sigma_deg = criterion.posterior(problem.holdout_sample, planned_rows).sigma_deg * photometry.EXPECTED_SIGMA_FACTOR
     notes = [
         f"mean σ {np.mean(before_deg):.2f}° so far, {np.mean(sigma_deg):.2f}° expected with these lights, "
-        f"{np.mean(rings.sigma_deg):.2f}° with two rings"
+        f"{photometry.EXPECTED_SIGMA_FACTOR * np.mean(rings.sigma_deg):.2f}° with two rings"
     ]
     if until.passed:
         notes.append(
@@ -235,6 +235,7 @@ def _forecast_curve(problem: Problem, options: Candidates, captured: int, counts
             seed = problem.recipe.seed
             chosen = optimise.search(problem.search_sample, options, loss, sets, count, seed, Deadline(), quick=True)
         sigma_deg = float(np.mean(problem.holdout_posterior(problem.positions[chosen]).sigma_deg))
+        sigma_deg *= photometry.EXPECTED_SIGMA_FACTOR
         points.append(ForecastPoint(added=count, lights=captured + count, sigma_deg=sigma_deg))
     return points
 

@@ -300,4 +300,6 @@ def solve_normals(
         fewer_than_three_lights=float(np.mean(lights_used < 3)),
         intensity_factors=[float(factor) for factor in normal_map.intensity_factors],
         noise=normal_map.noise,
+        fit=normal_map.fit,
+        findings=list(normal_map.findings),
     )

@@ -11,12 +11,13 @@ from zipfile import BadZipFile
 
 import numpy as np
 import tifffile
+from pydantic import TypeAdapter
 
 from acquisition.formats.export import map_files
 from acquisition.formats.export.atomic_write import atomic_folder
 from acquisition.models.base import BoolArray
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.models.result import FisherInformation, NormalMap
+from acquisition.models.result import FisherInformation, GoodnessOfFit, ModelFinding, NormalMap
 from acquisition.normals import memory_mapped
 
 ARCHIVE = "normal_map.npz"
@@ -69,6 +70,10 @@ def write_maps(normal_map: NormalMap, folder: Path) -> None:
             map_files.float_tiff(folder / f"{name}.tiff", values, f"{unit}{more}; {map_files.FRAME}")
 
 
+_FIT: TypeAdapter[GoodnessOfFit | None] = TypeAdapter(GoodnessOfFit | None)
+_FINDINGS: TypeAdapter[tuple[ModelFinding, ...]] = TypeAdapter(tuple[ModelFinding, ...])
+
+
 def lights_used(normal_map: NormalMap) -> np.ndarray:
     """How many lights each pixel's normal rests on (H, W), uint8."""
     count = np.zeros(normal_map.mask.shape, np.uint8)
@@ -102,6 +107,8 @@ def read(folder: Path) -> NormalMap:
                 doubtful=_unpacked(stored["doubtful"], shape) if "doubtful" in stored else None,
                 noise=json.loads(str(stored["noise"])),
                 notes=json.loads(str(stored["notes"])),
+                fit=_FIT.validate_json(str(stored["fit"])) if "fit" in stored else None,
+                findings=_FINDINGS.validate_json(str(stored["findings"])) if "findings" in stored else (),
             )
     except (OSError, ValueError, KeyError, tifffile.TiffFileError, EOFError, BadZipFile) as error:
         raise RigError(
@@ -121,6 +128,8 @@ def _arrays(normal_map: NormalMap) -> dict[str, np.ndarray]:
         "information_matrices": normal_map.information.matrices,
         "noise": np.array(json.dumps(normal_map.noise)),
         "notes": np.array(json.dumps(normal_map.notes)),
+        "fit": np.array(_FIT.dump_json(normal_map.fit).decode()),
+        "findings": np.array(_FINDINGS.dump_json(normal_map.findings).decode()),
     }
 
 

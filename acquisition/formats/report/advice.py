@@ -39,8 +39,8 @@ MAX_SAMPLES = 4000
 MAX_INTENSITY_DEVIATION = 0.03
 """Relative deviation of a lamp's intensity from the calibration above which it is reported."""
 
-MAX_RESIDUAL = 2.5
-"""Median residual, as a multiple of its expectation, above which the fit is reported as bad."""
+MIN_PROBABILITY = 0.01
+"""Probability of an image's misfit in a sound capture below which the image is named."""
 
 MAX_SIGMA_DEG = 5.0
 """σ above which a normal counts as uncertain."""
@@ -84,7 +84,7 @@ def quality_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]
             warnings.append(
                 f"At {_percent(share)} of the pixels σ means nothing (hatched in its map): do not rely on it."
             )
-    warnings += _fit_warnings(normal_map)
+    warnings += _fit_warnings(normal_map, context)
     return warnings + list(context.warnings)
 
 
@@ -146,16 +146,11 @@ def _image_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
     return warnings
 
 
-def _fit_warnings(normal_map: NormalMap) -> list[str]:
+def _fit_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
     if not np.any(normal_map.mask):
         return ["No pixel could be solved: check lamps, exposure and mask."]
-    warnings: list[str] = []
-    residual = float(np.median(normal_map.residual[normal_map.mask]))
-    if residual > MAX_RESIDUAL:
-        warnings.append(
-            f"The images fit the model badly (residuals {residual:.1f} times what is expected): check that nothing "
-            "moved, that the light's positions and intensities belong to these images, and that they are linear."
-        )
+    warnings = [f"{finding.message[0].upper()}{finding.message[1:]}." for finding in normal_map.findings]
+    warnings += _poor_images(normal_map, context)
     sigma = normal_map.sigma_deg[normal_map.mask]
     uncertain = float(np.mean(sigma[np.isfinite(sigma)] > MAX_SIGMA_DEG)) if np.any(np.isfinite(sigma)) else 0.0
     if uncertain > 5 * MIN_REPORTED_SHARE:
@@ -163,6 +158,21 @@ def _fit_warnings(normal_map: NormalMap) -> list[str]:
             f"{_percent(uncertain)} of the normals are uncertain by more than {MAX_SIGMA_DEG:.0f}°: add lights."
         )
     return warnings
+
+
+def _poor_images(normal_map: NormalMap, context: ReportContext) -> list[str]:
+    """Images that fit worse than those of sound captures do, unless most of them fit as badly."""
+    if normal_map.fit is None:
+        return []
+    probabilities = normal_map.fit.image_probabilities
+    poor = [
+        name
+        for name, probability in zip(context.names, probabilities, strict=True)
+        if probability is not None and probability < MIN_PROBABILITY
+    ]
+    if not poor or len(poor) > len(probabilities) / 2:
+        return []
+    return [f"{', '.join(poor)}: fits the others badly: check that image and its lamp."]
 
 
 def _percent(share: float) -> str:

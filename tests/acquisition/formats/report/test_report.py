@@ -14,7 +14,16 @@ import pytest
 
 from acquisition.formats import report
 from acquisition.formats.report import advice, pictures
-from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, FisherInformation, NormalMap
+from acquisition.models.result import (
+    ATTACHED,
+    CAST,
+    HIGHLIGHT,
+    LIT,
+    SATURATED,
+    FisherInformation,
+    ModelFinding,
+    NormalMap,
+)
 
 SIZE, LIGHTS = 90, 6
 AZIMUTHS = np.radians(np.arange(LIGHTS) * 60.0)
@@ -187,7 +196,12 @@ def test_missing_side_repeated_cast_shadow_gives_none(ball: NormalMap) -> None:
             lambda ball: replace(ball, intensity_factors=np.array([1, 1, 1, 0.94, 1, 1])),
             "3.png: its light was 6.0 % dimmer",
         ),
-        (lambda ball: replace(ball, residual=4 * ball.residual), "fit the model badly"),
+        (
+            lambda ball: replace(
+                ball, findings=(ModelFinding(kind="misfit", message="the images fit the model badly", corrected=False),)
+            ),
+            "fit the model badly",
+        ),
         (lambda ball: replace(ball, sigma_deg=8 + ball.sigma_deg), "uncertain by more than"),
         (lambda ball: replace(ball, doubtful=ball.mask & (ball.normals[..., 0] > 0)), "σ means nothing"),
         (lambda ball: replace(ball, indirect=0.4 * ball.mask.astype(np.float32)), "from other surfaces"),

@@ -1,0 +1,124 @@
+"""Images as they are under another hypothesis: one left out or scaled, translations or a coding undone."""
+
+from dataclasses import dataclass, field, replace
+
+import cv2
+import numpy as np
+
+from acquisition.models.base import FloatArray
+from acquisition.models.light_plan import Light
+from acquisition.normals.session_images import Images, ValuesAndClipped
+
+
+@dataclass(frozen=True)
+class Changed:
+    """`Images` of which lights, window and noise stay, and values and clipped pixels are changed as they are read."""
+
+    images: Images
+    shot: FloatArray
+    floor: FloatArray
+
+    @property
+    def lights(self) -> tuple[Light, ...]:
+        """The light of each image (F)."""
+        return self.images.lights
+
+    @property
+    def rows(self) -> slice:
+        """The window's rows in the frame."""
+        return self.images.rows
+
+    @property
+    def columns(self) -> slice:
+        """The window's columns in the frame."""
+        return self.images.columns
+
+    def read(self, start: int, stop: int, /) -> ValuesAndClipped:
+        """Reads the rows [start, stop), counted from the window's first."""
+        return self.images.read(start, stop)
+
+
+@dataclass(frozen=True)
+class WithoutImage(Changed):
+    """One image left out: its pixels are read as clipped, so that the number of images stays."""
+
+    number: int = 0
+
+    def read(self, start: int, stop: int, /) -> ValuesAndClipped:
+        """Reads the rows [start, stop), counted from the window's first."""
+        values, clipped = self.images.read(start, stop)
+        clipped = clipped.copy()
+        clipped[self.number] = True
+        return values, clipped
+
+
+@dataclass(frozen=True)
+class Linearised(Changed):
+    """Power law undone: values to the `exponent`, at the level of each image's signal.
+
+    A value's signal is proportional to value / shot; factors common to all images are part of the albedo.
+    """
+
+    exponent: float = 1.0
+
+    def read(self, start: int, stop: int, /) -> ValuesAndClipped:
+        """Reads the rows [start, stop), counted from the window's first."""
+        values, clipped = self.images.read(start, stop)
+        level = (np.min(self.images.shot) / self.images.shot)[:, None, None].astype(np.float32)
+        return np.maximum(values * level, 0) ** np.float32(self.exponent) / level, clipped
+
+
+@dataclass(frozen=True)
+class Scaled(Changed):
+    """Values divided by a factor of each image (F,)."""
+
+    factors: FloatArray = field(default_factory=lambda: np.ones(0))
+
+    def read(self, start: int, stop: int, /) -> ValuesAndClipped:
+        """Reads the rows [start, stop), counted from the window's first."""
+        values, clipped = self.images.read(start, stop)
+        return values / self.factors[:, None, None].astype(np.float32), clipped
+
+
+@dataclass(frozen=True)
+class Translated(Changed):
+    """Each image's content moved by −`translation` (F, 2), pixels in x and y; linear interpolation."""
+
+    translation: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+
+    def read(self, start: int, stop: int, /) -> ValuesAndClipped:
+        """Reads the rows [start, stop), counted from the window's first."""
+        height = self.rows.stop - self.rows.start
+        margin = int(np.ceil(np.max(np.abs(self.translation)))) + 1
+        first, last = max(start - margin, 0), min(stop + margin, height)
+        values, clipped = self.images.read(first, last)
+        own = slice(start - first, stop - first)
+        out, full = np.empty_like(values[:, own]), np.empty_like(clipped[:, own])
+        for number, shift in enumerate(self.translation):
+            matrix = np.array([[1.0, 0.0, -shift[0]], [0.0, 1.0, -shift[1]]])
+            size = (values.shape[2], values.shape[1])
+            out[number] = cv2.warpAffine(values[number], matrix, size, borderMode=cv2.BORDER_REPLICATE)[own]
+            mask = clipped[number].astype(np.uint8)
+            full[number] = cv2.warpAffine(mask, matrix, size, borderMode=cv2.BORDER_REPLICATE)[own] > 0
+        return out, full
+
+
+def scaled(images: Images, factors: FloatArray) -> Scaled:
+    """The images divided by a factor each, and their noise with them."""
+    return Scaled(images, images.shot / factors, images.floor / factors**2, factors)
+
+
+def translated(images: Images, translation: FloatArray) -> Translated:
+    """The images with their translations undone; noise is left as it is, though interpolation lowers it."""
+    return Translated(images, images.shot, images.floor, translation)
+
+
+def without(images: Images, number: int) -> WithoutImage:
+    """The images without one."""
+    return WithoutImage(images, images.shot, images.floor, number)
+
+
+def linearised(images: Images, exponent: float) -> Linearised:
+    """The images with a power law undone; their noise is that of a mid-grey value, which the exponent multiplies."""
+    changed = Linearised(images, images.shot, images.floor, exponent)
+    return replace(changed, shot=images.shot * exponent**2, floor=images.floor * exponent**2)

@@ -1,0 +1,139 @@
+"""Tests of the stated lights: axes of the lamps mirrored or exchanged, and two images' lamps swapped.
+
+A mirrored axis of the lights' file leaves every residual as it is: the images are as well explained by mirrored
+normals. The outline is not: at the silhouette the normals of a solid point outwards. So the **outwardness**, the mean
+cosine between the image-plane part of the normals and the silhouette's outward direction, tells the eight mirrored and
+exchanged versions of the axes apart. Two lamps swapped show in the residual of least squares, which halves when the
+right pair is swapped back.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import cv2
+import numpy as np
+
+from acquisition import photometry
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.normals.pixel_solve import Pixels
+
+MAX_SWAP_PIXELS = 400
+"""Pixels of the swap test; with F lights it solves F (F − 1) / 2 times as many systems of three."""
+
+SHADOW_SHARE = 0.1
+"""Share of a pixel's largest value below which a measurement does not take part."""
+
+RIM_PX = 3
+"""Width of the rim along the silhouette whose normals count, in pixels of the coarse grid."""
+
+MIN_RIM_PIXELS = 60
+"""Rim pixels below which the outline says nothing."""
+
+Axes = tuple[tuple[int, int], tuple[int, int]]
+"""A signed permutation of image axes: rows of the 2 × 2 matrix that the lamps' x and y are multiplied by."""
+
+STATED_AXES: Axes = ((1, 0), (0, 1))
+ALL_AXES: tuple[Axes, ...] = tuple(
+    rows
+    for sx in (1, -1)
+    for sy in (1, -1)
+    for rows in ((((sx, 0), (0, sy))), (((0, sx), (sy, 0))))
+)  # fmt: skip
+"""The eight mirrored and exchanged versions of two axes; the first is the stated one."""
+
+
+@dataclass(frozen=True)
+class Outline:
+    """Pixels of the rim (R,) by number, and the silhouette's outward directions there (2, R), view frame."""
+
+    numbers: np.ndarray
+    outward: Float32Array
+
+
+def outline(pixels: Pixels, frame_edge: BoolArray) -> Outline:
+    """The rim of the object's silhouette and its outward directions, where `frame_edge` (h, w) does not cut it off."""
+    inside = pixels.image(np.ones(len(pixels.index), np.float32))
+    padded = cv2.copyMakeBorder(inside, RIM_PX, RIM_PX, RIM_PX, RIM_PX, cv2.BORDER_CONSTANT, value=0)
+    core = cv2.erode(padded, np.ones((2 * RIM_PX + 1, 2 * RIM_PX + 1), np.uint8))
+    smooth = cv2.GaussianBlur(padded, (0, 0), RIM_PX)
+    slope = np.stack([-cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)])
+    window = (slice(RIM_PX, -RIM_PX), slice(RIM_PX, -RIM_PX))
+    length = np.linalg.norm(slope, axis=0)[window]
+    rim = (inside > 0) & (core[window] == 0) & (length > 0.1) & ~frame_edge
+    numbers = np.flatnonzero(pixels.take(rim))
+    outward = pixels.take(slope[(slice(None), *window)])[:, numbers]
+    return Outline(numbers, outward / np.linalg.norm(outward, axis=0))
+
+
+def outwardness(normals: Float32Array, rim: Outline, axes: Axes = STATED_AXES) -> float:
+    """Mean cosine between outward directions and the image-plane part of normals (3, N), transformed by `axes`."""
+    flat = np.array(axes, np.float32) @ normals[:2, rim.numbers]
+    return float(np.mean(np.sum(flat * rim.outward, axis=0)))
+
+
+def best_axes(normals: Float32Array, rim: Outline) -> tuple[Axes, float]:
+    """The axes under which the rim's normals point outwards most, and by how much more than under the stated ones."""
+    if len(rim.numbers) < MIN_RIM_PIXELS:
+        return STATED_AXES, 0.0
+    values = [outwardness(normals, rim, axes) for axes in ALL_AXES]
+    best = int(np.argmax(values))
+    return ALL_AXES[best], values[best] - values[0]
+
+
+def transformed(lamps: Float32Array, axes: Axes) -> Float32Array:
+    """Lamps (F, 6) with the image-plane axes of positions and optical axes transformed."""
+    out = lamps.copy()
+    matrix = np.array(axes, np.float32)
+    out[:, 0:2], out[:, 3:5] = lamps[:, 0:2] @ matrix.T, lamps[:, 3:5] @ matrix.T
+    return out
+
+
+@dataclass(frozen=True)
+class Swap:
+    """Two images (numbers) whose lamps explain the images best when exchanged, and the residual after, over before."""
+
+    first: int
+    second: int
+    residual_share: float
+
+
+def swapped_pair(pixels: Pixels, depth_m: Float32Array, lamps: Float32Array, calibration: Calibration) -> Swap:
+    """The pair of lamps whose exchange lowers the least-squares residual most, of all pairs.
+
+    Median over K pixels at depth (K,) of the residual's share of the values.
+    """
+    chosen = np.linspace(0, len(pixels.index) - 1, min(MAX_SWAP_PIXELS, len(pixels.index))).astype(int)
+    few = pixels.subset(np.unique(chosen))
+    light = photometry.light_vectors(photometry.points(few.ray, depth_m[np.unique(chosen)]), lamps, calibration)
+    rows = light.transpose(2, 0, 1).astype(np.float64)  # (K, F, 3)
+    values = few.values.T.astype(np.float64)
+    used = (values > SHADOW_SHARE * np.max(values, axis=1, keepdims=True)) & ~few.clipped.T
+    before = _residual(rows, values, used)
+    best = min(
+        (
+            Swap(a, b, _residual(rows[:, order], values, used) / before)
+            for a, b, order in (_exchanged(len(lamps), *pair) for pair in combinations(range(len(lamps)), 2))
+        ),
+        key=lambda swap: swap.residual_share,
+    )
+    return best
+
+
+def _exchanged(count: int, a: int, b: int) -> tuple[int, int, np.ndarray]:
+    order = np.arange(count)
+    order[[a, b]] = b, a
+    return a, b, order
+
+
+def _residual(rows: FloatArray, values: FloatArray, used: BoolArray) -> float:
+    """Median over pixels of the rms residual of least squares over the rms value; rows (K, F, 3), values (K, F)."""
+    weighted = rows * used[:, :, None]
+    matrix = np.einsum("kfa,kfb->kab", weighted, rows)
+    matrix += (1e-6 * np.trace(matrix, axis1=1, axis2=2) + 1e-15)[:, None, None] * np.eye(3)
+    g = np.linalg.solve(matrix, np.einsum("kfa,kf->ka", weighted, values)[:, :, None])[:, :, 0]
+    residual = (values - np.einsum("kfa,ka->kf", rows, g)) * used
+    enough = np.count_nonzero(used, axis=1) >= 4
+    if not np.any(enough):
+        return 1.0
+    return float(np.median(np.sum(residual[enough] ** 2, axis=1) / np.sum((values * used)[enough] ** 2, axis=1)) ** 0.5)

@@ -1,0 +1,309 @@
+"""Alternative models of the images: what most often is otherwise than the plain model says, each on a test's demand.
+
+Every function looks at a solution and gives the alternatives of one kind of fault, none where no test demands any. An
+alternative is another problem to solve (other lamps, other images, another term of image formation) with the rule by
+which its fit is accepted. `ALTERNATIVES` lists them, the surest tests first; intensities come late, because they absorb
+other faults.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.result import ModelFinding
+from acquisition.normals import alternation, changed_images, final_solve, light_tests, registration
+from acquisition.normals.alternation import AlternationResult
+from acquisition.normals.changed_images import Changed
+from acquisition.normals.goodness_of_fit import Fit
+from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
+from acquisition.normals.pixel_solve import Scene
+from acquisition.normals.pyramid import MaskedImages, PyramidLevel
+from acquisition.normals.term_tests import TermScore, TermScores
+
+AXES_GAIN = 0.25
+"""Gain of outwardness (cosine) from which other axes are tried: 0.28–1.4 of mirrored ones, 0 of sound captures."""
+
+MIN_SWAP_IMAGES, SWAP_SHARE = 5, 0.5
+"""Images from which lamps are tested for a swap, four being explained by any; and least-squares residual after over
+before an exchange of two lamps, below which they count as swapped."""
+
+MIN_GAIN = 6.0
+"""Gain of the log likelihood from which a term is tried: sound captures have a median of 0, faults 5–400."""
+
+MIN_STEP = ImageTerms(roughness=0.03, ambient=0.02, offset=0.005)
+"""Values of the terms, by one step from zero, below which they are not tried: less changes no normal visibly."""
+
+MIN_STEP_SHARE = 0.5
+"""Estimate of a term over what one step promised, above which it is accepted: interreflection that is not predicted
+scores as ambient light, and the descent takes most of it back."""
+
+TERM_SIGMA = ImageTerms(roughness=0.3, ambient=0.1, offset=0.05)
+"""1 σ of the priors of terms that are estimated."""
+
+SECOND_STARTS = (ImageTerms(ambient=0.05), ImageTerms(ambient=0.15), ImageTerms(offset=0.03), ImageTerms(offset=0.1))
+"""Ambient and stray light of further starts: from zero the descent stops in a wrong shape where there is much."""
+
+CODED_EXPONENT = 2.2
+"""Exponent that undoes the usual coding of eight-bit images. As a free parameter it would explain metal."""
+
+WORSE_AT_MOST, BETTER_AT_LEAST = 1.1, 0.5
+"""Misfit over that before, up to which the fit of a demanded term is accepted; and of a second start. A fall by a
+hundredth once accepted ambient light on a gear, whose error rose from 3.9° to 8.3°."""
+
+CODED_SHARE = 0.18
+"""Relative residual of linearised values, divided by the exponent, over that before, up to which the values count as
+coded: 0.07–0.15 for coded images, 0.19 and more for offsets, which a power law resembles."""
+
+MIN_TRANSLATION_PX, REGISTERED_BETTER = 0.4, 0.9
+"""Translation of images, in pixels, from which a registration is tried, and misfit of registered images over that
+before, up to which it is accepted."""
+
+BAD_IMAGE_RATIO, MIN_IMAGES_LEFT = 3.0, 4
+"""Misfit of an image over the median of the others from which it is left out on trial, and images that must stay."""
+
+MAX_LOG_INTENSITY = 0.1
+"""Logarithm of an image's intensity against the others' from which the image is scaled before the next descent: the
+prior of a few per cent would leave a part of a large error."""
+
+HELD_SHIFT_BETTER = 0.8
+"""Misfit with the object held where it is stated to be, over that before, below which that is kept: on a strongly
+curved sheet close to the camera the shift drifted by 70 mm, and the misfit rose from 1.3 to 2.5."""
+
+MIN_PROBABILITY = 0.05
+"""Probability of the misfit below which a solution counts as poor: then second starts, swaps and moves are tried."""
+
+MAX_DIRECTION_RAD, MAX_INTENSITY, MAX_MOVE_M = 0.04, 0.03, 0.08
+"""Noise components, and distance of the object from where it was stated, that no sound capture reaches."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a descent starts from: images, coarse level, depth at its pixels (N,), nominal scene, 1 σ of the terms that
+    are estimated, and of the object's shift in m; and the kinds of faults that are already corrected in it."""
+
+    masked: MaskedImages
+    level: PyramidLevel
+    start_m: Float32Array
+    nominal: Scene
+    term_sigma: ImageTerms = LAMBERTIAN
+    shift_sigma_m: float = alternation.SHIFT_SIGMA_M
+    corrected: tuple[str, ...] = ()
+
+    def reread(self, images: Changed) -> "Problem":
+        """The same object in changed images, with their sensor noise."""
+        masked = replace(self.masked, images=images)
+        count = int(np.count_nonzero(masked.mask))
+        level = masked.level(self.level.factor, final_solve.noise_sample(count), None)
+        noise = replace(self.nominal.noise, shot=images.shot, floor=images.floor)
+        return replace(
+            self,
+            masked=masked,
+            level=replace(level, table=self.level.table),
+            nominal=replace(self.nominal, noise=noise),
+        )
+
+    def relit(self, lamps: Float32Array) -> "Problem":
+        """The same images under other lamps (F, 6)."""
+        return replace(self, nominal=replace(self.nominal, lamps=lamps))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A descent's result with its scene (lamps, noise and terms as estimated), its fit, and the scores of terms."""
+
+    problem: Problem
+    state: AlternationResult
+    scene: Scene
+    fit: Fit
+    scores: TermScores | None
+
+    @property
+    def moved_m(self) -> float:
+        """How far the object's mean depth is from where it was stated, m."""
+        return float(np.mean(self.state.depth_m) - np.mean(self.problem.start_m))
+
+    @property
+    def at_end_of_range(self) -> bool:
+        """Whether components of the noise, or the object's place, are beyond what any sound capture needs."""
+        noise = self.scene.noise
+        return (
+            noise.direction >= MAX_DIRECTION_RAD or noise.intensity >= MAX_INTENSITY or abs(self.moved_m) >= MAX_MOVE_M
+        )
+
+    @property
+    def poor(self) -> bool:
+        """Whether the fit is so bad that costly alternatives are worth a trial."""
+        return self.fit.probability < MIN_PROBABILITY or self.at_end_of_range
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """Another model: kind, sentence and amount for its finding, the problem to solve, and when its fit is accepted.
+
+    `worse_at_most`: its misfit over that before. `coding`: exponent by which it changes the values. `step`: what one
+    step promised of the term that it estimates from zero. `silent`: it corrects the solver, not the capture.
+    """
+
+    kind: str
+    message: str
+    problem: Problem
+    worse_at_most: float
+    value: float | None = None
+    coding: float = 1.0
+    step: float = field(default=0.0)
+    silent: bool = False
+
+    def accepted(self, before: Fit, after: Fit, terms: ImageTerms) -> bool:
+        """Whether the fit after is good enough to replace the one before; `terms` are those of the trial."""
+        if not after.misfit <= self.worse_at_most * before.misfit:
+            return False
+        if self.step > 0:
+            return max(terms.roughness, terms.ambient, terms.offset) > MIN_STEP_SHARE * self.step
+        if self.worse_at_most > BETTER_AT_LEAST:
+            return True
+        # Undoing a coding changes the noise model with the values, so the residuals' share of the values decides too.
+        most = self.worse_at_most if self.coding == 1 else CODED_SHARE * self.coding
+        return after.share <= most * before.share and after.probability > MIN_PROBABILITY
+
+    def finding(self, terms: ImageTerms) -> ModelFinding:
+        """The finding of an accepted trial, with the amount that it has estimated."""
+        message, value = self.message, self.value
+        if self.kind == "rough surface":
+            value = terms.roughness_rad
+            message += f" of {value:.2f} rad"
+        elif self.kind in ("ambient light", "stray light"):
+            value = max(terms.ambient, terms.offset)
+            message += f" ({value:.1%} of white)"
+        return ModelFinding(kind=self.kind, message=message, corrected=True, value=value)
+
+
+def other_axes(present: Solution) -> list[Alternative]:
+    """Axes of the lamps mirrored or exchanged, where the outline's normals would point outwards then."""
+    coarse, nominal = present.problem.level.coarse, present.problem.nominal
+    no_frame_edge: BoolArray = np.zeros(coarse.shape, np.bool_)
+    axes, gain = light_tests.best_axes(present.state.normals, light_tests.outline(coarse, no_frame_edge))
+    if gain <= AXES_GAIN:
+        return []
+    names = {(1, 0): "x", (-1, 0): "−x", (0, 1): "y", (0, -1): "−y"}
+    message = f"the lamps' axes are mirrored or exchanged: {names[axes[0]]}, {names[axes[1]]} are taken for their x, y"
+    problem = present.problem.relit(light_tests.transformed(nominal.lamps, axes))
+    return [Alternative("axes of the lamps", message, problem, WORSE_AT_MOST)]
+
+
+def swapped_lamps(present: Solution) -> list[Alternative]:
+    """Two lamps exchanged, where least squares fits much better then."""
+    problem, nominal = present.problem, present.problem.nominal
+    if not present.poor or len(nominal.lamps) < MIN_SWAP_IMAGES:
+        return []
+    swap = min(
+        (
+            light_tests.swapped_pair(problem.level.coarse, depth_m, nominal.lamps, nominal.calibration)
+            for depth_m in (problem.start_m, present.state.depth_m)
+        ),
+        key=lambda one: one.residual_share,
+    )
+    if swap.residual_share >= SWAP_SHARE:
+        return []
+    order = np.arange(len(nominal.lamps))
+    order[[swap.first, swap.second]] = swap.second, swap.first
+    message = f"the lamps of images {swap.first + 1} and {swap.second + 1} are swapped: they are exchanged"
+    return [Alternative("swapped lamps", message, problem.relit(nominal.lamps[order]), 1.0)]
+
+
+TERMS = {
+    "roughness": ("rough surface", "the surface is rough: it is solved with Oren and Nayar's reflectance, roughness"),
+    "ambient": ("ambient light", "light from elsewhere falls on the object: it is estimated and subtracted"),
+    "offset": ("stray light", "a black level or stray light is in the images: it is estimated and subtracted"),
+}
+"""Kind and sentence of the finding for each of `ImageTerms`."""
+
+
+def other_formation(present: Solution) -> list[Alternative]:
+    """Terms that the score tests demand; in a poor fit also ambient and stray light from other starts, and a coding."""
+    problem, nominal = present.problem, present.problem.nominal
+    found: list[Alternative] = []
+
+    def with_term(name: str, start: ImageTerms, most: float, step: float = 0.0) -> Alternative:
+        sigma = replace(LAMBERTIAN, **{name: getattr(TERM_SIGMA, name)})
+        changed = replace(problem, nominal=replace(nominal, terms=start), term_sigma=sigma)
+        return Alternative(*TERMS[name], changed, most, step=step)
+
+    if nominal.terms is None and present.scores is not None:
+        for name in TERMS:
+            score: TermScore = getattr(present.scores, name)
+            if score.gain > MIN_GAIN and score.step > getattr(MIN_STEP, name):
+                found.append(with_term(name, LAMBERTIAN, WORSE_AT_MOST, score.step))
+    if nominal.terms is None and present.poor:
+        for start in SECOND_STARTS:
+            found.append(with_term("ambient" if start.ambient else "offset", start, BETTER_AT_LEAST))
+    if present.poor:
+        linear = problem.reread(changed_images.linearised(problem.masked.images, CODED_EXPONENT))
+        message = f"the images are not linear: values are taken to the power of {CODED_EXPONENT}"
+        found.append(
+            Alternative("coded values", message, linear, BETTER_AT_LEAST, CODED_EXPONENT, coding=CODED_EXPONENT)
+        )
+    return found
+
+
+def moved_object(present: Solution) -> list[Alternative]:
+    """Later images moved back, where the registration says that object or camera moved."""
+    if not present.poor:
+        return []
+    problem = present.problem
+    moves = problem.level.factor * registration.translations(
+        problem.level.coarse, present.state.depth_m, present.scene, present.state.shared.log_intensity
+    )
+    distance = float(np.max(np.linalg.norm(moves, axis=1)))
+    if distance <= MIN_TRANSLATION_PX:
+        return []
+    message = f"object or camera moved by {distance:.1f} pixels: later images are moved back"
+    registered = problem.reread(changed_images.translated(problem.masked.images, moves))
+    return [Alternative("moved object", message, registered, REGISTERED_BETTER, distance)]
+
+
+def bad_image(present: Solution) -> list[Alternative]:
+    """One image left out that fits far worse than the others."""
+    fit, problem = present.fit, present.problem
+    if np.count_nonzero(np.isfinite(fit.images)) <= MIN_IMAGES_LEFT:
+        return []
+    worst = int(np.nanargmax(fit.images))
+    if fit.images[worst] <= BAD_IMAGE_RATIO * np.nanmedian(np.delete(fit.images, worst)):
+        return []
+    message = f"image {worst + 1} does not fit the others: it is left out"
+    rest = problem.reread(changed_images.without(problem.masked.images, worst))
+    return [Alternative("bad image", message, rest, 1.0, worst + 1)]
+
+
+def other_intensities(present: Solution) -> list[Alternative]:
+    """Images scaled whose intensity is far from what is stated, unless most are."""
+    log: FloatArray = present.state.shared.log_intensity - np.median(present.state.shared.log_intensity)
+    far = np.abs(log) > MAX_LOG_INTENSITY
+    if not np.any(far) or np.count_nonzero(far) > len(log) // 2:
+        return []
+    factors = np.where(far, np.exp(log), 1.0)
+    names = ", ".join(f"image {n + 1} ({factors[n] - 1:+.0%})" for n in np.flatnonzero(far))
+    scaled = present.problem.reread(changed_images.scaled(present.problem.masked.images, factors))
+    message = f"brighter or darker than stated, and scaled: {names}"
+    return [Alternative("intensities", message, scaled, WORSE_AT_MOST, float(factors[far][0]))]
+
+
+def held_shift(present: Solution) -> list[Alternative]:
+    """The object held where it was stated to be, where its shift may have run away."""
+    if not present.poor:
+        return []
+    held = replace(present.problem, shift_sigma_m=0.0)
+    return [Alternative("shift", "the object is held at its stated place", held, HELD_SHIFT_BETTER, silent=True)]
+
+
+ALTERNATIVES: tuple[Callable[[Solution], list[Alternative]], ...] = (
+    other_axes,
+    swapped_lamps,
+    other_formation,
+    moved_object,
+    bad_image,
+    other_intensities,
+    held_shift,
+)
+"""All kinds of alternatives in the order in which they are tried."""

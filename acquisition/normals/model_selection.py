@@ -1,0 +1,107 @@
+"""Selection of the image model: the plain one, unless a test demands another whose fit is then better.
+
+A sound capture is solved by the plain model: Lambert's law, one specular lobe, light from other surfaces, lamps where
+the calibration says. Cheap tests look for what most often is otherwise (`model_alternatives`). Only what a test demands
+is tried, by another descent from its own start, and only a trial that fits the images better replaces the model. What
+stays wrong is said in a finding that is not corrected, and raises σ (`error_variance`).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from acquisition import photometry
+from acquisition.models.base import Float32Array
+from acquisition.models.result import ModelFinding
+from acquisition.normals import alternation, final_solve, goodness_of_fit, term_tests
+from acquisition.normals.model_alternatives import ALTERNATIVES, Alternative, Problem, Solution
+from acquisition.normals.self_calibration import Priors
+
+MAX_SELECTIONS = 3
+"""Faults that are put right one after another."""
+
+MIN_SOUND_PROBABILITY = 0.01
+"""Probability of the misfit below which a result is named as badly fitting."""
+
+
+def select(problem: Problem) -> tuple[Solution, list[ModelFinding]]:
+    """Solves the coarse level by the plain model, and by others as tests demand them; what was found about the images,
+    corrected findings first."""
+    present = solve(problem)
+    findings: list[ModelFinding] = []
+    for _ in range(MAX_SELECTIONS):
+        accepted = _best_trial(present)
+        if accepted is None:
+            break
+        alternative, present = accepted
+        if not alternative.silent:
+            findings.append(alternative.finding(present.state.shared.terms))
+    return present, findings + remaining(present)
+
+
+def solve(problem: Problem) -> Solution:
+    """Descent on the coarse level, noise of single pixels from a sample, fit and scores."""
+    level, nominal = problem.level, problem.nominal
+    stated = nominal.calibration
+    priors = Priors(stated.intensity_sigma, stated.lamp_position_sigma_m, problem.shift_sigma_m, problem.term_sigma)
+    state = alternation.refine(level, problem.start_m, nominal, priors)
+    scene = replace(nominal, lamps=state.shared.lamps(nominal.lamps), terms=nominal.terms and state.shared.terms)
+    scene, sample = final_solve.with_residual_noise(level.sample, state.resampled(level.interpolate_sample), scene)
+    ray_direction = photometry.ray_directions(level.sample.ray)
+    fit = goodness_of_fit.evaluate(
+        sample.estimate, sample.values, nominal.noise, sample.extra_variance, ray_direction, scene.lamps,
+        photometry.OFFSET_SIGMA_M, _place(level.sample.ray),
+    )  # fmt: skip
+    gloss = state.lobe.derivatives(sample.estimate, ray_direction)
+    scores = term_tests.scores(sample.estimate, sample.values, scene, state.shared, priors, gloss)
+    return Solution(problem, state, scene, fit, scores)
+
+
+def remaining(solution: Solution) -> list[ModelFinding]:
+    """What is still wrong with a solution, in words: components at the end of their range, and a bad fit."""
+    findings: list[ModelFinding] = []
+    noise, fit = solution.scene.noise, solution.fit
+    if solution.at_end_of_range:
+        findings.append(
+            ModelFinding(
+                kind="lamps",
+                message="the lamps' positions or intensities, or the object's place, are not what is stated "
+                f"(directions {noise.direction:.3f} rad, intensities {noise.intensity:.1%}, object off by "
+                f"{1000 * solution.moved_m:.0f} mm): do not trust the normals",
+                corrected=False,
+            )
+        )
+    if fit.probability < MIN_SOUND_PROBABILITY:
+        findings.append(
+            ModelFinding(
+                kind="misfit",
+                message=f"the images fit the model badly: residuals are {fit.misfit:.1f} times the stated noise, which "
+                f"{fit.probability:.1%} of sound captures reach (metal, strong gloss, moving shadows?): do not trust "
+                "the normals",
+                corrected=False,
+                value=fit.probability,
+            )
+        )
+    return findings
+
+
+def _best_trial(present: Solution) -> tuple[Alternative, Solution] | None:
+    """The best-fitting accepted trial of the first kind of alternatives that has one; none: the model stays."""
+    for propose in ALTERNATIVES:
+        accepted: list[tuple[float, Alternative, Solution]] = []
+        for alternative in propose(present):
+            if alternative.kind in present.problem.corrected:
+                continue
+            corrected = (*present.problem.corrected, alternative.kind)
+            trial = solve(replace(alternative.problem, corrected=corrected))
+            if alternative.accepted(present.fit, trial.fit, trial.state.shared.terms):
+                accepted.append((trial.fit.share / alternative.coding, alternative, trial))
+        if accepted:
+            return min(accepted, key=lambda one: one[0])[1:]
+    return None
+
+
+def _place(ray: Float32Array) -> np.ndarray:
+    """Row and column (2, K), 0–1, within the bounding box of rays (2, K)."""
+    low, high = ray.min(axis=1, keepdims=True), ray.max(axis=1, keepdims=True)
+    return ((ray - low) / np.maximum(high - low, 1e-9))[::-1]

@@ -1,0 +1,95 @@
+"""Registration of the images with one another: each image's translation against what the solution predicts (Lucas &
+Kanade 1981).
+
+An object or camera that moved between two images leaves a residual in the direction of the predicted image's gradient.
+One translation for each image, by robust least squares over the object, says how far, and that it moved once, when.
+Shadows' borders move with the lamp and not with the object, so only measurements well inside lit parts count.
+"""
+
+import cv2
+import numpy as np
+
+from acquisition.models.base import Float32Array, FloatArray
+from acquisition.normals import alternation, pixel_solve
+from acquisition.normals.pixel_solve import Pixels, PixelSolveOptions, Scene
+
+ROUNDS = 4
+"""Alternations of solve and registration: the first solution is of the unregistered images."""
+
+ROBUST_ROUNDS = 3
+"""Reweightings of the residuals, Cauchy at their median."""
+
+MIN_PIXELS = 200
+"""Measurements of an image below which its translation is zero."""
+
+
+def translations(pixels: Pixels, depth_m: Float32Array, scene: Scene, log_intensity: FloatArray) -> FloatArray:
+    """Translation (F, 2), pixels of this grid in x and y, of each image's content against the first's.
+
+    `scene` has lamps and noise as estimated, `log_intensity` (F,) is divided out of the images.
+    """
+    values = alternation.divide_intensity(pixels.values, log_intensity)
+    stack = [pixels.image(one) for one in values]
+    inside = pixels.image(np.ones(len(pixels.index), np.uint8))
+    core = cv2.erode(inside, np.ones((5, 5), np.uint8), borderValue=0) > 0
+    total = np.zeros((len(values), 2))
+    for _ in range(ROUNDS):
+        moved = np.stack([pixels.take(_translated(one, -shift)) for one, shift in zip(stack, total, strict=True)])
+        estimate = pixel_solve.solve(
+            pixels, moved.astype(np.float32), depth_m, scene,
+            PixelSolveOptions(scene.settings.shadow_threshold, cauchy_scale=scene.cauchy_scale),
+        )  # fmt: skip
+        predicted = np.einsum("fcn,cn->fn", estimate.light, estimate.g) + estimate.term_value
+        step = np.array(
+            [
+                _step(pixels.image(one), pixels.image(model), core & (_lit(pixels, usable)))
+                for one, model, usable in zip(moved, predicted, estimate.usable, strict=True)
+            ]
+        )
+        total = single_move(total + step)
+    return total
+
+
+def single_move(translations: FloatArray) -> FloatArray:
+    """The translations (F, 2) of images that moved once, between two of them: zero before, one vector after.
+
+    Each image's own translation is uncertain by half a pixel, because errors of its shading resemble one; medians of
+    those before and after are not. The split of least absolute deviations is taken.
+    """
+    count = len(translations)
+    splits = [(translations[:k], translations[k:]) for k in range(1, count)]
+    cost = [sum(float(np.sum(np.abs(part - np.median(part, axis=0)))) for part in both) for both in splits]
+    before, after = splits[int(np.argmin(cost))]
+    move = np.median(after, axis=0) - np.median(before, axis=0)
+    return np.concatenate([np.zeros_like(before), np.broadcast_to(move, after.shape)])
+
+
+def _lit(pixels: Pixels, usable: np.ndarray) -> np.ndarray:
+    return cv2.erode(pixels.image(usable.astype(np.uint8)), np.ones((3, 3), np.uint8), borderValue=0) > 0
+
+
+def _translated(image: Float32Array, shift: FloatArray) -> Float32Array:
+    matrix = np.array([[1.0, 0.0, shift[0]], [0.0, 1.0, shift[1]]])
+    size = (image.shape[1], image.shape[0])
+    return np.asarray(cv2.warpAffine(image, matrix, size, borderMode=cv2.BORDER_REPLICATE), np.float32)
+
+
+def _step(image: Float32Array, model: Float32Array, counted: np.ndarray) -> FloatArray:
+    """One Lucas–Kanade step: content of `image` is that of `model` moved by it."""
+    if np.count_nonzero(counted) < MIN_PIXELS:
+        return np.zeros(2)
+    down = np.asarray(np.gradient(model.astype(np.float64), axis=0))
+    across = np.asarray(np.gradient(model.astype(np.float64), axis=1))
+    rows = -np.stack([across[counted], down[counted]])
+    residual = (image - model)[counted].astype(np.float64)
+    weight = np.ones_like(residual)
+    out = np.zeros(2)
+    for _ in range(ROBUST_ROUNDS):
+        matrix = (rows * weight) @ rows.T
+        out = np.linalg.solve(
+            matrix + 1e-9 * np.trace(matrix) * np.eye(2) + 1e-15 * np.eye(2), rows @ (weight * residual)
+        )
+        left = residual - out @ rows
+        scale = max(float(np.median(np.abs(left))), 1e-9)
+        weight = 1 / (1 + (left / (2 * scale)) ** 2)
+    return out

@@ -1,0 +1,71 @@
+"""Variance components of σ: what raises it, and that it is pooled over known pixels only."""
+
+import numpy as np
+import pytest
+
+from acquisition import photometry
+from acquisition.normals import error_variance
+from acquisition.normals.error_variance import (
+    DISCONTINUITY_SIGMA_DEG,
+    FEW_LIGHTS_SIGMA_DEG,
+    STRIP_ROWS,
+    UNSOUND_SIGMA_DEG,
+)
+from acquisition.normals.regularisation import UNSURE_DEG
+
+SHAPE = (2 * STRIP_ROWS + 30, 20)
+
+
+def sigma(
+    posterior_deg: float = 1.0, regularised_deg: float = 1.0, residual: float = 0.0, lights: int = 8,
+    discontinuity: float = 0.0, *, unsound: bool = False,
+) -> np.ndarray:  # fmt: skip
+    def full(value: float) -> np.ndarray:
+        return np.full(SHAPE, value, np.float32)
+
+    return error_variance.sigma_deg(
+        full(posterior_deg), full(regularised_deg), full(residual), np.full(SHAPE, lights, np.uint8),
+        full(discontinuity), unsound=unsound,
+    )  # fmt: skip
+
+
+def test_sigma_perfect_fit_is_posterior_times_factor() -> None:
+    assert sigma() == pytest.approx(np.sqrt(photometry.POSTERIOR_FACTOR), rel=1e-5)
+
+
+def test_sigma_expected_misfit_is_what_plans_forecast() -> None:
+    assert sigma(residual=float(np.sqrt(0.5))) == pytest.approx(photometry.EXPECTED_SIGMA_FACTOR, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("change", "added_deg"),
+    [
+        ({"discontinuity": 1.0}, DISCONTINUITY_SIGMA_DEG),
+        ({"lights": 3}, FEW_LIGHTS_SIGMA_DEG),
+        ({"unsound": True}, UNSOUND_SIGMA_DEG),
+    ],
+)
+def test_sigma_component_adds_in_quadrature(change: dict[str, float], added_deg: float) -> None:
+    expected = np.sqrt(sigma()[0, 0] ** 2 + added_deg**2)
+    assert sigma(**change) == pytest.approx(expected, rel=1e-5)
+
+
+def test_sigma_unsure_pixel_gains_nothing_from_smoothing() -> None:
+    unsure = UNSURE_DEG + 1
+    assert sigma(unsure, 1.0) == pytest.approx(unsure * np.sqrt(photometry.POSTERIOR_FACTOR), rel=1e-5)
+
+
+def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
+    """One badly fitting pixel at the last row of a strip raises its known neighbours alike; unknown ones stay NaN."""
+    residual = np.zeros(SHAPE, np.float32)
+    residual[STRIP_ROWS - 1, 10] = 3.0
+    posterior = np.ones(SHAPE, np.float32)
+    posterior[STRIP_ROWS, 9:12] = np.nan
+    result = error_variance.sigma_deg(
+        posterior, np.ones(SHAPE, np.float32), residual, np.full(SHAPE, 8, np.uint8), None, unsound=False
+    )
+    assert np.all(np.isnan(result[STRIP_ROWS, 9:12]))
+    six = photometry.POSTERIOR_FACTOR + photometry.MISFIT_FACTOR * 9 / 6
+    assert result[STRIP_ROWS - 1, 10] == pytest.approx(np.sqrt(six), rel=1e-4)
+    assert result[STRIP_ROWS - 3, 10] == pytest.approx(np.sqrt(photometry.POSTERIOR_FACTOR), rel=1e-5)
+    assert np.count_nonzero(result > 1.01 * np.sqrt(photometry.POSTERIOR_FACTOR)) == 6

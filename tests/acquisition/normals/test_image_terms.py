@@ -1,0 +1,125 @@
+"""Terms beyond Lambert's: their derivatives, their effect on a solve, and the score tests that demand them."""
+
+import numpy as np
+import pytest
+
+from acquisition import photometry
+from acquisition.normals import image_terms, pixel_solve, self_calibration, term_tests
+from acquisition.normals.image_terms import ImageTerms
+from acquisition.normals.pixel_solve import Estimate, PixelSolveOptions, Scene
+from acquisition.normals.self_calibration import Priors, SharedParameters
+from tests.acquisition.normals.shared_scene import MeasuredPixels, measured
+
+TERMS = ImageTerms(roughness=0.3, ambient=0.05, offset=0.02)
+
+
+def oren_nayar(made: MeasuredPixels, weight: float, albedo: float = 0.6) -> np.ndarray:
+    """The azimuthal term in angles, as Oren and Nayar write it, times b ρ |s|."""
+    size = np.linalg.norm(made.light, axis=1)
+    view = -made.ray_direction / np.linalg.norm(made.ray_direction, axis=0)
+    lamp = made.light / size[:, None]
+    incident = np.arccos(np.clip(np.einsum("fcn,cn->fn", lamp, made.normals), -1, 1))
+    reflected = np.arccos(np.clip(np.sum(view * made.normals, axis=0), -1, 1))[None]
+    flat_lamp = lamp - np.cos(incident)[:, None] * made.normals
+    flat_view = view - np.cos(reflected) * made.normals
+    lengths = np.linalg.norm(flat_lamp, axis=1) * np.linalg.norm(flat_view, axis=0)
+    apart = np.einsum("fcn,cn->fn", flat_lamp, flat_view) / np.maximum(lengths, 1e-12)
+    larger, smaller = np.maximum(incident, reflected), np.minimum(incident, reflected)
+    term = np.cos(incident) * np.maximum(apart, 0) * np.sin(larger) * np.tan(smaller)
+    return weight * albedo * size * np.where(incident < np.pi / 2, term, 0)
+
+
+def evaluated(made: MeasuredPixels, g: np.ndarray, terms: ImageTerms = TERMS) -> image_terms.TermValues:
+    view = -made.ray_direction / np.linalg.norm(made.ray_direction, axis=0)
+    usable = np.ones(made.values.shape, bool)
+    return image_terms.evaluate(terms, g.astype(np.float32), made.light, usable, view.astype(np.float32))
+
+
+def test_evaluate_equals_oren_nayar_and_ambient() -> None:
+    made = measured()
+    expected = oren_nayar(made, TERMS.roughness) + TERMS.ambient * 0.6 + TERMS.offset
+    assert evaluated(made, 0.6 * made.normals).value == pytest.approx(expected, abs=1e-5)
+
+
+def test_evaluate_is_homogeneous_in_albedo_times_normal() -> None:
+    """T(g) = ∂T/∂g · g, by which solves need no value of the terms."""
+    made = measured()
+    g = 0.6 * made.normals
+    terms = evaluated(made, g)
+    assert np.einsum("fcn,cn->fn", terms.by_g, g) == pytest.approx(terms.value - TERMS.offset, abs=1e-6)
+
+
+def test_evaluate_derivative_equals_finite_differences() -> None:
+    made = measured()
+    g = 0.6 * made.normals
+    turn = np.random.default_rng(2).normal(0, 0.002, g.shape)
+    change = (evaluated(made, g + turn).value - evaluated(made, g - turn).value) / 2
+    close = np.abs(np.einsum("fcn,cn->fn", evaluated(made, g).by_g, turn) - change) < 1e-4
+    assert np.mean(close) > 0.99  # but where the lamp is as oblique as the camera, the term has a kink
+
+
+@pytest.mark.parametrize("sigma", [0.1, 0.35, 0.6])
+def test_roughness_rad_inverts_oren_nayar_weights(sigma: float) -> None:
+    squared = sigma**2
+    weight = 0.45 * squared / (squared + 0.09) / (1 - 0.5 * squared / (squared + 0.33))
+    assert ImageTerms(roughness=weight).roughness_rad == pytest.approx(sigma, abs=0.005)
+
+
+def solved(made: MeasuredPixels, values: np.ndarray, terms: ImageTerms | None) -> Estimate:
+    scene = Scene(made.lamp, made.calibration, made.noise, terms=terms)
+    return pixel_solve.solve(made.pixels, values.astype(np.float32), made.depth_m, scene, PixelSolveOptions(0.08))
+
+
+def mean_error_deg(made: MeasuredPixels, estimate: Estimate) -> float:
+    return float(np.degrees(np.mean(np.arccos(np.clip(np.sum(estimate.normals * made.normals, axis=0), -1, 1)))))
+
+
+def test_solve_with_true_terms_recovers_normals() -> None:
+    made = measured()
+    values = made.values + oren_nayar(made, TERMS.roughness) + TERMS.ambient * 0.6 + TERMS.offset
+    assert mean_error_deg(made, solved(made, values, None)) > 2.0
+    assert mean_error_deg(made, solved(made, values, TERMS)) < 0.1
+
+
+def scores(made: MeasuredPixels, values: np.ndarray) -> term_tests.TermScores:
+    noisy = (values + np.random.default_rng(0).normal(0, 0.003, values.shape)).astype(np.float32)
+    result = term_tests.scores(
+        solved(made, noisy, None), noisy, made.scene, SharedParameters.nominal(len(values)),
+        Priors(0.01, 0.001, 0.03), None,
+    )  # fmt: skip
+    assert result is not None
+    return result
+
+
+def test_scores_lambertian_images_demand_no_term() -> None:
+    made = measured()
+    found = scores(made, made.values)
+    assert max(found.roughness.gain, found.ambient.gain, found.response.gain) < 3
+
+
+def test_scores_rough_surface_demand_roughness_most() -> None:
+    made = measured()
+    found = scores(made, made.values + oren_nayar(made, 0.2))
+    assert found.roughness.gain > 10
+    assert found.roughness.step == pytest.approx(0.2, abs=0.1)
+
+
+def test_scores_ambient_light_demand_ambient_light() -> None:
+    made = measured()
+    found = scores(made, made.values + 0.08 * 0.6)
+    assert found.ambient.gain > 10
+    assert found.ambient.step == pytest.approx(0.08, abs=0.04)
+
+
+def test_gauss_newton_step_estimates_terms_from_zero() -> None:
+    made = measured()
+    values = (made.values + oren_nayar(made, 0.2)).astype(np.float32)
+    present = SharedParameters.nominal(len(values))
+    estimate = solved(made, values, ImageTerms())
+    by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, made.ray_direction, made.lamp)
+    step = self_calibration.gauss_newton_step(
+        estimate, by_depth, values, made.lamp, present, Priors(0.01, 0.001, 0.03, ImageTerms(0.3, 0.0)),
+        photometry.OFFSET_SIGMA_M,
+    )  # fmt: skip
+    assert step.terms.roughness == pytest.approx(0.2, abs=0.1)
+    assert step.terms.ambient == pytest.approx(0.0, abs=1e-6)

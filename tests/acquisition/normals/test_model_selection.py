@@ -1,0 +1,126 @@
+"""Model selection: each fault of a capture is put right or named, and a sound capture is left alone."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from acquisition import normals
+from acquisition.models.light_plan import Light
+from acquisition.models.result import NormalMap, SolveSettings
+from acquisition.normals import ImageStack, session_images
+from tests.acquisition import scenes
+from tests.acquisition.normals.test_solve import ROUGH_DEPTH_M, SIZE, two_rings
+
+
+@pytest.fixture(scope="module")
+def cushion() -> scenes.Scene:
+    return scenes.scene(scenes.bumps, scenes.calibration(SIZE))
+
+
+@pytest.fixture(scope="module")
+def images(cushion: scenes.Scene) -> ImageStack:
+    """Eight images with errors of 1 % and 1 mm."""
+    known = cushion.calibration
+    observations = scenes.capture(cushion, two_rings(8), seed=1)
+    stack = session_images.read(observations, known, slice(0, known.height), slice(0, known.width))
+    assert isinstance(stack, ImageStack)
+    return stack
+
+
+def solved(cushion: scenes.Scene, images: ImageStack) -> NormalMap:
+    return normals.solve_stack(
+        images, cushion.calibration, SolveSettings(), initial_depth_m=ROUGH_DEPTH_M, object_mask=cushion.mask
+    )
+
+
+@pytest.fixture(scope="module")
+def sound(cushion: scenes.Scene, images: ImageStack) -> NormalMap:
+    return solved(cushion, images)
+
+
+def mean_deg(cushion: scenes.Scene, normal_map: NormalMap) -> float:
+    return float(np.mean(cushion.error_deg(normal_map.normals)))
+
+
+def kinds(normal_map: NormalMap) -> list[tuple[str, bool]]:
+    return [(finding.kind, finding.corrected) for finding in normal_map.findings]
+
+
+def relit(lights: Sequence[Light], order: Sequence[int], mirror: tuple[int, int] = (1, 1)) -> tuple[Light, ...]:
+    """The lights in another order, with x and y of positions and axes mirrored."""
+    sign = np.array([*mirror, 1.0])
+    return tuple(
+        Light(
+            position=tuple((sign * lights[number].position).tolist()), axis=tuple((sign * lights[number].axis).tolist())
+        )
+        for number in order
+    )
+
+
+def test_solve_sound_capture_has_no_findings(sound: NormalMap) -> None:
+    assert kinds(sound) == []
+    assert sound.fit is not None
+    assert sound.fit.probability > 0.1
+    assert len(sound.fit.image_misfits) == 8
+
+
+def test_solve_mirrored_lamps_are_mirrored_back(cushion: scenes.Scene, images: ImageStack, sound: NormalMap) -> None:
+    result = solved(cushion, replace(images, lights=relit(images.lights, range(8), (1, -1))))
+    assert kinds(result) == [("axes of the lamps", True)]
+    assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
+
+
+def test_solve_swapped_lamps_are_swapped_back(cushion: scenes.Scene, images: ImageStack, sound: NormalMap) -> None:
+    result = solved(cushion, replace(images, lights=relit(images.lights, [0, 5, 2, 3, 4, 1, 6, 7])))
+    assert kinds(result) == [("swapped lamps", True)]
+    assert "2 and 6" in result.findings[0].message
+    assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
+
+
+def test_solve_black_level_is_subtracted(cushion: scenes.Scene, images: ImageStack, sound: NormalMap) -> None:
+    result = solved(cushion, replace(images, values=images.values + np.float32(0.1 * 0.5)))
+    assert kinds(result) == [("stray light", True)]
+    assert result.findings[0].value == pytest.approx(0.05, rel=0.2)
+    assert mean_deg(cushion, result) < 1.4 * mean_deg(cushion, sound)
+
+
+def test_solve_coded_values_are_linearised(cushion: scenes.Scene, images: ImageStack, sound: NormalMap) -> None:
+    level = (np.min(images.shot) / images.shot)[:, None, None].astype(np.float32)
+    coded = np.maximum(images.values * level, 0) ** np.float32(1 / 2.2) / level
+    result = solved(cushion, replace(images, values=coded))
+    assert kinds(result) == [("coded values", True)]
+    assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
+
+
+def test_solve_image_of_half_exposure_is_scaled(cushion: scenes.Scene, images: ImageStack, sound: NormalMap) -> None:
+    values = images.values.copy()
+    values[3] *= 0.5
+    result = solved(cushion, replace(images, values=values))
+    assert kinds(result) == [("intensities", True)]
+    assert result.findings[0].value == pytest.approx(0.5, abs=0.03)
+    assert "image 4" in result.findings[0].message
+    assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
+
+
+def test_solve_blurred_image_is_left_out_or_harmless(
+    cushion: scenes.Scene, images: ImageStack, sound: NormalMap
+) -> None:
+    values = images.values.copy()
+    values[6] = cv2.GaussianBlur(values[6][::-1].copy(), (0, 0), 3)  # another scene, in effect
+    result = solved(cushion, replace(images, values=values))
+    assert ("bad image", True) in kinds(result)
+    assert "image 7" in result.findings[0].message
+    assert mean_deg(cushion, result) < 1.4 * mean_deg(cushion, sound)
+
+
+def test_solve_moved_object_is_registered(cushion: scenes.Scene, images: ImageStack, sound: NormalMap) -> None:
+    values = images.values.copy()
+    values[4:] = np.roll(values[4:], (1, -1), axis=(1, 2))
+    result = solved(cushion, replace(images, values=values))
+    assert ("moved object", True) in kinds(result)
+    assert result.findings[0].value == pytest.approx(np.sqrt(2), abs=0.5)
+    unmended = 2.0 * mean_deg(cushion, sound)
+    assert mean_deg(cushion, result) < unmended
