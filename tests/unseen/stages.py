@@ -17,8 +17,10 @@ from acquisition.models.result import SolveSettings
 from acquisition.normals import (
     alternation,
     discontinuity,
+    error_variance,
     integrability,
     integration,
+    model_selection,
     pixel_solve,
     regularisation,
     residual_noise,
@@ -104,6 +106,13 @@ def _no_discontinuity(*_: object) -> None:
     """In place of `discontinuity.discontinuous_depth`: the shadows contradict nothing."""
 
 
+def _regularised_sigma(
+    posterior_deg: Float32Array, regularised_deg: Float32Array, *_: object, **__: object
+) -> Float32Array:
+    """In place of `error_variance.sigma_deg`."""
+    return regularised_deg
+
+
 NO_DISCONTINUITY = Patch(discontinuity, "discontinuous_depth", _no_discontinuity)
 
 STAGES = (
@@ -186,6 +195,16 @@ STAGES = (
         "low last shadow threshold",
         "All rounds have the first one's high threshold.",
         settings=SolveSettings(shadow_threshold=alternation.INITIAL_SHADOW_THRESHOLD),
+    ),
+    Stage(
+        "model selection",
+        "The plain model is kept, whatever tests demand; what they find is still named, and in σ.",
+        (Patch(model_selection, "MAX_SELECTIONS", 0),),
+    ),
+    Stage(
+        "variance components of σ",
+        "σ is that of the posterior, lowered by smoothing and projection.",
+        (Patch(error_variance, "sigma_deg", _regularised_sigma),),
     ),
 )
 """The stages of the near solver that the bench's captures reach. Sensor and pixel noise are not among them: the bench

@@ -9,12 +9,15 @@ import pytest
 
 from acquisition import photometry
 from acquisition.models.result import NormalMap
-from tests.unseen import ablation, patterns, run, scenes, stages
+from tests.unseen import ablation, faults, patterns, run, scenes, stages
 from tests.unseen.captures import Capture, capture
 from tests.unseen.scenes import Scene
 from tests.unseen.stages import STAGES, Patch, Stage
 
 SMALL, LIGHTS = 48, 8
+SELECTION = ablation.BY_NAME["model selection"]
+PLAIN = [stage for stage in STAGES if stage is not SELECTION]
+"""Switched off with the plain model: trials of others take ten times as long and take part of the change back."""
 
 
 @pytest.fixture(scope="module")
@@ -30,15 +33,16 @@ def captured(part: Scene) -> Capture:
 
 @pytest.fixture(scope="module")
 def complete(part: Scene, captured: Capture) -> NormalMap:
-    return run.solve(part, captured)
+    return ablation.solve_without(SELECTION, part, captured)
 
 
 @pytest.fixture(scope="module")
 def without(part: Scene, captured: Capture) -> dict[str, NormalMap]:
-    return {stage.name: ablation.solve_without(stage, part, captured) for stage in STAGES}
+    with stages.off(SELECTION):
+        return {stage.name: ablation.solve_without(stage, part, captured) for stage in PLAIN}
 
 
-@pytest.mark.parametrize("name", ablation.BY_NAME)
+@pytest.mark.parametrize("name", [stage.name for stage in PLAIN])
 def test_switch_changes_the_result(name: str, complete: NormalMap, without: dict[str, NormalMap]) -> None:
     changed = without[name]
     both = complete.mask & changed.mask
@@ -50,8 +54,8 @@ def test_switch_changes_the_result(name: str, complete: NormalMap, without: dict
 def test_switches_leave_nothing_behind(
     part: Scene, captured: Capture, complete: NormalMap, without: dict[str, NormalMap]
 ) -> None:
-    assert len(without) == len(STAGES)
-    again = run.solve(part, captured)
+    assert len(without) == len(PLAIN)
+    again = ablation.solve_without(SELECTION, part, captured)
     np.testing.assert_allclose(again.normals, complete.normals, atol=1e-5)
     np.testing.assert_allclose(again.sigma_deg, complete.sigma_deg, rtol=1e-3)
 
@@ -96,6 +100,16 @@ def test_switch_of_one_shared_parameter_leaves_the_others(without: dict[str, Nor
     held = without["self-calibration of intensities"]
     assert np.max(np.abs(held.notes["lamps_aside_m"])) > 1e-5
     assert np.ptp(without["lamps' places"].intensity_factors) > 1e-3
+
+
+def test_switch_of_model_selection_keeps_the_plain_model() -> None:
+    blob = scenes.scene("blob", 0, "lambert", 40)
+    mirrored = capture(blob, patterns.fixed("two-rings", blob, LIGHTS, 0, 1), fault=faults.named("mirrored-y"))
+    selected, plain = run.solve(blob, mirrored), ablation.solve_without(SELECTION, blob, mirrored)
+    assert any(finding.corrected for finding in selected.findings)
+    assert not any(finding.corrected for finding in plain.findings)
+    errors = [np.mean(blob.truth.error_deg(one.normals)[blob.truth.within_78_deg]) for one in (selected, plain)]
+    assert errors[0] < 0.2 * errors[1]
 
 
 def line(seed: int, stage: str | None, error: float, rms: float = 1.0, family: str = "blob") -> run.Line:
