@@ -108,6 +108,14 @@ def _figures(normal_map: NormalMap, context: ReportContext) -> str:
     if sigma.size:
         rows.append(("σ of all solved pixels", f"mean {np.mean(sigma):.2f}°, median {np.median(sigma):.2f}°"))
         rows.append(("error to expect", f"mean {0.886 * np.mean(sigma):.2f}°, median {0.833 * np.median(sigma):.2f}°"))
+    if normal_map.fit is not None:
+        fit = normal_map.fit
+        rows.append(
+            (
+                "fit of the images",
+                f"residuals {fit.misfit:.2f} of the stated noise; {fit.probability:.0%} of sound captures fit as badly",
+            )
+        )
     if context.predicted_sigma_deg is not None:
         rows.append(("mean σ that the plan predicted", f"{context.predicted_sigma_deg:.2f}°"))
     if context.error_deg:

@@ -78,6 +78,20 @@ def test_solve_near_light_folder_gives_absolute_albedo(tmp_path: Path) -> None:
     assert {*export.FILES, *export.FOLDERS} <= {path.name for path in out.iterdir()}
 
 
+def test_solve_near_light_folder_mirrored_lamps_is_found_and_undone(tmp_path: Path) -> None:
+    """The y of the lamps' positions with the wrong sign, which no residual of a ball can tell."""
+    folder = small.near(tmp_path / "in")
+    content = json.loads((folder / "lights.json").read_text())
+    for light in content["lights"]:
+        light["position"][1] *= -1
+    (folder / "lights.json").write_text(json.dumps(content))
+    outcome = solving.run(request(folder, near=True, out=tmp_path / "out"))
+    assert [(one["kind"], one["corrected"]) for one in outcome["findings"]] == [("axes of the lamps", True)]
+    assert outcome["fit"]["probability"] > 0.01
+    assert outcome["median_deg"] < 0.5
+    assert "axes are mirrored" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+
 def test_solve_near_light_least_squares_gives_normals(tmp_path: Path) -> None:
     """Without a shadow beyond the rim it is as good; at the rough depth alone it would not be."""
     folder, out = small.near(tmp_path / "in"), tmp_path / "out"

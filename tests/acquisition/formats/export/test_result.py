@@ -10,7 +10,7 @@ import tifffile
 
 from acquisition.formats import export
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.models.result import CAST, LIT, FisherInformation, NormalMap
+from acquisition.models.result import CAST, LIT, FisherInformation, GoodnessOfFit, ModelFinding, NormalMap
 
 
 @pytest.fixture
@@ -44,6 +44,14 @@ def normal_map() -> NormalMap:
         ),
         noise={"intensity": 0.012, "direction": 0.004},
         notes={"shift_m": 0.0012, "threshold": 0.08},
+        fit=GoodnessOfFit(
+            misfit=0.8,
+            probability=0.7,
+            image_misfits=[0.7, None, 0.9, 0.8, 1.1],
+            image_probabilities=[0.8, None, 0.6, 0.7, 0.5],
+            region_misfits=[[0.5, None], [None, 1.5]],
+        ),
+        findings=(ModelFinding(kind="stray light", message="a black level", corrected=True, value=0.03),),
     )
 
 
