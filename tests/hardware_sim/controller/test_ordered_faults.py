@@ -7,7 +7,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from hardware_sim.controller.faults import FAULTS
+from hardware_sim.controller.controller import Controller
+from hardware_sim.controller.faults import FAULTS, prepare
+from hardware_sim.controller.kinematics import MODELS
+from hardware_sim.controller.modes import SafetyMode
 from hardware_sim.controller.process import ControllerProcess
 from tests.hardware_sim.controller.cells import HOME, Cell, Client, fault_in_move, start, wait_until
 from tests.hardware_sim.controller.plain_client import PlainClient
@@ -45,6 +48,32 @@ OBSERVED_IN = {
         power_off program_pause speed_slider hand_move time_jump delay cut half_packet restart""",
     "the world": "lamp dropped_frame saturated_frame nudged_object",
 }
+
+
+class NoLinks:
+    """Ports of a controller without any."""
+
+    def numbers(self) -> list[int]:
+        return []
+
+    def cut(self, port: int) -> None:
+        raise LookupError(port)
+
+    def stall(self, port: int, seconds: float) -> None:
+        raise LookupError(port)
+
+    def __getattr__(self, name: str) -> object:
+        raise LookupError(name)
+
+
+def test_fault_at_s_takes_effect_after_that_time_of_the_ticks() -> None:
+    """Stepped by hand: on a busy machine a tick sees the order and the clock later than the client does."""
+    controller = Controller(MODELS["ur5e"], HOME, now=0.0)
+    controller.tick(1.0)
+    prepare(controller, NoLinks(), {"kind": "safeguard_stop", "at_s": 0.1})
+    for now, mode in ((1.05, SafetyMode.NORMAL), (1.099, SafetyMode.NORMAL), (1.1, SafetyMode.SAFEGUARD_STOP)):
+        controller.tick(now)
+        assert controller.safety_mode is mode, now
 
 
 @pytest.fixture

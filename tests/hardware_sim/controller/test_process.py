@@ -2,7 +2,6 @@
 
 import json
 import socket
-import time
 from pathlib import Path
 
 import numpy as np
@@ -80,12 +79,9 @@ def test_faults_without_parameters_take_effect(controller: ControllerProcess) ->
             assert control.state()["safety_mode"] == mode
             control.fault("clear")
             assert control.state()["safety_mode"] == 1
-        began = time.monotonic()
         control.fault("safeguard_stop", at_s=0.1)
-        while control.state()["safety_mode"] == 1:
-            assert time.monotonic() < began + 60.0
+        wait_until(lambda: control.state()["safety_mode"] != 1)
         assert control.state()["safety_mode"] == 5
-        assert time.monotonic() >= began + 0.1
         control.fault("release_safeguard_stop")
         assert control.state()["safety_mode"] == 1
 
