@@ -51,8 +51,8 @@ class Outline:
     outward: Float32Array
 
 
-def outline(pixels: Pixels, frame_edge: BoolArray) -> Outline:
-    """The rim of the object's silhouette and its outward directions, where `frame_edge` (h, w) does not cut it off."""
+def outline(pixels: Pixels) -> Outline:
+    """The rim of the object's silhouette and its outward directions."""
     inside = pixels.image(np.ones(len(pixels.index), np.float32))
     padded = cv2.copyMakeBorder(inside, RIM_PX, RIM_PX, RIM_PX, RIM_PX, cv2.BORDER_CONSTANT, value=0)
     core = cv2.erode(padded, np.ones((2 * RIM_PX + 1, 2 * RIM_PX + 1), np.uint8))
@@ -60,7 +60,7 @@ def outline(pixels: Pixels, frame_edge: BoolArray) -> Outline:
     slope = np.stack([-cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)])
     window = (slice(RIM_PX, -RIM_PX), slice(RIM_PX, -RIM_PX))
     length = np.linalg.norm(slope, axis=0)[window]
-    rim = (inside > 0) & (core[window] == 0) & (length > 0.1) & ~frame_edge
+    rim = (inside > 0) & (core[window] == 0) & (length > 0.1)
     numbers = np.flatnonzero(pixels.take(rim))
     outward = pixels.take(slope[(slice(None), *window)])[:, numbers]
     return Outline(numbers, outward / np.linalg.norm(outward, axis=0))

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.result import ModelFinding
 from acquisition.normals import alternation, changed_images, final_solve, light_tests, registration
 from acquisition.normals.alternation import AlternationResult
@@ -22,8 +22,10 @@ from acquisition.normals.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
 from acquisition.normals.term_tests import TermScore, TermScores
 
-AXES_GAIN = 0.25
-"""Gain of outwardness (cosine) from which other axes are tried: 0.28–1.4 of mirrored ones, 0 of sound captures."""
+AXES_GAIN, AXES_BETTER = 0.25, 0.8
+"""Gain of outwardness (cosine) from which other axes are tried: 0.28–1.4 of mirrored ones, 0 of sound captures; and
+misfit after over before, up to which they are accepted: 0.06–0.35 of mirrored ones. A dish whose visible rim slopes
+inwards gains outwardness when it is taken for a dome, but near light and shadows do not fit that."""
 
 MIN_SWAP_IMAGES, SWAP_SHARE = 5, 0.5
 """Images from which lamps are tested for a swap, four being explained by any; and least-squares residual after over
@@ -182,14 +184,13 @@ class Alternative:
 def other_axes(present: Solution) -> list[Alternative]:
     """Axes of the lamps mirrored or exchanged, where the outline's normals would point outwards then."""
     coarse, nominal = present.problem.level.coarse, present.problem.nominal
-    no_frame_edge: BoolArray = np.zeros(coarse.shape, np.bool_)
-    axes, gain = light_tests.best_axes(present.state.normals, light_tests.outline(coarse, no_frame_edge))
+    axes, gain = light_tests.best_axes(present.state.normals, light_tests.outline(coarse))
     if gain <= AXES_GAIN:
         return []
     names = {(1, 0): "x", (-1, 0): "−x", (0, 1): "y", (0, -1): "−y"}
     message = f"the lamps' axes are mirrored or exchanged: {names[axes[0]]}, {names[axes[1]]} are taken for their x, y"
     problem = present.problem.relit(light_tests.transformed(nominal.lamps, axes))
-    return [Alternative("axes of the lamps", message, problem, WORSE_AT_MOST)]
+    return [Alternative("axes of the lamps", message, problem, AXES_BETTER)]
 
 
 def swapped_lamps(present: Solution) -> list[Alternative]:

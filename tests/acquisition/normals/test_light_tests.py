@@ -1,0 +1,64 @@
+"""Outwardness of normals at the outline, and the test for two swapped lamps."""
+
+import numpy as np
+import pytest
+
+from acquisition.normals import light_tests
+from acquisition.normals.pixel_solve import Pixels
+from tests.acquisition.normals.shared_scene import measured
+
+SIZE = 64
+
+
+def ball() -> tuple[Pixels, np.ndarray]:
+    """Pixels and normals (3, N), view frame, of a ball that fills most of a square."""
+    row, column = np.mgrid[:SIZE, :SIZE]
+    x, y = (column - SIZE / 2 + 0.5) / (0.45 * SIZE), -(row - SIZE / 2 + 0.5) / (0.45 * SIZE)
+    inside = x**2 + y**2 < 1
+    index = np.flatnonzero(inside)
+    normals = np.stack([x, y, np.sqrt(np.clip(1 - x**2 - y**2, 0, 1))])[:, inside].astype(np.float32)
+    nothing = np.zeros((1, len(index)), np.float32)
+    return Pixels((SIZE, SIZE), index, np.zeros((2, len(index)), np.float32), nothing, nothing > 0), normals
+
+
+@pytest.mark.parametrize("axes", light_tests.ALL_AXES)
+def test_best_axes_of_transformed_ball_are_the_inverse(axes: light_tests.Axes) -> None:
+    pixels, normals = ball()
+    wrong = normals.copy()
+    wrong[:2] = np.array(axes, np.float32) @ normals[:2]
+    best, gain = light_tests.best_axes(wrong, light_tests.outline(pixels))
+    assert np.array_equal(np.array(best) @ np.array(axes), np.eye(2))
+    assert gain > 0.5 or axes == light_tests.STATED_AXES
+    assert light_tests.outwardness(wrong, light_tests.outline(pixels), best) > 0.85
+
+
+def test_best_axes_without_outline_are_the_stated_ones() -> None:
+    pixels, normals = ball()
+    few = pixels.subset(np.arange(20))
+    axes, gain = light_tests.best_axes(-normals[:, :20], light_tests.outline(few))
+    assert (axes, gain) == (light_tests.STATED_AXES, 0.0)
+
+
+def test_transformed_lamps_turn_places_and_optical_axes() -> None:
+    lamps = np.array([[0.1, 0.2, -0.3, 0.6, 0.0, -0.8]], np.float32)
+    out = light_tests.transformed(lamps, ((0, -1), (1, 0)))
+    assert out == pytest.approx(np.array([[-0.2, 0.1, -0.3, 0.0, 0.6, -0.8]]))
+
+
+@pytest.mark.parametrize(("first", "second"), [(0, 1), (2, 6), (3, 7)])
+def test_swapped_pair_of_exchanged_lamps_is_found(first: int, second: int) -> None:
+    made = measured()
+    order = np.arange(8)
+    order[[first, second]] = second, first
+    swap = light_tests.swapped_pair(made.pixels, made.depth_m, made.lamp[order], made.calibration)
+    assert {swap.first, swap.second} == {first, second}
+    assert swap.residual_share < 0.1
+
+
+def test_swapped_pair_of_sound_lamps_leaves_residual() -> None:
+    made = measured()
+    noisy = made.values + np.random.default_rng(0).normal(0, 0.003, made.values.shape)
+    pixels = Pixels(
+        made.pixels.shape, made.pixels.index, made.pixels.ray, noisy.astype(np.float32), made.pixels.clipped
+    )
+    assert light_tests.swapped_pair(pixels, made.depth_m, made.lamp, made.calibration).residual_share > 1
