@@ -83,7 +83,8 @@ MAX_DIRECTION_RAD, MAX_INTENSITY, MAX_MOVE_M = 0.04, 0.03, 0.08
 @dataclass(frozen=True)
 class Problem:
     """What a descent starts from: images, coarse level, depth at its pixels (N,), nominal scene, 1 σ of the terms that
-    are estimated, and of the object's shift in m; and the kinds of faults that are already corrected in it."""
+    are estimated, and of the object's shift in m; the kinds of faults that are already corrected in it, and the factors
+    (F,) that its images were divided by."""
 
     masked: MaskedImages
     level: PyramidLevel
@@ -92,6 +93,7 @@ class Problem:
     term_sigma: ImageTerms = LAMBERTIAN
     shift_sigma_m: float = alternation.SHIFT_SIGMA_M
     corrected: tuple[str, ...] = ()
+    factors: FloatArray | float = 1.0
 
     def reread(self, images: Changed) -> "Problem":
         """The same object in changed images, with their sensor noise."""
@@ -286,6 +288,7 @@ def other_intensities(present: Solution) -> list[Alternative]:
     factors = np.where(far, np.exp(log), 1.0)
     names = ", ".join(f"image {n + 1} ({factors[n] - 1:+.0%})" for n in np.flatnonzero(far))
     scaled = present.problem.reread(changed_images.scaled(present.problem.masked.images, factors))
+    scaled = replace(scaled, factors=factors)
     message = f"brighter or darker than stated, and scaled: {names}"
     return [Alternative("intensities", message, scaled, WORSE_AT_MOST, float(factors[far][0]))]
 

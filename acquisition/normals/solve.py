@@ -113,7 +113,12 @@ def solve_stack(
     chosen = solution.problem
     unsound = any(not finding.corrected for finding in findings)
     normal_map = final_solve.solve(chosen.masked, chosen.level, solution.state, solution.scene, size, unsound=unsound)
-    return replace(normal_map, fit=solution.fit.summary(), findings=tuple(findings))
+    return replace(
+        normal_map,
+        intensity_factors=normal_map.intensity_factors * chosen.factors,
+        fit=solution.fit.summary(),
+        findings=tuple(findings),
+    )
 
 
 def _refuse_few(images: Images) -> None:

@@ -128,7 +128,12 @@ def _underlit_sample(normal_map: NormalMap, underlit: BoolArray) -> tuple[np.nda
 
 def _image_warnings(normal_map: NormalMap, context: ReportContext) -> list[str]:
     warnings: list[str] = []
-    for name, flags in zip(context.names, memory_mapped.iterate(normal_map.flags), strict=True):
+    left_out = [finding.value for finding in normal_map.findings if finding.kind == "bad image"]
+    for number, (name, flags) in enumerate(
+        zip(context.names, memory_mapped.iterate(normal_map.flags), strict=True), start=1
+    ):
+        if number in left_out:  # none of its pixels is used, for which no exposure is to blame
+            continue
         inside = flags[normal_map.silhouette]
         clipped = float(np.mean((inside & SATURATED) > 0)) if inside.size else 0.0
         lit = float(np.mean((inside & LIT) > 0)) if inside.size else 0.0

@@ -102,6 +102,7 @@ def test_solve_image_of_half_exposure_is_scaled(cushion: scenes.Scene, images: I
     assert kinds(result) == [("intensities", True)]
     assert result.findings[0].value == pytest.approx(0.5, abs=0.03)
     assert "image 4" in result.findings[0].message
+    assert result.intensity_factors[3] / np.median(result.intensity_factors) == pytest.approx(0.5, abs=0.03)
     assert mean_deg(cushion, result) < 1.3 * mean_deg(cushion, sound)
 
 
