@@ -1,11 +1,11 @@
 """Images as they are under another hypothesis: one left out or scaled, translations or a coding undone."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 
-from acquisition.models.base import FloatArray
+from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.light_plan import Light
 from acquisition.normals.session_images import Images, ValuesAndClipped
 
@@ -95,12 +95,20 @@ class Translated(Changed):
         own = slice(start - first, stop - first)
         out, full = np.empty_like(values[:, own]), np.empty_like(clipped[:, own])
         for number, shift in enumerate(self.translation):
-            matrix = np.array([[1.0, 0.0, -shift[0]], [0.0, 1.0, -shift[1]]])
-            size = (values.shape[2], values.shape[1])
-            out[number] = cv2.warpAffine(values[number], matrix, size, borderMode=cv2.BORDER_REPLICATE)[own]
-            mask = clipped[number].astype(np.uint8)
-            full[number] = cv2.warpAffine(mask, matrix, size, borderMode=cv2.BORDER_REPLICATE)[own] > 0
+            out[number] = shifted(values[number], -shift)[own]
+            full[number] = shifted(clipped[number].astype(np.float32), -shift)[own] >= HALF
         return out, full
+
+
+HALF = 0.5
+"""Share of a pixel that has to come from clipped ones for it to count as clipped."""
+
+
+def shifted(image: Float32Array, shift: FloatArray) -> Float32Array:
+    """An image (h, w) with its content moved by `shift` (2,), pixels in x and y; linear interpolation."""
+    matrix = np.array([[1.0, 0.0, shift[0]], [0.0, 1.0, shift[1]]])
+    size = (image.shape[1], image.shape[0])
+    return np.asarray(cv2.warpAffine(image, matrix, size, borderMode=cv2.BORDER_REPLICATE), np.float32)
 
 
 def scaled(images: Images, factors: FloatArray) -> Scaled:
@@ -120,5 +128,4 @@ def without(images: Images, number: int) -> WithoutImage:
 
 def linearised(images: Images, exponent: float) -> Linearised:
     """The images with a power law undone; their noise is that of a mid-grey value, which the exponent multiplies."""
-    changed = Linearised(images, images.shot, images.floor, exponent)
-    return replace(changed, shot=images.shot * exponent**2, floor=images.floor * exponent**2)
+    return Linearised(images, images.shot * exponent**2, images.floor * exponent**2, exponent)

@@ -83,17 +83,19 @@ def with_residual_noise(sample: Pixels, state: AlternationResult, scene: Scene) 
     """The scene with noise scales and median albedo estimated from residuals of a sample at full resolution, and the
     sample's solution."""
     ray_direction = photometry.ray_directions(sample.ray)
-    noise = replace(scene.noise, intensity=state.noise.intensity, direction=state.noise.direction)
-    solution = _solve_pixels(sample, state, replace(scene, noise=noise))
-    albedo = None
-    for turn in range(2):
-        if turn > 0:
-            solution = _solve_pixels(sample, state, replace(scene, noise=noise))
-        noise = residual_noise.estimate(
+
+    def step(noise: photometry.Noise) -> tuple[photometry.Noise, PixelSolution]:
+        """Solves the sample in a noise, and estimates the noise from its residuals."""
+        solution = _solve_pixels(sample, state, replace(scene, noise=noise))
+        estimated = residual_noise.estimate(
             solution.estimate, solution.values, noise, scene.noise, ray_direction, scene.lamps,
             photometry.OFFSET_SIGMA_M, solution.extra_variance,
         )  # fmt: skip
-        albedo = pixel_solve.median_albedo(solution.estimate, solution.measured, sample.clipped)
+        return estimated, solution
+
+    noise, _ = step(replace(scene.noise, intensity=state.noise.intensity, direction=state.noise.direction))
+    noise, solution = step(noise)
+    albedo = pixel_solve.median_albedo(solution.estimate, solution.measured, sample.clipped)
     return replace(scene, noise=noise, median_albedo=albedo), solution
 
 

@@ -23,7 +23,9 @@ GAUSSIAN_MEDIAN_SQUARE = residual_noise.GAUSSIAN_MEDIAN_DEVIATION**2
 """Median of the square of a standard Gaussian."""
 
 LOG_MISFIT_MEAN, LOG_MISFIT_SD = -0.35, 0.4
-"""Mean and standard deviation of the logarithm of the misfit of sound captures."""
+"""Mean and standard deviation of the logarithm of the misfit of sound captures, set between two samples of design
+seeds: −0.45 and 0.55 over 44 Lambertian captures, −0.16 and 0.48 over 160 with rough and translucent ones among them.
+With the first a misfit of 2.5 has a probability of 0.7 %, with the second of 1.2 %, with these of 0.1 %."""
 
 MIN_MEASUREMENTS = 30
 """Measurements below which a misfit is not stated."""

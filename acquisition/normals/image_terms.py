@@ -19,8 +19,8 @@ import numpy as np
 from acquisition.models.base import BoolArray, Float32Array
 
 MAX_ROUGH_WEIGHT = 0.53
-"""Limit of b for a roughness without bound: 0.45 / (1 − 0.5) would be 0.9, but the formula is meant up to about
-0.8 rad."""
+"""Largest b that an estimate may reach, that of a roughness of 0.68 rad: rougher surfaces than plaster and clay, 0.6
+rad, are rare, and the formula was made for slopes like these."""
 
 LEAST_VIEW_COSINE = 0.1
 """Cosine between normal and viewing ray below which K is evaluated as at that cosine; it divides."""

@@ -7,7 +7,7 @@ other faults.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -156,7 +156,7 @@ class Alternative:
     worse_at_most: float
     value: float | None = None
     coding: float = 1.0
-    step: float = field(default=0.0)
+    step: float = 0.0
     silent: bool = False
 
     def accepted(self, before: Fit, after: Fit, terms: ImageTerms) -> bool:

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from acquisition.models.base import Float32Array, FloatArray
-from acquisition.normals import alternation, pixel_solve
+from acquisition.normals import alternation, changed_images, pixel_solve
 from acquisition.normals.pixel_solve import Pixels, PixelSolveOptions, Scene
 
 ROUNDS = 4
@@ -34,7 +34,9 @@ def translations(pixels: Pixels, depth_m: Float32Array, scene: Scene, log_intens
     core = cv2.erode(inside, np.ones((5, 5), np.uint8), borderValue=0) > 0
     total = np.zeros((len(values), 2))
     for _ in range(ROUNDS):
-        moved = np.stack([pixels.take(_translated(one, -shift)) for one, shift in zip(stack, total, strict=True)])
+        moved = np.stack(
+            [pixels.take(changed_images.shifted(one, -shift)) for one, shift in zip(stack, total, strict=True)]
+        )
         estimate = pixel_solve.solve(
             pixels, moved.astype(np.float32), depth_m, scene,
             PixelSolveOptions(scene.settings.shadow_threshold, cauchy_scale=scene.cauchy_scale),
@@ -42,7 +44,7 @@ def translations(pixels: Pixels, depth_m: Float32Array, scene: Scene, log_intens
         predicted = np.einsum("fcn,cn->fn", estimate.light, estimate.g) + estimate.term_value
         step = np.array(
             [
-                _step(pixels.image(one), pixels.image(model), core & (_lit(pixels, usable)))
+                _step(pixels.image(one), pixels.image(model), core & _lit(pixels, usable))
                 for one, model, usable in zip(moved, predicted, estimate.usable, strict=True)
             ]
         )
@@ -68,12 +70,6 @@ def _lit(pixels: Pixels, usable: np.ndarray) -> np.ndarray:
     return cv2.erode(pixels.image(usable.astype(np.uint8)), np.ones((3, 3), np.uint8), borderValue=0) > 0
 
 
-def _translated(image: Float32Array, shift: FloatArray) -> Float32Array:
-    matrix = np.array([[1.0, 0.0, shift[0]], [0.0, 1.0, shift[1]]])
-    size = (image.shape[1], image.shape[0])
-    return np.asarray(cv2.warpAffine(image, matrix, size, borderMode=cv2.BORDER_REPLICATE), np.float32)
-
-
 def _step(image: Float32Array, model: Float32Array, counted: np.ndarray) -> FloatArray:
     """One Lucas–Kanade step: content of `image` is that of `model` moved by it."""
     if np.count_nonzero(counted) < MIN_PIXELS:
@@ -86,9 +82,8 @@ def _step(image: Float32Array, model: Float32Array, counted: np.ndarray) -> Floa
     out = np.zeros(2)
     for _ in range(ROBUST_ROUNDS):
         matrix = (rows * weight) @ rows.T
-        out = np.linalg.solve(
-            matrix + 1e-9 * np.trace(matrix) * np.eye(2) + 1e-15 * np.eye(2), rows @ (weight * residual)
-        )
+        matrix += (1e-9 * np.trace(matrix) + 1e-15) * np.eye(2)
+        out = np.linalg.solve(matrix, rows @ (weight * residual))
         left = residual - out @ rows
         scale = max(float(np.median(np.abs(left))), 1e-9)
         weight = 1 / (1 + (left / (2 * scale)) ** 2)

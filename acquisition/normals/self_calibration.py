@@ -122,7 +122,7 @@ def normal_equations(
         [
             np.full(3 * count, priors.position_m),
             [priors.shift_m],
-            [] if terms is None else _term_sigmas(priors.terms, terms.by_parameter.shape[1]),
+            [] if terms is None else [priors.terms.roughness, priors.terms.ambient, priors.terms.offset],
             [] if gloss is None else [LOBE_LOG_SIGMA] * gloss.by_lobe.shape[1],
         ]
     )
@@ -162,13 +162,6 @@ def normal_equations(
     if intensity_sigma > 0:
         intensity_sigma = evidence_maximised_sigma(matrix, right + matrix @ before, _precision(sigma), intensity_sigma)
     return Equations(matrix, right, np.concatenate([np.full(count, intensity_sigma), sigma]), before)
-
-
-def _term_sigmas(sigma: ImageTerms, count: int) -> FloatArray:
-    """1 σ of the columns (`count`) of terms: b, a and o, and others, which are held."""
-    out = np.zeros(count)
-    out[:3] = sigma.roughness, sigma.ambient, sigma.offset
-    return out
 
 
 def gauss_newton_step(

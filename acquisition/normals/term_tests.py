@@ -3,7 +3,7 @@
 At the solution without it, a further parameter's column is added to the normal equations of what all pixels share; all
 other parameters are eliminated under their priors. With g its remaining score and H its remaining information, the
 logarithm of the likelihood would rise by g²/2H, at the value g/H. On sound captures that is below 1 in most; of a rough
-surface, ambient light or coded values it is 20–190.
+surface or ambient light it is 5–400.
 """
 
 from dataclasses import dataclass, replace
@@ -13,13 +13,10 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.normals import image_terms, pixel_solve, self_calibration
-from acquisition.normals.image_terms import LAMBERTIAN, TermValues
+from acquisition.normals.image_terms import LAMBERTIAN
 from acquisition.normals.pixel_solve import Estimate, Scene
 from acquisition.normals.self_calibration import Equations, Priors, SharedParameters
 from acquisition.normals.specular import HighlightDerivatives
-
-MIN_VALUE = 1e-3
-"""Values below which the column of the response's exponent, y log y, is zero."""
 
 
 @dataclass(frozen=True)
@@ -32,13 +29,11 @@ class TermScore:
 
 @dataclass(frozen=True)
 class TermScores:
-    """Scores of the weight of a rough diffuse term, of ambient light, of an offset, and of the logarithm of the
-    response's exponent."""
+    """Scores of the weight of a rough diffuse term, of ambient light, and of an offset, as in `ImageTerms`."""
 
     roughness: TermScore
     ambient: TermScore
     offset: TermScore
-    response: TermScore
 
 
 def scores(
@@ -52,20 +47,15 @@ def scores(
     ray_direction = np.ascontiguousarray(-estimate.point / estimate.point[2], np.float32)
     axis = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
     present = image_terms.evaluate(scene.terms or LAMBERTIAN, estimate.g, estimate.light, estimate.usable, axis)
-    level = 1 / scene.noise.shot[:, None]  # a value's signal is proportional to it
-    signal = np.maximum(values, MIN_VALUE) * level / np.max(level)
-    response = (values * np.log(signal) * (values > MIN_VALUE)).astype(np.float32)
-    columns = np.concatenate([present.by_parameter, response[:, None]], axis=1)
-    tested = replace(estimate, terms=TermValues(present.ambient, present.value, present.offset, present.by_g, columns))
     by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, scene.lamps)
     equations = self_calibration.normal_equations(
-        tested, by_depth, values, scene.lamps, shared, replace(priors, terms=LAMBERTIAN), photometry.OFFSET_SIGMA_M,
-        gloss,
+        replace(estimate, terms=present), by_depth, values, scene.lamps, shared, replace(priors, terms=LAMBERTIAN),
+        photometry.OFFSET_SIGMA_M, gloss,
     )  # fmt: skip
     if equations is None:
         return None
     first = 4 * len(values) + 1
-    return TermScores(*(_score(equations, first + number) for number in range(4)))
+    return TermScores(*(_score(equations, first + number) for number in range(3)))
 
 
 def _score(equations: Equations, tested: int) -> TermScore:

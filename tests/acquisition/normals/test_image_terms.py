@@ -94,7 +94,7 @@ def scores(made: MeasuredPixels, values: np.ndarray) -> term_tests.TermScores:
 def test_scores_lambertian_images_demand_no_term() -> None:
     made = measured()
     found = scores(made, made.values)
-    assert max(found.roughness.gain, found.ambient.gain, found.response.gain) < 3
+    assert max(found.roughness.gain, found.ambient.gain, found.offset.gain) < 3
 
 
 def test_scores_rough_surface_demand_roughness_most() -> None:
