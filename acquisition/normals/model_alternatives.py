@@ -226,7 +226,7 @@ TERMS = {
 def other_formation(present: Solution) -> list[Alternative]:
     """Terms that the score tests demand; in a poor fit also ambient and stray light from other starts, and a coding."""
     problem, nominal = present.problem, present.problem.nominal
-    found: list[Alternative] = []
+    alternatives: list[Alternative] = []
 
     def with_term(name: str, start: ImageTerms, most: float, step: float = 0.0) -> Alternative:
         sigma = replace(LAMBERTIAN, **{name: getattr(TERM_SIGMA, name)})
@@ -237,17 +237,17 @@ def other_formation(present: Solution) -> list[Alternative]:
         for name in TERMS:
             score: TermScore = getattr(present.scores, name)
             if score.gain > MIN_GAIN and score.step > getattr(MIN_STEP, name):
-                found.append(with_term(name, LAMBERTIAN, WORSE_AT_MOST, score.step))
+                alternatives.append(with_term(name, LAMBERTIAN, WORSE_AT_MOST, score.step))
     if nominal.terms is None and present.poor:
         for start in SECOND_STARTS:
-            found.append(with_term("ambient" if start.ambient else "offset", start, BETTER_AT_LEAST))
+            alternatives.append(with_term("ambient" if start.ambient else "offset", start, BETTER_AT_LEAST))
     if present.poor:
         linear = problem.reread(changed_images.linearised(problem.masked.images, CODED_EXPONENT))
         message = f"the images are not linear: values are taken to the power of {CODED_EXPONENT}"
-        found.append(
+        alternatives.append(
             Alternative("coded values", message, linear, BETTER_AT_LEAST, CODED_EXPONENT, coding=CODED_EXPONENT)
         )
-    return found
+    return alternatives
 
 
 def moved_object(present: Solution) -> list[Alternative]:

@@ -99,9 +99,9 @@ class Capture:
     def solved(self, pilot: Sequence[int]) -> EquivalentSession:
         """Solves the images `pilot` as `lightpose solve` does."""
         if isinstance(self.images, session_folder.SessionCapture):
-            taken = self.images.observations(len(self.images.plans) - 1)
-            lit = [shot for shot in taken.shots if shot.light is not None]
-            observations = replace(taken, shots=[lit[number] for number in pilot])
+            captured = self.images.observations(len(self.images.plans) - 1)
+            lit = [shot for shot in captured.shots if shot.light is not None]
+            observations = replace(captured, shots=[lit[number] for number in pilot])
             calibration = self.images.calibration
             normal_map = solve_in_cell(observations, self.images.cell, calibration, SolveSettings())
             return EquivalentSession(normal_map, observations, calibration)
@@ -253,7 +253,7 @@ def read_candidates(path: Path) -> FloatArray:
         raise _invalid(f"--candidates {path}: cannot be read: {error}", path) from error
     if not lines:
         raise _invalid(f"--candidates {path}: is empty: write one light a line, three numbers each", path)
-    found: list[list[float]] = []
+    rows: list[list[float]] = []
     for line, text in enumerate(lines, start=1):
         try:
             numbers = [float(word) for word in re.split(r"[\s,;]+", text.strip())]
@@ -261,8 +261,8 @@ def read_candidates(path: Path) -> FloatArray:
             numbers = []
         if len(numbers) != 3 or not np.all(np.isfinite(numbers)):
             raise _invalid(f"--candidates {path}, line {line}: {text.strip()[:60]!r} is not three numbers", path)
-        found.append(numbers)
-    return np.array(found)
+        rows.append(numbers)
+    return np.array(rows)
 
 
 def _reach(
@@ -270,8 +270,8 @@ def _reach(
 ) -> tuple[Reach, Offer | None]:
     """The candidates about the object, and what is left of the offer."""
     center = session.center
-    taken = [shot.light.position for shot in session.observations.shots if shot.light is not None]
-    pilot = np.array(taken) - center
+    positions = [shot.light.position for shot in session.observations.shots if shot.light is not None]
+    pilot = np.array(positions) - center
     if offer is None:
         radius_m = float(np.mean(np.linalg.norm(pilot, axis=1)))
         radius_m = radius_m if request.radius_mm is None else request.radius_mm / 1000

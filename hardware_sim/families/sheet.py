@@ -19,8 +19,8 @@ def shape(random: np.random.Generator) -> Mesh:
     make = {"crumpled": _crumpled, "folded": _folded, "leaf": _leaf, "ribbon": _ribbon, "curled": _curled}[str(kind)]
     surface = make(random, u, v)
     mesh = _thick(surface, random.uniform(0.008, 0.02))
-    lean = random.uniform(0, np.radians(30)) if kind != "folded" else random.uniform(0, np.radians(60))
-    return mesh.transformed(turned_by(np.array([*random.normal(size=2), 0.0]), lean), np.zeros(3))
+    tilt_rad = random.uniform(0, np.radians(30)) if kind != "folded" else random.uniform(0, np.radians(60))
+    return mesh.transformed(turned_by(np.array([*random.normal(size=2), 0.0]), tilt_rad), np.zeros(3))
 
 
 def _crumpled(random: np.random.Generator, u: FloatArray, v: FloatArray) -> FloatArray:

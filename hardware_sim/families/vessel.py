@@ -55,8 +55,8 @@ def shape(random: np.random.Generator) -> Mesh:
 
     reach = max(float(outer.max()) + (0.34 if extras else 0.0), float(outer.max()) + lip) + 0.04
     mesh = contour(field, np.array([reach, reach, high / 2 + 0.04]), SPACING)
-    lean = random.uniform(0, np.radians(20)) if random.random() < 0.4 else 0.0
-    return mesh.transformed(turned_by(np.array([*random.normal(size=2), 0.0]), lean), np.zeros(3))
+    tilt_rad = random.uniform(0, np.radians(20)) if random.random() < 0.4 else 0.0
+    return mesh.transformed(turned_by(np.array([*random.normal(size=2), 0.0]), tilt_rad), np.zeros(3))
 
 
 def _proportions(random: np.random.Generator, kind: str) -> tuple[float, FloatArray]:

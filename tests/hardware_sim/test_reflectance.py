@@ -56,8 +56,8 @@ def test_oren_nayar_lamp_at_camera_shows_published_terms() -> None:
     # At α = β = θ and Δφ = 0 the model reads ρ cos θ (A + B sin θ tan θ).
     theta, sigma = 1.0, 0.5
     a, b = 1 - 0.5 * sigma**2 / (sigma**2 + 0.33), 0.45 * sigma**2 / (sigma**2 + 0.09)
-    found = Reflectance("oren-nayar", sigma).value(UP, _direction(theta, 0.3), _direction(theta, 0.3), 0.8)
-    assert found == pytest.approx(0.8 * np.cos(theta) * (a + b * np.sin(theta) * np.tan(theta)))
+    value = Reflectance("oren-nayar", sigma).value(UP, _direction(theta, 0.3), _direction(theta, 0.3), 0.8)
+    assert value == pytest.approx(0.8 * np.cos(theta) * (a + b * np.sin(theta) * np.tan(theta)))
 
 
 def test_value_white_lambert_facing_lamp_is_one() -> None:
@@ -87,8 +87,8 @@ def test_metal_specular_equals_mitsuba_rough_conductor() -> None:
         expected = np.pi * bsdf.eval(mitsuba.BSDFContext(), interaction, mitsuba.Vector3f(light))[0]
         half = (light + camera) / np.linalg.norm(light + camera)
         fresnel = 0.9 + 0.1 * (1 - camera @ half) ** 5
-        found = Reflectance("metal", 0.3).specular(UP, light, camera, 1.0) / fresnel
-        assert found == pytest.approx(expected, rel=1e-4, abs=1e-6)
+        value = Reflectance("metal", 0.3).specular(UP, light, camera, 1.0) / fresnel
+        assert value == pytest.approx(expected, rel=1e-4, abs=1e-6)
 
 
 @pytest.mark.parametrize("text", EVERY)

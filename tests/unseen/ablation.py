@@ -119,8 +119,8 @@ def all_tables(lines: Sequence[Line], grading: str) -> str:
     by_family("## rms e/σ without → with, by family", lambda some, with_it: _change(some, with_it, "rms"))
     by_family("## P(e < σ) without → with, by family", lambda some, with_it: _change(some, with_it, "within_1"))
     if failed:
-        told = [f"{name or 'all stages on'}: {len(some)} ({some[0]['error']})" for name, some in failed.items()]
-        parts.append("Refused: " + "; ".join(told) + ".")
+        reasons = [f"{name or 'all stages on'}: {len(some)} ({some[0]['error']})" for name, some in failed.items()]
+        parts.append("Refused: " + "; ".join(reasons) + ".")
     return "\n\n".join(parts)
 
 

@@ -102,7 +102,7 @@ class SceneRun:
         """
         start = time.monotonic()
         true = self.scene.truth
-        found: Line = {"material": str(self.scene.reflectance), "scatter_mm": 1e3 * self.scene.reflectance.scatter_m}
+        material: Line = {"material": str(self.scene.reflectance), "scatter_mm": 1e3 * self.scene.reflectance.scatter_m}
         try:
             positions, predicted = self.positions(line)
             captured = capture(self.scene, positions, int(str(line["azimuth"])), self.fault)
@@ -111,17 +111,17 @@ class SceneRun:
                 mapped = grading.least_squares(
                     captured.stack, captured.calibration, captured.rough_depth_m, true.object
                 )
-                return line | found | grading.errors(mapped, true.object, true)
+                return line | material | grading.errors(mapped, true.object, true)
             start = time.monotonic()
             normal_map = solver(self.scene, captured)
             seconds = time.monotonic() - start
         except RigError as error:
-            return line | found | {"error": f"{error.code}: {error}"}
+            return line | material | {"error": f"{error.code}: {error}"}
         scalars = {key: value for key, value in normal_map.notes.items() if isinstance(value, str | int | float | bool)}
         error = np.log(normal_map.intensity_factors) - captured.log_intensity
         return (
             line
-            | found
+            | material
             | grading.errors(normal_map.normals, normal_map.mask, true)
             | grading.sigma(normal_map, true)
             | {

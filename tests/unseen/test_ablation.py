@@ -169,8 +169,8 @@ def test_tables_are_of_what_is_asked(tmp_path: Path) -> None:
     kept = [line(seed, name, 1.0) for seed in (0, 1) for name in (None, "interreflection", "lamps' places")]
     out.write_text("".join(json.dumps(one) + "\n" for one in kept), encoding="utf-8")
     plan = run.Plan(("blob",), (1,), (8,), ("two-rings",), 1, out)
-    found = ablation.of_plan(plan, ["interreflection"])
-    assert [(one["seed"], one["stage"]) for one in found] == [(1, None), (1, "interreflection")]
+    lines = ablation.of_plan(plan, ["interreflection"])
+    assert [(one["seed"], one["stage"]) for one in lines] == [(1, None), (1, "interreflection")]
 
 
 def test_run_of_a_report_seed_is_refused_without_report(tmp_path: Path) -> None:

@@ -56,15 +56,15 @@ def test_gradings_are_nested_and_the_truth_is_unit(blob: Scene) -> None:
 
 
 def test_capture_is_paired_between_patterns_and_has_two_reads(blob: Scene, rings: np.ndarray) -> None:
-    whole, part = capture(blob, rings, 3), capture(blob, rings[:4], 3)
-    np.testing.assert_array_equal(whole.dn[:4], part.dn)
-    assert whole.stack.lights[:4] == part.stack.lights
-    assert np.any(whole.dn != whole.again)
-    bright = whole.dn > 2000
-    noise = np.std(whole.dn[bright].astype(float) - whole.again[bright]) / np.sqrt(2)
-    expected = np.sqrt(np.mean(whole.dn[bright]) / blob.sensor.gain_e_per_dn)
+    complete, part = capture(blob, rings, 3), capture(blob, rings[:4], 3)
+    np.testing.assert_array_equal(complete.dn[:4], part.dn)
+    assert complete.stack.lights[:4] == part.stack.lights
+    assert np.any(complete.dn != complete.again)
+    bright = complete.dn > 2000
+    noise = np.std(complete.dn[bright].astype(float) - complete.again[bright]) / np.sqrt(2)
+    expected = np.sqrt(np.mean(complete.dn[bright]) / blob.sensor.gain_e_per_dn)
     assert noise == pytest.approx(expected, rel=0.1)
-    assert np.any(capture(blob, rings, 4).dn != whole.dn)
+    assert np.any(capture(blob, rings, 4).dn != complete.dn)
 
 
 def test_capture_without_errors_is_solved_close_to_the_truth(blob: Scene, rings: np.ndarray) -> None:

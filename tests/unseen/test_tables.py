@@ -48,7 +48,7 @@ def test_sigma_table_marks_what_is_out_of_bounds() -> None:
     assert rows[2].rstrip().endswith("*")
 
 
-def test_refused_solves_are_told() -> None:
+def test_tables_refused_solves_are_listed() -> None:
     failed = {"family": "blob", "seed": 0, "pattern": "planned", "lights": 8, "azimuth": 0, "error": "plan.infeasible"}
     assert "1 refused" in tables.all_tables([failed], "within_78_deg", None)
 

@@ -53,11 +53,11 @@ def test_direct_light_on_a_ball_is_the_analytic_law_and_shadowed() -> None:
     inside = half**2 - (center @ center - 0.05**2) / np.sum(ray**2, axis=1)
     point = (half - np.sqrt(np.maximum(inside, 0)))[:, None] * ray
     expected = np.where(inside > 0, lit_by_hand(point, (point - center) / 0.05, lamp, 0.8), 0)
-    found = made.render(Lamp(lamp, np.array([-1.0, 0, 0]))).ravel()
+    rendered = made.render(Lamp(lamp, np.array([-1.0, 0, 0]))).ravel()
     middle = inside > 0.2 * inside.max()
     # 64 facets a quarter turn: the surface is within 3e-5 of the radius, and its own shadow edge within 1/64 rad.
-    np.testing.assert_allclose(found[middle], expected[middle], atol=0.02)
-    assert np.mean(np.abs(found - expected)[middle]) < 1e-3
+    np.testing.assert_allclose(rendered[middle], expected[middle], atol=0.02)
+    assert np.mean(np.abs(rendered - expected)[middle]) < 1e-3
 
 
 def test_lobe_falls_to_half_at_its_half_angle() -> None:
@@ -77,9 +77,9 @@ def test_radiosity_of_a_closed_cavity_is_the_geometric_series(monkeypatch: pytes
     )  # fmt: skip
     # A lamp at the middle lights every wall alike: B = ρ E / (1 − ρ); bounces beyond the tenth leave 0.1 %.
     expected = albedo * (REFERENCE_M / radius) ** 2 / (1 - albedo)
-    found = made.render(Lamp(np.zeros(3), np.array([0, 0, -1.0])))
-    assert np.mean(found) == pytest.approx(expected, rel=0.005)
-    np.testing.assert_allclose(found, expected, rtol=0.03)  # the wall's facets
+    rendered = made.render(Lamp(np.zeros(3), np.array([0, 0, -1.0])))
+    assert np.mean(rendered) == pytest.approx(expected, rel=0.005)
+    np.testing.assert_allclose(rendered, expected, rtol=0.03)  # the wall's facets
 
 
 @pytest.mark.parametrize("alpha", [0.1, 0.3, 0.6])

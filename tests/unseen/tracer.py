@@ -98,14 +98,14 @@ class Surface:
 
     def hits(self, start: np.ndarray, direction: np.ndarray) -> tuple[Hits, np.ndarray]:
         """First front sides along rays (N, 3), and which rays (N,) meet a back side, as inside a solid."""
-        found = self._scene.run(_single(start), _single(direction), query="INTERSECT", output=1)
-        ray = np.flatnonzero(found["primID"] >= 0)
-        triangle = found["primID"][ray]
+        hit_record = self._scene.run(_single(start), _single(direction), query="INTERSECT", output=1)
+        ray = np.flatnonzero(hit_record["primID"] >= 0)
+        triangle = hit_record["primID"][ray]
         front = np.sum(self._faces[triangle] * direction[ray], axis=1) < 0
         back = np.zeros(len(start), bool)
         back[ray[~front]] = True
         ray, triangle = ray[front], triangle[front]
-        u, v = found["u"][ray].astype(float), found["v"][ray].astype(float)
+        u, v = hit_record["u"][ray].astype(float), hit_record["v"][ray].astype(float)
         weight = np.stack([1 - u - v, u, v], axis=1)
         return self.at(triangle, weight, ray), back
 
@@ -119,12 +119,12 @@ class Surface:
 
     def sees(self, hits: Hits, lamp: np.ndarray) -> np.ndarray:
         """Whether a lamp at (3,) reaches each place."""
-        way = lamp - hits.start
-        out = np.sum(way * hits.normal, axis=1) > 0
+        to_lamp = lamp - hits.start
+        out = np.sum(to_lamp * hits.normal, axis=1) > 0
         where = np.flatnonzero(out)
         once = np.ones(len(where), np.float32)  # up to the lamp, not beyond
-        start, way = _single(hits.start[where]), _single(way[where])
-        blocked = self._scene.run(start, way, dists=once, query="OCCLUDED") >= 0
+        start, to_lamp = _single(hits.start[where]), _single(to_lamp[where])
+        blocked = self._scene.run(start, to_lamp, dists=once, query="OCCLUDED") >= 0
         out[where[blocked]] = False
         return out
 
@@ -262,8 +262,8 @@ class Tracer:
         hits, _ = self.surface.hits(start, -seen.normal)
         near = np.linalg.norm(hits.point - start[hits.ray], axis=1) < 2 * height[hits.ray, 0]
         near &= np.sum(hits.normal * seen.normal[hits.ray], axis=1) > 0.3
-        for values, found in ((seen.point, hits.point), (seen.normal, hits.normal), (seen.face, hits.face)):
-            values[hits.ray[near]] = found[near]
+        for values, samples in ((seen.point, hits.point), (seen.normal, hits.normal), (seen.face, hits.face)):
+            values[hits.ray[near]] = samples[near]
         return seen
 
     def _spread_points(self) -> None:

@@ -75,12 +75,14 @@ def _lp(source: Source, path: Path) -> None:
 
 
 def _dome(source: Source, path: Path) -> None:
-    light_files.write_dome(path, light_files.as_found(source.images, source.normal_map), source.centre, source.width_m)
+    light_files.write_dome(
+        path, light_files.with_estimated_intensities(source.images, source.normal_map), source.centre, source.width_m
+    )
 
 
 def _diligent(source: Source, path: Path) -> None:
     path.mkdir()
-    diligent.write(path, light_files.as_found(source.images, source.normal_map), source.centre)
+    diligent.write(path, light_files.with_estimated_intensities(source.images, source.normal_map), source.centre)
 
 
 def _integration(source: Source, path: Path) -> None:

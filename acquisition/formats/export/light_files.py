@@ -18,7 +18,7 @@ from acquisition.normals.image_set import DistantLights, ImageSet
 DISTANT_MM = 10_000.0
 
 
-def as_found(images: ImageSet, normal_map: NormalMap) -> ImageSet:
+def with_estimated_intensities(images: ImageSet, normal_map: NormalMap) -> ImageSet:
     """The images with their lights' intensities as the solver found them: stated intensities times its factors."""
     lights, factors = images.lights, normal_map.intensity_factors
     if isinstance(lights, DistantLights):

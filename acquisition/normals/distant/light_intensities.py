@@ -68,13 +68,13 @@ def estimate(values: Float32Array, clipped: BoolArray, directions: FloatArray) -
     order = np.random.default_rng(0).permutation(pixels)
     halves = (np.sort(order[::2]), np.sort(order[1::2]))
     stated: list[float] = []
-    found: list[float] = []
+    refitted: list[float] = []
     for one, full in zip(values, clipped, strict=True):
         for own, other in (halves, halves[::-1]):
             log_factors = fit(one[own], full[own], directions)
             stated.append(_prediction_error(one[other], full[other], directions, np.zeros(count)))
-            found.append(_prediction_error(one[other], full[other], directions, log_factors))
-    before, after = float(np.mean(stated)), float(np.mean(found))
+            refitted.append(_prediction_error(one[other], full[other], directions, log_factors))
+    before, after = float(np.mean(stated)), float(np.mean(refitted))
     verdict = f"leave-one-image-out error {100 * before:.2f} % as stated, {100 * after:.2f} % as found"
     if not after < MAX_ERROR_RATIO * before:
         return IntensityFactors(np.ones((count, channels)), f"as stated: {verdict}")

@@ -88,11 +88,11 @@ def _grey(images: ImageSet, number: int, start: int, stop: int) -> Float32Array:
 def _regions(lit: BoolArray) -> BoolArray:
     """Connected regions of lit pixels above MIN_COMPONENT_SHARE of the largest; single pixels are closed or removed."""
     cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
-    whole = cv2.morphologyEx(lit.astype(np.uint8), cv2.MORPH_OPEN, cross)
-    whole = cv2.morphologyEx(whole, cv2.MORPH_CLOSE, cross)
-    if not np.any(whole):
+    cleaned = cv2.morphologyEx(lit.astype(np.uint8), cv2.MORPH_OPEN, cross)
+    cleaned = cv2.morphologyEx(cleaned, cv2.MORPH_CLOSE, cross)
+    if not np.any(cleaned):
         return lit
-    _, label, statistics, _ = cv2.connectedComponentsWithStats(whole, connectivity=4)
+    _, label, statistics, _ = cv2.connectedComponentsWithStats(cleaned, connectivity=4)
     areas = statistics[:, cv2.CC_STAT_AREA].copy()
     areas[0] = 0
     return np.isin(label, np.flatnonzero(areas >= max(1, MIN_COMPONENT_SHARE * areas.max())))

@@ -93,22 +93,22 @@ def scores(made: MeasuredPixels, values: np.ndarray) -> term_tests.TermScores:
 
 def test_scores_lambertian_images_demand_no_term() -> None:
     made = measured()
-    found = scores(made, made.values)
-    assert max(found.roughness.gain, found.ambient.gain, found.offset.gain) < 3
+    result = scores(made, made.values)
+    assert max(result.roughness.gain, result.ambient.gain, result.offset.gain) < 3
 
 
 def test_scores_rough_surface_demand_roughness_most() -> None:
     made = measured()
-    found = scores(made, made.values + oren_nayar(made, 0.2))
-    assert found.roughness.gain > 10
-    assert found.roughness.step == pytest.approx(0.2, abs=0.1)
+    result = scores(made, made.values + oren_nayar(made, 0.2))
+    assert result.roughness.gain > 10
+    assert result.roughness.step == pytest.approx(0.2, abs=0.1)
 
 
 def test_scores_ambient_light_demand_ambient_light() -> None:
     made = measured()
-    found = scores(made, made.values + 0.08 * 0.6)
-    assert found.ambient.gain > 10
-    assert found.ambient.step == pytest.approx(0.08, abs=0.04)
+    result = scores(made, made.values + 0.08 * 0.6)
+    assert result.ambient.gain > 10
+    assert result.ambient.step == pytest.approx(0.08, abs=0.04)
 
 
 def test_gauss_newton_step_estimates_terms_from_zero() -> None:

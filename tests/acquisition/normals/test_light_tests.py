@@ -46,7 +46,7 @@ def test_transformed_lamps_turn_places_and_optical_axes() -> None:
 
 
 @pytest.mark.parametrize(("first", "second"), [(0, 1), (2, 6), (3, 7)])
-def test_swapped_pair_of_exchanged_lamps_is_found(first: int, second: int) -> None:
+def test_swapped_pair_of_exchanged_lamps_names_both(first: int, second: int) -> None:
     made = measured()
     order = np.arange(8)
     order[[first, second]] = second, first

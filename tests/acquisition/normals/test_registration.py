@@ -10,7 +10,9 @@ from acquisition.normals import registration
 @given(
     st.integers(1, 11), st.tuples(st.floats(0.5, 3), st.floats(0.5, 3)), st.integers(0, 1000)
 )  # fmt: skip
-def test_single_move_of_noisy_translations_is_found(split: int, move: tuple[float, float], seed: int) -> None:
+def test_single_move_of_noisy_translations_recovers_split_and_move(
+    split: int, move: tuple[float, float], seed: int
+) -> None:
     """Twelve images, each known to 0.05 pixels, moved by half a pixel and more between two of them."""
     truth = np.zeros((12, 2))
     truth[split:] = move

@@ -78,7 +78,7 @@ def test_solve_near_light_folder_gives_absolute_albedo(tmp_path: Path) -> None:
     assert {*export.FILES, *export.FOLDERS} <= {path.name for path in out.iterdir()}
 
 
-def test_solve_near_light_folder_mirrored_lamps_is_found_and_undone(tmp_path: Path) -> None:
+def test_solve_near_light_folder_mirrored_lamps_are_mirrored_back(tmp_path: Path) -> None:
     """The y of the lamps' positions with the wrong sign, which no residual of a ball can tell."""
     folder = small.near(tmp_path / "in")
     content = json.loads((folder / "lights.json").read_text())

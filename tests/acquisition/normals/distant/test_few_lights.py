@@ -43,13 +43,13 @@ def sparse_bayesian(values: FloatArray, lights: FloatArray) -> FloatArray:
 def baseline_errors(scene: Scene, step: int) -> dict[str, float]:
     """Mean errors of the three baselines at every `step`-th pixel, all measurements used."""
     values, truth = scene.images[:, scene.mask].T[::step], scene.normals[scene.mask][::step]
-    found = {
+    solutions = {
         "least squares": values @ np.linalg.pinv(scene.directions).T,
         "L1": least_absolute(values, scene.directions),
         "sparse Bayesian": sparse_bayesian(values, scene.directions),
     }
     errors: dict[str, float] = {}
-    for name, scaled in found.items():
+    for name, scaled in solutions.items():
         unit = scaled / np.maximum(np.linalg.norm(scaled, axis=1, keepdims=True), 1e-12)
         errors[name] = float(np.degrees(np.arccos(np.clip(np.sum(unit * truth, axis=1), -1, 1))).mean())
     return errors

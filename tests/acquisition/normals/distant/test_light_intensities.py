@@ -30,19 +30,19 @@ def test_estimate_unequal_lamps_recovers_factors(seed: int, count: int, sigma: f
     lights = directions(count, seed)
     true = np.random.default_rng(seed).normal(0, sigma, count)
     values = ball_values(lights, true, seed)
-    found = light_intensities.estimate(values, np.zeros(values.shape, np.bool_), lights)
-    assert found.why.startswith("found")
-    np.testing.assert_allclose(np.mean(np.log(found.factors)), 0, atol=1e-9)
-    assert np.std(np.log(found.factors[:, 0]) - true) < 0.02
+    estimated = light_intensities.estimate(values, np.zeros(values.shape, np.bool_), lights)
+    assert estimated.why.startswith("found")
+    np.testing.assert_allclose(np.mean(np.log(estimated.factors)), 0, atol=1e-9)
+    assert np.std(np.log(estimated.factors[:, 0]) - true) < 0.02
 
 
 @pytest.mark.parametrize("count", [5, 8, 12])
 def test_estimate_equal_lamps_keeps_stated_intensities(count: int) -> None:
     lights = directions(count)
     values = ball_values(lights, np.zeros(count), 1)
-    found = light_intensities.estimate(values, np.zeros(values.shape, np.bool_), lights)
-    assert found.why.startswith("as stated")
-    assert np.all(found.factors == 1)
+    estimated = light_intensities.estimate(values, np.zeros(values.shape, np.bool_), lights)
+    assert estimated.why.startswith("as stated")
+    assert np.all(estimated.factors == 1)
 
 
 def test_estimate_colour_finds_each_channel() -> None:
@@ -50,9 +50,9 @@ def test_estimate_colour_finds_each_channel() -> None:
     true = np.random.default_rng(3).normal(0, 0.2, (3, 12))
     true -= true.mean(axis=1, keepdims=True)
     values = ball_values(lights, true, 3, channels=3)
-    found = light_intensities.estimate(values, np.zeros(values.shape, np.bool_), lights)
-    assert found.factors.shape == (12, 3)
-    assert np.std(np.log(found.factors) - true.T) < 0.02
+    estimated = light_intensities.estimate(values, np.zeros(values.shape, np.bool_), lights)
+    assert estimated.factors.shape == (12, 3)
+    assert np.std(np.log(estimated.factors) - true.T) < 0.02
 
 
 def uneven(scene: Scene, sigma: float, seed: int) -> Scene:

@@ -27,7 +27,7 @@ def overlap(one: np.ndarray, other: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("bits", [8, 16])
-def test_propose_object_on_black_is_found(rabbit: Scene, bits: int) -> None:
+def test_propose_object_on_black_recovers_its_mask(rabbit: Scene, bits: int) -> None:
     images = unmasked(rabbit)
     if bits == 8:
         stored = (images.rows.stored // 257).astype(np.uint8)
@@ -43,7 +43,7 @@ def test_propose_background_above_black_is_left_out(rabbit: Scene) -> None:
     assert overlap(lit_mask.propose(raised), rabbit.mask) > 0.95
 
 
-def test_propose_object_that_fills_the_frame_is_whole(rabbit: Scene) -> None:
+def test_propose_object_that_fills_the_frame_keeps_all_pixels(rabbit: Scene) -> None:
     rng = np.random.default_rng(2)
     stored = rng.normal(20_000, 200, (8, 40, 50)) * rng.uniform(0.5, 1.5, (40, 50))
     images = replace(
