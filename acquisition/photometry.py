@@ -51,13 +51,12 @@ weighed by."""
 PREDICTED_HIGHLIGHT_SIGMA = 0.2
 """1 σ of the predicted highlight, once the lobe has been found, as a share of it."""
 
-POSTERIOR_FACTOR, MISFIT_FACTOR = 0.64, 1.87
-"""A and B of a pixel's variance (A + B χ²) σ₀², σ₀² of the posterior and χ² the mean square of its whitened residuals:
-`acquisition.normals.error_variance` says where they come from."""
+POSTERIOR_FACTOR, MISFIT_FACTOR = 0.67, 0.76
+"""A and B of a pixel's variance (A + B χ²) σ₀², σ₀² of the posterior and χ² the whitened residuals' squares over their
+degrees of freedom: `acquisition.normals.error_variance` says where they come from."""
 
-EXPECTED_SIGMA_FACTOR = (POSTERIOR_FACTOR + MISFIT_FACTOR / 2) ** 0.5
-"""Factor of the posterior's σ that a plan expects of the solve: of eight images and four unknowns at a pixel, half of
-the mean square of the residuals is left, if the model holds."""
+EXPECTED_SIGMA_FACTOR = (POSTERIOR_FACTOR + MISFIT_FACTOR) ** 0.5
+"""Factor of the posterior's σ that a plan expects of the solve: χ² is 1, if the model holds."""
 
 SATURATION_SHARE = 0.985
 """Share of the clipping level above which a value is taken as clipped."""

@@ -1,20 +1,25 @@
 """Variance components of each pixel's normal: the posterior's, and errors of the model that no posterior knows of.
 
 The posterior variance σ₀² falls with every image; errors that images share do not: light from surfaces that were not
-predicted, a pixel that mixes two surfaces, a depth step. What tells is how badly the pixel's own images fit, and where
-the surface is discontinuous:
+predicted, a pixel that mixes two surfaces. What tells is how badly the pixel's own images fit, and how much the normal
+changes from pixel to pixel:
 
-    σ² = (A + B χ²) σ₀² + (C (1 − w))² + D² [fewer than four lights] + E² [something is wrong with the capture]
+    σ² = (A + B χ²) σ₀² + M² max(Δ² − Δ₀², 0) + D² [fewer than four lights] + E² [something is wrong with the capture]
 
-χ² is the mean square of the whitened residuals, pooled over 3 × 3 pixels, and w the continuity weight of the surface.
-Smoothing over neighbours takes nothing from σ₀²: it lowers the error less than it claims. With fewer than four lights
-no residual is left, so χ² says nothing. Further components (a sandwich estimate, predicted indirect light, gloss,
-slant, the turn by the integrability projection) left the rms of e/σ between 1.7 and 1.8 and are left out.
+χ² is the sum of the squared whitened residuals over their degrees of freedom (lights − 3), both pooled over 3 × 3
+pixels: with the mean square in its place, σ is too small at six images and too large at twenty. Δ is the change of the
+normal across the pixel, half the difference of its neighbours on either side, over both directions. A Lambertian pixel
+that mixes two surfaces fits its images as well as any: its normal is a mean of theirs, and nothing but the neighbours
+tells that it is on neither. Up to Δ₀ errors are no larger than elsewhere; a crease of angle 2Δ anywhere in a pixel
+leaves an rms of 2Δ/√12 there and nothing in the next one. Smoothing over neighbours takes nothing from σ₀²: it lowers
+the error less than it claims.
 
-A to D maximise the likelihood of the errors under Rayleigh's law with a heavy tail (bivariate t, 20 degrees of freedom)
-over the captures without findings among design seeds 0–6 of all families of `tests/unseen`, own reflectances, two rings
-of 6, 8, 12 and 20 lights (166 solves, November 2026, by a fit outside the repository); then all are multiplied so that
-P(e < σ) is 0.67 over them. They have not been judged on report seeds. A and B are `photometry`'s, because a plan's
+With M the weight of a depth discontinuity adds nothing to the likelihood, nor do a sandwich estimate, predicted
+indirect light, the albedo's local contrast, slant, or the turn by the integrability projection; they are left out.
+
+The constants maximise the likelihood of the errors under Rayleigh's law with a heavy tail (bivariate t, 20 degrees of
+freedom) over captures without uncorrected findings of design seeds, then all are multiplied so that P(e < σ) is 0.67
+over them: `python -m tests.unseen fit-sigma` does this, and prints them. A and B are `photometry`'s, because a plan's
 forecast takes them into account as well.
 """
 
@@ -25,13 +30,20 @@ from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.normals.regularisation import UNSURE_DEG
 
-DISCONTINUITY_SIGMA_DEG = 3.8
-"""C, degrees: 1 σ of the normal at a depth discontinuity."""
+CREASE_SHARE = 0.29
+"""M: 1 σ of the normal at a crease, as a share of the normal's change across the pixel."""
 
-FEW_LIGHTS_SIGMA_DEG = 9.5
-"""D, degrees: 1 σ of the normal where fewer than MIN_LIGHTS lights are usable."""
+MIN_CREASE_DEG = 20.0
+"""Δ₀, degrees: change of the normal across a pixel from which it counts as a crease."""
 
-MIN_LIGHTS = 4
+FEW_LIGHTS_SIGMA_DEG = 5.0
+"""D, degrees: 1 σ of the normal where fewer than MIN_LIGHTS lights are usable: no residual is left, so that χ² says
+nothing."""
+
+UNKNOWNS = 3
+"""Unknowns of a pixel that its residuals pay for; the depth offset hardly takes part."""
+
+MIN_LIGHTS = UNKNOWNS + 1
 
 UNSOUND_SIGMA_DEG = 8.0
 """E, degrees: 1 σ of all normals of a capture of which something is wrong that could not be put right. Over 60 such
@@ -39,43 +51,73 @@ captures (metal, subsurface scatter, deep relief; mean error 12°) P(e < σ) is 
 with 6°, 0.79 and 1.0 with 12°."""
 
 MAX_SQUARE = 100.0
-"""Largest pooled χ² that counts."""
+"""Largest mean square of a pixel's residuals that counts."""
+
+WEIGHTS = np.array(
+    [photometry.POSTERIOR_FACTOR, photometry.MISFIT_FACTOR, CREASE_SHARE**2, FEW_LIGHTS_SIGMA_DEG**2], np.float32
+)
+"""A, B, M², D² of `components`."""
 
 STRIP_ROWS = 256
 
 
 def sigma_deg(
     posterior_deg: Float32Array, regularised_deg: Float32Array, residual: Float32Array, lights: np.ndarray,
-    discontinuity: Float32Array | None, *, unsound: bool,
+    normals: Float32Array, *, unsound: bool,
 ) -> Float32Array:  # fmt: skip
-    """σ (H, W) in degrees over both tangential directions, from the components of the module's docstring.
+    """σ (H, W) in degrees over both tangential directions: the weighted `components`, whose arguments these are.
 
-    `posterior_deg` (H, W) is σ of the pixel solve, NaN where there is no normal, `regularised_deg` that after smoothing
-    and the integrability projection; `residual` the rms of whitened residuals, `lights` how many measurements each
-    pixel rests on, `discontinuity` 1 − w, none: the surface is continuous; `unsound`: something remains wrong.
+    `unsound`: something is wrong with the capture that could not be put right.
     """
     out = np.full_like(posterior_deg, np.nan)
-    height = len(out)
     added = UNSOUND_SIGMA_DEG**2 if unsound else 0.0
-    for start in range(0, height, STRIP_ROWS):
-        stop = min(start + STRIP_ROWS, height)
-        first, last = max(start - 1, 0), min(stop + 1, height)
-        own = slice(start - first, stop - first)
-        known = np.isfinite(posterior_deg[first:last])
-        square = _pooled(np.minimum(residual[first:last] ** 2, MAX_SQUARE), known)[own]
-        unsure = posterior_deg[start:stop] > UNSURE_DEG
-        base = np.where(unsure, posterior_deg[start:stop], regularised_deg[start:stop]) ** 2
-        variance = (photometry.POSTERIOR_FACTOR + photometry.MISFIT_FACTOR * square) * base + added
-        variance += np.where(lights[start:stop] < MIN_LIGHTS, FEW_LIGHTS_SIGMA_DEG**2, 0)
-        if discontinuity is not None:
-            variance += (DISCONTINUITY_SIGMA_DEG * discontinuity[start:stop]) ** 2
-        out[start:stop] = np.where(known[own], np.sqrt(variance), np.nan)
+    for start in range(0, len(out), STRIP_ROWS):
+        stop = min(start + STRIP_ROWS, len(out))
+        first, last = max(start - 1, 0), min(stop + 1, len(out))
+        maps = (posterior_deg, regularised_deg, residual, lights, normals)
+        parts = components(*(one[first:last] for one in maps))[:, start - first : stop - first]
+        known = np.isfinite(posterior_deg[start:stop])
+        out[start:stop] = np.where(known, np.sqrt(np.tensordot(WEIGHTS, parts, 1) + added), np.nan)
     return out
 
 
-def _pooled(values: Float32Array, known: BoolArray) -> Float32Array:
-    """Mean (h, w) over the known pixels among 3 × 3."""
-    weight = known.astype(np.float32)
-    total = cv2.boxFilter(np.where(known, values, 0).astype(np.float32), -1, (3, 3), normalize=False)
-    count = cv2.boxFilter(weight, -1, (3, 3), normalize=False)
-    return np.asarray(total / np.maximum(count, 1), np.float32)
+def components(
+    posterior_deg: Float32Array, regularised_deg: Float32Array, residual: Float32Array, lights: np.ndarray,
+    normals: Float32Array,
+) -> Float32Array:  # fmt: skip
+    """What A, B, M² and D² of the module's docstring multiply (4, H, W): deg², and 0 or 1.
+
+    `posterior_deg` (H, W) is σ of the pixel solve, NaN where there is no normal, `regularised_deg` that after smoothing
+    and the integrability projection; `residual` the rms of whitened residuals, `lights` how many measurements each
+    pixel rests on, `normals` (H, W, 3) the final ones.
+    """
+    known = np.isfinite(posterior_deg)
+    base = np.where(known, np.where(posterior_deg > UNSURE_DEG, posterior_deg, regularised_deg), 0) ** 2
+    freedom = np.where(known & (lights >= MIN_LIGHTS), lights.astype(np.float32) - UNKNOWNS, 0)
+    squares = np.where(freedom > 0, np.minimum(residual**2, MAX_SQUARE) * lights, 0)
+    square = _summed(squares) / np.maximum(_summed(freedom), 1)
+    crease = np.maximum(normal_change_deg2(normals, known) - MIN_CREASE_DEG**2, 0)
+    return np.stack([base, square * base, crease, lights < MIN_LIGHTS]).astype(np.float32)
+
+
+def normal_change_deg2(normals: Float32Array, known: BoolArray) -> Float32Array:
+    """Δ² (H, W), deg²: squared change of normals (H, W, 3) across a pixel, summed over rows and columns.
+
+    It is half the difference of the neighbours on either side; the difference to one, where only that one is known.
+    """
+    out = np.zeros(known.shape, np.float32)
+    for axis in (0, 1):
+        n, k = np.swapaxes(normals, 0, axis), np.swapaxes(known, 0, axis)
+        pair = k[1:] & k[:-1]
+        step = (n[1:] - n[:-1]) * pair[..., None]
+        change, steps = np.zeros_like(n), np.zeros(k.shape, np.float32)
+        for side in (slice(1, None), slice(None, -1)):
+            change[side] += step
+            steps[side] += pair
+        out += np.swapaxes(np.sum(change**2, axis=-1) / np.maximum(steps, 1) ** 2, 0, axis)
+    return np.float32(np.degrees(1) ** 2) * out
+
+
+def _summed(values: Float32Array) -> Float32Array:
+    """Sum (h, w) over 3 × 3 pixels."""
+    return np.asarray(cv2.boxFilter(values.astype(np.float32), -1, (3, 3), normalize=False), np.float32)

@@ -138,10 +138,9 @@ def solve(
     del views
     posterior_deg = maps["sigma_deg"][window].copy()
     _regularise(maps["normals"][window], maps["sigma_deg"][window], surface["variance"], masked.ray)
-    weight = surface.get("continuity_weight")
     maps["sigma_deg"][window] = error_variance.sigma_deg(
         posterior_deg, maps["sigma_deg"][window], maps["residual"][window], surface.pop("lights"),
-        None if weight is None else 1 - weight, unsound=unsound,
+        maps["normals"][window], unsound=unsound,
     )  # fmt: skip
     del posterior_deg
     depth = integration.depth(

@@ -1,8 +1,9 @@
-"""The bench on unseen shapes: `python -m tests.unseen run …`, `… table FILE`, `… ablate …`.
+"""The bench on unseen shapes: `python -m tests.unseen run …`, `… table FILE`, `… ablate …`, `… fit-sigma …`.
 
     python -m tests.unseen run --families all --seeds 0:6 --lights 6,8,12,20 \
         --patterns two-rings,planned,ring-35,drbohlav,random,oracle --azimuths 4 --jobs 2 --out build/unseen/run.jsonl
     python -m tests.unseen table build/unseen/run.jsonl [--against OTHER.jsonl]
+    python -m tests.unseen fit-sigma --families all --seeds 0:10 --lights 6,8,12,20 --jobs 2 --out build/unseen/sigma
     python -m tests.unseen ablate --families all --seeds 0:4 --lights 8 --write docs/explanation/ablation.md
 """
 
@@ -20,7 +21,7 @@ from pathlib import Path
 import cv2
 
 from hardware_sim import families
-from tests.unseen import ablation, faults, reports, run, tables
+from tests.unseen import ablation, faults, reports, run, sigma_fit, tables
 from tests.unseen.patterns import PATTERNS
 from tests.unseen.scenes import GRADINGS
 
@@ -36,6 +37,8 @@ def main(arguments: list[str] | None = None) -> int:
     ablate.add_argument("--stages", default="all", help=f"all, or of {', '.join(ablation.BY_NAME)}")
     ablate.add_argument("--grading", default="within_78_deg", choices=GRADINGS)
     ablate.add_argument("--write", type=Path, default=None, help="the documentation's page, written anew")
+    fitted = commands.add_parser("fit-sigma", help="fit the constants of σ's components to errors on design seeds")
+    _add_captures(fitted, azimuths=1, out=Path("build/unseen/sigma"))
     shown = commands.add_parser("table", help="tables of a run's lines")
     shown.add_argument("file", type=Path)
     shown.add_argument("--against", type=Path, default=None, help="an older run: paired ratios to it")
@@ -56,15 +59,21 @@ def main(arguments: list[str] | None = None) -> int:
         out=asked.out,
         fault=asked.fault,
         reflectance=asked.reflectance,
-        solver="product" if asked.command == "ablate" else asked.solver,
+        solver=asked.solver if asked.command == "run" else "product",
         report=asked.report,
-        done=frozenset() if asked.command == "ablate" else run.done(run.read(asked.out)),
+        done=run.done(run.read(asked.out)) if asked.command == "run" else frozenset(),
     )
     unknown = (set(names) - set(families.NAMES)) | (set(plan.patterns) - set(PATTERNS))
     if unknown:
         parser.error(f"there is no {', '.join(sorted(unknown))}")
     start = time.monotonic()
     command = " ".join(sys.argv[1:] if arguments is None else arguments)
+    if asked.command == "fit-sigma":
+        if asked.report:
+            parser.error("constants are fitted on design seeds only")
+        sigma_fit.collect(plan, asked.out, asked.jobs)
+        print(sigma_fit.summary(sigma_fit.read(asked.out)))
+        return 0
     if asked.command == "ablate":
         stages = list(ablation.BY_NAME) if asked.stages == "all" else asked.stages.split(",")
         if missing := set(stages) - set(ablation.BY_NAME):

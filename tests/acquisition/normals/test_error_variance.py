@@ -6,8 +6,9 @@ import pytest
 from acquisition import photometry
 from acquisition.normals import error_variance
 from acquisition.normals.error_variance import (
-    DISCONTINUITY_SIGMA_DEG,
+    CREASE_SHARE,
     FEW_LIGHTS_SIGMA_DEG,
+    MIN_CREASE_DEG,
     STRIP_ROWS,
     UNSOUND_SIGMA_DEG,
 )
@@ -16,16 +17,23 @@ from acquisition.normals.regularisation import UNSURE_DEG
 SHAPE = (2 * STRIP_ROWS + 30, 20)
 
 
+def bent(angle_deg: float, row: int = STRIP_ROWS) -> np.ndarray:
+    """Normals of two planes that meet between two rows, this angle apart."""
+    angle = np.where(np.arange(SHAPE[0]) < row, 0.0, np.radians(angle_deg))
+    normals = np.stack([np.zeros_like(angle), np.sin(angle), np.cos(angle)], axis=-1)
+    return np.repeat(normals[:, None], SHAPE[1], axis=1).astype(np.float32)
+
+
 def sigma(
     posterior_deg: float = 1.0, regularised_deg: float = 1.0, residual: float = 0.0, lights: int = 8,
-    discontinuity: float = 0.0, *, unsound: bool = False,
+    *, unsound: bool = False,
 ) -> np.ndarray:  # fmt: skip
     def full(value: float) -> np.ndarray:
         return np.full(SHAPE, value, np.float32)
 
     return error_variance.sigma_deg(
-        full(posterior_deg), full(regularised_deg), full(residual), np.full(SHAPE, lights, np.uint8),
-        full(discontinuity), unsound=unsound,
+        full(posterior_deg), full(regularised_deg), full(residual), np.full(SHAPE, lights, np.uint8), bent(0),
+        unsound=unsound,
     )  # fmt: skip
 
 
@@ -34,13 +42,12 @@ def test_sigma_perfect_fit_is_posterior_times_factor() -> None:
 
 
 def test_sigma_expected_misfit_is_what_plans_forecast() -> None:
-    assert sigma(residual=float(np.sqrt(0.5))) == pytest.approx(photometry.EXPECTED_SIGMA_FACTOR, rel=1e-5)
+    assert sigma(residual=float(np.sqrt(5 / 8))) == pytest.approx(photometry.EXPECTED_SIGMA_FACTOR, rel=1e-5)
 
 
 @pytest.mark.parametrize(
     ("change", "added_deg"),
     [
-        ({"discontinuity": 1.0}, DISCONTINUITY_SIGMA_DEG),
         ({"lights": 3}, FEW_LIGHTS_SIGMA_DEG),
         ({"unsound": True}, UNSOUND_SIGMA_DEG),
     ],
@@ -62,10 +69,37 @@ def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
     posterior = np.ones(SHAPE, np.float32)
     posterior[STRIP_ROWS, 9:12] = np.nan
     result = error_variance.sigma_deg(
-        posterior, np.ones(SHAPE, np.float32), residual, np.full(SHAPE, 8, np.uint8), None, unsound=False
+        posterior, np.ones(SHAPE, np.float32), residual, np.full(SHAPE, 8, np.uint8), bent(0), unsound=False
     )
     assert np.all(np.isnan(result[STRIP_ROWS, 9:12]))
-    six = photometry.POSTERIOR_FACTOR + photometry.MISFIT_FACTOR * 9 / 6
+    six = photometry.POSTERIOR_FACTOR + photometry.MISFIT_FACTOR * (9 * 8) / (6 * 5)
     assert result[STRIP_ROWS - 1, 10] == pytest.approx(np.sqrt(six), rel=1e-4)
     assert result[STRIP_ROWS - 3, 10] == pytest.approx(np.sqrt(photometry.POSTERIOR_FACTOR), rel=1e-5)
     assert np.count_nonzero(result > 1.01 * np.sqrt(photometry.POSTERIOR_FACTOR)) == 6
+
+
+@pytest.mark.parametrize("row", [STRIP_ROWS - 1, STRIP_ROWS, STRIP_ROWS + 1])
+def test_sigma_crease_raises_pixels_on_both_sides_in_any_strip(row: int) -> None:
+    result = error_variance.sigma_deg(
+        *(np.ones(SHAPE, np.float32),) * 2, np.zeros(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8), bent(90, row),
+        unsound=False,
+    )  # fmt: skip
+    change = np.degrees(2 * np.sin(np.radians(45)) / 2)
+    raised = np.sqrt(photometry.POSTERIOR_FACTOR + CREASE_SHARE**2 * (change**2 - MIN_CREASE_DEG**2))
+    assert result[row - 1 : row + 1] == pytest.approx(raised, rel=1e-4)
+    assert np.delete(result, [row - 1, row], axis=0) == pytest.approx(np.sqrt(photometry.POSTERIOR_FACTOR), rel=1e-5)
+
+
+def test_sigma_curvature_below_a_crease_raises_nothing() -> None:
+    assert error_variance.components(*_plain_maps(), bent(2 * MIN_CREASE_DEG - 1))[2] == pytest.approx(0)
+
+
+def test_normal_change_unknown_neighbours_take_no_part() -> None:
+    known = np.ones(SHAPE, bool)
+    known[STRIP_ROWS:] = False
+    assert error_variance.normal_change_deg2(bent(90), known) == pytest.approx(0)
+
+
+def _plain_maps() -> tuple[np.ndarray, ...]:
+    ones = np.ones(SHAPE, np.float32)
+    return ones, ones, np.zeros(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8)

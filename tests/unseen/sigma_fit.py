@@ -1,0 +1,205 @@
+"""Fit of σ's constants: the weights of `error_variance`'s components that make the errors of design captures likeliest.
+
+Each capture gives the components of a sample of its pixels beside their errors. Under Rayleigh's law with a heavy tail
+(bivariate t of TAIL degrees of freedom) the weights maximise the likelihood over all captures without uncorrected
+findings, each capture counting alike; then they are scaled to a stated P(e < σ), because σ is read by its level, not
+by its tail. Captures with uncorrected findings have one further constant, found by the same share.
+"""
+
+import json
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import minimize
+
+from acquisition.models.base import FloatArray
+from acquisition.models.errors import RigError
+from acquisition.models.result import NormalMap
+from acquisition.normals import error_variance
+from tests.unseen import run, stages
+from tests.unseen.captures import capture
+from tests.unseen.patterns import fixed
+from tests.unseen.scenes import Scene
+
+TAIL = 20.0
+"""Degrees of freedom of the bivariate t distribution: at 6 the constants are within a third of these."""
+
+SHARE = 0.67
+"""P(e < σ) over the pixels of all captures that the constants are scaled to."""
+
+PIXELS = 800
+"""Pixels of each capture."""
+
+NAMES = ("posterior A", "misfit B", "crease M²", "few lights D²")
+CREASES_DEG = (12.0, 16.0, 20.0, 24.0, 28.0)
+"""Δ₀ that are compared."""
+
+CHANGE = 2
+"""Index of the component that is recorded before Δ₀² is taken off."""
+
+
+@dataclass(frozen=True)
+class Errors:
+    """A sample of one capture's pixels: errors e (N,), degrees, components (4, N), the third of them Δ²; the σ that the
+    solve gave (N,)."""
+
+    family: str
+    seed: int
+    lights: int
+    unsound: bool
+    error_deg: FloatArray
+    components: FloatArray
+    sigma_deg: FloatArray
+
+    def regressors(self, crease_deg: float) -> FloatArray:
+        """The components (4, N) for Δ₀."""
+        out = self.components.copy()
+        out[CHANGE] = np.maximum(out[CHANGE] - crease_deg**2, 0)
+        return out
+
+
+def collect(plan: run.Plan, folder: Path, jobs: int) -> None:
+    """Solves the plan's captures and writes each one's sample into the folder; what is there is kept."""
+    folder.mkdir(parents=True, exist_ok=True)
+    pairs = [(seed, family) for seed in plan.seeds for family in plan.families]
+    if jobs == 1:
+        for seed, family in pairs:
+            _collect_scene(plan, family, seed, folder)
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        for one in [pool.submit(_collect_scene, plan, family, seed, folder) for seed, family in pairs]:
+            one.result()
+
+
+def read(folder: Path) -> list[Errors]:
+    """The samples of a folder."""
+    return [_read(path) for path in sorted(folder.glob("*.npz"))]
+
+
+def fit(captures: Sequence[Errors], crease_deg: float, without: int | None = None) -> tuple[FloatArray, float]:
+    """Weights (4,) of greatest likelihood over captures without findings, and the mean negative log likelihood; one of
+    the weights held near zero on demand."""
+    data = [(one.regressors(crease_deg), one.error_deg**2) for one in captures]
+    bounds = [(-12.0, -12.0 if number == without else 6.0) for number in range(len(NAMES))]
+
+    def objective(log_weights: FloatArray) -> tuple[float, FloatArray]:
+        weights, value, slope = np.exp(log_weights), 0.0, np.zeros(len(log_weights))
+        for parts, square in data:
+            variance = weights @ parts + 1e-4
+            q = square / (TAIL * variance)
+            value += float(np.mean(np.log(variance) + (TAIL + 2) / 2 * np.log1p(q)))
+            slope += weights * np.mean((1 - (TAIL + 2) / 2 * q / (1 + q)) / variance * parts, axis=1)
+        return value / len(data), slope / len(data)
+
+    found = minimize(objective, np.zeros(len(NAMES)), jac=True, method="L-BFGS-B", bounds=bounds)
+    weights = np.exp(found.x)
+    ratio = np.concatenate([np.sqrt(square / (weights @ parts + 1e-4)) for parts, square in data])
+    return weights * np.quantile(ratio, SHARE) ** 2, float(found.fun)
+
+
+def unsound_sigma_deg(captures: Sequence[Errors], weights: FloatArray, crease_deg: float) -> float:
+    """E, degrees, of captures with uncorrected findings: P(e < σ) is SHARE on their average."""
+    trials = np.arange(0.0, 60.0, 0.5)
+    shares = [
+        np.mean([np.mean(one.error_deg**2 < weights @ one.regressors(crease_deg) + trial**2) for one in captures])
+        for trial in trials
+    ]
+    return float(trials[np.searchsorted(shares, SHARE)])
+
+
+def summary(captures: Sequence[Errors]) -> str:
+    """Fits for each Δ₀, the constants of the best, E, and σ's figures by family and number of lights as solved."""
+    sound = [one for one in captures if not one.unsound]
+    lines = [f"{len(captures)} captures, {len(captures) - len(sound)} of them with uncorrected findings", ""]
+    fits = {crease: fit(sound, crease) for crease in CREASES_DEG}
+    for crease, (weights, value) in fits.items():
+        shown = "  ".join(f"{name} {weight:.3f}" for name, weight in zip(NAMES, weights, strict=True))
+        lines.append(f"Δ₀ {crease:.0f}°  −log likelihood {value:.4f}  {shown}")
+    best = min(fits, key=lambda crease: fits[crease][1])
+    weights = fits[best][0]
+    lines.append(
+        f"best Δ₀ {best:.0f}°: A {weights[0]:.2f}, B {weights[1]:.2f}, M {weights[2] ** 0.5:.2f}, "
+        f"D {weights[3] ** 0.5:.1f}°"
+    )
+    for number, name in enumerate(NAMES):
+        value = fit(sound, best, number)[1]
+        lines.append(f"without {name}: −log likelihood {value - fits[best][1]:+.4f}")
+    if unsound := [one for one in captures if one.unsound]:
+        lines.append(f"E {unsound_sigma_deg(unsound, weights, best):.1f}°")
+    return "\n".join([*lines, "", *_cells(captures)])
+
+
+def _cells(captures: Sequence[Errors]) -> Iterator[str]:
+    """P(e < σ), P(e < 2σ), rms e/σ of the solves' σ by family and number of lights, means over captures."""
+    cells: dict[tuple[str, int], list[tuple[float, float, float]]] = defaultdict(list)
+    for one in captures:
+        ratio = one.error_deg / one.sigma_deg
+        cells[one.family, one.lights].append(
+            (float(np.mean(ratio < 1)), float(np.mean(ratio < 2)), float(np.sqrt(np.mean(ratio**2))))
+        )
+    for (family, lights), rows in sorted(cells.items()):
+        within_1, within_2, rms = np.mean(rows, axis=0)
+        yield f"{family:9s} {lights:2d}  P(e<σ) {within_1:.2f}  P(e<2σ) {within_2:.2f}  rms e/σ {rms:.2f}"
+
+
+def _collect_scene(plan: run.Plan, family: str, seed: int, folder: Path) -> None:
+    paths = {count: folder / f"{family}-{seed}-{count}.npz" for count in plan.lights}
+    if all(path.exists() for path in paths.values()):
+        return
+    scene = run.drawn(plan, family, seed)
+    for count, path in paths.items():
+        if path.exists():
+            continue
+        try:
+            sample = _solve(scene, count)
+        except RigError:
+            continue
+        part = path.with_suffix(".part")
+        with part.open("wb") as file:
+            np.savez(file, **sample)
+        part.rename(path)
+
+
+def _solve(scene: Scene, count: int) -> dict[str, np.ndarray]:
+    """Solves two rings of `count` lights, the azimuth by the seed, and samples graded pixels."""
+    recorded: list[FloatArray] = []
+
+    def record(*maps: np.ndarray, unsound: bool) -> np.ndarray:
+        parts = error_variance.components(*maps)
+        parts[CHANGE] = error_variance.normal_change_deg2(maps[-1], np.isfinite(maps[0]))
+        recorded.append(parts)
+        return original(*maps, unsound=unsound)
+
+    original = error_variance.sigma_deg
+    captured = capture(scene, fixed("two-rings", scene, count, scene.seed % 4, 4))
+    with stages.off(stages.Stage("", "", (stages.Patch(error_variance, "sigma_deg", record),))):
+        solved = run.solve(scene, captured)
+    chosen = _graded(scene, solved)
+    findings = [finding for finding in solved.findings if not finding.corrected]
+    about = {"family": scene.family, "seed": scene.seed, "lights": count, "unsound": bool(findings)}
+    return {
+        "error_deg": scene.truth.error_deg(solved.normals).ravel()[chosen],
+        "sigma_deg": solved.sigma_deg.ravel()[chosen],
+        "components": recorded[-1].reshape(len(NAMES), -1)[:, chosen],
+        "about": np.array(json.dumps(about)),
+    }
+
+
+def _graded(scene: Scene, solved: NormalMap) -> np.ndarray:
+    """Numbers of a sample of pixels: solved, not doubtful, within 78°."""
+    graded = solved.mask & scene.truth.within_78_deg & np.isfinite(solved.sigma_deg)
+    if solved.doubtful is not None:
+        graded &= ~solved.doubtful
+    return np.random.default_rng(0).permutation(np.flatnonzero(graded))[:PIXELS]
+
+
+def _read(path: Path) -> Errors:
+    with np.load(path) as kept:
+        about = json.loads(str(kept["about"]))
+        arrays = {name: kept[name].astype(float) for name in ("error_deg", "components", "sigma_deg")}
+    return Errors(**about, **arrays)
