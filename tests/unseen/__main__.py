@@ -1,10 +1,11 @@
-"""The bench on unseen shapes: `python -m tests.unseen run …`, `… table FILE`, `… ablate …`, `… fit-sigma …`.
+"""The bench on unseen shapes: `python -m tests.unseen run …`, `… table FILE`, `… ablate …`, `… fit-sigma …`, `… dome …`.
 
     python -m tests.unseen run --families all --seeds 0:6 --lights 6,8,12,20 \
         --patterns two-rings,planned,ring-35,drbohlav,random,oracle --azimuths 4 --jobs 2 --out build/unseen/run.jsonl
     python -m tests.unseen table build/unseen/run.jsonl [--against OTHER.jsonl]
     python -m tests.unseen fit-sigma --families all --seeds 0:10 --lights 6,8,12,20 --jobs 2 --out build/unseen/sigma
     python -m tests.unseen ablate --families all --seeds 0:4 --lights 8 --write docs/explanation/ablation.md
+    python -m tests.unseen dome --families all --seeds 0:2 --choices 200
 """
 
 import os
@@ -21,7 +22,7 @@ from pathlib import Path
 import cv2
 
 from hardware_sim import families
-from tests.unseen import ablation, faults, reports, run, sigma_fit, tables
+from tests.unseen import ablation, dome, faults, reports, run, sigma_fit, tables
 from tests.unseen.patterns import PATTERNS
 from tests.unseen.scenes import GRADINGS
 
@@ -43,13 +44,25 @@ def main(arguments: list[str] | None = None) -> int:
     shown.add_argument("file", type=Path)
     shown.add_argument("--against", type=Path, default=None, help="an older run: paired ratios to it")
     shown.add_argument("--grading", default="within_78_deg", choices=GRADINGS)
+    domes = commands.add_parser("dome", help="replay a dome of 96 lamps: its plan against random choices")
+    _add_scenes(domes, out=Path("build/unseen/dome.jsonl"))
+    domes.add_argument("--count", type=int, default=8, help="images in all, pilot included")
+    domes.add_argument("--choices", type=int, default=200, help="random choices of each kind")
+    domes.add_argument(
+        "--kinds", default=",".join(dome.KINDS), help="of any lamps; of the pilot's and any further ones"
+    )
     asked = parser.parse_args(arguments)
+    command = " ".join(sys.argv[1:] if arguments is None else arguments)
     if asked.command == "table":
         older = None if asked.against is None else run.read(asked.against)
         print(tables.all_tables(run.read(asked.file), asked.grading, older))
         return 0
     cv2.setNumThreads(1)
     names = families.NAMES if asked.families == "all" else tuple(asked.families.split(","))
+    if unknown := set(names) - set(families.NAMES):
+        parser.error(f"there is no {', '.join(sorted(unknown))}")
+    if asked.command == "dome":
+        return _dome(asked, names, command)
     plan = run.Plan(
         families=names,
         seeds=_numbers(asked.seeds),
@@ -63,11 +76,9 @@ def main(arguments: list[str] | None = None) -> int:
         report=asked.report,
         done=run.done(run.read(asked.out)) if asked.command == "run" else frozenset(),
     )
-    unknown = (set(names) - set(families.NAMES)) | (set(plan.patterns) - set(PATTERNS))
-    if unknown:
+    if unknown := set(plan.patterns) - set(PATTERNS):
         parser.error(f"there is no {', '.join(sorted(unknown))}")
     start = time.monotonic()
-    command = " ".join(sys.argv[1:] if arguments is None else arguments)
     if asked.command == "fit-sigma":
         if asked.report:
             parser.error("constants are fitted on design seeds only")
@@ -93,20 +104,45 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def _add_captures(command: argparse.ArgumentParser, azimuths: int, out: Path) -> None:
-    """Options that name captures, and the file of lines."""
+def _dome(asked: argparse.Namespace, names: tuple[str, ...], command: str) -> int:
+    replay = dome.Replay(
+        families=names,
+        seeds=_numbers(asked.seeds),
+        count=asked.count,
+        kinds=asked.kinds.split(","),
+        choices=asked.choices,
+        out=asked.out,
+        reflectance=asked.reflectance,
+        report=asked.report,
+        done=dome.done(asked.out),
+    )
+    dome.run_all(replay, asked.jobs)
+    summary = dome.table(run.read(asked.out), "within_78_deg")
+    print(summary)
+    if asked.report:
+        reports.write(command, summary)
+    return 0
+
+
+def _add_scenes(command: argparse.ArgumentParser, out: Path) -> None:
+    """Options that name scenes, and the file of lines."""
     command.add_argument("--families", default="all", help=f"all, or of {','.join(families.NAMES)}")
     command.add_argument("--seeds", default="0:3", help="FROM:TO (without TO), or a list")
-    command.add_argument("--lights", default="8", help="numbers of images, pilot included")
-    command.add_argument("--patterns", default="two-rings", help=f"of {','.join(PATTERNS)}")
-    command.add_argument("--azimuths", type=int, default=azimuths)
-    command.add_argument("--fault", choices=sorted(faults.ALL), default=None)
     command.add_argument("--reflectance", default=None, help="lambert, oren-nayar:0.35, ggx:0.2, metal:0.3; else own")
     command.add_argument("--jobs", type=int, default=1)
     command.add_argument("--out", type=Path, default=out)
     command.add_argument(
         "--report", action="store_true", help="allow report seeds; written into tests/unseen/reports.md"
     )
+
+
+def _add_captures(command: argparse.ArgumentParser, azimuths: int, out: Path) -> None:
+    """Options that name captures, and the file of lines."""
+    _add_scenes(command, out)
+    command.add_argument("--lights", default="8", help="numbers of images, pilot included")
+    command.add_argument("--patterns", default="two-rings", help=f"of {','.join(PATTERNS)}")
+    command.add_argument("--azimuths", type=int, default=azimuths)
+    command.add_argument("--fault", choices=sorted(faults.ALL), default=None)
 
 
 def _numbers(text: str) -> list[int]:

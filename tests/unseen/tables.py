@@ -13,6 +13,7 @@ import numpy as np
 Line = dict[str, object]
 Cell = tuple[str, int]  # family, seed
 RESAMPLES = 2000
+MEAN_ERROR_PER_SIGMA = 0.886
 SIGMA_KEYS = (
     "within_1",
     "within_2",
@@ -32,7 +33,7 @@ def all_tables(lines: Sequence[Line], grading: str, older: Sequence[Line] | None
     good = [line for line in lines if "error" not in line]
     parts = [f"{len(good)} solves, {len(failed)} refused; grading {grading}"]
     parts += [f"  refused: {line['family']} {line['seed']} {line['pattern']}: {line['error']}" for line in failed[:5]]
-    parts += [error_table(good, grading), ratio_table(good, grading), sigma_table(good)]
+    parts += [error_table(good, grading), ratio_table(good, grading), sigma_table(good), forecast_table(good)]
     if older is not None:
         parts.append(against_table(good, [line for line in older if "error" not in line], grading))
     return "\n\n".join(part for part in parts if part)
@@ -98,8 +99,28 @@ def sigma_table(lines: Sequence[Line]) -> str:
     return _table([["σ", *SIGMA_KEYS, "out of bounds"], *rows]) if rows else ""
 
 
+def forecast_table(lines: Sequence[Line]) -> str:
+    """The mean error that plans expect (0.886 mean σ) over that found: geometric mean of each family's scenes, then of
+    all families."""
+    expected = [
+        line | {"expected.mean": MEAN_ERROR_PER_SIGMA * _number(line, "predicted_sigma")}
+        for line in lines
+        if math.isfinite(_number(line, "predicted_sigma") if "predicted_sigma" in line else math.nan)
+    ]
+    expected = [line | {"found.mean": line["found_mean"]} for line in expected]
+    columns = sorted({(_count(line), _text(line, "pattern")) for line in expected})
+    ratios: dict[str, dict[Cell, float]] = {}
+    for count, pattern in columns:
+
+        def chosen(line: Line, c: int = count, p: str = pattern) -> bool:
+            return (_count(line), line["pattern"]) == (c, p)
+
+        ratios[f"{pattern} {count}"] = paired(*(by_scene(expected, name, chosen) for name in ("expected", "found")))
+    return _ratios(ratios, "forecast over found")
+
+
 def _forecast(line: Line) -> float:
-    return 0.886 * _number(line, "sigma_mean") / max(_number(line, "found_mean"), 1e-9)
+    return MEAN_ERROR_PER_SIGMA * _number(line, "sigma_mean") / max(_number(line, "found_mean"), 1e-9)
 
 
 def paired(above: dict[Cell, float], below: dict[Cell, float]) -> dict[Cell, float]:

@@ -48,6 +48,14 @@ def test_sigma_table_marks_what_is_out_of_bounds() -> None:
     assert rows[2].rstrip().endswith("*")
 
 
+def test_forecast_table_has_expected_over_found_errors() -> None:
+    planned = line("blob", 0, "planned", 0, 1.0) | {"predicted_sigma": 0.5 / tables.MEAN_ERROR_PER_SIGMA}
+    fixed = line("knot", 0, "two-rings", 0, 1.0) | {"predicted_sigma": math.nan}
+    rows = tables.forecast_table([planned, fixed]).splitlines()
+    assert rows[1].split() == ["blob", "0.500"]
+    assert not any("knot" in row for row in rows)
+
+
 def test_tables_refused_solves_are_listed() -> None:
     failed = {"family": "blob", "seed": 0, "pattern": "planned", "lights": 8, "azimuth": 0, "error": "plan.infeasible"}
     assert "1 refused" in tables.all_tables([failed], "within_78_deg", None)
