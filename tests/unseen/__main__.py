@@ -1,4 +1,4 @@
-"""The bench on unseen shapes: `python -m tests.unseen run …`, `… table FILE`, `… ablate …`, `… fit-sigma …`, `… dome …`.
+"""The bench on unseen shapes: `python -m tests.unseen run|table|fit-sigma|ablate|dome`.
 
     python -m tests.unseen run --families all --seeds 0:6 --lights 6,8,12,20 \
         --patterns two-rings,planned,ring-35,drbohlav,random,oracle --azimuths 4 --jobs 2 --out build/unseen/run.jsonl
