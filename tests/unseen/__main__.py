@@ -2,6 +2,7 @@
 
     python -m tests.unseen run --families all --seeds 0:6 --lights 6,8,12,20 \
         --patterns two-rings,planned,ring-35,drbohlav,random,oracle --azimuths 4 --jobs 2 --out build/unseen/run.jsonl
+    python -m tests.unseen run --fault all --lights 10 --azimuths 1 --reflectance lambert --out build/unseen/fault.jsonl
     python -m tests.unseen table build/unseen/run.jsonl [--against OTHER.jsonl]
     python -m tests.unseen fit-sigma --families all --seeds 0:10 --lights 6,8,12,20 --jobs 2 --out build/unseen/sigma
     python -m tests.unseen ablate --families all --seeds 0:4 --lights 8 --write docs/explanation/ablation.md
@@ -17,6 +18,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import argparse
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -63,6 +65,7 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error(f"there is no {', '.join(sorted(unknown))}")
     if asked.command == "dome":
         return _dome(asked, names, command)
+    wrong = _faults(asked.fault)
     plan = run.Plan(
         families=names,
         seeds=_numbers(asked.seeds),
@@ -70,14 +73,16 @@ def main(arguments: list[str] | None = None) -> int:
         patterns=asked.patterns.split(","),
         azimuths=asked.azimuths,
         out=asked.out,
-        fault=asked.fault,
+        fault=wrong[0],
         reflectance=asked.reflectance,
         solver=asked.solver if asked.command == "run" else "product",
         report=asked.report,
         done=run.done(run.read(asked.out)) if asked.command == "run" else frozenset(),
     )
-    if unknown := set(plan.patterns) - set(PATTERNS):
+    if unknown := set(plan.patterns) - set(PATTERNS) | set(map(str, wrong)) - {"None", *faults.ALL}:
         parser.error(f"there is no {', '.join(sorted(unknown))}")
+    if asked.command != "run" and len(wrong) > 1:
+        parser.error("several faults are for run")
     start = time.monotonic()
     if asked.command == "fit-sigma":
         if asked.report:
@@ -96,7 +101,7 @@ def main(arguments: list[str] | None = None) -> int:
         if asked.write is not None:
             ablation.write(asked.write, command, lines, asked.grading)
     else:
-        added = run.run_all(plan, asked.jobs)
+        added = sum(run.run_all(replace(plan, fault=fault), asked.jobs) for fault in wrong)
         summary = tables.all_tables(run.read(asked.out), "within_78_deg", None) if asked.report else ""
     print(f"{added} solves in {time.monotonic() - start:.0f} s -> {asked.out}")
     if asked.report:
@@ -142,7 +147,14 @@ def _add_captures(command: argparse.ArgumentParser, azimuths: int, out: Path) ->
     command.add_argument("--lights", default="8", help="numbers of images, pilot included")
     command.add_argument("--patterns", default="two-rings", help=f"of {','.join(PATTERNS)}")
     command.add_argument("--azimuths", type=int, default=azimuths)
-    command.add_argument("--fault", choices=sorted(faults.ALL), default=None)
+    command.add_argument("--fault", default=None, help=f"all, or of none,{','.join(sorted(faults.ALL))}")
+
+
+def _faults(text: str | None) -> list[str | None]:
+    """Names of faults, None for a capture without; `all` is that and every fault."""
+    if text == "all":
+        return [None, *faults.ALL]
+    return [None] if text is None else [None if name == "none" else name for name in text.split(",")]
 
 
 def _numbers(text: str) -> list[int]:

@@ -127,6 +127,7 @@ class SceneRun:
             | {
                 "predicted_sigma": predicted,
                 "intensity_error": float(np.std(error)),
+                "findings": [[finding.kind, finding.corrected] for finding in normal_map.findings],
                 "noise": {name: float(value) for name, value in normal_map.noise.items()},
                 "notes": scalars,
                 "seconds": round(seconds, 3),

@@ -14,6 +14,8 @@ Line = dict[str, object]
 Cell = tuple[str, int]  # family, seed
 RESAMPLES = 2000
 MEAN_ERROR_PER_SIGMA = 0.886
+PUT_RIGHT = 1.3
+"""Error over that without the fault, up to which a fault counts as put right."""
 SIGMA_KEYS = (
     "within_1",
     "within_2",
@@ -33,7 +35,10 @@ def all_tables(lines: Sequence[Line], grading: str, older: Sequence[Line] | None
     good = [line for line in lines if "error" not in line]
     parts = [f"{len(good)} solves, {len(failed)} refused; grading {grading}"]
     parts += [f"  refused: {line['family']} {line['seed']} {line['pattern']}: {line['error']}" for line in failed[:5]]
-    parts += [error_table(good, grading), ratio_table(good, grading), sigma_table(good), forecast_table(good)]
+    sound = [line for line in good if line.get("fault") is None]
+    parts += [error_table(sound, grading), ratio_table(sound, grading), ratio_table(sound, grading, "oracle")]
+    parts += [sigma_table(sound), forecast_table(sound), alarm_table(sound)]
+    parts.append(fault_table(good, grading))
     if older is not None:
         parts.append(against_table(good, [line for line in older if "error" not in line], grading))
     return "\n\n".join(part for part in parts if part)
@@ -117,6 +122,52 @@ def forecast_table(lines: Sequence[Line]) -> str:
 
         ratios[f"{pattern} {count}"] = paired(*(by_scene(expected, name, chosen) for name in ("expected", "found")))
     return _ratios(ratios, "forecast over found")
+
+
+def fault_table(lines: Sequence[Line], grading: str) -> str:
+    """What becomes of each fault: error over that of the same capture without it, how many are put right (at most
+    PUT_RIGHT times), how many of the others are named, and the mean rms e/σ."""
+
+    def capture_of(line: Line) -> tuple[object, ...]:
+        return tuple(line.get(key) for key in ("family", "seed", "reflectance", "pattern", "lights", "azimuth"))
+
+    key = f"{grading}.mean"
+    without = {capture_of(line): _number(line, key) for line in lines if line.get("fault") is None and key in line}
+    faulty: dict[str, list[Line]] = defaultdict(list)
+    for line in lines:
+        if line.get("fault") is not None and key in line and capture_of(line) in without:
+            faulty[_text(line, "fault")].append(line)
+    rows: list[list[str]] = []
+    for fault, group in faulty.items():
+        ratios = [_number(line, key) / without[capture_of(line)] for line in group]
+        left = [line for line, ratio in zip(group, ratios, strict=True) if ratio > PUT_RIGHT]
+        named = [line for line in left if line.get("findings")]
+        rms = [_number(line, "rms") for line in group if "rms" in line]
+        unnamed = ", ".join(f"{line['family']} {line['seed']}" for line in left if not line.get("findings"))
+        figures = [np.median(ratios), max(ratios)], [_mean(rms), max(rms, default=math.nan)]
+        shown = [[_shown(float(figure)) for figure in pair] for pair in figures]
+        rows.append(
+            [fault, str(len(group)), *shown[0], str(len(group) - len(left)), str(len(named)), *shown[1], unnamed]
+        )
+    head = ["fault", "captures", "error ×", "worst ×", "put right", "else named", "rms e/σ", "worst", "neither"]
+    return _table([head, *rows]) if rows else ""
+
+
+def alarm_table(lines: Sequence[Line]) -> str:
+    """Captures without a fault that have findings which were not put right, by material, with their mean errors."""
+    groups: dict[str, list[Line]] = defaultdict(list)
+    for line in lines:
+        if "findings" in line:
+            scattering = float(str(line.get("scatter_mm", 0))) > 0
+            groups["scatter" if scattering else _text(line, "material").split(":")[0]].append(line)
+    rows: list[list[str]] = []
+    for material, group in groups.items():
+        alarms = [line for line in group if any(not corrected for _, corrected in line["findings"])]  # type: ignore[attr-defined]
+        error = _mean([_number(line, "found_mean") for line in alarms])
+        rest = _mean([_number(line, "found_mean") for line in group if line not in alarms])
+        rows.append([material, str(len(group)), f"{len(alarms) / len(group):.1%}", _shown(error), _shown(rest)])
+    head = ["no fault", "captures", "with uncorrected findings", "their error °", "the others' °"]
+    return _table([head, *rows]) if rows else ""
 
 
 def _forecast(line: Line) -> float:

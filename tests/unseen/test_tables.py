@@ -83,3 +83,24 @@ def test_report_is_appended_with_its_command(tmp_path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     assert text.count("## 20") == 2
     assert text.index("a table") < text.index("another")
+
+
+def test_fault_table_counts_put_right_named_and_neither() -> None:
+    lines = [line("blob", seed, "two-rings", 0, 1.0) for seed in range(3)]
+    faulty = [line("blob", seed, "two-rings", 0, error) for seed, error in enumerate((1.2, 4.0, 5.0))]
+    findings: list[list[list[object]]] = [[], [["lamps", False]], []]
+    lines += [one | {"fault": "gamma", "findings": found} for one, found in zip(faulty, findings, strict=True)]
+    row = tables.fault_table(lines, "within_78_deg").splitlines()[1].split()
+    assert row == ["gamma", "3", "4.00", "5.00", "1", "1", "1.20", "1.20", "blob", "2"]
+
+
+def test_alarm_table_counts_uncorrected_findings_by_material() -> None:
+    one = line("blob", 0, "two-rings", 0, 1.0) | {"material": "ggx:0.2", "scatter_mm": 0.0}
+    lines = [one | {"findings": []}, one | {"findings": [["lamps", False]], "found_mean": 7.0}]
+    row = tables.alarm_table(lines).splitlines()[1].split()
+    assert row == ["ggx", "2", "50.0%", "7.00", "1.00"]
+
+
+def test_error_table_leaves_out_captures_with_faults() -> None:
+    lines = [line("blob", 0, "two-rings", 0, 1.0), line("blob", 0, "two-rings", 0, 9.0) | {"fault": "gamma"}]
+    assert "9.00" not in tables.all_tables(lines, "within_78_deg", None).split("fault")[0]
