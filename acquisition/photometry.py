@@ -61,8 +61,8 @@ EXPECTED_SIGMA_FACTOR = (POSTERIOR_FACTOR + MISFIT_FACTOR) ** 0.5
 SATURATION_SHARE = 0.985
 """Share of the clipping level above which a value is taken as clipped."""
 
-RAY_ROWS = 256
-"""Rows whose rays are made at once, which takes ten times the bytes of the rays."""
+UNDISTORTION_ROUNDS = 5
+"""Fixed-point iterations of the lens distortion's inverse, as many as OpenCV's `undistortPoints` takes."""
 
 GRADED_SLANT_DEG = 78.0
 """Greatest angle between a normal and its viewing ray over which errors and σ are averaged."""
@@ -99,12 +99,10 @@ def rays(calibration: Calibration, rows: slice, columns: slice) -> Float32Array:
 def camera_rays(matrix: FloatArray, distortion: FloatArray, rows: slice, columns: slice) -> Float32Array:
     """`rays` of a camera with matrix K (3, 3) and OpenCV's distortion (5,)."""
     out = np.empty((2, rows.stop - rows.start, columns.stop - columns.start), np.float32)
-    for start in range(rows.start, rows.stop, RAY_ROWS):
-        stop = min(start + RAY_ROWS, rows.stop)
-        v, u = np.mgrid[start:stop, columns].astype(np.float64)
-        pixels = np.stack([u.ravel(), v.ravel()], axis=-1)[:, None, :]
-        undistorted = cv2.undistortPoints(pixels, matrix, distortion, None, None, None)
-        out[:, start - rows.start : stop - rows.start] = undistorted.reshape(*u.shape, 2).transpose(2, 0, 1)
+    _undistorted_rays(
+        np.ascontiguousarray(matrix, np.float64), np.ascontiguousarray(distortion, np.float64), rows.start,
+        columns.start, out,
+    )  # fmt: skip
     return out
 
 
@@ -260,4 +258,27 @@ def _light_vectors(
             out[f, 2, n] = factor * dz
 
 
-KERNELS = (_light_vectors,)
+@numba.njit(
+    "void(float64[:,::1], float64[::1], int64, int64, float32[:,:,::1])", cache=True, parallel=True, error_model="numpy"
+)
+def _undistorted_rays(matrix: FloatArray, distortion: FloatArray, top: int, left: int, out: Float32Array) -> None:
+    """Inverts the lens distortion k1, k2, p1, p2, k3 by fixed-point iteration, for the pixels of a window: OpenCV's
+    `undistortPoints`, of all cores and without its arrays in double precision."""
+    k1, k2, p1, p2, k3 = distortion
+    for i in numba.prange(out.shape[1]):
+        for j in range(out.shape[2]):
+            x0, y0 = (left + j - matrix[0, 2]) / matrix[0, 0], (top + i - matrix[1, 2]) / matrix[1, 1]
+            x, y = x0, y0
+            for _ in range(UNDISTORTION_ROUNDS):
+                square = x * x + y * y
+                inverse = 1 / (1 + ((k3 * square + k2) * square + k1) * square)
+                if inverse < 0:
+                    x, y = x0, y0
+                    break
+                aside = 2 * p1 * x * y + p2 * (square + 2 * x * x)
+                below = p1 * (square + 2 * y * y) + 2 * p2 * x * y
+                x, y = (x0 - aside) * inverse, (y0 - below) * inverse
+            out[0, i, j], out[1, i, j] = x, y
+
+
+KERNELS = (_light_vectors, _undistorted_rays)

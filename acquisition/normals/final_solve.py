@@ -14,14 +14,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acquisition import photometry
-from acquisition.models.base import BoolArray, Float32Array, FloatArray
-from acquisition.models.result import ATTACHED, CAST, HIGHLIGHT, LIT, SATURATED, FisherInformation, NormalMap
+from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.result import FisherInformation, NormalMap
 from acquisition.normals import (
     alternation,
     error_variance,
     integrability,
     integration,
     interreflection,
+    measurement_flags,
     memory_mapped,
     pixel_solve,
     regularisation,
@@ -29,7 +30,7 @@ from acquisition.normals import (
     specular,
 )
 from acquisition.normals.alternation import AlternationResult
-from acquisition.normals.pixel_solve import Estimate, Pixels, PixelSolveOptions, Scene
+from acquisition.normals.pixel_solve import Estimate, Lighting, Pixels, PixelSolveOptions, Scene
 from acquisition.normals.pyramid import MaskedImages, PyramidLevel
 from acquisition.normals.specular import HighlightDerivatives
 
@@ -41,12 +42,6 @@ PRELIMINARY_ITERATIONS = 3
 
 SAMPLE_PIXELS = 4000
 """Pixels that the noise is estimated from, and pixels at most whose Fisher information the planner is given."""
-
-ATTACHED_COSINE = 0.1
-"""Predicted cosine to the light below which a dark measurement is flagged as attached shadow, else as cast shadow."""
-
-HIGHLIGHT_DEVIATIONS, MIN_HIGHLIGHT = 4, 0.03
-"""Excess over the diffuse prediction from which a measurement is flagged as highlight: in σ, and as a share of ρ|s|."""
 
 
 @dataclass(frozen=True)
@@ -251,7 +246,7 @@ def _solve_block(
     sampled = chosen[solved[own][chosen]]
     return _BlockResult(
         maps={name: values[own] for name, values in maps.items()},
-        flags=_measurement_flags(estimate, solution.measured, radiance, pixels.clipped, scene.noise)[:, own],
+        flags=measurement_flags.classify(estimate, solution.measured, radiance, pixels.clipped, scene.noise)[:, own],
         light=float(np.sum(light[own], dtype=np.float64)),
         indirect=float(np.sum(indirect[own], dtype=np.float64)),
         sampled=sampled,
@@ -268,68 +263,39 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
     """Solves pixels by fixed-point iteration: indirect light depends on the albedo and gloss on the normals."""
     measured = alternation.divide_intensity(pixels.values, state.shared.log_intensity)
 
+    lighting = Lighting.at(pixels, state.depth_m, scene)
+
     def once(
-        values: Float32Array, extra: Float32Array, iterations: int, gloss: HighlightDerivatives | None = None
+        values: Float32Array, extra: Float32Array | None, iterations: int, gloss: HighlightDerivatives | None = None
     ) -> Estimate:
-        return pixel_solve.solve(
-            pixels, values, state.depth_m, scene,
+        return pixel_solve.solve_lit(
+            pixels, values, lighting, scene,
             PixelSolveOptions(
                 scene.settings.shadow_threshold, photometry.OFFSET_SIGMA_M, scene.cauchy_scale, iterations
             ),
             extra_variance=extra, highlight_by_g=None if gloss is None else gloss.by_g,
         )  # fmt: skip
 
-    values, extra, indirect = measured, np.zeros_like(measured), None
+    values, extra, indirect = measured, None, None
     complete = _direct_diffuse(state)
     estimate = once(values, extra, pixel_solve.IRLS_ITERATIONS if complete else PRELIMINARY_ITERATIONS)
-    ray_direction = photometry.ray_directions(pixels.ray)
     for iterations in () if complete else (PRELIMINARY_ITERATIONS, pixel_solve.IRLS_ITERATIONS):
-        gloss = state.lobe.derivatives(estimate, ray_direction)
-        highlight = np.zeros_like(measured) if gloss is None else gloss.highlight
-        direct, values = values, measured - highlight
-        extra = np.square(np.float32(specular.HIGHLIGHT_SIGMA) * highlight)
+        gloss = state.lobe.derivatives(estimate, lighting.ray_direction)
+        direct, values, extra = np.sum(values, axis=0), measured, None
+        if gloss is not None:
+            values = measured - gloss.highlight
+            extra = np.square(np.float32(specular.HIGHLIGHT_SIGMA) * gloss.highlight)
         if state.indirect_irradiance is not None:
-            ambient = estimate.ambient_value
+            ambient = len(values) * estimate.ambient_value
             indirect = interreflection.reflected_radiosity(
-                state.indirect_irradiance, values - ambient, direct - ambient, estimate.albedo
+                state.indirect_irradiance, np.sum(values, axis=0) - ambient, direct - ambient, estimate.albedo
             )
             values = values - indirect
-            extra = extra + np.square(np.float32(photometry.PREDICTED_INDIRECT_SIGMA) * indirect)
+            added = np.square(np.float32(photometry.PREDICTED_INDIRECT_SIGMA) * indirect)
+            extra = added if extra is None else extra + added
         estimate = once(values, extra, iterations, gloss)
+    extra = np.zeros_like(measured) if extra is None else extra
     return PixelSolution(estimate, measured, values, extra, indirect)
-
-
-def _measurement_flags(
-    estimate: Estimate, measured: Float32Array, indirect: Float32Array, clipped: BoolArray, noise: photometry.Noise
-) -> np.ndarray:
-    """Classifies each measurement as lit, attached or cast shadow, saturated, highlight: bit fields (F, N).
-
-    `measured` (F, N) are values of nominal lamps. Predicted `indirect` light (F, N) is no highlight, nor is its
-    uncertainty.
-    """
-    flags = np.empty(estimate.usable.shape, np.uint8)
-    scale = np.sqrt(noise.shot), np.sqrt(noise.floor)
-    for number, (light, usable, saturated) in enumerate(zip(estimate.light, estimate.usable, clipped, strict=True)):
-        predicted = np.einsum("cn,cn->n", light, estimate.g)
-        if estimate.terms is not None:
-            predicted += estimate.terms.value[number]
-        strength = np.sqrt(np.einsum("cn,cn->n", light, light)) * estimate.albedo
-        dark = ~usable & ~saturated
-        attached = dark & (predicted < np.float32(ATTACHED_COSINE) * strength)
-        spread = (
-            np.float32(scale[0][number]) * np.sqrt(np.maximum(predicted, 0))
-            + np.float32(scale[1][number])
-            + np.float32(noise.intensity) * np.abs(predicted)
-            + np.float32(noise.direction) * strength
-            + np.float32(photometry.PREDICTED_INDIRECT_SIGMA) * indirect[number]
-        )
-        excess = measured[number] - indirect[number] - predicted
-        highlight = usable & (excess > np.maximum(HIGHLIGHT_DEVIATIONS * spread, np.float32(MIN_HIGHLIGHT) * strength))
-        flags[number] = (
-            LIT * usable + ATTACHED * attached + CAST * (dark & ~attached) + SATURATED * saturated
-            + HIGHLIGHT * highlight
-        )  # fmt: skip
-    return flags
 
 
 def _stratified_sample(count: int) -> np.ndarray:

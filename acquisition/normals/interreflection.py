@@ -127,16 +127,17 @@ def received_irradiance(
 
 
 def reflected_radiosity(
-    received: Float32Array, values: Float32Array, direct: Float32Array, albedo: Float32Array
+    received: Float32Array, total: Float32Array, direct: Float32Array, albedo: Float32Array
 ) -> Float32Array:
-    """Reflection of received irradiance with a consistent albedo: indirect radiance (F, N), in the units of `values`.
+    """Reflection of received irradiance (F, N) with a consistent albedo: indirect radiance (F, N), in the units of y.
 
-    `albedo` (N,) was fitted to `direct` (F, N). While that still holds some indirect light, or lacks some direct light,
-    the albedo is wrong in proportion. The consistent one explains direct and received light together,
-    ρ Σ(direct / albedo + received) = Σ values (F, N); without it, iterations oscillate by the indirect share.
+    `total` (N,) and `direct` (N,) are sums of values over the images; `albedo` (N,) was fitted to the latter's. While
+    these still hold some indirect light, or lack some direct light, the albedo is wrong in proportion. The consistent
+    one explains direct and received light together, ρ Σ(direct / albedo + received) = `total`; without it, iterations
+    oscillate by the indirect share.
     """
-    total = np.maximum(np.sum(values, axis=0), np.float32(1e-9))
-    explained = np.maximum(np.sum(direct, axis=0), 0) + albedo * np.sum(received, axis=0)
+    explained = np.maximum(direct, 0) + albedo * np.sum(received, axis=0)
+    total = np.maximum(total, np.float32(1e-9))
     return received * np.minimum(albedo * total / np.maximum(explained, np.float32(1e-9)), 1)
 
 

@@ -93,7 +93,7 @@ def _differences(
     """Brightness (K,) and differences (K,) with one measurement's variance, both in electrons by the guessed gain."""
     light = photometry.light_vectors(photometry.points(pixels.ray, depth_m), lamp, calibration)
     strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
-    usable, _, _ = pixel_solve.classify_measurements(pixels, pixels.values, strength, SHADOW_THRESHOLD)
+    usable, _, _ = pixel_solve.classify_measurements(pixels, pixels.values, light, SHADOW_THRESHOLD)
     weighted = light * (usable / np.maximum(strength, np.float32(1e-9)) ** 2)[:, None]
     inner = np.einsum("fan,fbn->nab", weighted, light, optimize=True) + 1e-6 * np.eye(3)
     solver = np.linalg.solve(inner, weighted.transpose(2, 1, 0))  # (N, 3, F): g from values

@@ -9,7 +9,6 @@ on the viewing axis, decides where the images do not, and σ says so.
 
 from dataclasses import dataclass, field, replace
 
-import cv2
 import numpy as np
 
 from acquisition import photometry
@@ -94,7 +93,7 @@ class Pixels:
 
     def take(self, image: np.ndarray) -> np.ndarray:
         """Gathers the values (..., N) of an image (..., h, w) at the object's pixels."""
-        return image.reshape(*image.shape[:-2], -1)[..., self.index]
+        return np.take(image.reshape(*image.shape[:-2], -1), self.index, axis=-1)
 
     def subset(self, chosen: np.ndarray) -> "Pixels":
         """The pixels with the numbers `chosen` (K,)."""
@@ -160,28 +159,51 @@ def depth_derivative(
     return out
 
 
+@dataclass(frozen=True)
+class Lighting:
+    """Light vectors s (F, 3, N) of a scene's lamps at points (3, N) in m, with ∂x/∂Z (3, N) and unit directions to the
+    camera (3, N), all in the view frame."""
+
+    light: Float32Array
+    point: Float32Array
+    ray_direction: Float32Array
+    view: Float32Array
+
+    @classmethod
+    def at(cls, pixels: Pixels, depth_m: Float32Array, scene: Scene) -> "Lighting":
+        """Those of pixels at depth (N,) in m."""
+        ray_direction = photometry.ray_directions(pixels.ray)
+        point = ray_direction * depth_m
+        view = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
+        return cls(photometry.light_vectors(point, scene.lamps, scene.calibration), point, ray_direction, view)
+
+
 def classify_measurements(
-    pixels: Pixels, values: Float32Array, strength: Float32Array, threshold: float
-) -> tuple[BoolArray, BoolArray, Float32Array]:
+    pixels: Pixels, values: Float32Array, light: Float32Array, threshold: float
+) -> tuple[BoolArray, Float32Array, Float32Array]:
     """Shadow and saturation test by a threshold relative to each pixel's peak.
 
-    From `values` y and `strength` |s| (F, N) it gives the usable measurements (F, N), which of these have a shadowed
-    pixel among their eight neighbours (F, N), and the peak y/|s| (N,).
+    From `values` y (F, N) and light vectors s (F, 3, N) it gives the usable measurements (F, N), the variance (F, N)
+    of those of them that have a shadowed pixel among their eight neighbours, and the peak y/|s| (N,).
     """
-    ratio = values / np.maximum(strength, np.float32(1e-9))
-    peak = _peak_ratio(ratio, pixels.clipped)
-    shadowed = (ratio < threshold * peak) & ~pixels.clipped
-    penumbra = np.empty_like(shadowed)
-    kernel = np.ones((3, 3), np.uint8)
-    for index, dark in enumerate(shadowed):
-        penumbra[index] = pixels.take(cv2.dilate(pixels.image(dark.astype(np.uint8)), kernel)) > 0
-    usable = ~shadowed & ~pixels.clipped & (ratio > 0)
-    return usable, penumbra & usable, peak
+    peak = _peak_ratio(values, light, pixels.clipped)
+    row, column = np.divmod(pixels.index, pixels.shape[1])
+    width = pixels.shape[1] + 2
+    usable, variance = np.empty(values.shape, np.bool_), np.empty(values.shape, np.float32)
+    pixel_solve_kernels.classify(
+        np.ascontiguousarray(values, np.float32), light, np.ascontiguousarray(pixels.clipped), peak, threshold,
+        (row + 1) * width + column + 1, width, PENUMBRA_SIGMA, usable, variance,
+    )  # fmt: skip
+    return usable, variance, peak
 
 
-def _peak_ratio(ratio: Float32Array | FloatArray, clipped: BoolArray) -> Float32Array:
-    """Each pixel's largest y/|s| (N,) that is not clipped, from ratios (F, N)."""
-    return np.max(np.where(clipped, 0, ratio), axis=0)
+def _peak_ratio(values: Float32Array, light: Float32Array, clipped: BoolArray) -> Float32Array:
+    """Each pixel's largest y/|s| (N,) that is not clipped, from values (F, N) and light vectors s (F, 3, N)."""
+    out = np.empty(values.shape[1], np.float32)
+    pixel_solve_kernels.peak_ratio(
+        np.ascontiguousarray(values, np.float32), light, np.ascontiguousarray(clipped), out
+    )  # fmt: skip
+    return out
 
 
 def median_albedo(estimate: Estimate, values: Float32Array, clipped: BoolArray) -> float:
@@ -189,8 +211,7 @@ def median_albedo(estimate: Estimate, values: Float32Array, clipped: BoolArray) 
 
     A fifth of it is the least albedo that a pixel's prior is given.
     """
-    strength = np.sqrt(np.einsum("fcn,fcn->fn", estimate.light, estimate.light))
-    return float(np.median(_peak_ratio(values / np.maximum(strength, np.float32(1e-9)), clipped)))
+    return float(np.median(_peak_ratio(values, estimate.light, clipped)))
 
 
 def solve(
@@ -210,51 +231,49 @@ def solve(
     (F, 3, N) is its derivative ∂h/∂g; rotating a normal leaves |g| as it is, so the derivative adds to the light
     vectors and nothing to the values.
     """
-    point = photometry.points(pixels.ray, depth_m)
-    ray_direction = photometry.ray_directions(pixels.ray)
-    light = photometry.light_vectors(point, scene.lamps, scene.calibration)
-    strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
-    axis = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
+    lighting = Lighting.at(pixels, depth_m, scene)
+    return solve_lit(
+        pixels, values, lighting, scene, options, extra_variance=extra_variance, highlight_by_g=highlight_by_g
+    )
+
+
+def solve_lit(
+    pixels: Pixels,
+    values: Float32Array,
+    lighting: Lighting,
+    scene: Scene,
+    options: PixelSolveOptions,
+    *,
+    extra_variance: Float32Array | None = None,
+    highlight_by_g: Float32Array | None = None,
+) -> Estimate:
+    """`solve` in a known `lighting`, which serves for all solves at one depth."""
+    light, view = lighting.light, lighting.view
     bent = light if highlight_by_g is None else light + highlight_by_g
     if scene.terms is None:
-        return _solve(pixels, values, _Rows(light, bent, strength, point, axis), scene, options, extra_variance)
-    peak = _peak_ratio(values / np.maximum(strength, np.float32(1e-9)), pixels.clipped)
+        return _solve(pixels, values, lighting, bent, scene, options, extra_variance)
+    peak = _peak_ratio(values, light, pixels.clipped)
     usable = np.ones_like(pixels.clipped)
-    terms = image_terms.evaluate(scene.terms, (axis * peak).astype(np.float32), light, usable, axis)
-    estimate = _solve(
-        pixels, values, _Rows(light, bent + terms.by_g, strength, point, axis), scene, options, extra_variance, terms
-    )
+    terms = image_terms.evaluate(scene.terms, (view * peak).astype(np.float32), light, usable, view)
+    estimate = _solve(pixels, values, lighting, bent + terms.by_g, scene, options, extra_variance, terms)
     for _ in range(TERM_ROUNDS - 1):
-        terms = image_terms.evaluate(scene.terms, estimate.g, light, estimate.usable, axis)
-        rows = _Rows(light, bent + terms.by_g, strength, point, axis)
-        estimate = _solve(pixels, values, rows, scene, options, extra_variance, terms)
-    terms = image_terms.evaluate(scene.terms, estimate.g, light, estimate.usable, axis)
+        terms = image_terms.evaluate(scene.terms, estimate.g, light, estimate.usable, view)
+        estimate = _solve(pixels, values, lighting, bent + terms.by_g, scene, options, extra_variance, terms)
+    terms = image_terms.evaluate(scene.terms, estimate.g, light, estimate.usable, view)
     return replace(estimate, terms=terms)
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """Design rows of N pixels: light vectors s and s + ∂h/∂g (F, 3, N), |s| (F, N), points and unit axes to the camera
-    (3, N)."""
-
-    light: Float32Array
-    bent: Float32Array
-    strength: Float32Array
-    point: Float32Array
-    axis: Float32Array
-
-
 def _solve(
-    pixels: Pixels, values: Float32Array, rows: _Rows, scene: Scene, options: PixelSolveOptions,
-    extra_variance: Float32Array | None, terms: TermValues | None = None,
+    pixels: Pixels, values: Float32Array, lighting: Lighting, bent: Float32Array, scene: Scene,
+    options: PixelSolveOptions, extra_variance: Float32Array | None, terms: TermValues | None = None,
 ) -> Estimate:  # fmt: skip
-    """One solve with given design rows; `terms` are subtracted from the values where measurements are classified."""
+    """One solve with given design rows `bent` (F, 3, N), s + ∂h/∂g; `terms` are subtracted from the values where
+    measurements are classified."""
     lambertian = values if terms is None else values - terms.value
     values = values if terms is None else values - np.float32(terms.offset)
-    usable, penumbra, peak = classify_measurements(pixels, lambertian, rows.strength, options.shadow_threshold)
-    added = np.where(penumbra, (np.float32(PENUMBRA_SIGMA) * peak * rows.strength) ** 2, np.float32(0))
+    usable, added, peak = classify_measurements(pixels, lambertian, lighting.light, options.shadow_threshold)
     if extra_variance is not None:
-        added = added + extra_variance
+        added += extra_variance
     typical = np.median(peak) if scene.median_albedo is None else scene.median_albedo
     albedo = np.maximum(peak, np.float32(0.2) * np.float32(typical))
     albedo = np.maximum(albedo, np.float32(1e-6))
@@ -266,25 +285,25 @@ def _solve(
         residual=np.empty(count, np.float32),
         weights=np.empty(values.shape, np.float32),
         usable=usable,
-        light=rows.light,
-        point=rows.point,
+        light=lighting.light,
+        point=lighting.point,
         terms=terms,
     )
     noise = scene.noise
     pixel_solve_kernels.estimate(
         np.ascontiguousarray(values, dtype=np.float32),
-        np.ascontiguousarray(rows.bent, dtype=np.float32),
-        usable.astype(np.uint8),
-        np.ascontiguousarray(added, dtype=np.float32),
-        np.ascontiguousarray(rows.point),
-        np.ascontiguousarray(photometry.ray_directions(pixels.ray)),
+        np.ascontiguousarray(bent, dtype=np.float32),
+        usable.view(np.uint8),
+        added,
+        lighting.point,
+        lighting.ray_direction,
         scene.lamps,
         noise.shot.astype(np.float32),
         noise.floor.astype(np.float32),
         np.array(
             [noise.intensity, noise.direction, options.cauchy_scale or 0.0, options.offset_sigma_m], dtype=np.float32
         ),
-        np.ascontiguousarray(rows.axis * albedo, dtype=np.float32),
+        np.ascontiguousarray(lighting.view * albedo, dtype=np.float32),
         (1.0 / (photometry.PRIOR_SCALE * albedo) ** 2).astype(np.float32),
         options.iterations,
         out.g,

@@ -14,7 +14,7 @@ compile at import, into numba's cache.
 import numba
 import numpy as np
 
-from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
 
 BLOCK_PIXELS = 128
 """Pixels of a block: its arrays stay in the cache."""
@@ -260,6 +260,82 @@ def depth_derivative(
                 out[f, 2, n] = scale * (az - sz * dot)
 
 
+@numba.njit("float32(float32[:,:,::1], int64, int64)", cache=True, error_model="numpy")
+def _strength(light: Float32Array, f: int, n: int) -> np.float32:
+    """|s| of one measurement."""
+    x, y, z = light[f, 0, n], light[f, 1, n], light[f, 2, n]
+    return np.sqrt(x * x + y * y + z * z)
+
+
+@numba.njit("float32(float32[:,::1], float32[:,:,::1], int64, int64)", cache=True, error_model="numpy")
+def _ratio(values: Float32Array, light: Float32Array, f: int, n: int) -> np.float32:
+    """y/|s| of one measurement."""
+    return values[f, n] / max(_strength(light, f, n), np.float32(1e-9))
+
+
+@numba.njit(
+    "void(float32[:,::1], float32[:,:,::1], boolean[:,::1], float32[::1])",
+    cache=True,
+    parallel=True,
+    error_model="numpy",
+)
+def peak_ratio(
+    values: Float32Array,  # (F, N)
+    light: Float32Array,  # (F, 3, N)
+    clipped: BoolArray,  # (F, N)
+    out: Float32Array,  # (N,)
+) -> None:
+    """Each pixel's largest y/|s| that is not clipped, at least 0."""
+    for block in numba.prange((len(out) + BLOCK_PIXELS - 1) // BLOCK_PIXELS):
+        start = block * BLOCK_PIXELS
+        stop = min(start + BLOCK_PIXELS, len(out))
+        out[start:stop] = 0
+        for f in range(len(values)):
+            for n in range(start, stop):
+                if not clipped[f, n]:
+                    out[n] = max(out[n], _ratio(values, light, f, n))
+
+
+@numba.njit(
+    "void(float32[:,::1], float32[:,:,::1], boolean[:,::1], float32[::1], float32, int64[::1], int64, float32,"
+    " boolean[:,::1], float32[:,::1])",
+    cache=True,
+    parallel=True,
+    error_model="numpy",
+)
+def classify(
+    values: Float32Array,  # (F, N)
+    light: Float32Array,  # (F, 3, N)
+    clipped: BoolArray,  # (F, N)
+    peak: Float32Array,  # (N,)
+    threshold: float,  # share of the peak below which a measurement is in shadow
+    place: np.ndarray,  # (N,) flat index in a window with a border of one pixel
+    width: int,  # of that window
+    penumbra_sigma: float,  # share of the peak
+    usable: BoolArray,  # (F, N)
+    variance: Float32Array,  # (F, N)
+) -> None:
+    """Which measurements are usable, and the variance of those that have a shadowed pixel among eight neighbours."""
+    size = place[-1] + width + 2 if len(place) else 0
+    for f in numba.prange(len(values)):
+        shadow = np.zeros(size, np.uint8)
+        for n in range(len(place)):
+            ratio = _ratio(values, light, f, n)
+            shadow[place[n]] = not clipped[f, n] and ratio < threshold * peak[n]
+            usable[f, n] = not clipped[f, n] and not shadow[place[n]] and ratio > 0
+        for n in range(len(place)):
+            variance[f, n] = 0
+            if not usable[f, n]:
+                continue
+            near = place[n]
+            above, below = near - width, near + width
+            if (
+                shadow[above - 1] | shadow[above] | shadow[above + 1] | shadow[near - 1] | shadow[near + 1]
+                | shadow[below - 1] | shadow[below] | shadow[below + 1]
+            ):  # fmt: skip
+                variance[f, n] = (penumbra_sigma * peak[n] * _strength(light, f, n)) ** 2
+
+
 @numba.njit("void(float64[:,::1])", cache=True, error_model="numpy")
 def cholesky(matrix: FloatArray) -> None:
     """Cholesky factorisation in place: the lower triangle of a positive definite matrix (M, M) becomes L, L Lᵀ = it."""
@@ -282,4 +358,19 @@ def forward_substitution(lower: FloatArray, columns: FloatArray) -> None:
             columns[i, k] = total / lower[i, i]
 
 
-KERNELS = (estimate, depth_derivative, cholesky, forward_substitution)
+@numba.njit("void(float64[:,::1], float64, float64[:,::1])", cache=True, fastmath=True, error_model="numpy")
+def orthonormalise(rows: FloatArray, offset_sigma_m: float, inner: FloatArray) -> None:
+    """Orthonormalises a pixel's whitened rows (4, F) of g and depth offset in place, L⁻¹ rows: what they explain is the
+    projection onto the result. The prior of the offset counts; L (4, 4) goes to `inner`."""
+    for i in range(4):
+        for j in range(i + 1):
+            total = 0.0
+            for f in range(rows.shape[1]):
+                total += rows[i, f] * rows[j, f]
+            inner[i, j] = total
+        inner[i, i] += 1e-6 if i < 3 else offset_sigma_m**-2
+    cholesky(inner)
+    forward_substitution(inner, rows)
+
+
+KERNELS = (estimate, depth_derivative, peak_ratio, classify, cholesky, forward_substitution, orthonormalise)

@@ -49,9 +49,9 @@ class MaskedImages:
         return Pixels(
             shape=(mask.shape[0], mask.shape[1]),
             index=index,
-            ray=np.ascontiguousarray(self.ray[:, rows].reshape(2, -1)[:, index]),
-            values=np.ascontiguousarray(values.reshape(count, -1)[:, index]),
-            clipped=clipped.reshape(count, -1)[:, index],
+            ray=np.take(self.ray[:, rows].reshape(2, -1), index, axis=1),
+            values=np.take(values.reshape(count, -1), index, axis=1),
+            clipped=np.take(clipped.reshape(count, -1), index, axis=1),
         )
 
     def level(self, factor: int, chosen: np.ndarray, table_depth_m: Float32Array | None) -> "PyramidLevel":

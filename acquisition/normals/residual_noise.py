@@ -9,7 +9,7 @@ cent of the measurements lie in penumbrae.
 Kernels compile at import, into numba's cache.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
@@ -60,26 +60,16 @@ def estimate(
     the noise model's.
     """
     enough = np.count_nonzero(solution.weights > 0, axis=0) >= MIN_LIGHTS
-    light = solution.light[:, :, enough].astype(np.float64)
-    change = pixel_solve.depth_derivative(
-        solution.light[:, :, enough], solution.point[:, enough], ray_direction[:, enough], lamps
-    )
-    g, y = solution.g[:, enough].astype(np.float64), values[:, enough].astype(np.float64)
-    slope = np.einsum("fck,ck->fk", change, g)
-    bent = light + change * solution.offset_m[enough]
-    predicted = np.einsum("fck,ck->fk", bent, g)
-    if solution.terms is not None:
-        predicted += solution.terms.value[:, enough]
-    rows = np.ascontiguousarray(np.concatenate([bent, slope[:, None]], axis=1))  # (F, 4, K)
+    design = _design(solution, ray_direction, lamps, enough)
+    y, strength = values[:, enough].astype(np.float64), design.strength
     leverage = np.empty(y.shape)
-    strength = np.sqrt(np.einsum("fck,fck->fk", light, light)) * np.sqrt(np.sum(g * g, axis=0))
-    cosine = predicted / np.maximum(strength, 1e-9)
+    cosine = design.predicted / np.maximum(strength, 1e-9)
     used = solution.weights[:, enough] > 0
-    residual = y - predicted
+    residual = y - design.predicted
     added = extra[:, enough]
     for _ in range(ROUNDS):
         variance = noise.variance(np.maximum(y, 0), strength) + added
-        _leverage(rows, np.ascontiguousarray(np.where(used, 1 / variance, 0)), offset_sigma_m, leverage)
+        _leverage(design.rows, np.ascontiguousarray(np.where(used, 1 / variance, 0)), offset_sigma_m, leverage)
         usable = used & (leverage < MAX_LEVERAGE)
         unleveraged = residual**2 / np.maximum(1 - leverage, 0.05)
         bright, grazing = usable & (cosine > BRIGHT_COSINE), usable & (cosine < GRAZING_COSINE)
@@ -106,19 +96,37 @@ def studentised_squares(
     Those of pixels with fewer than MIN_LIGHTS usable lights, or of leverage above MAX_LEVERAGE, do not count.
     Arguments as of `estimate`.
     """
-    change = pixel_solve.depth_derivative(solution.light, solution.point, ray_direction, lamps)
-    g = solution.g.astype(np.float64)
-    bent = solution.light + change * solution.offset_m
-    predicted = np.einsum("fck,ck->fk", bent, g) + solution.term_value
-    rows = np.ascontiguousarray(np.concatenate([bent, np.einsum("fck,ck->fk", change, g)[:, None]], axis=1), np.float64)
-    strength = np.sqrt(np.einsum("fck,fck->fk", solution.light, solution.light)) * solution.albedo
-    variance = noise.variance(np.maximum(values, 0), strength) + extra
+    design = _design(solution, ray_direction, lamps, np.ones(values.shape[1], np.bool_))
+    variance = noise.variance(np.maximum(values, 0), design.strength) + extra
     used = solution.weights > 0
     leverage = np.empty(values.shape)
-    _leverage(rows, np.ascontiguousarray(np.where(used, 1 / variance, 0), np.float64), offset_sigma_m, leverage)
+    _leverage(design.rows, np.ascontiguousarray(np.where(used, 1 / variance, 0)), offset_sigma_m, leverage)
     counted = used & (leverage < MAX_LEVERAGE) & (np.count_nonzero(used, axis=0) >= MIN_LIGHTS)
-    unleveraged = (values - predicted) ** 2 / np.maximum(1 - leverage, 0.05)
+    unleveraged = (values - design.predicted) ** 2 / np.maximum(1 - leverage, 0.05)
     return unleveraged / variance, unleveraged / np.maximum(values, 1e-6) ** 2, counted
+
+
+@dataclass(frozen=True)
+class _Design:
+    """Least squares of K pixels: rows (F, 4, K) of g and depth offset, predicted values and ρ|s| (F, K)."""
+
+    rows: FloatArray
+    predicted: FloatArray
+    strength: FloatArray
+
+
+def _design(solution: Estimate, ray_direction: Float32Array, lamps: Float32Array, chosen: BoolArray) -> _Design:
+    """The linearised least squares at the solution of the `chosen` pixels (N,)."""
+    light = solution.light[:, :, chosen]
+    change = pixel_solve.depth_derivative(light, solution.point[:, chosen], ray_direction[:, chosen], lamps)
+    g = solution.g[:, chosen].astype(np.float64)
+    bent = light.astype(np.float64) + change * solution.offset_m[chosen]
+    predicted = np.einsum("fck,ck->fk", bent, g)
+    if solution.terms is not None:
+        predicted += solution.terms.value[:, chosen]
+    slope = np.einsum("fck,ck->fk", change, g)
+    strength = np.sqrt(np.einsum("fck,fck->fk", light, light)) * np.sqrt(np.sum(g * g, axis=0))
+    return _Design(np.ascontiguousarray(np.concatenate([bent, slope[:, None]], axis=1)), predicted, strength)
 
 
 def _median_matched_share(
@@ -146,15 +154,7 @@ def _leverage(rows: FloatArray, weight: FloatArray, offset_sigma_m: float, out: 
             root = np.sqrt(weight[f, p])
             for i in range(4):
                 own[i, f] = root * rows[f, i, p]
-        for i in range(4):
-            for j in range(i + 1):
-                total = 0.0
-                for f in range(count):
-                    total += own[i, f] * own[j, f]
-                inner[i, j] = total
-            inner[i, i] += 1e-6 if i < 3 else offset_sigma_m**-2
-        pixel_solve_kernels.cholesky(inner)
-        pixel_solve_kernels.forward_substitution(inner, own)
+        pixel_solve_kernels.orthonormalise(own, offset_sigma_m, inner)
         for f in range(count):
             total = 0.0
             for i in range(4):

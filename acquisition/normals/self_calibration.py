@@ -297,15 +297,7 @@ def _normal_equations(  # noqa: PLR0912 - one fused kernel is the point
             for b in range(wide):
                 for f in range(count):
                     by_lamp[a, b, f] += columns[a, f] * columns[b, f]
-        for i in range(4):
-            for j in range(i + 1):
-                total = 0.0
-                for f in range(count):
-                    total += own[i, f] * own[j, f]
-                inner[i, j] = total
-            inner[i, i] += 1e-6 if i < 3 else offset_sigma_m**-2
-        pixel_solve_kernels.cholesky(inner)
-        pixel_solve_kernels.forward_substitution(inner, own)
+        pixel_solve_kernels.orthonormalise(own, offset_sigma_m, inner)
         for i in range(4):
             for a in range(4):
                 for f in range(count):

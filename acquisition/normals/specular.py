@@ -18,7 +18,7 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.normals import pixel_solve, pixel_solve_kernels
-from acquisition.normals.pixel_solve import Estimate, Pixels, PixelSolveOptions, Scene
+from acquisition.normals.pixel_solve import Estimate, Lighting, Pixels, PixelSolveOptions, Scene
 
 EXPONENTS = (12.0, 18.0, 25.0, 35.0, 50.0, 80.0, 120.0)
 """Exponents α of the grid. Between facing flat walls interreflection looks like a lobe wider than the first."""
@@ -101,16 +101,17 @@ def fit(
     Alternates with the pixels' solve at depth (K,), shadow threshold `threshold`, from the lobe `start`. It needs
     MIN_LIGHTS usable lights at MIN_PIXELS pixels, else it is `NO_LOBE`.
     """
-    ray_direction = photometry.ray_directions(pixels.ray)
+    lighting = Lighting.at(pixels, depth_m, scene)
+    ray_direction = lighting.ray_direction
     robust, wide = PixelSolveOptions(threshold), PixelSolveOptions(threshold, cauchy_scale=WIDE_CAUCHY_SCALE)
     lobe = start
     for _ in range(FIT_ROUNDS):
         added = np.zeros_like(values)
         if lobe.strength > 0:
-            guess = pixel_solve.solve(pixels, values, depth_m, scene, robust)
+            guess = pixel_solve.solve_lit(pixels, values, lighting, scene, robust)
             added = lobe.highlight(guess, ray_direction)
-        estimate = pixel_solve.solve(
-            pixels, values - added, depth_m, scene, wide, extra_variance=(np.float32(HIGHLIGHT_SIGMA) * added) ** 2
+        estimate = pixel_solve.solve_lit(
+            pixels, values - added, lighting, scene, wide, extra_variance=(np.float32(HIGHLIGHT_SIGMA) * added) ** 2
         )
         diffuse = values if estimate.terms is None else values - estimate.terms.value
         lobe, explained = _fit_strength(diffuse, estimate, ray_direction, scene.lamps)

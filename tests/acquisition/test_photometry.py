@@ -94,6 +94,17 @@ def test_rays_distorted_lens_round_trips(known: Calibration) -> None:
     np.testing.assert_allclose(pixels[:, 0, 1], rows.ravel(), atol=2e-3)
 
 
+@given(lens=st.tuples(st.floats(-0.3, 0.3), st.floats(-0.2, 0.2), *[st.floats(-0.01, 0.01)] * 2, st.floats(-0.1, 0.1)))
+@settings(max_examples=20)
+def test_camera_rays_any_lens_equal_opencv(lens: tuple[float, ...]) -> None:
+    matrix, distortion = np.array([[90.0, 0, 40.5], [0, 80.0, 33.0], [0, 0, 1]]), np.array(lens)
+    rows, columns = np.mgrid[7:60, 3:80].astype(float)
+    pixels = np.stack([columns.ravel(), rows.ravel()], axis=-1)[:, None]
+    expected = cv2.undistortPoints(pixels, matrix, distortion)[:, 0].T.reshape(2, *rows.shape)
+    ray = photometry.camera_rays(matrix, distortion, slice(7, 60), slice(3, 80))
+    np.testing.assert_allclose(ray, expected, rtol=1e-6, atol=1e-6)
+
+
 def test_project_points_returns_their_pixels(known: Calibration) -> None:
     ray = photometry.rays(known, slice(0, 96), slice(0, 96))
     depth = np.random.default_rng(0).uniform(0.7, 1.0, (96, 96)).astype(np.float32)

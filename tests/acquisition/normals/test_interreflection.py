@@ -26,15 +26,17 @@ def test_reflected_radiosity_any_subtracted_share_is_equal(
     values = (albedo * (falling + received)).astype(np.float32)
     rest = (values - (1 - left) * albedo * received).astype(np.float32)
     fitted = albedo * np.sum(rest, axis=0) / np.sum(albedo * falling, axis=0)
-    sent = interreflection.reflected_radiosity(received, values, rest, fitted.astype(np.float32))
+    sent = interreflection.reflected_radiosity(
+        received, np.sum(values, axis=0), np.sum(rest, axis=0), fitted.astype(np.float32)
+    )
     np.testing.assert_allclose(sent, albedo * received, rtol=1e-3, atol=1e-6)
 
 
 def test_reflected_radiosity_is_at_most_the_received() -> None:
     received = np.full((4, 1), 0.2, np.float32)
-    values = np.full((4, 1), 3.0, np.float32)
+    total = np.full(1, 12.0, np.float32)
     np.testing.assert_allclose(
-        interreflection.reflected_radiosity(received, values, values, np.array([2.5], np.float32)), received
+        interreflection.reflected_radiosity(received, total, total, np.array([2.5], np.float32)), received
     )
 
 
