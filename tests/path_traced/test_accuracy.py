@@ -17,7 +17,7 @@ from acquisition import normals
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.normals import interreflection
 from acquisition.normals.pixel_solve import Pixels
-from tests.path_traced import bench, objects
+from tests.path_traced import bench, captures, objects
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
 
@@ -46,7 +46,7 @@ def solve(
     name: str, condition: Condition, lights: int, draw: int, intensity_sigma: float, corrected: bool
 ) -> tuple[NormalMap, np.ndarray]:
     """One solve, and the true log intensities (F,); not `corrected`: as if no surface sent light to another."""
-    captured = bench.capture(
+    captured = captures.capture(
         images(name, condition, lights), bench.two_rings(lights), draw, intensity_sigma=intensity_sigma
     )
     mask = bench.truth(name, PIXELS).mask

@@ -5,14 +5,14 @@ import pytest
 
 from acquisition import normals
 from acquisition.models.result import NormalMap, SolveSettings
-from tests.path_traced import bench
+from tests.path_traced import bench, captures
 
 PIXELS = 64
 
 
 def solved(name: str, y: np.ndarray, seed: int = 0) -> tuple[NormalMap, bench.Grade]:
     true = bench.truth(name, PIXELS)
-    captured = bench.capture(y, bench.two_rings(len(y)), seed)
+    captured = captures.capture(y, bench.two_rings(len(y)), seed)
     normal_map = normals.solve_stack(
         captured.stack, captured.calibration, SolveSettings(), initial_depth_m=0.9, object_mask=true.mask
     )

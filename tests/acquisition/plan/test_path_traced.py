@@ -21,7 +21,7 @@ from acquisition.models.shot import Observations
 from acquisition.normals import ImageStack
 from tests.acquisition import scenes
 from tests.acquisition.plan import cases
-from tests.path_traced import bench
+from tests.path_traced import bench, captures
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(900)]
 
@@ -47,7 +47,7 @@ REACH = Cap()
 def captured(name: str, positions: np.ndarray, seed: int, *, bounces: bool) -> ImageStack:
     """Rendered images of lamps at positions (F, 3) with calibration errors drawn with `seed`, as the solver's input."""
     images = bench.render(name, positions, pixels=PIXELS, bounces=bounces)
-    return bench.capture(images, positions, seed).stack
+    return captures.capture(images, positions, seed).stack
 
 
 def joined(one: ImageStack, other: ImageStack) -> ImageStack:
@@ -64,7 +64,7 @@ def joined(one: ImageStack, other: ImageStack) -> ImageStack:
 
 def solved(name: str, stack: ImageStack) -> NormalMap:
     mask = bench.truth(name, PIXELS).mask
-    known = bench.calibration(PIXELS)
+    known = captures.calibration(PIXELS)
     return normals.solve_stack(stack, known, SolveSettings(), initial_depth_m=0.9, object_mask=mask)
 
 
@@ -82,7 +82,7 @@ def planned(name: str, draw: int, *, bounces: bool) -> ImageStack:
     """Images of the pilot and of the lights planned from it."""
     first = captured(name, places(pilot.pattern(Recipe(), REACH)), 2 * draw, bounces=bounces)
     shots = [
-        cases.shot_of(light, number).model_copy(update={"exposure_s": float(1 / (shot * bench.SENSOR.full_well_e))})
+        cases.shot_of(light, number).model_copy(update={"exposure_s": float(1 / (shot * captures.SENSOR.full_well_e))})
         for number, (light, shot) in enumerate(zip(first.lights, first.shot, strict=True))
     ]
     observations = Observations(shots=shots, darks={}, frames=scenes.Frames())
@@ -91,7 +91,7 @@ def planned(name: str, draw: int, *, bounces: bool) -> ImageStack:
         observations,
         Recipe(seed=draw),
         REACH,
-        bench.calibration(PIXELS),
+        captures.calibration(PIXELS),
         LIGHTS - 4,
         plan.PlanOptions(certify=False),
     )
