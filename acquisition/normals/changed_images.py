@@ -82,7 +82,7 @@ class Scaled(Changed):
 
 @dataclass(frozen=True)
 class Translated(Changed):
-    """Each image's content moved by −`translation` (F, 2), pixels in x and y; linear interpolation."""
+    """Each image's content moved by −`translation` (F, 2), pixels in x and y; cubic interpolation."""
 
     translation: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
 
@@ -105,10 +105,12 @@ HALF = 0.5
 
 
 def shifted(image: Float32Array, shift: FloatArray) -> Float32Array:
-    """An image (h, w) with its content moved by `shift` (2,), pixels in x and y; linear interpolation."""
+    """An image (h, w) with its content moved by `shift` (2,), pixels in x and y; cubic interpolation."""
     matrix = np.array([[1.0, 0.0, shift[0]], [0.0, 1.0, shift[1]]])
     size = (image.shape[1], image.shape[0])
-    return np.asarray(cv2.warpAffine(image, matrix, size, borderMode=cv2.BORDER_REPLICATE), np.float32)
+    return np.asarray(
+        cv2.warpAffine(image, matrix, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE), np.float32
+    )
 
 
 def scaled(images: Images, factors: FloatArray) -> Scaled:

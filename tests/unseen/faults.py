@@ -118,7 +118,7 @@ def _moved(pixels: float) -> Fault:
         shift = np.array([[1, 0, pixels * np.cos(angle)], [0, 1, pixels * np.sin(angle)]])
         out = y.copy()
         for number in range(len(y) // 2, len(y)):
-            out[number] = cv2.warpAffine(y[number].astype(np.float32), shift, y.shape[:0:-1], flags=cv2.INTER_LINEAR)
+            out[number] = cv2.warpAffine(y[number].astype(np.float32), shift, y.shape[:0:-1], flags=cv2.INTER_LANCZOS4)
         return out
 
     return Fault(light=light)
