@@ -55,8 +55,17 @@ POSTERIOR_FACTOR, MISFIT_FACTOR = 0.67, 0.76
 """A and B of a pixel's variance (A + B χ²) σ₀², σ₀² of the posterior and χ² the whitened residuals' squares over their
 degrees of freedom: `acquisition.normals.error_variance` says where they come from."""
 
-EXPECTED_SIGMA_FACTOR = (POSTERIOR_FACTOR + MISFIT_FACTOR) ** 0.5
-"""Factor of the posterior's σ that a plan expects of the solve: χ² is 1, if the model holds."""
+PIXEL_UNKNOWNS = 3
+"""Unknowns of a pixel that its residuals pay for; the depth offset hardly takes part."""
+
+FEW_LIGHTS_SIGMA_DEG = 5.0
+"""D, degrees: 1 σ of the normal where no more than PIXEL_UNKNOWNS lights are usable: no residual is left, so that χ²
+says nothing."""
+
+UNSOUND_SIGMA_DEG = 8.0
+"""E, degrees: 1 σ of all normals of a capture of which something is wrong that could not be put right. Over 60 such
+captures (metal, subsurface scatter, deep relief; mean error 12°) P(e < σ) is 0.74 and the rms of e/σ 1.3; 0.69 and 1.5
+with 6°, 0.79 and 1.0 with 12°."""
 
 SATURATION_SHARE = 0.985
 """Share of the clipping level above which a value is taken as clipped."""

@@ -36,8 +36,7 @@ class Recipe(Value):
         ge=0.1,
         le=10,
         description="Target accuracy: lights are added until the mean σ over the object, or over the region of "
-        "interest, is at most 3 % above this value (mean error 0.886 σ; includes the sub-pixel curvature error); "
-        "instead of planned_lights",
+        "interest, is at most 3 % above this value (mean error 0.886 σ); instead of planned_lights",
     )
     max_lights: int = Field(
         default=24, ge=3, le=80, description="Maximum number of lights for a target, pilot included"

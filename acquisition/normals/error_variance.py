@@ -19,8 +19,8 @@ indirect light, the albedo's local contrast, slant, or the turn by the integrabi
 
 The constants maximise the likelihood of the errors under Rayleigh's law with a heavy tail (bivariate t, 20 degrees of
 freedom) over captures without uncorrected findings of design seeds, then all are multiplied so that P(e < σ) is 0.67
-over them: `python -m tests.unseen fit-sigma` does this, and prints them. A and B are `photometry`'s, because a plan's
-forecast takes them into account as well.
+over them: `python -m tests.unseen fit-sigma` does this, and prints them. A, B, D and E are `photometry`'s, because a
+plan's forecast takes them into account as well.
 """
 
 import cv2
@@ -36,25 +36,14 @@ CREASE_SHARE = 0.29
 MIN_CREASE_DEG = 20.0
 """Δ₀, degrees: change of the normal across a pixel from which it counts as a crease."""
 
-FEW_LIGHTS_SIGMA_DEG = 5.0
-"""D, degrees: 1 σ of the normal where fewer than MIN_LIGHTS lights are usable: no residual is left, so that χ² says
-nothing."""
-
-UNKNOWNS = 3
-"""Unknowns of a pixel that its residuals pay for; the depth offset hardly takes part."""
-
-MIN_LIGHTS = UNKNOWNS + 1
-
-UNSOUND_SIGMA_DEG = 8.0
-"""E, degrees: 1 σ of all normals of a capture of which something is wrong that could not be put right. Over 60 such
-captures (metal, subsurface scatter, deep relief; mean error 12°) P(e < σ) is 0.74 and the rms of e/σ 1.3; 0.69 and 1.5
-with 6°, 0.79 and 1.0 with 12°."""
+MIN_LIGHTS = photometry.PIXEL_UNKNOWNS + 1
 
 MAX_SQUARE = 100.0
 """Largest mean square of a pixel's residuals that counts."""
 
 WEIGHTS = np.array(
-    [photometry.POSTERIOR_FACTOR, photometry.MISFIT_FACTOR, CREASE_SHARE**2, FEW_LIGHTS_SIGMA_DEG**2], np.float32
+    [photometry.POSTERIOR_FACTOR, photometry.MISFIT_FACTOR, CREASE_SHARE**2, photometry.FEW_LIGHTS_SIGMA_DEG**2],
+    np.float32,
 )
 """A, B, M², D² of `components`."""
 
@@ -70,7 +59,7 @@ def sigma_deg(
     `unsound`: something is wrong with the capture that could not be put right.
     """
     out = np.full_like(posterior_deg, np.nan)
-    added = UNSOUND_SIGMA_DEG**2 if unsound else 0.0
+    added = photometry.UNSOUND_SIGMA_DEG**2 if unsound else 0.0
     for start in range(0, len(out), STRIP_ROWS):
         stop = min(start + STRIP_ROWS, len(out))
         first, last = max(start - 1, 0), min(stop + 1, len(out))
@@ -93,11 +82,25 @@ def components(
     """
     known = np.isfinite(posterior_deg)
     base = np.where(known, np.where(posterior_deg > UNSURE_DEG, posterior_deg, regularised_deg), 0) ** 2
-    freedom = np.where(known & (lights >= MIN_LIGHTS), lights.astype(np.float32) - UNKNOWNS, 0)
-    squares = np.where(freedom > 0, np.minimum(residual**2, MAX_SQUARE) * lights, 0)
+    squares, freedom = _squares(residual, np.where(known, lights, 0))
     square = _summed(squares) / np.maximum(_summed(freedom), 1)
     crease = np.maximum(normal_change_deg2(normals, known) - MIN_CREASE_DEG**2, 0)
     return np.stack([base, square * base, crease, lights < MIN_LIGHTS]).astype(np.float32)
+
+
+def misfit(residual: Float32Array, lights: np.ndarray) -> float:
+    """χ² of all pixels together, from the rms of whitened residuals and the number of lights (H, W) of each; 1 where no
+    pixel has a residual."""
+    squares, freedom = _squares(residual, lights)
+    total = float(np.sum(freedom, dtype=np.float64))
+    return float(np.sum(squares, dtype=np.float64)) / total if total > 0 else 1.0
+
+
+def _squares(residual: Float32Array, lights: np.ndarray) -> tuple[Float32Array, Float32Array]:
+    """Sum of squared whitened residuals and degrees of freedom (h, w) of each pixel; 0 with fewer than MIN_LIGHTS."""
+    freedom = np.where(lights >= MIN_LIGHTS, lights.astype(np.float32) - photometry.PIXEL_UNKNOWNS, 0)
+    squares = np.where(freedom > 0, np.minimum(residual**2, MAX_SQUARE) * lights, 0)
+    return squares.astype(np.float32), freedom.astype(np.float32)
 
 
 def normal_change_deg2(normals: Float32Array, known: BoolArray) -> Float32Array:

@@ -133,10 +133,12 @@ def solve(
     del views
     posterior_deg = maps["sigma_deg"][window].copy()
     _regularise(maps["normals"][window], maps["sigma_deg"][window], surface["variance"], masked.ray)
+    lights_used = surface.pop("lights")
     maps["sigma_deg"][window] = error_variance.sigma_deg(
-        posterior_deg, maps["sigma_deg"][window], maps["residual"][window], surface.pop("lights"),
-        maps["normals"][window], unsound=unsound,
+        posterior_deg, maps["sigma_deg"][window], maps["residual"][window], lights_used, maps["normals"][window],
+        unsound=unsound,
     )  # fmt: skip
+    misfit = error_variance.misfit(maps["residual"][window], lights_used)
     del posterior_deg
     depth = integration.depth(
         maps["normals"][window].transpose(2, 0, 1), masked.mask, masked.ray,
@@ -167,7 +169,12 @@ def solve(
             columns=window_columns.astype(np.int64) + images.columns.start,
             matrices=np.concatenate(matrices),
         ),
-        noise={"intensity": noise.intensity, "direction": noise.direction, "shot": float(np.mean(noise.shot))},
+        noise={
+            "intensity": noise.intensity,
+            "direction": noise.direction,
+            "shot": float(np.mean(noise.shot)),
+            "misfit": misfit,
+        },
         notes={
             "shift_m": state.shared.shift_m,
             "lamps_aside_m": state.shared.lamp_offset_m.tolist(),

@@ -54,7 +54,6 @@ class Samples:
     sigma: Float32Array  # (P,) rad
     information: FloatArray  # (P, 4, 4) of (g, ζ), weak prior included
     lit: Float32Array  # (P,) images so far in which the pixel is lit
-    curvature_variance: Float32Array  # (P,) rad², independent of the lights
     indirect: Float32Array  # (P,) indirect part of y, mean of the images so far
     offset_sigma_m: float = photometry.OFFSET_SIGMA_M  # ζ = 1 is a depth offset of so much
 
@@ -77,7 +76,7 @@ class Samples:
     def thinned(self, step: int) -> "Samples":
         """Every `step`-th pixel."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
-        over_first = ("row", "column", "albedo", "sigma", "information", "lit", "curvature_variance", "indirect")
+        over_first = ("row", "column", "albedo", "sigma", "information", "lit", "indirect")
         thinned = {
             name: np.ascontiguousarray(value[::step] if name in over_first else value[:, ::step])
             for name, value in values.items()
@@ -129,7 +128,6 @@ def samples(
         sigma=np.radians(np.nan_to_num(normal_map.sigma_deg[rows, columns], nan=40.0)).astype(np.float32),
         information=information + _prior_information(albedo),
         lit=np.count_nonzero(normal_map.flags[:, rows, columns] & LIT, axis=0).astype(np.float32),
-        curvature_variance=planned_noise.curvature_variance(normal_map, rows, columns),
         indirect=np.zeros_like(albedo),
         offset_sigma_m=offset_sigma_m,
     )
@@ -284,7 +282,8 @@ class Posterior:
 
     @property
     def sigma_deg(self) -> FloatArray:
-        """Expected σ (P,) over the scenarios, degrees."""
+        """Posterior σ (P,), mean over the scenarios, degrees; a result's also has components of the model's errors
+        (`expected_sigma`)."""
         return np.degrees(np.mean(np.sqrt(self.variance), axis=0))
 
 
@@ -317,4 +316,4 @@ def posterior(sample: Samples, lights: Candidates, weight: FloatArray | None = N
         out.variance,
         out.lit,
     )
-    return replace(out, lit=out.lit + sample.lit, variance=out.variance + sample.curvature_variance)
+    return replace(out, lit=out.lit + sample.lit)

@@ -13,9 +13,6 @@ the lamp's, so dark measurements beside it carry less information. It is estimat
 
 Highlights on a glossy surface are another error of the images: where the pilot shows some, lights that would cause
 them at many pixels carry less information.
-
-Sub-pixel curvature (discretisation) error: where the surface bends within a pixel, its normal is a mixture, and no
-light removes that variance. It is estimated from second differences of the normals round the pixel.
 """
 
 from dataclasses import dataclass, replace
@@ -23,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acquisition import photometry
-from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import HIGHLIGHT, NormalMap
 
@@ -37,15 +34,6 @@ INTEGRABILITY_FACTOR = 0.5
 """Integrability factor of variance: share of the independent pixel noise that remains after the projection of the
 normals to an integrable field. With it, measured over expected mean errors of eight images are 0.83–1.0 for smooth
 objects and figures, 1.0–1.3 for parts and fine relief."""
-
-SUBPIXEL_FACTOR = 0.09
-"""Sub-pixel factor of σ: error of a pixel's normal as a share of the second difference of the normals round it, for
-relief and steps alike: 0.09–0.12 of fine relief where these are 4–40°."""
-
-DIFFERENCE_NOISE_RAD = float(np.radians(3.0))
-DIFFERENCE_NOISE_SIGMAS = 3.0
-"""Noise floors of second differences of the pilot's normals: an absolute one in rad, and one in units of the pixel's
-σ; both are subtracted in quadrature."""
 
 INDIRECT_SIGMA = 0.4
 """1 σ of the residual indirect radiance after correction, as a share of it, for each light. It contains more than the
@@ -126,21 +114,3 @@ def solved_variance(
     lamps = (intensity * value) ** 2 + (direction * strength) ** 2
     predicted = (photometry.PREDICTED_INDIRECT_SIGMA * indirect) ** 2
     return assumed.shot[:, None] * value + assumed.floor[:, None] + lamps + predicted
-
-
-def curvature_variance(normal_map: NormalMap, rows: np.ndarray, columns: np.ndarray) -> Float32Array:
-    """Sub-pixel curvature (discretisation) variance (P,) of pixels' normals, rad², from second differences."""
-    height, width = normal_map.mask.shape
-    normal = normal_map.normals[rows, columns].astype(np.float64)
-    squared_difference = np.zeros(len(rows))
-    for down, right in ((0, 1), (1, 0)):
-        before = np.maximum(rows - down, 0), np.maximum(columns - right, 0)
-        after = np.minimum(rows + down, height - 1), np.minimum(columns + right, width - 1)
-        inside: BoolArray = normal_map.mask[before] & normal_map.mask[after]
-        second_difference = np.nan_to_num(normal_map.normals[before] + normal_map.normals[after] - 2 * normal)
-        squared_difference += np.where(inside, np.sum(second_difference**2, axis=1), 0.0)
-    sigma = np.radians(np.nan_to_num(normal_map.sigma_deg[rows, columns], nan=40.0))
-    return (
-        SUBPIXEL_FACTOR**2
-        * np.maximum(squared_difference / 2 - DIFFERENCE_NOISE_RAD**2 - (DIFFERENCE_NOISE_SIGMAS * sigma) ** 2, 0.0)
-    ).astype(np.float32)

@@ -6,11 +6,11 @@ held-out pixels, because the variance of the pixels that the search has used is 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition import lamp_pose, photometry
+from acquisition import lamp_pose
 from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
@@ -22,6 +22,7 @@ from acquisition.models.shot import Observations
 from acquisition.plan import (
     baselines,
     criterion,
+    expected_sigma,
     objective,
     optimise,
     planned_noise,
@@ -29,8 +30,9 @@ from acquisition.plan import (
     two_ring_pattern,
     visibility,
 )
-from acquisition.plan.criterion import Candidates, Posterior, Samples
+from acquisition.plan.criterion import Candidates, Samples
 from acquisition.plan.deadline import Deadline
+from acquisition.plan.expected_sigma import ExpectedSigma
 from acquisition.plan.objective import Loss
 from acquisition.plan.planned_noise import Gloss
 from acquisition.plan.visibility import Surface
@@ -93,6 +95,7 @@ class Problem:
     observations: Observations
     surface: Surface
     gloss: Gloss
+    expected: ExpectedSigma
     calibration: Calibration
     recipe: Recipe
     reach: Reach
@@ -114,11 +117,11 @@ class Problem:
         """Design rows of lights at positions (M, 3) at the held-out pixels, with the expected noise."""
         return self.design_rows(self.holdout_sample, positions, cautious=False)
 
-    def holdout_posterior(self, positions: FloatArray) -> Posterior:
-        """Posterior of the held-out pixels after lights at positions (M, 3)."""
-        if not len(positions):
-            return criterion.posterior(self.holdout_sample, criterion.no_candidates(self.holdout_sample))
-        return criterion.posterior(self.holdout_sample, self.holdout_candidates(positions))
+    def predicted_deg(self, positions: FloatArray) -> FloatArray:
+        """σ (P,) in degrees expected of the held-out pixels after lights at positions (M, 3)."""
+        none = criterion.no_candidates(self.holdout_sample)
+        lights = self.holdout_candidates(positions) if len(positions) else none
+        return self.expected.sigma_deg(criterion.posterior(self.holdout_sample, lights))
 
     def design_rows(self, sample: Samples, positions: FloatArray, *, cautious: bool) -> Candidates:
         """Whitened design rows and visibilities of lights at positions (M, 3) at sample pixels."""
@@ -156,7 +159,7 @@ def choose(
     captured = sum(shot.kind == "light" for shot in observations.shots)
     count_to_add = max(recipe.lights_total - captured, 0) if count is None else count
     problem = _build_problem(normal_map, observations, recipe, reach, calibration, options, count_to_add)
-    before_deg = problem.holdout_posterior(np.empty((0, 3))).sigma_deg * photometry.EXPECTED_SIGMA_FACTOR
+    before_deg = problem.predicted_deg(np.empty((0, 3)))
     if count_to_add == 0:
         return _light_plan([], [], [], before_deg, ["all lights of the recipe have been captured"])
     candidates = problem.search_candidates(problem.positions)
@@ -174,12 +177,12 @@ def choose(
             lambda place: reach.allows(place) is None,
             until,
         )
-    rings = problem.holdout_posterior(problem.positions[sets[0]])
+    rings_deg = problem.predicted_deg(problem.positions[sets[0]])
     planned_rows = problem.holdout_candidates(positions)
-    sigma_deg = criterion.posterior(problem.holdout_sample, planned_rows).sigma_deg * photometry.EXPECTED_SIGMA_FACTOR
+    sigma_deg = problem.expected.sigma_deg(criterion.posterior(problem.holdout_sample, planned_rows))
     notes = [
         f"mean σ {np.mean(before_deg):.2f}° so far, {np.mean(sigma_deg):.2f}° expected with these lights, "
-        f"{photometry.EXPECTED_SIGMA_FACTOR * np.mean(rings.sigma_deg):.2f}° with two rings"
+        f"{np.mean(rings_deg):.2f}° with two rings"
     ]
     if until.passed:
         notes.append(
@@ -194,7 +197,7 @@ def choose(
     unlit = float(np.mean(np.sum(planned_rows.visibility > 0.5, axis=0) == 0))
     if unlit > 0.02:
         notes.append(f"{unlit:.0%} of the pixels are expected to see none of the new lights")
-    reasons, gains = _gains_and_reasons(problem.holdout_sample, planned_rows, (positions - reach.center))
+    reasons, gains = _gains_and_reasons(problem, planned_rows, positions - reach.center)
     plan = _light_plan(problem.lights(positions), reasons, gains, sigma_deg, notes)
     within_reach = [further for further in options.forecast_counts if further <= len(problem.positions)]
     curve = _forecast_curve(problem, candidates, captured, within_reach)
@@ -234,8 +237,7 @@ def _forecast_curve(problem: Problem, options: Candidates, captured: int, counts
             loss, sets = _loss_and_patterns(problem, options, count)
             seed = problem.recipe.seed
             chosen = optimise.search(problem.search_sample, options, loss, sets, count, seed, Deadline(), quick=True)
-        sigma_deg = float(np.mean(problem.holdout_posterior(problem.positions[chosen]).sigma_deg))
-        sigma_deg *= photometry.EXPECTED_SIGMA_FACTOR
+        sigma_deg = float(np.mean(problem.predicted_deg(problem.positions[chosen])))
         points.append(ForecastPoint(added=count, lights=captured + count, sigma_deg=sigma_deg))
     return points
 
@@ -276,6 +278,7 @@ def _build_problem(
         observations=observations,
         surface=visibility.surface(normal_map, calibration),
         gloss=planned_noise.gloss(normal_map),
+        expected=expected_sigma.of(normal_map),
         calibration=calibration,
         recipe=recipe,
         reach=reach,
@@ -299,12 +302,11 @@ def _certificate(
 ) -> dict[str, float | str]:
     """Efficiency of plan and two rings against the relaxation's lower bound, as fields of `LightPlan`.
 
-    `options` holds the plan's own positions too. The sub-pixel curvature variance, which no light removes, is left out:
-    it would pull all efficiencies towards 1.
+    `options` holds the plan's own positions too. The certificate is of the posterior: variances that no light lowers
+    would pull all efficiencies towards 1.
     """
     step = max(1, len(problem.search_sample.albedo) // CERTIFICATE_PIXELS)
     sample = problem.search_sample.thinned(step)
-    sample = replace(sample, curvature_variance=np.zeros_like(sample.curvature_variance))
     planned = problem.search_candidates(positions).thinned(step)
     thinned = options.thinned(step)
     bound = relaxation.bound(sample, thinned, len(positions), until)
@@ -338,16 +340,16 @@ def _light_plan(
     )
 
 
-def _gains_and_reasons(sample: Samples, lights: Candidates, offsets: FloatArray) -> tuple[list[str], list[float]]:
+def _gains_and_reasons(problem: Problem, lights: Candidates, offsets: FloatArray) -> tuple[list[str], list[float]]:
     """Leave-one-out gains: for each light a sentence, and the fraction by which mean σ rises without it."""
     directions = offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
-    with_all = criterion.posterior(sample, lights).sigma_deg
+    sample, every = problem.holdout_sample, np.arange(len(lights.row))
+    with_all = problem.expected.sigma_deg(criterion.posterior(sample, lights))
     reasons: list[str] = []
     gains: list[float] = []
     for number, direction in enumerate(directions):
-        sigma_without = criterion.posterior(
-            sample, lights.only(np.delete(np.arange(len(lights.row)), number))
-        ).sigma_deg
+        without = criterion.posterior(sample, lights.only(np.delete(every, number)))
+        sigma_without = problem.expected.sigma_deg(without)
         improved = with_all < 0.95 * sigma_without
         effect = "makes all pixels a little more certain"
         if np.any(improved):

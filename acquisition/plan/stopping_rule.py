@@ -7,12 +7,10 @@ requires, which is scaled by the ratio of the solved to the expected σ of the i
 number of lights would not meet the target, final lights with negligible gain are omitted. No state but the images is
 kept between the passes, so that an interrupted session continues with the same lights.
 
-The σ compared with the target includes the sub-pixel curvature variance: no light removes it, and in fine relief it
-exceeds all other parts. Decision 0031.
+The σ compared with the target is the result's mean σ, the components that no light lowers included. Decision 0031.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -26,7 +24,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap
 from acquisition.models.route import Reach
 from acquisition.models.shot import Observations
-from acquisition.plan import planned_noise, planner
+from acquisition.plan import planner
 
 COUNTS = (1, 2, 3, 4, 6, 8, 11, 15, 20, 28, 40, 76)
 """Numbers of further lights for which σ is forecast; between them it is interpolated linearly in logarithms."""
@@ -63,7 +61,7 @@ def plan_to_target(
     if target is None:
         raise RigError(ErrorCode.REQUEST_INVALID, "the recipe has no target_sigma_deg")
     captured = sum(shot.kind == "light" for shot in observations.shots)
-    achieved = achieved_sigma_deg(normal_map, calibration, region)
+    achieved = photometry.mean_sigma_deg(normal_map, calibration, region)
     state = f"mean σ {achieved:.2f}°"
     allowed = recipe.max_lights - captured
     first = captured <= recipe.pilot_lights and allowed > 0
@@ -95,18 +93,6 @@ def plan_to_target(
             f"the target may not be met: {lowest_deg:.2f}° is expected with all {recipe.max_lights} lights allowed"
         )
     return chosen.model_copy(update={"notes": [*notes, *chosen.notes], "forecast": curve})
-
-
-def achieved_sigma_deg(normal_map: NormalMap, calibration: Calibration, region: BoolArray | None = None) -> float:
-    """Mean σ in degrees over the facing pixels, within `region` (H, W) if given, sub-pixel curvature included.
-
-    Raises RigError normals.infeasible when there are none.
-    """
-    rows, columns = np.nonzero(normal_map.mask)
-    sigma = normal_map.sigma_deg.copy()
-    subpixel_deg = np.degrees(np.sqrt(planned_noise.curvature_variance(normal_map, rows, columns)))
-    sigma[rows, columns] = np.hypot(sigma[rows, columns], subpixel_deg)
-    return photometry.mean_sigma_deg(replace(normal_map, sigma_deg=sigma), calibration, region)
 
 
 def _fewest_lights_meeting(curve: Sequence[ForecastPoint], target_deg: float) -> int:

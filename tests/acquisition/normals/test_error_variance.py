@@ -7,10 +7,9 @@ from acquisition import photometry
 from acquisition.normals import error_variance
 from acquisition.normals.error_variance import (
     CREASE_SHARE,
-    FEW_LIGHTS_SIGMA_DEG,
+    MAX_SQUARE,
     MIN_CREASE_DEG,
     STRIP_ROWS,
-    UNSOUND_SIGMA_DEG,
 )
 from acquisition.normals.regularisation import UNSURE_DEG
 
@@ -41,15 +40,23 @@ def test_sigma_perfect_fit_is_posterior_times_factor() -> None:
     assert sigma() == pytest.approx(np.sqrt(photometry.POSTERIOR_FACTOR), rel=1e-5)
 
 
-def test_sigma_expected_misfit_is_what_plans_forecast() -> None:
-    assert sigma(residual=float(np.sqrt(5 / 8))) == pytest.approx(photometry.EXPECTED_SIGMA_FACTOR, rel=1e-5)
+def test_sigma_of_model_that_holds_has_misfit_one() -> None:
+    factor = np.sqrt(photometry.POSTERIOR_FACTOR + photometry.MISFIT_FACTOR)
+    assert sigma(residual=float(np.sqrt(5 / 8))) == pytest.approx(factor, rel=1e-5)
+
+
+def test_misfit_weighs_pixels_by_degrees_of_freedom() -> None:
+    residual = np.array([[1.0, 2.0, 9.0]], np.float32)
+    assert error_variance.misfit(residual, np.array([[5, 8, 3]], np.uint8)) == pytest.approx((5 + 4 * 8) / (2 + 5))
+    assert error_variance.misfit(residual, np.full((1, 3), 3, np.uint8)) == 1.0
+    assert error_variance.misfit(residual * 100, np.full((1, 3), 6, np.uint8)) == pytest.approx(2 * MAX_SQUARE)
 
 
 @pytest.mark.parametrize(
     ("change", "added_deg"),
     [
-        ({"lights": 3}, FEW_LIGHTS_SIGMA_DEG),
-        ({"unsound": True}, UNSOUND_SIGMA_DEG),
+        ({"lights": 3}, photometry.FEW_LIGHTS_SIGMA_DEG),
+        ({"unsound": True}, photometry.UNSOUND_SIGMA_DEG),
     ],
 )
 def test_sigma_component_adds_in_quadrature(change: dict[str, float], added_deg: float) -> None:

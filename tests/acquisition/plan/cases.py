@@ -38,7 +38,6 @@ def random_case(seed: int, pixels: int = 20, lights: int = 6) -> tuple[Samples, 
         sigma=np.zeros(pixels, np.float32),
         information=half @ half.transpose(0, 2, 1) + 5 * np.eye(4),
         lit=np.zeros(pixels, np.float32),
-        curvature_variance=np.zeros(pixels, np.float32),
         indirect=np.zeros(pixels, np.float32),
     )
     row = rng.normal(size=(lights, 4, pixels)) * 60
@@ -59,7 +58,6 @@ def distant_case(normal: FloatArray, units: FloatArray, scale: float = 1000.0) -
         sigma=np.zeros(pixels, np.float32),
         information=np.tile(np.diag([1.0, 1.0, 1.0, 1.0]), (pixels, 1, 1)),
         lit=np.zeros(pixels, np.float32),
-        curvature_variance=np.zeros(pixels, np.float32),
         indirect=np.zeros(pixels, np.float32),
     )
     row = np.zeros((len(units), 4, pixels), np.float32)

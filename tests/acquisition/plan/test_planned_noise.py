@@ -1,4 +1,4 @@
-"""Noise model of planned images: gloss, sub-pixel curvature, and the reweighting of information."""
+"""Noise model of planned images: gloss, indirect light, and the reweighting of information."""
 
 from dataclasses import replace
 
@@ -55,28 +55,6 @@ def test_candidates_gloss_devalues_light_at_its_highlight(ball: scenes.Scene) ->
     assert np.sum(near) > 5
     assert np.all(glossy[near] < 0.1 * matt[near])
     np.testing.assert_allclose(glossy[far], matt[far], rtol=1e-3)
-
-
-def test_curvature_variance_follows_second_difference_of_normals(ball: scenes.Scene) -> None:
-    normal_map = piloted(ball)
-    rows, columns = np.nonzero(ball.graded)
-    assert np.quantile(planned_noise.curvature_variance(normal_map, rows, columns), 0.95) < np.radians(0.1) ** 2
-    bent = normal_map.normals.copy()
-    turn = np.radians(20.0)
-    bent[60:68, 64] = [np.sin(turn), 0, np.cos(turn)]  # a column of pixels on the ball's top, tilted by 20°
-    kept = planned_noise.curvature_variance(replace(normal_map, normals=bent), np.array([64]), np.array([64]))
-    # The second difference across the column is twice the step of 2 sin 10°, along it zero.
-    square = (2 * 2 * np.sin(turn / 2)) ** 2 / 2 - planned_noise.DIFFERENCE_NOISE_RAD**2
-    square -= (planned_noise.DIFFERENCE_NOISE_SIGMAS * np.radians(1.0)) ** 2  # σ is 1° in this map
-    np.testing.assert_allclose(kept, planned_noise.SUBPIXEL_FACTOR**2 * square, rtol=0.15)
-
-
-def test_curvature_variance_edges_and_nan_stay_finite(ball: scenes.Scene) -> None:
-    normal_map = piloted(ball)
-    normal_map.normals[63, 64] = np.nan
-    everywhere = replace(normal_map, mask=np.ones_like(normal_map.mask))
-    rows, columns = np.array([0, 0, 127, 127, 64]), np.array([0, 127, 0, 127, 64])
-    assert np.all(np.isfinite(planned_noise.curvature_variance(everywhere, rows, columns)))
 
 
 def test_reweight_scales_information_to_expected_noise(ball: scenes.Scene) -> None:

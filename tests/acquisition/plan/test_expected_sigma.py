@@ -1,0 +1,54 @@
+"""The σ that a plan expects: what misfit, few lights and findings add to the posterior."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition import photometry, pilot
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import ModelFinding
+from acquisition.plan import expected_sigma
+from acquisition.plan.criterion import Posterior
+from acquisition.plan.expected_sigma import MAX_MISFIT, SHARED_SIGMA_DEG, ExpectedSigma
+from tests.acquisition import scenes
+from tests.acquisition.plan import cases
+
+
+def posterior(sigma_deg: float, lit: float = 6.0) -> Posterior:
+    return Posterior(
+        np.zeros((3, 10, 5), np.float32), np.full((3, 5), np.radians(sigma_deg) ** 2), np.full((3, 5), lit, np.float32)
+    )
+
+
+def test_sigma_of_many_lights_is_what_images_share() -> None:
+    assert ExpectedSigma(4.0).sigma_deg(posterior(1e-6)) == pytest.approx(2 * SHARED_SIGMA_DEG)
+
+
+def test_sigma_rises_with_misfit_of_images_so_far() -> None:
+    factor = photometry.POSTERIOR_FACTOR + photometry.MISFIT_FACTOR * 3
+    expected = np.sqrt(factor * 2.0**2 + 3 * SHARED_SIGMA_DEG**2)
+    assert ExpectedSigma(3.0).sigma_deg(posterior(2.0)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("expected", "lit", "added_deg"),
+    [
+        (ExpectedSigma(), 3.0, photometry.FEW_LIGHTS_SIGMA_DEG),
+        (ExpectedSigma(unsound=True), 4.0, photometry.UNSOUND_SIGMA_DEG),
+    ],
+)
+def test_sigma_component_adds_in_quadrature(expected: ExpectedSigma, lit: float, added_deg: float) -> None:
+    plain = ExpectedSigma().sigma_deg(posterior(1.0))[0]
+    assert expected.sigma_deg(posterior(1.0, lit)) == pytest.approx(np.hypot(plain, added_deg))
+
+
+def test_of_normal_map_reads_misfit_and_findings() -> None:
+    true = scenes.scene(scenes.sphere, scenes.calibration(48))
+    known = cases.known_map(true, pilot.pattern(Recipe(), scenes.Dome(refused=0)))
+    stated = [expected_sigma.of(replace(known, noise={"misfit": misfit})).misfit for misfit in (0.2, 3.0, 90.0)]
+    assert stated == [1.0, 3.0, MAX_MISFIT]
+    assert expected_sigma.of(known) == ExpectedSigma()
+    corrected, left = (ModelFinding(kind="lamps", message="-", corrected=one) for one in (True, False))
+    assert not expected_sigma.of(replace(known, findings=(corrected,))).unsound
+    assert expected_sigma.of(replace(known, findings=(corrected, left))).unsound
