@@ -26,7 +26,7 @@ import cv2
 from hardware_sim import families
 from tests.unseen import ablation, dome, faults, reports, run, sigma_fit, tables
 from tests.unseen.patterns import PATTERNS
-from tests.unseen.scenes import GRADINGS
+from tests.unseen.scenes import GRADINGS, PIXELS
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -49,6 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
     domes = commands.add_parser("dome", help="replay a dome of 96 lamps: its plan against random choices")
     _add_scenes(domes, out=Path("build/unseen/dome.jsonl"))
     domes.add_argument("--count", type=int, default=8, help="images in all, pilot included")
+    domes.add_argument("--pixels", type=int, default=PIXELS, help="side of the images; with 72 a solve takes a third")
     domes.add_argument("--choices", type=int, default=200, help="random choices of each kind")
     domes.add_argument(
         "--kinds", default=",".join(dome.KINDS), help="of any lamps; of the pilot's and any further ones"
@@ -118,6 +119,7 @@ def _dome(asked: argparse.Namespace, names: tuple[str, ...], command: str) -> in
         choices=asked.choices,
         out=asked.out,
         reflectance=asked.reflectance,
+        pixels=asked.pixels,
         report=asked.report,
         done=dome.done(asked.out),
     )

@@ -40,7 +40,7 @@ LAMPS = 96
 SLANT_DEG = (10.0, 70.0)
 PLANNED, PILOT = "plan", "pilot alone"
 KINDS = ("any", "pilot")
-IDENTITY = ("family", "seed", "reflectance", "count", "kind", "choice")
+IDENTITY = ("family", "seed", "reflectance", "pixels", "count", "kind", "choice")
 ROOT = Path(__file__).parents[2]
 
 
@@ -55,6 +55,7 @@ class Replay:
     choices: int
     out: Path
     reflectance: str | None = None
+    pixels: int = scenes.PIXELS
     report: bool = False
     done: frozenset[tuple[object, ...]] = field(default=frozenset())
 
@@ -62,7 +63,7 @@ class Replay:
         """The choices of one scene that are not done, the plan first."""
         drawn = [(PLANNED, 0), (PILOT, 0), *((kind, k) for k in range(self.choices) for kind in self.kinds)]
         for kind, choice in drawn:
-            values = (family, seed, self.reflectance, self.count, kind, choice)
+            values = (family, seed, self.reflectance, self.pixels, self.count, kind, choice)
             if values not in self.done:
                 yield dict(zip(IDENTITY, values, strict=True))
 
@@ -117,7 +118,7 @@ def run_scene(run: Replay, family: str, seed: int) -> int:
     if not lines:
         return 0
     with scenes.report_seeds() if run.report else nullcontext():
-        scene = scenes.scene(family, seed, run.reflectance)
+        scene = scenes.scene(family, seed, run.reflectance, run.pixels)
     first = pilot_numbers(scene)
     with tempfile.TemporaryDirectory(prefix="unseen-dome-") as scratch:
         folder = Path(scratch) / "dome"
@@ -154,17 +155,17 @@ def table(lines: Sequence[Line], grading_name: str) -> str:
     families."""
     scenes_errors: dict[tuple[object, ...], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for line in lines:
-        scene = tuple(line.get(name) for name in IDENTITY[:4])
+        scene = tuple(line.get(name) for name in IDENTITY[:5])
         scenes_errors[scene][str(line["kind"])].append(float(str(line[f"{grading_name}.mean"])))
         if "forecast" in line:
             scenes_errors[scene]["expected"].append(float(str(line["forecast"])))
     rows: list[str] = []
     shares: dict[str, dict[object, list[float]]] = defaultdict(lambda: defaultdict(list))
-    for (family, seed, reflectance, count), errors in scenes_errors.items():
+    for (family, seed, reflectance, pixels, count), errors in scenes_errors.items():
         if PLANNED not in errors:
             continue
         ours = errors[PLANNED][0]
-        row = f"{family:9} {seed:>4} {reflectance or 'own':12} {count:>3}"
+        row = f"{family:9} {seed:>4} {reflectance or 'own':12} {pixels:>4} px {count:>3} images"
         row += "".join(f"  {name} {errors[name][0]:6.2f}" for name in (PLANNED, "expected", PILOT) if name in errors)
         for kind in KINDS:
             if kind in errors:

@@ -10,7 +10,7 @@ from tests.unseen.run import Line, read
 
 
 def line(kind: str, choice: int, error: float, seed: int = 0, family: str = "blob") -> Line:
-    values = (family, seed, None, 8, kind, choice)
+    values = (family, seed, None, 144, 8, kind, choice)
     return dict(zip(dome.IDENTITY, values, strict=True)) | {"within_78_deg.mean": error}
 
 
