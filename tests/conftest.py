@@ -22,6 +22,11 @@ NO_CLOCK = tuple(TESTS / "acquisition" / name for name in ("normals", "plan", "w
 
 os.environ["LIGHTPOSE_LOOPBACK_ONLY"] = "1"  # inherited by driver processes, which refuse any other address
 
+if "PYTEST_XDIST_WORKER" in os.environ:
+    # Workers fill the cores. Small kernels whose threads wait for one another then take several times as long.
+    for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Lets tests of the default suite that race a clock run a second time."""
