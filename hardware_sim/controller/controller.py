@@ -211,6 +211,10 @@ class Controller:
         """Feeds the watchdogs with the names of a packet."""
         self._watchdogs.feed(names, now)
 
+    def frozen(self, seconds: float) -> None:
+        """Takes the time that this process has just had no core from what the watchdogs count."""
+        self._watchdogs.postpone(seconds)
+
     def protective_stop(self, why: str) -> None:
         """Brakes at once and pauses the program until somebody unlocks."""
         self._safety_stop(SafetyMode.PROTECTIVE_STOP, why)

@@ -2,7 +2,8 @@
 
 One thread needs no locks and gives every packet the values of exactly one tick; what takes long is done elsewhere.
 After a delay the missed ticks are caught up, so that time stamps stay 2 ms × ticks; after a long freeze (a stopped
-process) the time is lost instead.
+process) the time is lost instead. A real controller has a machine of its own: while this process has no core, its
+clients, on the same machine, have none either, so that their watchdogs do not count that time.
 """
 
 import logging
@@ -32,6 +33,7 @@ from hardware_sim.controller.trace import Recorder
 
 LOG = logging.getLogger("hardware_sim.controller")
 _LONGEST_CATCH_UP = 1.0  # s
+_FROZEN = 0.05  # s; a loop as late as this had no core meanwhile
 _SWEEP = 50  # ticks
 _AT_ONCE = 8  # descriptors served before the clock is read again; epoll gives the others their turn next
 
@@ -128,6 +130,9 @@ class Server:
             if wait > 0.0:
                 # select waits in microseconds, epoll only in milliseconds.
                 select.select([self._poll.fileno()], [], [], wait)
+            late = time.monotonic() - deadline
+            if late > _FROZEN:  # before what has arrived meanwhile is read
+                self.controller.frozen(late)
             for descriptor, event in self._poll.poll(0, _AT_ONCE):
                 if descriptor == stop_descriptor:
                     if not os.read(descriptor, 4096):

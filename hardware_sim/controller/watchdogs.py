@@ -30,6 +30,11 @@ class Watchdogs:
             if variable in names:
                 watchdog.last = now
 
+    def postpone(self, seconds: float) -> None:
+        """Lets all expire that much later."""
+        for watchdog in self._by_variable.values():
+            watchdog.last += seconds
+
     def expired(self, now: float) -> tuple[str, str] | None:
         """The action of one whose variable is late, and why; each period once."""
         for variable, watchdog in self._by_variable.items():
