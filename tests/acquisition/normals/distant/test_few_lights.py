@@ -68,7 +68,7 @@ def test_solve_twelve_lights_auto_is_not_behind_baselines(shape: str, material: 
 
 
 def test_solve_rough_surface_twelve_lights_fits_reflectance() -> None:
-    scene = few_light_scenes.scene("rabbit", "rough", 12, 0, size=40, indirect=False)
+    scene = few_light_scenes.scene("rabbit", "rough", 12, 0, size=32, indirect=False)
     result = distant.solve(scene.image_set(), with_depth=False)
     assert result.notes["solver"] == "glossy"
     robust = distant.solve(scene.image_set(), "robust", with_depth=False)

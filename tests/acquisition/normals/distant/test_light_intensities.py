@@ -74,7 +74,7 @@ def test_solve_rabbit_under_unequal_lamps_is_as_under_equal() -> None:
 
 def test_solve_exact_intensities_are_not_changed() -> None:
     scene = few_light_scenes.scene("rabbit", "glossy", 12, 0, size=64, indirect=False)
-    result = distant.solve(scene.image_set(), with_depth=False)
+    result = distant.solve(scene.image_set(), "robust", with_depth=False)
     assert np.all(result.intensity_factors == 1)
     assert "intensity_factors" not in result.notes
 
