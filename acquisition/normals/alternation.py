@@ -17,6 +17,7 @@ from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.normals import (
     discontinuity,
+    image_terms,
     integration,
     interreflection,
     pixel_solve,
@@ -25,7 +26,7 @@ from acquisition.normals import (
     specular,
 )
 from acquisition.normals.discontinuity import ShadowImages
-from acquisition.normals.image_terms import LAMBERTIAN, MAX_ROUGH_WEIGHT, ImageTerms
+from acquisition.normals.image_terms import LAMBERTIAN
 from acquisition.normals.interreflection import Surface
 from acquisition.normals.pixel_solve import Estimate, Pixels, PixelSolveOptions, Scene
 from acquisition.normals.pyramid import PyramidLevel
@@ -170,7 +171,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         discontinuous_depth = None
         if discontinuous:
             cuts = INITIAL_DISCONTINUITY_ROUNDS if turn == 0 else 1
-            reflected = measured - highlight - estimate.ambient_value
+            reflected = measured - highlight - estimate.nondiffuse_value
             shadows = ShadowImages(coarse, reflected, estimate.light, present.lamps)
             discontinuous_depth = discontinuity.discontinuous_depth(shadows, normals, confidence, depth, smooth, cuts)
         discontinuous = discontinuous_depth is not None
@@ -181,12 +182,11 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
         )
         highlight = lobe.highlight(estimate, ray_direction)
         indirect = _indirect_light(
-            level, measured - highlight - estimate.ambient_value, values - estimate.ambient_value, estimate, depth,
-            normals, present,
+            level, measured - highlight, values, estimate, depth, normals, present,
             expected=indirect is not None and indirect.significant,
         )  # fmt: skip
         radiance = indirect.radiance
-        direct_diffuse = not indirect.significant and lobe.strength == 0
+        direct_diffuse = not indirect.significant and lobe.strength == 0 and shared.terms.gloss == 0
 
         values = (measured - radiance)[:, chosen]
         before = shared.shift_m
@@ -227,11 +227,13 @@ def _indirect_light(
     level: PyramidLevel, diffuse: Float32Array, direct: Float32Array, estimate: Estimate, depth_m: Float32Array,
     normals: Float32Array, scene: Scene, *, expected: bool,
 ) -> _IndirectLight:  # fmt: skip
-    """Predicts interreflection from `diffuse` images (F, N) without highlights; `direct` (F, N) gave the estimate.
+    """Predicts interreflection from `diffuse` images (F, N) without the lobe's highlights; `direct` (F, N) gave the
+    estimate. What its terms say is no diffuse reflection is taken from both.
 
     Unless it is `expected`, a few pixels decide first whether it is significant.
     """
     coarse = level.coarse
+    diffuse, direct = diffuse - estimate.nondiffuse_value, direct - estimate.nondiffuse_value
 
     def predicted(every: int) -> _IndirectLight:
         surface = Surface(depth_m, normals, estimate.albedo, level.table)
@@ -297,8 +299,9 @@ def _self_calibrate(
         )  # fmt: skip
         if turn in (0, 3):
             noise = residual_noise.estimate(
-                estimate, diffuse, noise, nominal.noise, sample.ray_direction, lamps, CALIBRATION_DEPTH_SIGMA_M, extra
-            )
+                estimate, diffuse, noise, nominal.noise, sample.ray_direction, lamps, CALIBRATION_DEPTH_SIGMA_M,
+                extra + estimate.highlight_variance,
+            )  # fmt: skip
         if turn == 3:
             break
         by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, sample.ray_direction, lamps)
@@ -314,10 +317,6 @@ def _self_calibrate(
             lamp_offset_m=present.lamp_offset_m + step.lamp_offset_m,
             shift_m=float(np.clip(present.shift_m + shift, -MAX_SHIFT_M, MAX_SHIFT_M)),
             covariance=step.covariance if calibrate else present.covariance,
-            terms=ImageTerms(
-                float(np.clip(present.terms.roughness + step.terms.roughness, 0, MAX_ROUGH_WEIGHT)),
-                max(present.terms.ambient + step.terms.ambient, 0.0),
-                present.terms.offset + step.terms.offset,
-            ),
+            terms=image_terms.stepped(present.terms, step.terms),
         )
     return present, noise

@@ -28,6 +28,7 @@ from acquisition.normals import (
     regularisation,
     residual_noise,
     specular,
+    term_solve,
 )
 from acquisition.normals.alternation import AlternationResult
 from acquisition.normals.pixel_solve import Estimate, Lighting, Pixels, PixelSolveOptions, Scene
@@ -114,7 +115,7 @@ def solve(
     matrices: list[FloatArray] = []
     before, light, indirect = 0, 0.0, 0.0
     margin = 1 if _direct_diffuse(state) else 3
-    margin += 0 if scene.terms is None else pixel_solve.TERM_ROUNDS * margin
+    margin += 0 if scene.terms is None else term_solve.ROUNDS * margin
     for rows in masked.blocks():
         mask = masked.mask[rows]
         after = before + int(np.count_nonzero(mask))
@@ -151,7 +152,7 @@ def solve(
     maps["depth"][window] = depth
     maps["depth"][unsolved] = 0
     window_rows, window_columns = np.unravel_index(np.concatenate(numbers), shape)
-    noise = scene.noise
+    noise, lobe = scene.noise, state.lobe if scene.terms is None else specular.equivalent(state.lobe, scene.terms.gloss)
     return NormalMap(
         normals=maps["normals"],
         albedo=maps["albedo"],
@@ -180,7 +181,7 @@ def solve(
             "lamps_aside_m": state.shared.lamp_offset_m.tolist(),
             "threshold": scene.settings.shadow_threshold,
             "interreflection": {"share": indirect / light, "scale": state.indirect_scale},
-            "lobe": {"strength": state.lobe.strength, "exponent": state.lobe.exponent},
+            "lobe": {"strength": lobe.strength, "exponent": lobe.exponent},
         },
     )
 
@@ -293,15 +294,17 @@ def _solve_pixels(pixels: Pixels, state: AlternationResult, scene: Scene) -> Pix
             values = measured - gloss.highlight
             extra = np.square(np.float32(specular.HIGHLIGHT_SIGMA) * gloss.highlight)
         if state.indirect_irradiance is not None:
-            ambient = len(values) * estimate.ambient_value
+            other = np.sum(np.broadcast_to(estimate.nondiffuse_value, values.shape), axis=0)
             indirect = interreflection.reflected_radiosity(
-                state.indirect_irradiance, np.sum(values, axis=0) - ambient, direct - ambient, estimate.albedo
+                state.indirect_irradiance, np.sum(values, axis=0) - other, direct - other, estimate.albedo
             )
             values = values - indirect
             added = np.square(np.float32(photometry.PREDICTED_INDIRECT_SIGMA) * indirect)
             extra = added if extra is None else extra + added
         estimate = once(values, extra, iterations, gloss)
     extra = np.zeros_like(measured) if extra is None else extra
+    if estimate.terms is not None:
+        extra = extra + estimate.terms.highlight_variance
     return PixelSolution(estimate, measured, values, extra, indirect)
 
 

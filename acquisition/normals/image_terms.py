@@ -12,11 +12,13 @@ The first two are homogeneous of first degree in g = ρn, so T(g) = ∂T/∂g ·
 ∂T/∂g to the light vectors, and nothing to the values.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
+from acquisition.normals import microfacet
 
 MAX_ROUGH_WEIGHT = 0.53
 """Largest b that an estimate may reach, that of a roughness of 0.68 rad: rougher surfaces than plaster and clay, 0.6
@@ -26,6 +28,17 @@ LEAST_VIEW_COSINE = 0.1
 """Cosine between normal and viewing ray below which K is evaluated as at that cosine; it divides."""
 
 
+GLOSS_RANGE = (0.05, 0.7)
+"""Roughness α that an estimate of gloss may reach: below it highlights are smaller than the grid of lights resolves,
+above it the lobe is as flat as the diffuse base."""
+
+MAX_GLOSS_STEP = 0.4
+"""Largest relative change of α in one step: the lobe's shape is far from linear in it."""
+
+LEAST_ALBEDO = 1e-3
+"""Albedo below which the highlight's derivative by g is evaluated as at that albedo; it divides."""
+
+
 @dataclass(frozen=True)
 class ImageTerms:
     """Weight b of the rough diffuse term, irradiance a of ambient light and offset o, the last two in units of y."""
@@ -33,6 +46,7 @@ class ImageTerms:
     roughness: float = 0.0
     ambient: float = 0.0
     offset: float = 0.0
+    gloss: float = 0.0
 
     @property
     def roughness_rad(self) -> float:
@@ -50,14 +64,30 @@ LAMBERTIAN = ImageTerms()
 
 @dataclass(frozen=True)
 class TermValues:
-    """The terms at N pixels: ambient and stray light (N,), the sum of all terms (F, N), the offset in it, and its
-    derivatives by g (F, 3, N) and by b, a and o (F, 3, N)."""
+    """The terms at N pixels: the sum of all (F, N), of it ambient light (N,), the lobe (F, N) and the offset, and its
+    derivatives by g (F, 3, N) and by b, a, o and α (F, 4, N)."""
 
-    ambient: Float32Array
     value: Float32Array
+    ambient: Float32Array
+    lobe: Float32Array
     offset: float
     by_g: Float32Array
     by_parameter: Float32Array
+
+    @property
+    def constant(self) -> Float32Array:
+        """What does not scale with |g| (F, N): derivatives by g say nothing of it."""
+        return self.lobe + np.float32(self.offset)
+
+    @property
+    def nondiffuse(self) -> Float32Array:
+        """What is no diffuse reflection of the lamp's light (F, N)."""
+        return self.lobe + self.ambient + np.float32(self.offset)
+
+    @property
+    def highlight_variance(self) -> Float32Array:
+        """Variance (F, N) of the predicted highlight."""
+        return np.square(np.float32(photometry.PREDICTED_HIGHLIGHT_SIGMA) * self.lobe)
 
 
 def evaluate(
@@ -65,22 +95,53 @@ def evaluate(
 ) -> TermValues:
     """Values and derivatives of the terms at g = albedo × normal (3, N) and light vectors (F, 3, N).
 
-    `usable` (F, N) measurements have a rough term; `view` (3, N) are unit directions to the camera.
+    `usable` (F, N) measurements have a rough term and gloss; `view` (3, N) are unit directions to the camera.
     """
     albedo = np.sqrt(np.sum(g * g, axis=0))
     normal = g / np.maximum(albedo, np.float32(1e-9))
     strength = np.sqrt(np.einsum("fcn,fcn->fn", light, light))
-    rough, rough_by_g = _azimuthal_term(normal, light / np.maximum(strength, np.float32(1e-9))[:, None], view, usable)
-    by_parameter = np.stack(
-        [albedo * strength * rough, np.broadcast_to(albedo, rough.shape), np.ones_like(rough)], axis=1
-    )
+    lamp = light / np.maximum(strength, np.float32(1e-9))[:, None]
+    rough, rough_by_g = _azimuthal_term(normal, lamp, view, usable)
+    parameters = [albedo * strength * rough, np.broadcast_to(albedo, rough.shape), np.ones_like(rough)]
     weights = np.array([terms.roughness, terms.ambient, terms.offset], np.float32)
     by_g = weights[0] * strength[:, None] * rough_by_g + weights[1] * normal
-    value = np.einsum("k,fkn->fn", weights, by_parameter)
-    ambient = (weights[1] * albedo + weights[2]).astype(np.float32)
+    value = np.einsum("k,kfn->fn", weights, parameters)
+    lobe, by_alpha = np.zeros_like(value), np.zeros_like(value)
+    if terms.gloss > 0:
+        gloss = microfacet.reflection(normal, lamp, view, usable, terms.gloss)
+        diffuse = np.maximum(np.einsum("fcn,cn->fn", light, normal), 0)
+        lobe, by_alpha = strength * gloss.lobe, strength * gloss.lobe_by_log_alpha / np.float32(terms.gloss)
+        value = value + lobe + albedo * diffuse * gloss.layer
+        by_g += gloss.layer[:, None] * light + diffuse[:, None] * gloss.layer_by_normal
+        by_g += (strength / np.maximum(albedo, np.float32(LEAST_ALBEDO)))[:, None] * gloss.lobe_by_normal
     return TermValues(
-        ambient, value.astype(np.float32), terms.offset, by_g.astype(np.float32), by_parameter.astype(np.float32)
+        value=value.astype(np.float32),
+        ambient=(weights[1] * albedo).astype(np.float32),
+        lobe=lobe,
+        offset=terms.offset,
+        by_g=by_g.astype(np.float32),
+        by_parameter=np.stack([*parameters, by_alpha], axis=1).astype(np.float32),
     )
+
+
+def stepped(present: ImageTerms, step: ImageTerms) -> ImageTerms:
+    """The terms after a Gauss–Newton step, within their ranges; gloss changes by MAX_GLOSS_STEP at most, none stays
+    none."""
+    change = np.clip(step.gloss / max(present.gloss, 1e-6), -MAX_GLOSS_STEP, MAX_GLOSS_STEP)
+    return ImageTerms(
+        roughness=float(np.clip(present.roughness + step.roughness, 0, MAX_ROUGH_WEIGHT)),
+        ambient=max(present.ambient + step.ambient, 0.0),
+        offset=present.offset + step.offset,
+        gloss=float(np.clip(present.gloss * (1 + change), *GLOSS_RANGE)) if present.gloss > 0 else 0.0,
+    )
+
+
+def chosen(where: BoolArray, one: TermValues | None, other: TermValues | None) -> TermValues | None:
+    """`one` at some pixels (N,), elsewhere the `other`; none of none."""
+    if one is None or other is None:
+        return None
+    names = ("value", "ambient", "lobe", "by_g", "by_parameter")
+    return replace(one, **{name: np.where(where, getattr(one, name), getattr(other, name)) for name in names})
 
 
 def _azimuthal_term(

@@ -37,12 +37,19 @@ MIN_GAIN = 6.0
 MIN_STEP = ImageTerms(roughness=0.03, ambient=0.02, offset=0.005)
 """Values of the terms, by one step from zero, below which they are not tried: less changes no normal visibly."""
 
+GLOSS_START = 0.2
+"""Roughness α from which gloss is estimated. From 0.12 and 0.25 it ends at the same (0.158 and 0.39, six families)."""
+
+MIN_GLOSS_STEP, GLOSS_BETTER = 0.05, 0.9
+"""Amount of gloss by one step from none, of 1 that a dielectric has, above which gloss is tried; and misfit after over
+before, up to which it is accepted."""
+
 MIN_STEP_SHARE = 0.5
 """Estimate of a term over what one step promised, above which it is accepted: interreflection that is not predicted
 scores as ambient light, and the descent takes most of it back."""
 
-TERM_SIGMA = ImageTerms(roughness=0.3, ambient=0.1, offset=0.05)
-"""1 σ of the priors of terms that are estimated."""
+TERM_SIGMA = ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0)
+"""1 σ of the priors of terms that are estimated; that of gloss says next to nothing."""
 
 SECOND_STARTS = (ImageTerms(ambient=0.05), ImageTerms(ambient=0.15), ImageTerms(offset=0.03), ImageTerms(offset=0.1))
 """Ambient and stray light of further starts: from zero the descent stops in a wrong shape where there is much."""
@@ -177,6 +184,9 @@ class Alternative:
         if self.kind == "rough surface":
             value = terms.roughness_rad
             message += f" of {value:.2f} rad"
+        elif self.kind == "gloss":
+            value = terms.gloss
+            message += f" {value:.2f}"
         elif self.kind in ("ambient light", "stray light"):
             value = max(terms.ambient, terms.offset)
             message += f" ({value:.1%} of white)"
@@ -219,6 +229,7 @@ TERMS = {
     "roughness": ("rough surface", "the surface is rough: it is solved with Oren and Nayar's reflectance, roughness"),
     "ambient": ("ambient light", "light from elsewhere falls on the object: it is estimated and subtracted"),
     "offset": ("stray light", "a black level or stray light is in the images: it is estimated and subtracted"),
+    "gloss": ("gloss", "the surface is glossy: it is solved as a dielectric with microfacets, of roughness α"),
 }
 """Kind and sentence of the finding for each of `ImageTerms`."""
 
@@ -234,7 +245,10 @@ def other_formation(present: Solution) -> list[Alternative]:
         return Alternative(*TERMS[name], changed, most, step=step)
 
     if nominal.terms is None and present.scores is not None:
-        for name in TERMS:
+        gloss = present.scores.gloss
+        if present.state.lobe.strength > 0 or (gloss.gain > MIN_GAIN and gloss.step > MIN_GLOSS_STEP):
+            alternatives.append(with_term("gloss", ImageTerms(gloss=GLOSS_START), GLOSS_BETTER))
+        for name in ("roughness", "ambient", "offset"):
             score: TermScore = getattr(present.scores, name)
             if score.gain > MIN_GAIN and score.step > getattr(MIN_STEP, name):
                 alternatives.append(with_term(name, LAMBERTIAN, WORSE_AT_MOST, score.step))

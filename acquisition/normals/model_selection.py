@@ -95,7 +95,7 @@ def _best_trial(present: Solution) -> tuple[Alternative, Solution] | None:
             corrected = (*present.problem.corrected, alternative.kind)
             trial = solve(replace(alternative.problem, corrected=corrected))
             if alternative.accepted(present.fit, trial.fit, trial.state.shared.terms):
-                accepted.append((trial.fit.share / alternative.coding, alternative, trial))
+                accepted.append((trial.fit.misfit * trial.fit.share / alternative.coding, alternative, trial))
         if accepted:
             return min(accepted, key=lambda one: one[0])[1:]
     return None

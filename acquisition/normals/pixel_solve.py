@@ -15,8 +15,9 @@ from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import SolveSettings
-from acquisition.normals import image_terms, pixel_solve_kernels
+from acquisition.normals import pixel_solve_kernels, term_solve
 from acquisition.normals.image_terms import ImageTerms, TermValues
+from acquisition.normals.term_solve import TermProblem
 
 PENUMBRA_SIGMA = 0.1
 """1 σ added in the eight neighbours of shadowed pixels, as a share of the pixel's peak value. Half or twice as much
@@ -28,9 +29,6 @@ CAUCHY_SCALE: float | None = 2.5
 
 IRLS_ITERATIONS = 6
 """Gauss–Newton steps with reweighting."""
-
-TERM_ROUNDS = 3
-"""Solves of a pixel with terms beyond Lambert's, each with their derivatives at the one before."""
 
 NO_OFFSET_SIGMA_M = 1e-6
 """1 σ of the depth offset, m, that switches it off."""
@@ -126,9 +124,14 @@ class Estimate:
         return np.float32(0) if self.terms is None else self.terms.value
 
     @property
-    def ambient_value(self) -> Float32Array | np.float32:
-        """What ambient light contributes to the values (N,); 0 without any."""
-        return np.float32(0) if self.terms is None else self.terms.ambient
+    def highlight_variance(self) -> Float32Array | np.float32:
+        """Variance (F, N) of the highlights among the terms; 0 without any."""
+        return np.float32(0) if self.terms is None else self.terms.highlight_variance
+
+    @property
+    def nondiffuse_value(self) -> Float32Array | np.float32:
+        """What is no diffuse reflection of the lamp's light in the values (F, N), beside the lobe; 0 without terms."""
+        return np.float32(0) if self.terms is None else self.terms.nondiffuse
 
     @property
     def albedo(self) -> Float32Array:
@@ -248,19 +251,18 @@ def solve_lit(
     highlight_by_g: Float32Array | None = None,
 ) -> Estimate:
     """`solve` in a known `lighting`, which serves for all solves at one depth."""
-    light, view = lighting.light, lighting.view
+    light = lighting.light
     bent = light if highlight_by_g is None else light + highlight_by_g
     if scene.terms is None:
         return _solve(pixels, values, lighting, bent, scene, options, extra_variance)
-    peak = _peak_ratio(values, light, pixels.clipped)
-    usable = np.ones_like(pixels.clipped)
-    terms = image_terms.evaluate(scene.terms, (view * peak).astype(np.float32), light, usable, view)
-    estimate = _solve(pixels, values, lighting, bent + terms.by_g, scene, options, extra_variance, terms)
-    for _ in range(TERM_ROUNDS - 1):
-        terms = image_terms.evaluate(scene.terms, estimate.g, light, estimate.usable, view)
-        estimate = _solve(pixels, values, lighting, bent + terms.by_g, scene, options, extra_variance, terms)
-    terms = image_terms.evaluate(scene.terms, estimate.g, light, estimate.usable, view)
-    return replace(estimate, terms=terms)
+
+    def once(terms: TermValues) -> Estimate:
+        extra = extra_variance
+        if scene.terms is not None and scene.terms.gloss > 0:
+            extra = terms.highlight_variance if extra is None else extra + terms.highlight_variance
+        return _solve(pixels, values, lighting, bent + terms.by_g, scene, options, extra, terms)
+
+    return term_solve.solve(TermProblem(values, pixels.clipped, lighting, scene.noise, scene.terms, once))
 
 
 def _solve(
@@ -270,7 +272,7 @@ def _solve(
     """One solve with given design rows `bent` (F, 3, N), s + ∂h/∂g; `terms` are subtracted from the values where
     measurements are classified."""
     lambertian = values if terms is None else values - terms.value
-    values = values if terms is None else values - np.float32(terms.offset)
+    values = values if terms is None else values - terms.constant
     usable, added, peak = classify_measurements(pixels, lambertian, lighting.light, options.shadow_threshold)
     if extra_variance is not None:
         added += extra_variance

@@ -12,7 +12,7 @@ explained by intensities: with them errors of smooth objects fall by a twentieth
 Kernels compile at import, into numba's cache.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, fields, replace
 
 import numba
 import numpy as np
@@ -122,7 +122,7 @@ def normal_equations(
         [
             np.full(3 * count, priors.position_m),
             [priors.shift_m],
-            [] if terms is None else [priors.terms.roughness, priors.terms.ambient, priors.terms.offset],
+            [] if terms is None else astuple(priors.terms),
             [] if gloss is None else [LOBE_LOG_SIGMA] * gloss.by_lobe.shape[1],
         ]
     )
@@ -157,7 +157,7 @@ def normal_equations(
         [present.log_intensity, present.lamp_offset_m.T.ravel(), [present.shift_m]]
     )
     if terms is not None:
-        before[4 * count + 1 : 4 * count + 4] = present.terms.roughness, present.terms.ambient, present.terms.offset
+        before[4 * count + 1 : size - (0 if gloss is None else gloss.by_lobe.shape[1])] = astuple(present.terms)
     intensity_sigma = priors.intensity
     if intensity_sigma > 0:
         intensity_sigma = evidence_maximised_sigma(matrix, right + matrix @ before, _precision(sigma), intensity_sigma)
@@ -180,7 +180,7 @@ def gauss_newton_step(
     change, covariance = equations.posterior()
     terms = LAMBERTIAN
     if estimate.terms is not None:
-        terms = ImageTerms(*(float(one) for one in change[4 * count + 1 : 4 * count + 4]))
+        terms = ImageTerms(*(float(one) for one in change[4 * count + 1 :][: len(fields(ImageTerms))]))
     return SharedParameters(
         log_intensity=change[:count],
         lamp_offset_m=change[count : 4 * count].reshape(3, count).T,

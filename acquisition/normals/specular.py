@@ -17,7 +17,7 @@ import numpy as np
 
 from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
-from acquisition.normals import pixel_solve, pixel_solve_kernels
+from acquisition.normals import microfacet, pixel_solve, pixel_solve_kernels
 from acquisition.normals.pixel_solve import Estimate, Lighting, Pixels, PixelSolveOptions, Scene
 
 EXPONENTS = (12.0, 18.0, 25.0, 35.0, 50.0, 80.0, 120.0)
@@ -93,14 +93,22 @@ class Lobe:
 NO_LOBE = Lobe(0.0, EXPONENTS[-1])
 
 
+def equivalent(lobe: Lobe, alpha: float) -> Lobe:
+    """The lobe, or for a dielectric of roughness α > 0 that of the same height and width where it faces lamp and
+    camera: F₀/(4α²), and the exponent 2/α² − 2 (Walter et al. 2007, eq. 25 and 33)."""
+    return lobe if alpha == 0 else Lobe(microfacet.F0 / (4 * alpha**2), 2 / alpha**2 - 2)
+
+
 def fit(
     pixels: Pixels, values: Float32Array, depth_m: Float32Array, scene: Scene, threshold: float, start: Lobe
 ) -> Lobe:
     """Least-squares Blinn–Phong lobe of K pixels from values (F, K) without indirect light; `NO_LOBE` if diffuse.
 
     Alternates with the pixels' solve at depth (K,), shadow threshold `threshold`, from the lobe `start`. It needs
-    MIN_LIGHTS usable lights at MIN_PIXELS pixels, else it is `NO_LOBE`.
+    MIN_LIGHTS usable lights at MIN_PIXELS pixels, else it is `NO_LOBE`, as where gloss is among the scene's terms.
     """
+    if scene.terms is not None and scene.terms.gloss > 0:
+        return NO_LOBE
     lighting = Lighting.at(pixels, depth_m, scene)
     ray_direction = lighting.ray_direction
     robust, wide = PixelSolveOptions(threshold), PixelSolveOptions(threshold, cauchy_scale=WIDE_CAUCHY_SCALE)

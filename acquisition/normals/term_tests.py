@@ -13,10 +13,14 @@ import numpy as np
 from acquisition import photometry
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.normals import image_terms, pixel_solve, self_calibration
-from acquisition.normals.image_terms import LAMBERTIAN
+from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
 from acquisition.normals.pixel_solve import Estimate, Scene
 from acquisition.normals.self_calibration import Equations, Priors, SharedParameters
 from acquisition.normals.specular import HighlightDerivatives
+
+GLOSS_TESTED = 0.3
+"""Roughness α at which gloss is tested, in the middle of what is common. Sharper gloss leaves highlights, which the
+specular lobe finds first."""
 
 
 @dataclass(frozen=True)
@@ -29,11 +33,13 @@ class TermScore:
 
 @dataclass(frozen=True)
 class TermScores:
-    """Scores of the weight of a rough diffuse term, of ambient light, and of an offset, as in `ImageTerms`."""
+    """Scores of the weight of a rough diffuse term, of ambient light, and of an offset, as in `ImageTerms`; and of a
+    dielectric's gloss of GLOSS_TESTED as a whole, whose value would be 1."""
 
     roughness: TermScore
     ambient: TermScore
     offset: TermScore
+    gloss: TermScore
 
 
 def scores(
@@ -47,15 +53,18 @@ def scores(
     ray_direction = np.ascontiguousarray(-estimate.point / estimate.point[2], np.float32)
     axis = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
     present = image_terms.evaluate(scene.terms or LAMBERTIAN, estimate.g, estimate.light, estimate.usable, axis)
+    glossy = image_terms.evaluate(ImageTerms(gloss=GLOSS_TESTED), estimate.g, estimate.light, estimate.usable, axis)
+    columns = np.concatenate([present.by_parameter[:, :3], glossy.value[:, None]], axis=1)
     by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, scene.lamps)
     equations = self_calibration.normal_equations(
-        replace(estimate, terms=present), by_depth, values, scene.lamps, shared, replace(priors, terms=LAMBERTIAN),
+        replace(estimate, terms=replace(present, by_parameter=columns)), by_depth, values, scene.lamps, shared,
+        replace(priors, terms=LAMBERTIAN),
         photometry.OFFSET_SIGMA_M, gloss,
     )  # fmt: skip
     if equations is None:
         return None
     first = 4 * len(values) + 1
-    return TermScores(*(_score(equations, first + number) for number in range(3)))
+    return TermScores(*(_score(equations, first + number) for number in range(4)))
 
 
 def _score(equations: Equations, tested: int) -> TermScore:

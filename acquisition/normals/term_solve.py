@@ -1,0 +1,101 @@
+"""Gauss–Newton solve of pixels with terms beyond Lambert's; glossy ones from several starts, of which the best counts.
+
+Each round solves with the terms' values and derivatives at the normals of the round before. Roughness and ambient light
+change slowly with the normal, so these rounds converge from anywhere. A highlight does not: beside it the image says
+nothing of where it would be, and a pixel whose highlight was taken for diffuse light stays wrong. So a glossy pixel is
+solved from its Lambertian solution and from where its brightest images would be mirrored, with the normal at the half
+vector of lamp and camera, and the solution of least robust cost is taken.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from acquisition.models.base import BoolArray, Float32Array
+from acquisition.normals import image_terms
+from acquisition.normals.image_terms import ImageTerms, TermValues
+from acquisition.photometry import Noise
+
+if TYPE_CHECKING:
+    from acquisition.normals.pixel_solve import Estimate, Lighting
+
+ROUNDS = 3
+"""Solves of a pixel, each with the terms' derivatives at the one before. Gloss ends alike after three, four and six."""
+
+HIGHLIGHT_STARTS = 2
+"""Images, the brightest first, whose half vector is another start of a glossy pixel's normal. On a knot and a turned
+profile (design seed 2, α = 0.16, eight lights, known depth) the mean error is 5.1° and 5.8° without, 3.1° and 3.2° with
+two; a third changes nothing."""
+
+LEAST_START_SHARE = 0.05
+"""Least albedo of such a start, as a share of the peak y/|s|."""
+
+COST_SCALE, UNUSED_DEVIATIONS = 2.5, 3.0
+"""Scale of Cauchy's loss by which starts are compared, in σ, and deviation that a measurement in shadow counts with."""
+
+
+@dataclass(frozen=True)
+class TermProblem:
+    """Pixels to solve with terms: values and which are clipped (F, N), light vectors, noise, the terms, and the solve
+    `once` with given values of the terms and further variance (F, N)."""
+
+    values: Float32Array
+    clipped: BoolArray
+    lighting: "Lighting"
+    noise: Noise
+    terms: ImageTerms
+    once: Callable[[TermValues], "Estimate"]
+
+
+def solve(problem: TermProblem) -> "Estimate":
+    """The pixels' estimates with their terms: from facing the camera, where gloss is among them from several starts."""
+    light = problem.lighting.light
+    strength = np.maximum(np.sqrt(np.einsum("fcn,fcn->fn", light, light)), np.float32(1e-9))
+    ratio = np.where(problem.clipped, 0, problem.values / strength)
+    peak = np.max(ratio, axis=0)
+    facing = (problem.lighting.view * peak).astype(np.float32)
+    out = _from_start(problem, replace(problem.terms, gloss=0.0), facing)
+    if problem.terms.gloss == 0:
+        return out
+    least = _robust_cost(problem, out)
+    level = np.maximum(np.median(ratio, axis=0), np.float32(LEAST_START_SHARE) * peak)
+    for image in np.argsort(-ratio, axis=0)[:HIGHLIGHT_STARTS]:
+        toward = np.take_along_axis(light, image[None, None], axis=0)[0]
+        half = toward / np.take_along_axis(strength, image[None], axis=0) + problem.lighting.view
+        half *= level / np.maximum(np.sqrt(np.sum(half * half, axis=0)), np.float32(1e-6))
+        one = _from_start(problem, problem.terms, half.astype(np.float32))
+        cost = _robust_cost(problem, one)
+        out, least = _chosen(cost < least, one, out), np.minimum(cost, least)
+    return out
+
+
+def _from_start(problem: TermProblem, first: ImageTerms, start: Float32Array) -> "Estimate":
+    """ROUNDS solves; the first with the terms `first` at g of `start` (3, N)."""
+    light, view = problem.lighting.light, problem.lighting.view
+
+    def values(estimate: "Estimate") -> TermValues:
+        return image_terms.evaluate(problem.terms, estimate.g, light, estimate.usable, view)
+
+    everywhere = np.ones_like(problem.clipped)
+    estimate = problem.once(image_terms.evaluate(first, start, light, everywhere, view))
+    for _ in range(ROUNDS - 1):
+        estimate = problem.once(values(estimate))
+    return replace(estimate, terms=values(estimate))
+
+
+def _robust_cost(problem: TermProblem, estimate: "Estimate") -> Float32Array:
+    """Sum (N,) over images of Cauchy's loss of the residuals; what counts as shadow costs UNUSED_DEVIATIONS."""
+    strength = np.sqrt(np.einsum("fcn,fcn->fn", estimate.light, estimate.light)) * estimate.albedo
+    residual = problem.values - np.einsum("fcn,cn->fn", estimate.light, estimate.g) - estimate.term_value
+    variance = problem.noise.variance(np.maximum(problem.values, 0), strength) + estimate.highlight_variance
+    square = np.where(estimate.usable, residual**2 / variance, UNUSED_DEVIATIONS**2)
+    return np.sum(np.where(problem.clipped, 0, np.log1p(square / COST_SCALE**2)), axis=0).astype(np.float32)
+
+
+def _chosen(where: BoolArray, one: "Estimate", other: "Estimate") -> "Estimate":
+    """`one` at some pixels (N,), elsewhere the `other`; their light vectors and points are the same."""
+    names = ("g", "offset_m", "variance", "residual", "weights", "usable")
+    parts = {name: np.where(where, getattr(one, name), getattr(other, name)) for name in names}
+    return replace(one, **parts, terms=image_terms.chosen(where, one.terms, other.terms))
