@@ -7,10 +7,11 @@ import cv2
 import numpy as np
 import pytest
 
-from acquisition import normals
+from acquisition import normals, photometry
 from acquisition.models.light_plan import Light
 from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.normals import ImageStack, session_images
+from hardware_sim.reflectance import Reflectance
 from tests.acquisition import scenes
 from tests.acquisition.normals.test_solve import ROUGH_DEPTH_M, SIZE, two_rings
 
@@ -125,3 +126,23 @@ def test_solve_moved_object_is_registered(cushion: scenes.Scene, images: ImageSt
     assert result.findings[0].value == pytest.approx(np.sqrt(2), abs=0.5)
     unmended = 2.0 * mean_deg(cushion, sound)
     assert mean_deg(cushion, result) < unmended
+
+
+def test_solve_glossy_dielectric_is_solved_as_one(cushion: scenes.Scene, images: ImageStack, sound: NormalMap) -> None:
+    """The Lambertian images times what a dielectric of α = 0.3 reflects of a Lambertian surface at each pixel."""
+    known = cushion.calibration
+    rows, columns = np.nonzero(cushion.mask)
+    depth = cushion.depth[rows, columns].astype(np.float32)
+    ray = photometry.rays(known, slice(0, known.height), slice(0, known.width))[:, rows, columns]
+    point, along = photometry.points(ray, depth), photometry.ray_directions(ray)
+    light = photometry.light_vectors(point, photometry.lamps(images.lights), known)
+    lamp = np.moveaxis(light / np.linalg.norm(light, axis=1)[:, None], 1, -1)
+    view = -along.T / np.linalg.norm(along.T, axis=1, keepdims=True)
+    normal, albedo = cushion.normals[rows, columns], np.full(len(rows), 0.5)
+    plain, glossy = (one.value(normal, lamp, view, albedo) for one in (Reflectance(), Reflectance("ggx", 0.3)))
+    values = images.values.copy()
+    values[:, rows, columns] *= (glossy / np.maximum(plain, 1e-3)).astype(np.float32)
+    result = solved(cushion, replace(images, values=values))
+    assert kinds(result) == [("gloss", True)]
+    assert result.findings[0].value == pytest.approx(0.3, abs=0.03)
+    assert mean_deg(cushion, result) < 1.5 * mean_deg(cushion, sound)
