@@ -2,12 +2,12 @@
 
     y = |s| (ρ (n·l) L + S + b ρ K(n, l, v)) + a ρ + o
 
-b is the weight of Oren and Nayar's azimuthal term K (Oren & Nayar 1994, eq. 30) relative to Lambert's, L and S the layer
-and the lobe of a glossy dielectric of roughness α (`microfacet`; without gloss 1 and 0), a the irradiance of light that
-does not come from the lamp, o an offset that is the same everywhere: a black level, stray light in the lens. Plaster,
-paper and clay are rough surfaces, paint, plastic and glaze glossy ones; ambient light stays in images without a lamp-off
-frame. All are zero unless a test demands them (`term_tests`): estimated on sound captures they cost 20–50 % of accuracy,
-because they resemble wrong normals.
+b is the weight of Oren and Nayar's azimuthal term K (Oren & Nayar 1994, eq. 30) relative to Lambert's, L and S the
+layer and the lobe of a glossy dielectric of roughness α (`microfacet`; without gloss 1 and 0), a the irradiance of
+light that does not come from the lamp, o an offset that is the same everywhere: a black level, stray light in the lens.
+Plaster, paper and clay are rough surfaces, paint, plastic and glaze glossy ones; ambient light stays in images without
+a lamp-off frame. All are zero unless a test demands them (`term_tests`): estimated on sound captures they cost 20–50 %
+of accuracy, because they resemble wrong normals.
 
 All but lobe and offset are homogeneous of first degree in g = ρn, so T(g) = ∂T/∂g · g: a solve takes them into account
 by adding ∂T/∂g to the light vectors, and nothing to the values. The lobe, of degree zero, has ∂S/∂g · g = 0: it is
