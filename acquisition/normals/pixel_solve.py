@@ -16,6 +16,7 @@ from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.result import SolveSettings
 from acquisition.normals import pixel_solve_kernels, term_solve
+from acquisition.normals.estimate import Estimate
 from acquisition.normals.image_terms import ImageTerms, TermValues
 from acquisition.normals.term_solve import TermProblem
 
@@ -102,46 +103,6 @@ class Pixels:
             values=np.ascontiguousarray(self.values[:, chosen]),
             clipped=self.clipped[:, chosen],
         )
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """The solution at N pixels, with the measurements, weights and light vectors that it was solved with."""
-
-    g: Float32Array  # (3, N) albedo × normal, view frame
-    offset_m: Float32Array  # (N,) depth beside the given one
-    variance: Float32Array  # (N,) rad², both tangential directions
-    residual: Float32Array  # (N,) rms of whitened residuals
-    weights: Float32Array  # (F, N) robust weight / variance, 0 where not usable
-    usable: BoolArray  # (F, N)
-    light: Float32Array  # (F, 3, N) light vectors s
-    point: Float32Array  # (3, N) m, view frame
-    terms: TermValues | None = None  # those beyond Lambert's, as solved with; none: there are none
-
-    @property
-    def term_value(self) -> Float32Array | np.float32:
-        """What the terms beyond Lambert's contribute to the values (F, N); 0 without any."""
-        return np.float32(0) if self.terms is None else self.terms.value
-
-    @property
-    def highlight_variance(self) -> Float32Array | np.float32:
-        """Variance (F, N) of the highlights among the terms; 0 without any."""
-        return np.float32(0) if self.terms is None else self.terms.highlight_variance
-
-    @property
-    def nondiffuse_value(self) -> Float32Array | np.float32:
-        """What is no diffuse reflection of the lamp's light in the values (F, N), beside the lobe; 0 without terms."""
-        return np.float32(0) if self.terms is None else self.terms.nondiffuse
-
-    @property
-    def albedo(self) -> Float32Array:
-        """Albedo (N,)."""
-        return np.sqrt(np.sum(self.g * self.g, axis=0))
-
-    @property
-    def normals(self) -> Float32Array:
-        """Unit normals (3, N), view frame."""
-        return (self.g / np.maximum(self.albedo, 1e-9)).astype(np.float32)
 
 
 def depth_derivative(
@@ -262,7 +223,7 @@ def solve_lit(
             extra = terms.highlight_variance if extra is None else extra + terms.highlight_variance
         return _solve(pixels, values, lighting, bent + terms.by_g, scene, options, extra, terms)
 
-    return term_solve.solve(TermProblem(values, pixels.clipped, lighting, scene.noise, scene.terms, once))
+    return term_solve.solve(TermProblem(values, pixels.clipped, light, lighting.view, scene.noise, scene.terms, once))
 
 
 def _solve(

@@ -9,17 +9,14 @@ vector of lamp and camera, and the solution of least robust cost is taken.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.normals import image_terms
+from acquisition.normals.estimate import Estimate
 from acquisition.normals.image_terms import ImageTerms, TermValues
 from acquisition.photometry import Noise
-
-if TYPE_CHECKING:
-    from acquisition.normals.pixel_solve import Estimate, Lighting
 
 ROUNDS = 3
 """Solves of a pixel, each with the terms' derivatives at the one before. Gloss ends alike after three, four and six."""
@@ -38,24 +35,25 @@ COST_SCALE, UNUSED_DEVIATIONS = 2.5, 3.0
 
 @dataclass(frozen=True)
 class TermProblem:
-    """Pixels to solve with terms: values and which are clipped (F, N), light vectors, noise, the terms, and the solve
-    `once` with given values of the terms and further variance (F, N)."""
+    """Pixels to solve with terms: values and which are clipped (F, N), light vectors (F, 3, N), unit directions to the
+    camera (3, N), noise, the terms, and the solve `once` with given values of the terms."""
 
     values: Float32Array
     clipped: BoolArray
-    lighting: "Lighting"
+    light: Float32Array
+    view: Float32Array
     noise: Noise
     terms: ImageTerms
-    once: Callable[[TermValues], "Estimate"]
+    once: Callable[[TermValues], Estimate]
 
 
-def solve(problem: TermProblem) -> "Estimate":
+def solve(problem: TermProblem) -> Estimate:
     """The pixels' estimates with their terms: from facing the camera, where gloss is among them from several starts."""
-    light = problem.lighting.light
+    light = problem.light
     strength = np.maximum(np.sqrt(np.einsum("fcn,fcn->fn", light, light)), np.float32(1e-9))
     ratio = np.where(problem.clipped, 0, problem.values / strength)
     peak = np.max(ratio, axis=0)
-    facing = (problem.lighting.view * peak).astype(np.float32)
+    facing = (problem.view * peak).astype(np.float32)
     out = _from_start(problem, replace(problem.terms, gloss=0.0), facing)
     if problem.terms.gloss == 0:
         return out
@@ -63,7 +61,7 @@ def solve(problem: TermProblem) -> "Estimate":
     level = np.maximum(np.median(ratio, axis=0), np.float32(LEAST_START_SHARE) * peak)
     for image in np.argsort(-ratio, axis=0)[:HIGHLIGHT_STARTS]:
         toward = np.take_along_axis(light, image[None, None], axis=0)[0]
-        half = toward / np.take_along_axis(strength, image[None], axis=0) + problem.lighting.view
+        half = toward / np.take_along_axis(strength, image[None], axis=0) + problem.view
         half *= level / np.maximum(np.sqrt(np.sum(half * half, axis=0)), np.float32(1e-6))
         one = _from_start(problem, problem.terms, half.astype(np.float32))
         cost = _robust_cost(problem, one)
@@ -71,11 +69,11 @@ def solve(problem: TermProblem) -> "Estimate":
     return out
 
 
-def _from_start(problem: TermProblem, first: ImageTerms, start: Float32Array) -> "Estimate":
+def _from_start(problem: TermProblem, first: ImageTerms, start: Float32Array) -> Estimate:
     """ROUNDS solves; the first with the terms `first` at g of `start` (3, N)."""
-    light, view = problem.lighting.light, problem.lighting.view
+    light, view = problem.light, problem.view
 
-    def values(estimate: "Estimate") -> TermValues:
+    def values(estimate: Estimate) -> TermValues:
         return image_terms.evaluate(problem.terms, estimate.g, light, estimate.usable, view)
 
     everywhere = np.ones_like(problem.clipped)
@@ -85,7 +83,7 @@ def _from_start(problem: TermProblem, first: ImageTerms, start: Float32Array) ->
     return replace(estimate, terms=values(estimate))
 
 
-def _robust_cost(problem: TermProblem, estimate: "Estimate") -> Float32Array:
+def _robust_cost(problem: TermProblem, estimate: Estimate) -> Float32Array:
     """Sum (N,) over images of Cauchy's loss of the residuals; what counts as shadow costs UNUSED_DEVIATIONS."""
     strength = np.sqrt(np.einsum("fcn,fcn->fn", estimate.light, estimate.light)) * estimate.albedo
     residual = problem.values - np.einsum("fcn,cn->fn", estimate.light, estimate.g) - estimate.term_value
@@ -94,7 +92,7 @@ def _robust_cost(problem: TermProblem, estimate: "Estimate") -> Float32Array:
     return np.sum(np.where(problem.clipped, 0, np.log1p(square / COST_SCALE**2)), axis=0).astype(np.float32)
 
 
-def _chosen(where: BoolArray, one: "Estimate", other: "Estimate") -> "Estimate":
+def _chosen(where: BoolArray, one: Estimate, other: Estimate) -> Estimate:
     """`one` at some pixels (N,), elsewhere the `other`; their light vectors and points are the same."""
     names = ("g", "offset_m", "variance", "residual", "weights", "usable")
     parts = {name: np.where(where, getattr(one, name), getattr(other, name)) for name in names}
