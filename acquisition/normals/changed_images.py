@@ -1,4 +1,4 @@
-"""Images as they are under another hypothesis: one left out or scaled, translations or a coding undone."""
+"""Images as they are under another hypothesis: one left out or scaled, translations, a coding or a blur undone."""
 
 from dataclasses import dataclass, field
 
@@ -7,7 +7,9 @@ import numpy as np
 
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.light_plan import Light
+from acquisition.normals import surface_diffusion
 from acquisition.normals.session_images import Images, ValuesAndClipped
+from acquisition.normals.surface_diffusion import SurfaceGraph
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,32 @@ class Translated(Changed):
         return out, full
 
 
+@dataclass(frozen=True)
+class Sharpened(Changed):
+    """The spread of light below the surface undone, by a mean of `length_px` pixels along the graph of the window.
+
+    What is sharpened is the irradiance: values over the albedo (h, w). Where that is 0, values stay as they are.
+    """
+
+    over: SurfaceGraph = field(default_factory=lambda: surface_diffusion.EMPTY)
+    albedo: Float32Array = field(default_factory=lambda: np.zeros((1, 1), np.float32))
+    length_px: float = 0.0
+
+    def read(self, start: int, stop: int, /) -> ValuesAndClipped:
+        """Reads the rows [start, stop), counted from the window's first."""
+        margin = surface_diffusion.reach(self.length_px)
+        first, last = max(start - margin, 0), min(stop + margin, self.rows.stop - self.rows.start)
+        values, clipped = self.images.read(first, last)
+        own, over, albedo = slice(start - first, stop - first), self.over.rows(first, last), self.albedo[first:last]
+        known = albedo > 0
+        out = values[:, own].copy()
+        for number, image in enumerate(values):
+            irradiance = np.divide(image, albedo, out=np.zeros_like(albedo), where=known)
+            sharp = surface_diffusion.sharpened(irradiance, over, self.length_px)
+            np.multiply(sharp[own], albedo[own], out=out[number], where=known[own])
+        return out, clipped[:, own]
+
+
 HALF = 0.5
 """Share of a pixel that has to come from clipped ones for it to count as clipped."""
 
@@ -126,6 +154,11 @@ def translated(images: Images, translation: FloatArray) -> Translated:
 def without(images: Images, number: int) -> WithoutImage:
     """The images without one."""
     return WithoutImage(images, images.shot, images.floor, number)
+
+
+def sharpened(images: Images, over: SurfaceGraph, albedo: Float32Array, length_px: float, gain: float) -> Sharpened:
+    """The images with light gathered back along a surface; `gain` is the factor of their noise's variance."""
+    return Sharpened(images, images.shot * gain, images.floor * gain, over, albedo, length_px)
 
 
 def linearised(images: Images, exponent: float) -> Linearised:
