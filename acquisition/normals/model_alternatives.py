@@ -63,7 +63,7 @@ TERM_SIGMA = ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0)
 SECOND_STARTS = (ImageTerms(ambient=0.05), ImageTerms(ambient=0.15), ImageTerms(offset=0.03), ImageTerms(offset=0.1))
 """Ambient and stray light of further starts: from zero the descent stops in a wrong shape where there is much."""
 
-MIN_LEAK, MIN_LEAK_PX, SHARPENED_WORSE = 4.0, 0.5, 1.6
+MIN_LEAK, MIN_LEAK_PX, SHARPENED_WORSE = 5.0, 0.5, 1.6
 """Significance of light in shadows, and its mean free path in pixels of the coarse grid, from which images are
 sharpened on trial; and misfit of sharpened images over that before, up to which they are accepted. It rises to 1.2–1.4
 times by noise alone: where a pixel is lit, a residual does not know of blur."""
@@ -242,14 +242,15 @@ def swapped_lamps(present: Solution) -> list[Alternative]:
 def translucent_surface(present: Solution) -> list[Alternative]:
     """Images sharpened, where light leaks into shadows as from below the surface."""
     problem, state, level = present.problem, present.state, present.problem.level
-    coarse, normals = level.coarse, state.normals
+    coarse = level.coarse
     if TRANSLUCENT in problem.corrected:
         return []
-    over = surface_diffusion.graph(
-        coarse.image(np.ones(len(coarse.index), np.bool_)), coarse.image(normals), coarse.image(state.continuity_weight)
-    )
+    mask = coarse.image(np.ones(len(coarse.index), np.bool_))
+    over = surface_diffusion.graph(mask, coarse.image(coarse.ray), coarse.image(state.depth_m))
     values = alternation.divide_intensity(coarse.values, state.shared.log_intensity)
-    shading = translucency.shading(coarse, state.depth_m, normals, present.scene.lamps, problem.nominal.calibration)
+    shading = translucency.shading(
+        coarse, state.depth_m, state.normals, present.scene.lamps, problem.nominal.calibration
+    )
     leak = translucency.leak(coarse, values, shading, over, min_significance=MIN_LEAK)
     if leak is None or leak.length_px < MIN_LEAK_PX:
         return []
@@ -263,14 +264,9 @@ def translucent_surface(present: Solution) -> list[Alternative]:
 
 
 def _full_surface(present: Solution, shading: Float32Array) -> tuple[SurfaceGraph, Float32Array]:
-    """Graph and albedo (h, w) of all object pixels, from the coarse solution with `shading` (F, M).
-
-    Depth steps do not cut the graph: the weights that find them fall at creases too, which light does pass, and turned
-    parts (seed 5, 8 and 20 lights) keep 11 % more of the error where they do.
-    """
+    """Graph and albedo (h, w) of all object pixels, from the coarse solution with `shading` (F, M)."""
     masked, level, state = present.problem.masked, present.problem.level, present.state
-    albedo = np.zeros(masked.mask.shape, np.float32)
-    normals = np.zeros((3, *masked.mask.shape), np.float32)
+    albedo, depth = np.zeros((2, *masked.mask.shape), np.float32)
     for rows in masked.blocks():
         pixels = masked.pixels(rows)
         if len(pixels.index) == 0:
@@ -278,8 +274,8 @@ def _full_surface(present: Solution, shading: Float32Array) -> tuple[SurfaceGrap
         values = alternation.divide_intensity(pixels.values, state.shared.log_intensity)
         known, _ = translucency.albedo_and_lit(values, level.interpolate(shading, pixels, rows.start))
         albedo[rows] = pixels.image(known)
-        normals[:, rows] = pixels.image(level.interpolate(state.normals, pixels, rows.start))
-    return surface_diffusion.graph(albedo > 0, normals), albedo
+        depth[rows] = pixels.image(level.interpolate(state.depth_m, pixels, rows.start))
+    return surface_diffusion.graph(albedo > 0, masked.ray, depth), albedo
 
 
 TRANSLUCENT = "translucent surface"

@@ -42,11 +42,18 @@ and of the brightness of the lit pixels around, in pixels."""
 MIN_DARK_SHARE = 0.3
 """Share of dark pixels among 5 × 5 below which a pixel's local mean rests on too few."""
 
+MIN_WEIGHT = 0.1
+"""Weight of the surface's graph below which two pixels count as divided by a depth step."""
+
 ALBEDO_ROUNDS = 2
 """Alternations of albedo and lit images."""
 
 MIN_PIXELS, MIN_PIXELS_IN_IMAGE = 200, 20
 """Dark pixels below which nothing is said, in all images and in one."""
+
+GRID, MIN_CELLS, MIN_PIXELS_IN_CELL = 6, 6, 10
+"""Cells of a grid of so many rows and columns over the object, of which so many must have so many dark pixels: light
+that the walls of one recess send into their shadow is alike in all images."""
 
 ROBUST_ROUNDS, CAUCHY_SCALE = 8, 2.0
 """Reweightings of the regression, and the scale of its weights in standard deviations of the residual."""
@@ -88,13 +95,15 @@ def leak(
     The mean free path is only sought where the coefficient is significant.
     """
     shadows = _shadows(pixels, values, shading, over)
-    if sum(int(np.count_nonzero(one.dark)) for one in shadows) < MIN_PIXELS:
+    place = _cells(pixels)
+    cell = np.concatenate([place[one.dark] for one in shadows] or [np.zeros(0, int)])
+    if len(cell) < MIN_PIXELS or np.count_nonzero(np.bincount(cell) >= MIN_PIXELS_IN_CELL) < MIN_CELLS:
         return None
     observed = np.concatenate([_relative(one, one.image) for one in shadows])
-    coefficient, error = _regressed(shadows, observed, over, TESTED_PX)
+    coefficient, error = _regressed(shadows, observed, over, TESTED_PX, cell)
     if coefficient < min_significance * error:
         return Leak(coefficient, error, 0.0)
-    coefficients = [_regressed(shadows, observed, over, length)[0] for length in LENGTHS_PX]
+    coefficients = [_regressed(shadows, observed, over, length, cell)[0] for length in LENGTHS_PX]
     return Leak(coefficient, error, _length_at_one(np.array(coefficients)))
 
 
@@ -134,8 +143,8 @@ def _shadows(pixels: Pixels, values: Float32Array, shading: Float32Array, over: 
     albedo, lit = albedo_and_lit(values, shading)
     known = pixels.image((albedo > 0).astype(np.uint8))
     steps = np.zeros(pixels.shape, np.uint8)
-    steps[:, :-1] |= over.across <= 0
-    steps[:-1] |= over.down <= 0
+    steps[:, :-1] |= over.across < MIN_WEIGHT
+    steps[:-1] |= over.down < MIN_WEIGHT
     core = (cv2.erode(known, np.ones((5, 5), np.uint8), borderValue=0) > 0) & ~_dilated(steps & known, 3)
     out: list[_Shadow] = []
     for irradiance, image_lit in zip(values / np.where(albedo > 0, albedo, np.inf), lit, strict=True):
@@ -152,10 +161,20 @@ def _shadows(pixels: Pixels, values: Float32Array, shading: Float32Array, over: 
     return out
 
 
+def _cells(pixels: Pixels) -> np.ndarray:
+    """Number (h, w) of the cell of a GRID × GRID grid over the object's bounding box."""
+    row, column = np.unravel_index(pixels.index, pixels.shape)
+    cell = np.zeros(pixels.shape, int)
+    height, width = np.ptp(row) + 1, np.ptp(column) + 1
+    cell[row, column] = (row - row.min()) * GRID // height * GRID + (column - column.min()) * GRID // width
+    return cell
+
+
 def _regressed(
-    shadows: list[_Shadow], observed: FloatArray, over: SurfaceGraph, length_px: float
+    shadows: list[_Shadow], observed: FloatArray, over: SurfaceGraph, length_px: float, cell: np.ndarray
 ) -> tuple[float, float]:
-    """Coefficient and standard error of the robust regression on the leak of a mean free path."""
+    """Coefficient of the robust regression on the leak of a mean free path, and its standard error: from the residuals
+    or, where it is larger, from the scatter between cells (N,), one left out in turn (jackknife)."""
     rows = np.concatenate([_relative(one, surface_diffusion.blurred(one.source, over, length_px)) for one in shadows])
     weight, slope, error = np.ones_like(observed), 0.0, float("inf")
     for _ in range(ROBUST_ROUNDS):
@@ -165,7 +184,10 @@ def _regressed(
         scale = max(float(np.median(np.abs(left))) / 0.6745, 1e-9)
         error = NEIGHBOURS_ALIKE * scale / np.sqrt(information)
         weight = 1 / (1 + (left / (CAUCHY_SCALE * scale)) ** 2)
-    return slope, float(error)
+    score, information = (np.bincount(cell, weight * rows * one) for one in (observed, rows))
+    inside = information > 0
+    without = ((np.sum(score) - score) / np.maximum(np.sum(information) - information, 1e-15))[inside]
+    return slope, max(float(error), float(np.sqrt((len(without) - 1) * np.var(without))))
 
 
 def _relative(shadow: _Shadow, image: Float32Array) -> FloatArray:

@@ -12,13 +12,19 @@ from acquisition.normals.surface_diffusion import SurfaceGraph
 SHAPE = (24, 31)
 
 
-def flat(rng: np.random.Generator | None = None, holes: float = 0.0) -> SurfaceGraph:
-    """A plane that faces the camera, or one with holes and random normals."""
-    mask = np.ones(SHAPE, np.bool_) if rng is None else rng.random(SHAPE) >= holes
-    normals = np.zeros((3, *SHAPE), np.float32)
+def flat(rng: np.random.Generator | None = None, holes: float = 0.0, side: tuple[int, int] = SHAPE) -> SurfaceGraph:
+    """A plane that faces the camera, or a rough surface with holes."""
+    mask = np.ones(side, np.bool_) if rng is None else rng.random(side) >= holes
+    depth = np.full(side, 0.5, np.float32)
     if rng is not None:
-        normals[:2] = rng.uniform(-0.7, 0.7, (2, *SHAPE))
-    return surface_diffusion.graph(mask, normals)
+        depth += rng.uniform(0, 0.002, side).astype(np.float32)
+    return surface_diffusion.graph(mask, rays(side), depth)
+
+
+def rays(side: tuple[int, int]) -> Float32Array:
+    """Rays of a camera whose pixels are 1 mm wide at 0.5 m."""
+    y, x = np.mgrid[: side[0], : side[1]]
+    return (np.stack([x, y]) * 0.002).astype(np.float32)
 
 
 def noise(rng: np.random.Generator) -> Float32Array:
@@ -54,7 +60,7 @@ def test_sharpened_undoes_most_of_the_blur() -> None:
 
 def test_blurred_point_has_the_exponential_profile() -> None:
     side, length_px = 61, 3.0
-    over = surface_diffusion.graph(np.ones((side, side), np.bool_), np.zeros((3, side, side), np.float32))
+    over = flat(side=(side, side))
     point = np.zeros((side, side), np.float32)
     point[30, 30] = 1
     spread = surface_diffusion.blurred(point, over, length_px)
@@ -63,13 +69,21 @@ def test_blurred_point_has_the_exponential_profile() -> None:
         assert spread[30, 30 + r] == pytest.approx(expected, rel=0.25)
 
 
+def test_graph_weights_are_squared_distances_in_pixels() -> None:
+    tilted = np.broadcast_to(0.5 + 0.001 * np.arange(SHAPE[1]), SHAPE).astype(np.float32)
+    ray = rays(SHAPE) - rays(SHAPE)[:, :1, 12:13]  # the tilted plane's middle is on the axis
+    over = surface_diffusion.graph(np.ones(SHAPE, np.bool_), ray, tilted)
+    assert over.across[:, 12] == pytest.approx(0.5, rel=0.03)
+    assert over.down == pytest.approx(1, rel=0.03)
+
+
 def test_graph_with_a_depth_step_keeps_sides_apart() -> None:
-    weight = np.ones(SHAPE, np.float32)
-    weight[:, 15] = 0
-    over = surface_diffusion.graph(np.ones(SHAPE, np.bool_), np.zeros((3, *SHAPE), np.float32), weight)
+    depth = np.full(SHAPE, 0.5, np.float32)
+    depth[:, 15:] = 0.55
+    over = surface_diffusion.graph(np.ones(SHAPE, np.bool_), rays(SHAPE), depth)
     image = np.zeros(SHAPE, np.float32)
     image[:, :15] = 1
-    assert surface_diffusion.blurred(image, over, 2.0)[:, 16:] == pytest.approx(0, abs=1e-5)
+    assert surface_diffusion.blurred(image, over, 2.0)[:, 15:] == pytest.approx(0, abs=1e-3)
 
 
 def test_sharpened_block_of_rows_equals_the_whole() -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.base import Float32Array
 from acquisition.models.light_plan import Light
 from acquisition.models.result import NormalMap
 from acquisition.normals import ImageStack, changed_images, model_selection, surface_diffusion, translucency
@@ -55,8 +55,9 @@ def shadow_images(rng: np.random.Generator) -> tuple[Pixels, Float32Array, Float
 
 
 def plane(pixels: Pixels) -> surface_diffusion.SurfaceGraph:
-    mask: BoolArray = np.ones(pixels.shape, np.bool_)
-    return surface_diffusion.graph(mask, np.zeros((3, *pixels.shape), np.float32))
+    y, x = np.mgrid[: pixels.shape[0], : pixels.shape[1]]
+    ray = (np.stack([x, y]) * 0.002).astype(np.float32)
+    return surface_diffusion.graph(np.ones(pixels.shape, np.bool_), ray, np.full(pixels.shape, 0.5, np.float32))
 
 
 def leak_of(length_px: float, seed: int = 0) -> translucency.Leak | None:
