@@ -63,10 +63,11 @@ TERM_SIGMA = ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0)
 SECOND_STARTS = (ImageTerms(ambient=0.05), ImageTerms(ambient=0.15), ImageTerms(offset=0.03), ImageTerms(offset=0.1))
 """Ambient and stray light of further starts: from zero the descent stops in a wrong shape where there is much."""
 
-MIN_LEAK, MIN_LEAK_PX, SHARPENED_WORSE = 5.0, 0.5, 1.6
-"""Significance of light in shadows, and its mean free path in pixels of the coarse grid, from which images are
-sharpened on trial; and misfit of sharpened images over that before, up to which they are accepted. It rises to 1.2–1.4
-times by noise alone: where a pixel is lit, a residual does not know of blur."""
+MIN_LEAK, MIN_LEAK_SHARE, SHARPENED_WORSE = 5.0, 0.3, 1.6
+"""Significance of light in shadows, and its share of what a mean free path of one pixel of the coarse grid makes, from
+which images are sharpened on trial: 0.5–2.5 of translucent objects, 0.2 of a mean free path of half a pixel, 0.1 of
+gloss on a smooth solid. And misfit of sharpened images over that before, up to which they are accepted: it rises to
+1.2–1.4 times by noise alone, since where a pixel is lit, a residual does not know of blur."""
 
 CODED_EXPONENT = 2.2
 """Exponent that undoes the usual coding of eight-bit images. As a free parameter it would explain metal."""
@@ -252,7 +253,7 @@ def translucent_surface(present: Solution) -> list[Alternative]:
         coarse, state.depth_m, state.normals, present.scene.lamps, problem.nominal.calibration
     )
     leak = translucency.leak(coarse, values, shading, over, min_significance=MIN_LEAK)
-    if leak is None or leak.length_px < MIN_LEAK_PX:
+    if leak is None or leak.length_px == 0 or leak.coefficient < MIN_LEAK_SHARE:
         return []
     length_px = level.factor * leak.length_px
     # Noise of neighbours alike: what a block of the coarse grid has, not a pixel's own.
@@ -266,7 +267,7 @@ def translucent_surface(present: Solution) -> list[Alternative]:
 def _full_surface(present: Solution, shading: Float32Array) -> tuple[SurfaceGraph, Float32Array]:
     """Graph and albedo (h, w) of all object pixels, from the coarse solution with `shading` (F, M)."""
     masked, level, state = present.problem.masked, present.problem.level, present.state
-    albedo, depth = np.zeros((2, *masked.mask.shape), np.float32)
+    albedo, depth = np.zeros(masked.mask.shape, np.float32), np.zeros(masked.mask.shape, np.float32)
     for rows in masked.blocks():
         pixels = masked.pixels(rows)
         if len(pixels.index) == 0:
