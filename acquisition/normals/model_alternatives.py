@@ -244,7 +244,7 @@ def translucent_surface(present: Solution) -> list[Alternative]:
     """Images sharpened, where light leaks into shadows as from below the surface."""
     problem, state, level = present.problem, present.state, present.problem.level
     coarse = level.coarse
-    if TRANSLUCENT in problem.corrected:
+    if TRANSLUCENT in problem.corrected or _worst_image(present.fit) is not None:  # it alone may be blurred
         return []
     mask = coarse.image(np.ones(len(coarse.index), np.bool_))
     over = surface_diffusion.graph(mask, coarse.image(coarse.ray), coarse.image(state.depth_m))
@@ -338,15 +338,20 @@ def moved_object(present: Solution) -> list[Alternative]:
 
 def bad_image(present: Solution) -> list[Alternative]:
     """One image left out that fits far worse than the others."""
-    fit, problem = present.fit, present.problem
-    if np.count_nonzero(np.isfinite(fit.images)) <= MIN_IMAGES_LEFT:
-        return []
-    worst = int(np.nanargmax(fit.images))
-    if fit.images[worst] <= BAD_IMAGE_RATIO * np.nanmedian(np.delete(fit.images, worst)):
+    problem, worst = present.problem, _worst_image(present.fit)
+    if worst is None:
         return []
     message = f"image {worst + 1} does not fit the others: it is left out"
     rest = problem.reread(changed_images.without(problem.masked.images, worst))
     return [Alternative("bad image", message, rest, 1.0, worst + 1)]
+
+
+def _worst_image(fit: Fit) -> int | None:
+    """Number of an image that fits far worse than the others, of which there have to be enough."""
+    if np.count_nonzero(np.isfinite(fit.images)) <= MIN_IMAGES_LEFT:
+        return None
+    worst = int(np.nanargmax(fit.images))
+    return worst if fit.images[worst] > BAD_IMAGE_RATIO * np.nanmedian(np.delete(fit.images, worst)) else None
 
 
 def other_intensities(present: Solution) -> list[Alternative]:
