@@ -155,7 +155,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
     normals = np.zeros_like(ray_direction)
     radiance, highlight = np.zeros_like(coarse.values), np.zeros_like(coarse.values)
     threshold = INITIAL_SHADOW_THRESHOLD
-    continuity_weight, discontinuous = np.ones_like(depth), True
+    continuity_weight, discontinuous = np.ones_like(depth), shared.terms.metal == 0
     calibrations = 0
     for turn in range(scene.settings.depth_rounds + EXTRA_ROUNDS):
         measured = divide_intensity(coarse.values, shared.log_intensity)
@@ -186,7 +186,7 @@ def refine(level: PyramidLevel, depth_m: Float32Array, scene: Scene, priors: Pri
             expected=indirect is not None and indirect.significant,
         )  # fmt: skip
         radiance = indirect.radiance
-        direct_diffuse = not indirect.significant and lobe.strength == 0 and shared.terms.gloss == 0
+        direct_diffuse = not indirect.significant and lobe.strength == 0 and not shared.terms.specular
 
         values = (measured - radiance)[:, chosen]
         before = shared.shift_m

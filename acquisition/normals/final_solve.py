@@ -115,7 +115,7 @@ def solve(
     matrices: list[FloatArray] = []
     before, light, indirect = 0, 0.0, 0.0
     margin = 1 if _direct_diffuse(state) else 3
-    margin += 0 if scene.terms is None else term_solve.ROUNDS * margin
+    margin += 0 if scene.terms is None else term_solve.rounds(scene.terms) * margin
     for rows in masked.blocks():
         mask = masked.mask[rows]
         after = before + int(np.count_nonzero(mask))

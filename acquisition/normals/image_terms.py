@@ -11,7 +11,8 @@ of accuracy, because they resemble wrong normals.
 
 All but lobe and offset are homogeneous of first degree in g = ρn, so T(g) = ∂T/∂g · g: a solve takes them into account
 by adding ∂T/∂g to the light vectors, and nothing to the values. The lobe, of degree zero, has ∂S/∂g · g = 0: it is
-subtracted, and its derivative added, too.
+subtracted, and its derivative added, too. Of a metal, the lobe times ρ takes the place of the diffuse light, and is of
+first degree.
 """
 
 from dataclasses import dataclass, replace
@@ -44,12 +45,18 @@ LEAST_ALBEDO = 1e-3
 @dataclass(frozen=True)
 class ImageTerms:
     """Weight b of the rough diffuse term, irradiance a of ambient light and offset o, the last two in units of y, and
-    roughness α of a glossy dielectric, 0 for none."""
+    roughness α of a glossy dielectric, or of a metal, which has no diffuse light; 0 for none."""
 
     roughness: float = 0.0
     ambient: float = 0.0
     offset: float = 0.0
     gloss: float = 0.0
+    metal: float = 0.0
+
+    @property
+    def specular(self) -> bool:
+        """Whether the surface is a glossy dielectric or a metal."""
+        return self.gloss > 0 or self.metal > 0
 
     @property
     def roughness_rad(self) -> float:
@@ -67,11 +74,11 @@ LAMBERTIAN = ImageTerms()
 
 @dataclass(frozen=True)
 class TermValues:
-    """The terms at N pixels: the sum of all (F, N), of it ambient light (N,), the lobe (F, N) and the offset, and its
-    derivatives by g (F, 3, N) and by b, a, o and α (F, 4, N)."""
+    """The terms at N pixels: the sum of all (F, N), of it what is no diffuse reflection of the lamp's light (F, N), the
+    lobe of a dielectric (F, N) and the offset, and derivatives by g (F, 3, N) and by b, a, o and either α (F, 5, N)."""
 
     value: Float32Array
-    ambient: Float32Array
+    nondiffuse: Float32Array
     lobe: Float32Array
     offset: float
     by_g: Float32Array
@@ -81,11 +88,6 @@ class TermValues:
     def constant(self) -> Float32Array:
         """What does not scale with |g| (F, N): derivatives by g say nothing of it."""
         return self.lobe + np.float32(self.offset)
-
-    @property
-    def nondiffuse(self) -> Float32Array:
-        """What is no diffuse reflection of the lamp's light (F, N)."""
-        return self.lobe + self.ambient + np.float32(self.offset)
 
     @property
     def highlight_variance(self) -> Float32Array:
@@ -117,25 +119,38 @@ def evaluate(
         value = value + lobe + albedo * diffuse * gloss.layer
         by_g += gloss.layer[:, None] * light + diffuse[:, None] * gloss.layer_by_normal
         by_g += (strength / np.maximum(albedo, np.float32(LEAST_ALBEDO)))[:, None] * gloss.lobe_by_normal
+    nondiffuse, by_metal = lobe + weights[1] * albedo + np.float32(terms.offset), np.zeros_like(value)
+    if terms.metal > 0:
+        metal = microfacet.reflection(normal, lamp, view, usable, terms.metal, microfacet.METAL_F0)
+        mirrored = albedo * strength * metal.lobe
+        by_metal = albedo * strength * metal.lobe_by_log_alpha / np.float32(terms.metal)
+        value = value + mirrored - np.einsum("fcn,cn->fn", light, g)
+        nondiffuse = nondiffuse + mirrored
+        by_g += strength[:, None] * (metal.lobe[:, None] * normal + metal.lobe_by_normal) - light
     return TermValues(
         value=value.astype(np.float32),
-        ambient=(weights[1] * albedo).astype(np.float32),
+        nondiffuse=nondiffuse.astype(np.float32),
         lobe=lobe,
         offset=terms.offset,
         by_g=by_g.astype(np.float32),
-        by_parameter=np.stack([*parameters, by_alpha], axis=1).astype(np.float32),
+        by_parameter=np.stack([*parameters, by_alpha, by_metal], axis=1).astype(np.float32),
     )
 
 
 def stepped(present: ImageTerms, step: ImageTerms) -> ImageTerms:
     """The terms after a Gauss–Newton step, within their ranges; gloss changes by MAX_GLOSS_STEP at most, none stays
     none."""
-    change = np.clip(step.gloss / max(present.gloss, 1e-6), -MAX_GLOSS_STEP, MAX_GLOSS_STEP)
+
+    def alpha(before: float, by: float) -> float:
+        change = np.clip(by / max(before, 1e-6), -MAX_GLOSS_STEP, MAX_GLOSS_STEP)
+        return float(np.clip(before * (1 + change), *GLOSS_RANGE)) if before > 0 else 0.0
+
     return ImageTerms(
         roughness=float(np.clip(present.roughness + step.roughness, 0, MAX_ROUGH_WEIGHT)),
         ambient=max(present.ambient + step.ambient, 0.0),
         offset=present.offset + step.offset,
-        gloss=float(np.clip(present.gloss * (1 + change), *GLOSS_RANGE)) if present.gloss > 0 else 0.0,
+        gloss=alpha(present.gloss, step.gloss),
+        metal=alpha(present.metal, step.metal),
     )
 
 
@@ -143,7 +158,7 @@ def chosen(where: BoolArray, one: TermValues | None, other: TermValues | None) -
     """`one` at some pixels (N,), elsewhere the `other`; none of none."""
     if one is None or other is None:
         return None
-    names = ("value", "ambient", "lobe", "by_g", "by_parameter")
+    names = ("value", "nondiffuse", "lobe", "by_g", "by_parameter")
     return replace(one, **{name: np.where(where, getattr(one, name), getattr(other, name)) for name in names})
 
 

@@ -7,7 +7,8 @@ Per unit of |s| a dielectric with a diffuse base of albedo ρ gives
 with the half vector h of lamp l and camera v, q = 1 − (1 − α²)(n·h)² of the distribution of facets (Walter et al. 2007,
 eq. 33), m(c) = c + √(α² + (1 − α²) c²) of Smith's masking in separable form (eq. 34; the cosines of the microfacet
 equation cancel), and F(c) = F₀ + (1 − F₀)(1 − c)⁵ (Schlick 1994). Plastics, paints, glazes and skin have refractive
-indices of 1.4–1.6, so F₀ = 0.04 is no parameter, and the roughness α is the only one.
+indices of 1.4–1.6, so F₀ = 0.04 is no parameter, and the roughness α is the only one. A metal has S alone, of F₀ = 0.9,
+times the albedo.
 
 Kernels compile at import, into numba's cache.
 """
@@ -21,6 +22,9 @@ from acquisition.models.base import BoolArray, Float32Array
 
 F0 = 0.04
 """Reflectance of a dielectric of refractive index 1.5 at normal incidence; 0.028–0.053 for 1.4–1.6."""
+
+METAL_F0 = 0.9
+"""Reflectance of a bright metal at normal incidence (aluminium 0.91); the albedo scales it."""
 
 LEAST_COSINE = 0.02
 """Cosine between normal and viewing ray below which all is evaluated as at that cosine."""
@@ -39,11 +43,11 @@ class Reflection:
 
 
 def reflection(
-    normal: Float32Array, lamp: Float32Array, view: Float32Array, usable: BoolArray, alpha: float
+    normal: Float32Array, lamp: Float32Array, view: Float32Array, usable: BoolArray, alpha: float, f0: float = F0
 ) -> Reflection:
     """Reflection at unit normals (3, N) with unit directions to the lamps (F, 3, N) and to the camera (3, N).
 
-    Zero where a measurement is not `usable` (F, N).
+    Zero where a measurement is not `usable` (F, N). `f0` is the reflectance at normal incidence.
     """
     count, pixels = usable.shape
     out = Reflection(
@@ -53,15 +57,15 @@ def reflection(
     )  # fmt: skip
     _reflection(
         np.ascontiguousarray(normal, np.float32), np.ascontiguousarray(lamp, np.float32),
-        np.ascontiguousarray(view, np.float32), np.ascontiguousarray(usable, np.uint8), alpha,
+        np.ascontiguousarray(view, np.float32), np.ascontiguousarray(usable, np.uint8), alpha, f0,
         out.lobe, out.lobe_by_normal, out.lobe_by_log_alpha, out.layer, out.layer_by_normal,
     )  # fmt: skip
     return out
 
 
 @numba.njit(
-    "void(float32[:,::1], float32[:,:,::1], float32[:,::1], uint8[:,::1], float64, float32[:,::1], float32[:,:,::1],"
-    " float32[:,::1], float32[:,::1], float32[:,:,::1])",
+    "void(float32[:,::1], float32[:,:,::1], float32[:,::1], uint8[:,::1], float64, float64, float32[:,::1],"
+    " float32[:,:,::1], float32[:,::1], float32[:,::1], float32[:,:,::1])",
     cache=True,
     parallel=True,
     fastmath=True,
@@ -73,6 +77,7 @@ def _reflection(
     view: Float32Array,  # (3, N)
     usable: np.ndarray,  # (F, N) uint8
     alpha: float,
+    f0: float,
     lobe: Float32Array,  # (F, N)
     lobe_by_normal: Float32Array,  # (F, 3, N)
     lobe_by_log_alpha: Float32Array,  # (F, N)
@@ -82,7 +87,7 @@ def _reflection(
     """Fills the last five arrays with the fields of `Reflection`."""
     square = alpha * alpha
     rest = 1 - square
-    through = (1 - F0) ** 2
+    through = (1 - f0) ** 2
     for p in numba.prange(normal.shape[1]):
         nx, ny, nz = normal[0, p], normal[1, p], normal[2, p]
         vx, vy, vz = view[0, p], view[1, p], view[2, p]
@@ -106,7 +111,7 @@ def _reflection(
             hx, hy, hz = hx * inverse, hy * inverse, hz * inverse
             to_half = max(nx * hx + ny * hy + nz * hz, 0.0)
             turn = 1 - (vx * hx + vy * hy + vz * hz)
-            fresnel = F0 + (1 - F0) * turn**5
+            fresnel = f0 + (1 - f0) * turn**5
             q = 1 - rest * to_half**2
             root = np.sqrt(square + rest * to_lamp**2)
             mask = to_lamp + root

@@ -53,12 +53,16 @@ MIN_GLOSS_STEP, GLOSS_BETTER = 0.05, 0.9
 """Amount of gloss by one step from none, of 1 that a dielectric has, above which gloss is tried; and misfit after over
 before, up to which it is accepted."""
 
+METAL_START, METAL_BETTER = 0.3, 0.7
+"""Roughness α from which a metal's is estimated in a poor fit, and misfit after over before, up to which the surface
+counts as metal."""
+
 MIN_STEP_SHARE = 0.5
 """Estimate of a term over what one step promised, above which it is accepted: interreflection that is not predicted
 scores as ambient light, and the descent takes most of it back."""
 
-TERM_SIGMA = ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0)
-"""1 σ of the priors of terms that are estimated; that of gloss says next to nothing."""
+TERM_SIGMA = ImageTerms(roughness=0.3, ambient=0.1, offset=0.05, gloss=1.0, metal=1.0)
+"""1 σ of the priors of terms that are estimated; those of gloss and metal say next to nothing."""
 
 SECOND_STARTS = (ImageTerms(ambient=0.05), ImageTerms(ambient=0.15), ImageTerms(offset=0.03), ImageTerms(offset=0.1))
 """Ambient and stray light of further starts: from zero the descent stops in a wrong shape where there is much."""
@@ -194,18 +198,19 @@ class Alternative:
         return after.share <= most * before.share and after.probability > MIN_PROBABILITY
 
     def finding(self, terms: ImageTerms) -> ModelFinding:
-        """The finding of an accepted trial, with the amount that it has estimated."""
+        """The finding of an accepted trial, with the amount that it has estimated; metal counts as not corrected,
+        because its normals stay unsure."""
         message, value = self.message, self.value
         if self.kind == "rough surface":
             value = terms.roughness_rad
             message += f" of {value:.2f} rad"
-        elif self.kind == "gloss":
-            value = terms.gloss
+        elif self.kind in ("gloss", "metal"):
+            value = max(terms.gloss, terms.metal)
             message += f" {value:.2f}"
         elif self.kind in ("ambient light", "stray light"):
             value = max(terms.ambient, terms.offset)
             message += f" ({value:.1%} of white)"
-        return ModelFinding(kind=self.kind, message=message, corrected=True, value=value)
+        return ModelFinding(kind=self.kind, message=message, corrected=self.kind != "metal", value=value)
 
 
 def other_axes(present: Solution) -> list[Alternative]:
@@ -285,6 +290,7 @@ TERMS = {
     "roughness": ("rough surface", "the surface is rough: it is solved with Oren and Nayar's reflectance, roughness"),
     "ambient": ("ambient light", "light from elsewhere falls on the object: it is estimated and subtracted"),
     "offset": ("stray light", "a black level or stray light is in the images: it is estimated and subtracted"),
+    "metal": ("metal", "the surface has no diffuse light: it is solved as metal, less surely, of roughness α"),
     "gloss": ("gloss", "the surface is glossy: it is solved as a dielectric with microfacets, of roughness α"),
 }
 """Kind and sentence of the finding for each of `ImageTerms`."""
@@ -309,6 +315,7 @@ def other_formation(present: Solution) -> list[Alternative]:
             if score.gain > MIN_GAIN and score.step > getattr(MIN_STEP, name):
                 alternatives.append(with_term(name, LAMBERTIAN, WORSE_AT_MOST, score.step))
     if nominal.terms is None and present.poor:
+        alternatives.append(with_term("metal", ImageTerms(metal=METAL_START), METAL_BETTER))
         for start in SECOND_STARTS:
             alternatives.append(with_term("ambient" if start.ambient else "offset", start, BETTER_AT_LEAST))
     if present.poor:

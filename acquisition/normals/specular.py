@@ -105,9 +105,10 @@ def fit(
     """Least-squares Blinn–Phong lobe of K pixels from values (F, K) without indirect light; `NO_LOBE` if diffuse.
 
     Alternates with the pixels' solve at depth (K,), shadow threshold `threshold`, from the lobe `start`. It needs
-    MIN_LIGHTS usable lights at MIN_PIXELS pixels, else it is `NO_LOBE`, as where gloss is among the scene's terms.
+    MIN_LIGHTS usable lights at MIN_PIXELS pixels, else it is `NO_LOBE`, as where the scene's terms have a lobe of
+    their own.
     """
-    if scene.terms is not None and scene.terms.gloss > 0:
+    if scene.terms is not None and scene.terms.specular:
         return NO_LOBE
     lighting = Lighting.at(pixels, depth_m, scene)
     ray_direction = lighting.ray_direction

@@ -1,4 +1,4 @@
-"""Gauss–Newton solve of pixels with terms beyond Lambert's; glossy ones from several starts, of which the best counts.
+"""Gauss–Newton solve of pixels with terms beyond Lambert's; glossy ones and metal from several starts, the best counts.
 
 Each round solves with the terms' values and derivatives at the normals of the round before. Roughness and ambient light
 change slowly with the normal, so these rounds converge from anywhere. A highlight does not: beside it the image says
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acquisition.models.base import BoolArray, Float32Array
-from acquisition.normals import image_terms
+from acquisition.normals import image_terms, microfacet
 from acquisition.normals.estimate import Estimate
 from acquisition.normals.image_terms import ImageTerms, TermValues
 from acquisition.photometry import Noise
@@ -25,6 +25,10 @@ HIGHLIGHT_STARTS = 2
 """Images, the brightest first, whose half vector is another start of a glossy pixel's normal. On a knot and a turned
 profile (design seed 2, α = 0.16, eight lights, known depth) the mean error is 5.1° and 5.8° without, 3.1° and 3.2° with
 two; a third changes nothing."""
+
+METAL_ROUNDS, METAL_STARTS = 6, 4
+"""The same for metal, whose Lambertian solution is of little use: without noise (α = 0.35, eight lights, slants to 34°)
+three rounds from three images leave 3.8°, six rounds 0.6°, from five images 0.1°."""
 
 LEAST_START_SHARE = 0.05
 """Least albedo of such a start, as a share of the peak y/|s|."""
@@ -47,19 +51,26 @@ class TermProblem:
     once: Callable[[TermValues], Estimate]
 
 
+def rounds(terms: ImageTerms) -> int:
+    """Solves of a pixel with these terms from one start, one after another."""
+    return METAL_ROUNDS if terms.metal > 0 else ROUNDS
+
+
 def solve(problem: TermProblem) -> Estimate:
-    """The pixels' estimates with their terms: from facing the camera, where gloss is among them from several starts."""
+    """The pixels' estimates with their terms: from facing the camera, of gloss and metal from several starts."""
     light = problem.light
     strength = np.maximum(np.sqrt(np.einsum("fcn,fcn->fn", light, light)), np.float32(1e-9))
     ratio = np.where(problem.clipped, 0, problem.values / strength)
     peak = np.max(ratio, axis=0)
     facing = (problem.view * peak).astype(np.float32)
-    out = _from_start(problem, replace(problem.terms, gloss=0.0), facing)
-    if problem.terms.gloss == 0:
+    out = _from_start(problem, replace(problem.terms, gloss=0.0, metal=0.0), facing)
+    if not problem.terms.specular:
         return out
     least = _robust_cost(problem, out)
     level = np.maximum(np.median(ratio, axis=0), np.float32(LEAST_START_SHARE) * peak)
-    for image in np.argsort(-ratio, axis=0)[:HIGHLIGHT_STARTS]:
+    if problem.terms.metal > 0:  # at the half vector all of the brightest value is the lobe's, F₀/(4α²) high
+        level = np.float32(4 * problem.terms.metal**2 / microfacet.METAL_F0) * peak
+    for image in np.argsort(-ratio, axis=0)[: METAL_STARTS if problem.terms.metal > 0 else HIGHLIGHT_STARTS]:
         toward = np.take_along_axis(light, image[None, None], axis=0)[0]
         half = toward / np.take_along_axis(strength, image[None], axis=0) + problem.view
         half *= level / np.maximum(np.sqrt(np.sum(half * half, axis=0)), np.float32(1e-6))
@@ -70,7 +81,7 @@ def solve(problem: TermProblem) -> Estimate:
 
 
 def _from_start(problem: TermProblem, first: ImageTerms, start: Float32Array) -> Estimate:
-    """ROUNDS solves; the first with the terms `first` at g of `start` (3, N)."""
+    """All rounds of solves; the first with the terms `first` at g of `start` (3, N)."""
     light, view = problem.light, problem.view
 
     def values(estimate: Estimate) -> TermValues:
@@ -78,7 +89,7 @@ def _from_start(problem: TermProblem, first: ImageTerms, start: Float32Array) ->
 
     everywhere = np.ones_like(problem.clipped)
     estimate = problem.once(image_terms.evaluate(first, start, light, everywhere, view))
-    for _ in range(ROUNDS - 1):
+    for _ in range(rounds(problem.terms) - 1):
         estimate = problem.once(values(estimate))
     return replace(estimate, terms=values(estimate))
 

@@ -54,7 +54,7 @@ def scores(
     axis = -ray_direction / np.sqrt(np.sum(ray_direction * ray_direction, axis=0))
     present = image_terms.evaluate(scene.terms or LAMBERTIAN, estimate.g, estimate.light, estimate.usable, axis)
     glossy = image_terms.evaluate(ImageTerms(gloss=GLOSS_TESTED), estimate.g, estimate.light, estimate.usable, axis)
-    columns = np.concatenate([present.by_parameter[:, :3], glossy.value[:, None]], axis=1)
+    columns = np.concatenate([present.by_parameter[:, :3], glossy.value[:, None], present.by_parameter[:, 4:]], axis=1)
     by_depth = pixel_solve.depth_derivative(estimate.light, estimate.point, ray_direction, scene.lamps)
     equations = self_calibration.normal_equations(
         replace(estimate, terms=replace(present, by_parameter=columns)), by_depth, values, scene.lamps, shared,

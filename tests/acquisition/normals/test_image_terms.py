@@ -1,6 +1,7 @@
 """Terms beyond Lambert's: their derivatives, their effect on a solve, and the score tests that demand them."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -68,12 +69,12 @@ def test_roughness_rad_inverts_oren_nayar_weights(sigma: float) -> None:
     assert ImageTerms(roughness=weight).roughness_rad == pytest.approx(sigma, abs=0.005)
 
 
-def glossy_values(made: MeasuredPixels, alpha: float) -> np.ndarray:
-    """Values of a dielectric of albedo 0.6, by the simulator's reflectance."""
+def glossy_values(made: MeasuredPixels, alpha: float, kind: Literal["ggx", "metal"] = "ggx") -> np.ndarray:
+    """Values of a dielectric or metal of albedo 0.6, by the simulator's reflectance."""
     size = np.linalg.norm(made.light, axis=1)
     view = -made.ray_direction / np.linalg.norm(made.ray_direction, axis=0)
     lamp = np.moveaxis(made.light / size[:, None], 1, -1)
-    return size * Reflectance("ggx", alpha).value(made.normals.T[None], lamp, view.T[None], 0.6)
+    return size * Reflectance(kind, alpha).value(made.normals.T[None], lamp, view.T[None], 0.6)
 
 
 @pytest.mark.parametrize("alpha", [0.15, 0.4])
@@ -83,6 +84,23 @@ def test_evaluate_equals_glossy_dielectric(alpha: float) -> None:
     terms = evaluated(made, g, ImageTerms(gloss=alpha))
     assert made.values + terms.value == pytest.approx(glossy_values(made, alpha), rel=1e-3, abs=1e-4)
     assert np.einsum("fcn,cn->fn", terms.by_g, g) == pytest.approx(terms.value - terms.constant, abs=1e-4)
+
+
+def test_evaluate_equals_metal() -> None:
+    made = measured()
+    g = 0.6 * made.normals
+    terms = evaluated(made, g, ImageTerms(metal=0.3))
+    lambertian = np.einsum("fcn,cn->fn", made.light, g)
+    assert lambertian + terms.value == pytest.approx(glossy_values(made, 0.3, "metal"), rel=1e-3, abs=1e-4)
+    assert terms.nondiffuse == pytest.approx(lambertian + terms.value, abs=1e-4)
+    assert np.einsum("fcn,cn->fn", terms.by_g, g) == pytest.approx(terms.value, abs=1e-4)
+
+
+def test_solve_with_metal_recovers_normals() -> None:
+    made = measured()
+    values = glossy_values(made, 0.35, "metal")
+    assert mean_error_deg(made, solved(made, values, None)) > 5.0
+    assert mean_error_deg(made, solved(made, values, ImageTerms(metal=0.35))) < 1.0
 
 
 def test_solve_with_gloss_recovers_normals() -> None:
