@@ -51,7 +51,7 @@ weighed by."""
 PREDICTED_HIGHLIGHT_SIGMA = 0.2
 """1 σ of the predicted highlight, once the lobe has been found, as a share of it."""
 
-POSTERIOR_FACTOR, MISFIT_FACTOR = 0.67, 0.76
+POSTERIOR_FACTOR, MISFIT_FACTOR = 0.65, 0.85
 """A and B of a pixel's variance (A + B χ²) σ₀², σ₀² of the posterior and χ² the whitened residuals' squares over their
 degrees of freedom: `acquisition.normals.error_variance` says where they come from."""
 

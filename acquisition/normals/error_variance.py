@@ -7,12 +7,12 @@ changes from pixel to pixel:
     σ² = (A + B χ²) σ₀² + M² max(Δ² − Δ₀², 0) + D² [fewer than four lights] + E² [something is wrong with the capture]
 
 χ² is the sum of the squared whitened residuals over their degrees of freedom (lights − 3), both pooled over 3 × 3
-pixels: with the mean square in its place, σ is too small at six images and too large at twenty. Δ is the change of the
-normal across the pixel, half the difference of its neighbours on either side, over both directions. A Lambertian pixel
-that mixes two surfaces fits its images as well as any: its normal is a mean of theirs, and nothing but the neighbours
-tells that it is on neither. Up to Δ₀ errors are no larger than elsewhere; a crease of angle 2Δ anywhere in a pixel
-leaves an rms of 2Δ/√12 there and nothing in the next one. Smoothing over neighbours takes nothing from σ₀²: it lowers
-the error less than it claims.
+pixels: with the mean square in its place, σ is too small at six images and too large at twenty. Δ is the crease at the
+pixel: half of what the normal changes from one neighbour to the other beyond what it changes on either side of them,
+over both directions. Curvature goes on beyond the neighbours and cancels. A Lambertian pixel that mixes two surfaces
+fits its images as well as any: its normal is a mean of theirs, and nothing but the neighbours tells that it is on
+neither. A crease of angle 2Δ anywhere in a pixel leaves an rms of 2Δ/√12 there and less in the next one. Smoothing over
+neighbours takes nothing from σ₀²: it lowers the error less than it claims.
 
 With M the weight of a depth discontinuity adds nothing to the likelihood, nor do a sandwich estimate, predicted
 indirect light, the albedo's local contrast, slant, or the turn by the integrability projection; they are left out.
@@ -30,11 +30,11 @@ from acquisition import photometry
 from acquisition.models.base import BoolArray, Float32Array
 from acquisition.normals.regularisation import UNSURE_DEG
 
-CREASE_SHARE = 0.29
-"""M: 1 σ of the normal at a crease, as a share of the normal's change across the pixel."""
+CREASE_SHARE = 0.45
+"""M: 1 σ of the normal at a crease, as a share of Δ, half of its angle."""
 
-MIN_CREASE_DEG = 20.0
-"""Δ₀, degrees: change of the normal across a pixel from which it counts as a crease."""
+MIN_CREASE_DEG = 12.0
+"""Δ₀, degrees, from which Δ counts: what is below is noise, or too little to tell."""
 
 MIN_LIGHTS = photometry.PIXEL_UNKNOWNS + 1
 
@@ -47,7 +47,8 @@ WEIGHTS = np.array(
 )
 """A, B, M², D² of `components`."""
 
-STRIP_ROWS = 256
+STRIP_ROWS, NEIGHBOUR_ROWS = 256, 2
+"""Rows that are evaluated at once, and rows beyond them that they look at."""
 
 
 def sigma_deg(
@@ -62,7 +63,7 @@ def sigma_deg(
     added = photometry.UNSOUND_SIGMA_DEG**2 if unsound else 0.0
     for start in range(0, len(out), STRIP_ROWS):
         stop = min(start + STRIP_ROWS, len(out))
-        first, last = max(start - 1, 0), min(stop + 1, len(out))
+        first, last = max(start - NEIGHBOUR_ROWS, 0), min(stop + NEIGHBOUR_ROWS, len(out))
         maps = (posterior_deg, regularised_deg, residual, lights, normals)
         parts = components(*(one[first:last] for one in maps))[:, start - first : stop - first]
         known = np.isfinite(posterior_deg[start:stop])
@@ -84,7 +85,7 @@ def components(
     base = np.where(known, np.where(posterior_deg > UNSURE_DEG, posterior_deg, regularised_deg), 0) ** 2
     squares, freedom = _squares(residual, np.where(known, lights, 0))
     square = _summed(squares) / np.maximum(_summed(freedom), 1)
-    crease = np.maximum(normal_change_deg2(normals, known) - MIN_CREASE_DEG**2, 0)
+    crease = np.maximum(crease_deg2(normals, known) - MIN_CREASE_DEG**2, 0)
     return np.stack([base, square * base, crease, lights < MIN_LIGHTS]).astype(np.float32)
 
 
@@ -103,21 +104,17 @@ def _squares(residual: Float32Array, lights: np.ndarray) -> tuple[Float32Array, 
     return squares.astype(np.float32), freedom.astype(np.float32)
 
 
-def normal_change_deg2(normals: Float32Array, known: BoolArray) -> Float32Array:
-    """Δ² (H, W), deg²: squared change of normals (H, W, 3) across a pixel, summed over rows and columns.
-
-    It is half the difference of the neighbours on either side; the difference to one, where only that one is known.
-    """
+def crease_deg2(normals: Float32Array, known: BoolArray) -> Float32Array:
+    """Δ² (H, W), deg², of normals (H, W, 3), summed over rows and columns; 0 where a neighbour is not known."""
     out = np.zeros(known.shape, np.float32)
     for axis in (0, 1):
         n, k = np.swapaxes(normals, 0, axis), np.swapaxes(known, 0, axis)
-        pair = k[1:] & k[:-1]
-        step = (n[1:] - n[:-1]) * pair[..., None]
-        change, steps = np.zeros_like(n), np.zeros(k.shape, np.float32)
-        for side in (slice(1, None), slice(None, -1)):
-            change[side] += step
-            steps[side] += pair
-        out += np.swapaxes(np.sum(change**2, axis=-1) / np.maximum(steps, 1) ** 2, 0, axis)
+        step = np.linalg.norm(n[1:] - n[:-1], axis=-1) * (k[1:] & k[:-1])
+        beyond = np.zeros((2, len(n), *step.shape[1:]), np.float32)
+        beyond[0, 2:], beyond[1, :-2] = step[:-1], step[1:]
+        across = np.linalg.norm(n[2:] - n[:-2], axis=-1) * (k[2:] & k[1:-1] & k[:-2])
+        sides = beyond[0, 1:-1] + beyond[1, 1:-1]
+        np.swapaxes(out, 0, axis)[1:-1] += (np.maximum(across - sides, 0) / 2) ** 2
     return np.float32(np.degrees(1) ** 2) * out
 
 

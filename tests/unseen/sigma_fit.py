@@ -36,7 +36,7 @@ PIXELS = 800
 """Pixels of each capture."""
 
 NAMES = ("posterior A", "misfit B", "crease M²", "few lights D²")
-CREASES_DEG = (12.0, 16.0, 20.0, 24.0, 28.0)
+CREASES_DEG = (4.0, 8.0, 12.0, 16.0, 20.0)
 """Δ₀ that are compared."""
 
 CHANGE = 2
@@ -171,7 +171,7 @@ def _solve(scene: Scene, count: int) -> dict[str, np.ndarray]:
 
     def record(*maps: np.ndarray, unsound: bool) -> np.ndarray:
         parts = error_variance.components(*maps)
-        parts[CHANGE] = error_variance.normal_change_deg2(maps[-1], np.isfinite(maps[0]))
+        parts[CHANGE] = error_variance.crease_deg2(maps[-1], np.isfinite(maps[0]))
         recorded.append(parts)
         return original(*maps, unsound=unsound)
 

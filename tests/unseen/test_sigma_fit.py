@@ -10,7 +10,7 @@ from tests.unseen import run, sigma_fit
 from tests.unseen.sigma_fit import Errors
 
 WEIGHTS = np.array([0.7, 0.8, 0.09, 25.0])
-CREASE_DEG = 20.0
+CREASE_DEG = 12.0
 
 
 def drawn(seed: int, *, added_deg: float = 0.0, unsound: bool = False) -> Errors:
@@ -44,7 +44,7 @@ def test_fit_without_a_component_is_less_likely() -> None:
 
 def test_summary_other_threshold_in_the_data_is_found() -> None:
     text = sigma_fit.summary([drawn(seed) for seed in range(4)] + [drawn(9, added_deg=8.0, unsound=True)])
-    assert "best Δ₀ 20°" in text
+    assert "best Δ₀ 12°" in text
 
 
 def test_unsound_sigma_added_error_is_found() -> None:

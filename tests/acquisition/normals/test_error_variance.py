@@ -87,24 +87,32 @@ def test_sigma_residual_pools_known_neighbours_across_strips() -> None:
 
 @pytest.mark.parametrize("row", [STRIP_ROWS - 1, STRIP_ROWS, STRIP_ROWS + 1])
 def test_sigma_crease_raises_pixels_on_both_sides_in_any_strip(row: int) -> None:
-    result = error_variance.sigma_deg(
-        *(np.ones(SHAPE, np.float32),) * 2, np.zeros(SHAPE, np.float32), np.full(SHAPE, 8, np.uint8), bent(90, row),
-        unsound=False,
-    )  # fmt: skip
-    change = np.degrees(2 * np.sin(np.radians(45)) / 2)
-    raised = np.sqrt(photometry.POSTERIOR_FACTOR + CREASE_SHARE**2 * (change**2 - MIN_CREASE_DEG**2))
+    result = error_variance.sigma_deg(*_plain_maps(), bent(90, row), unsound=False)
+    crease = np.degrees(2 * np.sin(np.radians(45)) / 2)
+    raised = np.sqrt(photometry.POSTERIOR_FACTOR + CREASE_SHARE**2 * (crease**2 - MIN_CREASE_DEG**2))
     assert result[row - 1 : row + 1] == pytest.approx(raised, rel=1e-4)
     assert np.delete(result, [row - 1, row], axis=0) == pytest.approx(np.sqrt(photometry.POSTERIOR_FACTOR), rel=1e-5)
 
 
-def test_sigma_curvature_below_a_crease_raises_nothing() -> None:
-    assert error_variance.components(*_plain_maps(), bent(2 * MIN_CREASE_DEG - 1))[2] == pytest.approx(0)
+@pytest.mark.parametrize("step_deg", [1.0, 10.0, 40.0])
+def test_crease_of_constant_curvature_is_none(step_deg: float) -> None:
+    angle = np.radians(step_deg) * np.arange(SHAPE[0])
+    normals = np.stack([np.zeros_like(angle), np.sin(angle), np.cos(angle)], axis=-1)
+    normals = np.repeat(normals[:, None], SHAPE[1], axis=1).astype(np.float32)
+    assert error_variance.crease_deg2(normals, np.ones(SHAPE, bool))[2:-2] == pytest.approx(0, abs=1e-3)
 
 
-def test_normal_change_unknown_neighbours_take_no_part() -> None:
+def test_crease_of_rows_and_columns_is_the_same() -> None:
+    known = np.ones((20, 20), bool)
+    normals = bent(70, 10)[:20, :20]
+    turned = np.swapaxes(error_variance.crease_deg2(np.swapaxes(normals, 0, 1), known), 0, 1)
+    assert turned == pytest.approx(error_variance.crease_deg2(normals, known))
+
+
+def test_crease_beside_unknown_pixels_is_none() -> None:
     known = np.ones(SHAPE, bool)
     known[STRIP_ROWS:] = False
-    assert error_variance.normal_change_deg2(bent(90), known) == pytest.approx(0)
+    assert error_variance.crease_deg2(bent(90), known) == pytest.approx(0)
 
 
 def _plain_maps() -> tuple[np.ndarray, ...]:
