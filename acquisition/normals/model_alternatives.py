@@ -246,10 +246,13 @@ def swapped_lamps(present: Solution) -> list[Alternative]:
 
 
 def translucent_surface(present: Solution) -> list[Alternative]:
-    """Images sharpened, where light leaks into shadows as from below the surface."""
+    """Images sharpened, where light leaks into shadows as from below the surface.
+
+    Not where one image fits far worse, which alone may be blurred, nor after gloss, which is mirrored into shadows.
+    """
     problem, state, level = present.problem, present.state, present.problem.level
     coarse = level.coarse
-    if TRANSLUCENT in problem.corrected or _worst_image(present.fit) is not None:  # it alone may be blurred
+    if {TRANSLUCENT, "gloss", "metal"} & set(problem.corrected) or _worst_image(present.fit) is not None:
         return []
     mask = coarse.image(np.ones(len(coarse.index), np.bool_))
     over = surface_diffusion.graph(mask, coarse.image(coarse.ray), coarse.image(state.depth_m))
