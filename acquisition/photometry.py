@@ -51,21 +51,21 @@ weighed by."""
 PREDICTED_HIGHLIGHT_SIGMA = 0.2
 """1 σ of the predicted highlight, once the lobe has been found, as a share of it."""
 
-POSTERIOR_FACTOR, MISFIT_FACTOR = 0.65, 0.85
+POSTERIOR_FACTOR, MISFIT_FACTOR = 0.48, 1.29
 """A and B of a pixel's variance (A + B χ²) σ₀², σ₀² of the posterior and χ² the whitened residuals' squares over their
 degrees of freedom: `acquisition.normals.error_variance` says where they come from."""
 
 PIXEL_UNKNOWNS = 3
 """Unknowns of a pixel that its residuals pay for; the depth offset hardly takes part."""
 
-FEW_LIGHTS_SIGMA_DEG = 5.0
+FEW_LIGHTS_SIGMA_DEG = 9.1
 """D, degrees: 1 σ of the normal where no more than PIXEL_UNKNOWNS lights are usable: no residual is left, so that χ²
 says nothing."""
 
-UNSOUND_SIGMA_DEG = 8.0
-"""E, degrees: 1 σ of all normals of a capture of which something is wrong that could not be put right. Over 60 such
-captures (metal, subsurface scatter, deep relief; mean error 12°) P(e < σ) is 0.74 and the rms of e/σ 1.3; 0.69 and 1.5
-with 6°, 0.79 and 1.0 with 12°."""
+UNSOUND_SIGMA_DEG = 6.0
+"""E, degrees: 1 σ of all normals of a capture of which something is wrong that could not be put right. Over 30 such
+captures of design seeds (deep relief, cavities, machined parts) P(e < σ) is 0.79 and the rms of e/σ 1.2, 3.0 at worst;
+with 2° 0.67, 1.9 and 5.1; with 8° 0.82, 1.0 and 2.4, and σ is 1.6 times the error."""
 
 SATURATION_SHARE = 0.985
 """Share of the clipping level above which a value is taken as clipped."""
