@@ -133,6 +133,7 @@ def _median_matched_share(
     squares: FloatArray, rest: FloatArray, by: FloatArray, where: np.ndarray, within: tuple[float, float]
 ) -> float | None:
     """The q for which the median of squares / (rest + q² by) is a Gaussian's; none where too few measurements count."""
+    where = where & (by > 0)  # where nothing is predicted, as of metal between highlights, nothing is told
     if np.count_nonzero(where) < MIN_MEASUREMENTS or np.mean(np.any(where, axis=0)) < MIN_PIXEL_SHARE:
         return None
     squares, rest, by = squares[where], rest[where], by[where]
