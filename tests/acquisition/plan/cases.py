@@ -7,7 +7,7 @@ from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.light_plan import Light
 from acquisition.models.recipe import Recipe
-from acquisition.models.result import FisherInformation, NormalMap
+from acquisition.models.result import LIT, FisherInformation, NormalMap
 from acquisition.models.shot import FrameQuality, FrameRef, Observations, Shot, ShotKey
 from acquisition.plan import criterion, planned_noise, visibility
 from acquisition.plan.criterion import Candidates, Samples
@@ -100,7 +100,8 @@ def design_rows(
 
 
 def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: int = 3) -> NormalMap:
-    """The true normal map of a scene, with the Fisher information that images of `lights` would give."""
+    """The true normal map of a scene, with the Fisher information that images of `lights` would give, and flags of
+    which pixels they light."""
     known = true.calibration
     height, width = true.mask.shape
     rows, columns = np.nonzero(true.graded)
@@ -110,7 +111,7 @@ def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: in
         mask = true.mask if values.ndim == 2 else true.mask[..., None]
         return np.where(mask, values, outside).astype(np.float32)
 
-    def made(matrices: FloatArray) -> NormalMap:
+    def made(matrices: FloatArray, flags: np.ndarray) -> NormalMap:
         return NormalMap(
             normals=of_object(true.normals),
             albedo=of_object(true.albedo),
@@ -119,19 +120,22 @@ def known_map(true: Scene, lights: list[Light], sigma_deg: float = 1.0, step: in
             residual=np.zeros((height, width), np.float32),
             mask=true.mask,
             silhouette=true.mask,
-            flags=np.zeros((len(lights), height, width), np.uint8),
+            flags=flags,
             intensity_factors=np.ones(len(lights)),
             information=FisherInformation(rows=rows, columns=columns, matrices=matrices),
         )
 
-    blank = made(np.zeros((len(rows), 4, 4)))
+    flags = np.zeros((len(lights), height, width), np.uint8)
+    blank = made(np.zeros((len(rows), 4, 4)), flags)
     if not lights:
         return blank
     samples = criterion.samples(blank, known, np.arange(len(rows)))
     design = design_rows(samples, lights, blank, known)
-    row = design.row.astype(float) * (design.visibility[:, None] > 0.5)
+    lit = design.visibility > 0.5
+    flags[:, rows, columns] = np.where(lit, LIT, 0)
+    row = design.row.astype(float) * lit[:, None]
     row[:, 3] /= photometry.OFFSET_SIGMA_M
-    return made(np.einsum("kap,kbp->pab", row, row))
+    return made(np.einsum("kap,kbp->pab", row, row), flags)
 
 
 def vectors_by_hand(true: Scene, light: Light, rows: np.ndarray, columns: np.ndarray) -> FloatArray:
