@@ -20,7 +20,7 @@ import ur_analytic_ik
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import Box, Capsule, CapsuleShape, CellConfig, Cone, ConvexMesh, HalfSpace, Obstacle
 
-MESHES = Path(__file__).parent / "data" / "meshes"
+MESHES = Path(__file__).parents[1] / "acquisition" / "waypoints" / "meshes"
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -1,17 +1,19 @@
-"""Vertices of an STL file, the one mesh format that every drawing program writes.
+"""STL files, the one mesh format that every drawing program writes and reads.
 
-Only the vertices are read: obstacles are convex hulls, so faces say nothing more.
+Only the vertices are read: obstacles are convex hulls, so faces say nothing more. Written are whole surfaces.
 """
 
 import re
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from acquisition.models.base import FloatArray
 
 _HEADER, _COUNT, _FACE = 80, 4, 50
 _VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)")
+_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
 def vertices(path: Path) -> FloatArray:
@@ -19,10 +21,20 @@ def vertices(path: Path) -> FloatArray:
     data = path.read_bytes()
     faces = int.from_bytes(data[_HEADER : _HEADER + _COUNT], "little")
     if len(data) == _HEADER + _COUNT + faces * _FACE:
-        record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-        corners = np.frombuffer(data, record, faces, _HEADER + _COUNT)["corners"].reshape(-1, 3).astype(float)
+        corners = np.frombuffer(data, _RECORD, faces, _HEADER + _COUNT)["corners"].reshape(-1, 3).astype(float)
     else:
         corners = np.array(_VERTEX.findall(data)).astype(float).reshape(-1, 3)
     if len(corners) < 4 or not np.isfinite(corners).all():
         raise ValueError("it holds no solid: fewer than four finite vertices")
     return np.unique(corners, axis=0)
+
+
+def encoded(vertices: npt.ArrayLike, faces: npt.ArrayLike) -> bytes:
+    """Binary STL of triangles `faces` (F, 3), outwards, over `vertices` (V, 3), in their own unit."""
+    corners = np.asarray(vertices, np.float32)[np.asarray(faces)]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    records = np.zeros(len(corners), _RECORD)
+    records["corners"] = corners
+    records["normal"] = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
+    return bytes(_HEADER) + len(corners).to_bytes(_COUNT, "little") + records.tobytes()

@@ -64,20 +64,24 @@ def arm_model(name: str) -> ArmModel:
 
 def forward(model: ArmModel, joints: FloatArray) -> FloatArray:
     """Forward kinematics: link frames (N, 7, 4, 4), base from link 0 … 6 (6: the flange), of joints (N, 6) in rad."""
-    d1, a2, a3, d4, d5, d6 = model.dh
-    table = (
-        (d1, 0.0, np.pi / 2),
-        (0.0, a2, 0.0),
-        (0.0, a3, 0.0),
-        (d4, 0.0, np.pi / 2),
-        (d5, 0.0, -np.pi / 2),
-        (d6, 0.0, 0.0),
-    )
     frames = np.empty((len(joints), 7, 4, 4))
     frames[:, 0] = np.eye(4)
-    for joint, (d, a, twist) in enumerate(table):
+    for joint, (_, a, d, twist) in enumerate(denavit_hartenberg(model)):
         frames[:, joint + 1] = frames[:, joint] @ _link(joints[:, joint], d, a, twist)
     return frames
+
+
+def denavit_hartenberg(model: ArmModel) -> list[tuple[float, float, float, float]]:
+    """The nominal arm's six Denavit–Hartenberg rows θ, a, d, α; rad and m."""
+    d1, a2, a3, d4, d5, d6 = (float(length) for length in model.dh)
+    return [
+        (0.0, 0.0, d1, np.pi / 2),
+        (0.0, a2, 0.0, 0.0),
+        (0.0, a3, 0.0, 0.0),
+        (0.0, 0.0, d4, np.pi / 2),
+        (0.0, 0.0, d5, -np.pi / 2),
+        (0.0, 0.0, d6, 0.0),
+    ]
 
 
 def _link(angle: FloatArray, d: float, a: float, twist: float) -> FloatArray:

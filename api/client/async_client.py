@@ -37,6 +37,7 @@ from api.client.event_following import (
 from api.client.progress_bar import SessionProgressBar
 from api.client.responses import ModelT, ProblemError, parsed, raise_problem, require_completed
 from api.client.transport import TIMEOUT_S, authorization_headers
+from api.rest.scene_schemas import SceneResource
 from api.rest.schemas import (
     ActionAccepted,
     DryRunResource,
@@ -83,6 +84,10 @@ class AsyncClient:
     async def rig(self) -> RigResource:
         """Status of arm, camera and calibration, and whether a session may start."""
         return await self._get("/v1/rig", RigResource)
+
+    async def scene(self) -> SceneResource:
+        """The cell's geometry for a three-dimensional view: arm, lamp, camera, object, obstacles, dome."""
+        return await self._get("/v1/rig/scene", SceneResource)
 
     async def halt(self) -> None:
         """Halts all motion at once and stops the session that holds the rig."""

@@ -28,15 +28,18 @@ from api.rest import (
     region,
     results,
     rig,
+    scene,
     sessions,
     tickets,
 )
 from api.rest.authentication import Authentication
 from api.rest.camera_preview import CameraPreview
+from api.rest.conditional import ConditionalGet
 from api.rest.events import EventFeed
 from api.rest.keys import KeyRing
 from api.rest.logs import RequestLogMiddleware
 from api.rest.request_checks import RequestChecks
+from api.rest.scene import CellScene
 from api.rest.schemas import EventResource, Problem
 from api.rest.settings import Settings
 from api.rest.wiring import Service
@@ -72,7 +75,9 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
     app.state.service = service
     app.state.feed = EventFeed(service.store.journal)
     app.state.camera_preview = CameraPreview(service)
+    app.state.scene = CellScene(service)
     app.state.keys = keys
+    app.add_middleware(ConditionalGet)
     app.add_middleware(RequestChecks, settings=settings, authentication=Authentication(keys))
     app.add_middleware(RequestLogMiddleware)
     # Outside the request checks, so that an allowed page can read a refusal, and its preflight needs no key.
@@ -103,6 +108,7 @@ def _with_routes(lifespan: Any) -> FastAPI:
     problems.install(app)
     for module in (
         rig,
+        scene,
         camera_preview,
         sessions,
         results,

@@ -16,6 +16,7 @@ from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.route import Route, Waypoint
 from acquisition.models.shot import FrameQuality, FrameRef, Shot, ShotKey
 from acquisition.session import ARM_STATE, Stage, State
+from api.rest.openapi_scene_example import SCENE
 from api.rest.schemas import (
     Accepted,
     ActionAccepted,
@@ -220,6 +221,7 @@ VALUES: tuple[BaseModel, ...] = (
         links={"self": "/v1/rig", "stop": "/v1/rig/stop"},
     ),
     SafetyResource(clear=False, faults=[_FAULT], links={"acknowledgement": "/v1/rig/safety/acknowledgement"}),
+    SCENE,
     _SESSION,
     TicketResource(ticket="uM3vC0c4mJ7hT6m3i3rQbq0t4bXn2lW6", good_until=_CREATED_AT + timedelta(minutes=5)),
 )

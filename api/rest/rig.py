@@ -37,6 +37,7 @@ router = APIRouter()
 
 RIG_LINKS = {
     "self": "/v1/rig",
+    "scene": "/v1/rig/scene",
     "stop": "/v1/rig/stop",
     "safety": "/v1/rig/safety",
     "reach": "/v1/rig/reach",

@@ -28,6 +28,10 @@ MEDIA_TYPES = {
 }
 
 
+NOT_MODIFIED: dict[int | str, dict[str, Any]] = {304: {"description": "The ETag of `If-None-Match` is still valid"}}
+"""OpenAPI response of routes whose answers have an ETag."""
+
+
 def newest(service: Service, session_id: str, kind: str, number: int) -> Artifact | None:
     """The newest artefact of a kind and number in a session, None without one."""
     entries = [item for item in service.store.journal.artifacts(session_id, kind) if item.number == number]
@@ -69,4 +73,9 @@ def revalidated_png(path: Path, digest: str) -> FileResponse:
     """
     if not path.is_file():
         raise RigError(ErrorCode.STORE_CORRUPT, f"{path.name} is missing", file=path.name)
-    return FileResponse(path, media_type="image/png", headers={"ETag": f'"{digest}"', "Cache-Control": "no-cache"})
+    return FileResponse(path, media_type="image/png", headers=revalidated(digest))
+
+
+def revalidated(digest: str) -> dict[str, str]:
+    """Headers of content that may change at its address: a browser keeps it and asks each time whether it is valid."""
+    return {"ETag": f'"{digest}"', "Cache-Control": "private, no-cache"}

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+MESHES = Path(__file__).parents[2] / "acquisition" / "waypoints" / "meshes"
+
 for folder in sorted(path for path in Path(sys.argv[1]).iterdir() if path.is_dir()):
     arrays = {}
     for path in sorted(folder.glob("*.stl")):
@@ -17,4 +19,4 @@ for folder in sorted(path for path in Path(sys.argv[1]).iterdir() if path.is_dir
         assert np.array_equal(vertices, mesh.vertices), path
         assert np.array_equal(faces, mesh.faces), path
         arrays |= {f"{path.stem}_vertices": vertices, f"{path.stem}_faces": faces}
-    np.savez_compressed(Path(__file__).with_name("meshes") / f"{folder.name}.npz", **arrays)
+    np.savez_compressed(MESHES / f"{folder.name}.npz", **arrays)

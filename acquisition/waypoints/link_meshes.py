@@ -1,0 +1,44 @@
+"""The maker's meshes of the arm's links, for drawings and audits; what is safe is decided by the capsules alone.
+
+They are the collision meshes of `ur_description` (BSD-3-Clause, `meshes/LICENSE`), unchanged but for their packing:
+7,500 to 10,300 triangles for an arm, few enough for a browser without thinning.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+
+import numpy as np
+import numpy.typing as npt
+
+from acquisition.models.base import Float32Array
+from acquisition.models.errors import ErrorCode, RigError
+
+
+@dataclass(frozen=True)
+class LinkMesh:
+    """Triangles of one link in its Denavit–Hartenberg frame: `vertices` (V, 3) in m, `faces` (F, 3), outwards."""
+
+    link: int
+    name: str
+    vertices: Float32Array
+    faces: npt.NDArray[np.uint16]
+
+
+@cache
+def link_meshes(model: str) -> tuple[LinkMesh, ...]:
+    """The meshes of links 0 (base) to 6 (flange) of an arm such as `ur5e`. Raises RigError config.invalid."""
+    file = resources.files("acquisition.waypoints").joinpath("meshes", f"{model}.npz")
+    if not file.is_file():
+        raise RigError(ErrorCode.CONFIG_INVALID, f"no link meshes for arm {model!r}", model=model)
+    with file.open("rb") as opened, np.load(opened) as stored:
+        stems = sorted(name.removesuffix("_faces") for name in stored.files if name.endswith("_faces"))
+        return tuple(
+            LinkMesh(
+                link=int(stem.partition("_")[0]),
+                name=stem.partition("_")[2],
+                vertices=np.asarray(stored[f"{stem}_vertices"], np.float32),
+                faces=np.asarray(stored[f"{stem}_faces"], np.uint16),
+            )
+            for stem in stems
+        )
