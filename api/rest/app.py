@@ -36,6 +36,7 @@ from api.rest.authentication import Authentication
 from api.rest.camera_preview import CameraPreview
 from api.rest.conditional import ConditionalGet
 from api.rest.events import EventFeed
+from api.rest.joint_readings import JointReadingResource, JointReadings
 from api.rest.keys import KeyRing
 from api.rest.logs import RequestLogMiddleware
 from api.rest.request_checks import RequestChecks
@@ -49,7 +50,11 @@ DESCRIPTION = (
     "images, which are solved to normals with an uncertainty (σ) for each pixel. Create a session, start it, follow "
     "its events, download its answer."
 )
-_SCHEMAS_OUTSIDE_ROUTES = {"Problem": Problem, "EventResource": EventResource}
+_SCHEMAS_OUTSIDE_ROUTES = {
+    "Problem": Problem,
+    "EventResource": EventResource,
+    "JointReadingResource": JointReadingResource,
+}
 
 
 def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
@@ -73,7 +78,7 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
 
     app = _with_routes(lifespan)
     app.state.service = service
-    app.state.feed = EventFeed(service.store.journal)
+    app.state.feed = EventFeed(service.store.journal, JointReadings(service.rig.arm))
     app.state.camera_preview = CameraPreview(service)
     app.state.scene = CellScene(service)
     app.state.keys = keys

@@ -3,10 +3,12 @@
 The table is the message bus. One thread waits for the journal to grow and wakes the listeners on the event loop; each
 listener then reads the table itself, in batches, from the last id that it has sent. So a slow client falls behind on
 its own, costs one wake-up flag and misses nothing, and a client that reconnects with its last id resumes from there.
+Between those events a stream carries joint readings for whoever asks, which are not journalled (`joint_readings`).
 """
 
 import asyncio
 import threading
+import time
 from collections.abc import AsyncGenerator, Sequence
 from typing import Annotated
 
@@ -16,7 +18,8 @@ from fastapi.responses import StreamingResponse
 
 from acquisition.models.errors import ErrorCode
 from acquisition.store import Event, Journal
-from api.rest import problems
+from api.rest import joint_readings, problems
+from api.rest.joint_readings import JointReadings
 from api.rest.schemas import EventResource, as_datetime
 
 KEEP_ALIVE_S = 10.0
@@ -34,8 +37,9 @@ _POLL_S = 0.2
 class EventFeed:
     """Wakes listeners when the journal grows; created and ended on the event loop that serves them."""
 
-    def __init__(self, journal: Journal) -> None:
+    def __init__(self, journal: Journal, readings: JointReadings) -> None:
         self._journal = journal
+        self._readings = readings
         self._listeners: set[asyncio.Event] = set()
         self._stopping = threading.Event()
         self._newest = 0
@@ -67,35 +71,43 @@ class EventFeed:
         return len(self._listeners)
 
     async def stream(
-        self, after: int | None, session_id: str | None = None, types: Sequence[str] = (), follow: bool = True
+        self,
+        after: int | None,
+        session_id: str | None = None,
+        types: Sequence[str] = (),
+        *,
+        follow: bool = True,
+        joints: bool = False,
     ) -> AsyncGenerator[str, None]:
         """Yields events above `after` (None: from now on) as the text of an event stream, until `end`.
 
-        Without `follow` the stream ends with the newest event.
+        Without `follow` the stream ends with the newest event. With `joints` it carries joint readings too.
         """
         wake = asyncio.Event()
         self._listeners.add(wake)
         sent = self._newest if after is None else after
+        period_s = joint_readings.PERIOD_S if joints else KEEP_ALIVE_S
+        due, grown = time.monotonic() + (0 if joints else period_s), True
         try:
             yield f"retry: 1000\nid: {sent}\n\n"  # no data, so no event: the id to resume from
             while not self._stopping.is_set():
-                wake.clear()
-                newest = self._newest
-                batch = await anyio.to_thread.run_sync(
-                    self._journal.events, sent, BATCH, session_id, tuple(types), limiter=self._readers
-                )
-                if batch:
-                    yield "".join(map(_message, batch))
-                sent = batch[-1].id if batch else sent
-                if len(batch) == BATCH:
-                    continue
-                if not follow:
+                batch: list[Event] = []
+                if grown:
+                    wake.clear()
+                    newest = self._newest
+                    batch = await anyio.to_thread.run_sync(
+                        self._journal.events, sent, BATCH, session_id, tuple(types), limiter=self._readers
+                    )
+                    if batch:
+                        yield "".join(map(_message, batch))
+                    # Other sessions' events up to the newest id are not read again.
+                    sent = batch[-1].id if len(batch) == BATCH else max(sent, newest, *(item.id for item in batch[-1:]))
+                if not follow and len(batch) < BATCH:
                     return
-                sent = max(sent, newest)  # other sessions' events up to this id are not read again
-                try:
-                    await asyncio.wait_for(wake.wait(), KEEP_ALIVE_S)
-                except TimeoutError:
-                    yield ": keep-alive\n\n"
+                if time.monotonic() >= due:
+                    yield self._readings.message() if joints else ": keep-alive\n\n"
+                    due = time.monotonic() + period_s
+                grown = len(batch) == BATCH or await _is_set_within(wake, due - time.monotonic())
         finally:
             self._listeners.discard(wake)
 
@@ -134,13 +146,20 @@ async def events(
     session_id: Annotated[str | None, Query(max_length=80)] = None,
     type: Annotated[list[str], Query(max_length=20, description="Only events of these types")] = [],  # noqa: A002, B006
     follow: Annotated[bool, Query(description="false: end with the newest event")] = True,
+    joints: Annotated[
+        bool,
+        Query(
+            description="true: eight times a second also an event `arm.joints` (JointReadingResource), which is not "
+            "journalled and has no id"
+        ),
+    ] = False,
     last_event_id: Annotated[int | None, Header(ge=0, le=2**62, description="Takes precedence over `after`")] = None,
 ) -> StreamingResponse:
     """Streams events as they happen (server-sent events); `Last-Event-ID` or `after` replays missed ones."""
     feed: EventFeed = request.app.state.feed
     start = last_event_id if last_event_id is not None else after
     return StreamingResponse(
-        feed.stream(start, session_id, type, follow),
+        feed.stream(start, session_id, type, follow=follow, joints=joints),
         media_type="text/event-stream",
         headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
     )
@@ -151,3 +170,14 @@ def _message(event: Event) -> str:
         id=event.id, session_id=event.session_id, type=event.type, at=as_datetime(event.at), body=event.body
     )
     return f"id: {event.id}\nevent: {event.type}\ndata: {data.model_dump_json()}\n\n"
+
+
+async def _is_set_within(event: asyncio.Event, timeout_s: float) -> bool:
+    """Waits for an event, at most so long."""
+    if event.is_set():
+        return True
+    try:
+        await asyncio.wait_for(event.wait(), max(timeout_s, 0.0))
+    except TimeoutError:
+        return False
+    return True

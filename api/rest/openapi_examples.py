@@ -16,6 +16,7 @@ from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.route import Route, Waypoint
 from acquisition.models.shot import FrameQuality, FrameRef, Shot, ShotKey
 from acquisition.session import ARM_STATE, Stage, State
+from api.rest.joint_readings import JointReadingResource
 from api.rest.openapi_scene_example import SCENE
 from api.rest.schemas import (
     Accepted,
@@ -171,6 +172,7 @@ VALUES: tuple[BaseModel, ...] = (
         body={"from": "created", "state": "running", "by": "lab@127.0.0.1"},
     ),
     Health(),
+    JointReadingResource(connected=True, joints=_JOINTS, moving=False, age_s=0.0018, at=_CREATED_AT),
     Page[ActionResource](items=[_ACTION]),
     Page[PassSummary](items=[_PASS]),
     Page[ResultResource](items=[_RESULT]),
