@@ -62,11 +62,7 @@ def gain_image(pixel_gains: Gains, light: int, silhouette: BoolArray) -> bytes:
 
     `silhouette` (H, W) is the object; each of its pixels shows the nearest sample pixel.
     """
-    rows, columns = np.flatnonzero(silhouette.any(axis=1)), np.flatnonzero(silhouette.any(axis=0))
-    cut = silhouette[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    step = max(1, -(-max(cut.shape) // IMAGE_PX))
-    inside = cut[::step, ::step]
-    pixels = np.argwhere(inside) * step + (rows[0], columns[0])
+    pixels, inside = picture_pixels(silhouette)
     _, nearest = KDTree(np.column_stack([pixel_gains.rows, pixel_gains.columns])).query(pixels)
     levels = np.zeros(inside.shape, np.uint8)
     levels[inside] = np.clip(255 * pixel_gains.gain_deg[light][nearest] / pixel_gains.brightest_deg, 0, 255).astype(
@@ -75,3 +71,13 @@ def gain_image(pixel_gains: Gains, light: int, silhouette: BoolArray) -> bytes:
     coloured = cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)
     coloured[~inside] = OUTSIDE
     return cv2.imencode(".png", coloured)[1].tobytes()
+
+
+def picture_pixels(silhouette: BoolArray) -> tuple[npt.NDArray[np.int64], BoolArray]:
+    """Pixels (K, 2), row and column, of a picture of about `IMAGE_PX`, cropped to the object `silhouette` (H, W), and
+    the picture's mask (h, w) of where they stand."""
+    rows, columns = np.flatnonzero(silhouette.any(axis=1)), np.flatnonzero(silhouette.any(axis=0))
+    cut = silhouette[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    step = max(1, -(-max(cut.shape) // IMAGE_PX))
+    inside = cut[::step, ::step]
+    return np.argwhere(inside) * step + (rows[0], columns[0]), inside

@@ -158,7 +158,7 @@ def choose(
     until = Deadline.within(options.deadline_s)
     captured = sum(shot.kind == "light" for shot in observations.shots)
     count_to_add = max(recipe.lights_total - captured, 0) if count is None else count
-    problem = _build_problem(normal_map, observations, recipe, reach, calibration, options, count_to_add)
+    problem = build_problem(normal_map, observations, recipe, reach, calibration, options, count_to_add)
     before_deg = problem.predicted_deg(np.empty((0, 3)))
     if count_to_add == 0:
         return _light_plan([], [], [], before_deg, ["all lights of the recipe have been captured"])
@@ -224,7 +224,7 @@ def forecast(
     """
     captured = sum(shot.kind == "light" for shot in observations.shots)
     options, most = PlanOptions(region=region), max(counts, default=0)
-    problem = _build_problem(normal_map, observations, recipe, reach, calibration, options, most)
+    problem = build_problem(normal_map, observations, recipe, reach, calibration, options, most)
     return _forecast_curve(problem, problem.search_candidates(problem.positions), captured, counts)
 
 
@@ -242,10 +242,11 @@ def _forecast_curve(problem: Problem, options: Candidates, captured: int, counts
     return points
 
 
-def _build_problem(
+def build_problem(
     normal_map: NormalMap, observations: Observations, recipe: Recipe, reach: Reach, calibration: Calibration,
     options: PlanOptions, count: int,
 ) -> Problem:  # fmt: skip
+    """The design problem of `count` further lights. Raises RigError plan.infeasible as `choose` does."""
     usable = criterion.usable_pixels(normal_map, calibration)
     region, where = options.region, ""
     if region is not None:
@@ -343,18 +344,31 @@ def _light_plan(
 def _gains_and_reasons(problem: Problem, lights: Candidates, offsets: FloatArray) -> tuple[list[str], list[float]]:
     """Leave-one-out gains: for each light a sentence, and the fraction by which mean σ rises without it."""
     directions = offsets / np.linalg.norm(offsets, axis=1, keepdims=True)
-    sample, every = problem.holdout_sample, np.arange(len(lights.row))
-    with_all = problem.expected.sigma_deg(criterion.posterior(sample, lights))
+    with_all, without_each = _leave_one_out(problem, lights)
     reasons: list[str] = []
-    gains: list[float] = []
-    for number, direction in enumerate(directions):
-        without = criterion.posterior(sample, lights.only(np.delete(every, number)))
-        sigma_without = problem.expected.sigma_deg(without)
+    for direction, sigma_without in zip(directions, without_each, strict=True):
         improved = with_all < 0.95 * sigma_without
         effect = "makes all pixels a little more certain"
         if np.any(improved):
             change = f"from {np.median(sigma_without[improved]):.1f}° to {np.median(with_all[improved]):.1f}°"
             effect = f"makes {np.mean(improved):.0%} of the pixels more certain, their median σ falls {change}"
         reasons.append(f"{baselines.describe_direction(direction)}: {effect}")
-        gains.append(float(np.mean(sigma_without) / np.mean(with_all) - 1))
-    return reasons, gains
+    return reasons, _relative_gains(with_all, without_each)
+
+
+def gains(problem: Problem, lights: Candidates) -> list[float]:
+    """For each light, by its rows at the held-out pixels, the fraction by which the mean σ rises without it."""
+    return _relative_gains(*_leave_one_out(problem, lights))
+
+
+def _leave_one_out(problem: Problem, lights: Candidates) -> tuple[FloatArray, list[FloatArray]]:
+    """Expected σ (P,) in degrees of the held-out pixels with all lights, and without each of them."""
+    sample, every = problem.holdout_sample, np.arange(len(lights.row))
+    without = (criterion.posterior(sample, lights.only(np.delete(every, number))) for number in every)
+    return problem.expected.sigma_deg(criterion.posterior(sample, lights)), [
+        problem.expected.sigma_deg(posterior) for posterior in without
+    ]
+
+
+def _relative_gains(with_all: FloatArray, without_each: Sequence[FloatArray]) -> list[float]:
+    return [float(np.mean(without) / np.mean(with_all) - 1) for without in without_each]

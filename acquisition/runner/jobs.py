@@ -23,12 +23,14 @@ from acquisition.models.base import BoolArray, FloatArray, Vector3
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_forecast import ForecastInput, LightForecast
 from acquisition.models.light_plan import Light, LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap, ResultSummary, SolveSettings
 from acquisition.models.route import JointPath, Route
 from acquisition.models.shot import Observations
 from acquisition.plan import baselines, explain, visibility
+from acquisition.runner import light_forecast
 from acquisition.runner.session_solve import solve_in_cell
 from acquisition.waypoints import drawing, rejoin, routing
 from acquisition.waypoints import reach as reaching
@@ -204,6 +206,13 @@ def own_lights(
         levels_per_s=levels,
     )  # fmt: skip
     return plan, route
+
+
+def forecast_lights(
+    key: str, given: ForecastInput, cache: Path, positions: list[Vector3]
+) -> tuple[LightForecast, bytes | None]:
+    """Forecast for lights that a person places (m, view frame) and its picture (PNG), none without a result."""
+    return light_forecast.forecast(key, given, _reach(given.cell, given.calibration, cache), positions)
 
 
 def plan_retreat(start: tuple[float, ...], cell: CellConfig, calibration: Calibration) -> JointPath:

@@ -1,10 +1,11 @@
-"""Planning service: the dry run of a recipe, and user lights that replace a plan under review. Nothing moves.
+"""Planning service: the dry run of a recipe, forecasts for lights of a person's own, and their acceptance as a plan.
 
-Both run the same jobs in the compute process as a session does. A dry run has lower priority: the jobs of a session
-preempt it.
+Nothing moves. Plans are made by the same jobs in the compute process as those of a session. Dry runs and forecasts have
+lower priority: the jobs of a session preempt them.
 """
 
 import threading
+from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,10 +14,12 @@ from acquisition.devices import Rig
 from acquisition.models.base import Vector3
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, Halted, RigError
+from acquisition.models.light_forecast import ForecastInput, LightForecast
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route
 from acquisition.models.step import AwaitReview, Step
+from acquisition.runner import re_solve
 from acquisition.runner.compute import Compute, Preempted
 from acquisition.runner.step_executor import StepExecutor
 from acquisition.session import State
@@ -25,6 +28,9 @@ from acquisition.store.folder import write_value
 
 ASSUMED_EXPOSURE_S = 0.1
 """Assumed time, s, of an image whose exposure time is automatic, with readout and checks."""
+
+KEPT_FORECASTS = 8
+"""Forecasts that are kept, so that figures and picture of the same lights are computed once."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,10 @@ class PlanningService:
     ) -> None:
         self._store, self._rig, self._calibration = store, rig, calibration
         self._compute, self._executor, self._closing = compute, executor, closing
+        self._forecasts: OrderedDict[tuple[str, tuple[Vector3, ...]], tuple[LightForecast, bytes | None]] = (
+            OrderedDict()
+        )
+        self._forecasts_lock = threading.Lock()
 
     def dry_run(self, recipe: Recipe) -> DryRun:
         """The lights and the route of a recipe's first pass, from where the arm stands (or from home).
@@ -82,15 +92,8 @@ class PlanningService:
 
         Raises RigError session.not_found, session.action_not_allowed, waypoints.unreachable, waypoints.collision.
         """
-        row, folder = self._store.journal.session(session_id), self._store.folder(session_id)
-        step = self._next_step(session_id)
-        if row.state is not State.PAUSED or not isinstance(step, AwaitReview) or step.pass_number != number:
-            raise RigError(
-                ErrorCode.SESSION_ACTION_NOT_ALLOWED,
-                f"Session {session_id} is {row.state} and does not wait for the review of pass {number}",
-                state=row.state,
-                allowed=[str(action) for action in session.allowed_actions(row.state)],
-            )
+        self._require_review(session_id, number)
+        folder = self._store.folder(session_id)
         previous = folder / "results" / str(number - 1) if number > 0 else None
         try:
             plan, route = self._compute.run(
@@ -108,11 +111,59 @@ class PlanningService:
         self._store.journal.replace_plan(session_id, number, files, self._executor.plan_summary(plan, []), actor)
         return plan, route
 
+    def forecast(
+        self, session_id: str, number: int, positions: Sequence[Vector3]
+    ) -> tuple[LightForecast, bytes | None]:
+        """Forecast of σ with lights at `positions` (m, view frame) for a plan under review, and its picture (PNG).
+
+        Nothing is kept of it but the answers to the last few requests. The picture is None where no result precedes.
+        Raises RigError session.not_found, session.action_not_allowed, plan.infeasible, rig.busy.
+        """
+        self._require_review(session_id, number)
+        record, folder = self._store.record(session_id), self._store.folder(session_id)
+        region_file = re_solve.region_file(self._store, session_id)
+        key = f"{session_id}/{number}/{region_file}"
+        request = (key, tuple(positions))
+        with self._forecasts_lock:
+            if request in self._forecasts:
+                return self._forecasts[request]
+        given = ForecastInput(
+            recipe=record.recipe,
+            cell=self._rig.cell,
+            calibration=self._calibration,
+            result=folder / "results" / str(number - 1) if number > 0 else None,
+            observations=re_solve.observations(record, folder),
+            region_file=region_file,
+        )
+        try:
+            made = self._compute.run(
+                self._closing, "forecast_lights", key, given, self._executor.reach_cache, list(positions),
+                preemptible=True,
+            )  # fmt: skip
+        except (Preempted, Halted) as error:
+            raise RigError(ErrorCode.RIG_BUSY, "A session computes at the moment: ask again later") from error
+        with self._forecasts_lock:
+            self._forecasts[request] = made
+            while len(self._forecasts) > KEPT_FORECASTS:
+                self._forecasts.popitem(last=False)
+        return made
+
     def approve(self, session_id: str, actor: str) -> None:
         """Records that `actor` approves the plan whose review the session waits for, if it does."""
         step = self._next_step(session_id)
         if isinstance(step, AwaitReview):
             self._store.journal.approve(session_id, step.pass_number, actor)
+
+    def _require_review(self, session_id: str, number: int) -> None:
+        """Raises RigError session.action_not_allowed unless the session waits for the review of this pass's plan."""
+        row, step = self._store.journal.session(session_id), self._next_step(session_id)
+        if row.state is not State.PAUSED or not isinstance(step, AwaitReview) or step.pass_number != number:
+            raise RigError(
+                ErrorCode.SESSION_ACTION_NOT_ALLOWED,
+                f"Session {session_id} is {row.state} and does not wait for the review of pass {number}",
+                state=row.state,
+                allowed=[str(action) for action in session.allowed_actions(row.state)],
+            )
 
     def _next_step(self, session_id: str) -> Step | None:
         home = self._rig.cell.arm.home

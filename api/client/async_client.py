@@ -24,6 +24,7 @@ from httpx_sse import aconnect_sse
 
 from acquisition.models.base import Vector3
 from acquisition.models.errors import ErrorCode
+from acquisition.models.light_forecast import LightForecast
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import SolveSettings
 from acquisition.session import State
@@ -200,6 +201,12 @@ class AsyncClient:
         body = {"lights": [list(position) for position in lights]}
         response = await self._send("PUT", f"/v1/sessions/{session_id}/passes/{number}/plan", json=body)
         return parsed(response, PassResource)
+
+    async def forecast_plan(self, session_id: str, number: int, lights: Sequence[Vector3]) -> LightForecast:
+        """Expected σ if the lights of a plan that waits for review stood at these positions; nothing is committed."""
+        body = {"lights": [list(position) for position in lights]}
+        response = await self._send("POST", f"/v1/sessions/{session_id}/passes/{number}/plan/forecast", json=body)
+        return parsed(response, LightForecast)
 
     async def dry_run(self, recipe: Recipe) -> DryRunResource:
         """Plans the first pass of a recipe (lights, path, duration); nothing moves."""

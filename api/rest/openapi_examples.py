@@ -10,6 +10,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from acquisition.models.errors import PROBLEMS, ErrorCode
+from acquisition.models.light_forecast import LightForecast, PlacedLight
 from acquisition.models.light_plan import Light, LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import ResultSummary, SolveSettings
@@ -172,6 +173,13 @@ VALUES: tuple[BaseModel, ...] = (
         body={"from": "created", "state": "running", "by": "lab@127.0.0.1"},
     ),
     Health(),
+    LightForecast(
+        lights=[PlacedLight(position=_LIGHT.position, refusal=None, gain=0.06)],
+        sigma_before_deg=1.9,
+        sigma_deg=0.8,
+        median_deg=0.6,
+        brightest_sigma_deg=6.5,
+    ),
     JointReadingResource(connected=True, joints=_JOINTS, moving=False, age_s=0.0018, at=_CREATED_AT),
     Page[ActionResource](items=[_ACTION]),
     Page[PassSummary](items=[_PASS]),

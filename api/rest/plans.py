@@ -1,13 +1,14 @@
-"""Routes of light plans: dry runs, the replacement of a plan under review, and the gain map of each planned light.
+"""Routes of light plans: dry runs, forecasts and replacement of a plan under review, gain maps of planned lights.
 
 All of them answer before the arm moves, so that a person can judge a plan by its lights, its path and its gain.
 """
 
 import anyio.to_thread
-from fastapi import APIRouter
-from fastapi.responses import FileResponse
+from fastapi import APIRouter, Request
+from fastapi.responses import FileResponse, Response
 
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_forecast import LightForecast
 from acquisition.models.recipe import Recipe
 from api.rest import problems, sessions, stored_files
 from api.rest.dependencies import Actor, Number, ServiceOf, SessionId
@@ -56,6 +57,45 @@ async def replace_plan(
         service.runner.planning.replace_plan, session_id, number, request.lights, actor, limiter=service.limits.reach
     )
     return await anyio.to_thread.run_sync(sessions.one_pass, service, session_id, number)
+
+
+@router.post(
+    "/v1/sessions/{session_id}/passes/{number}/plan/forecast",
+    response_model=LightForecast,
+    responses={
+        200: {"content": {"image/png": {"schema": {"type": "string", "format": "binary"}}}},
+        **problems.responses_of(
+            ErrorCode.SESSION_NOT_FOUND,
+            ErrorCode.REQUEST_NOT_FOUND,
+            ErrorCode.SESSION_ACTION_NOT_ALLOWED,
+            *problems.BODY_CODES,
+            ErrorCode.PLAN_INFEASIBLE,
+            ErrorCode.RIG_BUSY,
+            ErrorCode.SESSION_STEP_FAILED,
+        ),
+    },
+)
+async def forecast_plan(
+    service: ServiceOf, session_id: SessionId, number: Number, request: OwnLights, http_request: Request
+) -> Response:
+    """Forecasts σ if the lights of a plan under review stood elsewhere, with each light's gain and the arm's verdict.
+
+    Nothing is committed: `PUT …/plan` does that. With `Accept: image/png` the answer is a picture of σ over the object,
+    dark where it is small, for the same lights as a request for the figures just before at no further cost. Forecasts
+    are computed one after another, so ask for the next when the last is answered.
+    """
+    forecast, picture = await anyio.to_thread.run_sync(
+        service.runner.planning.forecast, session_id, number, request.lights, limiter=service.limits.forecasts
+    )
+    headers = {"Cache-Control": "no-store", "Vary": "Accept"}
+    if "image/png" not in http_request.headers.get("accept", ""):
+        return Response(forecast.model_dump_json(), media_type="application/json", headers=headers)
+    if picture is None:
+        raise RigError(
+            ErrorCode.REQUEST_NOT_FOUND,
+            f"No result precedes pass {number}: there is no σ to be forecast for its lights",
+        )
+    return Response(picture, media_type="image/png", headers=headers)
 
 
 @router.get(

@@ -36,6 +36,7 @@ class Limits:
     start: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(4))  # start and resume wait for devices
     stop: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(8))
     reach: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
+    forecasts: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
     pictures: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
     view: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
     exports: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))

@@ -1,0 +1,111 @@
+"""Forecast of σ for lights that a person places: the planner's own prediction, split so that a dragged light is cheap.
+
+What depends on the images so far is made once (`basis`), what depends on one light once for each of its positions
+(`rows`), so that after a move of one light only its own design rows are new, and a posterior over a few thousand pixels
+remains. Figures are means over the planner's held-out pixels: for a plan's own lights they are the plan's.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import KDTree
+
+from acquisition.models.base import BoolArray, FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.recipe import Recipe
+from acquisition.models.result import NormalMap
+from acquisition.models.route import Reach
+from acquisition.models.shot import Observations
+from acquisition.plan import criterion, explain, planner
+from acquisition.plan.criterion import Candidates, Samples
+from acquisition.plan.planner import PlanOptions, Problem
+
+PICTURE_PIXELS = 4000
+"""Number of sample pixels behind a picture of σ: as many as are distinct in a picture of the size of a gain image."""
+
+BRIGHTEST_PERCENTILE = 98.0
+"""Percentile of σ before the placed lights that a picture shows brightest."""
+
+
+@dataclass(frozen=True)
+class ForecastBasis:
+    """What a forecast needs of the images so far, whatever lights are placed."""
+
+    problem: Problem
+    shown: Samples  # the pixels behind the picture
+    nearest: npt.NDArray[np.intp]  # (K,) of each of the picture's object pixels, its pixel of `shown`
+    inside: BoolArray  # (h, w) the object in the picture
+    before_deg: FloatArray  # (P,) expected σ of the held-out pixels without further lights
+    brightest_deg: float
+
+
+@dataclass(frozen=True)
+class LightRows:
+    """Design rows of one light at a basis' held-out pixels and at those of its picture."""
+
+    holdout: Candidates
+    shown: Candidates
+
+
+@dataclass(frozen=True)
+class PlacedForecast:
+    """Expected σ (P,) of the held-out pixels, each light's leave-one-out gain, and a picture of σ (PNG)."""
+
+    sigma_deg: FloatArray
+    gains: list[float]
+    picture: bytes
+
+
+def basis(
+    normal_map: NormalMap, observations: Observations, recipe: Recipe, reach: Reach, calibration: Calibration,
+    region: BoolArray | None,
+) -> ForecastBasis:  # fmt: skip
+    """Prepares forecasts from the last result. Raises RigError plan.infeasible as `planner.choose` does."""
+    problem = planner.build_problem(normal_map, observations, recipe, reach, calibration, PlanOptions(region=region), 1)
+    usable = criterion.usable_pixels(normal_map, calibration)
+    kept = np.sort(np.random.default_rng(recipe.seed).permutation(usable)[:PICTURE_PIXELS])
+    shown = criterion.reweight(criterion.samples(normal_map, calibration, kept), normal_map, observations, calibration)
+    pixels, inside = explain.picture_pixels(normal_map.silhouette)
+    _, nearest = KDTree(np.column_stack([shown.row, shown.column])).query(pixels)
+    none = criterion.posterior(shown, criterion.no_candidates(shown))
+    return ForecastBasis(
+        problem=problem,
+        shown=shown,
+        nearest=np.asarray(nearest, np.intp),
+        inside=inside,
+        before_deg=problem.predicted_deg(np.empty((0, 3))),
+        brightest_deg=float(np.percentile(problem.expected.sigma_deg(none), BRIGHTEST_PERCENTILE)),
+    )
+
+
+def rows(known: ForecastBasis, position: FloatArray) -> LightRows:
+    """Design rows of a light at `position` (3,), m, view frame, its axis towards the dome's centre."""
+    problem, positions = known.problem, position[None]
+    return LightRows(
+        holdout=problem.holdout_candidates(positions),
+        shown=problem.design_rows(known.shown, positions, cautious=False),
+    )
+
+
+def evaluate(known: ForecastBasis, lights: Sequence[LightRows]) -> PlacedForecast:
+    """Expected σ with all of `lights`, and each one's gain: the fraction by which the mean σ rises without it."""
+    problem = known.problem
+    none = LightRows(criterion.no_candidates(problem.holdout_sample), criterion.no_candidates(known.shown))
+    holdout, shown = none.holdout, none.shown
+    for light in lights:
+        holdout, shown = holdout.joined(light.holdout), shown.joined(light.shown)
+    sigma_deg = problem.expected.sigma_deg(criterion.posterior(problem.holdout_sample, holdout))
+    shown_deg = problem.expected.sigma_deg(criterion.posterior(known.shown, shown))
+    return PlacedForecast(sigma_deg, planner.gains(problem, holdout), _picture(known, shown_deg))
+
+
+def _picture(known: ForecastBasis, shown_deg: FloatArray) -> bytes:
+    """σ (P,) of the shown pixels as a colour-mapped PNG, cropped to the object; dark is certain."""
+    levels = np.zeros(known.inside.shape, np.uint8)
+    levels[known.inside] = np.clip(255 * shown_deg[known.nearest] / known.brightest_deg, 0, 255).astype(np.uint8)
+    coloured = cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)
+    coloured[~known.inside] = explain.OUTSIDE
+    return cv2.imencode(".png", coloured)[1].tobytes()

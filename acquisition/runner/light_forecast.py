@@ -1,0 +1,114 @@
+"""Forecasts for lights that a person drags, in the compute process: what does not depend on the lights is kept there.
+
+A review asks several times a second with one light moved. So the last review's basis is kept in memory, and with it the
+design rows and the verdict of the arm for each position seen: an answer then costs one new light and a posterior. All
+of it can be made again at any time, so a compute process that was ended in between only answers the next request late.
+"""
+
+from collections import OrderedDict
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import numpy as np
+
+from acquisition import lamp_pose
+from acquisition.capture import region
+from acquisition.formats import export
+from acquisition.models.base import FloatArray, Vector3
+from acquisition.models.light_forecast import ForecastInput, LightForecast, PlacedLight
+from acquisition.models.route import Refusal
+from acquisition.plan import placed_lights
+from acquisition.plan.placed_lights import ForecastBasis, LightRows
+from acquisition.waypoints.reach import ReachMap, refusals
+
+T = TypeVar("T")
+
+MAX_POSITIONS = 500
+"""Positions whose rows (0.2 MB each, at most) and verdicts are kept: minutes of dragging."""
+
+NEAREST_M, FARTHEST_M = 0.02, 10.0
+"""Distances of a light from the dome's centre outside of which it is refused without looking at the arm, m."""
+
+
+@dataclass
+class _Review:
+    """What is kept of one review."""
+
+    key: str
+    basis: ForecastBasis | None
+    rows: OrderedDict[Vector3, LightRows] = field(default_factory=OrderedDict[Vector3, LightRows])
+    verdicts: OrderedDict[Vector3, Refusal | None] = field(default_factory=OrderedDict[Vector3, Refusal | None])
+
+
+_kept: list[_Review] = []  # the last review alone: there is one at a time
+
+
+def forecast(
+    key: str, given: ForecastInput, reach: ReachMap, positions: list[Vector3]
+) -> tuple[LightForecast, bytes | None]:
+    """Forecast with lights at `positions` (m, view frame) and its picture (PNG); `key` names the review.
+
+    Raises RigError plan.infeasible when the last result is no basis for a plan.
+    """
+    if not _kept or _kept[0].key != key:
+        _kept[:] = [_Review(key, _basis(given, reach))]
+    review, center = _kept[0], reach.center
+    verdicts = [_verdict(review, position, center, given) for position in positions]
+    if review.basis is None:
+        lights = [
+            PlacedLight(position=position, refusal=verdict, gain=None)
+            for position, verdict in zip(positions, verdicts, strict=True)
+        ]
+        return LightForecast(
+            lights=lights, sigma_before_deg=None, sigma_deg=None, median_deg=None, brightest_sigma_deg=None
+        ), None
+    served = [position for position, verdict in zip(positions, verdicts, strict=True) if verdict is None]
+    result = placed_lights.evaluate(review.basis, [_rows(review, review.basis, position) for position in served])
+    gains = iter(result.gains)
+    return LightForecast(
+        lights=[
+            PlacedLight(position=position, refusal=verdict, gain=next(gains) if verdict is None else None)
+            for position, verdict in zip(positions, verdicts, strict=True)
+        ],
+        sigma_before_deg=float(np.mean(review.basis.before_deg)),
+        sigma_deg=float(np.mean(result.sigma_deg)),
+        median_deg=float(0.833 * np.median(result.sigma_deg)),
+        brightest_sigma_deg=review.basis.brightest_deg,
+    ), result.picture
+
+
+def _basis(given: ForecastInput, reach: ReachMap) -> ForecastBasis | None:
+    if given.result is None:
+        return None
+    mask = None if given.region_file is None else region.decode_mask(given.region_file.read_bytes(), given.calibration)
+    return placed_lights.basis(
+        export.read(given.result), given.observations, given.recipe, reach, given.calibration, mask
+    )
+
+
+def _verdict(review: _Review, position: Vector3, center: FloatArray, given: ForecastInput) -> Refusal | None:
+    if position not in review.verdicts:
+        place = np.array(position)
+        distance = float(np.linalg.norm(place - center))
+        if distance < NEAREST_M:
+            verdict: Refusal | None = Refusal(
+                reason="hits-object", detail=f"the light stands {1e3 * distance:.0f} mm from the dome's centre"
+            )
+        elif not distance < FARTHEST_M:
+            verdict = Refusal(reason="too-far", detail=f"the light stands more than {FARTHEST_M:g} m from the object")
+        else:
+            verdict = refusals([lamp_pose.light_at(place, center)], given.cell, given.calibration)[0]
+        _remember(review.verdicts, position, verdict)
+    return review.verdicts[position]
+
+
+def _rows(review: _Review, basis: ForecastBasis, position: Vector3) -> LightRows:
+    if position not in review.rows:
+        _remember(review.rows, position, placed_lights.rows(basis, np.array(position)))
+    return review.rows[position]
+
+
+def _remember(kept: OrderedDict[Vector3, T], position: Vector3, value: T) -> None:
+    kept[position] = value
+    while len(kept) > MAX_POSITIONS:
+        kept.popitem(last=False)
