@@ -37,12 +37,12 @@ def jpeg(pixels: Pixels, sensor: SensorModel) -> bytes:
     """Encodes a frame (H, W, uint16, linear) as a JPEG of at most `MAX_SIDE_PX`, gamma 2.2, 99.5th percentile white."""
     bright = (float(np.percentile(pixels, 99.5)) - sensor.black_level_dn) / sensor.full_scale_dn
     picture = _lookup_table(sensor, float(np.clip(1 / max(bright, 1e-6), 1.0, MAX_GAIN)))[pixels]
-    scale = MAX_SIDE_PX / max(picture.shape)
-    if scale < 1:
-        height, width = picture.shape
-        size = (round(width * scale), round(height * scale))
-        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
-    return _encoded(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return _jpeg(picture, MAX_SIDE_PX / max(picture.shape))
+
+
+def thumbnail(pixels: Pixels, sensor: SensorModel, width: int) -> bytes:
+    """Encodes a frame (H, W, uint16, linear) as a JPEG of `width` px at most, on the same scale as `png`."""
+    return _jpeg(_lookup_table(sensor, 1.0)[pixels], width / pixels.shape[1])
 
 
 def read_frame(path: Path) -> Pixels:
@@ -57,6 +57,15 @@ def _lookup_table(sensor: SensorModel, gain: float) -> npt.NDArray[np.uint8]:
     """The 8-bit value (65536,) of each 16-bit value."""
     signal = np.clip(gain * (np.arange(65536) - sensor.black_level_dn) / sensor.full_scale_dn, 0, 1)
     return np.round(255 * signal ** (1 / GAMMA)).astype(np.uint8)
+
+
+def _jpeg(picture: npt.NDArray[np.uint8], scale: float) -> bytes:
+    """A picture (H, W) as JPEG, shrunk by `scale` if that is below 1."""
+    if scale < 1:
+        height, width = picture.shape
+        size = (max(round(width * scale), 1), max(round(height * scale), 1))
+        picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+    return _encoded(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
 
 
 def _encoded(suffix: str, picture: npt.NDArray[np.uint8], settings: list[int]) -> bytes:

@@ -17,6 +17,7 @@ from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.route import Route, Waypoint
 from acquisition.models.shot import FrameQuality, FrameRef, Shot, ShotKey
 from acquisition.session import ARM_STATE, Stage, State
+from api.rest import images
 from api.rest.joint_readings import JointReadingResource
 from api.rest.openapi_scene_example import SCENE
 from api.rest.schemas import (
@@ -189,7 +190,7 @@ VALUES: tuple[BaseModel, ...] = (
         number=0,
         plan=_PLAN,
         route=_ROUTE,
-        shots=[ShotResource(shot=_SHOT, links={"image": f"{_SESSION_PATH}/passes/0/shots/0/image"})],
+        shots=[ShotResource(shot=_SHOT, links=images.links(f"{_SESSION_PATH}/passes/0", _SHOT))],
         gain_pictures=[],
         links={"self": f"{_SESSION_PATH}/passes/0", "session": _SESSION_PATH},
     ),

@@ -1,4 +1,4 @@
-"""Routes of sessions: create, list, delete, actions, passes and images.
+"""Routes of sessions: create, list, delete, actions, passes.
 
 A resource is built from the journal for each request. Creating moves nothing; only an action does, and start and resume
 may wait for devices, so actions have thread limits of their own: however many callers wait for a dead device, reading
@@ -8,7 +8,7 @@ continues, and a stop has threads that no other request may occupy.
 import json
 import shutil
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import anyio.to_thread
 from fastapi import APIRouter, Body, Header, Query, Request, Response
@@ -18,10 +18,9 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route
-from acquisition.models.shot import Shot
 from acquisition.session import Trigger
 from acquisition.store import Action, SessionRow
-from api.rest import image_encoding, problems, results, stored_files
+from api.rest import images, problems, results, stored_files
 from api.rest.dependencies import Actor, CallerOf, Number, ServiceOf, SessionId
 from api.rest.keys import Caller, Role
 from api.rest.paging import Limit, Offset, page
@@ -198,36 +197,13 @@ def one_pass(service: ServiceOf, session_id: SessionId, number: Number) -> PassR
         plan=LightPlan.model_validate_json(stored_files.read_bytes(folder / plan.path)),
         route=None if route is None else Route.model_validate_json(stored_files.read_bytes(folder / route.path)),
         shots=[
-            ShotResource(shot=shot, links={"image": f"{pass_path}/shots/{shot.key.number}/image"})
+            ShotResource(shot=shot, links=images.links(pass_path, shot))
             for shot in service.store.journal.shots(session_id)
             if shot.key.pass_number == number
         ],
         gain_pictures=[f"{pass_path}/lights/{light}/gain.png" for light in range(len(plan.body.get("pictures", [])))],
         links={"self": pass_path, "session": f"/v1/sessions/{session_id}"},
     )
-
-
-@router.get(
-    "/v1/sessions/{session_id}/passes/{number}/shots/{shot_number}/image",
-    response_class=Response,
-    responses={200: {"content": {"image/png": {}, "image/tiff": {}}}, **problems.NOT_FOUND},
-)
-async def image(
-    service: ServiceOf,
-    session_id: SessionId,
-    number: Number,
-    shot_number: Number,
-    format: Annotated[Literal["png", "tiff"], Query()] = "png",  # noqa: A002 - the name in the address
-) -> Response:
-    """One image: an 8-bit picture for display, or with `?format=tiff` the linear 16-bit frame as captured."""
-    shot = await anyio.to_thread.run_sync(_shot, service, session_id, number, shot_number)
-    path = service.store.data / "sessions" / session_id / shot.frame.path
-    if format == "tiff":
-        return stored_files.file_response(path, f"{session_id}-pass{number}-shot{shot_number}.tiff", shot.frame.sha256)
-    picture = await anyio.to_thread.run_sync(
-        image_encoding.png, path, service.calibration.sensor, limiter=service.limits.pictures
-    )
-    return Response(picture, media_type="image/png", headers=stored_files.immutable(f"{shot.frame.sha256}-8"))
 
 
 # ----------------------------------------------------------------------------------------------------------- resources
@@ -271,11 +247,3 @@ def _reason(stored: dict[str, Any], instance: str) -> Problem:
 
 def _action(item: Action) -> ActionResource:
     return ActionResource(action=item.action, actor=item.actor, outcome=item.outcome, at=as_datetime(item.at))
-
-
-def _shot(service: Service, session_id: str, pass_number: int, number: int) -> Shot:
-    service.store.journal.session(session_id)
-    for shot in service.store.journal.shots(session_id):
-        if (shot.key.pass_number, shot.key.number) == (pass_number, number):
-            return shot
-    raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Pass {pass_number} has no shot {number} (yet)")

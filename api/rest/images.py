@@ -1,0 +1,150 @@
+"""Routes of a session's images: the frame as captured, a picture of it, and a thumbnail.
+
+Pass and shot numbers name a place in the session, not a frame: images of a pass are discarded and taken anew when the
+object was moved, under the same numbers. So an answer is cached for good only under an address that holds the frame's
+hash (`?frame=`), which another frame refuses; without it a browser asks each time, and the ETag is the frame's.
+"""
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Literal
+
+import anyio.to_thread
+from fastapi import APIRouter, Query
+from fastapi.responses import FileResponse, Response
+
+from acquisition.models.calibration import SensorModel
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.shot import Shot
+from api.rest import image_encoding, problems, stored_files
+from api.rest.dependencies import Number, ServiceOf, SessionId
+from api.rest.wiring import Service
+
+router = APIRouter(tags=["sessions"])
+
+HASH_DIGITS = 16
+"""Digits of a frame's SHA-256 in an address."""
+
+KEPT_THUMBNAILS = 512
+"""Thumbnails kept in memory, some 10 kB each."""
+
+FrameHash = Annotated[
+    str | None,
+    Query(
+        min_length=HASH_DIGITS,
+        max_length=64,
+        pattern="^[0-9a-f]+$",
+        description="First digits of the frame's SHA-256: the answer is then immutable, and 404 once the shot has been "
+        "taken anew",
+    ),
+]
+
+
+def links(pass_path: str, shot: Shot) -> dict[str, str]:
+    """Addresses of a shot's image and thumbnail."""
+    shot_path = f"{pass_path}/shots/{shot.key.number}"
+    return {
+        "image": f"{shot_path}/image",
+        "thumbnail": f"{shot_path}/thumbnail.jpg?frame={shot.frame.sha256[:HASH_DIGITS]}",
+    }
+
+
+@router.get(
+    "/v1/sessions/{session_id}/passes/{number}/shots/{shot_number}/image",
+    response_class=Response,
+    responses={
+        200: {
+            "content": {
+                kind: {"schema": {"type": "string", "format": "binary"}} for kind in ("image/png", "image/tiff")
+            }
+        },
+        **stored_files.NOT_MODIFIED,
+        **problems.NOT_FOUND,
+        **problems.responses_of(ErrorCode.STORE_CORRUPT),
+    },
+)
+async def image(
+    service: ServiceOf,
+    session_id: SessionId,
+    number: Number,
+    shot_number: Number,
+    format: Annotated[  # noqa: A002 - the name in the address
+        Literal["png", "tiff"], Query(description="`png`: 8 bits, gamma 2.2; `tiff`: linear 16 bits, as captured")
+    ] = "png",
+    frame: FrameHash = None,
+) -> Response:
+    """One image: an 8-bit picture for display, or with `?format=tiff` the linear 16-bit frame as captured."""
+    shot, path = await anyio.to_thread.run_sync(_shot, service, session_id, number, shot_number, frame)
+    if format == "tiff":
+        headers = _caching(shot.frame.sha256, frame)
+        return _tiff(path, f"{session_id}-pass{number}-shot{shot_number}.tiff", headers)
+    picture = await anyio.to_thread.run_sync(
+        image_encoding.png, path, service.calibration.sensor, limiter=service.limits.pictures
+    )
+    return Response(picture, media_type="image/png", headers=_caching(f"{shot.frame.sha256}-8", frame))
+
+
+@router.get(
+    "/v1/sessions/{session_id}/passes/{number}/shots/{shot_number}/thumbnail.jpg",
+    response_class=Response,
+    responses={
+        200: {"content": {"image/jpeg": {"schema": {"type": "string", "format": "binary"}}}},
+        **stored_files.NOT_MODIFIED,
+        **problems.NOT_FOUND,
+        **problems.responses_of(ErrorCode.STORE_CORRUPT),
+    },
+)
+async def thumbnail(
+    service: ServiceOf,
+    session_id: SessionId,
+    number: Number,
+    shot_number: Number,
+    width: Annotated[int, Query(ge=16, le=1024, description="Width in px; a narrower image is not enlarged")] = 240,
+    frame: FrameHash = None,
+) -> Response:
+    """A small JPEG of one image, all images of a session on one scale (black level to full scale, gamma 2.2)."""
+    shot, path = await anyio.to_thread.run_sync(_shot, service, session_id, number, shot_number, frame)
+    picture = await anyio.to_thread.run_sync(
+        _thumbnail,
+        str(path),
+        shot.frame.sha256,
+        width,
+        service.calibration.sensor.model_dump_json(),
+        limiter=service.limits.pictures,
+    )
+    return Response(picture, media_type="image/jpeg", headers=_caching(f"{shot.frame.sha256}-{width}", frame))
+
+
+@lru_cache(maxsize=KEPT_THUMBNAILS)
+def _thumbnail(path: str, sha256: str, width: int, sensor_json: str) -> bytes:
+    """A frame as a small JPEG; its hash is part of the cache's key, since the file may be replaced."""
+    del sha256
+    pixels = image_encoding.read_frame(Path(path))
+    return image_encoding.thumbnail(pixels, SensorModel.model_validate_json(sensor_json), width)
+
+
+def _caching(digest: str, frame: str | None) -> dict[str, str]:
+    return stored_files.revalidated(digest) if frame is None else stored_files.immutable(digest)
+
+
+def _tiff(path: Path, name: str, headers: dict[str, str]) -> FileResponse:
+    if not path.is_file():
+        raise RigError(ErrorCode.STORE_CORRUPT, f"{path.name} is missing", file=path.name)
+    return FileResponse(
+        path, media_type="image/tiff", filename=name, content_disposition_type="inline", headers=headers
+    )
+
+
+def _shot(service: Service, session_id: str, pass_number: int, number: int, frame: str | None) -> tuple[Shot, Path]:
+    """A shot and the path of its frame. Raises RigError session.not_found, request.not_found."""
+    folder = service.store.folder(session_id)
+    for shot in service.store.journal.shots(session_id):
+        if (shot.key.pass_number, shot.key.number) == (pass_number, number):
+            if frame is not None and not shot.frame.sha256.startswith(frame):
+                raise RigError(
+                    ErrorCode.REQUEST_NOT_FOUND,
+                    f"Shot {number} of pass {pass_number} has been taken anew since: its frame is another one",
+                    frame=shot.frame.sha256,
+                )
+            return shot, folder / shot.frame.path
+    raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Pass {pass_number} has no shot {number} (yet)")
