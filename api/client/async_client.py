@@ -38,6 +38,7 @@ from api.client.event_following import (
 from api.client.progress_bar import SessionProgressBar
 from api.client.responses import ModelT, ProblemError, parsed, raise_problem, require_completed
 from api.client.transport import TIMEOUT_S, authorization_headers
+from api.rest.preview_figures import PreviewFigures
 from api.rest.scene_schemas import SceneResource
 from api.rest.schemas import (
     ActionAccepted,
@@ -98,6 +99,10 @@ class AsyncClient:
         """The camera's present image as a JPEG; while a session holds the rig, the last frame that it captured."""
         response = await self._send("GET", "/v1/rig/preview.jpg")
         return response.content
+
+    async def preview_figures(self) -> PreviewFigures:
+        """Histogram, clipped shares and focus score of the camera's present image."""
+        return await self._get("/v1/rig/preview/figures", PreviewFigures)
 
     async def safety(self) -> SafetyResource:
         """The unacknowledged safety faults."""

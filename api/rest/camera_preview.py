@@ -9,6 +9,9 @@ import asyncio
 import time
 from collections.abc import AsyncGenerator
 from dataclasses import dataclass
+from datetime import datetime
+from functools import cached_property
+from itertools import count
 from pathlib import Path
 
 import anyio.to_thread
@@ -16,8 +19,13 @@ import numpy as np
 from fastapi import APIRouter, Request
 from fastapi.responses import Response, StreamingResponse
 
+from acquisition.capture import region
+from acquisition.models.base import BoolArray
 from acquisition.models.errors import ErrorCode, RigError
-from api.rest import image_encoding, problems
+from api.rest import image_encoding, preview_figures, problems
+from api.rest.dependencies import ServiceOf
+from api.rest.preview_figures import Pixels, PreviewFigures
+from api.rest.schemas import as_datetime
 from api.rest.wiring import Service
 
 PERIOD_S = 0.2
@@ -34,12 +42,20 @@ BOUNDARY = b"picture"
 """Separates the parts of the multipart stream."""
 
 
+FRAME_HEADER = "X-Frame-Number"
+"""Header with the number of the frame that a picture shows."""
+
+
 @dataclass(frozen=True)
 class PreviewImage:
-    """One encoded image; `source` (time or file) differs for images of different content."""
+    """One frame and its JPEG; `number` counts the frames of different content."""
 
+    number: int
+    pixels: Pixels  # (H, W), linear
     jpeg: bytes
-    source: object
+    path: Path | None = None  # of a stored frame of a session
+    taken_at: datetime | None = None
+    exposure_s: float | None = None
 
 
 class CameraPreview:
@@ -52,6 +68,8 @@ class CameraPreview:
         self._newest: PreviewImage | RigError | None = None
         self._captured_at = 0.0
         self._exposure_s = FIRST_EXPOSURE_S
+        self._numbers = count(1)
+        self._figures: PreviewFigures | None = None
         self.viewers = 0
 
     def end(self) -> None:
@@ -75,16 +93,26 @@ class CameraPreview:
                 raise self._newest
             return self._newest
 
+    async def figures(self) -> PreviewFigures:
+        """The figures of the newest image, measured once for all callers. Raises RigError as `image` does."""
+        image = await self.image()
+        figures = self._figures
+        if figures is None or figures.frame != image.number:
+            self._figures = figures = await anyio.to_thread.run_sync(
+                self._measured, image, limiter=self._service.limits.pictures
+            )
+        return figures
+
     async def stream(self, first: PreviewImage) -> AsyncGenerator[bytes, None]:
         """Yields the parts of a multipart response, each as soon as the last one is sent, until `end`."""
-        image, sent_source, pause = first, None, PERIOD_S
+        image, sent, pause = first, 0, PERIOD_S
         self.viewers += 1
         try:
             yield b"--" + BOUNDARY + b"\r\n"
             while not self._stopping.is_set():
-                if image.source != sent_source:
-                    yield _part(image.jpeg)
-                    sent_source = image.source
+                if image.number != sent:
+                    yield _part(image)
+                    sent = image.number
                 try:
                     await asyncio.wait_for(self._stopping.wait(), pause)
                 except TimeoutError:
@@ -111,11 +139,11 @@ class CameraPreview:
         return self._stored(path)
 
     def _stored(self, path: Path) -> PreviewImage:
-        if isinstance(self._newest, PreviewImage) and self._newest.source == path:
+        if isinstance(self._newest, PreviewImage) and self._newest.path == path:
             return self._newest
-        return PreviewImage(
-            image_encoding.jpeg(image_encoding.read_frame(path), self._service.calibration.sensor), path
-        )
+        pixels = image_encoding.read_frame(path)
+        jpeg = image_encoding.jpeg(pixels, self._service.calibration.sensor)
+        return PreviewImage(next(self._numbers), pixels, jpeg, path)
 
     def _live(self) -> PreviewImage:
         limits, sensor = self._service.cell.camera, self._service.calibration.sensor
@@ -124,7 +152,19 @@ class CameraPreview:
         frame = self._service.runner.preview.take_frame(exposure_s)
         bright = (float(np.percentile(frame.pixels, 99.5)) - sensor.black_level_dn) / sensor.full_scale_dn
         self._exposure_s = exposure_s * float(np.clip(TARGET_LEVEL / max(bright, 1e-6), 0.1, 10.0))
-        return PreviewImage(image_encoding.jpeg(frame.pixels, sensor), frame.taken_at)
+        jpeg = image_encoding.jpeg(frame.pixels, sensor)
+        taken_at = as_datetime(frame.taken_at)
+        return PreviewImage(next(self._numbers), frame.pixels, jpeg, None, taken_at, frame.exposure_s)
+
+    @cached_property
+    def _keep_out(self) -> BoolArray:
+        return region.keep_out(self._service.cell, self._service.calibration)
+
+    def _measured(self, image: PreviewImage) -> PreviewFigures:
+        return preview_figures.measured(
+            image.pixels, self._keep_out, self._service.calibration.sensor, frame=image.number,
+            taken_at=image.taken_at, exposure_s=image.exposure_s,
+        )  # fmt: skip
 
 
 router = APIRouter(tags=["rig"])
@@ -145,7 +185,30 @@ async def preview_picture(request: Request) -> Response:
     """The camera's present image; while a session holds the rig, the last frame that it captured."""
     preview: CameraPreview = request.app.state.camera_preview
     image = await preview.image()
-    return Response(image.jpeg, media_type="image/jpeg", headers={"Cache-Control": "no-store"})
+    return Response(image.jpeg, media_type="image/jpeg", headers=_headers(image))
+
+
+@router.get("/v1/rig/preview/figures", responses=_PROBLEMS)
+async def preview_figures_of(request: Request, response: Response) -> PreviewFigures:
+    """Histogram, clipped shares and focus score of the present image: of the frame that `preview.jpg` shows."""
+    preview: CameraPreview = request.app.state.camera_preview
+    response.headers["Cache-Control"] = "no-store"
+    return await preview.figures()
+
+
+@router.get(
+    "/v1/rig/preview/clipping.png",
+    response_class=Response,
+    responses={200: {"content": {"image/png": {"schema": {"type": "string", "format": "binary"}}}}, **_PROBLEMS},
+)
+async def preview_clipping(request: Request, service: ServiceOf) -> Response:
+    """A transparent overlay for the present image: red where it is saturated, blue where it has no measurable light."""
+    preview: CameraPreview = request.app.state.camera_preview
+    image = await preview.image()
+    overlay = await anyio.to_thread.run_sync(
+        preview_figures.clipping_overlay, image.pixels, service.calibration.sensor, limiter=service.limits.pictures
+    )
+    return Response(overlay, media_type="image/png", headers=_headers(image))
 
 
 @router.get(
@@ -167,7 +230,12 @@ async def preview_stream(request: Request) -> StreamingResponse:
     )
 
 
-def _part(jpeg: bytes) -> bytes:
+def _headers(image: PreviewImage) -> dict[str, str]:
+    return {"Cache-Control": "no-store", FRAME_HEADER: str(image.number)}
+
+
+def _part(image: PreviewImage) -> bytes:
     """One image as a part of the stream, with the next boundary, at which browsers display it."""
-    head = b"Content-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n" % len(jpeg)
-    return head + jpeg + b"\r\n--" + BOUNDARY + b"\r\n"
+    facts = FRAME_HEADER.encode(), image.number, len(image.jpeg)
+    head = b"Content-Type: image/jpeg\r\n%s: %d\r\nContent-Length: %d\r\n\r\n" % facts
+    return head + image.jpeg + b"\r\n--" + BOUNDARY + b"\r\n"

@@ -20,6 +20,7 @@ from acquisition.session import ARM_STATE, Stage, State
 from api.rest import images
 from api.rest.joint_readings import JointReadingResource
 from api.rest.openapi_scene_example import SCENE
+from api.rest.preview_figures import PreviewFigures
 from api.rest.schemas import (
     Accepted,
     ActionAccepted,
@@ -193,6 +194,21 @@ VALUES: tuple[BaseModel, ...] = (
         shots=[ShotResource(shot=_SHOT, links=images.links(f"{_SESSION_PATH}/passes/0", _SHOT))],
         gain_pictures=[],
         links={"self": f"{_SESSION_PATH}/passes/0", "session": _SESSION_PATH},
+    ),
+    PreviewFigures(
+        frame=118,
+        taken_at=_CREATED_AT,
+        exposure_s=0.04,
+        width_px=1024,
+        height_px=1024,
+        area="keep-out",
+        histogram=[1200, 5300, 9100, *[700] * 60, 12],
+        bin_width_dn=64.0,
+        black_level_dn=64.0,
+        saturated=0.0,
+        black=0.004,
+        bright_level=0.52,
+        focus=0.41,
     ),
     _problem(ErrorCode.RIG_BUSY, f"Session {_ID} holds the rig", holder=_ID),
     ProblemPage(

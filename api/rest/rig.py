@@ -44,6 +44,7 @@ RIG_LINKS = {
     "reach_page": "/v1/rig/reach.html",
     "park": "/v1/rig/park",
     "preview": "/v1/rig/preview.jpg",
+    "preview_figures": "/v1/rig/preview/figures",
     "sessions": "/v1/sessions",
     "events": "/v1/events",
 }

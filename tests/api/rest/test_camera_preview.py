@@ -19,9 +19,10 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.shot import FrameQuality, Shot, ShotKey
 from acquisition.session import Trigger
 from acquisition.store.folder import write_frame
-from api.rest import keys
+from api.rest import camera_preview, keys, preview_figures
 from api.rest.image_encoding import jpeg
 from api.rest.keys import Role
+from api.rest.preview_figures import PreviewFigures, measured
 
 CAMERA = "127.0.15.1"
 SIDE = 64
@@ -142,6 +143,67 @@ def test_preview_absent_camera_is_a_problem(shared: Any) -> None:
         answer = shared.http.get(path)
         assert answer.status_code == 503
         assert answer.json()["code"] == ErrorCode.CAMERA_UNREACHABLE
+
+
+def test_preview_figures_are_those_of_frame_shown(
+    camera: PlainCamera, start: Callable[..., AbstractContextManager[Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(camera_preview, "PERIOD_S", 60.0)  # one frame for all that follows
+    with start(address=CAMERA) as service:
+        picture = service.http.get("/v1/rig/preview.jpg")
+        overlay = service.http.get("/v1/rig/preview/clipping.png")
+        figures = PreviewFigures.model_validate_json(service.http.get("/v1/rig/preview/figures").content)
+        sensor = service.service.calibration.sensor
+
+    assert picture.headers["x-frame-number"] == overlay.headers["x-frame-number"] == str(figures.frame) == "1"
+    row = np.clip(64 + 20_000 * camera.exposures[0] * np.arange(SIDE) / SIDE, 0, 4095).astype("<u2")
+    assert len(camera.exposures) == 1
+    assert figures.exposure_s == camera.exposures[0]
+    assert (figures.width_px, figures.height_px, figures.area) == (SIDE, SIDE, "frame")
+    assert sum(figures.histogram) == SIDE * SIDE
+    assert figures.histogram[0] == SIDE * np.count_nonzero(row < figures.bin_width_dn)
+    black = row <= sensor.black_level_dn + 3 * sensor.read_noise_e / sensor.gain_e_per_dn
+    assert figures.black == np.mean(black)
+    assert figures.saturated == np.mean(row == 4095) == 0
+    assert figures.bright_level == pytest.approx(
+        (np.percentile(row, 99.5) - sensor.black_level_dn) / sensor.full_scale_dn, abs=0.01
+    )
+    assert np.array_equal(decoded(overlay.content)[0, :, 3] > 0, black)
+
+
+def test_preview_figures_in_session_are_of_its_last_frame(
+    camera: PlainCamera, start: Callable[..., AbstractContextManager[Any]]
+) -> None:
+    with start(address=CAMERA) as service:
+        session_id = held(service)
+        take(service, session_id, 0, 4095)
+        figures = PreviewFigures.model_validate_json(service.http.get("/v1/rig/preview/figures").content)
+        overlay = decoded(service.http.get("/v1/rig/preview/clipping.png").content)
+        again = service.http.get("/v1/rig/preview/figures").json()
+
+    assert (figures.taken_at, figures.exposure_s, figures.focus) == (None, None, None)
+    assert (figures.saturated, figures.black) == (1.0, 0.0)
+    assert figures.histogram[-1] == 2 * SIDE * SIDE
+    assert again["frame"] == figures.frame  # the same file is the same frame
+    assert (overlay == preview_figures.RED).all()
+
+
+def test_measured_focus_falls_with_blur_and_counts_keep_out(shared: Any) -> None:
+    sensor, side = shared.service.calibration.sensor, 200
+    texture = 1500.0 + 1000.0 * ((np.indices((side, side)) // 20).sum(axis=0) % 2)
+    inside = np.zeros((side, side), np.bool_)
+    inside[50:150, 50:150] = True
+
+    def figures(width: float) -> PreviewFigures:
+        pixels = cv2.GaussianBlur(texture, (0, 0), width)
+        pixels[:20] = 4095
+        return measured(pixels.astype(np.uint16), inside, sensor, frame=1, taken_at=None, exposure_s=None)
+
+    scores = [figures(width).focus or 0.0 for width in (0.5, 1.2, 2.5)]
+
+    assert scores[0] > scores[1] > scores[2]
+    assert figures(1.0).saturated == 0.0
+    assert sum(figures(1.0).histogram) == np.count_nonzero(inside)
 
 
 def test_preview_many_viewers_share_one_exposure(
