@@ -14,9 +14,9 @@ from acquisition.formats.frames import FolderFrames
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import SessionRecord
 from acquisition.store.journal import Journal
-from acquisition.store.rows import Action, Artifact, Event, SessionRow
+from acquisition.store.rows import Action, Artifact, Event, SessionFilter, SessionRow
 
-__all__ = ["Action", "Artifact", "Event", "FolderFrames", "Journal", "SessionRow", "Store"]
+__all__ = ["Action", "Artifact", "Event", "FolderFrames", "Journal", "SessionFilter", "SessionRow", "Store"]
 
 
 class Store:

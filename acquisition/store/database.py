@@ -19,7 +19,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import State
 from acquisition.store.rows import Counts, Event
 
-MIGRATIONS = ("schema_001.sql", "schema_002.sql", "schema_003.sql")
+MIGRATIONS = ("schema_001.sql", "schema_002.sql", "schema_003.sql", "schema_004.sql")
 
 
 class Database:
@@ -30,6 +30,8 @@ class Database:
         self._event_added = threading.Condition()
         self._connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None, timeout=10)
         self._connection.row_factory = sqlite3.Row
+        # SQLite's own lower() knows ASCII only, and labels are in any language.
+        self._connection.create_function("casefold", 1, str.casefold, deterministic=True)
         self._connection.execute("PRAGMA journal_mode = WAL")
         self._connection.execute("PRAGMA synchronous = FULL")
         self._connection.execute("PRAGMA foreign_keys = ON")
@@ -128,6 +130,14 @@ class Database:
         connection.execute(
             "INSERT INTO event (session_id, type, body, at) VALUES (?, ?, ?, ?)",
             (session_id, type_, json.dumps(body), time.time()),
+        )
+
+    def _record_action(
+        self, connection: sqlite3.Connection, session_id: str | None, action: str, actor: str, outcome: str
+    ) -> None:
+        connection.execute(
+            "INSERT INTO action (session_id, action, actor, outcome, at) VALUES (?, ?, ?, ?, ?)",
+            (session_id, action, actor, outcome, time.time()),
         )
 
     def _one(self, query: str, *values: Any) -> sqlite3.Row | None:

@@ -28,14 +28,14 @@ from acquisition.session import (
     allowed_actions,
     next_state,
 )
-from acquisition.store.database import Database, placeholders
 from acquisition.store.rows import Action, Artifact, SessionRow, session_from_row
+from acquisition.store.session_table import SessionTable
 
 PLAN_REVIEWED, MOVE_SENT = "plan.reviewed", "arm.sent"
 """Types of events that a resumed session reads: approved plans, and the path of the last move."""
 
 
-class Journal(Database):
+class Journal(SessionTable):
     """Sessions and their work in the database of one data folder; any thread may call any method."""
 
     # ------------------------------------------------------------------------------------------------------- sessions
@@ -68,27 +68,6 @@ class Journal(Database):
             )
             self._event(connection, identity, "session.created", {"state": State.CREATED})
             return self.session(identity), True
-
-    def session(self, session_id: str) -> SessionRow:
-        """One session. Raises RigError session.not_found."""
-        row = self._one("SELECT * FROM session WHERE id = ?", session_id)
-        if row is None:
-            raise RigError(ErrorCode.SESSION_NOT_FOUND, f"No session {session_id[:80]!r}", session_id=session_id[:80])
-        return session_from_row(row)
-
-    def sessions(self, limit: int, before: int | None = None) -> list[SessionRow]:
-        """Sessions, newest first, with numbers below `before`."""
-        rows = self._all(
-            "SELECT * FROM session WHERE number < ? ORDER BY number DESC LIMIT ?",
-            before if before is not None else 2**62,
-            limit,
-        )
-        return [session_from_row(row) for row in rows]
-
-    def holder(self) -> SessionRow | None:
-        """The session that holds the rig, if any."""
-        row = self._one(f"SELECT * FROM session WHERE state IN ({placeholders(RIG_HOLDING)})", *RIG_HOLDING)  # noqa: S608
-        return None if row is None else session_from_row(row)
 
     def trigger(
         self, session_id: str, trigger: Trigger, actor: str, reason: dict[str, Any] | None = None
@@ -380,14 +359,6 @@ class Journal(Database):
             "SELECT body FROM event WHERE session_id = ? AND type = ? ORDER BY id DESC LIMIT 1", session_id, type_
         )
         return None if row is None else json.loads(row["body"])
-
-    def _record_action(
-        self, connection: sqlite3.Connection, session_id: str | None, action: str, actor: str, outcome: str
-    ) -> None:
-        connection.execute(
-            "INSERT INTO action (session_id, action, actor, outcome, at) VALUES (?, ?, ?, ?, ?)",
-            (session_id, action, actor, outcome, time.time()),
-        )
 
 
 def _repeated(shots: list[Shot]) -> frozenset[ShotKey]:

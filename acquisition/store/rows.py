@@ -23,6 +23,18 @@ class SessionRow:
     created_at: float
     started_at: float | None
     ended_at: float | None
+    label: str = ""  # a person's, else the recipe's
+    notes: str = ""
+
+
+@dataclass(frozen=True)
+class SessionFilter:
+    """Which sessions a list holds; what is not given does not restrict it."""
+
+    states: tuple[State, ...] = ()
+    label: str = ""  # part of the label, case ignored
+    since: float | None = None  # earliest creation, s since 1970
+    until: float | None = None  # creation before this, s since 1970
 
 
 @dataclass(frozen=True)
@@ -71,15 +83,18 @@ class Artifact:
 
 def session_from_row(row: sqlite3.Row) -> SessionRow:
     """A row of the table `session` as a value."""
+    recipe = Recipe.model_validate_json(row["recipe"])
     return SessionRow(
         id=row["id"],
         number=row["number"],
         state=State(row["state"]),
-        recipe=Recipe.model_validate_json(row["recipe"]),
+        recipe=recipe,
         cell=row["cell"],
         fingerprint=row["fingerprint"],
         reason=None if row["reason"] is None else json.loads(row["reason"]),
         created_at=row["created_at"],
         started_at=row["started_at"],
         ended_at=row["ended_at"],
+        label=recipe.label if row["label"] is None else row["label"],
+        notes=recipe.notes if row["notes"] is None else row["notes"],
     )

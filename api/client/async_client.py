@@ -143,9 +143,9 @@ class AsyncClient:
         """The present state of a session."""
         return await self._get(f"/v1/sessions/{session_id}", SessionResource)
 
-    async def sessions(self) -> AsyncGenerator[SessionResource, None]:
-        """All sessions, newest first."""
-        next_address: str | None = "/v1/sessions"
+    async def sessions(self, **wanted: Any) -> AsyncGenerator[SessionResource, None]:
+        """Sessions, newest first: all, or those `wanted` by `state`, `label`, `since`, `until`."""
+        next_address: str | None = f"/v1/sessions?{httpx.QueryParams(wanted)}"
         while next_address is not None:
             page = await self._get(next_address, Page[SessionResource])
             for item in page.items:
@@ -224,8 +224,13 @@ class AsyncClient:
 
     async def choose_answer(self, session_id: str, number: int) -> ResultResource:
         """Chooses which result is the session's answer."""
-        response = await self._send("PATCH", f"/v1/sessions/{session_id}", json={"answer": number})
-        return parsed(response, ResultResource)
+        await self._send("PATCH", f"/v1/sessions/{session_id}", json={"answer": number})
+        return await self.result(session_id, number)
+
+    async def edit(self, session_id: str, *, label: str | None = None, notes: str | None = None) -> SessionResource:
+        """Changes a session's label or notes; its recipe stays as it was ordered."""
+        given = {name: value for name, value in (("label", label), ("notes", notes)) if value is not None}
+        return parsed(await self._send("PATCH", f"/v1/sessions/{session_id}", json=given), SessionResource)
 
     async def result(self, session_id: str, number: int) -> ResultResource:
         """One result."""

@@ -143,9 +143,9 @@ class Client:
         """The present state of a session."""
         return self._get(f"/v1/sessions/{session_id}", SessionResource)
 
-    def sessions(self) -> Generator[SessionResource, None, None]:
-        """All sessions, newest first."""
-        next_address: str | None = "/v1/sessions"
+    def sessions(self, **wanted: Any) -> Generator[SessionResource, None, None]:
+        """Sessions, newest first: all, or those `wanted` by `state`, `label`, `since`, `until`."""
+        next_address: str | None = f"/v1/sessions?{httpx.QueryParams(wanted)}"
         while next_address is not None:
             page = self._get(next_address, Page[SessionResource])
             for item in page.items:
@@ -224,8 +224,13 @@ class Client:
 
     def choose_answer(self, session_id: str, number: int) -> ResultResource:
         """Chooses which result is the session's answer."""
-        response = self._send("PATCH", f"/v1/sessions/{session_id}", json={"answer": number})
-        return parsed(response, ResultResource)
+        self._send("PATCH", f"/v1/sessions/{session_id}", json={"answer": number})
+        return self.result(session_id, number)
+
+    def edit(self, session_id: str, *, label: str | None = None, notes: str | None = None) -> SessionResource:
+        """Changes a session's label or notes; its recipe stays as it was ordered."""
+        given = {name: value for name, value in (("label", label), ("notes", notes)) if value is not None}
+        return parsed(self._send("PATCH", f"/v1/sessions/{session_id}", json=given), SessionResource)
 
     def result(self, session_id: str, number: int) -> ResultResource:
         """One result."""

@@ -4,7 +4,9 @@ from typing import Annotated
 
 from fastapi import Depends, Request
 from fastapi import Path as InPath
+from fastapi.routing import APIRoute
 
+from acquisition.models.errors import ErrorCode, RigError
 from api.rest.keys import Caller
 from api.rest.wiring import Service
 
@@ -20,6 +22,22 @@ async def _caller(request: Request) -> Caller:
 
 async def _actor(request: Request) -> str:
     return f"{request.state.caller.name}@{request.client.host if request.client else 'local'}"
+
+
+async def refuse_unknown_query(request: Request) -> None:
+    """Refuses query parameters that the route does not have: a filter with a typo would list everything.
+
+    Raises RigError request.invalid naming each.
+    """
+    route: APIRoute = request.scope["route"]
+    known = [parameter.alias for parameter in route.dependant.query_params]
+    unknown = sorted(set(request.query_params) - {*known, "ticket"})
+    if unknown:
+        errors = [{"field": name[:100], "message": "There is no such query parameter"} for name in unknown[:20]]
+        names = ", ".join(name[:100] for name in unknown[:20])
+        raise RigError(
+            ErrorCode.REQUEST_INVALID, f"Unknown query parameter {names}; there are {', '.join(known)}", errors=errors
+        )
 
 
 ServiceOf = Annotated[Service, Depends(_service)]

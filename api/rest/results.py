@@ -20,7 +20,6 @@ from api.rest import problems, stored_files
 from api.rest.dependencies import Actor, Number, ServiceOf, SessionId
 from api.rest.paging import Limit, Offset, page
 from api.rest.schemas import (
-    AnswerChoice,
     ArtefactResource,
     Page,
     ResolveAccepted,
@@ -111,23 +110,11 @@ async def artefact(
     return await anyio.to_thread.run_sync(_artefact, service, session_id, number, artefact, limiter=limiter)
 
 
-@router.patch(
-    "/v1/sessions/{session_id}",
-    responses={
-        **problems.NOT_FOUND,
-        **problems.responses_of(
-            ErrorCode.RESULT_NOT_READY,
-            ErrorCode.NORMALS_INFEASIBLE,
-            *problems.BODY_CODES,
-        ),
-    },
-)
-def choose_answer(service: ServiceOf, session_id: SessionId, actor: Actor, choice: AnswerChoice) -> ResultResource:
-    """Chooses which result is the session's answer: without a choice it is the last one of origin `session`."""
-    entry = _ready(service, session_id, choice.answer)
-    service.store.journal.record_action(session_id, _CHOOSE, actor, f"result {choice.answer}")
-    service.store.journal.announce(session_id, "answer.chosen", {"number": choice.answer, "by": actor})
-    return resource(service, session_id, entry)
+def choose_answer(service: Service, session_id: str, number: int, actor: str) -> None:
+    """Makes a result the session's answer. Raises RigError result.not_ready, normals.infeasible, request.not_found."""
+    _ready(service, session_id, number)
+    service.store.journal.record_action(session_id, _CHOOSE, actor, f"result {number}")
+    service.store.journal.announce(session_id, "answer.chosen", {"number": number, "by": actor})
 
 
 def answer(service: Service, session_id: str) -> ResultResource | None:

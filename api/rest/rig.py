@@ -7,6 +7,7 @@ works however busy or blocked the rest of the service is.
 import time
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
+from importlib.metadata import version
 from typing import Any
 
 import anyio.to_thread
@@ -34,6 +35,9 @@ from api.rest.schemas import (
 )
 
 router = APIRouter()
+
+VERSION = version("lightpose")
+"""Version of the installed package."""
 
 RIG_LINKS = {
     "self": "/v1/rig",
@@ -166,6 +170,7 @@ def _resource(status: RigStatus) -> RigResource:
     identity = status.identity
     valid_until = datetime.fromisoformat(status.calibration_valid_until)
     return RigResource(
+        version=VERSION,
         cell=status.cell,
         fingerprint=status.fingerprint,
         arm_model=status.arm_model,

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any, Generic, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from acquisition.models.base import Matrix4, Vector3
 from acquisition.models.errors import PROBLEMS, ErrorCode
@@ -148,6 +148,7 @@ class CalibrationResource(Resource):
 class RigResource(Resource):
     """The rig: its devices, and whether a session may start."""
 
+    version: str = Field(description="Version of this software")
     cell: str
     fingerprint: str = Field(description="SHA-256 of the cell file's values")
     arm_model: str
@@ -290,12 +291,20 @@ class ResolveAccepted(Resource):
     links: Links
 
 
-class AnswerChoice(BaseModel):
-    """Which result is the session's answer."""
+class SessionEdit(BaseModel):
+    """What a person changes about a session; a field that is left out stays as it is."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", json_schema_extra={"minProperties": 1})
 
-    answer: int = Field(ge=0, le=10_000, description="The result's number")
+    label: str | None = Field(default=None, max_length=200, description="New label; empty: none")
+    notes: str | None = Field(default=None, max_length=10_000, description="New notes; empty: none")
+    answer: int | None = Field(default=None, ge=0, le=10_000, description="Number of the result that is the answer")
+
+    @model_validator(mode="after")
+    def _changes_something(self) -> "SessionEdit":
+        if self.label is None and self.notes is None and self.answer is None:
+            raise ValueError("give at least one of label, notes, answer")
+        return self
 
 
 class SessionResource(Resource):
@@ -313,7 +322,9 @@ class SessionResource(Resource):
         default=None, description="With an ordered accuracy: why no more lights are added, once this is decided"
     )
     allowed_actions: list[str]
-    recipe: Recipe
+    recipe: Recipe = Field(description="As it was ordered; label and notes may have been changed since")
+    label: str = Field(description="Its present label: that of the last edit, else of the recipe")
+    notes: str = Field(description="Its present notes: those of the last edit, else of the recipe")
     cell: str
     created: datetime
     started: datetime | None

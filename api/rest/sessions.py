@@ -9,19 +9,21 @@ import json
 import shutil
 from functools import partial
 from typing import Annotated, Any
+from urllib.parse import urlencode
 
 import anyio.to_thread
-from fastapi import APIRouter, Body, Header, Query, Request, Response
+from fastapi import APIRouter, Body, Depends, Header, Query, Request, Response
+from pydantic import AwareDatetime
 
 from acquisition import session
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route
-from acquisition.session import Trigger
-from acquisition.store import Action, SessionRow
+from acquisition.session import State, Trigger
+from acquisition.store import Action, SessionFilter, SessionRow
 from api.rest import images, problems, results, stored_files
-from api.rest.dependencies import Actor, CallerOf, Number, ServiceOf, SessionId
+from api.rest.dependencies import Actor, CallerOf, Number, ServiceOf, SessionId, refuse_unknown_query
 from api.rest.keys import Caller, Role
 from api.rest.paging import Limit, Offset, page
 from api.rest.schemas import (
@@ -32,6 +34,7 @@ from api.rest.schemas import (
     PassResource,
     PassSummary,
     Problem,
+    SessionEdit,
     SessionResource,
     ShotResource,
     as_datetime,
@@ -75,18 +78,40 @@ def create(
     return _resource(service, row, caller)
 
 
-@router.get("/v1/sessions", responses=problems.responses_of(ErrorCode.REQUEST_INVALID))
+@router.get(
+    "/v1/sessions",
+    responses=problems.responses_of(ErrorCode.REQUEST_INVALID),
+    dependencies=[Depends(refuse_unknown_query)],
+)
 def sessions(
     service: ServiceOf,
+    request: Request,
     caller: CallerOf,
+    state: Annotated[
+        list[State], Query(max_length=len(State), description="Only sessions in one of these states")
+    ] = [],  # noqa: B006
+    label: Annotated[
+        str, Query(max_length=200, description="Only sessions whose label contains this, case ignored")
+    ] = "",
+    since: Annotated[AwareDatetime | None, Query(description="Only sessions created at or after this time")] = None,
+    until: Annotated[AwareDatetime | None, Query(description="Only sessions created before this time")] = None,
     limit: Limit = 20,
     after: Annotated[
         int | None, Query(ge=1, le=2**62, description="Number of the last session of the page before")
     ] = None,
 ) -> Page[SessionResource]:
-    """Sessions, newest first."""
-    rows = service.store.journal.sessions(limit + 1, after)
-    more = f"/v1/sessions?limit={limit}&after={rows[limit - 1].number}" if len(rows) > limit else None
+    """Sessions, newest first, by state, part of the label, and time of creation; an unknown parameter is refused."""
+    wanted = SessionFilter(
+        states=tuple(state),
+        label=label,
+        since=None if since is None else since.timestamp(),
+        until=None if until is None else until.timestamp(),
+    )
+    rows = service.store.journal.sessions(limit + 1, after, wanted)
+    more = None
+    if len(rows) > limit:
+        given = [pair for pair in request.query_params.multi_items() if pair[0] not in ("after", "limit", "ticket")]
+        more = f"/v1/sessions?{urlencode([*given, ('limit', limit), ('after', rows[limit - 1].number)])}"
     return Page[SessionResource](items=[_resource(service, row, caller) for row in rows[:limit]], next=more)
 
 
@@ -94,6 +119,34 @@ def sessions(
 def read(service: ServiceOf, session_id: SessionId, caller: CallerOf) -> SessionResource:
     """One session: state, progress, allowed actions, answer."""
     return _resource(service, service.store.journal.session(session_id), caller)
+
+
+@router.patch(
+    "/v1/sessions/{session_id}",
+    responses={
+        **problems.NOT_FOUND,
+        **problems.responses_of(
+            ErrorCode.RESULT_NOT_READY,
+            ErrorCode.NORMALS_INFEASIBLE,
+            *problems.BODY_CODES,
+            ErrorCode.STORE_DISK_FULL,
+        ),
+    },
+)
+def edit(
+    service: ServiceOf, session_id: SessionId, actor: Actor, caller: CallerOf, change: SessionEdit
+) -> SessionResource:
+    """Changes a session's label or notes, or chooses which result is its answer, in any state.
+
+    The recipe stays as it was ordered. Without a choice the answer is the last result of origin `session`.
+    """
+    journal = service.store.journal
+    journal.session(session_id)
+    if change.answer is not None:
+        results.choose_answer(service, session_id, change.answer, actor)
+    if change.label is not None or change.notes is not None:
+        journal.describe_session(session_id, change.label, change.notes, actor)
+    return _resource(service, journal.session(session_id), caller)
 
 
 @router.delete(
@@ -225,6 +278,8 @@ def _resource(service: Service, row: SessionRow, caller: Caller) -> SessionResou
         conclusion=plans[-1].body.get("conclusion") if plans else None,
         allowed_actions=[str(action) for action in session.allowed_actions(row.state, _ACTOR_OF_ROLE[caller.role])],
         recipe=row.recipe,
+        label=row.label,
+        notes=row.notes,
         cell=json.loads(row.cell)["name"],
         created=as_datetime(row.created_at),
         started=None if row.started_at is None else as_datetime(row.started_at),

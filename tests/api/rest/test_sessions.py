@@ -61,6 +61,10 @@ def test_create_same_idempotency_key_creates_one_session(own: Any) -> None:
     assert len(list(own.client.sessions())) == 1
 
 
+def test_rig_states_version_of_software(shared: Any) -> None:
+    assert shared.client.rig().version == shared.http.get("/openapi.json").json()["info"]["version"]
+
+
 def test_sessions_list_is_paged(own: Any) -> None:
     made = [own.client.create(Recipe(seed=seed)) for seed in range(7)]
 

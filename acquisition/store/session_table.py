@@ -1,0 +1,64 @@
+"""The table of sessions: one session by its id, lists by state, label and date, and a person's label and notes.
+
+A recipe is kept as it was ordered, in the journal and in the session's folder, whose manifest holds its hash. What a
+person corrects later, label and notes, has columns of its own.
+"""
+
+from typing import Any
+
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.session import RIG_HOLDING
+from acquisition.store.database import Database, placeholders
+from acquisition.store.rows import SessionFilter, SessionRow, session_from_row
+
+_EVERY_SESSION = SessionFilter()
+
+
+class SessionTable(Database):
+    """Reads and describes sessions; any thread may call any method."""
+
+    def session(self, session_id: str) -> SessionRow:
+        """One session. Raises RigError session.not_found."""
+        row = self._one("SELECT * FROM session WHERE id = ?", session_id)
+        if row is None:
+            raise RigError(ErrorCode.SESSION_NOT_FOUND, f"No session {session_id[:80]!r}", session_id=session_id[:80])
+        return session_from_row(row)
+
+    def sessions(
+        self, limit: int, before: int | None = None, wanted: SessionFilter = _EVERY_SESSION
+    ) -> list[SessionRow]:
+        """Sessions that are wanted, newest first, with numbers below `before`."""
+        where: list[str] = ["number < ?"]
+        values: list[Any] = [before if before is not None else 2**62]
+        if wanted.states:
+            where.append(f"state IN ({placeholders(wanted.states)})")
+            values += wanted.states
+        if wanted.label:
+            where.append("instr(casefold(coalesce(label, json_extract(recipe, '$.label'), '')), ?) > 0")
+            values.append(wanted.label.casefold())
+        if wanted.since is not None:
+            where.append("created_at >= ?")
+            values.append(wanted.since)
+        if wanted.until is not None:
+            where.append("created_at < ?")
+            values.append(wanted.until)
+        query = f"SELECT * FROM session WHERE {' AND '.join(where)} ORDER BY number DESC LIMIT ?"  # noqa: S608 - see where
+        return [session_from_row(row) for row in self._all(query, *values, limit)]
+
+    def holder(self) -> SessionRow | None:
+        """The session that holds the rig, if any."""
+        row = self._one(f"SELECT * FROM session WHERE state IN ({placeholders(RIG_HOLDING)})", *RIG_HOLDING)  # noqa: S608
+        return None if row is None else session_from_row(row)
+
+    def describe_session(self, session_id: str, label: str | None, notes: str | None, actor: str) -> None:
+        """Replaces label or notes (None: as they are) and records who did. Raises RigError session.not_found."""
+        with self._transaction() as connection:
+            self.session(session_id)
+            connection.execute(
+                "UPDATE session SET label = coalesce(?, label), notes = coalesce(?, notes) WHERE id = ?",
+                (label, notes, session_id),
+            )
+            changes = {"label": label, "notes": notes}
+            body = {name: value for name, value in changes.items() if value is not None}
+            self._record_action(connection, session_id, "describe", actor, ", ".join(body))
+            self._event(connection, session_id, "session.described", {**body, "by": actor})
