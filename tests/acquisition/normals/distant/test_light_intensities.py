@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.normals import distant
-from acquisition.normals.distant import light_intensities
+from acquisition.normals.distant import distant_solve, light_intensities, pixel_blocks
 from acquisition.normals.image_set import DistantLights
 from tests.acquisition.normals.distant import few_light_scenes
 from tests.acquisition.normals.distant.few_light_scenes import Scene, directions
@@ -25,9 +25,9 @@ def ball_values(lights: np.ndarray, log_factors: np.ndarray, seed: int, channels
 
 
 @settings(max_examples=10, deadline=None)
-@given(seed=st.integers(0, 999), count=st.sampled_from([8, 12, 20]), sigma=st.floats(0.1, 0.15))
+@given(seed=st.integers(0, 999), count=st.sampled_from([8, 12, 20]), sigma=st.floats(0.1, 0.3))
 def test_estimate_unequal_lamps_recovers_factors(seed: int, count: int, sigma: float) -> None:
-    """Of lamps that scatter by 30 % a third to a half are refused, because whole images are taken for outliers."""
+    """At 30 % all but 3 of 3,000 draws: there one lamp, of less than a third of the others' light, is an outlier."""
     lights = directions(count, seed)
     true = np.random.default_rng(seed).normal(0, sigma, count)
     values = ball_values(lights, true, seed)
@@ -59,6 +59,23 @@ def test_estimate_colour_finds_each_channel() -> None:
 def uneven(scene: Scene, sigma: float, seed: int) -> Scene:
     factors = np.exp(np.random.default_rng(seed).normal(0, sigma, len(scene.images)))
     return replace(scene, images=scene.images * factors[:, None, None], intensities=factors)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("shape", few_light_scenes.SHAPES)
+def test_estimate_rendered_scenes_tells_equal_lamps_from_unequal(shape: str) -> None:
+    """Also where reflectance and indirect light are not Lambert's; at 6 % some of them hide the factors."""
+    for material in few_light_scenes.MATERIALS:
+        for seed in (0, 1):
+            equal = few_light_scenes.scene(shape, material, 12, seed, size=64)
+            for sigma in (0.0, 0.06, 0.15, 0.3):
+                images = uneven(equal, sigma, seed).image_set()
+                sample = pixel_blocks.sample_channels(images, distant_solve.SAMPLE_PIXELS)
+                why = light_intensities.estimate(*sample, equal.directions).why
+                print(f"{shape} {material} {seed} {100 * sigma:.0f} %: {why}")
+                if sigma != 0.06:
+                    assert why.startswith("found" if sigma else "as stated")
 
 
 def test_solve_rabbit_under_unequal_lamps_is_as_under_equal() -> None:
