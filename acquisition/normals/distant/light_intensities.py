@@ -33,8 +33,9 @@ MIN_LIGHTS = 6
 
 MAX_ERROR_RATIO = 0.55
 """Greatest ratio of leave-one-image-out errors, with and without factors, at which they are used. On 32 rendered scenes
-of twelve lights it is 0.56–1.96 where lamps are equal, 0.15–0.65 where they scatter by 6 % (above 0.55 on four), 0.06–0.38
-at 15 % and 0.03–0.28 at 30 % (`pytest -m long -s tests/acquisition/normals/distant/test_light_intensities.py`)."""
+of twelve lights it is 0.56–1.96 where lamps are equal, 0.15–0.65 where they scatter by 6 % (above 0.55 on four),
+0.06–0.38 at 15 % and 0.03–0.28 at 30 %
+(`pytest -m long -s tests/acquisition/normals/distant/test_light_intensities.py`)."""
 
 ITERATIONS = 25
 """Gauss–Newton steps at most."""
