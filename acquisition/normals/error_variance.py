@@ -14,13 +14,17 @@ fits its images as well as any: its normal is a mean of theirs, and nothing but 
 neither. A crease of angle 2Δ anywhere in a pixel leaves an rms of 2Δ/√12 there and less in the next one. Smoothing over
 neighbours takes nothing from σ₀²: it lowers the error less than it claims.
 
-With M the weight of a depth discontinuity adds nothing to the likelihood, nor do a sandwich estimate, predicted
-indirect light, the albedo's local contrast, slant, or the turn by the integrability projection; they are left out.
+Left out are the weight of a depth discontinuity, which adds 0.003 to the mean log likelihood beside M, and what was
+tried before M was found and not beside it: a sandwich estimate, predicted indirect light, the albedo's local contrast,
+slant, the turn by the integrability projection, and gloss (scratch fits, November 2026).
 
 The constants maximise the likelihood of the errors under Rayleigh's law with a heavy tail (bivariate t, 20 degrees of
 freedom) over captures without uncorrected findings of design seeds, then all are multiplied so that P(e < σ) is 0.69
 over them. `python -m tests.unseen fit-sigma` does this, and prints them and how much less likely the errors are without
-each component. These are of 267 captures of seeds 0–9 without 4 (two rings of 6, 8, 12 and 20 lights, November 2026).
+each component. These are of 267 captures of seeds 0–9 without 4 (two rings of 6, 8, 12 and 20 lights, November 2026);
+they depend on the tail that is assumed (`tests.unseen.sigma_fit.TAIL`). How they do on captures that they were not
+fitted to stands in `tests/unseen/reports.md`.
+
 A, B, D and E are `photometry`'s, because a plan's forecast takes them into account as well.
 """
 

@@ -5,9 +5,11 @@ own normal and albedo. At the edges of shadows it does: a cast shadow of a small
 on a translucent surface is crossed by light from its lit side over a mean free path. So in the dark pixels near each
 edge, one apart from it, the observed irradiance is regressed on what `surface_diffusion.blurred` predicts of the lit
 ones, both without their local mean, which indirect light makes; irradiance, the value over the albedo, because a
-texture has edges of its own. The coefficient is 0 on opaque surfaces, whatever their
-reflectance, and 1 at the right mean free path; it is nothing but the score of the blur in the pixels that have a say.
-A defocused image looks the same, and is cured alike.
+texture has edges of its own. The coefficient is nothing but the score of the blur in the pixels that have a say: 1 at
+the right mean free path, and near 0 on opaque surfaces. Not all of these: what a glossy one mirrors, or the walls of a
+recess send, reaches into shadows as well (decision 48 names the false alarms), so that `model_alternatives` looks for
+no leak once gloss or metal is modelled, and shadows have to cover MIN_COVER of the object. A defocused image looks the
+same as a translucent surface, and is cured alike.
 """
 
 from dataclasses import dataclass

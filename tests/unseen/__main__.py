@@ -42,6 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
     ablate.add_argument("--write", type=Path, default=None, help="the documentation's page, written anew")
     fitted = commands.add_parser("fit-sigma", help="fit the constants of σ's components to errors on design seeds")
     _add_captures(fitted, azimuths=1, out=Path("build/unseen/sigma"))
+    fitted.add_argument("--tail", type=float, default=sigma_fit.TAIL, help="degrees of freedom of the errors' tail")
     shown = commands.add_parser("table", help="tables of a run's lines")
     shown.add_argument("file", type=Path)
     shown.add_argument("--against", type=Path, default=None, help="an older run: paired ratios to it")
@@ -89,7 +90,7 @@ def main(arguments: list[str] | None = None) -> int:
         if asked.report:
             parser.error("constants are fitted on design seeds only")
         sigma_fit.collect(plan, asked.out, asked.jobs)
-        print(sigma_fit.summary(sigma_fit.read(asked.out)))
+        print(sigma_fit.summary(sigma_fit.read(asked.out), asked.tail))
         return 0
     if asked.command == "ablate":
         stages = list(ablation.BY_NAME) if asked.stages == "all" else asked.stages.split(",")
