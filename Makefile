@@ -2,7 +2,7 @@
 PYTHON ?= python3.11
 BIN := .venv/bin
 
-.PHONY: setup demo test test-long check bench openapi docs clean
+.PHONY: setup demo test test-long check bench openapi page docs clean
 
 # All that tests and checks need.
 setup: .venv/ready
@@ -24,7 +24,7 @@ setup: .venv/ready
 	touch $@
 
 demo: .venv/demo-ready
-	$(BIN)/lightpose demo
+	$(BIN)/lightpose demo $(if $(PAGE),--page)
 
 test: setup
 	$(BIN)/pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
@@ -41,9 +41,14 @@ check: setup
 	$(BIN)/lint-imports
 	$(BIN)/pyright
 	$(BIN)/pip check
+	if command -v npm > /dev/null; then cd api/page && npm ci --silent --ignore-scripts && npm run --silent check; fi
 
 openapi: setup
 	$(BIN)/python -m api.rest.openapi > api/openapi.json
+
+# The operator's page from its sources; needs Node. What it writes is committed, so that users need none.
+page:
+	cd api/page && npm ci --silent --ignore-scripts && npm run --silent types && npm run --silent build
 
 docs: setup
 	$(BIN)/python docs/generated_blocks.py

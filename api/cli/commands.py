@@ -63,6 +63,7 @@ def demo(
     speed: Speed = 8.0,
     pixels: Pixels = 1024,
     data: Annotated[Path, typer.Option(help="Folder for the cell and the results")] = Path("demo"),
+    page: Annotated[bool, typer.Option(help="Run no session: serve the operator's page until Ctrl+C")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
 ) -> None:
     """Runs a full session in a simulated cell, over HTTP, and grades its normals against the truth."""
@@ -82,6 +83,9 @@ def demo(
         data=data,
         lights=lights,
     )
+    if page:
+        _explain_errors(lambda: demonstration.serve_page(options))
+        return
     outcome = _explain_errors(lambda: demonstration.run(options))
     if as_json:
         print(json.dumps(outcome), flush=True)

@@ -10,6 +10,7 @@ import re
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Generator
 from dataclasses import dataclass
@@ -65,11 +66,8 @@ def run(options: DemoOptions) -> dict[str, Any]:
     session fail.
     """
     console = Console(stderr=False)
-    object_spec.check(options.spec, options.seed, nominal.default_cell_file())
+    folder = _folder(options)
     recipe = _recipe(options, options.method)
-    folder = options.data.resolve()
-    (folder / "log").mkdir(parents=True, exist_ok=True)
-    Store(folder / "data").close()  # raises while in use, before the cell of a running demo is overwritten
     start = time.monotonic()
     with _cell(options, folder) as cell_file, _service(cell_file, folder) as url, Client(url) as client:
         connect_s = time.monotonic() - start
@@ -110,6 +108,31 @@ def run(options: DemoOptions) -> dict[str, Any]:
     }
     _show(console, options, grades, random_grade, outcome)
     return outcome
+
+
+def serve_page(options: DemoOptions) -> None:
+    """Serves the operator's page at a simulated cell and prints its address; until interrupted.
+
+    Raises RigError when the object cannot be made or does not fit, and when cell or service fail.
+    """
+    console = Console(stderr=False)
+    folder = _folder(options)
+    with _cell(options, folder) as cell_file, _service(cell_file, folder) as url, Client(url) as client:
+        _end_previous_session(client)
+        console.print(f"Simulated cell with the object '{options.spec.label}', {options.speed:g} times as fast as real")
+        console.print(f"page {url}/", highlight=False, soft_wrap=True)
+        console.print("Ctrl+C ends it")
+        with contextlib.suppress(KeyboardInterrupt):
+            threading.Event().wait()
+
+
+def _folder(options: DemoOptions) -> Path:
+    """The demonstration's folder, made ready. Raises RigError for a bad object and while another one uses it."""
+    object_spec.check(options.spec, options.seed, nominal.default_cell_file())
+    folder = options.data.resolve()
+    (folder / "log").mkdir(parents=True, exist_ok=True)
+    Store(folder / "data").close()  # raises while in use, before the cell of a running demo is overwritten
+    return folder
 
 
 def _recipe(options: DemoOptions, method: str) -> Recipe:

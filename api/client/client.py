@@ -42,6 +42,7 @@ from api.rest.preview_figures import PreviewFigures
 from api.rest.scene_schemas import SceneResource
 from api.rest.schemas import (
     ActionAccepted,
+    CallerResource,
     DryRunResource,
     EventResource,
     Page,
@@ -90,6 +91,10 @@ class Client:
     def scene(self) -> SceneResource:
         """The cell's geometry for a three-dimensional view: arm, lamp, camera, object, obstacles, dome."""
         return self._get("/v1/rig/scene", SceneResource)
+
+    def caller(self) -> CallerResource:
+        """Name and role of the key that this client sends."""
+        return self._get("/v1/caller", CallerResource)
 
     def halt(self) -> None:
         """Halts all motion at once and stops the session that holds the rig."""

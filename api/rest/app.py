@@ -24,6 +24,7 @@ from api.rest import (
     images,
     metrics,
     openapi_examples,
+    page,
     plans,
     problems,
     region,
@@ -127,6 +128,7 @@ def _with_routes(lifespan: Any) -> FastAPI:
         tickets,
         metrics,
         problems,
+        page,
     ):
         app.include_router(module.router)
     app.add_api_route("/docs", _docs, include_in_schema=False, response_class=HTMLResponse)

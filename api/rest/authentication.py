@@ -16,8 +16,12 @@ from starlette.types import Scope
 from acquisition.models.errors import ErrorCode, RigError
 from api.rest.keys import Caller, KeyRing, Role
 
-PUBLIC_PATHS = ("/health/", "/problems/")
-"""Path prefixes that need no key: health probes, and the pages that explain problems."""
+PUBLIC_PATHS = ("/health/", "/problems/", "/page/")
+"""Path prefixes that need no key: health probes, the pages that explain problems, and the files of the operator's page,
+which asks for the key itself."""
+
+PUBLIC_PAGE = "/"
+"""Address of the operator's page."""
 
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 ALLOWED_TO_EVERY_KEY = frozenset({("POST", "/v1/rig/stop"), ("POST", "/v1/tickets")})
@@ -44,7 +48,7 @@ class Authentication:
         """
         method, path = scope["method"], scope["path"]
         host = scope["client"][0] if scope.get("client") else "local"
-        if path.startswith(PUBLIC_PATHS) and method in SAFE_METHODS:
+        if (path == PUBLIC_PAGE or path.startswith(PUBLIC_PATHS)) and method in SAFE_METHODS:
             return Caller("anybody", Role.VIEWER)
         if not self.keys.required:
             return Caller("operator", Role.ADMIN)

@@ -19,6 +19,7 @@ from acquisition.models.shot import FrameQuality, FrameRef, Shot, ShotKey
 from acquisition.session import ARM_STATE, Stage, State
 from api.rest import images
 from api.rest.joint_readings import JointReadingResource
+from api.rest.keys import Role
 from api.rest.openapi_scene_example import SCENE
 from api.rest.preview_figures import PreviewFigures
 from api.rest.schemas import (
@@ -29,6 +30,7 @@ from api.rest.schemas import (
     ArmResource,
     ArtefactResource,
     CalibrationResource,
+    CallerResource,
     DryRunResource,
     EventResource,
     Fault,
@@ -253,6 +255,7 @@ VALUES: tuple[BaseModel, ...] = (
     SafetyResource(clear=False, faults=[_FAULT], links={"acknowledgement": "/v1/rig/safety/acknowledgement"}),
     SCENE,
     _SESSION,
+    CallerResource(name="anna", role=Role.OPERATOR),
     TicketResource(ticket="uM3vC0c4mJ7hT6m3i3rQbq0t4bXn2lW6", good_until=_CREATED_AT + timedelta(minutes=5)),
 )
 

@@ -18,6 +18,7 @@ from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.route import Route
 from acquisition.models.shot import Shot
 from acquisition.session import Stage, State
+from api.rest.keys import Role
 
 ItemT = TypeVar("ItemT")
 Links = dict[str, str]
@@ -87,6 +88,13 @@ class ProblemPage(Resource):
 
 
 # ------------------------------------------------------------------------------------------------------------- tickets
+
+
+class CallerResource(Resource):
+    """Who asks: without keys `operator`, an admin."""
+
+    name: str
+    role: Role
 
 
 class TicketResource(Resource):

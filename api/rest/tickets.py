@@ -1,4 +1,6 @@
-"""Route that issues tickets, with which a page shows images and follows events: browsers send no key with those."""
+"""Routes of callers: who a key belongs to, and tickets, with which a page shows images and follows events: browsers
+send no key with those.
+"""
 
 import time
 from datetime import UTC, datetime, timedelta
@@ -9,9 +11,15 @@ from acquisition.models.errors import ErrorCode
 from api.rest import problems
 from api.rest.dependencies import CallerOf
 from api.rest.keys import TICKET_LIFETIME_S, KeyRing
-from api.rest.schemas import TicketResource
+from api.rest.schemas import CallerResource, TicketResource
 
 router = APIRouter(tags=["rig"])
+
+
+@router.get("/v1/caller", responses=problems.responses_of(ErrorCode.REQUEST_UNAUTHENTICATED))
+async def caller(caller: CallerOf) -> CallerResource:
+    """Who asks: the name and the role of the key, so that a page offers only what the key allows."""
+    return CallerResource(name=caller.name, role=caller.role)
 
 
 @router.post("/v1/tickets", status_code=201, responses=problems.responses_of(ErrorCode.REQUEST_UNAUTHENTICATED))

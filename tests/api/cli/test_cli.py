@@ -2,10 +2,12 @@
 
 import contextlib
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
+import httpx
 import pytest
 from typer.testing import CliRunner
 
@@ -81,6 +83,18 @@ def test_check_offline_reports_reach_and_route() -> None:
     assert offline.returncode == 0, offline.stderr
     assert "positions on the dome" in offline.stdout
     assert "route of the pilot" in offline.stdout
+
+
+def test_demo_page_serves_until_interrupted(tmp_path: Path) -> None:
+    command = [sys.executable, "-u", "-m", "api.cli", "demo", "--page", "--pixels", "64", "--data", str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        address = next(line.split()[1] for line in process.stdout if line.startswith("page "))
+        answer = httpx.get(address)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) == 0
+    assert answer.status_code == 200
+    assert "operators-page" in answer.text
 
 
 def test_demo_json_prints_one_object_as_last_line(tmp_path: Path) -> None:

@@ -1,0 +1,88 @@
+/** The bar that is always in view: what the rig does, who is in charge, the age of the connection, and STOP. */
+import { html, nothing } from "lit";
+import { customElement } from "lit/decorators.js";
+import { live, LiveController } from "../connection/live";
+import { storeKey } from "../connection/credentials";
+import { PageElement } from "../parts/element";
+import { choose, duration, language, percent, t, type Word } from "../words/language";
+import "./safety-notice";
+import "./stop-button";
+
+@customElement("app-bar")
+export class AppBar extends PageElement {
+  protected readonly watching = new LiveController(this, ["change", "tick"]);
+
+  override render() {
+    const stale = live.stale;
+    return html`<header class=${stale ? "bar stale" : "bar"}>
+        <div class="state">
+          <b id="rig-state">${this.state()}</b>
+          <small>${live.inCharge ? t("bar.in_charge", { name: live.inCharge }) : t("bar.nobody")}</small>
+        </div>
+        <div class="connection" id="connection" data-stale=${String(stale)}>
+          <i class="dot" aria-hidden="true"></i>
+          <span>${this.connection(stale)}</span>
+          <small>${live.caller ? `${live.caller.name} · ${t(`role.${live.caller.role}`)}` : ""}${this.out()}</small>
+        </div>
+        <button
+          type="button"
+          class="quiet"
+          lang=${language() === "en" ? "de" : "en"}
+          @click=${() => choose(language() === "en" ? "de" : "en")}
+        >
+          ${language() === "en" ? "Deutsch" : "English"}
+        </button>
+        <stop-button></stop-button>
+      </header>
+      ${
+        stale
+          ? html`<p class="notice danger slim" role="alert" id="stale-notice">
+              ${
+                live.stream.heardAt === 0
+                  ? t("bar.never_connected")
+                  : t("bar.stale", { time: new Date(live.stream.heardAt).toLocaleTimeString(language()) })
+              }
+            </p>`
+          : nothing
+      }
+      <safety-notice></safety-notice>`;
+  }
+
+  private state(): string {
+    const { rig, holder } = live;
+    if (!rig) return t("bar.loading");
+    if (!holder) {
+      if (rig.faults.length) return t("bar.stopped");
+      return rig.may_start ? t("bar.free") : t("bar.not_ready");
+    }
+    const name = holder.recipe.label || `${t("session")} ${holder.number}`;
+    const words = [`${name}: ${t(`state.${holder.state}` as Word)}`];
+    if (holder.state === "running") {
+      words.push(t(`stage.${holder.stage}` as Word), percent(holder.progress));
+      if (holder.seconds_left !== null) words.push(t("bar.left", { time: duration(holder.seconds_left) }));
+    }
+    return words.join(" · ");
+  }
+
+  private connection(stale: boolean): string {
+    if (live.stream.heardAt === 0) return t("bar.connecting");
+    if (stale) return t("bar.heard_ago", { time: duration((Date.now() - live.stream.heardAt) / 1000) });
+    if (!live.stream.open) return t("bar.events_down");
+    return live.stream.roundTripMs === null ? t("bar.slow") : t("bar.connected", { ms: live.stream.roundTripMs });
+  }
+
+  private out() {
+    if (!live.caller || !sessionStorage.length) return nothing;
+    return html` ·
+      <button
+        type="button"
+        class="link"
+        @click=${() => {
+          storeKey("");
+          void live.begin();
+        }}
+      >
+        ${t("bar.sign_out")}
+      </button>`;
+  }
+}

@@ -1,0 +1,69 @@
+/** The safety faults that nobody has acknowledged, with reason and remedy; the acknowledgement asks first. */
+import { html, nothing } from "lit";
+import { customElement, state } from "lit/decorators.js";
+import { live, LiveController } from "../connection/live";
+import { post } from "../connection/requests";
+import { PageElement } from "../parts/element";
+import { saidOf } from "../parts/problem";
+import { problemTitle, remedyOf } from "../words/problems";
+import { clock, t } from "../words/language";
+
+@customElement("safety-notice")
+export class SafetyNotice extends PageElement {
+  @state() private asking = false;
+  @state() private inspected = false;
+  @state() private refused: unknown = null;
+  protected readonly watching = new LiveController(this);
+
+  override render() {
+    const faults = live.rig?.faults ?? [];
+    if (faults.length === 0) return nothing;
+    return html`<section class="notice danger" aria-labelledby="safety-title" role="region">
+      <h2 id="safety-title">${t("safety.title")}</h2>
+      <ul>
+        ${faults.map(
+          (fault) =>
+            html`<li>
+              <b>${problemTitle(fault.code)}</b> ${fault.detail}. ${remedyOf(fault.code, fault.remedy)}
+              <small>${clock(fault.since)}</small>
+            </li>`,
+        )}
+      </ul>
+      ${this.refused ? saidOf(this.refused) : nothing} ${live.mayOperate ? this.question() : nothing}
+    </section>`;
+  }
+
+  private question() {
+    if (!this.asking)
+      return html`<button type="button" @click=${() => (this.asking = true)}>${t("safety.acknowledge")}</button>`;
+    return html`<div class="question" role="group" aria-label=${t("safety.acknowledge")}>
+      <label
+        ><input
+          type="checkbox"
+          .checked=${this.inspected}
+          @change=${(event: Event) => (this.inspected = (event.target as HTMLInputElement).checked)}
+        />
+        ${t("safety.question")}</label
+      >
+      <button type="button" class="primary" ?disabled=${!this.inspected} @click=${() => void this.acknowledge()}>
+        ${t("safety.confirm")}
+      </button>
+      <button type="button" @click=${() => this.close()}>${t("cancel")}</button>
+    </div>`;
+  }
+
+  private close(): void {
+    this.asking = this.inspected = false;
+  }
+
+  private async acknowledge(): Promise<void> {
+    try {
+      await post("/v1/rig/safety/acknowledgement");
+      this.refused = null;
+      this.close();
+    } catch (error) {
+      this.refused = error;
+    }
+    live.refreshRig();
+  }
+}

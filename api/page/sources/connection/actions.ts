@@ -1,0 +1,17 @@
+/** Actions of a session; what fails is shown on whatever screen is open then. */
+import { live } from "./live";
+import { post } from "./requests";
+
+/** Start and resume connect to the devices and check them first, ms. */
+const DEVICES_TIMEOUT_MS = 60_000;
+
+export async function act(id: string, action: string, more: Record<string, unknown> = {}): Promise<void> {
+  try {
+    await post(`/v1/sessions/${id}/actions`, { action, ...more }, { timeoutMs: DEVICES_TIMEOUT_MS });
+    live.fail(null);
+  } catch (error) {
+    live.fail(error);
+  }
+  live.refreshSession(id);
+  live.refreshRig();
+}

@@ -1,0 +1,142 @@
+/**
+ * One stream of the service's events, and the pulse that tells whether the service answers.
+ *
+ * The stream is read with `fetch` instead of `EventSource`: it sends the key as a header, resumes by `Last-Event-ID`
+ * from any id, and sees the keep-alive comments, so that a connection which is silently dead is noticed. The pulse is a
+ * separate request, because a stream may stay open over a network that carries nothing any more.
+ */
+import { authorization } from "./credentials";
+import type { JointReading, JournalEvent } from "./schemas";
+
+/** Time between two pulses, ms. */
+const PULSE_MS = 1_000;
+/** Time limit of a pulse, ms. */
+const PULSE_TIMEOUT_MS = 1_500;
+/** The service sends at least a comment every 10 s; a stream without one for this long is dead, ms. */
+const SILENCE_MS = 13_000;
+/** Pause before the stream is opened again, ms. */
+const RETRY_MS = 500;
+
+/** Type of the readings of the arm's joints; they are not journalled and have no id. */
+const JOINTS = "arm.joints";
+
+export interface StreamStatus {
+  /** Whether events flow. */
+  open: boolean;
+  /** When the service was last heard, ms since 1970; 0: never. */
+  heardAt: number;
+  /** Duration of the last answered pulse, ms. */
+  roundTripMs: number | null;
+  /** HTTP status of a refusal of the stream, such as 401. */
+  refused: number | null;
+}
+
+export interface StreamListener {
+  event(event: JournalEvent): void;
+  joints(reading: JointReading): void;
+  status(status: StreamStatus): void;
+}
+
+export class EventStream {
+  status: StreamStatus = { open: false, heardAt: 0, roundTripMs: null, refused: null };
+  private lastId: string | null = null;
+  private ended = false;
+  private reading: AbortController | null = null;
+  private missedPulse = false;
+
+  constructor(
+    private readonly key: string,
+    private readonly listener: StreamListener,
+  ) {
+    void this.read();
+    void this.pulse();
+  }
+
+  end(): void {
+    this.ended = true;
+    this.reading?.abort();
+  }
+
+  private async read(): Promise<void> {
+    while (!this.ended) {
+      try {
+        await this.readOnce();
+      } catch {
+        // The connection was cut or refused: the status says so, and the loop opens it again.
+      }
+      this.update({ open: false });
+      if (!this.ended) await pause(RETRY_MS);
+    }
+  }
+
+  private async readOnce(): Promise<void> {
+    const abort = (this.reading = new AbortController());
+    let silence = setTimeout(() => abort.abort(), SILENCE_MS);
+    try {
+      const resume: Record<string, string> = this.lastId === null ? {} : { "Last-Event-ID": this.lastId };
+      const response = await fetch("/v1/events?joints=true", {
+        headers: { ...authorization(this.key), ...resume },
+        signal: abort.signal,
+        cache: "no-store",
+      });
+      if (!response.ok || !response.body) {
+        this.update({ refused: response.status });
+        return;
+      }
+      const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
+      let text = "";
+      for (;;) {
+        const { done, value } = await reader.read();
+        if (done) return;
+        clearTimeout(silence);
+        silence = setTimeout(() => abort.abort(), SILENCE_MS);
+        const blocks = (text + value).split("\n\n");
+        text = blocks.pop() ?? "";
+        for (const block of blocks) this.take(block);
+        this.update({ open: true, heardAt: Date.now(), refused: null });
+      }
+    } finally {
+      clearTimeout(silence);
+      abort.abort();
+    }
+  }
+
+  private take(block: string): void {
+    let [type, data] = ["", ""];
+    for (const line of block.split("\n")) {
+      if (line.startsWith("id: ")) this.lastId = line.slice(4);
+      else if (line.startsWith("event: ")) type = line.slice(7);
+      else if (line.startsWith("data: ")) data += line.slice(6);
+    }
+    if (!data) return;
+    const body = JSON.parse(data) as unknown;
+    if (type === JOINTS) this.listener.joints(body as JointReading);
+    else this.listener.event(body as JournalEvent);
+  }
+
+  private async pulse(): Promise<void> {
+    while (!this.ended) {
+      const start = performance.now();
+      try {
+        await fetch("/health/live", { cache: "no-store", signal: AbortSignal.timeout(PULSE_TIMEOUT_MS) });
+        this.update({ heardAt: Date.now(), roundTripMs: Math.round(performance.now() - start) });
+        // After a gap the old stream may hang on a dead connection: a new one replays what was missed.
+        if (this.missedPulse) this.reading?.abort();
+        this.missedPulse = false;
+      } catch {
+        this.missedPulse = true;
+        this.update({ roundTripMs: null });
+      }
+      await pause(PULSE_MS);
+    }
+  }
+
+  private update(change: Partial<StreamStatus>): void {
+    this.status = { ...this.status, ...change };
+    this.listener.status(this.status);
+  }
+}
+
+function pause(ms: number): Promise<void> {
+  return new Promise((resolve) => setTimeout(resolve, ms));
+}

@@ -1,0 +1,50 @@
+/**
+ * Forecasts for lights that are being dragged: one request at a time, the next one with the lights as they stand then,
+ * so that the forecast neither lags behind the hand nor piles up in the service.
+ */
+import type { components } from "./api-types";
+import { post, send } from "./requests";
+import type { Vector3 } from "./schemas";
+
+export type LightForecast = components["schemas"]["LightForecast"];
+
+/** The first forecast of a review reads the last result, ms. */
+const TIMEOUT_MS = 60_000;
+
+export class PlanForecasting {
+  private wanted: readonly Vector3[] | null = null;
+  private running = false;
+
+  /** `tell` is called with each forecast, `fail` with what went wrong. */
+  constructor(
+    private readonly address: string,
+    private readonly tell: (forecast: LightForecast) => void,
+    private readonly fail: (error: unknown) => void,
+  ) {}
+
+  /** Asks for the forecast of these lights, once the present request is answered. */
+  ask(lights: readonly Vector3[]): void {
+    this.wanted = lights;
+    if (!this.running) void this.run();
+  }
+
+  /** σ over the object for these lights as a picture, dark where it is small. */
+  async picture(lights: readonly Vector3[]): Promise<Blob> {
+    const options = { body: { lights }, headers: { Accept: "image/png" }, timeoutMs: TIMEOUT_MS };
+    return (await send("POST", this.address, options)).blob();
+  }
+
+  private async run(): Promise<void> {
+    this.running = true;
+    while (this.wanted) {
+      const lights = this.wanted;
+      this.wanted = null;
+      try {
+        this.tell(await post<LightForecast>(this.address, { lights }, { timeoutMs: TIMEOUT_MS }));
+      } catch (error) {
+        this.fail(error);
+      }
+    }
+    this.running = false;
+  }
+}

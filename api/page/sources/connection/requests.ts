@@ -1,0 +1,84 @@
+/** Requests to the API with the caller's key; a refusal is thrown as its problem object. */
+import { authorization, storedKey } from "./credentials";
+import type { Page, Problem } from "./schemas";
+
+/** Time limit of an ordinary request, ms; what computes (dry run, reach) is given more. */
+const TIMEOUT_MS = 15_000;
+
+/** The service refused; carries its problem object. */
+export class Refusal extends Error {
+  constructor(readonly problem: Problem) {
+    super(problem.detail);
+  }
+}
+
+/** The service was not reached, or did not answer in time. */
+export class Unreachable extends Error {}
+
+export interface RequestOptions {
+  body?: unknown;
+  headers?: Record<string, string>;
+  timeoutMs?: number;
+  signal?: AbortSignal;
+}
+
+/** Sends a request and returns its response. Throws Refusal or Unreachable; an abort by `signal` passes through. */
+export async function send(method: string, address: string, options: RequestOptions = {}): Promise<Response> {
+  const limits = [AbortSignal.timeout(options.timeoutMs ?? TIMEOUT_MS)];
+  if (options.signal) limits.push(options.signal);
+  const binary = options.body instanceof Blob;
+  const type = binary ? (options.body as Blob).type : "application/json";
+  let response: Response;
+  try {
+    response = await fetch(address, {
+      method,
+      signal: AbortSignal.any(limits),
+      headers: {
+        ...authorization(storedKey()),
+        ...(options.body === undefined ? {} : { "Content-Type": type }),
+        ...options.headers,
+      },
+      ...(options.body === undefined ? {} : { body: binary ? (options.body as Blob) : JSON.stringify(options.body) }),
+    });
+  } catch (error) {
+    if (options.signal?.aborted) throw error;
+    throw new Unreachable(`${method} ${address}`, { cause: error });
+  }
+  if (!response.ok) throw new Refusal(await problemOf(response));
+  return response;
+}
+
+export async function get<T>(address: string, options: RequestOptions = {}): Promise<T> {
+  return (await (await send("GET", address, options)).json()) as T;
+}
+
+export async function post<T>(address: string, body?: unknown, options: RequestOptions = {}): Promise<T> {
+  return (await (await send("POST", address, { ...options, body })).json()) as T;
+}
+
+/** All items of a list, page by page. */
+export async function all<T>(address: string): Promise<T[]> {
+  const items: T[] = [];
+  for (let next: string | null = address; next !== null;) {
+    const page: Page<T> = await get<Page<T>>(next);
+    items.push(...page.items);
+    next = page.next;
+  }
+  return items;
+}
+
+/** An address that the browser opens by itself (a download, a report), with a ticket where keys are in use. */
+export async function openable(address: string): Promise<string> {
+  if (!storedKey()) return address;
+  const { ticket } = await post<{ ticket: string }>("/v1/tickets");
+  return `${address}${address.includes("?") ? "&" : "?"}ticket=${encodeURIComponent(ticket)}`;
+}
+
+async function problemOf(response: Response): Promise<Problem> {
+  try {
+    return (await response.json()) as Problem;
+  } catch {
+    const title = `HTTP ${response.status}`;
+    return { code: "service.fault", title, detail: response.statusText, remedy: "", status: response.status };
+  }
+}

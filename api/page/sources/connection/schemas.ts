@@ -1,0 +1,52 @@
+/** Names of the API's schemas, from the types that openapi-typescript generates of `api/openapi.json`. */
+import type { components } from "./api-types";
+
+type Schemas = components["schemas"];
+
+export type Caller = Schemas["CallerResource"];
+export type Rig = Schemas["RigResource"];
+export type Fault = Schemas["Fault"];
+export type Session = Schemas["SessionResource"];
+export type Recipe = Schemas["Recipe"];
+export type Pass = Schemas["PassResource"];
+export type PassSummary = Schemas["PassSummary"];
+export type Plan = Schemas["LightPlan"];
+export type Light = Schemas["Light"];
+export type Shot = Schemas["Shot"];
+export type Result = Schemas["ResultResource"];
+export type Action = Schemas["ActionResource"];
+export type DryRun = Schemas["DryRunResource"];
+export type Vector3 = readonly [number, number, number];
+
+/** A list as the API pages it. */
+export interface Page<T> {
+  items: T[];
+  next: string | null;
+}
+
+/** An event of the journal; `id` grows for ever. */
+export interface JournalEvent {
+  id: number;
+  session_id: string | null;
+  type: string;
+  at: string;
+  body: Record<string, unknown>;
+}
+
+/** A problem object (RFC 9457). */
+export interface Problem {
+  code: string;
+  title: string;
+  detail: string;
+  remedy: string;
+  status: number;
+  errors?: { field: string; message: string }[];
+}
+
+/** A reading of the arm's joints, several times a second. */
+export interface JointReading {
+  connected: boolean;
+  joints: number[] | null;
+  moving: boolean | null;
+  age_s: number | null;
+}

@@ -1,0 +1,281 @@
+/**
+ * The cell in three dimensions: arm, lamp, object's keep-out, table, obstacles, camera, dome, lights and route.
+ *
+ * It draws only when something has changed. The arm follows the readings of its joints, eight a second, and moves
+ * straight from one to the next, so that it neither jumps nor runs ahead of what was measured.
+ */
+import {
+  AmbientLight,
+  Box3,
+  BufferGeometry,
+  CanvasTexture,
+  Color,
+  DirectionalLight,
+  DoubleSide,
+  Float32BufferAttribute,
+  GridHelper,
+  Group,
+  Line,
+  LineBasicMaterial,
+  Matrix4,
+  Mesh,
+  MeshLambertMaterial,
+  PerspectiveCamera,
+  Points,
+  PointsMaterial,
+  Scene as ThreeScene,
+  Sphere,
+  SphereGeometry,
+  Sprite,
+  SpriteMaterial,
+  Vector3,
+  WebGLRenderer,
+} from "three";
+import { STLLoader } from "three/examples/jsm/loaders/STLLoader.js";
+import type { Scene } from "../connection/scene";
+import { linkPoses } from "./arm-kinematics";
+import { body, capsule, dome, frustum, lamp, matrix, posed, standing } from "./cell-bodies";
+import { Orbit } from "./orbit";
+
+/** Colours of the view, from the page's style sheet. */
+export type Palette = Record<"ink" | "line" | "arm" | "accent" | "warn" | "good" | "paper", string>;
+
+/** A light to be marked: its position in the view frame, m. */
+export interface MarkedLight {
+  position: readonly number[];
+  label: string;
+  taken: boolean;
+}
+
+/** Time in which the arm is drawn from one reading to the next, ms. */
+const GLIDE_MS = 140;
+
+export type Layer = "labels" | "candidates" | "route" | "bodies";
+
+export class CellView {
+  private readonly renderer: WebGLRenderer;
+  private readonly world = new ThreeScene();
+  private readonly camera = new PerspectiveCamera(40, 1, 0.01, 30);
+  private readonly orbit: Orbit;
+  private readonly links: Group[] = [];
+  private readonly layers: Record<Layer, Group>;
+  private readonly marks = new Group();
+  private from: number[];
+  private to: number[];
+  private readAt = 0;
+  private frame = 0;
+  private readonly sizes = new ResizeObserver(() => this.resize());
+  /** Pictures drawn so far. */
+  frames = 0;
+
+  /** Meshes are given by address; throws Error where the browser has no WebGL. */
+  constructor(
+    private readonly place: HTMLElement,
+    private readonly scene: Scene,
+    meshes: Map<string, ArrayBuffer>,
+    private readonly palette: Palette,
+    private readonly drawn: (frames: number) => void,
+  ) {
+    this.renderer = new WebGLRenderer({ antialias: true, alpha: true });
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    place.append(this.renderer.domElement);
+    this.camera.up.set(0, 0, 1);
+    this.orbit = new Orbit(this.camera, this.renderer.domElement, () => this.draw());
+    this.layers = { labels: new Group(), candidates: new Group(), route: new Group(), bodies: new Group() };
+    this.world.add(...Object.values(this.layers), this.marks);
+    this.world.add(new AmbientLight(0xffffff, 1.3));
+    for (const [x, y, z] of [
+      [1, -2, 3],
+      [-2, 1, 2],
+    ] as const) {
+      const sun = new DirectionalLight(0xffffff, 1.4);
+      sun.position.set(x, y, z);
+      this.world.add(sun);
+    }
+    this.from = this.to = [...scene.arm.home];
+    this.build(meshes);
+    this.pose(this.to);
+    this.world.updateMatrixWorld(true);
+    this.resize();
+    this.fit();
+    this.sizes.observe(place);
+  }
+
+  /** Removes the view and gives its WebGL context back. */
+  close(): void {
+    cancelAnimationFrame(this.frame);
+    this.sizes.disconnect();
+    this.orbit.dispose();
+    this.renderer.dispose();
+    this.renderer.forceContextLoss();
+    this.renderer.domElement.remove();
+  }
+
+  /** Moves the arm to a new reading of its joints, rad; the first one at once. */
+  setJoints(joints: readonly number[]): void {
+    const now = performance.now();
+    if (joints.every((angle, index) => Math.abs(angle - this.to[index]!) < 1e-5)) return;
+    this.from = this.readAt === 0 ? [...joints] : this.present(now);
+    this.to = [...joints];
+    this.readAt = now;
+    this.draw();
+  }
+
+  setLights(lights: readonly MarkedLight[], route: readonly (readonly number[])[]): void {
+    this.marks.clear();
+    this.layers.labels.clear();
+    this.layers.route.clear();
+    const toBase = matrix(this.scene.base_from_view);
+    for (const { position, label, taken } of lights) {
+      const colour = taken ? this.palette.good : this.palette.accent;
+      const ball = new Mesh(new SphereGeometry(0.012, 16, 10), new MeshLambertMaterial({ color: colour }));
+      ball.position.set(...(position as [number, number, number])).applyMatrix4(toBase);
+      this.marks.add(ball);
+      this.layers.labels.add(this.label(label, ball.position));
+    }
+    if (route.length > 1) {
+      const flangeFromLamp = matrix(this.scene.tool.flange_from_lamp);
+      const points = route.flatMap((joints) => {
+        const flange = linkPoses(this.scene.arm.joints, joints)[6]!;
+        return new Vector3().setFromMatrixPosition(flange.multiply(flangeFromLamp)).toArray();
+      });
+      const geometry = new BufferGeometry().setAttribute("position", new Float32BufferAttribute(points, 3));
+      this.layers.route.add(new Line(geometry, new LineBasicMaterial({ color: this.palette.accent })));
+    }
+    this.draw();
+  }
+
+  show(layer: Layer, visible: boolean): void {
+    this.layers[layer].visible = visible;
+    this.draw();
+  }
+
+  /** Places the camera so that arm, dome and camera are in view. */
+  fit(): void {
+    const { scene } = this;
+    const box = new Box3();
+    for (const link of this.links) box.expandByObject(link);
+    const center = new Vector3(...scene.dome.center_m);
+    for (const side of [-1, 1]) box.expandByPoint(center.clone().addScalar(side * scene.dome.radius_m));
+    for (const item of this.layers.bodies.children) if (!(item instanceof GridHelper)) box.expandByObject(item);
+    box.min.z = Math.max(box.min.z, -0.1);
+    const ball = box.getBoundingSphere(new Sphere());
+    const narrow = Math.min(1, this.camera.aspect);
+    const away = (0.86 * ball.radius) / Math.sin((this.camera.fov * Math.PI) / 360) / narrow;
+    this.orbit.look(ball.center.clone().addScaledVector(new Vector3(0.45, -0.78, 0.42).normalize(), away), ball.center);
+  }
+
+  /** Turns the view about its middle, rad, and comes nearer by a factor. */
+  turn(azimuth: number, slant: number, nearer?: number): void {
+    this.orbit.turn(azimuth, slant, nearer);
+  }
+
+  /** The present picture as a PNG. */
+  picture(): Promise<Blob | null> {
+    this.renderer.render(this.world, this.camera);
+    return new Promise((resolve) => this.renderer.domElement.toBlob(resolve));
+  }
+
+  private build(meshes: Map<string, ArrayBuffer>): void {
+    const { scene, palette } = this;
+    const loader = new STLLoader();
+    const surfaces = new Map([...meshes].map(([address, bytes]) => [address, loader.parse(bytes)]));
+    const shell = new MeshLambertMaterial({ color: palette.arm });
+    const joint = new MeshLambertMaterial({ color: palette.line });
+    for (const link of scene.arm.links) {
+      const group = posed(new Group(), new Matrix4());
+      const surface = surfaces.get(link.mesh);
+      if (surface) group.add(new Mesh(surface, link.number % 2 ? shell : joint));
+      else for (const one of link.capsules) group.add(capsule(one, shell));
+      this.links.push(group);
+      this.world.add(group);
+    }
+    const bracket = new MeshLambertMaterial({ color: palette.ink });
+    const flange = this.links[6]!;
+    for (const one of scene.tool.capsules) flange.add(capsule(one, bracket));
+    flange.add(posed(lamp(palette.warn), matrix(scene.tool.flange_from_lamp)));
+
+    const dark = new MeshLambertMaterial({ color: palette.ink });
+    const glass = new MeshLambertMaterial({ color: palette.warn, transparent: true, opacity: 0.22, side: DoubleSide });
+    for (const item of scene.bodies) {
+      const solid = item.role === "camera" ? dark : glass;
+      this.layers.bodies.add(body(item, solid, palette.line, surfaces));
+    }
+    const { base_from_object, radius_m, height_m } = scene.keep_out;
+    const object = new MeshLambertMaterial({
+      color: palette.accent,
+      transparent: true,
+      opacity: 0.35,
+      side: DoubleSide,
+    });
+    this.world.add(posed(standing(radius_m, radius_m, height_m, object), matrix(base_from_object)));
+    this.world.add(frustum(scene.camera, palette.ink), dome(scene.dome, palette.ink));
+    this.layers.candidates.add(this.candidates());
+  }
+
+  private candidates(): Points {
+    const { scene, palette } = this;
+    const toBase = matrix(scene.base_from_view);
+    const lights = scene.lights ?? [];
+    const points = lights.flatMap(({ position }) => new Vector3(...position).applyMatrix4(toBase).toArray());
+    const [good, bad] = [new Color(palette.good), new Color(palette.line)];
+    const colours = lights.flatMap(({ refusal }) => (refusal ? bad : good).toArray());
+    const geometry = new BufferGeometry()
+      .setAttribute("position", new Float32BufferAttribute(points, 3))
+      .setAttribute("color", new Float32BufferAttribute(colours, 3));
+    return new Points(geometry, new PointsMaterial({ size: 0.012, vertexColors: true }));
+  }
+
+  private label(text: string, at: Vector3): Sprite {
+    const sheet = document.createElement("canvas");
+    sheet.width = sheet.height = 64;
+    const ink = sheet.getContext("2d")!;
+    ink.font = "bold 40px system-ui, sans-serif";
+    ink.textAlign = "center";
+    ink.lineWidth = 8;
+    ink.strokeStyle = this.palette.paper;
+    ink.fillStyle = this.palette.ink;
+    ink.strokeText(text, 32, 46);
+    ink.fillText(text, 32, 46);
+    const sprite = new Sprite(new SpriteMaterial({ map: new CanvasTexture(sheet), depthTest: false }));
+    sprite.scale.setScalar(0.06);
+    sprite.position.copy(at).add(new Vector3(0, 0, 0.03));
+    return sprite;
+  }
+
+  /** Joints to be drawn at a time, on the straight line from one reading to the next. */
+  private present(now: number): number[] {
+    const share = Math.min(1, (now - this.readAt) / GLIDE_MS);
+    return this.to.map((angle, index) => this.from[index]! + (angle - this.from[index]!) * share);
+  }
+
+  private pose(joints: readonly number[]): void {
+    linkPoses(this.scene.arm.joints, joints).forEach((pose, index) => {
+      const link = this.links[index];
+      if (!link) return;
+      link.matrix.copy(pose);
+      link.matrixWorldNeedsUpdate = true;
+    });
+  }
+
+  private resize(): void {
+    const { clientWidth: width, clientHeight: height } = this.place;
+    if (!width || !height) return;
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.draw();
+  }
+
+  private draw(): void {
+    if (this.frame) return;
+    this.frame = requestAnimationFrame((now) => {
+      this.frame = 0;
+      this.pose(this.present(now));
+      this.renderer.render(this.world, this.camera);
+      this.frames += 1;
+      this.drawn(this.frames);
+      if (now - this.readAt < GLIDE_MS) this.draw();
+    });
+  }
+}

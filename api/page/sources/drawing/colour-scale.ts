@@ -1,0 +1,56 @@
+/** The viridis colour scale, and maps of one value a pixel as pictures in it. */
+import type { FloatMap } from "./float-tiff";
+
+/** Coefficients of viridis as polynomials of sixth degree, by Matt Zucker (shadertoy WlfXRN, CC0). */
+const VIRIDIS: readonly (readonly [number, number, number])[] = [
+  [0.2777273272234177, 0.005407344544966578, 0.3340998053353061],
+  [0.1050930431085774, 1.404613529898575, 1.384590162594685],
+  [-0.3308618287255563, 0.214847559468213, 0.09509516302823659],
+  [-4.634230498983486, -5.799100973351585, -19.33244095627987],
+  [6.228269936347081, 14.17993336680509, 56.69055260068105],
+  [4.776384997670288, -13.74514537774601, -65.35303263337234],
+  [-5.435455855934631, 4.645852612178535, 26.3124352495832],
+];
+
+/** Colour of a value from 0 to 1, 8 bits. */
+export function viridis(value: number): [number, number, number] {
+  const x = Math.min(1, Math.max(0, value));
+  const sum = (channel: 0 | 1 | 2): number => VIRIDIS.reduceRight((total, row) => total * x + row[channel], 0);
+  return [sum(0), sum(1), sum(2)].map((part) => Math.round(Math.min(1, Math.max(0, part)) * 255)) as [
+    number,
+    number,
+    number,
+  ];
+}
+
+export const COLOURS = Array.from({ length: 256 }, (_, level) => viridis(level / 255));
+
+/** Quantiles of the finite values where `inside` is set. */
+export function quantiles(map: FloatMap, inside: Uint8Array, shares: readonly number[]): number[] {
+  const kept = map.values.filter((value, index) => inside[index] && Number.isFinite(value)).sort();
+  return shares.map((share) => kept[Math.min(kept.length - 1, Math.floor(share * kept.length))] ?? 0);
+}
+
+/** A map in the colour scale from `low` to `high`, transparent outside. */
+export function coloured(map: FloatMap, inside: Uint8Array, low: number, high: number): ImageData {
+  const picture = new ImageData(map.width, map.height);
+  const span = high - low || 1;
+  for (let index = 0; index < map.values.length; index += 1) {
+    if (!inside[index]) continue;
+    const level = Math.round(Math.min(1, Math.max(0, (map.values[index]! - low) / span)) * 255) || 0;
+    picture.data.set(COLOURS[level]!, 4 * index);
+    picture.data[4 * index + 3] = 255;
+  }
+  return picture;
+}
+
+/** A map as grey with gamma 2.2, white at `high`, transparent outside. */
+export function grey(map: FloatMap, inside: Uint8Array, high: number): ImageData {
+  const picture = new ImageData(map.width, map.height);
+  for (let index = 0; index < map.values.length; index += 1) {
+    if (!inside[index]) continue;
+    const level = Math.round(255 * Math.min(1, Math.max(0, map.values[index]! / high)) ** (1 / 2.2));
+    picture.data.set([level, level, level, 255], 4 * index);
+  }
+  return picture;
+}

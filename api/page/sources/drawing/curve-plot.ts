@@ -1,0 +1,84 @@
+/** One curve with its axes (uPlot), in the page's colours; its values stand in a table for screen readers too. */
+import { html } from "lit";
+import { customElement, property } from "lit/decorators.js";
+import uPlot from "uplot";
+import { PageElement } from "../parts/element";
+import { number } from "../words/language";
+
+const HEIGHT_PX = 200;
+
+@customElement("curve-plot")
+export class CurvePlot extends PageElement {
+  @property({ attribute: false }) x: number[] = [];
+  @property({ attribute: false }) y: (number | null)[] = [];
+  @property() xLabel = "";
+  @property() yLabel = "";
+  @property({ type: Boolean }) points = false;
+  private plot: uPlot | null = null;
+  private readonly sizes = new ResizeObserver(() => {
+    const width = this.clientWidth;
+    if (width && this.plot) this.plot.setSize({ width, height: HEIGHT_PX });
+  });
+
+  override connectedCallback(): void {
+    super.connectedCallback();
+    this.sizes.observe(this);
+  }
+
+  override disconnectedCallback(): void {
+    super.disconnectedCallback();
+    this.sizes.disconnect();
+    this.plot?.destroy();
+    this.plot = null;
+  }
+
+  override render() {
+    return html`<div class="curve" role="img" aria-label=${`${this.yLabel}, ${this.xLabel}`}></div>
+      ${
+        this.x.length <= 100
+          ? html`<table class="unseen">
+              <caption>
+                ${this.yLabel}
+              </caption>
+              <tbody>
+                ${this.x.map(
+                  (value, index) =>
+                    html`<tr>
+                      <th scope="row">${number(value, 0)}</th>
+                      <td>${number(this.y[index], 2)}</td>
+                    </tr>`,
+                )}
+              </tbody>
+            </table>`
+          : ""
+      }`;
+  }
+
+  override updated(): void {
+    this.plot?.destroy();
+    this.plot = null;
+    const place = this.querySelector<HTMLElement>(".curve");
+    if (!place || this.x.length === 0) return;
+    const style = getComputedStyle(this);
+    const ink = style.getPropertyValue("--ink-soft").trim() || "#666";
+    const line = style.getPropertyValue("--accent").trim() || "#06c";
+    const grid = { stroke: style.getPropertyValue("--line").trim() || "#ccc", width: 1 };
+    const axis = { stroke: ink, grid, ticks: grid, font: "12px system-ui" };
+    this.plot = new uPlot(
+      {
+        width: Math.max(this.clientWidth, 200),
+        height: HEIGHT_PX,
+        legend: { show: false },
+        cursor: { drag: { x: false, y: false } },
+        scales: { x: { time: false } },
+        axes: [
+          { ...axis, label: this.xLabel, labelSize: 20, size: 34 },
+          { ...axis, label: this.yLabel, labelSize: 20, size: 48 },
+        ],
+        series: [{}, { stroke: line, width: 2, points: { show: this.points, size: 7 } }],
+      },
+      [this.x, this.y],
+      place,
+    );
+  }
+}

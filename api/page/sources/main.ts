@@ -1,0 +1,100 @@
+/** The page: bar, navigation and the screen that the address names (`#/start`, `#/sessions/ID/result`, …). */
+import { html, nothing, type TemplateResult } from "lit";
+import { customElement, state } from "lit/decorators.js";
+import "./bar/app-bar";
+import { live, LiveController } from "./connection/live";
+import { PageElement } from "./parts/element";
+import { saidOf } from "./parts/problem";
+import "./screens/calibration-screen";
+import "./screens/cell-screen";
+import "./screens/preview-screen";
+import "./screens/rig-screen";
+import "./screens/session-screen";
+import "./screens/sessions-screen";
+import "./screens/sign-in";
+import "./screens/start-screen";
+import { t, type Word } from "./words/language";
+
+const SCREENS = ["start", "session", "cell", "preview", "sessions", "rig", "calibration"] as const;
+type Screen = (typeof SCREENS)[number];
+
+@customElement("operators-page")
+export class OperatorsPage extends PageElement {
+  @state() private way: string[] = [];
+  protected readonly watching = new LiveController(this);
+
+  private readonly turn = (): void => {
+    this.way = location.hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decodeURIComponent);
+    this.querySelector("main")?.focus();
+  };
+
+  override connectedCallback(): void {
+    super.connectedCallback();
+    window.addEventListener("hashchange", this.turn);
+    this.turn();
+    void live.begin();
+  }
+
+  override render() {
+    return html`<a class="skip" href="#main" @click=${this.skip}>${t("skip")}</a>
+      <app-bar></app-bar>
+      <div class="columns">
+        ${live.keyNeeded ? nothing : this.navigation()}
+        <main id="main" tabindex="-1">
+          ${this.failure()} ${live.keyNeeded ? html`<sign-in></sign-in>` : this.screen()}
+        </main>
+      </div>`;
+  }
+
+  private readonly skip = (event: Event): void => {
+    event.preventDefault();
+    this.querySelector("main")?.focus();
+  };
+
+  private failure() {
+    if (live.failure === null) return nothing;
+    return html`<div class="failure">
+      ${saidOf(live.failure)}<button type="button" @click=${() => live.fail(null)}>${t("close")}</button>
+    </div>`;
+  }
+
+  private get shown(): Screen {
+    const [first, id] = this.way;
+    if (first === "sessions" && id) return "session";
+    return SCREENS.find((screen) => screen === first) ?? (live.rig?.holder ? "session" : "start");
+  }
+
+  private navigation() {
+    return html`<nav aria-label=${t("navigation")}>
+      ${SCREENS.map(
+        (screen) =>
+          html`<a href=${`#/${screen}`} aria-current=${screen === this.shown ? "page" : nothing}
+            >${t(`screen.${screen}` as Word)}</a
+          >`,
+      )}
+    </nav>`;
+  }
+
+  private screen(): TemplateResult {
+    const [, id, part] = this.way;
+    switch (this.shown) {
+      case "session":
+        return html`<session-screen
+          .identity=${id ?? live.rig?.holder ?? null}
+          .chapter=${part ?? ""}
+        ></session-screen>`;
+      case "cell":
+        return html`<cell-screen></cell-screen>`;
+      case "preview":
+        return html`<preview-screen .identity=${id ?? null}></preview-screen>`;
+      case "sessions":
+        return html`<sessions-screen></sessions-screen>`;
+      case "rig":
+        return html`<rig-screen></rig-screen>`;
+      case "calibration":
+        return html`<calibration-screen></calibration-screen>`;
+      default:
+        return html`<start-screen></start-screen>`;
+    }
+  }
+}

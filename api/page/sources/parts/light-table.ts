@@ -1,0 +1,70 @@
+/** The lights of a plan as a table: direction, gain, where it gains, and why it was chosen. */
+import { html, nothing, type TemplateResult } from "lit";
+import { directionOf, type Dome } from "../drawing/dome-geometry";
+import { number, t } from "../words/language";
+import "./api-picture";
+
+export interface LightTable {
+  positions: readonly (readonly number[])[];
+  dome: Dome;
+  selected: number;
+  select: (index: number) => void;
+  /** What a light gains, in words. */
+  gain: (index: number) => string;
+  /** Addresses of gain maps and reasons; none where a person has moved the lights. */
+  pictures: readonly string[];
+  reasons: readonly string[];
+}
+
+export function lightTable(table: LightTable): TemplateResult {
+  const planned = table.reasons.length > 0;
+  return html`<h2>${t("plan.lights")}</h2>
+    <div class="scrolled" tabindex="0" role="region" aria-label=${t("plan.lights")}>
+      <table class="list">
+        <thead>
+          <tr>
+            <th scope="col">${t("plan.light")}</th>
+            <th scope="col">${t("plan.slant")}</th>
+            <th scope="col">${t("plan.azimuth")}</th>
+            <th scope="col">${t("plan.gain")}</th>
+            ${
+              planned
+                ? html`<th scope="col">${t("plan.gain_where")}</th>
+                    <th scope="col">${t("plan.reason")}</th>`
+                : nothing
+            }
+          </tr>
+        </thead>
+        <tbody>
+          ${table.positions.map((position, index) => row(table, position, index, planned))}
+        </tbody>
+      </table>
+    </div>`;
+}
+
+function row(table: LightTable, position: readonly number[], index: number, planned: boolean) {
+  const { slant, azimuth } = directionOf(position, table.dome);
+  const picture = table.pictures[index];
+  return html`<tr class=${index === table.selected ? "selected" : ""} @click=${() => table.select(index)}>
+    <td>${index + 1}</td>
+    <td>${number((slant * 180) / Math.PI, 0)}°</td>
+    <td>${number((azimuth * 180) / Math.PI, 0)}°</td>
+    <td>${table.gain(index)}</td>
+    ${
+      planned
+        ? html`<td>
+              ${
+                picture
+                  ? html`<api-picture
+                      class="small"
+                      .address=${picture}
+                      .alternative=${t("plan.gain_picture", { number: index + 1 })}
+                    ></api-picture>`
+                  : "–"
+              }
+            </td>
+            <td>${table.reasons[index] ?? ""}</td>`
+        : nothing
+    }
+  </tr>`;
+}

@@ -1,0 +1,77 @@
+/** The recipe's JSON schema as the service publishes it, reduced to what a form needs. */
+import { get } from "../connection/requests";
+
+export interface Field {
+  name: string;
+  kind: "choice" | "number" | "integer" | "text" | "long-text" | "yes-no" | "lights" | "group";
+  /** None is allowed: an empty field. */
+  optional: boolean;
+  explanation: string;
+  otherwise: unknown;
+  choices?: string[];
+  least?: number;
+  most?: number;
+  longest?: number;
+  fields?: Field[];
+}
+
+interface Schema {
+  type?: string;
+  const?: unknown;
+  enum?: string[];
+  default?: unknown;
+  description?: string;
+  minimum?: number;
+  exclusiveMinimum?: number;
+  maximum?: number;
+  maxLength?: number;
+  $ref?: string;
+  anyOf?: Schema[];
+  properties?: Record<string, Schema>;
+}
+
+/** Texts longer than this are written in several lines. */
+const LONG_TEXT = 500;
+
+let known: Promise<Field[]> | null = null;
+
+/** The recipe's fields in the schema's order, without those that have one value only. */
+export function recipeFields(): Promise<Field[]> {
+  known ??= get<{ components: { schemas: Record<string, Schema> } }>("/openapi.json").then(({ components }) =>
+    fieldsOf(components.schemas["Recipe"]!, components.schemas),
+  );
+  known.catch(() => (known = null));
+  return known;
+}
+
+function fieldsOf(schema: Schema, schemas: Record<string, Schema>): Field[] {
+  return Object.entries(schema.properties ?? {}).flatMap(([name, property]) => {
+    if (property.const !== undefined) return [];
+    const inner = property.$ref ? schemas[property.$ref.split("/").at(-1)!]! : property;
+    const present = inner.anyOf?.find((one) => one.type !== "null") ?? inner;
+    const least = present.minimum ?? present.exclusiveMinimum;
+    return [
+      {
+        name,
+        kind: kindOf(present),
+        optional: inner.anyOf?.some((one) => one.type === "null") ?? false,
+        explanation: property.description ?? inner.description ?? "",
+        otherwise: property.default,
+        ...(present.enum ? { choices: present.enum } : {}),
+        ...(least === undefined ? {} : { least }),
+        ...(present.maximum === undefined ? {} : { most: present.maximum }),
+        ...(present.maxLength === undefined ? {} : { longest: present.maxLength }),
+        ...(present.properties ? { fields: fieldsOf(present, schemas) } : {}),
+      },
+    ];
+  });
+}
+
+function kindOf(schema: Schema): Field["kind"] {
+  if (schema.enum) return "choice";
+  if (schema.properties) return "group";
+  if (schema.type === "array") return "lights";
+  if (schema.type === "boolean") return "yes-no";
+  if (schema.type === "integer" || schema.type === "number") return schema.type;
+  return (schema.maxLength ?? 0) > LONG_TEXT ? "long-text" : "text";
+}

@@ -1,0 +1,290 @@
+/** One result's maps: choose one, read values, draw a profile line in mm, or move a light over the surface. */
+import { html, nothing } from "lit";
+import { customElement, property, state } from "lit/decorators.js";
+import { scene } from "../connection/scene";
+import type { Result } from "../connection/schemas";
+import { grey, quantiles } from "../drawing/colour-scale";
+import "../drawing/curve-plot";
+import { profileOf, type Profile } from "../drawing/height-profile";
+import type { Point } from "../drawing/region-drawing";
+import { Relighting, type Surface } from "../drawing/relighting";
+import { MAP_NAMES, ResultMaps, type MapName, type MapPicture } from "../drawing/result-maps";
+import { save } from "../parts/downloads";
+import { PageElement } from "../parts/element";
+import { saidOf } from "../parts/problem";
+import { number, t, type Word } from "../words/language";
+
+type Shown = MapName | "relit";
+
+const SURFACES: Surface[] = ["own", "clay", "gloss"];
+/** Largest slant of the movable light, as the sine. */
+const MOST = Math.sin((85 * Math.PI) / 180);
+const LIGHT_STEP = 0.08;
+/** Digits and unit of a map's values. */
+const UNITS: Record<MapName, readonly [number, string, number]> = {
+  normals: [3, "", 1],
+  albedo: [3, "", 1],
+  sigma_deg: [2, "°", 1],
+  depth: [2, " mm", 1e3],
+  residual: [2, "", 1],
+};
+
+@customElement("map-viewer")
+export class MapViewer extends PageElement {
+  @property({ attribute: false }) result!: Result;
+  @state() private shown: Shown = "normals";
+  @state() private picture: MapPicture | null = null;
+  @state() private failed: unknown = null;
+  @state() private surface: Surface = "own";
+  @state() private light: [number, number, number] = [-0.5, 0.5, Math.SQRT1_2];
+  @state() private value = "";
+  @state() private line: [Point, Point] | null = null;
+  @state() private profile: Profile | null = null;
+  @state() private loading = false;
+  private maps: ResultMaps | null = null;
+  private relighting: Relighting | null = null;
+  private begun: Point | null = null;
+
+  override disconnectedCallback(): void {
+    super.disconnectedCallback();
+    this.relighting?.close();
+    this.relighting = null;
+  }
+
+  override willUpdate(): void {
+    if (this.maps?.result.links["self"] === this.result.links["self"]) return;
+    this.maps = new ResultMaps(this.result);
+    this.line = this.profile = null;
+    void this.show(this.shown);
+  }
+
+  private async show(name: Shown): Promise<void> {
+    const maps = this.maps!;
+    this.shown = name;
+    this.loading = true;
+    this.failed = null;
+    try {
+      if (name === "relit") await this.relight(maps);
+      else {
+        const picture = await maps.picture(name);
+        if (this.shown === name && maps === this.maps) this.picture = picture;
+      }
+    } catch (error) {
+      this.failed = error;
+    }
+    if (this.shown === name) this.loading = false;
+    this.requestUpdate();
+    await this.updateComplete;
+    this.paint();
+  }
+
+  private async relight(maps: ResultMaps): Promise<void> {
+    const [normals, albedo, inside] = await Promise.all([maps.normals(), maps.values("albedo"), maps.inside()]);
+    await this.updateComplete;
+    const canvas = this.querySelector<HTMLCanvasElement>("#relit");
+    if (!canvas || this.shown !== "relit") return;
+    this.relighting?.close();
+    const [white] = quantiles(albedo, inside, [0.995]) as [number];
+    const copy = new OffscreenCanvas(normals.width, normals.height);
+    copy.getContext("2d")!.putImageData(normals, 0, 0);
+    [canvas.width, canvas.height] = [normals.width, normals.height];
+    this.relighting = new Relighting(canvas, copy, grey(albedo, inside, white));
+  }
+
+  override render() {
+    return html`<section class="card" aria-labelledby="maps">
+      <h2 id="maps">${t("maps.title")}</h2>
+      <div class="tabs small" role="group" aria-label=${t("maps.title")}>
+        ${[...MAP_NAMES, "relit" as const].map(
+          (name) =>
+            html`<button
+              type="button"
+              data-map=${name}
+              aria-pressed=${String(name === this.shown)}
+              @click=${() => void this.show(name)}
+            >
+              ${t(`map.${name}` as Word)}
+            </button>`,
+        )}
+      </div>
+      ${this.failed ? saidOf(this.failed) : nothing}
+      <div class="split wide-left">
+        <figure aria-busy=${String(this.loading)}>
+          ${this.shown === "relit" ? this.lamp() : this.map()}
+          <figcaption>${t(`map.${this.shown}.means` as Word)}</figcaption>
+        </figure>
+        <div>${this.shown === "relit" ? this.surfaces() : this.reading()}</div>
+      </div>
+    </section>`;
+  }
+
+  private map() {
+    return html`<canvas
+      id="map"
+      tabindex="-1"
+      role="img"
+      aria-label=${t(`map.${this.shown}` as Word)}
+      @pointerdown=${this.press}
+      @pointermove=${this.hover}
+      @pointerup=${() => (this.begun = null)}
+    ></canvas>`;
+  }
+
+  private lamp() {
+    return html`<canvas
+      id="relit"
+      tabindex="0"
+      role="application"
+      aria-label=${t("maps.move_light")}
+      @pointerdown=${(event: PointerEvent) => {
+        (event.currentTarget as Element).setPointerCapture(event.pointerId);
+        this.aimAt(event);
+      }}
+      @pointermove=${(event: PointerEvent) => event.buttons && this.aimAt(event)}
+      @keydown=${this.key}
+    ></canvas>`;
+  }
+
+  private surfaces() {
+    const [x, y, z] = this.light;
+    return html`<p>${t("maps.move_light")}</p>
+      <label class="field"
+        >${t("maps.surface")}
+        <select
+          @change=${(event: Event) => {
+            this.surface = (event.target as HTMLSelectElement).value as Surface;
+          }}
+        >
+          ${SURFACES.map((one) => html`<option value=${one}>${t(`surface.${one}` as Word)}</option>`)}
+        </select></label
+      >
+      <p>
+        ${t("maps.light_at", {
+          slant: number((Math.acos(z) * 180) / Math.PI, 0),
+          azimuth: number((Math.atan2(y, x) * 180) / Math.PI, 0),
+        })}
+      </p>`;
+  }
+
+  private reading() {
+    const { picture } = this;
+    const name = this.shown as MapName;
+    const [digits, unit, factor] = UNITS[name];
+    return html`${
+        picture?.low != null && picture.high != null && name !== "albedo"
+          ? html`<p class="scale">
+              <span>${number(picture.low * factor, digits)}${unit}</span><i class="viridis" aria-hidden="true"></i
+              ><span>${number(picture.high * factor, digits)}${unit}</span>
+            </p>`
+          : nothing
+      }
+      <p role="status">${this.value || t("maps.hover")}</p>
+      <button type="button" class="link" @click=${this.export}>${t("maps.save")}</button>
+      ${
+        this.profile
+          ? html`<h3>${t("maps.profile")}</h3>
+              <curve-plot
+                .x=${this.profile.along}
+                .y=${this.profile.height}
+                .xLabel=${t("maps.along")}
+                .yLabel=${t("maps.height")}
+              ></curve-plot>`
+          : nothing
+      }`;
+  }
+
+  override updated(): void {
+    this.paint();
+  }
+
+  private paint(): void {
+    if (this.shown === "relit") {
+      this.relighting?.draw(this.light, this.surface);
+      return;
+    }
+    const canvas = this.querySelector<HTMLCanvasElement>("#map");
+    if (!canvas || !this.picture) return;
+    const { image } = this.picture;
+    if (canvas.width !== image.width || canvas.height !== image.height)
+      [canvas.width, canvas.height] = [image.width, image.height];
+    const ink = canvas.getContext("2d")!;
+    ink.putImageData(image, 0, 0);
+    if (!this.line) return;
+    ink.strokeStyle = "#f33";
+    ink.lineWidth = Math.max(1.5, image.width / 300);
+    ink.beginPath();
+    ink.moveTo(...this.line[0]);
+    ink.lineTo(...this.line[1]);
+    ink.stroke();
+  }
+
+  private pixel(event: PointerEvent): Point {
+    const canvas = event.currentTarget as HTMLCanvasElement;
+    const box = canvas.getBoundingClientRect();
+    return [
+      Math.floor(((event.clientX - box.left) / box.width) * canvas.width),
+      Math.floor(((event.clientY - box.top) / box.height) * canvas.height),
+    ];
+  }
+
+  private readonly press = (event: PointerEvent): void => {
+    (event.currentTarget as Element).setPointerCapture(event.pointerId);
+    this.begun = this.pixel(event);
+  };
+
+  private readonly hover = (event: PointerEvent): void => {
+    const at = this.pixel(event);
+    if (this.begun && event.buttons) {
+      this.line = [this.begun, at];
+      void this.draw();
+    }
+    void this.read(at);
+  };
+
+  private async read([u, v]: Point): Promise<void> {
+    const name = this.shown;
+    if (name === "relit") return;
+    const map = await this.maps!.values(name);
+    const at = map.channels * (v * map.width + u);
+    const values = map.values.subarray(at, at + map.channels);
+    const [digits, unit, factor] = UNITS[name];
+    const written = Array.from(values, (value) => `${number(value * factor, digits)}${unit}`).join(", ");
+    this.value = t("maps.value", { u, v, value: written });
+  }
+
+  private async draw(): Promise<void> {
+    const [line, maps] = [this.line, this.maps!];
+    if (!line) return;
+    const [depth, inside, { camera }] = await Promise.all([maps.values("depth"), maps.inside(), scene()]);
+    if (line !== this.line) return;
+    const profile = profileOf(depth, inside, line[0], line[1], camera);
+    this.profile = profile.along.length > 1 ? profile : null;
+  }
+
+  private readonly key = (event: KeyboardEvent): void => {
+    const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+    if (!step) return;
+    event.preventDefault();
+    this.aim(this.light[0] + step[0]! * LIGHT_STEP, this.light[1] + step[1]! * LIGHT_STEP);
+  };
+
+  private aimAt(event: PointerEvent): void {
+    const box = (event.currentTarget as Element).getBoundingClientRect();
+    this.aim((2 * (event.clientX - box.left)) / box.width - 1, 1 - (2 * (event.clientY - box.top)) / box.height);
+  }
+
+  private aim(x: number, y: number): void {
+    const r = Math.hypot(x, y);
+    const k = r > MOST ? MOST / r : 1;
+    this.light = [x * k, y * k, Math.sqrt(1 - k * k * r * r)];
+  }
+
+  private readonly export = (): void => {
+    this.querySelector<HTMLCanvasElement>("#map")?.toBlob((blob) => {
+      if (!blob) return;
+      const address = URL.createObjectURL(blob);
+      save(address, `${this.shown}.png`);
+      setTimeout(() => URL.revokeObjectURL(address), 10_000);
+    });
+  };
+}

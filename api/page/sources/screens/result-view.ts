@@ -1,0 +1,226 @@
+/** A session's results: figures and findings in words, maps, movable light, profile, comparison, downloads. */
+import { html, nothing } from "lit";
+import { customElement, property, state } from "lit/decorators.js";
+import { live, LiveController } from "../connection/live";
+import { all, get, send } from "../connection/requests";
+import type { Page, Result, Session } from "../connection/schemas";
+import { download, openInTab } from "../parts/downloads";
+import { PageElement } from "../parts/element";
+import { degrees, number, percent, t, tOr, when } from "../words/language";
+import "./map-viewer";
+import "./result-comparison";
+
+/** Misfits above this are said to be too large: the ends of the words for the goodness of fit. */
+const FAIR_PROBABILITY = 0.05;
+
+@customElement("result-view")
+export class ResultView extends PageElement {
+  @property({ attribute: false }) session!: Session;
+  @state() private results: Result[] | null = null;
+  @state() private chosen = -1;
+  @state() private others: Session[] = [];
+  private read = "";
+  protected readonly watching = new LiveController(this);
+  private readonly journal = (event: Event): void => {
+    const { type, session_id } = (event as CustomEvent<{ type: string; session_id: string | null }>).detail;
+    if (session_id === this.session.id && /^(normals|resolve)\./.test(type)) void this.load();
+  };
+
+  override connectedCallback(): void {
+    super.connectedCallback();
+    live.addEventListener("journal", this.journal);
+  }
+
+  override disconnectedCallback(): void {
+    super.disconnectedCallback();
+    live.removeEventListener("journal", this.journal);
+  }
+
+  override willUpdate(): void {
+    if (this.read === this.session.id) return;
+    this.read = this.session.id;
+    this.results = null;
+    this.chosen = -1;
+    void this.load();
+  }
+
+  private async load(): Promise<void> {
+    try {
+      this.results = await all<Result>(`/v1/sessions/${this.session.id}/results`);
+      const { items } = await get<Page<Session>>("/v1/sessions?limit=30");
+      this.others = items.filter((session) => session.id !== this.session.id && session.answer !== null);
+    } catch (error) {
+      live.fail(error);
+    }
+  }
+
+  private get shown(): Result | null {
+    const results = this.results ?? [];
+    const wanted = this.chosen >= 0 ? this.chosen : this.session.answer?.number;
+    return results.find((result) => result.number === wanted) ?? results.at(-1) ?? null;
+  }
+
+  override render() {
+    if (this.results === null) return html`<p role="status">${t("loading")}</p>`;
+    const result = this.shown;
+    if (!result) return html`<p role="status">${t("result.none")}</p>`;
+    return html`${this.choice(result)} ${this.figures(result)} ${this.findings(result)}
+      <map-viewer .result=${result}></map-viewer>
+      <result-comparison .result=${result} .results=${this.results} .sessions=${this.others}></result-comparison>
+      ${this.downloads(result)}`;
+  }
+
+  private choice(shown: Result) {
+    return html`<div class="actions" role="group" aria-label=${t("result.which")}>
+      ${this.results!.map(
+        (result) =>
+          html`<button
+            type="button"
+            aria-pressed=${String(result.number === shown.number)}
+            @click=${() => (this.chosen = result.number)}
+          >
+            ${
+              result.origin === "resolve"
+                ? t("result.resolved", { number: result.number })
+                : result.number === 0 && this.results!.length > 1
+                  ? t("result.of_pilot")
+                  : t("result.number", { number: result.number })
+            }
+            ${result.number === this.session.answer?.number ? html`<small>${t("result.answer")}</small>` : nothing}
+          </button>`,
+      )}
+      ${
+        live.mayOperate && this.session.answer && shown.number !== this.session.answer.number
+          ? html`<button type="button" class="link" @click=${() => void this.answer(shown)}>
+              ${t("result.choose")}
+            </button>`
+          : nothing
+      }
+    </div>`;
+  }
+
+  private async answer(result: Result): Promise<void> {
+    try {
+      await send("PATCH", `/v1/sessions/${this.session.id}`, { body: { answer: result.number } });
+      live.refreshSession(this.session.id);
+    } catch (error) {
+      live.fail(error);
+    }
+  }
+
+  private figures(result: Result) {
+    const { summary } = result;
+    const share = summary.solved_pixels / Math.max(summary.object_pixels, 1);
+    return html`<dl class="figures">
+      <div>
+        <dt>${t("result.images")}</dt>
+        <dd>${summary.images}</dd>
+      </div>
+      <div>
+        <dt>${t("result.error")}</dt>
+        <dd>${degrees(0.886 * summary.mean_sigma_deg)}</dd>
+      </div>
+      <div>
+        <dt>${t("result.sigma")}</dt>
+        <dd id="mean-sigma">${degrees(summary.mean_sigma_deg)}</dd>
+      </div>
+      ${
+        summary.region_sigma_deg == null
+          ? nothing
+          : html`<div>
+              <dt>${t("result.region")}</dt>
+              <dd>${degrees(summary.region_sigma_deg)}</dd>
+            </div>`
+      }
+      ${
+        summary.predicted_sigma_deg == null
+          ? nothing
+          : html`<div>
+              <dt>${t("result.predicted")}</dt>
+              <dd>${degrees(summary.predicted_sigma_deg)}</dd>
+            </div>`
+      }
+      <div>
+        <dt>${t("result.solved")}</dt>
+        <dd>${percent(share, 1)}</dd>
+      </div>
+      <div>
+        <dt>${t("result.made")}</dt>
+        <dd class="words">${when(result.created)}</dd>
+      </div>
+    </dl>`;
+  }
+
+  /** Goodness of fit and findings in words. */
+  private findings({ summary }: Result) {
+    const fit = summary.fit;
+    const findings = summary.findings ?? [];
+    const sound = !fit || fit.probability >= FAIR_PROBABILITY;
+    return html`<section class=${`notice ${sound && findings.every((one) => one.corrected) ? "good" : "warning"}`}>
+      <b>${t("result.fit")}</b>
+      <p>
+        ${
+          fit
+            ? t(sound ? "result.fits" : "result.misfits", {
+                misfit: number(fit.misfit, 2),
+                probability: percent(fit.probability, fit.probability < 0.01 ? 2 : 0),
+              })
+            : t("result.fit_unknown")
+        }
+        ${
+          summary.fewer_than_three_lights > 0.02
+            ? t("result.few_lights", { share: percent(summary.fewer_than_three_lights) })
+            : nothing
+        }
+      </p>
+      ${
+        findings.length
+          ? html`<ul>
+              ${findings.map(
+                (finding) =>
+                  html`<li>
+                    <b>${tOr(`finding.${finding.kind}`, finding.kind)}</b>
+                    (${t(finding.corrected ? "result.corrected" : "result.not_corrected")}): ${finding.message}
+                  </li>`,
+              )}
+            </ul>`
+          : nothing
+      }
+    </section>`;
+  }
+
+  private downloads(result: Result) {
+    const files = [...result.artefacts.map(({ name, href }) => [name, href] as const), ...exported(result)];
+    return html`<section class="card" aria-labelledby="downloads">
+      <h2 id="downloads">${t("result.downloads")}</h2>
+      <div class="actions">
+        <button type="button" @click=${() => void openInTab(`${result.links["self"]}/report.html`)}>
+          ${t("result.report")}
+        </button>
+        <button
+          type="button"
+          @click=${() => void download(`/v1/sessions/${this.session.id}/archive`, `${this.session.id}.zip`)}
+        >
+          ${t("sessions.archive")}
+        </button>
+        <button type="button" @click=${() => void openInTab(`/v1/sessions/${this.session.id}/log`)}>
+          ${t("result.log")}
+        </button>
+      </div>
+      <ul class="files">
+        ${files.map(
+          ([name, address]) =>
+            html`<li>
+              <button type="button" class="link" data-file=${name} @click=${() => void download(address, name)}>
+                ${name}
+              </button>
+            </li>`,
+        )}
+      </ul>
+    </section>`;
+  }
+}
+
+function exported(result: Result): (readonly [string, string])[] {
+  return Object.entries(result.exports ?? {});
+}

@@ -1,0 +1,103 @@
+/** The rig: what is ready and what is not, with remedies; parking; the arm's values. */
+import { html, nothing } from "lit";
+import { customElement, state } from "lit/decorators.js";
+import { live, LiveController } from "../connection/live";
+import { post } from "../connection/requests";
+import type { Rig } from "../connection/schemas";
+import { PageElement } from "../parts/element";
+import { number, t, type Word } from "../words/language";
+import { problemTitle, remedyOf } from "../words/problems";
+
+@customElement("rig-screen")
+export class RigScreen extends PageElement {
+  @state() private parking = false;
+  protected readonly watching = new LiveController(this, ["change", "joints"]);
+
+  override render() {
+    const rig = live.rig;
+    if (!rig) return html`<p role="status">${t("loading")}</p>`;
+    return html`<h1>${t("screen.rig")}: ${rig.cell}</h1>
+      <section class="card" aria-labelledby="checks">
+        <h2 id="checks">${t("rig.checks")}</h2>
+        <ul class="checks">
+          ${this.check("rig.arm", rig.connected, rig.arm ? `${rig.arm.model} · ${rig.arm.serial}` : rig.arm_address)}
+          ${this.check("rig.camera", rig.camera_ready, "")} ${this.check("rig.safety", rig.faults.length === 0, "")}
+          ${this.check("rig.calibration", rig.calibration.valid, "")} ${this.check("rig.free", rig.holder === null, "")}
+        </ul>
+        ${
+          rig.reasons.length
+            ? html`<h3>${t("rig.what_to_do")}</h3>
+                <ul>
+                  ${rig.reasons.map(
+                    (reason) =>
+                      html`<li>
+                        <b>${problemTitle(reason.code)}</b> ${reason.detail}. ${remedyOf(reason.code, reason.remedy)}
+                      </li>`,
+                  )}
+                </ul>`
+            : nothing
+        }
+      </section>
+      ${live.mayOperate ? this.parkingCard(rig) : nothing} ${this.values(rig)} ${this.keys()}`;
+  }
+
+  private check(name: Word, good: boolean, more: string) {
+    return html`<li class=${good ? "good" : "bad"}>
+      <i aria-hidden="true">${good ? "✓" : "✕"}</i> ${t(name)}: ${t(good ? "rig.ready" : "rig.not_ready")}
+      ${more ? html`<small>${more}</small>` : nothing}
+    </li>`;
+  }
+
+  private parkingCard(rig: Rig) {
+    return html`<section class="card" aria-labelledby="parking">
+      <h2 id="parking">${t("rig.park_title")}</h2>
+      <p>${t("rig.park_why")}</p>
+      <button type="button" id="park" ?disabled=${this.parking || rig.holder !== null} @click=${() => void this.park()}>
+        ${t("rig.park")}
+      </button>
+    </section>`;
+  }
+
+  private async park(): Promise<void> {
+    this.parking = true;
+    try {
+      await post("/v1/rig/park", undefined, { timeoutMs: 120_000 });
+      live.fail(null);
+    } catch (error) {
+      live.fail(error);
+    }
+    this.parking = false;
+  }
+
+  private values(rig: Rig) {
+    const joints = live.joints?.joints ?? rig.reading?.joints;
+    if (!joints) return nothing;
+    return html`<section class="card" aria-labelledby="values">
+      <h2 id="values">${t("rig.values")}</h2>
+      <dl class="figures">
+        ${joints.map(
+          (angle, index) =>
+            html`<div>
+              <dt>${t("rig.joint", { number: index + 1 })}</dt>
+              <dd>${number((angle * 180) / Math.PI, 1)}°</dd>
+            </div>`,
+        )}
+      </dl>
+    </section>`;
+  }
+
+  private keys() {
+    return html`<section class="card" aria-labelledby="keyboard">
+      <h2 id="keyboard">${t("rig.keyboard")}</h2>
+      <dl class="keys">
+        <dt><kbd>Esc</kbd> <kbd>Pause</kbd></dt>
+        <dd>${t("rig.key_stop")}</dd>
+        <dt><kbd>Tab</kbd> <kbd>Enter</kbd></dt>
+        <dd>${t("rig.key_tab")}</dd>
+        <dt><kbd>←</kbd> <kbd>→</kbd> <kbd>↑</kbd> <kbd>↓</kbd></dt>
+        <dd>${t("rig.key_arrows")}</dd>
+      </dl>
+      <p>${t("rig.keys_who")}</p>
+    </section>`;
+  }
+}

@@ -1,0 +1,159 @@
+/** A session as it goes: stages, time left, images as they come, what happened in words. */
+import { html, nothing } from "lit";
+import { customElement, property, state } from "lit/decorators.js";
+import { live, LiveController } from "../connection/live";
+import { all, get } from "../connection/requests";
+import type { JournalEvent, Pass, PassSummary, Session, Shot } from "../connection/schemas";
+import { PageElement } from "../parts/element";
+import "../parts/api-picture";
+import { clock, duration, number, percent, t, tOr, type Word } from "../words/language";
+
+const STAGES = ["pilot", "waypoints", "capture", "normals", "plan"] as const;
+/** Share of clipped pixels above which it is worth a word. */
+const CLIPPED_SHARE = 0.005;
+/** Events that are shown, newest first. */
+const SHOWN_EVENTS = 60;
+
+@customElement("session-progress")
+export class SessionProgress extends PageElement {
+  @property({ attribute: false }) session!: Session;
+  @state() private passes: Pass[] = [];
+  private read = "";
+  private reading = false;
+  private again = false;
+  protected readonly watching = new LiveController(this);
+  private readonly journal = (event: Event): void => {
+    const { session_id, type } = (event as CustomEvent<JournalEvent>).detail;
+    if (session_id === this.session.id && /^(shot|shots|plan|waypoints|normals)\./.test(type)) void this.load();
+  };
+
+  override connectedCallback(): void {
+    super.connectedCallback();
+    live.addEventListener("journal", this.journal);
+  }
+
+  override disconnectedCallback(): void {
+    super.disconnectedCallback();
+    live.removeEventListener("journal", this.journal);
+  }
+
+  override willUpdate(): void {
+    if (this.read === this.session.id) return;
+    this.read = this.session.id;
+    this.passes = [];
+    void this.load();
+  }
+
+  private async load(): Promise<void> {
+    if (this.reading) {
+      this.again = true;
+      return;
+    }
+    this.reading = true;
+    try {
+      const summaries = await all<PassSummary>(`/v1/sessions/${this.session.id}/passes`);
+      this.passes = await Promise.all(
+        summaries.map(({ number: one }) => get<Pass>(`/v1/sessions/${this.session.id}/passes/${one}`)),
+      );
+    } catch {
+      setTimeout(() => this.isConnected && void this.load(), 2_000); // the bar tells the age of the connection
+    }
+    this.reading = false;
+    if (this.again) {
+      this.again = false;
+      void this.load();
+    }
+  }
+
+  override render() {
+    const { session } = this;
+    const shots = this.passes.flatMap((pass) => pass.shots);
+    return html`<ol class="stages" aria-label=${t("progress.stages")}>
+        ${STAGES.map(
+          (stage) =>
+            html`<li
+              aria-current=${session.state === "running" && session.stage === stage ? "step" : nothing}
+              class=${session.stage === stage ? "now" : ""}
+            >
+              ${t(`stage.${stage}` as Word)}
+            </li>`,
+        )}
+      </ol>
+      <dl class="figures">
+        <div>
+          <dt>${t("progress.images")}</dt>
+          <dd id="image-count">${shots.filter(({ shot }) => shot.kind === "light").length}</dd>
+        </div>
+        <div>
+          <dt>${t("progress.done")}</dt>
+          <dd>${percent(session.progress)}</dd>
+        </div>
+        <div>
+          <dt>${t("progress.left")}</dt>
+          <dd>${duration(session.seconds_left)}</dd>
+        </div>
+        <div>
+          <dt>${t("progress.arm")}</dt>
+          <dd class="words">${t(`arm.${session.state}` as Word)}</dd>
+        </div>
+      </dl>
+      ${this.passes.map((pass) => this.pass(pass))}
+      <h2>${t("progress.happened")}</h2>
+      ${this.events()}`;
+  }
+
+  private pass(pass: Pass) {
+    const title = pass.plan.method === "pilot" ? t("progress.pilot") : t("progress.pass", { number: pass.number });
+    const lit = pass.shots.filter(({ shot }) => shot.kind === "light").length;
+    return html`<section aria-label=${title}>
+      <h2>${title} <small>${t("progress.of", { done: lit, total: pass.plan.lights.length })}</small></h2>
+      <ul class="images">
+        ${pass.shots.map(({ shot, links }) => {
+          const { warnings, name } = this.words(shot);
+          return html`<li>
+            <figure class=${warnings.length ? "doubtful" : ""}>
+              <api-picture .address=${links["thumbnail"] ?? links["image"]!} .alternative=${name}></api-picture>
+              <figcaption>
+                ${name}<small>${number(shot.exposure_s * 1000, 0)} ms</small>
+                ${warnings.map((warning) => html`<small class="warns">${warning}</small>`)}
+              </figcaption>
+            </figure>
+          </li>`;
+        })}
+      </ul>
+    </section>`;
+  }
+
+  private words(shot: Shot): { name: string; warnings: string[] } {
+    const name =
+      shot.kind === "light"
+        ? t("progress.light", { number: (shot.light_number ?? 0) + 1 })
+        : t(shot.kind === "dark" ? "progress.dark" : "progress.repeat");
+    const warnings: string[] = [];
+    if (shot.attempt > 0) warnings.push(t("progress.retaken", { count: shot.attempt }));
+    if (shot.quality.saturated > CLIPPED_SHARE)
+      warnings.push(t("progress.clipped", { share: percent(shot.quality.saturated, 1) }));
+    if (shot.quality.reason) warnings.push(shot.quality.reason);
+    return { name, warnings };
+  }
+
+  private events() {
+    const events = live.events.filter((event) => event.session_id === this.session.id || event.session_id === null);
+    if (events.length === 0) return html`<p class="caption">${t("progress.nothing_yet")}</p>`;
+    return html`<ol class="events" reversed>
+      ${events
+        .slice(-SHOWN_EVENTS)
+        .reverse()
+        .map((event) => html`<li data-event=${event.id}><time>${clock(event.at)}</time> ${this.said(event)}</li>`)}
+    </ol>`;
+  }
+
+  private said({ type, body }: JournalEvent): string {
+    const word = `event.${type}`;
+    if (type === "session.state") return `${t(`state.${String(body["state"])}` as Word)} (${String(body["by"] ?? "")})`;
+    if (type === "session.stage") return t(`stage.${String(body["stage"])}` as Word);
+    const numbered = body["number"] === undefined ? "" : ` ${Number(body["number"]) + 1}`;
+    const reason = body["reason"] ?? body["detail"] ?? body["outcome"];
+    return `${tOr(word, type)}${type.startsWith("shot.") ? numbered : ""}${reason ? `: ${String(reason)}` : ""}`;
+  }
+}

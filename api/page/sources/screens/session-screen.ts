@@ -1,0 +1,127 @@
+/** One session: what it does and may do, and its progress, plan or result. */
+import { html, nothing } from "lit";
+import { customElement, property, state } from "lit/decorators.js";
+import { act } from "../connection/actions";
+import { live, LiveController } from "../connection/live";
+import type { Session } from "../connection/schemas";
+import { PageElement } from "../parts/element";
+import { duration, percent, t, type Word, when } from "../words/language";
+import { problemTitle, remedyOf } from "../words/problems";
+import "./plan-review";
+import "./result-view";
+import "./session-progress";
+
+const PARTS = ["", "plan", "result"] as const;
+const ASKED = new Set(["resume", "stop"]);
+
+@customElement("session-screen")
+export class SessionScreen extends PageElement {
+  @property({ attribute: false }) identity: string | null = null;
+  @property({ attribute: false }) chapter = "";
+  @state() private asked: string | null = null;
+  @state() private fromHere = false;
+  protected readonly watching = new LiveController(this);
+
+  override render() {
+    if (!this.identity)
+      return html`<h1>${t("screen.session")}</h1>
+        <p>${t("session.none")} <a href="#/start">${t("screen.start")}</a></p>`;
+    const session = live.session(this.identity);
+    if (!session)
+      return html`<h1>${t("screen.session")}</h1>
+        <p role="status">${live.isMissing(this.identity) ? t("session.missing") : t("loading")}</p>`;
+    return html`<div class="title">
+        <h1>${session.recipe.label || `${t("session")} ${session.number}`}</h1>
+        <span class=${`badge ${session.state}`} id="session-state" data-state=${session.state}
+          >${t(`state.${session.state}` as Word)}</span
+        >
+        <small>${t("session")} ${session.number} · ${when(session.created)} · ${session.cell}</small>
+      </div>
+      ${this.reason(session)} ${session.conclusion ? html`<p class="notice">${session.conclusion}</p>` : nothing}
+      ${this.actions(session)}
+      <nav class="tabs" aria-label=${t("session.parts")}>
+        ${PARTS.map(
+          (part) =>
+            html`<a
+              href=${`#/sessions/${session.id}${part ? `/${part}` : ""}`}
+              aria-current=${part === this.chapter ? "page" : nothing}
+              >${t(`part.${part || "progress"}` as Word)}</a
+            >`,
+        )}
+      </nav>
+      ${this.shown(session)}`;
+  }
+
+  private shown(session: Session) {
+    if (this.chapter === "plan") return html`<plan-review .session=${session}></plan-review>`;
+    if (this.chapter === "result") return html`<result-view .session=${session}></result-view>`;
+    return html`<session-progress .session=${session}></session-progress>`;
+  }
+
+  private reason(session: Session) {
+    const reason = session.reason;
+    if (!reason) return nothing;
+    const toReview = reason.code === "plan.to_review";
+    return html`<div class=${`notice ${toReview ? "" : "warning"}`} id="session-reason">
+      <b>${problemTitle(reason.code, reason.title)}</b>
+      <p>${reason.detail}. ${remedyOf(reason.code, reason.remedy)}</p>
+      ${toReview ? html`<a class="button" href=${`#/sessions/${session.id}/plan`}>${t("session.review")}</a>` : nothing}
+    </div>`;
+  }
+
+  private actions(session: Session) {
+    const more = session.state === "running" && session.seconds_left !== null;
+    return html`<div class="actions">
+      ${
+        session.state === "running"
+          ? html`<progress max="1" .value=${session.progress} aria-label=${t("session.progress")}></progress
+              ><span>${percent(session.progress)}${more ? ` · ${duration(session.seconds_left)}` : ""}</span>`
+          : nothing
+      }
+      ${live.mayOperate ? session.allowed_actions.map((action) => this.action(session, action)) : nothing}
+      ${this.asked && session.allowed_actions.includes(this.asked) ? this.question(session, this.asked) : nothing}
+    </div>`;
+  }
+
+  private action(session: Session, action: string) {
+    return html`<button
+      type="button"
+      data-action=${action}
+      class=${action === "start" || action === "resume" ? "primary" : ""}
+      @click=${() => (ASKED.has(action) ? (this.asked = action) : void act(session.id, action))}
+    >
+      ${t(`action.${action}` as Word)}
+    </button>`;
+  }
+
+  private question(session: Session, action: string) {
+    const elsewhere = session.state === "interrupted" && action === "resume";
+    return html`<div class="question" role="group" aria-label=${t(`action.${action}` as Word)}>
+      <p>${t(`ask.${action}` as Word)}</p>
+      ${
+        elsewhere
+          ? html`<label
+              ><input
+                type="checkbox"
+                .checked=${this.fromHere}
+                @change=${(event: Event) => (this.fromHere = (event.target as HTMLInputElement).checked)}
+              />
+              ${t("ask.from_here")}</label
+            >`
+          : nothing
+      }
+      <button
+        type="button"
+        class="primary"
+        data-confirm=${action}
+        @click=${() => {
+          this.asked = null;
+          void act(session.id, action, elsewhere && this.fromHere ? { from_here: true } : {});
+        }}
+      >
+        ${t(`action.${action}` as Word)}
+      </button>
+      <button type="button" @click=${() => (this.asked = null)}>${t("cancel")}</button>
+    </div>`;
+  }
+}

@@ -1,0 +1,150 @@
+/** All sessions: searched by label, state and date; opened, renamed, deleted. */
+import { html, nothing } from "lit";
+import { customElement, state } from "lit/decorators.js";
+import { live, LiveController } from "../connection/live";
+import { get, send } from "../connection/requests";
+import type { Page, Session } from "../connection/schemas";
+import { download } from "../parts/downloads";
+import { PageElement } from "../parts/element";
+import { degrees, t, type Word, when } from "../words/language";
+
+const STATES = ["created", "running", "paused", "interrupted", "completed", "stopped", "failed"] as const;
+
+@customElement("sessions-screen")
+export class SessionsScreen extends PageElement {
+  @state() private items: Session[] = [];
+  @state() private next: string | null = null;
+  @state() private wanted = { text: "", state: "", since: "" };
+  @state() private deleting: string | null = null;
+  @state() private loading = true;
+  protected readonly watching = new LiveController(this);
+  private readonly journal = (event: Event): void => {
+    if ((event as CustomEvent<{ type: string }>).detail.type.startsWith("session.")) void this.load();
+  };
+
+  override connectedCallback(): void {
+    super.connectedCallback();
+    live.addEventListener("journal", this.journal);
+    void this.load();
+  }
+
+  override disconnectedCallback(): void {
+    super.disconnectedCallback();
+    live.removeEventListener("journal", this.journal);
+  }
+
+  private async load(address = "/v1/sessions?limit=50", more = false): Promise<void> {
+    try {
+      const page = await get<Page<Session>>(address);
+      this.items = more ? [...this.items, ...page.items] : page.items;
+      this.next = page.next;
+    } catch (error) {
+      live.fail(error);
+    }
+    this.loading = false;
+  }
+
+  override render() {
+    return html`<h1>${t("screen.sessions")}</h1>
+      ${this.search()}
+      <div class="scrolled" tabindex="0" role="region" aria-label=${t("screen.sessions")}>
+        <table class="list">
+          <thead>
+            <tr>
+              <th scope="col">${t("sessions.number")}</th>
+              <th scope="col">${t("recipe.label")}</th>
+              <th scope="col">${t("sessions.state")}</th>
+              <th scope="col">${t("sessions.created")}</th>
+              <th scope="col">${t("sessions.images")}</th>
+              <th scope="col">${t("sessions.sigma")}</th>
+              ${live.mayDelete ? html`<th scope="col">${t("sessions.actions")}</th>` : nothing}
+            </tr>
+          </thead>
+          <tbody>
+            ${this.shown().map((session) => this.row(session))}
+          </tbody>
+        </table>
+      </div>
+      ${this.items.length === 0 && !this.loading ? html`<p>${t("sessions.none")}</p>` : nothing}
+      ${
+        this.next
+          ? html`<button type="button" @click=${() => void this.load(this.next!, true)}>${t("sessions.more")}</button>`
+          : nothing
+      }`;
+  }
+
+  private search() {
+    const put = (name: "text" | "state" | "since") => (event: Event) => {
+      this.wanted = { ...this.wanted, [name]: (event.target as HTMLInputElement).value };
+    };
+    return html`<form class="search" role="search" @submit=${(event: Event) => event.preventDefault()}>
+      <label>${t("sessions.search")}<input type="search" .value=${this.wanted.text} @input=${put("text")} /></label>
+      <label
+        >${t("sessions.state")}<select @change=${put("state")}>
+          <option value="">${t("sessions.any")}</option>
+          ${STATES.map((one) => html`<option value=${one}>${t(`state.${one}` as Word)}</option>`)}
+        </select></label
+      >
+      <label>${t("sessions.since")}<input type="date" .value=${this.wanted.since} @input=${put("since")} /></label>
+    </form>`;
+  }
+
+  private shown(): Session[] {
+    const { text, state: wanted, since } = this.wanted;
+    const words = text.toLowerCase();
+    return this.items.filter(
+      (session) =>
+        (!words || `${session.recipe.label} ${session.recipe.notes} ${session.number}`.toLowerCase().includes(words)) &&
+        (!wanted || session.state === wanted) &&
+        (!since || session.created >= since),
+    );
+  }
+
+  private row(session: Session) {
+    const summary = session.answer?.summary;
+    return html`<tr data-session=${session.id}>
+      <td>${session.number}</td>
+      <td>
+        <a href=${`#/sessions/${session.id}${session.answer ? "/result" : ""}`}
+          >${session.recipe.label || `${t("session")} ${session.number}`}</a
+        >
+      </td>
+      <td><span class=${`badge ${session.state}`}>${t(`state.${session.state}` as Word)}</span></td>
+      <td>${when(session.created)}</td>
+      <td>${summary?.images ?? "–"}</td>
+      <td>${degrees(summary?.mean_sigma_deg)}</td>
+      ${live.mayDelete ? html`<td>${this.deletion(session)}</td>` : nothing}
+    </tr>`;
+  }
+
+  private deletion(session: Session) {
+    const archive = html`<button
+      type="button"
+      class="link"
+      @click=${() => void download(`/v1/sessions/${session.id}/archive`, `${session.id}.zip`)}
+    >
+      ${t("sessions.archive")}
+    </button>`;
+    if (live.rig?.holder === session.id) return archive;
+    if (this.deleting !== session.id)
+      return html`${archive}
+        <button type="button" class="link" @click=${() => (this.deleting = session.id)}>
+          ${t("sessions.delete")}
+        </button>`;
+    return html`<span role="group" aria-label=${t("sessions.delete")}>
+      ${t("sessions.delete_really")}
+      <button type="button" class="danger" @click=${() => void this.discard(session)}>${t("sessions.delete")}</button>
+      <button type="button" @click=${() => (this.deleting = null)}>${t("cancel")}</button>
+    </span>`;
+  }
+
+  private async discard(session: Session): Promise<void> {
+    try {
+      await send("DELETE", `/v1/sessions/${session.id}`);
+    } catch (error) {
+      live.fail(error);
+    }
+    this.deleting = null;
+    void this.load();
+  }
+}

@@ -1,0 +1,239 @@
+/** A new session: presets, the recipe's form, and beside it what its first pass would do. */
+import { html, nothing } from "lit";
+import { customElement, state } from "lit/decorators.js";
+import { act } from "../connection/actions";
+import { live, LiveController } from "../connection/live";
+import { post, Refusal } from "../connection/requests";
+import { scene } from "../connection/scene";
+import type { DryRun, Session } from "../connection/schemas";
+import "../drawing/curve-plot";
+import { domeOf, type Dome } from "../drawing/dome-geometry";
+import "../drawing/dome-plot";
+import { PageElement } from "../parts/element";
+import { saidOf } from "../parts/problem";
+import { PRESETS } from "../recipe/presets";
+import "../recipe/recipe-form";
+import type { Values } from "../recipe/recipe-form";
+import { recipeFields, type Field } from "../recipe/recipe-schema";
+import { duration, t } from "../words/language";
+
+/** Pause after the last change before the dry run, ms. */
+const SETTLED_MS = 500;
+/** The first dry run of a cell computes its reach, which takes a minute or two, ms. */
+const DRY_RUN_TIMEOUT_MS = 240_000;
+
+@customElement("start-screen")
+export class StartScreen extends PageElement {
+  @state() private fields: Field[] = [];
+  @state() private values: Values = {};
+  @state() private preset = 1;
+  @state() private dryRun: DryRun | null = null;
+  @state() private dryRunFailed: unknown = null;
+  @state() private computing = false;
+  @state() private failed: unknown = null;
+  @state() private starting = false;
+  @state() private dome: Dome | null = null;
+  protected readonly watching = new LiveController(this);
+  private timer = 0;
+  private abort = new AbortController();
+
+  override connectedCallback(): void {
+    super.connectedCallback();
+    void this.load();
+  }
+
+  override disconnectedCallback(): void {
+    super.disconnectedCallback();
+    clearTimeout(this.timer);
+    this.abort.abort();
+  }
+
+  private async load(): Promise<void> {
+    try {
+      this.fields = await recipeFields();
+      this.dome = domeOf(await scene());
+      this.choosePreset(this.preset);
+    } catch (error) {
+      this.failed = error;
+      setTimeout(() => this.isConnected && this.fields.length === 0 && void this.load(), 2_000);
+    }
+  }
+
+  override render() {
+    return html`<h1>${t("start.title")}</h1>
+      ${this.obstacles()}
+      <div class="split">
+        <form class="card" id="recipe" @submit=${(event: Event) => void this.submit(event)}>
+          <fieldset class="presets">
+            <legend>${t("start.presets")}</legend>
+            ${PRESETS.map(
+              (preset, index) =>
+                html`<label class="preset"
+                  ><input
+                    type="radio"
+                    name="preset"
+                    .checked=${index === this.preset}
+                    @change=${() => this.choosePreset(index)}
+                  /><b>${t(preset.name)}</b><small>${t(preset.explanation)}</small></label
+                >`,
+            )}
+          </fieldset>
+          <recipe-form
+            .fields=${this.fields}
+            .values=${this.values}
+            .errors=${this.fieldErrors()}
+            @values=${(event: CustomEvent<Values>) => this.change(event.detail)}
+          ></recipe-form>
+        </form>
+        <div class="beside-form">
+          ${this.go()}
+          <section class="card" aria-labelledby="dry-run-title" aria-busy=${String(this.computing)}>
+            <h2 id="dry-run-title">${t("start.dry_run")}</h2>
+            ${this.outlook()}
+          </section>
+        </div>
+      </div>`;
+  }
+
+  private go() {
+    if (!live.mayOperate) return html`<p class="notice">${t("viewer.only_looks")}</p>`;
+    return html`${this.failed ? saidOf(this.failed) : nothing}
+      <div class="actions">
+        <button
+          class="primary large"
+          form="recipe"
+          value="start"
+          id="start"
+          ?disabled=${this.starting || !live.rig?.may_start}
+        >
+          ${t("start.start")}
+        </button>
+        <button form="recipe" value="create" ?disabled=${this.starting}>${t("start.create")}</button>
+      </div>`;
+  }
+
+  private obstacles() {
+    const rig = live.rig;
+    if (!rig || rig.may_start) return nothing;
+    return html`<div class="notice warning">
+      <b>${t("start.not_now")}</b>
+      <ul>
+        ${rig.reasons.map((reason) => html`<li>${reason.detail}. ${reason.remedy}</li>`)}
+      </ul>
+    </div>`;
+  }
+
+  private outlook() {
+    if (this.computing)
+      return html`<p role="status">${t("start.computing")}</p>
+        <progress aria-label=${t("start.computing")}></progress>`;
+    if (this.dryRunFailed) return saidOf(this.dryRunFailed);
+    if (!this.dryRun) return html`<p>${t("start.no_dry_run")}</p>`;
+    const { plan, route, seconds } = this.dryRun;
+    const order = route.light_numbers.map((light) => plan.lights[light]!);
+    return html`<dl class="figures">
+        <div>
+          <dt>${t("start.lights")}</dt>
+          <dd id="dry-run-lights">${plan.lights.length}</dd>
+        </div>
+        <div>
+          <dt>${t("start.moves")}</dt>
+          <dd>${duration(route.seconds)}</dd>
+        </div>
+        <div>
+          <dt>${t("start.duration")}</dt>
+          <dd id="dry-run-seconds">${duration(seconds)}</dd>
+        </div>
+      </dl>
+      <dome-plot
+        .dome=${this.dome}
+        route
+        .lights=${order.map((light, index) => ({
+          position: light.position,
+          label: String(index + 1),
+          kind: plan.method === "pilot" ? "pilot" : "planned",
+        }))}
+      ></dome-plot>
+      <p class="caption">${t("start.dome")}</p>
+      ${plan.notes?.map((note) => html`<p class="notice">${note}</p>`)}
+      ${
+        plan.forecast?.length
+          ? html`<h3>${t("plan.forecast")}</h3>
+              <curve-plot
+                points
+                .x=${plan.forecast.map((point) => point.lights)}
+                .y=${plan.forecast.map((point) => point.sigma_deg)}
+                .xLabel=${t("plan.images")}
+                .yLabel=${t("plan.sigma_axis")}
+              ></curve-plot>`
+          : html`<p>${t(this.values["method"] === "optimal" ? "start.forecast_later" : "start.forecast_none")}</p>`
+      }`;
+  }
+
+  private fieldErrors(): Record<string, string> {
+    const error = this.failed ?? this.dryRunFailed;
+    if (!(error instanceof Refusal)) return {};
+    return Object.fromEntries((error.problem.errors ?? []).map(({ field, message }) => [field, message]));
+  }
+
+  private choosePreset(index: number): void {
+    this.preset = index;
+    const usual = Object.fromEntries(this.fields.map((field) => [field.name, field.otherwise ?? null]));
+    const kept = { label: this.values["label"] ?? "", notes: this.values["notes"] ?? "" };
+    this.change({ ...usual, ...PRESETS[index]!.values, ...kept });
+  }
+
+  private change(values: Values): void {
+    const planning = ({ label: _label, notes: _notes, ...rest }: Values): string => JSON.stringify(rest);
+    const same = planning(values) === planning(this.values);
+    this.values = values;
+    this.failed = null;
+    if (same && (this.dryRun || this.computing)) return;
+    clearTimeout(this.timer);
+    this.timer = window.setTimeout(() => void this.tryOut(), SETTLED_MS);
+  }
+
+  private async tryOut(): Promise<void> {
+    this.abort.abort();
+    const abort = (this.abort = new AbortController());
+    if (!live.mayOperate || live.rig?.holder) return;
+    this.computing = true;
+    this.dryRunFailed = null;
+    try {
+      const options = { signal: abort.signal, timeoutMs: DRY_RUN_TIMEOUT_MS };
+      this.dryRun = await post<DryRun>("/v1/dry-runs", this.recipe(), options);
+    } catch (error) {
+      if (abort.signal.aborted) return;
+      this.dryRun = null;
+      this.dryRunFailed = error;
+    }
+    if (this.abort === abort) this.computing = false;
+  }
+
+  /** The values without what is empty: the service's own defaults stand then. */
+  private recipe(): Values {
+    return Object.fromEntries(Object.entries(this.values).filter(([, value]) => value !== null));
+  }
+
+  private async submit(event: Event): Promise<void> {
+    event.preventDefault();
+    const start = ((event as SubmitEvent).submitter as HTMLButtonElement | null)?.value !== "create";
+    this.starting = true;
+    this.failed = null;
+    try {
+      const headers = { "Idempotency-Key": randomName() };
+      const session = await post<Session>("/v1/sessions", this.recipe(), { headers });
+      live.learn(session);
+      location.hash = `#/sessions/${session.id}`;
+      if (start) await act(session.id, "start");
+    } catch (error) {
+      this.failed = error;
+    }
+    this.starting = false;
+  }
+}
+
+/** 128 random bits; `crypto.randomUUID` is missing on pages without TLS. */
+function randomName(): string {
+  return Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
+}

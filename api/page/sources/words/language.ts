@@ -1,0 +1,79 @@
+/** The page's language: the browser's at first, then the one that was chosen; numbers and times follow it. */
+import { de } from "./de";
+import { en } from "./en";
+
+export type Language = "en" | "de";
+export type Word = keyof typeof en;
+
+const NAME = "lightpose-language";
+const WORDS: Record<Language, Record<Word, string>> = { en, de };
+const listeners = new Set<() => void>();
+
+let chosen: Language = initial();
+document.documentElement.lang = chosen;
+
+function initial(): Language {
+  const stored = localStorage.getItem(NAME);
+  if (stored === "en" || stored === "de") return stored;
+  return navigator.language.startsWith("de") ? "de" : "en";
+}
+
+export function language(): Language {
+  return chosen;
+}
+
+export function choose(next: Language): void {
+  chosen = next;
+  localStorage.setItem(NAME, next);
+  document.documentElement.lang = next;
+  listeners.forEach((listener) => listener());
+}
+
+/** Calls back after a change of the language; returns a function that ends it. */
+export function onLanguage(listener: () => void): () => void {
+  listeners.add(listener);
+  return () => listeners.delete(listener);
+}
+
+/** The words of a key in the present language, with `{name}` replaced by its value. */
+export function t(word: Word, values: Record<string, string | number> = {}): string {
+  return WORDS[chosen][word].replace(/\{(\w+)\}/g, (_, name: string) => String(values[name] ?? ""));
+}
+
+/** The words of a key that is put together, where there are such; else what is given. */
+export function tOr(word: string, otherwise: string): string {
+  return (WORDS[chosen] as Record<string, string>)[word] ?? otherwise;
+}
+
+export function number(value: number | null | undefined, digits = 2): string {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  return value.toLocaleString(chosen, { minimumFractionDigits: digits, maximumFractionDigits: digits });
+}
+
+export function degrees(value: number | null | undefined, digits = 2): string {
+  return value === null || value === undefined ? "–" : `${number(value, digits)}°`;
+}
+
+export function percent(share: number, digits = 0): string {
+  return share.toLocaleString(chosen, {
+    style: "percent",
+    minimumFractionDigits: digits,
+    maximumFractionDigits: digits,
+  });
+}
+
+export function when(time: string | null | undefined): string {
+  return time ? new Date(time).toLocaleString(chosen, { dateStyle: "medium", timeStyle: "short" }) : "–";
+}
+
+export function clock(time: string): string {
+  return new Date(time).toLocaleTimeString(chosen);
+}
+
+/** A duration in words: "40 s", "12 min". */
+export function duration(seconds: number | null | undefined): string {
+  if (seconds === null || seconds === undefined) return "–";
+  if (seconds < 90) return `${Math.round(seconds)} s`;
+  if (seconds < 5400) return `${Math.round(seconds / 60)} min`;
+  return `${number(seconds / 3600, 1)} h`;
+}

@@ -1,0 +1,71 @@
+// esbuild plugin: bundles of three.js only what the cell's view uses, and its shaders without comments and indentation.
+//
+// three.js looks its shaders up by name at run time, so that no bundler can tell which are unused: all of them are a third
+// of the library. Which ones the view's materials need is stated here; what those include is followed. A shader that is
+// missing shows as an error in the browser tests, which allow none.
+import { readFile } from "node:fs/promises";
+import { basename, dirname, join } from "node:path";
+import { createRequire } from "node:module";
+
+const root = dirname(dirname(createRequire(import.meta.url).resolve("three")));
+const shaders = join(root, "src/renderers/shaders");
+
+/** Shaders of the materials in use: lines, points, sprites, matt surfaces. */
+const USED = ["linedashed", "meshbasic", "meshlambert", "points", "sprite"];
+/** Shaders that the renderer itself takes, without an include. */
+const DIRECT = ["tonemapping_pars_fragment", "colorspace_pars_fragment"];
+/** Modules of devices and effects that the view has not: virtual reality, environment maps. */
+const ABSENT = {
+  "WebXRManager.js": `import { EventDispatcher } from "../../core/EventDispatcher.js";
+    export class WebXRManager extends EventDispatcher {
+      enabled = false; isPresenting = false; cameraAutoUpdate = false;
+      getCamera() { return null; } getEnvironmentBlendMode() { return null; } getSession() { return null; }
+      getDepthSensingMesh() { return null; } hasDepthSensing() { return false; } setAnimationLoop() {} dispose() {}
+      updateCamera() {} getFoveation() {} setFoveation() {}
+    }`,
+  "PMREMGenerator.js": "export class PMREMGenerator { fromEquirectangular() {} fromCubemap() {} dispose() {} }",
+};
+
+export const threeReduction = {
+  name: "three-reduction",
+  setup(build) {
+    build.onResolve({ filter: /^three$/ }, () => ({ path: join(root, "src/Three.js"), sideEffects: false }));
+    build.onLoad({ filter: /(WebXRManager|PMREMGenerator)\.js$/ }, ({ path }) => ({
+      contents: ABSENT[basename(path)],
+      resolveDir: dirname(path),
+    }));
+    const kept = reachable();
+    build.onLoad({ filter: /\.glsl\.js$/ }, async ({ path }) => {
+      const name = basename(path, ".glsl.js");
+      const text = await readFile(path, "utf8");
+      const used = (await kept).has(name);
+      const reduced = text.replace(/`([^`]*)`/g, (_, glsl) => JSON.stringify(used ? tight(glsl) : ""));
+      return { contents: reduced };
+    });
+  },
+};
+
+/** Names of the shaders in use and of all that they include. */
+async function reachable() {
+  const seen = new Set(DIRECT);
+  const visit = async (name, folder) => {
+    if (seen.has(name)) return;
+    seen.add(name);
+    const text = await readFile(join(shaders, folder, `${name}.glsl.js`), "utf8");
+    for (const [, included] of text.matchAll(/#include <(\w+)>/g)) await visit(included, "ShaderChunk");
+  };
+  for (const name of USED) await visit(name, "ShaderLib");
+  return seen;
+}
+
+function tight(glsl) {
+  return glsl
+    .replace(/\/\*[\s\S]*?\*\//g, "")
+    .replace(/\/\/.*$/gm, "")
+    .split("\n")
+    .map((line) =>
+      line.trim().replace(/ ?([=+*,;(){}<>?:/-]) ?/g, (found, sign) => (line.trim().startsWith("#") ? found : sign)),
+    )
+    .filter(Boolean)
+    .join("\n");
+}

@@ -1,0 +1,93 @@
+"""A simulated cell, the service as a process of its own with keys, and Chromium; skipped by name without Chromium."""
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+
+from api import Client
+from api.rest import keys
+from api.rest.keys import Role
+from hardware_sim.cell import Cell, CellOptions
+from tests.api.page import chromium
+from tests.api.page.chromium import Console
+from tests.end_to_end.processes import Service, serving
+
+CELL = "127.0.49.10"
+CELL_FILE = Path(__file__).parents[2] / "data" / "cell.test.toml"
+
+
+@dataclass(frozen=True)
+class Lab:
+    """A cell and its service; `secrets` are the keys by role."""
+
+    cell: Cell
+    service: Service
+    client: Client
+    secrets: dict[Role, str]
+
+    @property
+    def url(self) -> str:
+        """The service's address."""
+        return self.service.url
+
+
+@pytest.fixture(scope="session")
+def browser() -> Generator[Browser]:
+    """One Chromium for all tests; each gets a context of its own."""
+    if chromium.EXECUTABLE is None:
+        pytest.skip("needs Chromium: apt-get install chromium")
+    with sync_playwright() as playwright:
+        running = chromium.launch(playwright)
+        yield running
+        running.close()
+
+
+@pytest.fixture
+def console() -> Generator[Console]:
+    """What the pages of a test complain of; it fails when they do."""
+    made = Console()
+    yield made
+    assert made.errors == []
+
+
+@pytest.fixture
+def context(browser: Browser) -> Generator[BrowserContext]:
+    """A browser context: its own storage, workers and downloads."""
+    made = browser.new_context(viewport={"width": 1280, "height": 860}, locale="en-GB")
+    made.set_default_timeout(60_000)
+    yield made
+    made.close()
+
+
+def make_lab(folder: Path, speed: float, pixels: int = 128, address: str = CELL) -> Generator[Lab]:
+    """A cell whose arm moves at `speed` times real time, and a service with a key for each role."""
+    data = folder / "data"
+    data.mkdir()
+    secrets = {role: keys.add(keys.path_in(data), str(role), role) for role in Role}
+    options = CellOptions(address, "figure", 1, "direct", speed, pixels=pixels, cell_file=CELL_FILE)
+    with (
+        Cell(options, folder / "cell") as cell,
+        serving(cell, data) as service,
+        Client(service.url, key=secrets[Role.ADMIN]) as client,
+    ):
+        client.wait_ready(60)
+        yield Lab(cell, service, client, secrets)
+
+
+@pytest.fixture(scope="module")
+def lab(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Generator[Lab]:
+    """A cell at five times real time for the tests of a module."""
+    yield from make_lab(tmp_path_factory.mktemp("lab"), speed=5.0)
+
+
+@pytest.fixture
+def opened(context: BrowserContext, console: Console, lab: Lab) -> Callable[..., Page]:
+    """`opened(role, "#/cell")` is a page of the lab's service, signed in."""
+
+    def open_as(role: Role = Role.ADMIN, place: str = "") -> Page:
+        return chromium.open_page(context, console, f"{lab.url}/{place}", lab.secrets[role])
+
+    return open_as
