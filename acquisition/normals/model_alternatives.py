@@ -102,7 +102,7 @@ curved sheet close to the camera the shift drifted by 70 mm, and the misfit rose
 MIN_PROBABILITY = 0.05
 """Probability of the misfit below which a solution counts as poor: then second starts, swaps and moves are tried."""
 
-MAX_DIRECTION_RAD, MAX_INTENSITY, MAX_MOVE_M = 0.04, 0.03, 0.08
+MAX_DIRECTION_RAD, MAX_INTENSITY, MAX_MOVE_M = 0.04, 0.03, 0.07
 """Noise components, and distance of the object from where it was stated, that no sound capture reaches."""
 
 
@@ -155,12 +155,15 @@ class Solution:
         return float(np.mean(self.state.depth_m) - np.mean(self.problem.start_m))
 
     @property
+    def out_of_place(self) -> bool:
+        """Whether the object is so far from where it was stated that it must have drifted there."""
+        return abs(self.moved_m) >= MAX_MOVE_M
+
+    @property
     def at_end_of_range(self) -> bool:
         """Whether components of the noise, or the object's place, are beyond what any sound capture needs."""
         noise = self.scene.noise
-        return (
-            noise.direction >= MAX_DIRECTION_RAD or noise.intensity >= MAX_INTENSITY or abs(self.moved_m) >= MAX_MOVE_M
-        )
+        return noise.direction >= MAX_DIRECTION_RAD or noise.intensity >= MAX_INTENSITY or self.out_of_place
 
     @property
     def poor(self) -> bool:
@@ -248,11 +251,14 @@ def swapped_lamps(present: Solution) -> list[Alternative]:
 def translucent_surface(present: Solution) -> list[Alternative]:
     """Images sharpened, where light leaks into shadows as from below the surface.
 
-    Not where one image fits far worse, which alone may be blurred, nor after gloss, which is mirrored into shadows.
+    Not where one image fits far worse, which alone may be blurred, nor after gloss, which is mirrored into shadows, nor
+    of a surface that has drifted away, whose shadows fall elsewhere.
     """
     problem, state, level = present.problem, present.state, present.problem.level
     coarse = level.coarse
     if {TRANSLUCENT, "gloss", "metal"} & set(problem.corrected) or _worst_image(present.fit) is not None:
+        return []
+    if present.out_of_place:
         return []
     mask = coarse.image(np.ones(len(coarse.index), np.bool_))
     over = surface_diffusion.graph(mask, coarse.image(coarse.ray), coarse.image(state.depth_m))
