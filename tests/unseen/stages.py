@@ -20,6 +20,7 @@ from acquisition.normals import (
     error_variance,
     integrability,
     integration,
+    model_alternatives,
     model_selection,
     pixel_solve,
     regularisation,
@@ -200,6 +201,21 @@ STAGES = (
         "model selection",
         "The plain model is kept, whatever tests demand; what they find is still named, and in σ.",
         (Patch(model_selection, "MAX_SELECTIONS", 0),),
+    ),
+    Stage(
+        "gloss of a dielectric",
+        "Highlights are those of the one lobe, whatever the score test says.",
+        (Patch(model_alternatives, "GLOSS_BETTER", 0.0),),
+    ),
+    Stage(
+        "metal",
+        "A surface without diffuse light is solved as a diffuse one.",
+        (Patch(model_alternatives, "METAL_BETTER", 0.0),),
+    ),
+    Stage(
+        "translucent surfaces",
+        "Light in cast shadows is never significant, so that images are not sharpened.",
+        (Patch(model_alternatives, "MIN_LEAK", math.inf),),
     ),
     Stage(
         "variance components of σ",

@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,9 @@ from tests.unseen.stages import STAGES, Patch, Stage
 
 SMALL, LIGHTS = 48, 8
 SELECTION = ablation.BY_NAME["model selection"]
-PLAIN = [stage for stage in STAGES if stage is not SELECTION]
+SELECTED = {"gloss of a dielectric": "gloss", "metal": "metal", "translucent surfaces": "translucent surface"}
+"""Stages of model selection, and the finding that each has where its model is chosen."""
+PLAIN = [stage for stage in STAGES if stage is not SELECTION and stage.name not in SELECTED]
 """Switched off with the plain model: trials of others take ten times as long and take part of the change back."""
 
 
@@ -49,6 +52,24 @@ def test_switch_changes_the_result(name: str, complete: NormalMap, without: dict
     turned = np.linalg.norm(changed.normals - complete.normals, axis=-1)[both]
     other_sigma = np.abs(changed.sigma_deg - complete.sigma_deg)[both] > 0.01 * complete.sigma_deg[both]
     assert max(np.mean(turned > 1e-3), np.mean(other_sigma)) > 0.05
+
+
+@pytest.mark.parametrize(
+    ("name", "scene"),
+    [
+        ("gloss of a dielectric", lambda: scenes.scene("machined", 0, "ggx:0.25", SMALL)),
+        ("metal", lambda: scenes.scene("blob", 0, "metal:0.3", SMALL)),
+        ("translucent surfaces", lambda: scenes.scene("cluster", 15)),
+    ],
+)
+def test_switch_of_a_selected_model_leaves_it_out(name: str, scene: Callable[[], Scene]) -> None:
+    drawn = scene()
+    captured = capture(drawn, patterns.fixed("two-rings", drawn, LIGHTS, 0, 1))
+    kinds = [
+        {finding.kind for finding in ablation.solve_without(stage, drawn, captured).findings}
+        for stage in (None, ablation.BY_NAME[name])
+    ]
+    assert [SELECTED[name] in found for found in kinds] == [True, False]
 
 
 def test_switches_leave_nothing_behind(
