@@ -201,8 +201,7 @@ class Alternative:
         return after.share <= most * before.share and after.probability > MIN_PROBABILITY
 
     def finding(self, terms: ImageTerms) -> ModelFinding:
-        """The finding of an accepted trial, with the amount that it has estimated; metal counts as not corrected,
-        because its normals stay unsure."""
+        """The finding of an accepted trial, with the amount that it has estimated."""
         message, value = self.message, self.value
         if self.kind == "rough surface":
             value = terms.roughness_rad
@@ -213,7 +212,7 @@ class Alternative:
         elif self.kind in ("ambient light", "stray light"):
             value = max(terms.ambient, terms.offset)
             message += f" ({value:.1%} of white)"
-        return ModelFinding(kind=self.kind, message=message, corrected=self.kind != "metal", value=value)
+        return ModelFinding(kind=self.kind, message=message, corrected=True, value=value)
 
 
 def other_axes(present: Solution) -> list[Alternative]:
