@@ -1,13 +1,9 @@
 """Captures of path-traced images: a draw of lamp errors and sensor noise, and what the solver is given of it."""
 
-import json
 from dataclasses import dataclass
-from pathlib import Path
 
-import cv2
 import numpy as np
 
-from acquisition import geometry
 from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.light_plan import Light
 from acquisition.normals import ImageStack
@@ -82,31 +78,3 @@ def capture(
         floor=(SENSOR.read_noise_e**2 + SENSOR.gain_e_per_dn**2 / 12) / (SENSOR.full_well_e * seconds) ** 2,
     )  # fmt: skip
     return Capture(stack, known, dn, seconds, log_intensity)
-
-
-def without_sensor(capture: Capture) -> Capture:
-    """The same capture to a solver that knows no more of the sensor than the rounding of its values."""
-    step = 1 / (SENSOR.full_scale_dn * capture.seconds)
-    stack = ImageStack(**{**vars(capture.stack), "shot": np.zeros_like(step), "floor": step**2 / 12})
-    return Capture(stack, capture.calibration, capture.dn, capture.seconds, capture.log_intensity)
-
-
-def write_folder(folder: Path, captured: Capture, true: bench.Truth) -> None:
-    """Writes the capture as a near-light folder: lights.json, 16-bit images, masks and true normals."""
-    folder.mkdir(parents=True, exist_ok=True)
-    lights: list[dict[str, object]] = []
-    for number, (image, light) in enumerate(zip(captured.dn, captured.stack.lights, strict=True)):
-        name = f"{number + 1:03d}.png"
-        scaled = (image.astype(np.uint32) * 65535 // int(SENSOR.full_scale_dn)).astype(np.uint16)
-        cv2.imwrite(str(folder / name), scaled)
-        position = geometry.rotate(geometry.CAMERA_FROM_VIEW, np.array(light.position)) * 1000
-        lights.append({"file": name, "position": position.tolist(), "intensity": float(captured.seconds[number])})
-    camera = {"K": [list(row) for row in captured.calibration.camera_matrix], "distortion": [0.0] * 5}
-    described = {
-        "unit": "mm", "reference_mm": bench.REFERENCE_M * 1000, "camera": camera, "lights": lights,
-        "depth_mm": -float(bench.CENTER[2]) * 1000,
-    }  # fmt: skip
-    (folder / "lights.json").write_text(json.dumps(described, indent=1))
-    cv2.imwrite(str(folder / "mask.png"), true.mask.astype(np.uint8) * 255)
-    cv2.imwrite(str(folder / "eval_mask.png"), true.graded.astype(np.uint8) * 255)
-    np.save(folder / "normals_gt.npy", true.normals.astype(np.float32))

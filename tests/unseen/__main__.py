@@ -122,7 +122,7 @@ def _dome(asked: argparse.Namespace, names: tuple[str, ...], command: str) -> in
         reflectance=asked.reflectance,
         pixels=asked.pixels,
         report=asked.report,
-        done=dome.done(asked.out),
+        done=run.done(run.read(asked.out), dome.IDENTITY),
     )
     dome.run_all(replay, asked.jobs)
     summary = dome.table(run.read(asked.out), "within_78_deg")

@@ -9,9 +9,8 @@ import itertools
 import textwrap
 from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from datetime import UTC, datetime
-from multiprocessing import get_context
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,12 +22,10 @@ from tests.unseen.run import IDENTITY, Line, Plan, SceneRun
 from tests.unseen.scenes import Scene
 from tests.unseen.stages import Stage
 
+WITH_STAGE = (*IDENTITY, "stage")
+"""Keys that name one solve and the stage that is off."""
+
 BY_NAME = {stage.name: stage for stage in stages.STAGES}
-
-
-def done(lines: Sequence[Line]) -> frozenset[tuple[object, ...]]:
-    """What the lines have solved, and without which stage."""
-    return frozenset(tuple(line.get(key) for key in (*IDENTITY, "stage")) for line in lines)
 
 
 def asked(plan: Plan, names: Sequence[str], family: str, seed: int) -> list[Line]:
@@ -39,14 +36,14 @@ def asked(plan: Plan, names: Sequence[str], family: str, seed: int) -> list[Line
 def of_plan(plan: Plan, names: Sequence[str]) -> list[Line]:
     """What the plan's file holds of what is asked."""
     pairs = itertools.product(plan.families, plan.seeds)
-    wanted = done([line for family, seed in pairs for line in asked(plan, names, family, seed)])
-    return [line for line in run.read(plan.out) if done([line]) <= wanted]
+    wanted = run.done([line for family, seed in pairs for line in asked(plan, names, family, seed)], WITH_STAGE)
+    return [line for line in run.read(plan.out) if run.done([line], WITH_STAGE) <= wanted]
 
 
 def run_scene(plan: Plan, names: Sequence[str], family: str, seed: int) -> int:
     """Solves what is asked of a scene and not done, and appends it to the plan's file; how many solves there were."""
-    known = done(run.read(plan.out))
-    left = [line for line in asked(plan, names, family, seed) if not done([line]) <= known]
+    known = run.done(run.read(plan.out), WITH_STAGE)
+    left = [line for line in asked(plan, names, family, seed) if not run.done([line], WITH_STAGE) <= known]
     if not left:
         return 0
     of_scene, commit = SceneRun(run.drawn(plan, family, seed), plan), reports.commit()
@@ -71,12 +68,7 @@ def solve_without(stage: Stage | None, scene: Scene, captured: Capture) -> Norma
 def run_all(plan: Plan, names: Sequence[str], jobs: int) -> int:
     """Solves all scenes with all stages and without each of the named ones, in `jobs` processes; how many lines were
     added."""
-    pairs = list(itertools.product(plan.seeds, plan.families))
-    if jobs == 1:
-        return sum(run_scene(plan, names, family, seed) for seed, family in pairs)
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        waiting = [pool.submit(run_scene, plan, names, family, seed) for seed, family in pairs]
-        return sum(one.result() for one in waiting)
+    return run.over_scenes(partial(run_scene, plan, names), plan.families, plan.seeds, jobs)
 
 
 def all_tables(lines: Sequence[Line], grading: str) -> str:
@@ -206,32 +198,24 @@ def _by_stage(lines: Sequence[Line], *, refused: bool) -> dict[object, list[Line
 
 def _ratios(some: Sequence[Line], base: Sequence[Line], grading: str) -> dict[tables.Cell, float]:
     """Error over that of `base`, of scenes; only captures that both have solved count."""
-    common = _captures(some) & _captures(base)
-    pair = [[line for line in group if _capture(line) in common] for group in (some, base)]
+    common = run.done(some) & run.done(base)
+    pair = [[line for line in group if run.done([line]) <= common] for group in (some, base)]
     return tables.paired(*(tables.by_scene(group, grading, lambda _: True) for group in pair))
 
 
 def _change(some: Sequence[Line], base: Sequence[Line], key: str) -> str:
     """The mean of a figure over the captures that both have, without → with: over families of means over solves."""
-    common = _captures([line for line in some if key in line]) & _captures([line for line in base if key in line])
+    common = run.done([line for line in some if key in line]) & run.done([line for line in base if key in line])
     if not common:
         return ""
     means: list[float] = []
     for group in (some, base):
         by_family: dict[object, list[float]] = defaultdict(list)
         for line in group:
-            if _capture(line) in common:
+            if run.done([line]) <= common:
                 by_family[line["family"]].append(float(str(line[key])))
         means.append(float(np.mean([np.mean(values) for values in by_family.values()])))
     return f"{means[0]:.2f} → {means[1]:.2f}"
-
-
-def _capture(line: Line) -> tuple[object, ...]:
-    return tuple(line.get(key) for key in IDENTITY)
-
-
-def _captures(lines: Sequence[Line]) -> set[tuple[object, ...]]:
-    return {_capture(line) for line in lines}
 
 
 def _markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

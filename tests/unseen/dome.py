@@ -7,17 +7,15 @@ names further lamps, the rest of the folder being its candidates, and the images
 goes on where an earlier one with the same file stopped.
 """
 
-import itertools
 import json
 import subprocess
 import sys
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, field
-from multiprocessing import get_context
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +31,7 @@ from acquisition.plan.candidate_lights import ListedLights
 from tests.unseen import grading, scenes
 from tests.unseen.captures import capture, write_folder
 from tests.unseen.patterns import PILOT_LIGHTS
-from tests.unseen.run import Line, append, read
+from tests.unseen.run import Line, append, over_scenes
 from tests.unseen.scenes import Scene
 
 LAMPS = 96
@@ -138,16 +136,7 @@ def run_scene(run: Replay, family: str, seed: int) -> int:
 
 def run_all(run: Replay, jobs: int) -> int:
     """Solves all scenes in `jobs` processes; how many lines were added."""
-    pairs = list(itertools.product(run.seeds, run.families))
-    if jobs == 1:
-        return sum(run_scene(run, family, seed) for seed, family in pairs)
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        return sum(one.result() for one in [pool.submit(run_scene, run, family, seed) for seed, family in pairs])
-
-
-def done(path: Path) -> frozenset[tuple[object, ...]]:
-    """What the file's lines have solved."""
-    return frozenset(tuple(line.get(key) for key in IDENTITY) for line in read(path))
+    return over_scenes(partial(run_scene, run), run.families, run.seeds, jobs)
 
 
 def table(lines: Sequence[Line], grading_name: str) -> str:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, field
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -155,11 +156,16 @@ def run_scene(run: Plan, family: str, seed: int) -> int:
 
 def run_all(run: Plan, jobs: int) -> int:
     """Solves all scenes in `jobs` processes; how many lines were added."""
-    pairs = list(itertools.product(run.seeds, run.families))
+    return over_scenes(partial(run_scene, run), run.families, run.seeds, jobs)
+
+
+def over_scenes(work: Callable[[str, int], int], families: Sequence[str], seeds: Sequence[int], jobs: int) -> int:
+    """Does the work of each scene, named by family and seed, in `jobs` processes; the sum of what it returns."""
+    pairs = list(itertools.product(seeds, families))
     if jobs == 1:
-        return sum(run_scene(run, family, seed) for seed, family in pairs)
+        return sum(work(family, seed) for seed, family in pairs)
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        return sum(one.result() for one in [pool.submit(run_scene, run, family, seed) for seed, family in pairs])
+        return sum(one.result() for one in [pool.submit(work, family, seed) for seed, family in pairs])
 
 
 def append(path: Path, line: Line) -> None:
@@ -177,6 +183,6 @@ def read(path: Path) -> list[Line]:
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
 
 
-def done(lines: Sequence[Line]) -> frozenset[tuple[object, ...]]:
-    """What the lines have solved."""
-    return frozenset(tuple(line.get(key) for key in IDENTITY) for line in lines)
+def done(lines: Sequence[Line], identity: Sequence[str] = IDENTITY) -> frozenset[tuple[object, ...]]:
+    """What the lines have solved, each named by the values of its `identity` keys."""
+    return frozenset(tuple(line.get(key) for key in identity) for line in lines)

@@ -9,9 +9,8 @@ by its tail. Captures with uncorrected findings have one further constant, found
 import json
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -68,14 +67,7 @@ class Errors:
 def collect(plan: run.Plan, folder: Path, jobs: int) -> None:
     """Solves the plan's captures and writes each one's sample into the folder; what is there is kept."""
     folder.mkdir(parents=True, exist_ok=True)
-    pairs = [(seed, family) for seed in plan.seeds for family in plan.families]
-    if jobs == 1:
-        for seed, family in pairs:
-            _collect_scene(plan, family, seed, folder)
-        return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        for one in [pool.submit(_collect_scene, plan, family, seed, folder) for seed, family in pairs]:
-            one.result()
+    run.over_scenes(partial(_collect_scene, plan, folder), plan.families, plan.seeds, jobs)
 
 
 def read(folder: Path) -> list[Errors]:
@@ -151,10 +143,11 @@ def _cells(captures: Sequence[Errors]) -> Iterator[str]:
         yield f"{family:9s} {lights:2d}  P(e<σ) {within_1:.2f}  P(e<2σ) {within_2:.2f}  rms e/σ {rms:.2f}"
 
 
-def _collect_scene(plan: run.Plan, family: str, seed: int, folder: Path) -> None:
+def _collect_scene(plan: run.Plan, folder: Path, family: str, seed: int) -> int:
+    """Writes the samples of one scene that are not there; how many there are then."""
     paths = {count: folder / f"{family}-{seed}-{count}.npz" for count in plan.lights}
     if all(path.exists() for path in paths.values()):
-        return
+        return len(paths)
     scene = run.drawn(plan, family, seed)
     for count, path in paths.items():
         if path.exists():
@@ -167,6 +160,7 @@ def _collect_scene(plan: run.Plan, family: str, seed: int, folder: Path) -> None
         with part.open("wb") as file:
             np.savez(file, **sample)
         part.rename(path)
+    return sum(path.exists() for path in paths.values())
 
 
 def _solve(scene: Scene, count: int) -> dict[str, np.ndarray]:
