@@ -16,9 +16,10 @@ from structlog.contextvars import bound_contextvars
 from acquisition import session
 from acquisition.devices import Rig, StopToken
 from acquisition.models.errors import ErrorCode, Halted, RigError, problem
+from acquisition.runner.progress import ProgressEstimator
 from acquisition.runner.safety_monitor import SafetyMonitor
 from acquisition.runner.step_executor import StepExecutor
-from acquisition.session import Actor, Stage, State, Trigger
+from acquisition.session import Actor, SessionRecord, Stage, State, Trigger
 from acquisition.store import Store
 
 _log = logging.getLogger(__name__)
@@ -64,10 +65,17 @@ class SessionLoop:
     """Runs sessions in the runner's thread; `trigger` may be called from any."""
 
     def __init__(
-        self, store: Store, rig: Rig, executor: StepExecutor, monitor: SafetyMonitor, closing: threading.Event
+        self,
+        store: Store,
+        rig: Rig,
+        executor: StepExecutor,
+        monitor: SafetyMonitor,
+        closing: threading.Event,
+        estimator: ProgressEstimator,
     ) -> None:
         self._store, self._rig, self._executor, self._monitor = store, rig, executor, monitor
-        self._closing = closing
+        self._closing, self._estimator = closing, estimator
+        self._progress: tuple[str, float] | None = None
         self.stages: dict[str, Stage] = {}
 
     def run(self, session_id: str, token: StopToken) -> None:
@@ -126,7 +134,9 @@ class SessionLoop:
         if record.state is not State.RUNNING:
             raise Halted
         step = session.next_step(record, self._rig.arm.reading.joints, self._rig.cell.arm.home)
-        self._announce_stage(session_id, session.stage(record, step))
+        stage = session.stage(record, step)
+        self._announce_stage(session_id, stage)
+        self._announce_progress(record, stage)
         if step is None:
             self._executor.write_session_manifest(session_id)
             self.trigger(session_id, Trigger.FINISH)
@@ -179,3 +189,12 @@ class SessionLoop:
         if self.stages.get(session_id) is not stage:
             self.stages[session_id] = stage
             self._store.journal.announce(session_id, "session.stage", {"stage": stage})
+
+    def _announce_progress(self, record: SessionRecord, stage: Stage) -> None:
+        """Announces progress and remaining time whenever there is progress."""
+        now = (record.session_id, session.progress(record))
+        if self._progress != now:
+            self._progress = now
+            left = self._estimator.estimate(record, stage).time_left
+            body = {"progress": now[1], "time_left": None if left is None else left.model_dump(mode="json")}
+            self._store.journal.announce(record.session_id, "session.progress", body)

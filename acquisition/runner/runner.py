@@ -28,11 +28,12 @@ from acquisition.runner.compute import Compute, Preempted
 from acquisition.runner.loop import SessionLoop
 from acquisition.runner.planning import PlanningService
 from acquisition.runner.preview import Preview
+from acquisition.runner.progress import ProgressEstimator, SessionProgress
 from acquisition.runner.readiness import Readiness
 from acquisition.runner.safety_monitor import Latch, SafetyMonitor
-from acquisition.runner.status import RigStatus, SessionProgress
+from acquisition.runner.status import RigStatus
 from acquisition.runner.step_executor import StepExecutor
-from acquisition.session import Actor, Stage, State, Trigger
+from acquisition.session import Actor, State, Trigger
 from acquisition.store import SessionRow, Store
 
 _log = logging.getLogger(__name__)
@@ -67,7 +68,8 @@ class Runner:
         self._executor = StepExecutor(store, rig, calibration, compute)
         self._readiness = Readiness(rig)
         self._closing = threading.Event()
-        self._loop = SessionLoop(store, rig, self._executor, monitor, self._closing)
+        self._estimator = ProgressEstimator(store, rig.cell)
+        self._loop = SessionLoop(store, rig, self._executor, monitor, self._closing, self._estimator)
         self.planning = PlanningService(store, rig, calibration, compute, self._executor, self._closing)
         self.preview = Preview(rig, self._refuse_held, self._in_thread)
         self._token = StopToken()
@@ -217,20 +219,13 @@ class Runner:
         )
 
     def progress(self, session_id: str) -> SessionProgress:
-        """The stage and progress of a session, with the remaining time by linear extrapolation."""
-        row = self._store.journal.session(session_id)
+        """The stage and progress of a session, with the remaining time and what it rests on."""
         record = self._store.record(session_id)
         stage = self._loop.stages.get(session_id)
         if stage is None:
             home = self._rig.cell.arm.home
             stage = session.stage(record, session.next_step(record, home, home))
-        if row.state is State.COMPLETED:
-            stage = Stage.FINISHED
-        done = session.progress(record)
-        left = None
-        if row.state is State.RUNNING and row.started_at is not None and done > 0.05:
-            left = (time.time() - row.started_at) * (1 - done) / done
-        return SessionProgress(stage, done, left)
+        return self._estimator.estimate(record, stage)
 
     @property
     def reach_file(self) -> Path:

@@ -1,11 +1,10 @@
-"""Status of the rig and progress of a session as values, from cached readings only."""
+"""Status of the rig as a value, from cached readings only."""
 
 from dataclasses import dataclass
 from typing import Any
 
 from acquisition.devices import ArmIdentity, ArmReading
 from acquisition.runner.safety_monitor import Latch
-from acquisition.session import Stage
 
 
 @dataclass(frozen=True)
@@ -25,12 +24,3 @@ class RigStatus:
     calibration_made_at: str
     calibration_valid_until: str
     latched: Latch | None
-
-
-@dataclass(frozen=True)
-class SessionProgress:
-    """Stage, completed fraction (0–1) and remaining time (s; none: unknown) of a session."""
-
-    stage: Stage
-    progress: float
-    seconds_left: float | None

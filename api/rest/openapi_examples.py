@@ -16,6 +16,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.route import Route, Waypoint
 from acquisition.models.shot import FrameQuality, FrameRef, Shot, ShotKey
+from acquisition.models.time_left import TimeLeft, TimePart
 from acquisition.session import ARM_STATE, Stage, State
 from api.rest import images
 from api.rest.joint_readings import JointReadingResource
@@ -113,6 +114,14 @@ _SESSION = SessionResource(
     stage=Stage.CAPTURE,
     progress=0.42,
     seconds_left=38.0,
+    time_left=TimeLeft(
+        seconds=38.0,
+        at_least=False,
+        parts=[
+            TimePart(work="images", count=5, seconds=28.0, rests_on="this-session"),
+            TimePart(work="normals", count=1, seconds=10.0, rests_on="earlier-sessions"),
+        ],
+    ),
     reason=None,
     allowed_actions=["pause", "stop"],
     recipe=_RECIPE,

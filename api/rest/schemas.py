@@ -17,6 +17,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.route import Route
 from acquisition.models.shot import Shot
+from acquisition.models.time_left import TimeLeft
 from acquisition.session import Stage, State
 from api.rest.keys import Role
 
@@ -324,7 +325,8 @@ class SessionResource(Resource):
     arm: str = Field(description="What the arm may be doing in this state")
     stage: Stage
     progress: float = Field(ge=0, le=1)
-    seconds_left: float | None
+    seconds_left: float | None = Field(description="`time_left.seconds` while it runs, s; else null")
+    time_left: TimeLeft | None = Field(description="What is left and what the time rests on, while it holds the rig")
     reason: Problem | None = Field(description="Why the session is in this state, when something went wrong")
     conclusion: str | None = Field(
         default=None, description="With an ordered accuracy: why no more lights are added, once this is decided"

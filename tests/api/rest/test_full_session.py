@@ -74,6 +74,20 @@ def test_session_completes_and_each_event_arrives_once(live: Any, done: tuple[An
     assert [event.body["number"] for event in heard if event.type == "normals.ready"] == [0, 1]
 
 
+def test_session_announces_progress_with_time_left(done: tuple[Any, list[Any]]) -> None:
+    session, heard = done
+    reports = [event.body for event in heard if event.type == "session.progress"]
+
+    assert session.time_left is None
+    assert [report["progress"] for report in reports] == sorted({report["progress"] for report in reports})
+    assert len(reports) > RECIPE.lights_total
+    left = [sum(part["count"] for part in report["time_left"]["parts"]) for report in reports]
+    assert left == sorted(left, reverse=True)
+    assert left[-1] == 0
+    later = reports[-3]["time_left"]["parts"]
+    assert {part["rests_on"] for part in later if part["work"] in ("images", "normals")} == {"this-session"}
+
+
 def test_session_answer_is_last_result(live: Any, done: tuple[Any, list[Any]]) -> None:
     session, _ = done
 

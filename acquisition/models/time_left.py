@@ -1,0 +1,32 @@
+"""How long a session will still take, with what the estimate rests on."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from acquisition.models.base import Value
+
+Basis = Literal["this-session", "earlier-sessions", "route", "assumed"]
+"""Times measured in this session; in completed sessions of this cell; the route's computed moving time with assumed
+stops; a constant of the software."""
+
+
+class TimePart(Value):
+    """What is left of one kind of work."""
+
+    work: Literal["lights", "waypoints", "images", "normals"] = Field(
+        description="Choosing lights, computing the route, capturing images (moves included), solving"
+    )
+    count: int = Field(ge=1, description="How many of them are left")
+    seconds: float = Field(ge=0, description="Time for all of them, s")
+    rests_on: Basis = Field(description="Where the time of one of them was taken from")
+
+
+class TimeLeft(Value):
+    """Estimated time until the session ends, without what a person takes for a review or after an interruption."""
+
+    seconds: float = Field(ge=0, description="Sum of the parts, less what the step in progress has taken so far, s")
+    at_least: bool = Field(
+        description="Whether more may follow: with an ordered accuracy the number of lights is not known in advance"
+    )
+    parts: list[TimePart] = Field(description="What is left, in the order of the stages")

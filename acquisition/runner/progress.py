@@ -1,0 +1,170 @@
+"""Progress of a session and the time that it will still take, from what its journal and those of earlier ones say.
+
+Extrapolating the elapsed time counts pauses as work and knows nothing of what is left. Here the work that is left is
+counted by kind, as `session.next_step` will derive it, and each kind takes as long as it took in this session, else in
+the last completed ones of this cell, else as computed or assumed; the answer says which.
+"""
+
+import statistics
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from acquisition import session
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.time_left import Basis, TimeLeft, TimePart
+from acquisition.session import PassRecord, SessionRecord, Stage, State
+from acquisition.store import Event, SessionFilter, Store
+
+EARLIER_SESSIONS = 5
+"""Completed sessions of the cell whose times count."""
+
+LOOKED_AT = 50
+"""Completed sessions among which those of this cell are looked for."""
+
+ASSUMED_S: dict[str, float] = {"lights": 8.0, "waypoints": 3.0, "images": 3.0, "normals": 10.0}
+"""Times assumed of one unit of each kind of work without any measurement, s: the demonstration's on two cores."""
+
+ASSUMED_STOP_S = 0.3
+"""Time assumed of an image beside its move, settling and lamp, s: exposure, readout, checks."""
+
+_WORK_OF_STAGE = {Stage.PILOT: "lights", Stage.PLAN: "lights", Stage.WAYPOINTS: "waypoints", Stage.NORMALS: "normals"}
+_EVENTS = ("session.stage", "session.state", "shot.captured")
+_PASS_EXTRAS = 1
+"""Units of capture work of a pass beside its lights: the way home with the lamp-off frames."""
+
+Durations = dict[str, list[float]]
+"""Measured times (s) of one unit by kind of work."""
+
+
+@dataclass(frozen=True)
+class SessionProgress:
+    """Stage, completed fraction (0–1) and remaining time (none: it does not hold the rig) of a session."""
+
+    stage: Stage
+    progress: float
+    time_left: TimeLeft | None
+
+
+@dataclass
+class _Work:
+    """Units of work that are left, by kind; `at_least`: more may follow."""
+
+    units: dict[str, int] = field(default_factory=dict[str, int])
+    at_least: bool = False
+
+    def add(self, work: str, count: int = 1) -> None:
+        if count > 0:
+            self.units[work] = self.units.get(work, 0) + count
+
+
+class ProgressEstimator:
+    """Estimates sessions of one store; any thread may call."""
+
+    def __init__(self, store: Store, cell: CellConfig) -> None:
+        self._store, self._cell = store, cell
+        self._of_ended: dict[str, Durations] = {}
+
+    def estimate(self, record: SessionRecord, stage: Stage) -> SessionProgress:
+        """Progress of a session as its record has it, in the stage that it has reached."""
+        holds = record.state in session.RIG_HOLDING
+        return SessionProgress(stage, session.progress(record), self._time_left(record) if holds else None)
+
+    def _time_left(self, record: SessionRecord) -> TimeLeft:
+        events = self._store.journal.events(0, 10_000, record.session_id, _EVENTS)
+        own, left = measured(events), work_left(record)
+        earlier = self._earlier(record.session_id)
+        parts: list[TimePart] = []
+        for work in ASSUMED_S:
+            count = left.units.get(work, 0)
+            if count:
+                unit_s, rests_on = self._unit(work, own, earlier, record)
+                part = TimePart(work=work, count=count, seconds=count * unit_s, rests_on=rests_on)  # pyright: ignore[reportArgumentType]
+                parts.append(part)
+        seconds = sum(part.seconds for part in parts)
+        if parts and record.state is State.RUNNING and events:
+            begun = parts[0].seconds / parts[0].count
+            seconds -= min(max(time.time() - events[-1].at, 0.0), begun)
+        return TimeLeft(seconds=max(seconds, 0.0), at_least=left.at_least, parts=parts)
+
+    def _unit(self, work: str, own: Durations, earlier: Durations, record: SessionRecord) -> tuple[float, Basis]:
+        if own.get(work):
+            return statistics.median(own[work]), "this-session"
+        if earlier.get(work):
+            return statistics.median(earlier[work]), "earlier-sessions"
+        routes = [passed.route for passed in record.passes if passed.route is not None and passed.route.waypoints]
+        if work == "images" and routes:
+            moving_s = routes[-1].seconds / (len(routes[-1].waypoints) + _PASS_EXTRAS)
+            return moving_s + self._cell.arm.settle_s + self._cell.lamp.rise_s + ASSUMED_STOP_S, "route"
+        return ASSUMED_S[work], "assumed"
+
+    def _earlier(self, session_id: str) -> Durations:
+        """Times in the newest completed sessions of this cell."""
+        rows = self._store.journal.sessions(LOOKED_AT, wanted=SessionFilter(states=(State.COMPLETED,)))
+        ids = [row.id for row in rows if row.fingerprint == self._cell.fingerprint and row.id != session_id]
+        result: Durations = {}
+        for earlier in ids[:EARLIER_SESSIONS]:
+            if earlier not in self._of_ended:
+                self._of_ended[earlier] = measured(self._store.journal.events(0, 10_000, earlier, _EVENTS))
+            for work, durations in self._of_ended[earlier].items():
+                result.setdefault(work, []).extend(durations)
+        return result
+
+
+def work_left(record: SessionRecord) -> _Work:
+    """Counts the work that is left by kind, as `session.next_step` will ask for it."""
+    work, recipe = _Work(), record.recipe
+    ordered = recipe.target_sigma_deg is not None
+    for number in range(session.max_passes(recipe)):
+        current = record.passes[number] if number < len(record.passes) else PassRecord()
+        if current.solved:
+            continue
+        if current.plan is not None and not current.plan.lights:
+            break
+        if ordered and current.plan is None and number > 0:
+            work.add("lights")
+            work.at_least = True
+            break
+        lights = _planned(record, number) if current.plan is None else len(current.plan.lights)
+        left = lights - len(current.shots)
+        work.add("lights", int(current.plan is None))
+        work.add("waypoints", int(left > 0 and current.route is None))
+        repeats = int(number == 0)  # the first image, at the end of the first pass
+        done = left == 0 and bool(current.darks)
+        work.add("images", left + (0 if done else _PASS_EXTRAS + repeats))
+        work.add("normals")
+    work.at_least = work.at_least or (ordered and not _concluded(record))
+    return work
+
+
+def measured(events: Sequence[Event]) -> Durations:
+    """Times of units of work between a session's events (stage, state, image); a pause makes one of them unknown."""
+    result: Durations = {}
+    stage: str | None = None
+    since: float | None = None
+    for event in events:
+        work = _WORK_OF_STAGE.get(Stage(stage)) if stage is not None else None
+        match event.type:
+            case "session.state":
+                since = None
+            case "shot.captured":
+                if since is not None and event.body["kind"] == "light":
+                    result.setdefault("images", []).append(event.at - since)
+                since = event.at
+            case _:
+                if work is not None and since is not None:
+                    result.setdefault(work, []).append(event.at - since)
+                stage, since = event.body["stage"], event.at
+    return result
+
+
+def _planned(record: SessionRecord, number: int) -> int:
+    """Lights that the recipe gives a pass that is not planned yet."""
+    recipe = record.recipe
+    if recipe.method != "optimal":
+        return recipe.lights_total
+    return recipe.pilot_lights if number == 0 else recipe.planned_lights
+
+
+def _concluded(record: SessionRecord) -> bool:
+    return bool(record.passes) and record.passes[-1].plan is not None and not record.passes[-1].plan.lights
