@@ -50,6 +50,11 @@ class GoodnessOfFit(Value):
     )
 
 
+MEAN_ERROR_PER_SIGMA, MEDIAN_ERROR_PER_SIGMA = 0.886, 0.833
+"""Mean and median of the angular error in units of σ, if both tangential errors are Gaussian alike (Rayleigh): √π/2 and
+√ln 2."""
+
+
 @dataclass(frozen=True)
 class NormalMap:
     """Per-pixel result of a solve; arrays are zero (σ: NaN) outside `mask`.

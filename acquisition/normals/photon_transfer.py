@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.models.base import FloatArray
+from acquisition.normals.residual_noise import GAUSSIAN_MEDIAN_DEVIATION
 
 BINS = 24
 """Bins of brightness, of equal width in its square root, as the noise is. Each is many times as wide as the noise,
@@ -40,9 +41,6 @@ CLIP_ITERATIONS = 12
 
 INITIAL_SAMPLE = 2000
 """Differences of a bin that its first variance is estimated from."""
-
-GAUSSIAN_MEDIAN_DEVIATION = 0.67449
-"""Median absolute deviation of a Gaussian, in σ."""
 
 VARIANCE_SIGMA = 0.01
 """1 σ of a bin's variance beyond its sampling error, as a share of it: tails are not quite Gaussian."""

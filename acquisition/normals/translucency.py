@@ -22,6 +22,7 @@ from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.normals import surface_diffusion
 from acquisition.normals.pixel_solve import Pixels
+from acquisition.normals.residual_noise import GAUSSIAN_MEDIAN_DEVIATION
 from acquisition.normals.surface_diffusion import SurfaceGraph
 
 LENGTHS_PX = (0.5, 0.7, 1.0, 1.4, 2.0, 2.8)
@@ -187,7 +188,7 @@ def _regressed(
         information = max(float(np.sum(weight * rows**2)), 1e-15)
         slope = float(np.sum(weight * rows * observed)) / information
         left = observed - slope * rows
-        scale = max(float(np.median(np.abs(left))) / 0.6745, 1e-9)
+        scale = max(float(np.median(np.abs(left))) / GAUSSIAN_MEDIAN_DEVIATION, 1e-9)
         error = NEIGHBOURS_ALIKE * scale / np.sqrt(information)
         weight = 1 / (1 + (left / (CAUCHY_SCALE * scale)) ** 2)
     score, information = (np.bincount(cell, weight * rows * one) for one in (observed, rows))

@@ -24,7 +24,7 @@ from acquisition.models.base import FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
-from acquisition.models.result import SolveSettings
+from acquisition.models.result import MEAN_ERROR_PER_SIGMA, SolveSettings
 from acquisition.models.route import Reach
 from acquisition.normals import distant, equivalent_session, near_light
 from acquisition.normals.equivalent_session import EquivalentSession
@@ -38,9 +38,6 @@ MIN_PILOT = 3
 
 SAME_LIGHT_DEG = 0.5
 """Angle at the object within which a candidate of a file counts as a light of the pilot, which has been captured."""
-
-MEAN_ERROR_PER_SIGMA = 0.886
-"""Mean angular error over σ of a tangential Gaussian (Rayleigh): √π/2."""
 
 FORECAST_COUNTS = (1, 2, 4, 8, 16)
 """Numbers of further lights for which the error is forecast."""
@@ -355,7 +352,9 @@ def _show(console: Console, capture: Capture, outcome: dict[str, Any]) -> None:
         place = " ".join(f"{value:.5g}" for value in light[frame.word])
         table.add_row(*((str(light["number"]),) if numbered else ()), place, reason)
     console.print(table)
-    console.print(f"Mean error expected after them: {outcome['forecast_mean_deg']:.2f}° (0.886 × mean σ).")
+    console.print(
+        f"Mean error expected after them: {outcome['forecast_mean_deg']:.2f}° ({MEAN_ERROR_PER_SIGMA} × mean σ)."
+    )
     for sentence in outcome["notes"]:
         console.print(f"• {sentence}", highlight=False)
 

@@ -10,10 +10,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from acquisition.models.result import MEAN_ERROR_PER_SIGMA
+
 Line = dict[str, object]
 Cell = tuple[str, int]  # family, seed
 RESAMPLES = 2000
-MEAN_ERROR_PER_SIGMA = 0.886
 PUT_RIGHT = 1.3
 """Error over that without the fault, up to which a fault counts as put right."""
 SIGMA_KEYS = (

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from acquisition.models.result import MEAN_ERROR_PER_SIGMA
 from tests.unseen import reports, run, tables
 
 
@@ -14,8 +15,8 @@ def line(family: str, seed: int, pattern: str, azimuth: int, error: float, light
     return {
         "family": family, "seed": seed, "reflectance": None, "fault": None, "solver": "product", "pattern": pattern,
         "lights": lights, "azimuth": azimuth, "within_78_deg.mean": error, "within_1": 0.6, "within_2": 0.95,
-        "rms": 1.2, "sigma_mean": error / 0.886, "found_mean": error, "within_1.all": 0.5, "within_2.all": 0.9,
-        "rms.all": 1.5, "doubtful": 0.0,
+        "rms": 1.2, "sigma_mean": error / MEAN_ERROR_PER_SIGMA, "found_mean": error, "within_1.all": 0.5,
+        "within_2.all": 0.9, "rms.all": 1.5, "doubtful": 0.0,
     }  # fmt: skip
 
 
@@ -49,7 +50,7 @@ def test_sigma_table_marks_what_is_out_of_bounds() -> None:
 
 
 def test_forecast_table_has_expected_over_found_errors() -> None:
-    planned = line("blob", 0, "planned", 0, 1.0) | {"predicted_sigma": 0.5 / tables.MEAN_ERROR_PER_SIGMA}
+    planned = line("blob", 0, "planned", 0, 1.0) | {"predicted_sigma": 0.5 / MEAN_ERROR_PER_SIGMA}
     fixed = line("knot", 0, "two-rings", 0, 1.0) | {"predicted_sigma": math.nan}
     rows = tables.forecast_table([planned, fixed]).splitlines()
     assert rows[1].split() == ["blob", "0.500"]

@@ -16,7 +16,7 @@ from acquisition.formats.report import advice, pictures
 from acquisition.formats.report.context import ReportContext
 from acquisition.formats.report.pictures import ReducedMaps
 from acquisition.models.base import BoolArray
-from acquisition.models.result import NormalMap
+from acquisition.models.result import MEAN_ERROR_PER_SIGMA, MEDIAN_ERROR_PER_SIGMA, NormalMap
 
 PAGE, PICTURE = "report.html", "report.png"
 DOME_PX = 300
@@ -107,7 +107,8 @@ def _figures(normal_map: NormalMap, context: ReportContext) -> str:
     ]
     if sigma.size:
         rows.append(("σ of all solved pixels", f"mean {np.mean(sigma):.2f}°, median {np.median(sigma):.2f}°"))
-        rows.append(("error to expect", f"mean {0.886 * np.mean(sigma):.2f}°, median {0.833 * np.median(sigma):.2f}°"))
+        mean, median = MEAN_ERROR_PER_SIGMA * np.mean(sigma), MEDIAN_ERROR_PER_SIGMA * np.median(sigma)
+        rows.append(("error to expect", f"mean {mean:.2f}°, median {median:.2f}°"))
     if normal_map.fit is not None:
         fit = normal_map.fit
         rows.append(

@@ -13,14 +13,13 @@ import numpy as np
 from scipy import stats
 
 from acquisition.models.base import FloatArray
+from acquisition.models.result import MEAN_ERROR_PER_SIGMA
 from api.cli.study import scene_geometry, simulated_scene
 from api.cli.study.simulated_scene import METHODS, OBJECTS, Run, Scene
 
 RIVALS = ("optimal", "two-rings")
 COMPARED = ("ring", "drbohlav", "random")
 FAR_OFF_DEG = 10.0
-RAYLEIGH_MEAN = 0.886
-"""Mean angular error in σ."""
 
 
 @dataclass(frozen=True)
@@ -247,5 +246,5 @@ def predicted_over_observed(samples: Sequence[Sample]) -> dict[str, list[float]]
     ratios: dict[str, list[float]] = {}
     for item in samples:
         if item.method == "optimal" and not item.glossy and item.predicted_sigma_deg is not None:
-            ratios.setdefault(item.shape, []).append(RAYLEIGH_MEAN * item.predicted_sigma_deg / item.mean_deg)
+            ratios.setdefault(item.shape, []).append(MEAN_ERROR_PER_SIGMA * item.predicted_sigma_deg / item.mean_deg)
     return ratios
