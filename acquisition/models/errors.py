@@ -50,6 +50,10 @@ class ErrorCode(StrEnum):
     CAPTURE_FRAME_REJECTED = "capture.frame_rejected"
     PLAN_INFEASIBLE = "plan.infeasible"
     PLAN_TO_REVIEW = "plan.to_review"
+    QUEUE_OBJECT_TO_PLACE = "queue.object_to_place"
+    QUEUE_ENTRY_BEGUN = "queue.entry_begun"
+    QUEUE_HALTED = "queue.halted"
+    QUEUE_SESSION_ENDED = "queue.session_ended"
     WAYPOINTS_UNREACHABLE = "waypoints.unreachable"
     WAYPOINTS_COLLISION = "waypoints.collision"
     NORMALS_INFEASIBLE = "normals.infeasible"
@@ -209,6 +213,22 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         409,
         "The planned lights wait for review",
         "Review the pass; resume captures its lights, PUT /v1/sessions/{id}/passes/{n}/plan replaces them.",
+    ),
+    ErrorCode.QUEUE_OBJECT_TO_PLACE: Problem(
+        409,
+        "The queue waits for the next object",
+        "Put the object named in its place, leave the cell, then resume the queue (POST /v1/queue/actions).",
+    ),
+    ErrorCode.QUEUE_ENTRY_BEGUN: Problem(
+        409, "The entry's session has begun", "Stop its session, or let it end; the entry can be removed then."
+    ),
+    ErrorCode.QUEUE_HALTED: Problem(
+        409, "The queue was stopped with the cell", "Inspect the cell, then resume the queue (POST /v1/queue/actions)."
+    ),
+    ErrorCode.QUEUE_SESSION_ENDED: Problem(
+        409,
+        "A session of the queue did not complete",
+        "See the session; add its object again if you want it, then resume the queue (POST /v1/queue/actions).",
     ),
     ErrorCode.WAYPOINTS_UNREACHABLE: Problem(
         422, "A light is unreachable", "Move or omit the lights named in `lights`; GET /v1/rig/reach shows the reasons."

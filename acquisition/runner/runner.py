@@ -73,6 +73,7 @@ class Runner:
         self.planning = PlanningService(store, rig, calibration, compute, self._executor, self._closing)
         self.preview = Preview(rig, self._refuse_held, self._in_thread)
         self._token = StopToken()
+        self.halts = 0  # how often somebody has halted the cell: what was decided before is void
         self._requests: queue.Queue[Callable[[], None]] = queue.Queue()
         self._thread = threading.Thread(target=self._serve, name="runner", daemon=True)
 
@@ -120,9 +121,13 @@ class Runner:
         """
         return self._executor.set_region(session_id, mask, actor)
 
-    def act(self, session_id: str, action: Trigger, actor: str, *, from_here: bool = False) -> State:
+    def act(
+        self, session_id: str, action: Trigger, actor: str, *, from_here: bool = False,
+        unless_halted_since: int | None = None,
+    ) -> State:  # fmt: skip
         """A person's action; returns the state after it. With `from_here` a person says that the arm may resume from
-        where it stands, although it is not where the session left it.
+        where it stands, although it is not where the session left it. A start or resume that was decided earlier names
+        the count of `halts` of that time, and stops again where somebody has halted since.
 
         Raises RigError session.not_found, session.action_not_allowed, rig.busy, and for start and resume whatever
         stands in the way: arm.unreachable, arm.preflight, arm.elsewhere, camera.unreachable, safety.not_acknowledged,
@@ -132,16 +137,24 @@ class Runner:
             case Trigger.STOP:
                 return self._stop(session_id, actor)
             case Trigger.START | Trigger.RESUME:
-                return self._start(session_id, action, actor, from_here)
+                state = self._start(session_id, action, actor, from_here)
+                if unless_halted_since is not None and self.halts != unless_halted_since:
+                    self.halt(actor)
+                return state
             case _:
                 return self._store.journal.trigger(session_id, action, actor)[1]
 
     def halt(self, actor: str) -> None:
         """Halts whatever moves, at once; the session is stopped afterwards, in the runner's thread."""
+        self.halts += 1  # before the token: a start in another thread sees this, or its token is set below
         self._token.set()
         self._rig.halt()
         self._requests.put(lambda: self._journal_halt(actor))
         self._token.set()  # a start may have been entered since: its token is another one
+
+    def require_clear(self) -> None:
+        """Raises RigError safety.not_acknowledged, or the present fault, while the safety latch is closed."""
+        self._monitor.require_clear()
 
     def acknowledge(self, actor: str) -> None:
         """Opens the safety latch: `actor` has looked and the cell is clear. Raises RigError safety.still_faulted."""

@@ -39,6 +39,7 @@ from api.client.progress_bar import SessionProgressBar
 from api.client.responses import ModelT, ProblemError, parsed, raise_problem, require_completed
 from api.client.transport import TIMEOUT_S, authorization_headers
 from api.rest.preview_figures import PreviewFigures
+from api.rest.queue import QueueEntryResource, QueueResource
 from api.rest.scene_schemas import SceneResource
 from api.rest.schemas import (
     ActionAccepted,
@@ -55,6 +56,7 @@ from api.rest.schemas import (
     ResultResource,
     RigResource,
     SafetyResource,
+    SessionEdit,
     SessionResource,
 )
 
@@ -208,15 +210,13 @@ class AsyncClient:
 
     async def replace_plan(self, session_id: str, number: int, lights: Sequence[Vector3]) -> PassResource:
         """Replaces a plan that waits for review by positions of one's own (m, view frame)."""
-        body = {"lights": [list(position) for position in lights]}
-        response = await self._send("PUT", f"/v1/sessions/{session_id}/passes/{number}/plan", json=body)
-        return parsed(response, PassResource)
+        address = f"/v1/sessions/{session_id}/passes/{number}/plan"
+        return parsed(await self._send("PUT", address, json={"lights": list(map(list, lights))}), PassResource)
 
     async def forecast_plan(self, session_id: str, number: int, lights: Sequence[Vector3]) -> LightForecast:
         """Expected σ if the lights of a plan that waits for review stood at these positions; nothing is committed."""
-        body = {"lights": [list(position) for position in lights]}
-        response = await self._send("POST", f"/v1/sessions/{session_id}/passes/{number}/plan/forecast", json=body)
-        return parsed(response, LightForecast)
+        address = f"/v1/sessions/{session_id}/passes/{number}/plan/forecast"
+        return parsed(await self._send("POST", address, json={"lights": list(map(list, lights))}), LightForecast)
 
     async def dry_run(self, recipe: Recipe) -> DryRunResource:
         """Plans the first pass of a recipe (lights, path, duration); nothing moves."""
@@ -234,8 +234,8 @@ class AsyncClient:
 
     async def edit(self, session_id: str, *, label: str | None = None, notes: str | None = None) -> SessionResource:
         """Changes a session's label or notes; its recipe stays as it was ordered."""
-        given = {name: value for name, value in (("label", label), ("notes", notes)) if value is not None}
-        return parsed(await self._send("PATCH", f"/v1/sessions/{session_id}", json=given), SessionResource)
+        body = SessionEdit(label=label, notes=notes).model_dump(exclude_none=True)
+        return parsed(await self._send("PATCH", f"/v1/sessions/{session_id}", json=body), SessionResource)
 
     async def result(self, session_id: str, number: int) -> ResultResource:
         """One result."""
@@ -272,6 +272,21 @@ class AsyncClient:
         """The log of a session, a line for each event or action."""
         response = await self._send("GET", f"/v1/sessions/{session_id}/log")
         return response.text
+
+    # ----------------------------------------------------------------------------------------------------------- queue
+
+    async def queue(self) -> QueueResource:
+        """The queue of sessions that run one after another."""
+        return await self._get("/v1/queue", QueueResource)
+
+    async def enqueue(self, object_name: str, recipe: Recipe | None = None, **more: Any) -> QueueEntryResource:
+        """Adds a session of an object at the end of the queue; `more` may be `unattended=True`."""
+        body = {"object_name": object_name, "recipe": (recipe or Recipe()).model_dump(mode="json"), **more}
+        return parsed(await self._send("POST", "/v1/queue/entries", json=body), QueueEntryResource)
+
+    async def act_on_queue(self, action: Literal["resume", "pause"]) -> QueueResource:
+        """Resumes the queue (the next object is in place, the cell is clear) or pauses it after the present session."""
+        return parsed(await self._send("POST", "/v1/queue/actions", json={"action": action}), QueueResource)
 
     # ---------------------------------------------------------------------------------------------------------- events
 

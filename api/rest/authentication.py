@@ -25,6 +25,9 @@ PUBLIC_PAGE = "/"
 
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 ALLOWED_TO_EVERY_KEY = frozenset({("POST", "/v1/rig/stop"), ("POST", "/v1/tickets")})
+OPERATORS_MAY_DELETE = ("/v1/queue/",)
+"""Path prefixes below which DELETE removes no data, only what an operator has added."""
+
 MAX_FAILURES = 10
 FAILURE_WINDOW_S = 60.0
 """Wrong keys that one host may send within this time, s, before it has to wait. A valid key is accepted all the same:
@@ -91,4 +94,4 @@ class Authentication:
 def _needed(method: str, path: str) -> Role:
     if method in SAFE_METHODS or (method, path) in ALLOWED_TO_EVERY_KEY:
         return Role.VIEWER
-    return Role.ADMIN if method == "DELETE" else Role.OPERATOR
+    return Role.ADMIN if method == "DELETE" and not path.startswith(OPERATORS_MAY_DELETE) else Role.OPERATOR

@@ -24,6 +24,7 @@ from acquisition.runner.compute import Compute
 from acquisition.runner.re_solve import ReSolveService
 from acquisition.runner.runner import Runner
 from acquisition.runner.safety_monitor import Latch, SafetyMonitor
+from acquisition.runner.session_queue import SessionQueue
 from acquisition.store import Store
 from acquisition.waypoints import calibrated_kinematics, kinematics
 from api.rest.settings import Settings
@@ -35,6 +36,7 @@ class Limits:
 
     start: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(4))  # start and resume wait for devices
     stop: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(8))
+    queue: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
     reach: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
     forecasts: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
     pictures: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
@@ -52,16 +54,19 @@ class Service:
     store: Store
     runner: Runner
     resolving: ReSolveService
+    queue: SessionQueue
     limits: Limits = field(default_factory=Limits)
 
     def open(self) -> None:
-        """Starts the runner and the re-solving; nothing moves."""
+        """Starts the runner, the re-solving and the queue, which is stopped; nothing moves."""
         self.runner.open()
         self.resolving.open()
+        self.queue.open()
 
     def close(self) -> None:
         """Halts the arm, ends the runner and closes the journal."""
         self.runner.begin_shutdown()
+        self.queue.close()
         self.resolving.close()
         self.runner.close()
         self.store.close()
@@ -83,7 +88,9 @@ def assemble(store: Store, rig: Rig, calibration: Calibration, compute: Compute)
 
     monitor = SafetyMonitor(rig.arm, safety_changed, _latched(store))
     runner = Runner(store, rig, calibration, compute, monitor)
-    return Service(rig.cell, calibration, rig, store, runner, ReSolveService(store, compute))
+    return Service(
+        rig.cell, calibration, rig, store, runner, ReSolveService(store, compute), SessionQueue(store, runner)
+    )
 
 
 def build_rig(cell: CellConfig) -> Rig:
