@@ -57,9 +57,9 @@ def test_switch_changes_the_result(name: str, complete: NormalMap, without: dict
 @pytest.mark.parametrize(
     ("name", "scene"),
     [
-        ("gloss of a dielectric", lambda: scenes.scene("machined", 0, "ggx:0.25", SMALL)),
-        ("metal", lambda: scenes.scene("blob", 0, "metal:0.3", SMALL)),
-        ("translucent surfaces", lambda: scenes.scene("cluster", 15)),
+        ("gloss of a dielectric", lambda: scenes.scene("blob", 0, "ggx:0.25", 40)),
+        ("metal", lambda: scenes.scene("sheet", 0, "metal:0.3", 36)),
+        ("translucent surfaces", lambda: scenes.scene("cluster", 15, None, 96)),
     ],
 )
 def test_switch_of_a_selected_model_leaves_it_out(name: str, scene: Callable[[], Scene]) -> None:

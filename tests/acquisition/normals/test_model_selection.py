@@ -13,7 +13,9 @@ from acquisition.models.result import NormalMap, SolveSettings
 from acquisition.normals import ImageStack, session_images
 from hardware_sim.reflectance import Reflectance
 from tests.acquisition import scenes
-from tests.acquisition.normals.test_solve import ROUGH_DEPTH_M, SIZE, two_rings
+from tests.acquisition.normals.test_solve import ROUGH_DEPTH_M, two_rings
+
+SIZE = 80
 
 
 @pytest.fixture(scope="module")
