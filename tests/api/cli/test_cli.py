@@ -86,7 +86,8 @@ def test_check_offline_reports_reach_and_route() -> None:
 
 
 def test_demo_page_serves_until_interrupted(tmp_path: Path) -> None:
-    command = [sys.executable, "-u", "-m", "api.cli", "demo", "--page", "--pixels", "64", "--data", str(tmp_path)]
+    command = [sys.executable, "-u", "-m", "api.cli", "demo", "--page", "--object", "sphere", "--pixels", "64"]
+    command += ["--data", str(tmp_path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         address = next(line.split()[1] for line in process.stdout if line.startswith("page "))

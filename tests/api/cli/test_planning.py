@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from acquisition import geometry, lamp_pose, pilot
 from acquisition.formats import folders
@@ -18,6 +19,7 @@ from acquisition.models.recipe import Recipe
 from acquisition.models.result import SolveSettings
 from acquisition.normals import near_light
 from api.cli import lights_file, planning
+from api.cli.commands import app
 from tests.acquisition import scenes, session_folder
 from tests.acquisition.formats.folders import small
 
@@ -240,13 +242,11 @@ def test_plan_coplanar_pilot_is_refused(tmp_path: Path) -> None:
 
 def test_plan_refusal_exits_as_solve_does(tmp_path: Path, made: dict[str, Path]) -> None:
     for folder, images in ((tmp_path / "none", "0,1,2"), (made["lp"], "0,0,0")):
-        done = subprocess.run(
-            [sys.executable, "-m", "api.cli", "plan", str(folder), "--count", "1", "--pilot", images],
-            cwd=ROOT, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        assert done.returncode == 2
+        done = CliRunner().invoke(app, ["plan", str(folder), "--count", "1", "--pilot", images])
+        assert done.exit_code == 2
         assert "What to do" in done.stderr
         assert not done.stdout
+        assert isinstance(done.exception, SystemExit)  # a printed message, not a traceback
 
 
 def near_folder(folder: Path, true: scenes.Scene, lights: list[Light]) -> Path:
