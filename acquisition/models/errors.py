@@ -38,6 +38,7 @@ class ErrorCode(StrEnum):
     ARM_NOT_READY = "arm.not_ready"
     ARM_MOVE_FAILED = "arm.move_failed"
     ARM_ELSEWHERE = "arm.elsewhere"
+    ARM_JOG_ENDED = "arm.jog_ended"
     SAFETY_NOT_ACKNOWLEDGED = "safety.not_acknowledged"
     SAFETY_STILL_FAULTED = "safety.still_faulted"
     SAFETY_RECOVERY_FORBIDDEN = "safety.recovery_forbidden"
@@ -163,6 +164,9 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         409,
         "The arm is not where this session left it",
         "Inspect the cell; if the arm may move from its present position, resume with `from_here`: true.",
+    ),
+    ErrorCode.ARM_JOG_ENDED: Problem(
+        409, "The motion of this press has ended", "Let the button go and press it again, with a new `hold`."
     ),
     ErrorCode.SAFETY_NOT_ACKNOWLEDGED: Problem(
         423,

@@ -23,6 +23,7 @@ from acquisition.models.base import BoolArray, FloatArray, Vector3
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.jog import JogMotion
 from acquisition.models.light_forecast import ForecastInput, LightForecast
 from acquisition.models.light_plan import Light, LightPlan
 from acquisition.models.recipe import Recipe
@@ -33,6 +34,7 @@ from acquisition.plan import baselines, explain, visibility
 from acquisition.runner import light_forecast
 from acquisition.runner.session_solve import solve_in_cell
 from acquisition.waypoints import drawing, rejoin, routing
+from acquisition.waypoints import jog_step as jog_steps
 from acquisition.waypoints import reach as reaching
 
 
@@ -218,6 +220,11 @@ def forecast_lights(
 def plan_retreat(start: tuple[float, ...], cell: CellConfig, calibration: Calibration) -> JointPath:
     """A certified joint path home from `start` (rad)."""
     return routing.retreat(start, cell, calibration)
+
+
+def jog_step(joints: tuple[float, ...], motion: JogMotion, cell: CellConfig, calibration: Calibration) -> JointPath:
+    """A certified step of jogging from `joints` (rad)."""
+    return jog_steps.jog_step(joints, motion, cell, calibration)
 
 
 def draw_reach(cell: CellConfig, calibration: Calibration, cache: Path, form: PictureForm) -> bytes:

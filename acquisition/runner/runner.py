@@ -17,15 +17,14 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from acquisition import session
-from acquisition.capture import take
 from acquisition.devices import RecoveryStep, Rig, StopToken
 from acquisition.models.calibration import Calibration
-from acquisition.models.errors import ErrorCode, Halted, RigError, problem
+from acquisition.models.errors import ErrorCode, RigError, problem
 from acquisition.models.recipe import Recipe
-from acquisition.models.route import JointPath
 from acquisition.runner import preconditions
 from acquisition.runner.compute import Compute, Preempted
 from acquisition.runner.loop import SessionLoop
+from acquisition.runner.operator_moves import OperatorMoves, RunnerAccess
 from acquisition.runner.planning import PlanningService
 from acquisition.runner.preview import Preview
 from acquisition.runner.progress import ProgressEstimator, SessionProgress
@@ -73,8 +72,10 @@ class Runner:
         self.planning = PlanningService(store, rig, calibration, compute, self._executor, self._closing)
         self.preview = Preview(rig, self._refuse_held, self._in_thread)
         self._token = StopToken()
+        self._taking_over = threading.Lock()  # never held by a halt
         self.halts = 0  # how often somebody has halted the cell: what was decided before is void
         self._requests: queue.Queue[Callable[[], None]] = queue.Queue()
+        self.moves = OperatorMoves(store, rig, calibration, compute, self._access())
         self._thread = threading.Thread(target=self._serve, name="runner", daemon=True)
 
     # --------------------------------------------------------------------------------------------------------- lifetime
@@ -180,24 +181,6 @@ class Runner:
         self._store.journal.record_action(None, f"recover: {step}", actor, "asked")
         self._in_thread(lambda: self._rig.arm.recover(step))
 
-    def park(self, actor: str) -> None:
-        """Starts moving the arm home on a collision-free path from its present joints; the event `rig.parked` gives the
-        outcome.
-
-        Raises RigError rig.busy while a session holds the rig, waypoints.collision when no such path exists (somebody
-        must move the arm by hand), safety.not_acknowledged, and what devices report.
-        """
-        self._refuse_held()
-        self._monitor.require_clear()
-        self.preview.preempt()
-        self._in_thread(self._readiness.make_ready)
-        self._monitor.require_clear()
-        here = self._rig.arm.reading.joints
-        path: JointPath = self._compute.run(self._closing, "plan_retreat", here, self._rig.cell, self._calibration)
-        token = StopToken()
-        self._token = token
-        self._requests.put(lambda: self._follow_home(here, path, token, actor))
-
     def handle_fault(self, latch: Latch) -> None:
         """Halts and interrupts the session that holds the rig; called by the safety monitor when it latches a fault."""
         self._token.set()
@@ -273,6 +256,7 @@ class Runner:
         holder = journal.holder()
         if holder is not None and holder.id != session_id:
             raise RigError(ErrorCode.RIG_BUSY, f"Session {holder.id} holds the rig", holder=holder.id)
+        self.moves.refuse_jogged()
         folder = self._store.folder(session_id)
         preconditions.require_same_rig(row, self._rig.cell, self._calibration, folder)
         if datetime.now().astimezone() > self._valid_until():
@@ -289,11 +273,12 @@ class Runner:
             preconditions.require_near_path(journal.last_path(session_id), self._rig.arm.reading.joints)
         if row.state is State.PAUSED and row.reason is not None and row.reason["code"] == ErrorCode.PLAN_TO_REVIEW:
             self.planning.approve(session_id, actor)
-        before, target = journal.trigger(session_id, action, actor)
-        if before is target:  # a concurrent equal request was first: it runs the session
-            return target
         token = StopToken()
-        self._token = token
+        with self._taking_over:  # else a person's move could replace the token of a session that has just begun
+            before, target = journal.trigger(session_id, action, actor)
+            if before is target:  # a concurrent equal request was first: it runs the session
+                return target
+            self._token = token
         self._requests.put(lambda: self._loop.run(session_id, token))
         return target
 
@@ -311,24 +296,6 @@ class Runner:
             self._rig.halt()
             self._requests.put(lambda: self._finish_stop(session_id))
         return state
-
-    def _follow_home(self, here: tuple[float, ...], path: JointPath, token: StopToken, actor: str) -> None:
-        """Follows the path home in the runner's thread, unless something else has begun since it was planned."""
-        outcome = "another request came first"
-        journal = self._store.journal
-        if self._token is token and journal.holder() is None:
-            try:
-                if not session.same_joints(self._rig.arm.reading.joints, here):
-                    raise RigError(ErrorCode.ARM_MOVE_FAILED, "The arm has been moved since the path was planned")
-                take.follow_path(self._rig, path.path, path.speeds, token)
-                outcome = "at home"
-            except Halted:
-                outcome = "halted"
-            except RigError as error:
-                self._rig.halt()
-                outcome = f"halted: {error}" if token.is_set() else str(error)
-        journal.record_action(None, "park", actor, outcome)
-        journal.announce(None, "rig.parked", {"outcome": outcome})
 
     def _finish_stop(self, session_id: str) -> None:
         self._loop.trigger(session_id, Trigger.AT_REST)
@@ -358,6 +325,28 @@ class Runner:
             request()
 
     # ---------------------------------------------------------------------------------------------------------- devices
+
+    def _access(self) -> RunnerAccess:
+        def take_over(token: StopToken) -> None:
+            with self._taking_over:
+                self._refuse_held()
+                self._token = token
+
+        def make_ready() -> None:
+            self.preview.preempt()
+            self._in_thread(self._readiness.make_ready)
+
+        return RunnerAccess(
+            refuse_held=self._refuse_held,
+            require_clear=self._monitor.require_clear,
+            make_ready=make_ready,
+            is_ready=lambda: not self._readiness.problems and self._rig.arm.reading.program_running,
+            halts=lambda: self.halts,
+            take_over=take_over,
+            is_current=lambda token: self._token is token,
+            put=self._requests.put,
+            closing=self._closing,
+        )
 
     def _in_thread(self, work: Callable[[], T]) -> T:
         """Runs device work in the runner's thread and returns what it returns."""

@@ -22,6 +22,7 @@ from api.rest import (
     drawings,
     events,
     images,
+    jog,
     metrics,
     openapi_examples,
     page,
@@ -116,6 +117,7 @@ def _with_routes(lifespan: Any) -> FastAPI:
     problems.install(app)
     for module in (
         rig,
+        jog,
         scene,
         camera_preview,
         sessions,

@@ -20,6 +20,7 @@ from acquisition.models.time_left import TimeLeft, TimePart
 from acquisition.session import ARM_STATE, Stage, State
 from acquisition.store.queue_table import EntryState, QueueState
 from api.rest import images
+from api.rest.jog import JogRequest, JogResource
 from api.rest.joint_readings import JointReadingResource
 from api.rest.keys import Role
 from api.rest.openapi_scene_example import SCENE
@@ -209,6 +210,8 @@ VALUES: tuple[BaseModel, ...] = (
         median_deg=0.6,
         brightest_sigma_deg=6.5,
     ),
+    JogRequest(hold="press-0f3a91c2", joint=5, direction=1),
+    JogResource(moving=True, hold_s=0.3, links={"release": "/v1/rig/jog/release", "stop": "/v1/rig/stop"}),
     JointReadingResource(connected=True, joints=_JOINTS, moving=False, age_s=0.0018, at=_CREATED_AT),
     Page[ActionResource](items=[_ACTION]),
     Page[PassSummary](items=[_PASS]),

@@ -47,6 +47,7 @@ RIG_LINKS = {
     "reach": "/v1/rig/reach",
     "reach_page": "/v1/rig/reach.html",
     "park": "/v1/rig/park",
+    "jog": "/v1/rig/jog",
     "preview": "/v1/rig/preview.jpg",
     "preview_figures": "/v1/rig/preview/figures",
     "sessions": "/v1/sessions",
@@ -146,7 +147,7 @@ async def park(service: ServiceOf, actor: Actor) -> Accepted:
 
     No session may hold the rig. The event `rig.parked` reports the outcome; `POST /v1/rig/stop` stops it.
     """
-    await anyio.to_thread.run_sync(service.runner.park, actor, limiter=service.limits.start)
+    await anyio.to_thread.run_sync(service.runner.moves.park, actor, limiter=service.limits.start)
     return Accepted(links={"rig": RIG_LINKS["self"], "stop": RIG_LINKS["stop"], "events": RIG_LINKS["events"]})
 
 

@@ -36,6 +36,7 @@ class Limits:
 
     start: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(4))  # start and resume wait for devices
     stop: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(8))
+    jog: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(8))
     queue: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
     reach: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))
     forecasts: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(1))

@@ -19,6 +19,7 @@ from acquisition.models.base import as_joints
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError
+from acquisition.models.jog import JogMotion
 from acquisition.models.light_plan import Light, LightPlan
 from acquisition.models.result import ResultSummary
 from acquisition.models.route import JointPath, Route, Waypoint
@@ -32,6 +33,7 @@ from hardware_sim import nominal
 PIXELS = 32
 LEG_S = 0.004
 JOB_S = 0.002
+JOG_WALL = 3.2  # rad of any joint
 NORMAL, PROTECTIVE_STOP = 0b1, 0b101
 REPOSITORY = Path(__file__).parents[2]
 
@@ -186,6 +188,13 @@ class QuickCompute(Compute):
 
     def _plan_retreat(self, _: Any, cell: CellConfig, *__: Any) -> JointPath:
         return JointPath(path=[cell.arm.home], speeds=[1.0], seconds=LEG_S)
+
+    def _jog_step(self, joints: Sequence[float], motion: JogMotion, *_: Any) -> JointPath:
+        goal = np.array(joints)
+        goal[motion.joint or 0] += motion.direction * 0.001
+        if abs(goal[motion.joint or 0]) > JOG_WALL:
+            raise RigError(ErrorCode.WAYPOINTS_COLLISION, "the way is blocked by the wall", reason="hits-obstacle")
+        return JointPath(path=[as_joints(goal)], speeds=[1.0], seconds=LEG_S)
 
     def _plan_return(self, _: Any, joints: Sequence[float], *__: Any) -> JointPath:
         return JointPath(path=[as_joints(joints)], speeds=[1.0], seconds=LEG_S)

@@ -58,7 +58,7 @@ def park(rig: Rig) -> None:
     deadline = time.monotonic() + 60
     while True:
         try:
-            rig.runner.park("a")
+            rig.runner.moves.park("a")
         except RigError as error:
             lost = error.code in (ErrorCode.DEVICE_DISCONNECTED, ErrorCode.SAFETY_NOT_ACKNOWLEDGED)
             if not lost or time.monotonic() > deadline:

@@ -1,0 +1,246 @@
+"""Moves that a person asks for outside of sessions: the way home, and jogging while a button is held.
+
+Both run in the runner's thread, on paths that are certified like those of routes, and both end with any halt. Jogging
+has a dead-man: each request renews the hold for `HOLD_S`, and the token that every waiting loop of a move already asks
+whether it is to stop counts as set when the hold has run out. So no timer or thread of its own has to live for the arm
+to be stopped, and where the service itself falls silent the driver's lease does it (decisions 8 and 51).
+"""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from acquisition import session
+from acquisition.capture import take
+from acquisition.devices import Rig, StopToken
+from acquisition.models.calibration import Calibration
+from acquisition.models.errors import ErrorCode, Halted, RigError
+from acquisition.models.jog import JogMotion
+from acquisition.models.route import JointPath
+from acquisition.runner.compute import Compute
+from acquisition.store import Store
+from acquisition.store.queue_table import QueueState
+
+HOLD_S = 0.3
+"""How long a jog goes on after the last request, s: at the jog's highest speed the tool moves 3 cm meanwhile."""
+
+ENDED_WITHIN_S = 2.0
+"""Time, s, within which a jog that was told to end is at rest: a step lasts less."""
+
+REMEMBERED_HOLDS = 64
+"""Presses that are remembered, so that a late renewal of one that has ended begins nothing."""
+
+_POLL_S = 0.01
+
+
+class HoldToken(threading.Event):
+    """A stop token that sets itself unless it is renewed every `HOLD_S`."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._until = time.monotonic() + HOLD_S
+        self.halted = False  # somebody has set it, it has not run out
+
+    def renew(self) -> None:
+        """The button is still held."""
+        self._until = time.monotonic() + HOLD_S
+
+    def let_go(self) -> None:
+        """The button is not held any more."""
+        super().set()
+
+    def set(self) -> None:
+        """Ends the move at once, as a halt of the cell does."""
+        self.halted = True
+        super().set()
+
+    def is_set(self) -> bool:
+        """Whether the move has to end; once it has to, a renewal does not help."""
+        if not super().is_set() and time.monotonic() > self._until:
+            self.let_go()
+        return super().is_set()
+
+
+@dataclass(frozen=True)
+class RunnerAccess:
+    """What the moves need of the runner, whose thread and whose stop token they use."""
+
+    refuse_held: Callable[[], None]
+    require_clear: Callable[[], None]
+    make_ready: Callable[[], None]
+    is_ready: Callable[[], bool]
+    halts: Callable[[], int]
+    take_over: Callable[[StopToken], None]
+    is_current: Callable[[StopToken], bool]
+    put: Callable[[Callable[[], None]], None]
+    closing: threading.Event
+
+
+class _Jog:
+    """One jog: from the press of a button until the arm is at rest."""
+
+    def __init__(self, hold: str, motion: JogMotion, actor: str, once: bool) -> None:
+        self.hold, self.motion, self.actor, self.once = hold, motion, actor, once
+        self.token = HoldToken()
+        self.ended = threading.Event()
+        self.error: RigError | None = None
+        self.moving = False
+
+
+class OperatorMoves:
+    """Parks and jogs the arm; public methods may be called from any thread."""
+
+    def __init__(
+        self, store: Store, rig: Rig, calibration: Calibration, compute: Compute, access: RunnerAccess
+    ) -> None:
+        self._store, self._rig, self._calibration, self._compute = store, rig, calibration, compute
+        self._access = access
+        self._lock = threading.Lock()
+        self._jog: _Jog | None = None
+        self._holds: deque[str] = deque(maxlen=REMEMBERED_HOLDS)
+
+    # ------------------------------------------------------------------------------------------------------------ home
+
+    def park(self, actor: str) -> None:
+        """Starts moving the arm home on a collision-free path from its present joints; the event `rig.parked` gives the
+        outcome.
+
+        Raises RigError rig.busy while a session holds the rig or somebody jogs, waypoints.collision when no such path
+        exists (somebody must move the arm by hand), safety.not_acknowledged, and what devices report.
+        """
+        access = self._access
+        access.refuse_held()
+        self.refuse_jogged()
+        access.require_clear()
+        access.make_ready()
+        access.require_clear()
+        here = self._rig.arm.reading.joints
+        path: JointPath = self._compute.run(access.closing, "plan_retreat", here, self._rig.cell, self._calibration)
+        token = StopToken()
+        access.take_over(token)
+        access.put(lambda: self._follow_home(here, path, token, actor))
+
+    def _follow_home(self, here: tuple[float, ...], path: JointPath, token: StopToken, actor: str) -> None:
+        """Follows the path home in the runner's thread, unless something else has begun since it was planned."""
+        outcome = "another request came first"
+        journal = self._store.journal
+        if self._access.is_current(token) and journal.holder() is None:
+            try:
+                if not session.same_joints(self._rig.arm.reading.joints, here):
+                    raise RigError(ErrorCode.ARM_MOVE_FAILED, "The arm has been moved since the path was planned")
+                take.follow_path(self._rig, path.path, path.speeds, token)
+                outcome = "at home"
+            except Halted:
+                outcome = "halted"
+            except RigError as error:
+                self._rig.halt()
+                outcome = f"halted: {error}" if token.is_set() else str(error)
+        journal.record_action(None, "park", actor, outcome)
+        journal.announce(None, "rig.parked", {"outcome": outcome})
+
+    # ------------------------------------------------------------------------------------------------------------- jog
+
+    def refuse_jogged(self) -> None:
+        """Raises RigError rig.busy while somebody jogs the arm."""
+        jog = self._jog
+        if jog is not None and not jog.ended.is_set():
+            raise RigError(ErrorCode.RIG_BUSY, f"{jog.actor} jogs the arm: let the button go first")
+
+    def jog(self, hold: str, motion: JogMotion, actor: str, *, once: bool) -> bool:
+        """Begins a motion, or renews the hold of the one in progress; returns whether the arm moves by it already.
+
+        `hold` names one press of a button: when its motion has ended, for whatever reason, it begins no other. The
+        motion goes on step by step until the hold runs out, `once` it ends after one step. Raises RigError rig.busy
+        while a session holds the rig, the queue runs or somebody else jogs; arm.jog_ended; waypoints.collision and
+        waypoints.unreachable when the next step is not free; safety.not_acknowledged, and what devices report.
+        """
+        access = self._access
+        access.refuse_held()
+        if self._store.journal.queue_status().state is QueueState.RUNNING:
+            raise RigError(ErrorCode.RIG_BUSY, "The queue is running: pause it first")
+        access.require_clear()
+        with self._lock:
+            jog = self._jog
+            if jog is not None and not jog.ended.is_set() and jog.actor != actor:
+                raise RigError(ErrorCode.RIG_BUSY, f"{jog.actor} jogs the arm")
+            if jog is not None and jog.hold == hold and not jog.token.is_set() and not jog.ended.is_set():
+                jog.token.renew()
+                return jog.moving
+            if hold in self._holds:
+                why = None if jog is None or jog.hold != hold else jog.error
+                raise why or RigError(ErrorCode.ARM_JOG_ENDED, "The motion of this press has ended")
+            if jog is not None:
+                self._end(jog)
+            made = _Jog(hold, motion, actor, once)
+            halts = access.halts()
+            access.take_over(made.token)
+            if access.halts() != halts:
+                made.token.set()
+            self._jog = made
+            self._holds.append(hold)
+        try:
+            if not access.is_ready():
+                access.make_ready()
+                access.require_clear()
+        except RigError as error:
+            made.error = error
+            made.ended.set()
+            raise
+        access.put(lambda: self._drive(made))
+        while not made.moving and not made.ended.wait(_POLL_S) and not access.closing.is_set():
+            pass
+        if made.error is not None:
+            raise made.error
+        return not made.ended.is_set()
+
+    def release(self) -> None:
+        """Ends a jog at once, and returns when the arm is at rest."""
+        with self._lock:
+            if self._jog is not None:
+                self._end(self._jog)
+
+    def _end(self, jog: _Jog) -> None:
+        jog.token.let_go()
+        if not jog.ended.wait(ENDED_WITHIN_S):
+            raise RigError(ErrorCode.RIG_BUSY, "The arm is not at rest yet")
+
+    def _drive(self, jog: _Jog) -> None:
+        """Follows certified steps in the runner's thread as long as the button is held."""
+        access, token, outcome = self._access, jog.token, "released"
+        try:
+            while not token.is_set() and not access.closing.is_set():
+                if not access.is_current(token):
+                    outcome = "another request came first"
+                    break
+                access.refuse_held()
+                access.require_clear()
+                here = self._present_joints()
+                known = (self._rig.cell, self._calibration)
+                path: JointPath = self._compute.run(token, "jog_step", here, jog.motion, *known)
+                access.require_clear()
+                jog.moving = True
+                self._rig.arm.move(path.path, take.motion_limits(self._rig.cell, path.speeds), token)
+                if jog.once:
+                    outcome = "one step"
+                    break
+        except Halted:
+            outcome = "halted" if token.halted else "released"
+        except RigError as error:
+            if jog.moving:
+                self._rig.halt()
+            outcome = "halted" if token.halted else str(error)
+            jog.error = None if token.halted else error
+        finally:
+            jog.ended.set()
+        if jog.moving:
+            self._store.journal.record_action(None, "jog", jog.actor, outcome)
+            body = {"outcome": outcome, "by": jog.actor, "joints": list(self._rig.arm.reading.joints)}
+            self._store.journal.announce(None, "rig.jogged", body)
+
+    def _present_joints(self) -> tuple[float, ...]:
+        reading = self._rig.arm.reading
+        if not reading.connected:
+            raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"Where the arm stands is unknown: {reading.lost}")
+        return reading.joints

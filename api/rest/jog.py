@@ -1,0 +1,90 @@
+"""Routes of jogging: a person moves the arm while a button is held, in certified steps with a dead-man.
+
+The page sends a request when the button is pressed and again every 0.1 s or so while it is held, all with the same
+`hold`; when they cease, the arm decelerates. Everything else about it is the runner's (`runner.operator_moves`).
+"""
+
+from functools import partial
+
+import anyio.to_thread
+from fastapi import APIRouter
+from pydantic import Field
+
+from acquisition.models.errors import ErrorCode
+from acquisition.models.jog import JogMotion
+from acquisition.runner.operator_moves import HOLD_S
+from api.rest import problems
+from api.rest.dependencies import Actor, ServiceOf
+from api.rest.schemas import Links, Resource
+
+router = APIRouter(tags=["rig"])
+
+_LINKS = {"release": "/v1/rig/jog/release", "stop": "/v1/rig/stop", "rig": "/v1/rig", "events": "/v1/events"}
+
+
+class JogRequest(JogMotion):
+    """A press of a jog button, or its renewal: one joint, or one axis along which the tool is moved."""
+
+    hold: str = Field(
+        min_length=8,
+        max_length=64,
+        pattern=r"^[A-Za-z0-9_-]+$",
+        description="Names this press, the same in all its renewals, new for each press (a UUID, say); when its motion "
+        "has ended, for whatever reason, it is refused",
+    )
+    once: bool = Field(default=False, description="End after one step, however long the button is held")
+
+    @property
+    def motion(self) -> JogMotion:
+        """The motion that is asked for."""
+        return JogMotion.model_validate({name: getattr(self, name) for name in JogMotion.model_fields})
+
+
+class JogResource(Resource):
+    """What a jog does; the event `rig.jogged` tells its end."""
+
+    moving: bool = Field(description="Whether the arm moves; false while it is made ready, and after a release")
+    hold_s: float = Field(description="How long the arm goes on without a renewal, s")
+    links: Links = Field(description="Addresses: `release`, `stop`, `rig`, `events`")
+
+
+@router.post(
+    "/v1/rig/jog",
+    status_code=202,
+    responses=problems.responses_of(
+        *problems.BODY_CODES,
+        ErrorCode.RIG_BUSY,
+        ErrorCode.ARM_JOG_ENDED,
+        ErrorCode.RIG_NOT_READY,
+        ErrorCode.SAFETY_NOT_ACKNOWLEDGED,
+        ErrorCode.WAYPOINTS_COLLISION,
+        ErrorCode.WAYPOINTS_UNREACHABLE,
+        ErrorCode.SESSION_STEP_FAILED,
+        ErrorCode.ARM_UNREACHABLE,
+        ErrorCode.ARM_IN_USE,
+        ErrorCode.ARM_NOT_READY,
+        ErrorCode.ARM_PREFLIGHT,
+        ErrorCode.ARM_MOVE_FAILED,
+        ErrorCode.ARM_PROTECTIVE_STOP,
+        ErrorCode.ARM_EMERGENCY_STOP,
+        ErrorCode.CAMERA_UNREACHABLE,
+        ErrorCode.DEVICE_DISCONNECTED,
+        ErrorCode.DRIVER_LOST,
+    ),
+)
+async def jog(service: ServiceOf, actor: Actor, request: JogRequest) -> JogResource:
+    """Moves a joint, or the tool along an axis, slowly while requests with the same `hold` keep arriving.
+
+    Each step is checked for collisions and limits like any path, and the arm stops before what is in its way. Without a
+    renewal for `hold_s` it decelerates. No session may hold the rig, and the queue must not run.
+    """
+    move = partial(service.runner.moves.jog, request.hold, request.motion, actor, once=request.once)
+    moving = await anyio.to_thread.run_sync(move, limiter=service.limits.jog)
+    return JogResource(moving=moving, hold_s=HOLD_S, links=_LINKS)
+
+
+@router.post("/v1/rig/jog/release", status_code=202, responses=problems.responses_of(ErrorCode.RIG_BUSY))
+async def release_jog(service: ServiceOf) -> JogResource:
+    """Ends a jog at once, as when the button is let go; answers when the arm is at rest. Harmless without one."""
+    await anyio.to_thread.run_sync(service.runner.moves.release, limiter=service.limits.stop)
+    return JogResource(moving=False, hold_s=HOLD_S, links=_LINKS)
