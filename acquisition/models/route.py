@@ -50,8 +50,8 @@ class Refusal(Value):
     reason: Literal[
         "too-far", "joint-limit", "self-collision", "hits-table", "hits-object", "hits-camera", "hits-obstacle",
         "blocks-view", "shadows-object", "not-connected",
-    ]  # fmt: skip
-    detail: str
+    ] = Field(description="For programs")  # fmt: skip
+    detail: str = Field(description="For people, one sentence")
 
 
 class Reach(Protocol):

@@ -22,13 +22,14 @@ EARLIER_SESSIONS = 5
 LOOKED_AT = 50
 """Completed sessions among which those of this cell are looked for."""
 
-ASSUMED_S: dict[str, float] = {"lights": 8.0, "waypoints": 3.0, "images": 3.0, "normals": 10.0}
-"""Times assumed of one unit of each kind of work without any measurement, s: the demonstration's on two cores."""
+ASSUMED_S: dict[str, float] = {"pilot": 5.0, "plan": 4.0, "waypoints": 1.0, "images": 3.0, "normals": 5.0}
+"""Times assumed of one unit of each kind of work without any measurement, s: the demonstration's on two cores, whose
+first lights wait for the compute process."""
 
 ASSUMED_STOP_S = 0.3
 """Time assumed of an image beside its move, settling and lamp, s: exposure, readout, checks."""
 
-_WORK_OF_STAGE = {Stage.PILOT: "lights", Stage.PLAN: "lights", Stage.WAYPOINTS: "waypoints", Stage.NORMALS: "normals"}
+_WORK_OF_STAGE = {stage: str(stage) for stage in (Stage.PILOT, Stage.PLAN, Stage.WAYPOINTS, Stage.NORMALS)}
 _EVENTS = ("session.stage", "session.state", "shot.captured")
 _PASS_EXTRAS = 1
 """Units of capture work of a pass beside its lights: the way home with the lamp-off frames."""
@@ -122,12 +123,12 @@ def work_left(record: SessionRecord) -> _Work:
         if current.plan is not None and not current.plan.lights:
             break
         if ordered and current.plan is None and number > 0:
-            work.add("lights")
+            work.add("plan")
             work.at_least = True
             break
         lights = _planned(record, number) if current.plan is None else len(current.plan.lights)
         left = lights - len(current.shots)
-        work.add("lights", int(current.plan is None))
+        work.add("plan" if number or recipe.method != "optimal" else "pilot", int(current.plan is None))
         work.add("waypoints", int(left > 0 and current.route is None))
         repeats = int(number == 0)  # the first image, at the end of the first pass
         done = left == 0 and bool(current.darks)

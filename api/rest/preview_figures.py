@@ -25,6 +25,9 @@ DARK_SIGMAS = 3.0
 """A pixel counts as black within so many standard deviations of the read noise above the black level: no measurable
 light."""
 
+FILTER_PX = 8
+"""Reach of the filters of the sharpness, px: four times the wider one's σ."""
+
 MAX_SIDE_PX = 640
 """Longest side of the clipping overlay, px; a cell of it is marked where any of its pixels is clipped."""
 
@@ -69,6 +72,7 @@ def measured(
     histogram, _ = np.histogram(values, bins=BINS, range=(0, 2**sensor.bits))
     bright = float(np.percentile(values, check.BRIGHT_PERCENTILE))
     height, width = pixels.shape
+    box = _box_around(area)
     return PreviewFigures(
         frame=frame,
         taken_at=taken_at,
@@ -82,7 +86,7 @@ def measured(
         saturated=float(np.mean(_is_saturated(values, sensor))),
         black=float(np.mean(_is_black(values, sensor))),
         bright_level=(bright - sensor.black_level_dn) / sensor.full_scale_dn,
-        focus=check.sharpness(pixels, area, sensor),
+        focus=check.sharpness(pixels[box], area[box], sensor),
     )
 
 
@@ -93,6 +97,13 @@ def clipping_overlay(pixels: Pixels, sensor: SensorModel) -> bytes:
     overlay[_any_in_cells(_is_black(pixels, sensor), step)] = BLUE
     overlay[_any_in_cells(_is_saturated(pixels, sensor), step)] = RED
     return cv2.imencode(".png", overlay)[1].tobytes()
+
+
+def _box_around(area: BoolArray) -> tuple[slice, slice]:
+    """Rows and columns that hold the area and what the sharpness' filters see of its surroundings."""
+    rows, columns = (np.flatnonzero(area.any(axis=axis)) for axis in (1, 0))
+    first = max(rows[0] - FILTER_PX, 0), max(columns[0] - FILTER_PX, 0)
+    return slice(first[0], rows[-1] + FILTER_PX + 1), slice(first[1], columns[-1] + FILTER_PX + 1)
 
 
 def _is_saturated(values: Pixels, sensor: SensorModel) -> BoolArray:

@@ -49,10 +49,10 @@ def record(*passes: PassRecord, state: State = State.RUNNING, session_id: str = 
 @pytest.mark.parametrize(
     ("passes", "left"),
     [
-        ((), {"lights": 2, "waypoints": 2, "images": 4 + 2 + 4 + 1, "normals": 2}),
-        ((PassRecord(plan=plan(4)),), {"lights": 1, "waypoints": 2, "images": 11, "normals": 2}),
+        ((), {"pilot": 1, "plan": 1, "waypoints": 2, "images": 4 + 2 + 4 + 1, "normals": 2}),
+        ((PassRecord(plan=plan(4)),), {"plan": 1, "waypoints": 2, "images": 11, "normals": 2}),
         ((PassRecord(plan=plan(4), route=route(4), shots={0: shot(0)}),),
-         {"lights": 1, "waypoints": 1, "images": 10, "normals": 2}),
+         {"plan": 1, "waypoints": 1, "images": 10, "normals": 2}),
         ((PassRecord(plan=plan(4), solved=True), PassRecord(plan=plan(4), route=route(4), shots={0: shot(0, 1)})),
          {"images": 4, "normals": 1}),
         ((PassRecord(solved=True), PassRecord(solved=True)), {}),
@@ -69,7 +69,7 @@ def test_work_left_of_ordered_accuracy_is_at_least() -> None:
     ended = work_left(record(known, PassRecord(plan=plan(0)), target_sigma_deg=0.5))
 
     assert running.at_least
-    assert running.units == {"lights": 1}
+    assert running.units == {"plan": 1}
     assert not ended.at_least
     assert ended.units == {}
 
@@ -92,7 +92,7 @@ def test_measured_leaves_out_what_a_pause_interrupted() -> None:
         event(70, "session.state", state="paused"), event(90, "session.stage", stage="waypoints"),
     ])  # fmt: skip
 
-    assert durations == {"lights": [3], "waypoints": [2], "images": [2, 3, 4], "normals": [7]}
+    assert durations == {"pilot": [3], "waypoints": [2], "images": [2, 3, 4], "normals": [7]}
 
 
 @pytest.fixture
@@ -119,18 +119,18 @@ def made(store: Store, stages: dict[str, float]) -> str:
 
 def test_estimate_prefers_own_times_to_earlier_to_assumed(store: Store) -> None:
     estimator = ProgressEstimator(store, CELL)
-    earlier = made(store, {"pilot": 20.0, "normals": 40.0})
+    earlier = made(store, {"plan": 20.0, "normals": 40.0})
     store.journal.trigger(earlier, Trigger.FINISH, "runner")
-    own = made(store, {"pilot": 2.0})
+    own = made(store, {"plan": 2.0})
     known = PassRecord(plan=plan(4), route=route(4))
 
     left = estimator.estimate(record(known, session_id=own), Stage.CAPTURE).time_left
 
     assert left is not None
     parts = {part.work: part for part in left.parts}
-    assert (parts["lights"].rests_on, parts["normals"].rests_on) == ("this-session", "earlier-sessions")
+    assert (parts["plan"].rests_on, parts["normals"].rests_on) == ("this-session", "earlier-sessions")
     assert (parts["images"].rests_on, parts["waypoints"].rests_on) == ("route", "assumed")
-    assert parts["lights"].seconds == pytest.approx(2.0)
+    assert parts["plan"].seconds == pytest.approx(2.0)
     assert parts["normals"].seconds == pytest.approx(2 * 40.0)
     assert parts["waypoints"].seconds == ASSUMED_S["waypoints"]
     assert parts["images"].seconds > parts["images"].count * 2.0  # longer than the moves alone
