@@ -12,8 +12,11 @@ const shaders = join(root, "src/renderers/shaders");
 
 /** Shaders of the materials in use: lines, points, sprites, matt surfaces. */
 const USED = ["linedashed", "meshbasic", "meshlambert", "points", "sprite"];
+/** Parts of those that need what the view has not (each is within an #ifdef of it): shadows, fog, textures, skins, … */
+const SPARED =
+  /^(shadowmap|lightprobes|morph|skin|envmap|bumpmap|normalmap|displacementmap|lightmap|aomap|emissivemap|fog|logdepthbuf|clipping_planes|batching)/;
 /** Shaders that the renderer itself takes, without an include. */
-const DIRECT = ["tonemapping_pars_fragment", "colorspace_pars_fragment"];
+const DIRECT = ["colorspace_pars_fragment"];
 /** Modules of devices and effects that the view has not: virtual reality, environment maps. */
 const ABSENT = {
   "WebXRManager.js": `import { EventDispatcher } from "../../core/EventDispatcher.js";
@@ -23,6 +26,9 @@ const ABSENT = {
       getDepthSensingMesh() { return null; } hasDepthSensing() { return false; } setAnimationLoop() {} dispose() {}
       updateCamera() {} getFoveation() {} setFoveation() {}
     }`,
+  "WebGLShadowMap.js": `export function WebGLShadowMap() {
+    Object.assign(this, { enabled: false, autoUpdate: true, needsUpdate: false, type: 1, render() {} });
+  }`,
   "PMREMGenerator.js": "export class PMREMGenerator { fromEquirectangular() {} fromCubemap() {} dispose() {} }",
 };
 
@@ -30,7 +36,7 @@ export const threeReduction = {
   name: "three-reduction",
   setup(build) {
     build.onResolve({ filter: /^three$/ }, () => ({ path: join(root, "src/Three.js"), sideEffects: false }));
-    build.onLoad({ filter: /(WebXRManager|PMREMGenerator)\.js$/ }, ({ path }) => ({
+    build.onLoad({ filter: /(WebXRManager|WebGLShadowMap|PMREMGenerator)\.js$/ }, ({ path }) => ({
       contents: ABSENT[basename(path)],
       resolveDir: dirname(path),
     }));
@@ -38,7 +44,7 @@ export const threeReduction = {
     build.onLoad({ filter: /\.glsl\.js$/ }, async ({ path }) => {
       const name = basename(path, ".glsl.js");
       const text = await readFile(path, "utf8");
-      const used = (await kept).has(name);
+      const used = (await kept).has(name) && !SPARED.test(name);
       const reduced = text.replace(/`([^`]*)`/g, (_, glsl) => JSON.stringify(used ? tight(glsl) : ""));
       return { contents: reduced };
     });

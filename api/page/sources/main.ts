@@ -8,6 +8,7 @@ import { saidOf } from "./parts/problem";
 import "./screens/calibration-screen";
 import "./screens/cell-screen";
 import "./screens/preview-screen";
+import "./screens/queue-screen";
 import "./screens/rig-screen";
 import "./screens/session-screen";
 import "./screens/sessions-screen";
@@ -15,7 +16,7 @@ import "./screens/sign-in";
 import "./screens/start-screen";
 import { t, type Word } from "./words/language";
 
-const SCREENS = ["start", "session", "cell", "preview", "sessions", "rig", "calibration"] as const;
+const SCREENS = ["start", "session", "cell", "preview", "sessions", "queue", "rig", "calibration"] as const;
 type Screen = (typeof SCREENS)[number];
 
 @customElement("operators-page")
@@ -89,6 +90,8 @@ export class OperatorsPage extends PageElement {
         return html`<preview-screen .identity=${id ?? null}></preview-screen>`;
       case "sessions":
         return html`<sessions-screen></sessions-screen>`;
+      case "queue":
+        return html`<queue-screen></queue-screen>`;
       case "rig":
         return html`<rig-screen></rig-screen>`;
       case "calibration":

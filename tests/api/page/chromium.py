@@ -1,6 +1,7 @@
 """Debian's Chromium, driven by playwright: its flags, and a page that keeps what the console says."""
 
 import shutil
+import time
 from dataclasses import dataclass, field
 
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, Playwright
@@ -55,3 +56,11 @@ def open_page(context: BrowserContext, console: Console, address: str, key: str 
         page.get_by_role("button", name="Sign in").click()
     page.locator("#connection[data-stale=false]").wait_for()
     return page
+
+
+def until(page: Page, condition: str, within_s: float = 60.0) -> None:
+    """Waits until an expression is true in a page: its policy forbids playwright's own way, which needs `eval`."""
+    deadline = time.monotonic() + within_s
+    while not page.evaluate(condition):
+        assert time.monotonic() < deadline, condition
+        page.wait_for_timeout(50)

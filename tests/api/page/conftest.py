@@ -4,9 +4,13 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from pathlib import Path
 
+import httpx
+import numpy as np
+import numpy.typing as npt
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
 
+from acquisition.session import State
 from api import Client
 from api.rest import keys
 from api.rest.keys import Role
@@ -32,6 +36,21 @@ class Lab:
     def url(self) -> str:
         """The service's address."""
         return self.service.url
+
+    def resume_if_interrupted(self, session_id: str) -> None:
+        """Resumes a session that the controller's watchdog has interrupted, as a busy machine makes it do."""
+        if self.client.session(session_id).state is State.INTERRUPTED:
+            self.client.resume(session_id)
+
+    def joints(self) -> npt.NDArray[np.float64]:
+        """The arm's joints, rad; not numbers while the service has no reading of it."""
+        reading = self.client.rig().reading
+        return np.array(reading.joints) if reading is not None else np.full(6, np.nan)
+
+    def get(self, address: str) -> httpx.Response:
+        """An answer of the service to an admin."""
+        authorization = {"Authorization": f"Bearer {self.secrets[Role.ADMIN]}"}
+        return httpx.get(self.url + address, headers=authorization, timeout=60)
 
 
 @pytest.fixture(scope="session")

@@ -4,7 +4,7 @@ import { customElement } from "lit/decorators.js";
 import { live, LiveController } from "../connection/live";
 import { storeKey } from "../connection/credentials";
 import { PageElement } from "../parts/element";
-import { choose, duration, language, percent, t, type Word } from "../words/language";
+import { choose, clock, duration, language, percent, t, type Word } from "../words/language";
 import "./safety-notice";
 import "./stop-button";
 
@@ -40,7 +40,7 @@ export class AppBar extends PageElement {
               ${
                 live.stream.heardAt === 0
                   ? t("bar.never_connected")
-                  : t("bar.stale", { time: new Date(live.stream.heardAt).toLocaleTimeString(language()) })
+                  : t("bar.stale", { time: clock(live.stream.heardAt) })
               }
             </p>`
           : nothing
@@ -55,7 +55,7 @@ export class AppBar extends PageElement {
       if (rig.faults.length) return t("bar.stopped");
       return rig.may_start ? t("bar.free") : t("bar.not_ready");
     }
-    const name = holder.recipe.label || `${t("session")} ${holder.number}`;
+    const name = holder.label || `${t("session")} ${holder.number}`;
     const words = [`${name}: ${t(`state.${holder.state}` as Word)}`];
     if (holder.state === "running") {
       words.push(t(`stage.${holder.stage}` as Word), percent(holder.progress));

@@ -1,6 +1,7 @@
 /** Actions of a session; what fails is shown on whatever screen is open then. */
 import { live } from "./live";
-import { post } from "./requests";
+import { post, send } from "./requests";
+import type { Session } from "./schemas";
 
 /** Start and resume connect to the devices and check them first, ms. */
 const DEVICES_TIMEOUT_MS = 60_000;
@@ -14,4 +15,15 @@ export async function act(id: string, action: string, more: Record<string, unkno
   }
   live.refreshSession(id);
   live.refreshRig();
+}
+
+/** Changes a session's label, notes or answer. */
+export async function edit(id: string, change: { label?: string; notes?: string; answer?: number }): Promise<void> {
+  try {
+    const answer = await send("PATCH", `/v1/sessions/${id}`, { body: change });
+    live.learn((await answer.json()) as Session);
+    live.fail(null);
+  } catch (error) {
+    live.fail(error);
+  }
 }

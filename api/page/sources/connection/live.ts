@@ -184,6 +184,14 @@ class Live extends EventTarget {
 
 export const live = new Live();
 
+declare global {
+  interface Window {
+    /** What the page knows, for whoever looks into it by the browser's console, and for tests. */
+    lightpose: Live;
+  }
+}
+window.lightpose = live;
+
 /** Draws its element again when what the page knows changes; with `tick`, twice a second too. */
 export class LiveController implements ReactiveController {
   private readonly update = (): void => this.host.requestUpdate();

@@ -16,6 +16,8 @@ export type Shot = Schemas["Shot"];
 export type Result = Schemas["ResultResource"];
 export type Action = Schemas["ActionResource"];
 export type DryRun = Schemas["DryRunResource"];
+export type Queue = Schemas["QueueResource"];
+export type QueueEntry = Schemas["QueueEntryResource"];
 export type Vector3 = readonly [number, number, number];
 
 /** A list as the API pages it. */

@@ -161,7 +161,7 @@ export class CellView {
     box.min.z = Math.max(box.min.z, -0.1);
     const ball = box.getBoundingSphere(new Sphere());
     const narrow = Math.min(1, this.camera.aspect);
-    const away = (0.86 * ball.radius) / Math.sin((this.camera.fov * Math.PI) / 360) / narrow;
+    const away = (0.72 * ball.radius) / Math.sin((this.camera.fov * Math.PI) / 360) / narrow;
     this.orbit.look(ball.center.clone().addScaledVector(new Vector3(0.45, -0.78, 0.42).normalize(), away), ball.center);
   }
 
@@ -230,7 +230,7 @@ export class CellView {
     const sheet = document.createElement("canvas");
     sheet.width = sheet.height = 64;
     const ink = sheet.getContext("2d")!;
-    ink.font = "bold 40px system-ui, sans-serif";
+    ink.font = "bold 36px system-ui, sans-serif";
     ink.textAlign = "center";
     ink.lineWidth = 8;
     ink.strokeStyle = this.palette.paper;

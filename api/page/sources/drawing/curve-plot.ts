@@ -36,20 +36,22 @@ export class CurvePlot extends PageElement {
     return html`<div class="curve" role="img" aria-label=${`${this.yLabel}, ${this.xLabel}`}></div>
       ${
         this.x.length <= 100
-          ? html`<table class="unseen">
-              <caption>
-                ${this.yLabel}
-              </caption>
-              <tbody>
-                ${this.x.map(
-                  (value, index) =>
-                    html`<tr>
-                      <th scope="row">${number(value, 0)}</th>
-                      <td>${number(this.y[index], 2)}</td>
-                    </tr>`,
-                )}
-              </tbody>
-            </table>`
+          ? html`<div class="unseen">
+              <table>
+                <caption>
+                  ${this.yLabel}
+                </caption>
+                <tbody>
+                  ${this.x.map(
+                    (value, index) =>
+                      html`<tr>
+                        <th scope="row">${number(value, 0)}</th>
+                        <td>${number(this.y[index], 2)}</td>
+                      </tr>`,
+                  )}
+                </tbody>
+              </table>
+            </div>`
           : ""
       }`;
   }

@@ -81,7 +81,7 @@ export class CellScreen extends PageElement {
         const taken = new Set(pass.shots.map(({ shot }) => shot.light_number));
         return pass.plan.lights.map((light, index) => ({
           position: light.position,
-          label: String(index + 1),
+          label: pass.plan.method === "pilot" ? `P${index + 1}` : String(index + 1),
           taken: taken.has(index),
         }));
       });

@@ -62,7 +62,7 @@ export class PlanReview extends PageElement {
     }
   }
 
-  private show(pass: Pass): void {
+  private show(pass: Pass, forecast = true): void {
     this.pass = pass;
     this.lights = pass.plan.lights.map((light) => [...light.position] as unknown as Vector3);
     this.changed = false;
@@ -76,7 +76,7 @@ export class PlanReview extends PageElement {
       },
       (error) => (this.forecastFailed = error),
     );
-    if (this.editable(pass)) this.ask();
+    if (forecast && this.editable(pass)) this.ask();
   }
 
   private editable(pass: Pass): boolean {
@@ -169,7 +169,7 @@ export class PlanReview extends PageElement {
           type="button"
           class="primary"
           id="accept-plan"
-          ?disabled=${this.saving}
+          ?disabled=${this.saving || this.lights.some((_, index) => this.refusal(index) !== null)}
           @click=${() => void this.accept()}
         >
           ${t(this.changed ? "plan.accept_changed" : "plan.accept")}
@@ -269,7 +269,7 @@ export class PlanReview extends PageElement {
       if (this.changed) {
         const address = `/v1/sessions/${this.session.id}/passes/${this.pass!.number}/plan`;
         const answer = await send("PUT", address, { body: { lights: this.lights }, timeoutMs: 120_000 });
-        this.show((await answer.json()) as Pass);
+        this.show((await answer.json()) as Pass, false);
       }
       await act(this.session.id, "resume");
     } catch (error) {

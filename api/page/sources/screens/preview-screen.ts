@@ -32,6 +32,8 @@ export class PreviewScreen extends PageElement {
   @state() private sessions: Session[] = [];
   @state() private saved: string | null = null;
   @state() private images = 0;
+  @state() private clipping = false;
+  private overlay: ImageBitmap | null = null;
   private drawing: RegionDrawing | null = null;
   private picture: ImageBitmap | null = null;
   private cursor: Point | null = null;
@@ -88,6 +90,10 @@ export class PreviewScreen extends PageElement {
       if (document.visibilityState === "visible") {
         try {
           const next = await createImageBitmap(await fetchBlob("/v1/rig/preview.jpg", 10_000));
+          this.overlay?.close();
+          this.overlay = this.clipping
+            ? await createImageBitmap(await fetchBlob("/v1/rig/preview/clipping.png", 10_000))
+            : null;
           this.picture?.close();
           this.picture = next;
           this.refused = null;
@@ -121,7 +127,10 @@ export class PreviewScreen extends PageElement {
           <figcaption>${t(live.rig?.holder ? "preview.last_frame" : "preview.live")}</figcaption>
         </figure>
         <div>
-          <preview-figures></preview-figures>
+          <preview-figures
+            .clipping=${this.clipping}
+            @clipping=${(event: CustomEvent<boolean>) => (this.clipping = event.detail)}
+          ></preview-figures>
           ${live.mayOperate ? this.region() : nothing}
         </div>
       </div>`;
@@ -145,7 +154,7 @@ export class PreviewScreen extends PageElement {
                   ${this.sessions.map(
                     (session) =>
                       html`<option value=${session.id} ?selected=${session.id === this.chosen}>
-                        ${session.recipe.label || `${t("session")} ${session.number}`}
+                        ${session.label || `${t("session")} ${session.number}`}
                       </option>`,
                   )}
                 </select></label
@@ -244,6 +253,10 @@ export class PreviewScreen extends PageElement {
     if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
     const ink = canvas.getContext("2d")!;
     ink.drawImage(this.picture, 0, 0);
+    if (this.overlay) {
+      ink.imageSmoothingEnabled = false;
+      ink.drawImage(this.overlay, 0, 0, width, height);
+    }
     const colour = getComputedStyle(this).getPropertyValue("--accent") || "#2a7";
     this.drawing?.show(ink, width / this.drawing.width, colour, this.tool === "polygon" ? this.cursor : null);
   }

@@ -35,7 +35,7 @@ export class ResultComparison extends PageElement {
           ${this.sessions.map(
             (session) =>
               html`<option value=${session.answer!.links["self"]!}>
-                ${session.recipe.label || `${t("session")} ${session.number}`}
+                ${session.label || `${t("session")} ${session.number}`}
               </option>`,
           )}
         </select></label

@@ -1,8 +1,9 @@
 /** A session's results: figures and findings in words, maps, movable light, profile, comparison, downloads. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
+import { edit } from "../connection/actions";
 import { live, LiveController } from "../connection/live";
-import { all, get, send } from "../connection/requests";
+import { all, get } from "../connection/requests";
 import type { Page, Result, Session } from "../connection/schemas";
 import { download, openInTab } from "../parts/downloads";
 import { PageElement } from "../parts/element";
@@ -91,21 +92,16 @@ export class ResultView extends PageElement {
       )}
       ${
         live.mayOperate && this.session.answer && shown.number !== this.session.answer.number
-          ? html`<button type="button" class="link" @click=${() => void this.answer(shown)}>
+          ? html`<button
+              type="button"
+              class="link"
+              @click=${() => void edit(this.session.id, { answer: shown.number })}
+            >
               ${t("result.choose")}
             </button>`
           : nothing
       }
     </div>`;
-  }
-
-  private async answer(result: Result): Promise<void> {
-    try {
-      await send("PATCH", `/v1/sessions/${this.session.id}`, { body: { answer: result.number } });
-      live.refreshSession(this.session.id);
-    } catch (error) {
-      live.fail(error);
-    }
   }
 
   private figures(result: Result) {

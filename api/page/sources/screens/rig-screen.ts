@@ -5,6 +5,7 @@ import { live, LiveController } from "../connection/live";
 import { post } from "../connection/requests";
 import type { Rig } from "../connection/schemas";
 import { PageElement } from "../parts/element";
+import "../parts/jog-pad";
 import { number, t, type Word } from "../words/language";
 import { problemTitle, remedyOf } from "../words/problems";
 
@@ -38,7 +39,8 @@ export class RigScreen extends PageElement {
             : nothing
         }
       </section>
-      ${live.mayOperate ? this.parkingCard(rig) : nothing} ${this.values(rig)} ${this.keys()}`;
+      ${live.mayOperate ? html`${this.parkingCard(rig)}<jog-pad></jog-pad>` : nothing} ${this.values(rig)}
+      ${this.keys()}`;
   }
 
   private check(name: Word, good: boolean, more: string) {

@@ -152,8 +152,12 @@ export class SessionProgress extends PageElement {
     const word = `event.${type}`;
     if (type === "session.state") return `${t(`state.${String(body["state"])}` as Word)} (${String(body["by"] ?? "")})`;
     if (type === "session.stage") return t(`stage.${String(body["stage"])}` as Word);
-    const numbered = body["number"] === undefined ? "" : ` ${Number(body["number"]) + 1}`;
+    if (type === "shot.captured") {
+      const light = t("progress.light", { number: Number(body["light_number"]) + 1 });
+      const what = { dark: t("progress.dark"), reference: t("progress.repeat") }[String(body["kind"])] ?? light;
+      return `${t("event.shot.captured")}: ${what}`;
+    }
     const reason = body["reason"] ?? body["detail"] ?? body["outcome"];
-    return `${tOr(word, type)}${type.startsWith("shot.") ? numbered : ""}${reason ? `: ${String(reason)}` : ""}`;
+    return `${tOr(word, type)}${reason ? `: ${String(reason)}` : ""}`;
   }
 }

@@ -1,7 +1,7 @@
 /** One session: what it does and may do, and its progress, plan or result. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
-import { act } from "../connection/actions";
+import { act, edit } from "../connection/actions";
 import { live, LiveController } from "../connection/live";
 import type { Session } from "../connection/schemas";
 import { PageElement } from "../parts/element";
@@ -20,6 +20,7 @@ export class SessionScreen extends PageElement {
   @property({ attribute: false }) chapter = "";
   @state() private asked: string | null = null;
   @state() private fromHere = false;
+  @state() private editing = false;
   protected readonly watching = new LiveController(this);
 
   override render() {
@@ -31,14 +32,14 @@ export class SessionScreen extends PageElement {
       return html`<h1>${t("screen.session")}</h1>
         <p role="status">${live.isMissing(this.identity) ? t("session.missing") : t("loading")}</p>`;
     return html`<div class="title">
-        <h1>${session.recipe.label || `${t("session")} ${session.number}`}</h1>
+        <h1>${session.label || `${t("session")} ${session.number}`}</h1>
         <span class=${`badge ${session.state}`} id="session-state" data-state=${session.state}
           >${t(`state.${session.state}` as Word)}</span
         >
         <small>${t("session")} ${session.number} · ${when(session.created)} · ${session.cell}</small>
       </div>
-      ${this.reason(session)} ${session.conclusion ? html`<p class="notice">${session.conclusion}</p>` : nothing}
-      ${this.actions(session)}
+      ${this.editing ? this.form(session) : this.notes(session)} ${this.reason(session)}
+      ${session.conclusion ? html`<p class="notice">${session.conclusion}</p>` : nothing} ${this.actions(session)}
       <nav class="tabs" aria-label=${t("session.parts")}>
         ${PARTS.map(
           (part) =>
@@ -50,6 +51,41 @@ export class SessionScreen extends PageElement {
         )}
       </nav>
       ${this.shown(session)}`;
+  }
+
+  private notes(session: Session) {
+    if (!live.mayOperate && !session.notes) return nothing;
+    return html`<p class="notes">
+      ${session.notes}
+      ${
+        live.mayOperate
+          ? html`<button type="button" class="link" @click=${() => (this.editing = true)}>${t("session.edit")}</button>`
+          : nothing
+      }
+    </p>`;
+  }
+
+  private form(session: Session) {
+    const save = async (event: Event): Promise<void> => {
+      event.preventDefault();
+      const given = new FormData(event.target as HTMLFormElement);
+      await edit(session.id, { label: String(given.get("label")), notes: String(given.get("notes")) });
+      this.editing = false;
+    };
+    return html`<form class="card" @submit=${(event: Event) => void save(event)}>
+      <div class="field">
+        <label for="edit-label">${t("recipe.label")}</label>
+        <input id="edit-label" name="label" maxlength="200" .value=${session.label} />
+      </div>
+      <div class="field">
+        <label for="edit-notes">${t("recipe.notes")}</label>
+        <textarea id="edit-notes" name="notes" rows="3" maxlength="10000" .value=${session.notes}></textarea>
+      </div>
+      <div class="actions">
+        <button class="primary">${t("session.save")}</button>
+        <button type="button" @click=${() => (this.editing = false)}>${t("cancel")}</button>
+      </div>
+    </form>`;
   }
 
   private shown(session: Session) {
@@ -65,7 +101,7 @@ export class SessionScreen extends PageElement {
     return html`<div class=${`notice ${toReview ? "" : "warning"}`} id="session-reason">
       <b>${problemTitle(reason.code, reason.title)}</b>
       <p>${reason.detail}. ${remedyOf(reason.code, reason.remedy)}</p>
-      ${toReview ? html`<a class="button" href=${`#/sessions/${session.id}/plan`}>${t("session.review")}</a>` : nothing}
+      ${toReview && this.chapter !== "plan" ? html`<a class="button" href=${`#/sessions/${session.id}/plan`}>${t("session.review")}</a>` : nothing}
     </div>`;
   }
 
@@ -78,7 +114,14 @@ export class SessionScreen extends PageElement {
               ><span>${percent(session.progress)}${more ? ` · ${duration(session.seconds_left)}` : ""}</span>`
           : nothing
       }
-      ${live.mayOperate ? session.allowed_actions.map((action) => this.action(session, action)) : nothing}
+      ${
+        live.mayOperate
+          ? session.allowed_actions
+              // A plan under review is accepted where its lights stand, or a change of them would be lost.
+              .filter((action) => action !== "resume" || session.reason?.code !== "plan.to_review")
+              .map((action) => this.action(session, action))
+          : nothing
+      }
       ${this.asked && session.allowed_actions.includes(this.asked) ? this.question(session, this.asked) : nothing}
     </div>`;
   }

@@ -33,9 +33,20 @@ export class SessionsScreen extends PageElement {
     live.removeEventListener("journal", this.journal);
   }
 
-  private async load(address = "/v1/sessions?limit=50", more = false): Promise<void> {
+  /** The list's address: the service filters, so that sessions far back are found too. */
+  private get address(): string {
+    const query = new URLSearchParams({ limit: "50" });
+    const { text, state: wanted, since } = this.wanted;
+    if (text) query.set("label", text);
+    if (wanted) query.set("state", wanted);
+    if (since) query.set("since", new Date(`${since}T00:00`).toISOString());
+    return `/v1/sessions?${query.toString()}`;
+  }
+
+  private async load(address = this.address, more = false): Promise<void> {
     try {
       const page = await get<Page<Session>>(address);
+      if (!more && address !== this.address) return; // the search has changed meanwhile
       this.items = more ? [...this.items, ...page.items] : page.items;
       this.next = page.next;
     } catch (error) {
@@ -61,7 +72,7 @@ export class SessionsScreen extends PageElement {
             </tr>
           </thead>
           <tbody>
-            ${this.shown().map((session) => this.row(session))}
+            ${this.items.map((session) => this.row(session))}
           </tbody>
         </table>
       </div>
@@ -76,6 +87,7 @@ export class SessionsScreen extends PageElement {
   private search() {
     const put = (name: "text" | "state" | "since") => (event: Event) => {
       this.wanted = { ...this.wanted, [name]: (event.target as HTMLInputElement).value };
+      void this.load();
     };
     return html`<form class="search" role="search" @submit=${(event: Event) => event.preventDefault()}>
       <label>${t("sessions.search")}<input type="search" .value=${this.wanted.text} @input=${put("text")} /></label>
@@ -89,24 +101,13 @@ export class SessionsScreen extends PageElement {
     </form>`;
   }
 
-  private shown(): Session[] {
-    const { text, state: wanted, since } = this.wanted;
-    const words = text.toLowerCase();
-    return this.items.filter(
-      (session) =>
-        (!words || `${session.recipe.label} ${session.recipe.notes} ${session.number}`.toLowerCase().includes(words)) &&
-        (!wanted || session.state === wanted) &&
-        (!since || session.created >= since),
-    );
-  }
-
   private row(session: Session) {
     const summary = session.answer?.summary;
     return html`<tr data-session=${session.id}>
       <td>${session.number}</td>
       <td>
         <a href=${`#/sessions/${session.id}${session.answer ? "/result" : ""}`}
-          >${session.recipe.label || `${t("session")} ${session.number}`}</a
+          >${session.label || `${t("session")} ${session.number}`}</a
         >
       </td>
       <td><span class=${`badge ${session.state}`}>${t(`state.${session.state}` as Word)}</span></td>

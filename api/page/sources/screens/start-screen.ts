@@ -4,6 +4,7 @@ import { customElement, state } from "lit/decorators.js";
 import { act } from "../connection/actions";
 import { live, LiveController } from "../connection/live";
 import { post, Refusal } from "../connection/requests";
+import { randomName } from "../connection/random-name";
 import { scene } from "../connection/scene";
 import type { DryRun, Session } from "../connection/schemas";
 import "../drawing/curve-plot";
@@ -16,6 +17,7 @@ import "../recipe/recipe-form";
 import type { Values } from "../recipe/recipe-form";
 import { recipeFields, type Field } from "../recipe/recipe-schema";
 import { duration, t } from "../words/language";
+import { remedyOf } from "../words/problems";
 
 /** Pause after the last change before the dry run, ms. */
 const SETTLED_MS = 500;
@@ -109,6 +111,9 @@ export class StartScreen extends PageElement {
           ${t("start.start")}
         </button>
         <button form="recipe" value="create" ?disabled=${this.starting}>${t("start.create")}</button>
+        <button form="recipe" value="queue" ?disabled=${this.starting || !this.values["label"]}>
+          ${t("start.queue")}
+        </button>
       </div>`;
   }
 
@@ -118,7 +123,7 @@ export class StartScreen extends PageElement {
     return html`<div class="notice warning">
       <b>${t("start.not_now")}</b>
       <ul>
-        ${rig.reasons.map((reason) => html`<li>${reason.detail}. ${reason.remedy}</li>`)}
+        ${rig.reasons.map((reason) => html`<li>${reason.detail}. ${remedyOf(reason.code, reason.remedy)}</li>`)}
       </ul>
     </div>`;
   }
@@ -217,23 +222,23 @@ export class StartScreen extends PageElement {
 
   private async submit(event: Event): Promise<void> {
     event.preventDefault();
-    const start = ((event as SubmitEvent).submitter as HTMLButtonElement | null)?.value !== "create";
+    const wish = ((event as SubmitEvent).submitter as HTMLButtonElement | null)?.value ?? "start";
     this.starting = true;
     this.failed = null;
     try {
       const headers = { "Idempotency-Key": randomName() };
+      if (wish === "queue") {
+        await post("/v1/queue/entries", { object_name: this.values["label"], recipe: this.recipe() }, { headers });
+        location.hash = "#/queue";
+        return;
+      }
       const session = await post<Session>("/v1/sessions", this.recipe(), { headers });
       live.learn(session);
       location.hash = `#/sessions/${session.id}`;
-      if (start) await act(session.id, "start");
+      if (wish === "start") await act(session.id, "start");
     } catch (error) {
       this.failed = error;
     }
     this.starting = false;
   }
-}
-
-/** 128 random bits; `crypto.randomUUID` is missing on pages without TLS. */
-function randomName(): string {
-  return Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
 }

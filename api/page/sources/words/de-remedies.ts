@@ -1,8 +1,6 @@
 /** Remedies in German; in English the service's own are shown. */
 export const REMEDIES: Record<string, string> = {
-  "session.action_not_allowed": "Eine der angebotenen Aktionen wählen.",
   "rig.busy": "Warten, bis die andere Sitzung endet, oder sie beenden.",
-  "rig.not_ready": "Unter „Anlage“ steht, was fehlt; beheben und erneut beginnen.",
   "rig.changed": "Zellendatei und Kalibrierung wiederherstellen, oder neu beginnen.",
   "arm.unreachable": "Strom, Kabel und die Adresse des Arms in der Zellendatei prüfen.",
   "arm.in_use": "Das andere Programm beenden, dann neu verbinden.",
@@ -11,8 +9,6 @@ export const REMEDIES: Record<string, string> = {
   "arm.emergency_stop": "Gefahr beseitigen, Knopf lösen, am Bediengerät einschalten, quittieren.",
   "arm.not_ready": "Ist er aus: am Bediengerät einschalten und Bremsen lösen; dann fortsetzen, das verbindet neu.",
   "arm.move_failed": "Zelle besichtigen; Fortsetzen plant von der jetzigen Stellung aus neu.",
-  "arm.elsewhere": "Zelle besichtigen; darf der Arm von hier aus fahren, beim Fortsetzen so angeben.",
-  "safety.not_acknowledged": "Zelle besichtigen, dann quittieren.",
   "safety.still_faulted": "Erst am Bediengerät beheben, dann quittieren.",
   "device.disconnected": "Kabel und Gerät prüfen, quittieren, fortsetzen.",
   "driver.lost": "Zelle besichtigen, quittieren, fortsetzen: das startet ihn neu.",
@@ -21,8 +17,6 @@ export const REMEDIES: Record<string, string> = {
   "camera.timeout": "Kamera prüfen, dann fortsetzen.",
   "capture.frame_rejected": "Lampe, Belichtung oder Aufbau berichtigen, dann fortsetzen.",
   "plan.infeasible": "Weniger Lichter verlangen, oder die Reichweite vergrößern.",
-  "plan.to_review": "Lichter ansehen, verschieben oder annehmen.",
-  "waypoints.unreachable": "Die genannten Lichter verschieben oder weglassen.",
   "waypoints.collision": "Den Arm von Hand freifahren, oder die genannten Lichter weglassen.",
   "normals.infeasible": "Mindestens drei brauchbare Lichter sind nötig.",
   "scene.moved": "Zurückstellen und fortsetzen, oder eine neue Sitzung beginnen.",
@@ -30,6 +24,4 @@ export const REMEDIES: Record<string, string> = {
   "service.restarted": "Zelle besichtigen, dann fortsetzen; vorher bewegt sich nichts.",
   "service.fault": "Protokoll aufheben und melden; die Daten der Sitzung sind sicher.",
   "request.invalid": "Die genannten Werte berichtigen.",
-  "request.forbidden": "Einen Schlüssel mit der nötigen Rolle verwenden.",
-  "request.unauthenticated": "Neu anmelden.",
 };

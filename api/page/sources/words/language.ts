@@ -7,6 +7,8 @@ export type Word = keyof typeof en;
 
 const NAME = "lightpose-language";
 const WORDS: Record<Language, Record<Word, string>> = { en, de };
+/** Numbers and times are written as in this region. */
+const REGION: Record<Language, string> = { en: "en-GB", de: "de-DE" };
 const listeners = new Set<() => void>();
 
 let chosen: Language = initial();
@@ -47,7 +49,7 @@ export function tOr(word: string, otherwise: string): string {
 
 export function number(value: number | null | undefined, digits = 2): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
-  return value.toLocaleString(chosen, { minimumFractionDigits: digits, maximumFractionDigits: digits });
+  return value.toLocaleString(REGION[chosen], { minimumFractionDigits: digits, maximumFractionDigits: digits });
 }
 
 export function degrees(value: number | null | undefined, digits = 2): string {
@@ -55,7 +57,7 @@ export function degrees(value: number | null | undefined, digits = 2): string {
 }
 
 export function percent(share: number, digits = 0): string {
-  return share.toLocaleString(chosen, {
+  return share.toLocaleString(REGION[chosen], {
     style: "percent",
     minimumFractionDigits: digits,
     maximumFractionDigits: digits,
@@ -63,11 +65,11 @@ export function percent(share: number, digits = 0): string {
 }
 
 export function when(time: string | null | undefined): string {
-  return time ? new Date(time).toLocaleString(chosen, { dateStyle: "medium", timeStyle: "short" }) : "–";
+  return time ? new Date(time).toLocaleString(REGION[chosen], { dateStyle: "medium", timeStyle: "short" }) : "–";
 }
 
-export function clock(time: string): string {
-  return new Date(time).toLocaleTimeString(chosen);
+export function clock(time: string | number): string {
+  return new Date(time).toLocaleTimeString(REGION[chosen]);
 }
 
 /** A duration in words: "40 s", "12 min". */

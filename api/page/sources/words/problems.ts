@@ -6,7 +6,8 @@ export function problemTitle(code: string, title = code): string {
   return tOr(`problem.${code}`, title);
 }
 
-/** The remedy as the service gives it (English), or this page's translation. */
+/** What to do: on this page, where that differs from a script's way; else as the service says, or translated. */
 export function remedyOf(code: string, remedy: string): string {
-  return language() === "en" ? remedy : (REMEDIES[code] ?? remedy);
+  const own = tOr(`remedy.${code}`, "");
+  return own || (language() === "en" ? remedy : (REMEDIES[code] ?? remedy));
 }

@@ -1,0 +1,147 @@
+"""The screens of cell, camera and sessions: pixels, the arm's motion, a region that is drawn."""
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from acquisition.models.recipe import Recipe
+from api.rest.keys import Role
+from hardware_sim.controller.control import ControlClient
+from tests.api.page.conftest import Lab
+from tests.api.page.pictures import contrast, pixels
+from tests.end_to_end.processes import rests_after
+
+pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
+
+
+def frames(page: Page) -> int:
+    """Pictures of the cell drawn so far."""
+    return int(page.locator("#cell").get_attribute("data-frames") or 0)
+
+
+def test_page_cell_follows_moving_arm(opened: Callable[..., Page], lab: Lab) -> None:
+    page = opened(Role.OPERATOR, "#/cell")
+    page.locator("#cell[data-frames]").wait_for()
+    canvas = page.locator("#cell canvas")
+    at_home = pixels(canvas).astype(float)
+    assert contrast(canvas) > 5
+    page.wait_for_timeout(1_000)
+    still = frames(page)
+    page.wait_for_timeout(1_000)
+    assert frames(page) - still <= 2  # an arm at rest is not drawn again
+    session = lab.client.create(Recipe(pilot_lights=3, planned_lights=0))
+    lab.client.start(session.id)
+    before, home = frames(page), lab.joints()
+    while np.abs(lab.joints() - home).max() < 0.5 or frames(page) < before + 10:
+        lab.resume_if_interrupted(session.id)
+        page.wait_for_timeout(100)
+    assert np.mean(np.abs(pixels(canvas).astype(float) - at_home) > 20) > 0.002  # the arm stands elsewhere
+    lab.client.stop(session.id)
+    lab.client.wait(session.id)
+    stopped = pixels(canvas).astype(float)
+    page.locator("#cell").focus()
+    for _ in range(5):
+        page.keyboard.press("ArrowLeft")
+    page.wait_for_timeout(500)
+    assert np.abs(pixels(canvas).astype(float) - stopped).mean() > 1
+    with page.expect_download() as downloading:
+        page.get_by_role("button", name="Save the picture").click()
+    assert downloading.value.suggested_filename == "cell.png"
+
+
+def test_page_region_drawn_by_polygon_is_saved(opened: Callable[..., Page], lab: Lab) -> None:
+    session = lab.client.create(Recipe(label="with a region"))
+    page = opened(Role.OPERATOR, f"#/preview/{session.id}")
+    page.locator("#preview:not([data-images='0'])").wait_for()
+    page.get_by_role("button", name="Polygon", exact=True).click()
+    page.locator("#preview").scroll_into_view_if_needed()
+    box = page.locator("#preview").bounding_box()
+    assert box is not None
+    for x, y in ((0.25, 0.25), (0.75, 0.25), (0.75, 0.5), (0.25, 0.5)):
+        page.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
+    page.get_by_role("button", name="Save the region").click()
+    expect(page.get_by_text("Saved:")).to_be_visible()
+    answer = lab.get(f"/v1/sessions/{session.id}/region.png")
+    mask = cv2.imdecode(np.frombuffer(answer.content, np.uint8), cv2.IMREAD_GRAYSCALE)
+    assert mask is not None
+    assert mask.shape == (128, 128)
+    assert np.mean(mask[34:62, 34:94] > 127) > 0.97
+    assert np.mean(mask > 127) == pytest.approx(0.125, abs=0.02)
+
+
+def test_page_sessions_are_found_and_deleted(opened: Callable[..., Page], lab: Lab) -> None:
+    for label in ("vase A", "vase B", "coin"):
+        lab.client.create(Recipe(label=label))
+    page = opened(Role.ADMIN, "#/sessions")
+    page.get_by_label("Search").fill("vase")
+    expect(page.locator("tbody tr")).to_have_count(2)
+    row = page.locator("tbody tr", has_text="vase B")
+    row.get_by_role("button", name="Delete").click()
+    row.get_by_role("button", name="Delete").click()
+    expect(page.locator("tbody tr")).to_have_count(1)
+    assert "vase B" not in {session.recipe.label for session in lab.client.sessions()}
+
+
+def test_page_queue_takes_orders_and_removes_entries(opened: Callable[..., Page], lab: Lab) -> None:
+    page = opened(Role.OPERATOR, "#/start")
+    for label in ("coin", "vase"):
+        page.goto(f"{lab.url}/#/start")
+        page.get_by_label("Label").fill(label)
+        page.get_by_role("button", name="Add to the queue").click()
+        expect(page.locator("tbody tr", has_text=label)).to_contain_text("waiting")
+    page.locator("tbody tr", has_text="vase").get_by_role("button", name="Earlier").click()
+    expect(page.locator("tbody tr").first).to_contain_text("vase")
+    page.locator("tbody tr", has_text="coin").get_by_role("button", name="Remove").click()
+    expect(page.locator("tbody tr")).to_have_count(1)
+    page.get_by_role("button", name="Go on …").click()
+    expect(page.get_by_text("Is “vase” in place")).to_be_visible()
+    page.get_by_role("button", name="It is: go on").click()
+    page.locator("tbody tr", has_text="running").get_by_role("link", name="vase").click()
+    page.locator("#session-state").wait_for()
+    page.keyboard.press("Escape")
+    page.locator("#session-state[data-state=stopped]").wait_for()
+    page.goto(f"{lab.url}/#/queue")
+    expect(page.locator("#queue-state")).to_have_attribute("data-state", "stopped")
+    if not lab.client.safety().clear:
+        lab.client.acknowledge()
+    lab.client.park()
+
+
+def test_page_label_and_notes_are_edited(opened: Callable[..., Page], lab: Lab) -> None:
+    session = lab.client.create(Recipe(label="misspelt"))
+    page = opened(Role.OPERATOR, f"#/sessions/{session.id}")
+    page.get_by_role("button", name="Edit label and notes").click()
+    page.get_by_label("Label").fill("spelt")
+    page.get_by_label("Notes").fill("<b>bold</b> is text here")
+    page.get_by_role("button", name="Save").click()
+    expect(page.locator("h1")).to_have_text("spelt")
+    expect(page.locator(".notes")).to_contain_text("<b>bold</b> is text here")
+    assert lab.client.session(session.id).label == "spelt"
+
+
+def test_page_jog_moves_arm_only_while_held(opened: Callable[..., Page], lab: Lab) -> None:
+    page = opened(Role.OPERATOR, "#/rig")
+    home = lab.joints()
+    button = page.get_by_role("button", name="Joint 1 +")
+    box = button.bounding_box()
+    assert box is not None
+    for _ in range(10):  # on a busy machine the hold lapses, and the button is pressed again
+        page.mouse.move(box["x"] + 10, box["y"] + 10)
+        page.mouse.down()
+        page.wait_for_timeout(1_500)
+        page.mouse.up()
+        if abs(lab.joints()[0] - home[0]) > 0.05:
+            break
+    with ControlClient(lab.cell.address) as control:
+        rests_after(control)
+    rested = lab.joints()
+    assert abs(rested[0] - home[0]) > 0.05
+    assert np.abs(rested[1:] - home[1:]).max() < 0.01
+    page.wait_for_timeout(500)
+    assert np.abs(lab.joints() - rested).max() < 1e-3
+    if not lab.client.safety().clear:
+        lab.client.acknowledge()
+    lab.client.park()
