@@ -6,6 +6,7 @@ whether it is to stop counts as set when the hold has run out. So no timer or th
 to be stopped, and where the service itself falls silent the driver's lease does it (decisions 8 and 51).
 """
 
+import logging
 import threading
 import time
 from collections import deque
@@ -22,6 +23,8 @@ from acquisition.models.route import JointPath
 from acquisition.runner.compute import Compute
 from acquisition.store import Store
 from acquisition.store.queue_table import QueueState
+
+_log = logging.getLogger(__name__)
 
 HOLD_S = 0.3
 """How long a jog goes on after the last request, s: at the jog's highest speed the tool moves 3 cm meanwhile."""
@@ -207,37 +210,52 @@ class OperatorMoves:
             raise RigError(ErrorCode.RIG_BUSY, "The arm is not at rest yet")
 
     def _drive(self, jog: _Jog) -> None:
-        """Follows certified steps in the runner's thread as long as the button is held."""
-        access, token, outcome = self._access, jog.token, "released"
-        try:
-            while not token.is_set() and not access.closing.is_set():
-                if not access.is_current(token):
-                    outcome = "another request came first"
-                    break
-                access.refuse_held()
-                access.require_clear()
-                here = self._present_joints()
-                known = (self._rig.cell, self._calibration)
-                path: JointPath = self._compute.run(token, "jog_step", here, jog.motion, *known)
-                access.require_clear()
-                jog.moving = True
-                self._rig.arm.move(path.path, take.motion_limits(self._rig.cell, path.speeds), token)
-                if jog.once:
-                    outcome = "one step"
-                    break
-        except Halted:
-            outcome = "halted" if token.halted else "released"
-        except RigError as error:
-            if jog.moving:
-                self._rig.halt()
-            outcome = "halted" if token.halted else str(error)
-            jog.error = None if token.halted else error
-        finally:
-            jog.ended.set()
+        """Follows one certified step in the runner's thread and asks it for the next, until the jog has ended.
+
+        Between two steps the thread serves others, so that the camera's preview shows where the arm has come to.
+        """
+        outcome = self._step(jog)
+        if outcome is None:
+            self._access.put(lambda: self._drive(jog))
+            return
+        jog.ended.set()
         if jog.moving:
             self._store.journal.record_action(None, "jog", jog.actor, outcome)
             body = {"outcome": outcome, "by": jog.actor, "joints": list(self._rig.arm.reading.joints)}
             self._store.journal.announce(None, "rig.jogged", body)
+
+    def _step(self, jog: _Jog) -> str | None:
+        """Follows one step; the outcome of the jog where it was the last one."""
+        access, token = self._access, jog.token
+        try:
+            if not access.is_current(token):
+                return "another request came first"
+            access.refuse_held()
+            access.require_clear()
+            known = (jog.motion, self._rig.cell, self._calibration)
+            # Not ended by the token, which would end the compute process, whose next start takes seconds.
+            path: JointPath = self._compute.run(access.closing, "jog_step", self._present_joints(), *known)
+            access.require_clear()
+            if token.is_set():
+                raise Halted
+            jog.moving = True
+            self._rig.arm.move(path.path, take.motion_limits(self._rig.cell, path.speeds), token)
+        except Halted:
+            return "halted" if token.halted else "released"
+        except RigError as error:
+            return self._failed(jog, error)
+        except Exception as error:  # noqa: BLE001 - the runner's thread must live on
+            _log.exception("jog")
+            return self._failed(jog, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
+        return "one step" if jog.once else None
+
+    def _failed(self, jog: _Jog, error: RigError) -> str:
+        if jog.moving:
+            self._rig.halt()
+        if jog.token.halted:
+            return "halted"
+        jog.error = error
+        return str(error)
 
     def _present_joints(self) -> tuple[float, ...]:
         reading = self._rig.arm.reading

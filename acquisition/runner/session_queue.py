@@ -97,8 +97,11 @@ class SessionQueue:
             try:
                 with self._lock:
                     self._advance()
-            except RigError:
+            except RigError:  # the disk is full, say: nothing begins before its entry is written
                 _log.exception("the queue waits")
+            except Exception:  # noqa: BLE001 - the thread must live on, and say that it has failed
+                _log.exception("the queue has failed")
+                self._stop(problem(ErrorCode.SERVICE_FAULT, "The queue has failed: the log says why"))
             self._store.journal.wait_for_event(newest, _POLL_S)
 
     def _advance(self) -> None:
@@ -145,7 +148,7 @@ class SessionQueue:
     def _settle(self) -> None:
         """Records the end of the present entry's session; a session that failed stops the queue."""
         entry = self._present()
-        if entry is None or entry.session_id is None:
+        if entry is None or (entry.session_id is None and entry.state is EntryState.WAITING):
             return
         row = self._session(entry)
         journal = self._store.journal

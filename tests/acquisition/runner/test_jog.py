@@ -156,6 +156,16 @@ def test_jog_release_ends_at_once(rig: Rig) -> None:
     ready(rig)
 
 
+def test_jog_lets_preview_see_between_steps(rig: Rig) -> None:
+    ready(rig)
+    begun = rig.joints[5]
+    with pressed(rig, BACK) as refusals:
+        rig.until(lambda: refusals or abs(rig.joints[5] - begun) > 0.02)
+        frame = rig.runner.preview.take_frame(0.01)
+    assert frame.pixels.shape == (64, 64)
+    rig.at_rest()
+
+
 def test_jog_once_is_one_exact_step(rig: Rig) -> None:
     for _ in range(5):
         ready(rig)

@@ -296,6 +296,26 @@ def test_queue_crash_before_start_begins_the_same_session(tmp_path: Path) -> Non
         assert len(list(client.sessions())) == 1
 
 
+def test_queue_session_pruned_while_service_was_away_is_not_repeated(tmp_path: Path) -> None:
+    with quick_service(tmp_path, HOST, with_keys=False) as (server, _, url, _), Client(url) as client:
+        for name in ("coin", "coin"):
+            client.enqueue(name, QUICK)
+        journal = server.service.store.journal
+        first = client.queue().entries[0].id
+        row, _ = server.service.runner.create(QUICK)
+        server.service.queue.close()  # the service ends before it sees that the session is over
+        journal.set_queue_entry(journal.queue_entry(first), EntryState.RUNNING, row.id)
+        journal.delete_session(row.id)
+    with quick_service(tmp_path, HOST, with_keys=False) as (server, arm, url, secrets), Client(url) as client:
+        bench = Bench(client, server.service, arm, secrets, url)
+        queue = bench.until(lambda queue: states(queue)[0] is EntryState.FAILED)
+
+        assert states(queue) == [EntryState.FAILED, EntryState.WAITING]
+        assert not arm.moves
+        client.act_on_queue("resume")
+        assert states(bench.stopped()) == [EntryState.FAILED, EntryState.DONE]
+
+
 def test_queue_entries_are_ordered_removed_and_idempotent(bench: Bench) -> None:
     http = httpx.Client(base_url=bench.url)
     made = [bench.client.enqueue(name, QUICK).id for name in ("a", "b", "c")]
