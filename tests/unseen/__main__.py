@@ -3,7 +3,7 @@
     python -m tests.unseen run --families all --seeds 0:6 --lights 6,8,12,20 \
         --patterns two-rings,planned,ring-35,drbohlav,random,oracle --azimuths 4 --jobs 2 --out build/unseen/run.jsonl
     python -m tests.unseen run --fault all --lights 10 --azimuths 1 --reflectance lambert --out build/unseen/fault.jsonl
-    python -m tests.unseen table build/unseen/run.jsonl [--against OTHER.jsonl]
+    python -m tests.unseen table build/unseen/run.jsonl [--against OTHER.jsonl | --trials]
     python -m tests.unseen fit-sigma --families all --seeds 0:10 --lights 6,8,12,20 --jobs 2 --out build/unseen/sigma
     python -m tests.unseen ablate --families all --seeds 0:4 --lights 8 --write docs/explanation/ablation.md
     python -m tests.unseen dome --families all --seeds 0:2 --choices 200
@@ -47,6 +47,7 @@ def main(arguments: list[str] | None = None) -> int:
     shown.add_argument("file", type=Path)
     shown.add_argument("--against", type=Path, default=None, help="an older run: paired ratios to it")
     shown.add_argument("--grading", default="within_78_deg", choices=GRADINGS)
+    shown.add_argument("--trials", action="store_true", help="what model selection looked at, in place of errors")
     domes = commands.add_parser("dome", help="replay a dome of 96 lamps: its plan against random choices")
     _add_scenes(domes, out=Path("build/unseen/dome.jsonl"))
     domes.add_argument("--count", type=int, default=8, help="images in all, pilot included")
@@ -58,8 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
     asked = parser.parse_args(arguments)
     command = " ".join(sys.argv[1:] if arguments is None else arguments)
     if asked.command == "table":
-        older = None if asked.against is None else run.read(asked.against)
-        print(tables.all_tables(run.read(asked.file), asked.grading, older))
+        print(_tables(asked))
         return 0
     cv2.setNumThreads(1)
     names = families.NAMES if asked.families == "all" else tuple(asked.families.split(","))
@@ -109,6 +109,13 @@ def main(arguments: list[str] | None = None) -> int:
     if asked.report:
         reports.write(command, summary)
     return 0
+
+
+def _tables(asked: argparse.Namespace) -> str:
+    if asked.trials:
+        return tables.selection_tables(run.read(asked.file))
+    older = None if asked.against is None else run.read(asked.against)
+    return tables.all_tables(run.read(asked.file), asked.grading, older)
 
 
 def _dome(asked: argparse.Namespace, names: tuple[str, ...], command: str) -> int:

@@ -21,7 +21,7 @@ import numpy as np
 from acquisition import normals
 from acquisition.models.errors import RigError
 from acquisition.models.result import NormalMap, SolveSettings
-from tests.unseen import faults, grading, patterns, scenes
+from tests.unseen import faults, grading, patterns, scenes, trials
 from tests.unseen.captures import Capture, capture
 from tests.unseen.patterns import PLANNED
 from tests.unseen.scenes import Scene
@@ -114,7 +114,8 @@ class SceneRun:
                 )
                 return line | material | grading.errors(mapped, true.object, true)
             start = time.monotonic()
-            normal_map = solver(self.scene, captured)
+            with trials.recorded() as looked_at:
+                normal_map = solver(self.scene, captured)
             seconds = time.monotonic() - start
         except RigError as error:
             return line | material | {"error": f"{error.code}: {error}"}
@@ -125,6 +126,7 @@ class SceneRun:
             | material
             | grading.errors(normal_map.normals, normal_map.mask, true)
             | grading.sigma(normal_map, true)
+            | looked_at.line()
             | {
                 "predicted_sigma": predicted,
                 "intensity_error": float(np.std(error)),

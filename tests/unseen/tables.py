@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from acquisition.models.result import MEAN_ERROR_PER_SIGMA
+from tests.unseen import trials
 
 Line = dict[str, object]
 Cell = tuple[str, int]  # family, seed
@@ -43,6 +44,11 @@ def all_tables(lines: Sequence[Line], grading: str, older: Sequence[Line] | None
     if older is not None:
         parts.append(against_table(good, [line for line in older if "error" not in line], grading))
     return "\n\n".join(part for part in parts if part)
+
+
+def selection_tables(lines: Sequence[Line]) -> str:
+    """Scores and trials of model selection, by fault, else by material."""
+    return "\n\n".join([trials.score_table(lines, _condition, _table), trials.trial_table(lines, _condition, _table)])
 
 
 def error_table(lines: Sequence[Line], grading: str) -> str:
@@ -154,13 +160,22 @@ def fault_table(lines: Sequence[Line], grading: str) -> str:
     return _table([head, *rows]) if rows else ""
 
 
+def _condition(line: Line) -> str:
+    """The fault of a capture, else its material."""
+    return str(line.get("fault") or _material(line))
+
+
+def _material(line: Line) -> str:
+    scattering = float(str(line.get("scatter_mm", 0))) > 0
+    return "scatter" if scattering else _text(line, "material").split(":")[0]
+
+
 def alarm_table(lines: Sequence[Line]) -> str:
     """Captures without a fault that have findings which were not put right, by material, with their mean errors."""
     groups: dict[str, list[Line]] = defaultdict(list)
     for line in lines:
         if "findings" in line:
-            scattering = float(str(line.get("scatter_mm", 0))) > 0
-            groups["scatter" if scattering else _text(line, "material").split(":")[0]].append(line)
+            groups[_material(line)].append(line)
     rows: list[list[str]] = []
     for material, group in groups.items():
         alarms = [line for line in group if any(not corrected for _, corrected in line["findings"])]  # type: ignore[attr-defined]
