@@ -59,17 +59,20 @@ class SessionQueue:
         """The entries: the last that have ended, the one that runs, those that wait."""
         return self._store.journal.queue_entries(ENDED_SHOWN)
 
-    def resume(self, actor: str) -> None:
+    def resume(self, actor: str, entry_id: int | None = None) -> None:
         """Lets the queue go on, on the word of a person: the next entry's object is in place and the cell is clear.
 
-        Raises RigError rig.busy while the session of the present entry waits for a person itself, and when nothing is
-        in the queue request.invalid; safety.not_acknowledged.
+        `entry_id` is the entry that the person means, if known. Raises RigError queue.object_to_place when the next one
+        is another, rig.busy while the session of the present entry waits for a person itself, and when nothing is in
+        the queue request.invalid; safety.not_acknowledged.
         """
         with self._lock:
             self._settle()
             entry = self._present()
             if entry is None:
                 raise RigError(ErrorCode.REQUEST_INVALID, "The queue is empty: add an entry first")
+            if entry_id is not None and entry_id != entry.id:
+                raise _to_place(entry)
             row = self._session(entry)
             trouble = None if row is None else _trouble(row)
             if row is not None and row.state in session.RIG_HOLDING and trouble is not None:
@@ -124,8 +127,8 @@ class SessionQueue:
                 self._stop(trouble)
             return
         if not (entry.unattended or self._confirmed == entry.id or entry.object_name == self._last_object):
-            detail = f"The next session is of {entry.object_name!r} (entry {entry.id})"
-            self._stop(problem(ErrorCode.QUEUE_OBJECT_TO_PLACE, detail, entry=entry.id, object_name=entry.object_name))
+            error = _to_place(entry)
+            self._stop(problem(error.code, error.detail, **error.context))
             return
         try:
             self._begin(entry, row)
@@ -188,6 +191,15 @@ class SessionQueue:
             if error.code is not ErrorCode.SESSION_NOT_FOUND:
                 raise
             return None
+
+
+def _to_place(entry: QueueEntry) -> RigError:
+    return RigError(
+        ErrorCode.QUEUE_OBJECT_TO_PLACE,
+        f"The next session is of {entry.object_name!r} (entry {entry.id})",
+        entry=entry.id,
+        object_name=entry.object_name,
+    )
 
 
 def _labelled(entry: QueueEntry) -> Recipe:

@@ -62,6 +62,13 @@ class QueueActionRequest(BaseModel):
         description="`resume`: the next entry's object is in place and the cell is clear, sessions may begin; `pause`: "
         "the present session goes on, and no further one begins"
     )
+    entry: int | None = Field(
+        default=None,
+        ge=1,
+        le=2**62,
+        description="With `resume`: the entry whose object the person has in mind; refused when another one is next, "
+        "because the order was changed meanwhile, say",
+    )
 
 
 class QueueEntryResource(Resource):
@@ -161,6 +168,7 @@ def order_queue(service: ServiceOf, request: QueueOrder, actor: Actor) -> QueueR
     responses=problems.responses_of(
         *problems.BODY_CODES,
         ErrorCode.RIG_BUSY,
+        ErrorCode.QUEUE_OBJECT_TO_PLACE,
         ErrorCode.SAFETY_NOT_ACKNOWLEDGED,
         ErrorCode.ARM_PROTECTIVE_STOP,
         ErrorCode.ARM_EMERGENCY_STOP,
@@ -173,7 +181,10 @@ async def act_on_queue(service: ServiceOf, request: QueueActionRequest, actor: A
     The start of the session that follows is checked as any other; what stands in its way stops the queue again, and the
     event `queue.changed` carries it as `reason`.
     """
-    change = partial(service.queue.resume if request.action == "resume" else service.queue.pause, actor)
+    queue_ = service.queue
+    change = (
+        partial(queue_.resume, actor, request.entry) if request.action == "resume" else partial(queue_.pause, actor)
+    )
     await anyio.to_thread.run_sync(change, limiter=service.limits.queue)
     return await anyio.to_thread.run_sync(_queue, service)
 

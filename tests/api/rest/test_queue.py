@@ -355,6 +355,19 @@ def test_queue_running_entry_is_not_removed(bench: Bench) -> None:
     assert bench.client.session(session_id).state is State.STOPPED  # the session is kept
 
 
+def test_queue_resumed_for_entry_that_is_not_next_is_refused(bench: Bench) -> None:
+    coin, vase = (bench.client.enqueue(name, QUICK).id for name in ("coin", "vase"))
+    with httpx.Client(base_url=bench.url) as http:
+        http.put("/v1/queue/order", json={"entries": [vase, coin]})  # by somebody else, meanwhile
+        refused = http.post("/v1/queue/actions", json={"action": "resume", "entry": coin})
+        assert (refused.status_code, refused.json()["code"]) == (409, ErrorCode.QUEUE_OBJECT_TO_PLACE)
+        assert refused.json()["object_name"] == "vase"
+        assert not bench.arm.moves
+        assert http.post("/v1/queue/actions", json={"action": "resume", "entry": vase}).status_code == 202
+
+    assert states(bench.stopped()) == [EntryState.DONE, EntryState.WAITING]
+
+
 def test_queue_empty_is_not_resumed(bench: Bench) -> None:
     with pytest.raises(ProblemError) as refused:
         bench.client.act_on_queue("resume")
