@@ -53,3 +53,18 @@ def test_page_twice_in_one_browser_shares_event_stream(
     metrics = lab.get("/metrics").text
     listeners = [line for line in metrics.splitlines() if line.startswith("lightpose_event_listeners")]
     assert [float(line.split()[-1]) for line in listeners] == [1.0]
+
+
+def test_page_refuses_wrong_key_in_words(context: BrowserContext, console: Console, lab: Lab) -> None:
+    page = console.watch(context.new_page())
+    page.goto(f"{lab.url}/")
+    page.get_by_label("Key").fill("lightpose_wrong")
+    page.get_by_role("button", name="Sign in").click()
+    expect(page.get_by_role("alert").filter(has_text="does not know this key")).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(page.locator("#stop-told")).to_contain_text("The service refused the key")
+    page.get_by_label("Key").fill(lab.secrets[Role.VIEWER])
+    page.get_by_role("button", name="Sign in").click()
+    expect(page.locator("#connection")).to_contain_text("viewer")
+    page.get_by_role("button", name="Sign out").click()
+    expect(page.get_by_label("Key")).to_be_visible()

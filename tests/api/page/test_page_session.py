@@ -1,11 +1,13 @@
 """A session by clicks: from sign-in over the reviewed plan to the download of the normals."""
 
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import tifffile
 from playwright.sync_api import BrowserContext, Page, expect
 
 from api.rest.keys import Role
@@ -38,6 +40,23 @@ def resume_where_watchdog_stopped(page: Page, wanted: str) -> None:
         page.locator("[data-confirm=resume]").click()
         page.locator("#session-state:not([data-state=interrupted])").wait_for()
     raise AssertionError(f"the session does not become {wanted}")
+
+
+def check_profile(page: Page, lab: Lab) -> None:
+    """Compares the drawn profile with the depth map: points placed by the camera's intrinsics, mm."""
+    line, profile = page.evaluate("(({line, profile}) => [line, profile])(document.querySelector('map-viewer'))")
+    answer = next(iter(lab.client.sessions())).answer
+    assert answer is not None
+    depth = tifffile.imread(BytesIO(lab.get(f"{answer.links['self']}/depth.tiff").content))
+    (focal, _, centre), _, _ = lab.client.scene().camera.camera_matrix
+    row, columns = line[0][1], np.arange(line[0][0], line[1][0] + 1)
+    z = depth[row, columns]
+    solved = np.flatnonzero(z > 0)
+    x = (columns - centre) / focal * z
+    assert profile["along"][-1] == pytest.approx(1e3 * (x[solved[-1]] - x[solved[0]]), abs=0.5)
+    heights = [height for height in profile["height"] if height is not None]
+    assert max(heights) == pytest.approx(1e3 * (z[solved].max() - z[solved].min()), abs=0.5)
+    assert min(heights) == 0
 
 
 def test_page_session_from_sign_in_to_download(
@@ -92,6 +111,7 @@ def test_page_session_from_sign_in_to_download(
     page.mouse.move(box["x"] + 0.7 * box["width"], box["y"] + box["height"] / 2, steps=6)
     page.mouse.up()
     assert contrast(page.locator("map-viewer curve-plot canvas")) > 2
+    check_profile(page, lab)
     page.get_by_role("button", name="Movable light").click()
     relit = page.locator("#relit")
     expect(page.locator("map-viewer figure")).to_have_attribute("aria-busy", "false")

@@ -79,7 +79,7 @@ export class AppBar extends PageElement {
         class="link"
         @click=${() => {
           storeKey("");
-          void live.begin();
+          location.reload();
         }}
       >
         ${t("bar.sign_out")}

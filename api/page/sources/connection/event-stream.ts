@@ -20,6 +20,9 @@ const RETRY_MS = 500;
 /** Type of the readings of the arm's joints; they are not journalled and have no id. */
 const JOINTS = "arm.joints";
 
+/** The same after a refusal: a key that was revoked is not asked for all the time, ms. */
+const REFUSED_MS = 10_000;
+
 export interface StreamStatus {
   /** Whether events flow. */
   open: boolean;
@@ -65,7 +68,7 @@ export class EventStream {
         // The connection was cut or refused: the status says so, and the loop opens it again.
       }
       this.update({ open: false });
-      if (!this.ended) await pause(RETRY_MS);
+      if (!this.ended) await pause(this.status.refused === null ? RETRY_MS : REFUSED_MS);
     }
   }
 
@@ -80,7 +83,7 @@ export class EventStream {
         cache: "no-store",
       });
       if (!response.ok || !response.body) {
-        this.update({ refused: response.status });
+        this.update({ refused: response.status < 500 ? response.status : null });
         return;
       }
       const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();

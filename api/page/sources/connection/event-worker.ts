@@ -54,8 +54,14 @@ scope.onconnect = (connected) => {
       const listening = listeningTo(key);
       listening.ports.set(port, Date.now());
       port.postMessage({ kind: "status", status: listening.stream.status });
-    } else if (key !== null && data.kind === "alive") streams.get(key)?.ports.set(port, Date.now());
-    else if (key !== null && data.kind === "close") leave(key, port);
+    } else if (key !== null && data.kind === "alive") {
+      const listening = listeningTo(key);
+      // A tab that was frozen has missed events: told that the stream has been closed, it reads everything again.
+      if (!listening.ports.has(port))
+        for (const status of [{ ...listening.stream.status, open: false }, listening.stream.status])
+          port.postMessage({ kind: "status", status });
+      listening.ports.set(port, Date.now());
+    } else if (key !== null && data.kind === "close") leave(key, port);
     else if (data.kind === "hurry") {
       // A stop is under way in one tab: the others give their connections back.
       for (const { ports } of streams.values())

@@ -17,6 +17,8 @@ const KEPT_EVENTS = 400;
 const PACE_MS = 250;
 /** The rig is read at least so often while the page is visible, ms. */
 const REFRESH_MS = 10_000;
+/** The session that runs is read at least so often, for its time left, ms. */
+const PROGRESS_MS = 2_000;
 /** A connection that was last heard this long ago is stale, ms. */
 export const STALE_MS = 3_500;
 
@@ -56,6 +58,7 @@ class Live extends EventTarget {
     this.refreshRig();
     if (!this.started) {
       setInterval(() => document.visibilityState === "visible" && !this.keyNeeded && this.refreshRig(), REFRESH_MS);
+      setInterval(() => this.readProgress(), PROGRESS_MS);
       setInterval(() => this.dispatchEvent(new Event("tick")), 500);
     }
     this.started = true;
@@ -139,6 +142,11 @@ class Live extends EventTarget {
     if (/^(session\.(state|deleted)|safety\.|device\.|rig\.)/.test(event.type)) this.refreshRig();
     this.dispatchEvent(new CustomEvent("journal", { detail: event }));
     this.changed();
+  }
+
+  private readProgress(): void {
+    const { holder } = this;
+    if (document.visibilityState === "visible" && holder?.state === "running") this.refreshSession(holder.id);
   }
 
   private read(reading: JointReading): void {

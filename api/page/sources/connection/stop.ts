@@ -12,6 +12,8 @@ const AGAIN_MS = 500;
 const ATTEMPT_MS = 3_000;
 /** After this time without an answer the person is told that the stop was not heard, ms. */
 export const UNHEARD_MS = 1_000;
+/** No key, not allowed, too many wrong keys (a valid one is accepted all the same): to try again would not help. */
+const REFUSALS = new Set([401, 403, 429]);
 /** How long it is tried, ms. */
 const GIVE_UP_MS = 120_000;
 
@@ -43,7 +45,7 @@ export function stop(tell: (state: StopState) => void): void {
       });
       if (over) return;
       if (response.ok) finish({ kind: "heard", attempts, tookMs: since() });
-      else if (response.status === 401) finish({ kind: "refused", status: response.status });
+      else if (REFUSALS.has(response.status)) finish({ kind: "refused", status: response.status });
     } catch {
       // Not reached: the next attempt follows, and the person is told.
     }

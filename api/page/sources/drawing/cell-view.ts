@@ -17,6 +17,7 @@ import {
   Group,
   Line,
   LineBasicMaterial,
+  type Material,
   Matrix4,
   Mesh,
   MeshLambertMaterial,
@@ -28,6 +29,7 @@ import {
   SphereGeometry,
   Sprite,
   SpriteMaterial,
+  type Texture,
   Vector3,
   WebGLRenderer,
 } from "three";
@@ -122,9 +124,7 @@ export class CellView {
   }
 
   setLights(lights: readonly MarkedLight[], route: readonly (readonly number[])[]): void {
-    this.marks.clear();
-    this.layers.labels.clear();
-    this.layers.route.clear();
+    for (const group of [this.marks, this.layers.labels, this.layers.route]) empty(group);
     const toBase = matrix(this.scene.base_from_view);
     for (const { position, label, taken } of lights) {
       const colour = taken ? this.palette.good : this.palette.accent;
@@ -161,7 +161,7 @@ export class CellView {
     box.min.z = Math.max(box.min.z, -0.1);
     const ball = box.getBoundingSphere(new Sphere());
     const narrow = Math.min(1, this.camera.aspect);
-    const away = (0.72 * ball.radius) / Math.sin((this.camera.fov * Math.PI) / 360) / narrow;
+    const away = (0.64 * ball.radius) / Math.sin((this.camera.fov * Math.PI) / 360) / narrow;
     this.orbit.look(ball.center.clone().addScaledVector(new Vector3(0.45, -0.78, 0.42).normalize(), away), ball.center);
   }
 
@@ -278,4 +278,16 @@ export class CellView {
       if (now - this.readAt < GLIDE_MS) this.draw();
     });
   }
+}
+
+/** Removes what is in a group, and what it holds in the graphics memory. */
+function empty(group: Group): void {
+  for (const item of group.children) {
+    if (!(item instanceof Mesh || item instanceof Line || item instanceof Sprite)) continue;
+    item.geometry.dispose();
+    const { material } = item as { material: Material & { map?: Texture | null } };
+    material.map?.dispose();
+    material.dispose();
+  }
+  group.clear();
 }

@@ -23,6 +23,8 @@ export class CellScreen extends PageElement {
   @state() private concealed: Layer[] = [];
   private view: CellView | null = null;
   protected readonly watching = new LiveController(this);
+  private readonly scheme = matchMedia("(prefers-color-scheme: dark)");
+  private readonly rebuild = (): void => void this.build();
   private readonly follow = (): void => {
     const joints = live.joints?.joints ?? live.rig?.reading?.joints;
     if (joints) this.view?.setJoints(joints);
@@ -37,6 +39,7 @@ export class CellScreen extends PageElement {
     live.addEventListener("joints", this.follow);
     live.addEventListener("change", this.follow);
     live.addEventListener("journal", this.journal);
+    this.scheme.addEventListener("change", this.rebuild);
     void this.updateComplete.then(() => this.build());
   }
 
@@ -45,6 +48,7 @@ export class CellScreen extends PageElement {
     live.removeEventListener("joints", this.follow);
     live.removeEventListener("change", this.follow);
     live.removeEventListener("journal", this.journal);
+    this.scheme.removeEventListener("change", this.rebuild);
     this.view?.close();
     this.view = null;
   }

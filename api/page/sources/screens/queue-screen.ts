@@ -140,8 +140,11 @@ export class QueueScreen extends PageElement {
   }
 
   private async act(action: "resume" | "pause"): Promise<void> {
+    const next = this.queue?.entries.find((entry) => entry.state === "waiting");
+    // Named, so that an order that was changed meanwhile does not begin another object's session.
+    const body = action === "resume" && next ? { action, entry: next.id } : { action };
     this.asking = false;
-    await this.change(() => post("/v1/queue/actions", { action }));
+    await this.change(() => post("/v1/queue/actions", body));
   }
 
   private async raise(waiting: QueueEntry[], place: number): Promise<void> {

@@ -37,9 +37,17 @@ export class SessionScreen extends PageElement {
           >${t(`state.${session.state}` as Word)}</span
         >
         <small>${t("session")} ${session.number} · ${when(session.created)} · ${session.cell}</small>
+        ${
+          live.mayOperate && !this.editing
+            ? html`<button type="button" class="link" @click=${() => (this.editing = true)}>
+                ${t("session.edit")}
+              </button>`
+            : nothing
+        }
       </div>
-      ${this.editing ? this.form(session) : this.notes(session)} ${this.reason(session)}
-      ${session.conclusion ? html`<p class="notice">${session.conclusion}</p>` : nothing} ${this.actions(session)}
+      ${this.editing ? this.form(session) : session.notes ? html`<p class="notes">${session.notes}</p>` : nothing}
+      ${this.reason(session)} ${session.conclusion ? html`<p class="notice">${session.conclusion}</p>` : nothing}
+      ${this.actions(session)}
       <nav class="tabs" aria-label=${t("session.parts")}>
         ${PARTS.map(
           (part) =>
@@ -51,18 +59,6 @@ export class SessionScreen extends PageElement {
         )}
       </nav>
       ${this.shown(session)}`;
-  }
-
-  private notes(session: Session) {
-    if (!live.mayOperate && !session.notes) return nothing;
-    return html`<p class="notes">
-      ${session.notes}
-      ${
-        live.mayOperate
-          ? html`<button type="button" class="link" @click=${() => (this.editing = true)}>${t("session.edit")}</button>`
-          : nothing
-      }
-    </p>`;
   }
 
   private form(session: Session) {

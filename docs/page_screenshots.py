@@ -1,0 +1,99 @@
+"""Takes the pictures of the operator's page in the docs: `python docs/page_screenshots.py`, in two minutes or so.
+
+It runs a simulated cell, a service and Debian's Chromium, lets a session wait for its review and be finished, and
+photographs the screens. A path as an argument takes the pictures somewhere else.
+"""
+
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+from playwright.sync_api import BrowserContext, Page, sync_playwright
+
+from acquisition.models.recipe import Recipe
+from acquisition.session import State
+from api import Client
+from hardware_sim.cell import Cell, CellOptions
+from tests.api.page import chromium
+from tests.api.page.chromium import Console
+from tests.end_to_end.processes import serving
+
+PICTURES = Path(__file__).parent / "pictures"
+ADDRESS = "127.0.49.200"
+LARGEST_BYTES = 150_000
+"""Of one picture."""
+
+QUALITY = 80
+SIZE = {"width": 1180, "height": 760}
+RECIPE = Recipe(pilot_lights=4, planned_lights=4, review_plan=True, label="Figurine, front")
+
+
+def wait_for(client: Client, session_id: str, state: State) -> None:
+    """Waits for a state, resuming a session that the controller's watchdog has interrupted."""
+    while (present := client.wait(session_id).state) is not state:
+        if present is not State.INTERRUPTED:
+            raise SystemExit(f"the session is {present}, not {state}")
+        client.resume(session_id)
+
+
+def save(page: Page, name: str, folder: Path) -> None:
+    """Saves what a page shows as WebP."""
+    image = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    path = folder / f"page-{name}.webp"
+    cv2.imwrite(str(path), image, [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
+    print(f"{path.name:24} {path.stat().st_size:>8,} bytes", flush=True)
+    if path.stat().st_size > LARGEST_BYTES:
+        raise SystemExit(f"{path.name} has more than {LARGEST_BYTES} bytes")
+
+
+def take(context: BrowserContext, url: str, client: Client, folder: Path) -> None:
+    """Takes all pictures."""
+    page = chromium.open_page(context, Console(), f"{url}/#/start")
+
+    def photograph(name: str, place: str, ready: Callable[[], None] = lambda: None) -> None:
+        page.goto(f"{url}/#/{place}")
+        page.locator("main h1").wait_for()
+        ready()
+        page.wait_for_timeout(1_500)
+        save(page, name, folder)
+
+    photograph("start", "start", lambda: page.locator("#dry-run-seconds").wait_for(timeout=300_000))
+    session = client.create(RECIPE)
+    client.start(session.id)
+    wait_for(client, session.id, State.PAUSED)
+    photograph("review", f"sessions/{session.id}/plan", lambda: page.locator("#sigma-picture").wait_for())
+    client.resume(session.id)
+    page.goto(f"{url}/#/cell")
+    page.locator("#cell[data-frames]").wait_for()
+    client.wait_ready()
+    page.wait_for_timeout(3_000)
+    page.emulate_media(color_scheme="dark")
+    photograph("cell", "cell", lambda: page.locator("#cell[data-frames]").wait_for())
+    page.emulate_media(color_scheme="light")
+    wait_for(client, session.id, State.COMPLETED)
+    photograph("progress", f"sessions/{session.id}", lambda: page.locator(".images img").nth(6).wait_for())
+    photograph("result", f"sessions/{session.id}/result", lambda: page.locator("#map").wait_for())
+
+
+def main() -> None:
+    """Takes the pictures into `docs/pictures`, or into the folder that is given."""
+    target = Path(sys.argv[1]) if len(sys.argv) > 1 else PICTURES
+    with (
+        tempfile.TemporaryDirectory() as name,
+        Cell(CellOptions(ADDRESS, "figure", 1, "direct", 4.0, pixels=512), Path(name) / "cell") as cell,
+        serving(cell, Path(name) / "data") as service,
+        Client(service.url) as client,
+        sync_playwright() as playwright,
+    ):
+        client.wait_ready(60)
+        context = chromium.launch(playwright).new_context(viewport=SIZE, locale="en-GB")  # type: ignore[arg-type]
+        context.set_default_timeout(60_000)
+        take(context, service.url, client, target)
+        context.close()
+
+
+if __name__ == "__main__":
+    main()
