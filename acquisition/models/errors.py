@@ -39,6 +39,7 @@ class ErrorCode(StrEnum):
     ARM_MOVE_FAILED = "arm.move_failed"
     ARM_ELSEWHERE = "arm.elsewhere"
     ARM_JOG_ENDED = "arm.jog_ended"
+    SAFETY_SOFTWARE_STOP = "safety.software_stop"
     SAFETY_NOT_ACKNOWLEDGED = "safety.not_acknowledged"
     SAFETY_STILL_FAULTED = "safety.still_faulted"
     SAFETY_RECOVERY_FORBIDDEN = "safety.recovery_forbidden"
@@ -167,6 +168,11 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.ARM_JOG_ENDED: Problem(
         409, "The motion of this press has ended", "Let the button go and press it again, with a new `hold`."
+    ),
+    ErrorCode.SAFETY_SOFTWARE_STOP: Problem(
+        423,
+        "Somebody has stopped the cell by the software's stop",
+        "Inspect the cell, then POST /v1/rig/safety/acknowledgement.",
     ),
     ErrorCode.SAFETY_NOT_ACKNOWLEDGED: Problem(
         423,

@@ -28,6 +28,7 @@ INTERRUPTING_CODES = frozenset(
     {
         ErrorCode.ARM_PROTECTIVE_STOP,
         ErrorCode.ARM_EMERGENCY_STOP,
+        ErrorCode.SAFETY_SOFTWARE_STOP,
         ErrorCode.ARM_NOT_READY,
         ErrorCode.ARM_MOVE_FAILED,
         ErrorCode.ARM_UNREACHABLE,

@@ -73,6 +73,7 @@ class Runner:
         self.preview = Preview(rig, self._refuse_held, self._in_thread)
         self._token = StopToken()
         self._taking_over = threading.Lock()  # never held by a halt
+        self._recording_latch = threading.Lock()  # nor this one
         self.halts = 0  # how often somebody has halted the cell: what was decided before is void
         self._requests: queue.Queue[Callable[[], None]] = queue.Queue()
         self.moves = OperatorMoves(store, rig, calibration, compute, self._access())
@@ -127,8 +128,8 @@ class Runner:
         unless_halted_since: int | None = None,
     ) -> State:  # fmt: skip
         """A person's action; returns the state after it. With `from_here` a person says that the arm may resume from
-        where it stands, although it is not where the session left it. A start or resume that was decided earlier names
-        the count of `halts` of that time, and stops again where somebody has halted since.
+        where it stands, although it is not where the session left it. A start or resume stops again where somebody has
+        halted the cell meanwhile; one that was decided earlier names the count of `halts` of that time.
 
         Raises RigError session.not_found, session.action_not_allowed, rig.busy, and for start and resume whatever
         stands in the way: arm.unreachable, arm.preflight, arm.elsewhere, camera.unreachable, safety.not_acknowledged,
@@ -138,19 +139,21 @@ class Runner:
             case Trigger.STOP:
                 return self._stop(session_id, actor)
             case Trigger.START | Trigger.RESUME:
+                halts = self.halts if unless_halted_since is None else unless_halted_since
                 state = self._start(session_id, action, actor, from_here)
-                if unless_halted_since is not None and self.halts != unless_halted_since:
-                    self.halt(actor)
-                return state
+                return state if self.halts == halts else self._stop(session_id, actor)
             case _:
                 return self._store.journal.trigger(session_id, action, actor)[1]
 
     def halt(self, actor: str) -> None:
-        """Halts whatever moves, at once; the session is stopped afterwards, in the runner's thread."""
+        """Halts whatever moves, at once, and latches that until a person acknowledges; the session is stopped
+        afterwards, in the runner's thread.
+        """
         self.halts += 1  # before the token: a start in another thread sees this, or its token is set below
         self._token.set()
         self._rig.halt()
-        self._requests.put(lambda: self._journal_halt(actor))
+        latch = self._monitor.latch_stop(actor)
+        self._requests.put(lambda: self._journal_halt(actor, latch))
         self._token.set()  # a start may have been entered since: its token is another one
 
     def require_clear(self) -> None:
@@ -159,8 +162,9 @@ class Runner:
 
     def acknowledge(self, actor: str) -> None:
         """Opens the safety latch: `actor` has looked and the cell is clear. Raises RigError safety.still_faulted."""
-        self._monitor.acknowledge(actor)
-        self._store.journal.acknowledge(actor)
+        with self._recording_latch:
+            self._monitor.acknowledge(actor)
+            self._store.journal.acknowledge(actor)
 
     def recover(self, step: RecoveryStep, actor: str) -> None:
         """Carries out one recovery step on request of a person who has just acknowledged; never automatic.
@@ -300,14 +304,22 @@ class Runner:
     def _finish_stop(self, session_id: str) -> None:
         self._loop.trigger(session_id, Trigger.AT_REST)
 
-    def _journal_halt(self, actor: str) -> None:
+    def _journal_halt(self, actor: str, latch: Latch) -> None:
         holder = self._store.journal.holder()
-        if holder is None:
-            self._store.journal.record_action(None, "halt", actor, "halted")
-            return
-        self._store.journal.record_action(holder.id, "halt", actor, "halted")
-        self._loop.trigger(holder.id, Trigger.STOP, actor)
-        self._loop.trigger(holder.id, Trigger.AT_REST)
+        try:
+            self._record_stop(None if holder is None else holder.id, actor, latch)
+        except RigError:  # the disk is full: the latch holds all the same, and the session must be stopped
+            _log.exception("%s has stopped the cell, which could not be recorded", actor)
+        if holder is not None:
+            self._loop.trigger(holder.id, Trigger.STOP, actor)
+            self._loop.trigger(holder.id, Trigger.AT_REST)
+
+    def _record_stop(self, session_id: str | None, actor: str, latch: Latch) -> None:
+        self._store.journal.record_action(session_id, "halt", actor, "halted")
+        with self._recording_latch:  # else one that is acknowledged meanwhile would come back with the next service
+            recorded = {fault["since"] for fault in self._store.journal.unacknowledged_faults()}
+            if self._monitor.latch is latch and latch.code is ErrorCode.SAFETY_SOFTWARE_STOP and not recorded:
+                self._store.journal.record_fault(latch.code, latch.detail)
 
     # ---------------------------------------------------------------------------------------------- the runner's thread
 

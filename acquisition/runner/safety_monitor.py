@@ -2,7 +2,8 @@
 
 The latch outlives the fault: the service never decides by itself that a cell is clear. `acknowledge` opens it, and is
 refused while the controller still reports the stop. A lost link or driver is latched as well; it may be acknowledged
-while it lasts, because the explicit reconnection that follows tests it again.
+while it lasts, because the explicit reconnection that follows tests it again. A stop of the whole cell by the software
+is latched like the controller's own: whoever pressed it saw a danger, and only a person can say that it has passed.
 """
 
 import logging
@@ -114,6 +115,17 @@ class SafetyMonitor:
     def acknowledged_within(self, actor: str, within_s: float) -> bool:
         """Whether `actor` has acknowledged within this time."""
         return time.monotonic() - self._acknowledged_at.get(actor, -math.inf) <= within_s
+
+    def latch_stop(self, actor: str) -> Latch:
+        """Latches a stop of the whole cell by `actor`; returns the latch, which is an older one where one is closed.
+
+        It calls nobody back: who stops the cell has halted the devices first.
+        """
+        with self._latch_lock:
+            if self._latch is None:
+                detail = f"{actor} stopped the cell (POST /v1/rig/stop)"
+                self._latch = Latch(ErrorCode.SAFETY_SOFTWARE_STOP, detail, time.time())
+            return self._latch
 
     def poll(self) -> None:
         """Checks the newest reading and latches a fault; the thread calls it every PERIOD_S."""

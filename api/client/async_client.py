@@ -99,7 +99,7 @@ class AsyncClient:
         return await self._get("/v1/caller", CallerResource)
 
     async def halt(self) -> None:
-        """Halts all motion at once and stops the session that holds the rig."""
+        """Halts all motion at once and stops the session that holds the rig; nothing moves before `acknowledge`."""
         await self._send("POST", "/v1/rig/stop")
 
     async def preview(self) -> bytes:

@@ -99,7 +99,7 @@ class Client:
         return self._get("/v1/caller", CallerResource)
 
     def halt(self) -> None:
-        """Halts all motion at once and stops the session that holds the rig."""
+        """Halts all motion at once and stops the session that holds the rig; nothing moves before `acknowledge`."""
         self._send("POST", "/v1/rig/stop")
 
     def preview(self) -> bytes:

@@ -80,7 +80,10 @@ def rig(service: ServiceOf) -> RigResource:
 
 @router.post("/v1/rig/stop", tags=["rig"], status_code=202)
 async def stop(service: ServiceOf, actor: Actor) -> Accepted:
-    """Halts all motion and switches the lamp off, at once; the session that holds the rig is stopped."""
+    """Halts all motion and switches the lamp off, at once; the session that holds the rig is stopped.
+
+    Nothing starts, resumes, parks or jogs before a person has acknowledged (`POST /v1/rig/safety/acknowledgement`).
+    """
     service.runner.halt(actor)
     return Accepted(links={"rig": RIG_LINKS["self"], "events": RIG_LINKS["events"]})
 

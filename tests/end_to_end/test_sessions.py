@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 from acquisition.models import cell_config
+from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.session import State
-from api import Client
+from api import Client, ProblemError
 from hardware_sim import grade, truth
 from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient
@@ -105,6 +106,10 @@ def test_stop_during_move_next_session_starts_at_stopped_joints(rig: Rig) -> Non
         time.sleep(0.5)
         assert control.state()["joints"] == pytest.approx(joints, abs=1e-4)
         second = client.create(Recipe(pilot_lights=3, planned_lights=0))
+        with pytest.raises(ProblemError) as refused:
+            client.start(second.id)
+        assert refused.value.code is ErrorCode.SAFETY_NOT_ACKNOWLEDGED
+        client.acknowledge()
         client.start(second.id)
         wait_until_moving(control)
         client.stop(second.id)

@@ -167,13 +167,13 @@ def test_load_arm_loop_is_punctual_and_clients_miss_no_event(at_life_speed: Load
 @pytest.mark.long
 @pytest.mark.parametrize("shard", range(SHARDS))
 def test_load_stop_halts_within_its_limit(at_life_speed: Loaded, shard: int) -> None:
-    client, margins, latencies, acknowledged = at_life_speed.client, [], [], 0
+    client, margins, latencies = at_life_speed.client, [], []
     with (
         Crowd(at_life_speed.service.url, LISTENERS, STALLED, POLLERS) as crowd,
         ControlClient(at_life_speed.address) as control,
     ):
         for trial in range(TRIALS):
-            acknowledged += acknowledge_what_is_latched(client)
+            acknowledge_what_is_latched(client)
             session_id = client.create(LONG_PATH).id
             client.start(session_id)
             wait_until_fast(control, client, session_id)
@@ -194,8 +194,7 @@ def test_load_stop_halts_within_its_limit(at_life_speed: Loaded, shard: int) -> 
     p99_s = float(np.quantile(margins, 0.99, method="higher"))
     print(
         f"\n{len(margins)} stops: to rest p50 {np.median(latencies):.3f} s, most {max(latencies):.3f} s; beyond the "
-        f"deceleration p50 {np.median(margins):.3f} s, p99 {p99_s:.3f} s; "
-        f"a link that the stop had cost was acknowledged {acknowledged} times; {summary}"
+        f"deceleration p50 {np.median(margins):.3f} s, p99 {p99_s:.3f} s; {summary}"
     )
     assert len(margins) >= TRIALS / 2
     assert p99_s <= STOP_S

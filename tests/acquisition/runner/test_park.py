@@ -107,6 +107,9 @@ def test_park_stop_halts_the_arm(rig: Rig) -> None:
     assert rig.control.state()["joints"] == before
     rig.control.fault("speed_slider", fraction=1.0)
     assert not same_joints(tuple(before), rig.home)
+    with pytest.raises(RigError) as refused:
+        rig.runner.moves.park("a")
+    assert refused.value.code is ErrorCode.SAFETY_NOT_ACKNOWLEDGED
     park(rig)
     assert rig.outcome() == "at home"
 

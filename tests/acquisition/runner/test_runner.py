@@ -46,6 +46,11 @@ def test_stop_at_any_time_ends_with_the_arm_at_rest(rig: Rig) -> None:
         assert wait_for(rig, session_id, *ENDED) is State.STOPPED
         assert rests(rig)
         assert rig.control.state()["digital_outputs"] == 0
+        if number % 2:
+            with pytest.raises(RigError) as refused:
+                rig.runner.act(new(rig), Trigger.START, "a")
+            assert refused.value.code is ErrorCode.SAFETY_NOT_ACKNOWLEDGED
+            rig.runner.acknowledge("b")
 
 
 def test_start_twice_at_once_runs_once_and_can_be_stopped(rig: Rig) -> None:

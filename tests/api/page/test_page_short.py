@@ -33,3 +33,5 @@ def test_page_stop_by_mouse_in_mid_move_halts_arm(opened: Callable[..., Page], l
     page.mouse.up()
     session = next(iter(lab.client.sessions()))
     assert lab.client.wait(session.id).state == "stopped"
+    expect(page.get_by_role("region", name="stop")).to_contain_text("The cell was stopped by the software's stop")
+    lab.client.acknowledge()

@@ -224,6 +224,8 @@ def test_stop_during_capture_leaves_arm_and_lamp_at_rest(live: Any, done: tuple[
     reading = live.client.rig().reading
     assert max(map(abs, reading.joint_speeds)) < 0.01
     assert live.service.runner.status().reading.digital_outputs & 1 == 0
+    assert not live.client.rig().may_start
+    live.client.acknowledge()
     assert live.client.rig().may_start
 
 

@@ -150,6 +150,8 @@ def test_jog_after_stop_needs_another_press(bench: Bench) -> None:
     until(bench.service.runner.moves._jog.ended.is_set)
     rest = bench.turned
 
+    assert [code(bench.jog(again, direction=-1)) for again in (hold, press())] == ["423 safety.not_acknowledged"] * 2
+    bench.client.acknowledge()
     assert [code(bench.jog(hold, direction=-1)) for _ in range(3)] == ["409 arm.jog_ended"] * 3
     assert bench.turned == rest
 

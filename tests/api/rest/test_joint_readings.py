@@ -97,6 +97,7 @@ def test_joints_follow_move_and_lose_no_journaled_event(live: Any) -> None:
                 moved = True
                 live.client.halt()
 
+    live.client.acknowledge()
     assert len(set(seen)) == 3
     assert ids == [event.id for event in live.client.past_events(session.id)]
 

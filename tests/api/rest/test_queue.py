@@ -213,6 +213,7 @@ def test_act_decided_before_a_halt_stops_again(bench: Bench) -> None:
     session = bench.client.create(QUICK)
     before = runner.halts
     bench.client.halt()
+    bench.client.acknowledge()
 
     runner.act(session.id, Trigger.START, "queue", unless_halted_since=before)
 

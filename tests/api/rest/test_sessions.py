@@ -219,11 +219,42 @@ def test_actions_list_actor_and_outcome(shared: Any) -> None:
     assert shared.http.get(short["next"]).json()["items"] == answer["items"][1:]
 
 
-def test_stop_and_acknowledge_at_rest_are_accepted(shared: Any) -> None:
+def test_stop_at_rest_is_latched_until_acknowledged(shared: Any) -> None:
     assert shared.http.post("/v1/rig/stop").status_code == 202
     assert shared.http.post("/v1/rig/stop", json={"why": "because"}).status_code == 202
-    assert shared.client.safety().clear
+    safety = shared.client.safety()
+    made = shared.client.create()
+    refused = [
+        shared.http.post(f"/v1/sessions/{made.id}/actions", json={"action": "start"}).json()["code"],
+        shared.http.post("/v1/rig/park").json()["code"],
+    ]
+
+    assert [fault.code for fault in safety.faults] == [ErrorCode.SAFETY_SOFTWARE_STOP]
+    assert "operator@127." in safety.faults[0].detail
+    assert refused == [ErrorCode.SAFETY_NOT_ACKNOWLEDGED] * 2
     assert shared.client.acknowledge().clear
+    assert shared.client.safety().clear
+
+
+def test_stop_latch_outlives_the_service_until_acknowledged(start: Any) -> None:
+    with start() as service:
+        service.client.halt()
+        service.client.acknowledge()
+        service.client.halt()
+    with start() as service:
+        left = service.client.safety()
+        service.client.acknowledge()
+    with start() as service:
+        cleared = service.client.safety()
+
+    assert [fault.code for fault in left.faults] == [ErrorCode.SAFETY_SOFTWARE_STOP]
+    assert cleared.clear
+
+
+def test_stop_of_one_session_sets_no_latch(shared: Any) -> None:
+    made = shared.client.create()
+    assert shared.client.stop(made.id) is State.STOPPED
+    assert shared.client.safety().clear
 
 
 def test_safety_latched_fault_waits_for_acknowledgement(start: Any) -> None:

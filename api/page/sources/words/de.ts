@@ -453,6 +453,8 @@ export const de: Record<keyof typeof en, string> = {
   "problem.arm.move_failed": "Eine Bewegung hat ihr Ziel nicht erreicht",
   "problem.arm.elsewhere": "Der Arm steht nicht, wo die Sitzung ihn verließ",
   "problem.safety.not_acknowledged": "Ein Sicherheitshalt ist nicht quittiert",
+  "problem.safety.software_stop": "Die Zelle wurde mit STOPP angehalten",
+  "remedy.safety.software_stop": "Zelle besichtigen, dann quittieren.",
   "problem.safety.still_faulted": "Die Steuerung meldet noch einen Sicherheitshalt",
   "problem.device.disconnected": "Die Verbindung zu einem Gerät ist verloren",
   "problem.driver.lost": "Der Treiber des Arms antwortet nicht",

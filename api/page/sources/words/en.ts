@@ -462,6 +462,8 @@ export const en = {
   "problem.arm.move_failed": "A move did not reach its target",
   "problem.arm.elsewhere": "The arm is not where this session left it",
   "problem.safety.not_acknowledged": "A safety stop has not been acknowledged",
+  "problem.safety.software_stop": "The cell was stopped by the software's stop",
+  "remedy.safety.software_stop": "Inspect the cell, then acknowledge.",
   "problem.safety.still_faulted": "The controller still reports a safety stop",
   "problem.device.disconnected": "The connection to a device is lost",
   "problem.driver.lost": "The arm's driver does not answer",
