@@ -8,7 +8,7 @@ import httpx
 import numpy as np
 import numpy.typing as npt
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 from acquisition.session import State
 from api import Client
@@ -20,6 +20,9 @@ from tests.api.page.chromium import Console
 from tests.end_to_end.processes import Service, serving
 
 CELL = "127.0.49.10"
+TIMEOUT_MS = 60_000
+"""How long the page is waited for, ms: what hangs fails, what a busy machine delays does not."""
+
 CELL_FILE = Path(__file__).parents[2] / "data" / "cell.test.toml"
 
 
@@ -58,6 +61,7 @@ def browser() -> Generator[Browser]:
     """One Chromium for all tests; each gets a context of its own."""
     if chromium.EXECUTABLE is None:
         pytest.skip("needs Chromium: apt-get install chromium")
+    expect.set_options(timeout=TIMEOUT_MS)
     with sync_playwright() as playwright:
         running = chromium.launch(playwright)
         yield running
@@ -76,7 +80,7 @@ def console() -> Generator[Console]:
 def context(browser: Browser) -> Generator[BrowserContext]:
     """A browser context: its own storage, workers and downloads."""
     made = browser.new_context(viewport={"width": 1280, "height": 860}, locale="en-GB")
-    made.set_default_timeout(60_000)
+    made.set_default_timeout(TIMEOUT_MS)
     yield made
     made.close()
 

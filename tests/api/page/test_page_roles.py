@@ -5,6 +5,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
+from api.rest import keys
 from api.rest.keys import Role
 from tests.api.page import chromium
 from tests.api.page.chromium import Console
@@ -68,3 +69,10 @@ def test_page_refuses_wrong_key_in_words(context: BrowserContext, console: Conso
     expect(page.locator("#connection")).to_contain_text("viewer")
     page.get_by_role("button", name="Sign out").click()
     expect(page.get_by_label("Key")).to_be_visible()
+
+
+def test_page_of_revoked_key_asks_for_another(opened: Callable[..., Page], lab: Lab) -> None:
+    page = opened(Role.OPERATOR, "#/rig")
+    keys.revoke(keys.path_in(lab.service.data), str(Role.OPERATOR))
+    expect(page.get_by_label("Key")).to_be_visible(timeout=60_000)
+    expect(page.locator("#stop")).to_be_enabled()

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 import tifffile
-from playwright.sync_api import BrowserContext, Page, expect
+from playwright.sync_api import BrowserContext, Page, Route, expect
 
 from api.rest.keys import Role
 from tests.api.page.conftest import Lab
@@ -40,6 +40,48 @@ def resume_where_watchdog_stopped(page: Page, wanted: str) -> None:
         page.locator("[data-confirm=resume]").click()
         page.locator("#session-state:not([data-state=interrupted])").wait_for()
     raise AssertionError(f"the session does not become {wanted}")
+
+
+def draw_line(page: Page) -> None:
+    """Draws a line across the middle of the map."""
+    box = page.locator("#map").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.7 * box["width"], box["y"] + box["height"] / 2, steps=6)
+    page.mouse.up()
+
+
+def check_large_maps(page: Page, lab: Lab) -> None:
+    """Shows the same maps with ten times the width: drawn reduced, read in full."""
+    small = page.evaluate("document.querySelector('map-viewer').profile.along.at(-1)")
+    answer = next(iter(lab.client.sessions())).answer
+    assert answer is not None
+    tenfold = np.ones((10, 10), np.float32)
+
+    def enlarged(route: Route) -> None:
+        content = lab.get(route.request.url.removeprefix(lab.url)).content
+        if route.request.url.endswith(".tiff"):
+            larger = BytesIO()
+            tifffile.imwrite(larger, np.kron(tifffile.imread(BytesIO(content)), tenfold), photometric="minisblack")
+            route.fulfill(body=larger.getvalue(), content_type="image/tiff")
+        else:
+            mask = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE)
+            encoded = cv2.imencode(".png", np.kron(mask, tenfold.astype(np.uint8)))[1]  # type: ignore[arg-type]
+            route.fulfill(body=encoded.tobytes(), content_type="image/png")
+
+    page.route("**/depth.tiff", enlarged)
+    page.route("**/mask.png", enlarged)
+    page.reload()
+    page.locator("map-viewer").get_by_role("button", name="Depth").click()
+    expect(page.locator("map-viewer .scale")).to_be_visible()
+    assert page.evaluate("document.querySelector('#map').width") == 640
+    draw_line(page)
+    page.locator("map-viewer curve-plot canvas").wait_for()
+    large = page.evaluate("document.querySelector('map-viewer').profile.along.at(-1)")
+    assert large == pytest.approx(small, rel=0.05)
+    page.unroute_all()
+    page.reload()
 
 
 def check_profile(page: Page, lab: Lab) -> None:
@@ -104,14 +146,10 @@ def test_page_session_from_sign_in_to_download(
         expect(page.locator("map-viewer figure")).to_have_attribute("aria-busy", "false")
         assert contrast(page.locator("#map")) > 5, name
     page.locator("map-viewer").get_by_role("button", name="Depth").click()
-    box = page.locator("#map").bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + box["height"] / 2)
-    page.mouse.down()
-    page.mouse.move(box["x"] + 0.7 * box["width"], box["y"] + box["height"] / 2, steps=6)
-    page.mouse.up()
+    draw_line(page)
     assert contrast(page.locator("map-viewer curve-plot canvas")) > 2
     check_profile(page, lab)
+    check_large_maps(page, lab)
     page.get_by_role("button", name="Movable light").click()
     relit = page.locator("#relit")
     expect(page.locator("map-viewer figure")).to_have_attribute("aria-busy", "false")

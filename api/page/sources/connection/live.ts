@@ -66,7 +66,8 @@ class Live extends EventTarget {
   }
 
   get stale(): boolean {
-    return Date.now() - this.stream.heardAt > STALE_MS;
+    // Before the first word of the service the page is young, not stale.
+    return this.stream.heardAt === 0 ? performance.now() > STALE_MS : Date.now() - this.stream.heardAt > STALE_MS;
   }
 
   get mayOperate(): boolean {
@@ -175,7 +176,10 @@ class Live extends EventTarget {
     }
     this.due.set(name, 1);
     void read()
-      .catch(() => undefined) // not reached: the age of the connection says so, and it is read again when it is back
+      .catch((error: unknown) => {
+        // Not reached: the age of the connection says so, and it is read again when it is back.
+        if (error instanceof Refusal && error.problem.status === 401) this.keyNeeded = true; // revoked meanwhile
+      })
       .finally(() => {
         this.changed();
         setTimeout(() => {

@@ -25,32 +25,50 @@ export function viridis(value: number): [number, number, number] {
 
 export const COLOURS = Array.from({ length: 256 }, (_, level) => viridis(level / 255));
 
-/** Quantiles of the finite values where `inside` is set. */
+/** Values that quantiles are taken of, at most. */
+const SAMPLES = 100_000;
+
+/** Quantiles of the finite values where `inside` is set; of a sample of many. */
 export function quantiles(map: FloatMap, inside: Uint8Array, shares: readonly number[]): number[] {
-  const kept = map.values.filter((value, index) => inside[index] && Number.isFinite(value)).sort();
+  const step = Math.max(1, Math.floor(map.values.length / SAMPLES));
+  const sample: number[] = [];
+  for (let index = 0; index < map.values.length; index += step)
+    if (inside[index] && Number.isFinite(map.values[index])) sample.push(map.values[index]!);
+  const kept = Float32Array.from(sample).sort();
   return shares.map((share) => kept[Math.min(kept.length - 1, Math.floor(share * kept.length))] ?? 0);
 }
 
 /** A map in the colour scale from `low` to `high`, transparent outside. */
 export function coloured(map: FloatMap, inside: Uint8Array, low: number, high: number): ImageData {
-  const picture = new ImageData(map.width, map.height);
-  const span = high - low || 1;
-  for (let index = 0; index < map.values.length; index += 1) {
-    if (!inside[index]) continue;
-    const level = Math.round(Math.min(1, Math.max(0, (map.values[index]! - low) / span)) * 255) || 0;
-    picture.data.set(COLOURS[level]!, 4 * index);
-    picture.data[4 * index + 3] = 255;
-  }
-  return picture;
+  const colours = COLOURS.map(packed);
+  return painted(map, inside, (value) => colours[levelOf((value - low) / (high - low || 1), 255)]!);
 }
 
 /** A map as grey with gamma 2.2, white at `high`, transparent outside. */
 export function grey(map: FloatMap, inside: Uint8Array, high: number): ImageData {
+  const greys = Array.from({ length: GREY_LEVELS + 1 }, (_, level) => {
+    const shade = Math.round(255 * (level / GREY_LEVELS) ** (1 / 2.2));
+    return packed([shade, shade, shade]);
+  });
+  return painted(map, inside, (value) => greys[levelOf(value / high, GREY_LEVELS)]!);
+}
+
+/** Steps of linear grey that are told apart: enough for 8 bits after the gamma. */
+const GREY_LEVELS = 4095;
+
+function levelOf(share: number, most: number): number {
+  return Math.round(Math.min(1, Math.max(0, share)) * most) || 0;
+}
+
+/** A colour as the 32 bits of a pixel, opaque; canvases are little-endian wherever browsers run. */
+function packed([red, green, blue]: readonly [number, number, number]): number {
+  return ((255 << 24) | (blue << 16) | (green << 8) | red) >>> 0;
+}
+
+function painted(map: FloatMap, inside: Uint8Array, colourOf: (value: number) => number): ImageData {
   const picture = new ImageData(map.width, map.height);
-  for (let index = 0; index < map.values.length; index += 1) {
-    if (!inside[index]) continue;
-    const level = Math.round(255 * Math.min(1, Math.max(0, map.values[index]! / high)) ** (1 / 2.2));
-    picture.data.set([level, level, level, 255], 4 * index);
-  }
+  const pixels = new Uint32Array(picture.data.buffer);
+  for (let index = 0; index < pixels.length; index += 1)
+    if (inside[index]) pixels[index] = colourOf(map.values[index]!);
   return picture;
 }

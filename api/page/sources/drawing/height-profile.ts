@@ -13,13 +13,7 @@ export interface Profile {
 /** Points at which the line is read. */
 const MOST_POINTS = 600;
 
-export function profileOf(
-  depth: FloatMap,
-  inside: Uint8Array,
-  from: Point,
-  to: Point,
-  camera: Scene["camera"],
-): Profile {
+export function profileOf(depth: FloatMap, from: Point, to: Point, camera: Scene["camera"]): Profile {
   const length = Math.hypot(to[0] - from[0], to[1] - from[1]);
   const steps = Math.max(2, Math.min(MOST_POINTS, Math.round(length)));
   // A map of another size than the camera's images is a reduced one.
@@ -36,7 +30,7 @@ export function profileOf(
     const v = Math.round(from[1] + ((to[1] - from[1]) * step) / steps);
     const index = v * depth.width + u;
     const z = depth.values[index];
-    const solved = u >= 0 && v >= 0 && u < depth.width && v < depth.height && inside[index] && z && Number.isFinite(z);
+    const solved = u >= 0 && v >= 0 && u < depth.width && v < depth.height && z && Number.isFinite(z);
     points.push(solved ? [((u * scale - cx) / fx) * z, ((v * scale - cy) / fy) * z, z] : null);
   }
   const first = points.find((point) => point !== null);

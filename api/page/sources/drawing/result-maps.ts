@@ -1,4 +1,9 @@
-/** A result's maps as they are downloaded, each once: normals as a picture, the others as floats. */
+/**
+ * A result's maps as they are downloaded, each once: normals as a picture, the others as floats.
+ *
+ * What is drawn is reduced to what a screen shows, and loops over pixels are short, because a page that computes does not
+ * hear a press on STOP: values and profiles are read from the full maps, pixel by pixel.
+ */
 import { fetchBlob } from "../connection/pictures";
 import type { Result } from "../connection/schemas";
 import { coloured, grey, quantiles } from "./colour-scale";
@@ -6,6 +11,9 @@ import { readFloatTiff, type FloatMap } from "./float-tiff";
 
 export const MAP_NAMES = ["normals", "albedo", "sigma_deg", "depth", "residual"] as const;
 export type MapName = (typeof MAP_NAMES)[number];
+
+/** Most pixels of a map that is drawn: some tens of milliseconds of computing. */
+const DRAWN_PIXELS = 1_100_000;
 
 /** A map as a picture, with the ends of its scale. */
 export interface MapPicture {
@@ -17,17 +25,12 @@ export interface MapPicture {
 export class ResultMaps {
   private readonly floats = new Map<string, Promise<FloatMap>>();
   private readonly pictures = new Map<string, Promise<ImageData>>();
+  private mask: Promise<FloatMap> | null = null;
 
   constructor(readonly result: Result) {}
 
-  /** Pixels with a normal: 1, else 0. */
-  async inside(): Promise<Uint8Array> {
-    const mask = await this.bitmap("mask.png");
-    return Uint8Array.from({ length: mask.width * mask.height }, (_, index) => (mask.data[4 * index]! > 127 ? 1 : 0));
-  }
-
-  /** A float map by name. */
-  values(name: Exclude<MapName, "normals"> | "normals"): Promise<FloatMap> {
+  /** A float map by name, every pixel. */
+  values(name: MapName): Promise<FloatMap> {
     let made = this.floats.get(name);
     if (!made) {
       made = this.file(`${name}.tiff`)
@@ -39,20 +42,44 @@ export class ResultMaps {
     return made;
   }
 
-  /** The normals as colours, 8 bits. */
-  normals(): Promise<ImageData> {
-    return this.bitmap("normals.png");
+  /** A float map as it is drawn: every so many-th pixel of a large one. */
+  async drawn(name: MapName): Promise<FloatMap> {
+    return reduced(await this.values(name));
+  }
+
+  /** Pixels with a normal, of a drawn map: 1, else 0. */
+  async inside(): Promise<Uint8Array> {
+    this.mask ??= this.bitmap("mask.png").then((mask) => {
+      const values = new Float32Array(mask.width * mask.height);
+      for (let index = 0; index < values.length; index += 1) values[index] = mask.data[4 * index]! > 127 ? 1 : 0;
+      return { width: mask.width, height: mask.height, channels: 1, values };
+    });
+    return Uint8Array.from(reduced(await this.mask).values);
+  }
+
+  /** The normals as colours, 8 bits, as they are drawn. */
+  async normals(): Promise<ImageData> {
+    const { width, height, data } = await this.bitmap("normals.png");
+    const step = stepOf(width, height);
+    if (step === 1) return new ImageData(new Uint8ClampedArray(data), width);
+    const small = new ImageData(Math.ceil(width / step), Math.ceil(height / step));
+    const from = new Uint32Array(data.buffer);
+    const to = new Uint32Array(small.data.buffer);
+    for (let row = 0; row < small.height; row += 1)
+      for (let column = 0; column < small.width; column += 1)
+        to[row * small.width + column] = from[row * step * width + column * step]!;
+    return small;
   }
 
   /** A map as a picture: normals in their colours, albedo grey, the others in the colour scale. */
   async picture(name: MapName, range?: readonly [number, number]): Promise<MapPicture> {
     const inside = await this.inside();
     if (name === "normals") {
-      const image = new ImageData(new Uint8ClampedArray((await this.normals()).data), (await this.normals()).width);
-      inside.forEach((solved, index) => (image.data[4 * index + 3] = solved ? 255 : 0));
+      const image = await this.normals();
+      for (let index = 0; index < inside.length; index += 1) image.data[4 * index + 3] = inside[index] ? 255 : 0;
       return { image, low: null, high: null };
     }
-    const map = await this.values(name);
+    const map = await this.drawn(name);
     const [low, high] = range ?? this.range(name, map, inside);
     return { image: name === "albedo" ? grey(map, inside, high) : coloured(map, inside, low, high), low, high };
   }
@@ -79,6 +106,25 @@ export class ResultMaps {
   }
 }
 
+function stepOf(width: number, height: number): number {
+  return Math.max(1, Math.ceil(Math.sqrt((width * height) / DRAWN_PIXELS)));
+}
+
+/** Every so many-th pixel of a map that is larger than what is drawn. */
+function reduced(map: FloatMap): FloatMap {
+  const step = stepOf(map.width, map.height);
+  if (step === 1) return map;
+  const { channels } = map;
+  const [width, height] = [Math.ceil(map.width / step), Math.ceil(map.height / step)];
+  const values = new Float32Array(width * height * channels);
+  let to = 0;
+  for (let row = 0; row < height; row += 1)
+    for (let column = 0; column < width; column += 1)
+      for (let channel = 0; channel < channels; channel += 1)
+        values[to++] = map.values[channels * (row * step * map.width + column * step) + channel]!;
+  return { width, height, channels, values };
+}
+
 async function pixelsOf(blob: Blob): Promise<ImageData> {
   const bitmap = await createImageBitmap(blob, { colorSpaceConversion: "none", premultiplyAlpha: "none" });
   const ink = new OffscreenCanvas(bitmap.width, bitmap.height).getContext("2d", { willReadFrequently: true })!;
@@ -88,11 +134,11 @@ async function pixelsOf(blob: Blob): Promise<ImageData> {
   return pixels;
 }
 
-/** Angles between two results' normals in degrees, where both have one. */
+/** Angles between two results' normals in degrees, where both have one; as they are drawn. */
 export async function normalDifference(one: ResultMaps, other: ResultMaps): Promise<FloatMap> {
   const [a, b, inside, beside] = await Promise.all([
-    one.values("normals"),
-    other.values("normals"),
+    one.drawn("normals"),
+    other.drawn("normals"),
     one.inside(),
     other.inside(),
   ]);

@@ -79,7 +79,7 @@ export class MapViewer extends PageElement {
   }
 
   private async relight(maps: ResultMaps): Promise<void> {
-    const [normals, albedo, inside] = await Promise.all([maps.normals(), maps.values("albedo"), maps.inside()]);
+    const [normals, albedo, inside] = await Promise.all([maps.normals(), maps.drawn("albedo"), maps.inside()]);
     await this.updateComplete;
     const canvas = this.querySelector<HTMLCanvasElement>("#relit");
     if (!canvas || this.shown !== "relit") return;
@@ -244,20 +244,32 @@ export class MapViewer extends PageElement {
   private async read([u, v]: Point): Promise<void> {
     const name = this.shown;
     if (name === "relit") return;
-    const map = await this.maps!.values(name);
-    const at = map.channels * (v * map.width + u);
-    const values = map.values.subarray(at, at + map.channels);
     const [digits, unit, factor] = UNITS[name];
-    const written = Array.from(values, (value) => `${number(value * factor, digits)}${unit}`).join(", ");
-    this.value = t("maps.value", { u, v, value: written });
+    const { u: x, v: y, values } = await this.valuesAt(name, u, v);
+    const written = values.map((value) => `${number(value * factor, digits)}${unit}`).join(", ");
+    this.value = t("maps.value", { u: x, v: y, value: written });
+  }
+
+  /** Values of a pixel of the drawn map: normals from their picture, the others from the full map. */
+  private async valuesAt(name: MapName, u: number, v: number): Promise<{ u: number; v: number; values: number[] }> {
+    const drawn = this.picture!.image;
+    if (name === "normals") {
+      const colour = drawn.data.subarray(4 * (v * drawn.width + u), 4 * (v * drawn.width + u) + 3);
+      return { u, v, values: Array.from(colour, (part) => part / 127.5 - 1) };
+    }
+    const map = await this.maps!.values(name);
+    const [x, y] = [u, v].map((place) => Math.floor((place * map.width) / drawn.width)) as [number, number];
+    return { u: x, v: y, values: [map.values[y * map.width + x] ?? NaN] };
   }
 
   private async draw(): Promise<void> {
     const [line, maps] = [this.line, this.maps!];
     if (!line) return;
-    const [depth, inside, { camera }] = await Promise.all([maps.values("depth"), maps.inside(), scene()]);
+    const [depth, { camera }] = await Promise.all([maps.values("depth"), scene()]);
     if (line !== this.line) return;
-    const profile = profileOf(depth, inside, line[0], line[1], camera);
+    const scale = depth.width / this.picture!.image.width;
+    const scaled = ([u, v]: Point): Point => [Math.round(u * scale), Math.round(v * scale)];
+    const profile = profileOf(depth, scaled(line[0]), scaled(line[1]), camera);
     this.profile = profile.along.length > 1 ? profile : null;
   }
 
