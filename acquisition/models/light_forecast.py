@@ -52,5 +52,5 @@ class LightForecast(Value):
     )
     brightest_sigma_deg: float | None = Field(
         description="σ that the picture shows brightest, degrees: a percentile of σ without these lights, so that "
-        "pictures of one review can be compared"
+        "pictures of one review can be compared; a hundredth of it is black, and the scale between is logarithmic"
     )

@@ -29,6 +29,11 @@ PICTURE_PIXELS = 4000
 BRIGHTEST_PERCENTILE = 98.0
 """Percentile of σ before the placed lights that a picture shows brightest."""
 
+SHOWN_RANGE = 100.0
+"""Ratio of the largest σ that a picture tells apart to the smallest. Lights take σ from 15° after a pilot to 1°, and
+what is moved changes it by tenths: on a linear scale the picture of a good plan is black, on a logarithmic one equal
+ratios of σ look equally different."""
+
 
 @dataclass(frozen=True)
 class ForecastBasis:
@@ -103,9 +108,11 @@ def evaluate(known: ForecastBasis, lights: Sequence[LightRows]) -> PlacedForecas
 
 
 def _picture(known: ForecastBasis, shown_deg: FloatArray) -> bytes:
-    """σ (P,) of the shown pixels as a colour-mapped PNG, cropped to the object; dark is certain."""
+    """σ (P,) of the shown pixels as a colour-mapped PNG on a logarithmic scale, cropped to the object; dark is
+    certain."""
+    share = 1 + np.log(np.maximum(shown_deg[known.nearest] / known.brightest_deg, 1e-9)) / np.log(SHOWN_RANGE)
     levels = np.zeros(known.inside.shape, np.uint8)
-    levels[known.inside] = np.clip(255 * shown_deg[known.nearest] / known.brightest_deg, 0, 255).astype(np.uint8)
+    levels[known.inside] = np.clip(255 * share, 0, 255).astype(np.uint8)
     coloured = cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)
     coloured[~known.inside] = explain.OUTSIDE
     return cv2.imencode(".png", coloured)[1].tobytes()
