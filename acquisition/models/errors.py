@@ -19,6 +19,7 @@ class ErrorCode(StrEnum):
     REQUEST_UNAUTHENTICATED = "request.unauthenticated"
     REQUEST_FORBIDDEN = "request.forbidden"
     REQUEST_TOO_MANY_FAILURES = "request.too_many_failures"
+    REQUEST_TOO_MANY_STREAMS = "request.too_many_streams"
     REQUEST_TOO_LARGE = "request.too_large"
     REQUEST_MEDIA_TYPE = "request.media_type"
     REQUEST_TIMEOUT = "request.timeout"
@@ -65,6 +66,7 @@ class ErrorCode(StrEnum):
     STORE_LOCKED = "store.locked"
     STORE_CORRUPT = "store.corrupt"
     SERVICE_RESTARTED = "service.restarted"
+    SERVICE_OVERLOADED = "service.overloaded"
     SERVICE_FAULT = "service.fault"
 
 
@@ -102,6 +104,11 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.REQUEST_TOO_MANY_FAILURES: Problem(
         429, "Too many failed authentications", "Wait for `retry_after_s` seconds; then send a valid key."
+    ),
+    ErrorCode.REQUEST_TOO_MANY_STREAMS: Problem(
+        429,
+        "The key has too many open streams",
+        "Close streams that nobody reads, then try again after `retry_after_s`.",
     ),
     ErrorCode.REQUEST_TOO_LARGE: Problem(413, "The request body is too large", "Send a smaller body."),
     ErrorCode.REQUEST_MEDIA_TYPE: Problem(
@@ -269,6 +276,11 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.SERVICE_RESTARTED: Problem(
         503, "The service ended during a session", "Inspect the cell, then resume; nothing moves before."
+    ),
+    ErrorCode.SERVICE_OVERLOADED: Problem(
+        503,
+        "The service has as many connections, requests or streams as it can hold",
+        "Try again after `retry_after_s` seconds; find out who holds them. A stop is answered all the same.",
     ),
     ErrorCode.SERVICE_FAULT: Problem(
         500, "Internal error of the service", "Keep the log and report it; the session's data are safe."

@@ -10,6 +10,7 @@ import httpx
 from httpx_sse import EventSource, ServerSentEvent
 
 from acquisition.session import ENDED, State
+from api.rest.events import STREAM_RESET
 from api.rest.schemas import EventResource, SessionResource
 
 RECONNECT_TIMEOUT_S = 30.0
@@ -57,7 +58,9 @@ class EventCursor:
 
 
 def ends_or_suspends(event: EventResource) -> bool:
-    """Whether with this event a session has ended, or is suspended until a person acts."""
+    """Whether with this event a session has, or may have, ended, or is suspended until a person acts."""
+    if event.type == STREAM_RESET:  # its events are not all in this journal: the session itself must be asked
+        return True
     if event.type != "session.state":
         return False
     state = event.body["state"]

@@ -19,6 +19,7 @@ from fastapi.responses import HTMLResponse
 from api.rest import (
     archive,
     camera_preview,
+    capacity,
     drawings,
     events,
     images,
@@ -43,6 +44,7 @@ from api.rest.events import EventFeed
 from api.rest.joint_readings import JointReadingResource, JointReadings
 from api.rest.keys import KeyRing
 from api.rest.logs import RequestLogMiddleware
+from api.rest.open_streams import OpenStreams
 from api.rest.request_checks import RequestChecks
 from api.rest.scene import CellScene
 from api.rest.schemas import EventResource, Problem
@@ -86,6 +88,7 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
     app.state.camera_preview = CameraPreview(service)
     app.state.scene = CellScene(service)
     app.state.keys = keys
+    app.state.streams = OpenStreams(keys, capacity.present())
     app.add_middleware(ConditionalGet)
     app.add_middleware(RequestChecks, settings=settings, authentication=Authentication(keys))
     app.add_middleware(RequestLogMiddleware)

@@ -7,7 +7,7 @@ a session holds the rig, the camera belongs to the session, and the image is the
 
 import asyncio
 import time
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Callable
 from dataclasses import dataclass
 from datetime import datetime
 from functools import cached_property
@@ -23,7 +23,8 @@ from acquisition.capture import region
 from acquisition.models.base import BoolArray
 from acquisition.models.errors import ErrorCode, RigError
 from api.rest import image_encoding, preview_figures, problems
-from api.rest.dependencies import ServiceOf
+from api.rest.dependencies import CallerOf, ServiceOf
+from api.rest.open_streams import OpenStreams
 from api.rest.preview_figures import Pixels, PreviewFigures
 from api.rest.schemas import as_datetime
 from api.rest.wiring import Service
@@ -103,13 +104,17 @@ class CameraPreview:
             )
         return figures
 
-    async def stream(self, first: PreviewImage) -> AsyncGenerator[bytes, None]:
-        """Yields the parts of a multipart response, each as soon as the last one is sent, until `end`."""
+    async def stream(
+        self, first: PreviewImage, is_admitted: Callable[[], bool] = lambda: True
+    ) -> AsyncGenerator[bytes, None]:
+        """Yields the parts of a multipart response, each as soon as the last one is sent, until `end`, or until the
+        caller is no longer admitted.
+        """
         image, sent, pause = first, 0, PERIOD_S
         self.viewers += 1
         try:
             yield b"--" + BOUNDARY + b"\r\n"
-            while not self._stopping.is_set():
+            while not self._stopping.is_set() and is_admitted():
                 if image.number != sent:
                     yield _part(image)
                     sent = image.number
@@ -217,16 +222,22 @@ async def preview_clipping(request: Request, service: ServiceOf) -> Response:
     responses={
         200: {"description": "An endless stream of JPEGs", "content": {"multipart/x-mixed-replace": {}}},
         **_PROBLEMS,
+        **problems.responses_of(ErrorCode.REQUEST_TOO_MANY_STREAMS),
     },
 )
-async def preview_stream(request: Request) -> StreamingResponse:
-    """The camera's live image as a stream; a slow viewer receives fewer images."""
+async def preview_stream(request: Request, caller: CallerOf) -> StreamingResponse:
+    """The camera's live image as a stream; a slow viewer receives fewer images.
+
+    It ends with the validity of the key or ticket that opened it.
+    """
     preview: CameraPreview = request.app.state.camera_preview
+    streams: OpenStreams = request.app.state.streams
     first = await preview.image()
-    return StreamingResponse(
-        preview.stream(first),
-        media_type=f"multipart/x-mixed-replace; boundary={BOUNDARY.decode()}",
-        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
+    return streams.response(
+        caller,
+        preview.stream(first, lambda: streams.is_valid(caller)),
+        f"multipart/x-mixed-replace; boundary={BOUNDARY.decode()}",
+        {"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
     )
 
 

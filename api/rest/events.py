@@ -9,7 +9,8 @@ Between those events a stream carries joint readings for whoever asks, which are
 import asyncio
 import threading
 import time
-from collections.abc import AsyncGenerator, Sequence
+from collections.abc import AsyncGenerator, Callable, Sequence
+from datetime import UTC, datetime
 from typing import Annotated
 
 import anyio.to_thread
@@ -18,8 +19,10 @@ from fastapi.responses import StreamingResponse
 
 from acquisition.models.errors import ErrorCode
 from acquisition.store import Event, Journal
-from api.rest import joint_readings, problems
+from api.rest import joint_readings, open_streams, problems
+from api.rest.dependencies import CallerOf
 from api.rest.joint_readings import JointReadings
+from api.rest.open_streams import OpenStreams
 from api.rest.schemas import EventResource, as_datetime
 
 KEEP_ALIVE_S = 10.0
@@ -30,6 +33,9 @@ BATCH = 200
 
 READERS = 4
 """Threads that all listeners may occupy together, so that many of them leave threads to the rest of the service."""
+
+STREAM_RESET = "stream.reset"
+"""Type of the event that tells a listener that its position is not of this journal."""
 
 _POLL_S = 0.2
 
@@ -78,10 +84,13 @@ class EventFeed:
         *,
         follow: bool = True,
         joints: bool = False,
+        is_admitted: Callable[[], bool] = lambda: True,
     ) -> AsyncGenerator[str, None]:
-        """Yields events above `after` (None: from now on) as the text of an event stream, until `end`.
+        """Yields events above `after` (None: from now on) as the text of an event stream, until `end`, or until the
+        caller is no longer admitted.
 
-        Without `follow` the stream ends with the newest event. With `joints` it carries joint readings too.
+        Without `follow` the stream ends with the newest event. With `joints` it carries joint readings too. An `after`
+        above the newest id is of another journal: the event `stream.reset` says so, and the stream goes on from now.
         """
         wake = asyncio.Event()
         self._listeners.add(wake)
@@ -89,8 +98,13 @@ class EventFeed:
         period_s = joint_readings.PERIOD_S if joints else KEEP_ALIVE_S
         due, grown = time.monotonic() + (0 if joints else period_s), True
         try:
+            if sent > self._newest:  # which a listener that reads the table itself may be ahead of
+                newest = await anyio.to_thread.run_sync(self._journal.last_event_id, limiter=self._readers)
+                if sent > newest:
+                    yield _reset(sent, newest)
+                    sent = newest
             yield f"retry: 1000\nid: {sent}\n\n"  # no data, so no event: the id to resume from
-            while not self._stopping.is_set():
+            while not self._stopping.is_set() and is_admitted():
                 batch: list[Event] = []
                 if grown:
                     wake.clear()
@@ -107,7 +121,8 @@ class EventFeed:
                 if time.monotonic() >= due:
                     yield self._readings.message() if joints else ": keep-alive\n\n"
                     due = time.monotonic() + period_s
-                grown = len(batch) == BATCH or await _is_set_within(wake, due - time.monotonic())
+                patience_s = min(due - time.monotonic(), open_streams.CHECK_S)
+                grown = len(batch) == BATCH or await _is_set_within(wake, patience_s)
         finally:
             self._listeners.discard(wake)
 
@@ -135,11 +150,14 @@ router = APIRouter(tags=["events"])
     response_class=StreamingResponse,
     responses={
         200: {"description": "An endless stream; `data` is an EventResource", "content": {"text/event-stream": {}}},
-        **problems.responses_of(ErrorCode.REQUEST_INVALID),
+        **problems.responses_of(
+            ErrorCode.REQUEST_INVALID, ErrorCode.REQUEST_TOO_MANY_STREAMS, ErrorCode.SERVICE_OVERLOADED
+        ),
     },
 )
 async def events(
     request: Request,
+    caller: CallerOf,
     after: Annotated[
         int | None, Query(ge=0, le=2**62, description="Replay events above this id; none: from now on")
     ] = None,
@@ -155,14 +173,26 @@ async def events(
     ] = False,
     last_event_id: Annotated[int | None, Header(ge=0, le=2**62, description="Takes precedence over `after`")] = None,
 ) -> StreamingResponse:
-    """Streams events as they happen (server-sent events); `Last-Event-ID` or `after` replays missed ones."""
+    """Streams events as they happen (server-sent events); `Last-Event-ID` or `after` replays missed ones.
+
+    The event `stream.reset` comes first where that id is above the newest (the journal was restored from a backup):
+    read anew what you know. The stream ends with the validity of the key or ticket that opened it.
+    """
     feed: EventFeed = request.app.state.feed
+    streams: OpenStreams = request.app.state.streams
     start = last_event_id if last_event_id is not None else after
-    return StreamingResponse(
-        feed.stream(start, session_id, type, follow=follow, joints=joints),
-        media_type="text/event-stream",
-        headers={"Cache-Control": "no-store", "X-Accel-Buffering": "no"},
+    content = feed.stream(
+        start, session_id, type, follow=follow, joints=joints, is_admitted=lambda: streams.is_valid(caller)
     )
+    headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+    return streams.response(caller, content, "text/event-stream", headers)
+
+
+def _reset(asked: int, newest: int) -> str:
+    data = EventResource(
+        id=newest, session_id=None, type=STREAM_RESET, at=datetime.now(UTC), body={"last_event_id": asked}
+    )
+    return f"id: {newest}\nevent: {STREAM_RESET}\ndata: {data.model_dump_json()}\n\n"
 
 
 def _message(event: Event) -> str:

@@ -10,6 +10,7 @@ import hashlib
 import hmac
 import json
 import logging
+import math
 import os
 import secrets
 import threading
@@ -53,10 +54,12 @@ class Role(StrEnum):
 
 @dataclass(frozen=True)
 class Caller:
-    """Name (for the record) and role of the caller of a request."""
+    """Name (for the record) and role of the caller of a request, and what that rests on."""
 
     name: str
     role: Role
+    sha256: str = ""  # of the key; empty for a caller without one
+    valid_until: float = math.inf  # of a ticket: s, monotonic
 
 
 class Key(BaseModel):
@@ -149,7 +152,7 @@ class KeyRing:
         self._keys: tuple[Key, ...] = () if content is None else content.keys
         self.required = content is not None
         self._loaded_stamp = self._stamp()
-        self._tickets: dict[str, tuple[float, Caller]] = {}
+        self._tickets: dict[str, Caller] = {}
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="keys", daemon=True)
 
@@ -169,26 +172,29 @@ class KeyRing:
         caller: Caller | None = None
         for key in self._keys:
             if hmac.compare_digest(key.sha256, digest):
-                caller = Caller(key.name, key.role)
+                caller = Caller(key.name, key.role, key.sha256)
         return caller
 
     def issue_ticket(self, caller: Caller, now: float) -> str:
         """Issues a ticket with which a page may read, and only read, until `now` (s, monotonic) + TICKET_LIFETIME_S."""
         while self._tickets:  # in order of issue, and so of expiry
             oldest = next(iter(self._tickets))
-            if self._tickets[oldest][0] >= now and len(self._tickets) < MAX_TICKETS:
+            if self._tickets[oldest].valid_until >= now and len(self._tickets) < MAX_TICKETS:
                 break
             del self._tickets[oldest]
         ticket = secrets.token_urlsafe(32)
-        self._tickets[ticket] = (now + TICKET_LIFETIME_S, Caller(caller.name, Role.VIEWER))
+        self._tickets[ticket] = Caller(caller.name, Role.VIEWER, caller.sha256, now + TICKET_LIFETIME_S)
         return ticket
 
     def holder(self, ticket: str, now: float) -> Caller | None:
         """The holder of a ticket valid at `now` (s, monotonic) whose key is valid too, else None."""
-        until, caller = self._tickets.get(ticket, (0.0, None))
-        if caller is None or until < now or (self.required and caller.name not in {key.name for key in self._keys}):
-            return None
-        return caller
+        caller = self._tickets.get(ticket)
+        return caller if caller is not None and self.is_valid(caller, now) else None
+
+    def is_valid(self, caller: Caller, now: float) -> bool:
+        """Whether a caller's key is still among the keys, and a ticket still valid at `now` (s, monotonic)."""
+        known = not self.required or any(key.sha256 == caller.sha256 for key in self._keys)
+        return known and now <= caller.valid_until
 
     def _watch(self) -> None:
         while not self._stopping.wait(POLL_S):

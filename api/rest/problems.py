@@ -42,8 +42,12 @@ def response(
 ) -> JSONResponse:
     """Builds the HTTP response of a problem: its status, its media type, the problem object as the body."""
     problem = Problem.of(code, detail, context, instance and instance[:MAX_INSTANCE_LENGTH])
+    retry = {"Retry-After": str(context["retry_after_s"])} if context and "retry_after_s" in context else {}
     return JSONResponse(
-        problem.model_dump(mode="json"), status_code=problem.status, media_type=MEDIA_TYPE, headers=headers
+        problem.model_dump(mode="json"),
+        status_code=problem.status,
+        media_type=MEDIA_TYPE,
+        headers={**retry, **(headers or {})},
     )
 
 

@@ -55,8 +55,6 @@ class RequestChecks:
             answer.headers["Connection"] = "close"  # the rest of the body is not read
             if error.code is ErrorCode.REQUEST_UNAUTHENTICATED:
                 answer.headers["WWW-Authenticate"] = "Bearer"
-            if "retry_after_s" in error.context:
-                answer.headers["Retry-After"] = str(error.context["retry_after_s"])
             await answer(scope, receive, send)
             return
         await self._app(scope, _replay(body, receive), send)

@@ -171,3 +171,33 @@ def test_events_stalled_client_delays_nobody_and_misses_none(own: Any) -> None:
 
     heard = [int(line.split()[1]) for line in text.decode().splitlines() if line.startswith("id: ")]
     assert heard == list(range(count + 21))  # the first says where the stream begins
+
+
+def test_events_id_from_the_future_gets_a_reset(own: Any) -> None:
+    announce(own, 3)
+
+    answer = own.http.get("/v1/events?follow=false", headers={"Last-Event-ID": "1000"})
+    blocks = answer.text.strip().split("\n\n")
+    reset = dict(line.split(": ", 1) for line in blocks[0].splitlines())
+    data = json.loads(reset["data"])
+    stream = own.client.events(after=1000)
+    first = next(stream)
+    with ThreadPoolExecutor(1) as pool:
+        following = pool.submit(next, stream)
+        announce(own, 1)
+        heard = following.result(60)
+
+    assert (reset["id"], reset["event"]) == ("3", events_module.STREAM_RESET)
+    assert (data["id"], data["session_id"], data["body"]) == (3, None, {"last_event_id": 1000})
+    assert blocks[1:] == ["retry: 1000\nid: 3"]
+    assert (first.type, first.id) == (events_module.STREAM_RESET, 3)
+    assert heard.id == 4
+
+
+def test_client_wait_with_reset_asks_the_session_itself(own: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = own.client.create()
+    own.client.stop(made.id)
+    stream = own.client.events
+    monkeypatch.setattr(own.client, "events", lambda session_id, after: stream(session_id, 1000))
+
+    assert own.client.wait(made.id).state == "stopped"
