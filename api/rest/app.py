@@ -45,7 +45,7 @@ from api.rest.joint_readings import JointReadingResource, JointReadings
 from api.rest.keys import KeyRing
 from api.rest.logs import RequestLogMiddleware
 from api.rest.open_streams import OpenStreams
-from api.rest.request_checks import RequestChecks
+from api.rest.request_checks import KnownPages, RequestChecks
 from api.rest.scene import CellScene
 from api.rest.schemas import EventResource, Problem
 from api.rest.settings import Settings
@@ -90,7 +90,13 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
     app.state.keys = keys
     app.state.streams = OpenStreams(keys, capacity.present())
     app.add_middleware(ConditionalGet)
-    app.add_middleware(RequestChecks, settings=settings, authentication=Authentication(keys))
+    app.state.pages, app.state.authentication = KnownPages(settings), Authentication(keys)
+    app.add_middleware(
+        RequestChecks,
+        pages=app.state.pages,
+        authentication=app.state.authentication,
+        most_requests=capacity.present().requests,
+    )
     app.add_middleware(RequestLogMiddleware)
     # Outside the request checks, so that an allowed page can read a refusal, and its preflight needs no key.
     if settings.allowed_origins:

@@ -53,12 +53,9 @@ class Authentication:
         host = scope["client"][0] if scope.get("client") else "local"
         if (path == PUBLIC_PAGE or path.startswith(PUBLIC_PATHS)) and method in SAFE_METHODS:
             return Caller("anybody", Role.VIEWER)
-        if not self.keys.required:
-            return Caller("operator", Role.ADMIN)
-        now = time.monotonic()
-        caller = self._identify(scope, headers, now)
+        caller = self.recognised(scope, headers)
         if caller is None:
-            self._count_failure(host, now)
+            self._count_failure(host, time.monotonic())
             raise RigError(ErrorCode.REQUEST_UNAUTHENTICATED, f"{method} {path[:200]} needs a key")
         needed = _needed(method, path)
         if not caller.role.covers(needed):
@@ -70,12 +67,15 @@ class Authentication:
             )
         return caller
 
-    def _identify(self, scope: Scope, headers: Headers, now: float) -> Caller | None:
+    def recognised(self, scope: Scope, headers: Headers) -> Caller | None:
+        """The caller by key or ticket, whatever the role; None for an unknown one. Any thread may ask."""
+        if not self.keys.required:
+            return Caller("operator", Role.ADMIN)
         scheme, _, secret = headers.get("authorization", "").partition(" ")
         if secret:
             return self.keys.caller(secret.strip()) if scheme.lower() == "bearer" else None
         ticket = parse_qs(scope["query_string"].decode("latin-1")).get("ticket", [""])[0]
-        return self.keys.holder(ticket, now) if ticket and scope["method"] in SAFE_METHODS else None
+        return self.keys.holder(ticket, time.monotonic()) if ticket and scope["method"] in SAFE_METHODS else None
 
     def _count_failure(self, host: str, now: float) -> None:
         recent = self._failures.setdefault(host, deque(maxlen=MAX_FAILURES))

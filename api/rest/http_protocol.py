@@ -3,10 +3,12 @@
 uvicorn waits for ever for a request that is never completed, so a client that sends a byte now and then could use up
 the process's connections and keep an operator from the stop (slowloris). Here the head of a request has
 `HEAD_TIMEOUT_S` from the moment the connection is ready for it; the body is limited by `request_checks`, which reads
-it.
+it. A connection that takes nothing of its answer for `WRITE_TIMEOUT_S` is cut: a stream that nobody reads would hold
+its descriptor for ever.
 """
 
 import asyncio
+from collections.abc import Callable
 from typing import Any
 
 import h11
@@ -19,18 +21,36 @@ from api.rest.schemas import Problem
 HEAD_TIMEOUT_S = 10.0
 """Time limit for the head of a request, s."""
 
+WRITE_TIMEOUT_S = 60.0
+"""How long a connection may take nothing of what is to be sent to it, s; then nobody reads it any more."""
+
 
 class TimeLimitedH11Protocol(H11Protocol):
     """Closes a connection whose request does not arrive in time; answers malformed HTTP by a problem object."""
 
-    def __init__(self, *arguments: Any, **options: Any) -> None:
+    def __init__(self, *arguments: Any, received: bytes, on_lost: Callable[[], None], **options: Any) -> None:
+        """`received` are the bytes that the listener has read; `on_lost` is called when the connection has ended."""
         super().__init__(*arguments, **options)
+        self._received = received
+        self._on_lost = on_lost
         self._head_timer: asyncio.TimerHandle | None = None
+        self._write_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Starts the time limit of the first request."""
         super().connection_made(transport)  # pyright: ignore[reportArgumentType] - uvicorn narrows the type
         self._expect_head()
+        self.data_received(self._received)
+
+    def pause_writing(self) -> None:
+        """Starts the time limit of a connection that takes no more."""
+        super().pause_writing()
+        self._write_timer = self.loop.call_later(WRITE_TIMEOUT_S, self.transport.abort)
+
+    def resume_writing(self) -> None:
+        """Cancels it."""
+        self._cancel_write_timer()
+        super().resume_writing()
 
     def on_response_complete(self) -> None:
         """Starts the time limit of the next request."""
@@ -38,10 +58,12 @@ class TimeLimitedH11Protocol(H11Protocol):
         self._expect_head()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Cancels the time limit."""
+        """Cancels the time limits."""
         if self._head_timer is not None:
             self._head_timer.cancel()
+        self._cancel_write_timer()
         super().connection_lost(exc)
+        self._on_lost()
 
     def send_400_response(self, msg: str) -> None:
         """Answers malformed HTTP by a problem object and closes the connection."""
@@ -59,6 +81,11 @@ class TimeLimitedH11Protocol(H11Protocol):
         if self._head_timer is not None:
             self._head_timer.cancel()
         self._head_timer = self.loop.call_later(HEAD_TIMEOUT_S, self._close_idle)
+
+    def _cancel_write_timer(self) -> None:
+        if self._write_timer is not None:
+            self._write_timer.cancel()
+            self._write_timer = None
 
     def _close_idle(self) -> None:
         answering = bool(self.cycle) and not self.cycle.response_complete  # none before the first request

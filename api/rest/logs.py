@@ -8,6 +8,7 @@ percent-encoded, so that no request can forge log lines.
 import logging
 import re
 import sys
+import threading
 import time
 from typing import Literal
 
@@ -22,6 +23,40 @@ _log = logging.getLogger(__name__)
 _SESSION = re.compile(rb"^/v1/sessions/([0-9A-Za-z-]{1,80})(?:/|$)")
 MAX_ADDRESS_LENGTH = 200
 """Characters of an address that are logged."""
+
+
+ENTRIES_PER_S = 40.0
+"""Entries of one kind (up to INFO, above) that are written in the long run, 1/s: some 0.7 MB a minute of requests."""
+
+BURST = 400
+"""Entries of one kind that are written at once, before that rate holds."""
+
+
+class RateLimit(logging.Filter):
+    """Leaves out entries beyond a rate, so that no flood of requests fills the disk, and says how many were left out.
+
+    Entries above INFO have a share of their own: a flood of requests does not hide a fault.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._lock = threading.Lock()
+        self._buckets = {False: [float(BURST), time.monotonic(), 0.0], True: [float(BURST), time.monotonic(), 0.0]}
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether an entry is written; `left_out` in it counts those before it that were not."""
+        with self._lock:
+            bucket = self._buckets[record.levelno > logging.INFO]
+            room, at, left_out = bucket
+            now = time.monotonic()
+            room = min(room + (now - at) * ENTRIES_PER_S, BURST)
+            if room < 1:
+                bucket[:] = [room, now, left_out + 1]
+                return False
+            bucket[:] = [room - 1, now, 0.0]
+            if left_out:
+                record.left_out = int(left_out)
+            return True
 
 
 def configure(log_format: LogFormat) -> None:
@@ -39,6 +74,7 @@ def configure(log_format: LogFormat) -> None:
         else [structlog.dev.ConsoleRenderer(colors=False, pad_event_to=0)]
     )
     handler = logging.StreamHandler(sys.stderr)
+    handler.addFilter(RateLimit())
     handler.setFormatter(
         structlog.stdlib.ProcessorFormatter(
             foreign_pre_chain=common, processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *last]

@@ -24,23 +24,75 @@ BODY_TIMEOUT_S = 10.0
 """Time limit for the arrival of a body, s."""
 
 
-class RequestChecks:
-    """ASGI middleware that answers a bad request with a problem object, and passes any other with its complete body."""
+RETRY_AFTER_S = 1
+"""Time after which a request may be sent again that was one too many, s."""
 
-    def __init__(self, app: ASGIApp, settings: Settings, authentication: Authentication) -> None:
-        self._app = app
-        self._authentication = authentication
+STREAM_PATHS = frozenset({"/v1/events", "/v1/rig/preview.mjpeg"})
+"""Addresses of streams, which are counted by themselves (`open_streams`)."""
+
+STOP_PATH = "/v1/rig/stop"
+"""Address of the stop, which no limit refuses."""
+
+
+class KnownPages:
+    """The hosts by which the service may be called and the web pages that may call it."""
+
+    def __init__(self, settings: Settings) -> None:
         self._hosts = {settings.host.lower(), *settings.allowed_hosts}
         self._origins = set(settings.allowed_origins)
 
+    def own(self, scope: Scope, headers: Headers) -> str:
+        """The origin of the service's own page as the caller reaches it."""
+        return f"{scope.get('scheme', 'http')}://{headers.get('host', '')}".lower()
+
+    def refuse_foreign(self, scope: Scope, headers: Headers) -> None:
+        """Raises RigError request.foreign for another host's name in the Host header, and for another page's origin."""
+        host = headers.get("host", "")
+        name = _without_port(host)
+        if name not in self._hosts and not is_loopback(name):
+            raise RigError(
+                ErrorCode.REQUEST_FOREIGN, f"The Host header names {host[:100]!r}, which is not this service"
+            )
+        origin = headers.get("origin")
+        if origin is not None and origin.lower() != self.own(scope, headers) and origin.lower() not in self._origins:
+            raise RigError(ErrorCode.REQUEST_FOREIGN, f"The request comes from the page {origin[:100]!r}")
+
+
+class RequestChecks:
+    """ASGI middleware that answers a bad request with a problem object, and passes any other with its complete body."""
+
+    def __init__(self, app: ASGIApp, pages: KnownPages, authentication: Authentication, most_requests: int) -> None:
+        self._app = app
+        self._pages = pages
+        self._authentication = authentication
+        self._most_requests = most_requests
+        self._in_progress = 0
+
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """One request."""
+        if scope["type"] != "http" or scope["path"] in STREAM_PATHS:
+            await self._checked(scope, receive, send)
+            return
+        self._in_progress += 1
+        try:
+            await self._checked(scope, receive, send)
+        finally:
+            self._in_progress -= 1
+
+    async def _checked(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
         headers = Headers(scope=scope)
         try:
-            self._refuse_foreign(scope, headers)
+            self._pages.refuse_foreign(scope, headers)
+            if self._in_progress > self._most_requests and scope["path"] != STOP_PATH:
+                raise RigError(
+                    ErrorCode.SERVICE_OVERLOADED,
+                    f"{self._most_requests} requests are in progress",
+                    limit=self._most_requests,
+                    retry_after_s=RETRY_AFTER_S,
+                )
             scope.setdefault("state", {})["caller"] = self._authentication.caller(scope, headers)
             try:
                 async with asyncio.timeout(BODY_TIMEOUT_S):
@@ -58,18 +110,6 @@ class RequestChecks:
             await answer(scope, receive, send)
             return
         await self._app(scope, _replay(body, receive), send)
-
-    def _refuse_foreign(self, scope: Scope, headers: Headers) -> None:
-        host = headers.get("host", "")
-        name = _without_port(host)
-        if name not in self._hosts and not is_loopback(name):
-            raise RigError(
-                ErrorCode.REQUEST_FOREIGN, f"The Host header names {host[:100]!r}, which is not this service"
-            )
-        origin = headers.get("origin")
-        own = f"{scope.get('scheme', 'http')}://{host}".lower()
-        if origin is not None and origin.lower() != own and origin.lower() not in self._origins:
-            raise RigError(ErrorCode.REQUEST_FOREIGN, f"The request comes from the page {origin[:100]!r}")
 
 
 async def _read_body(headers: Headers, receive: Receive) -> bytes:

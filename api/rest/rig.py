@@ -1,7 +1,8 @@
 """Routes of the rig: health, status, stop, safety acknowledgement and recovery, parking, reach.
 
-Stop is `async def`: it uses no thread, no database and no lock before the devices are commanded to halt, so that it
-works however busy or blocked the rest of the service is.
+Stop is `async def`: it uses no thread, no database and no lock before the devices are commanded to halt. The route
+serves stops that come over a connection which is open already; one over a new connection is carried out by the
+listener's thread (`stop_request`), however busy or blocked the rest of the service is.
 """
 
 import time
@@ -85,7 +86,12 @@ async def stop(service: ServiceOf, actor: Actor) -> Accepted:
     Nothing starts, resumes, parks or jogs before a person has acknowledged (`POST /v1/rig/safety/acknowledgement`).
     """
     service.runner.halt(actor)
-    return Accepted(links={"rig": RIG_LINKS["self"], "events": RIG_LINKS["events"]})
+    return stop_accepted()
+
+
+def stop_accepted() -> Accepted:
+    """The answer to a stop, which the listener's thread gives as well."""
+    return Accepted(links={"rig": RIG_LINKS["self"], "events": RIG_LINKS["events"], "safety": RIG_LINKS["safety"]})
 
 
 @router.get("/v1/rig/safety", tags=["rig"])

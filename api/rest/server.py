@@ -4,26 +4,36 @@ uvicorn installs its own signal handlers and ends the application only after the
 event stream delays by seconds. So the halt is in the handler itself, and the streams are ended at shutdown.
 """
 
+import asyncio
 import logging
+import sys
 import threading
 from collections.abc import Callable
+from functools import partial
 from socket import socket
 from types import FrameType
 
 import uvicorn
 from fastapi import FastAPI
+from uvicorn.config import STARTUP_FAILURE
 
 from acquisition.devices import process_priority
 from acquisition.models.errors import ErrorCode, RigError
-from api.rest import keys, logs, wiring
+from api.rest import capacity, http_protocol, keys, logs, wiring
 from api.rest import settings as settings_
 from api.rest.app import create_app
 from api.rest.camera_preview import CameraPreview
 from api.rest.events import EventFeed
 from api.rest.http_protocol import TimeLimitedH11Protocol
 from api.rest.keys import KeyRing
+from api.rest.listener import Listener, bound_sockets
 from api.rest.settings import Settings
+from api.rest.stop_request import StopRequests
 from api.rest.wiring import Service
+
+SWITCH_INTERVAL_S = 0.001
+"""How long a thread may keep others from Python code, s (default 0.005): the listener waits that long, some ten times a
+stop, beside a busy event loop."""
 
 SHUTDOWN_GRACE_S = 5
 """How long requests in progress may take after a signal, s; the halt of the arm does not wait for them."""
@@ -38,15 +48,17 @@ class Server(uvicorn.Server):
         self,
         config: uvicorn.Config,
         service: Service,
-        feed: EventFeed,
-        preview: CameraPreview,
+        app: FastAPI,
         on_ready: Callable[[str], None] | None,
     ) -> None:
         """`on_ready` is called with the service's address once it listens."""
         super().__init__(config)
         self.service = service
-        self._feed = feed
-        self._preview = preview
+        self._stops = StopRequests(service, app.state.pages, app.state.authentication)
+        self._listener: Listener | None = None
+        self._adopting: set[asyncio.Task[None]] = set()
+        self._feed: EventFeed = app.state.feed
+        self._preview: CameraPreview = app.state.camera_preview
         self._on_ready = on_ready
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
@@ -57,17 +69,63 @@ class Server(uvicorn.Server):
         super().handle_exit(sig, frame)
 
     async def startup(self, sockets: list[socket] | None = None) -> None:
-        """Binds the socket and reports its address."""
-        await super().startup(sockets)
-        if self.started and self._on_ready is not None:
-            host, port = self.servers[0].sockets[0].getsockname()[:2]
+        """Starts the service, binds the sockets, starts the listener and reports the address.
+
+        In place of uvicorn's own, which has the event loop accept connections.
+        """
+        await self.lifespan.startup()
+        if self.lifespan.should_exit:
+            sys.exit(STARTUP_FAILURE)
+        self.servers, self.loop = [], asyncio.get_running_loop()
+        try:
+            bound = sockets or bound_sockets(self.config.host, self.config.port)
+        except OSError as error:
+            _log.error("%s", error)
+            await self.lifespan.shutdown()
+            sys.exit(STARTUP_FAILURE)
+        self._listener = Listener(bound, capacity.present(), lambda: http_protocol.HEAD_TIMEOUT_S)
+        host, port = bound[0].getsockname()[:2]
+        self._listener.start(self._stops.answer, partial(self._hand_over, self.loop))
+        self.started = True
+        if self._on_ready is not None:
             self._on_ready(f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}")
 
     async def shutdown(self, sockets: list[socket] | None = None) -> None:
         """Ends the streams, then shuts down as uvicorn does."""
+        if self._listener is not None:
+            self._listener.close()
         self._feed.end()
         self._preview.end()
         await super().shutdown(sockets)
+
+    def _hand_over(self, loop: asyncio.AbstractEventLoop, held: socket, received: bytes, peer: str) -> None:
+        """Gives a connection to the event loop; called in the listener's thread."""
+
+        def adopt() -> None:
+            task = loop.create_task(self._adopt(held, received, peer))
+            self._adopting.add(task)
+            task.add_done_callback(self._adopting.discard)
+
+        loop.call_soon_threadsafe(adopt)
+
+    async def _adopt(self, held: socket, received: bytes, peer: str) -> None:
+        listener = self._listener
+        assert listener is not None  # noqa: S101 - the caller is its thread
+
+        def protocol() -> TimeLimitedH11Protocol:
+            return TimeLimitedH11Protocol(
+                config=self.config,
+                server_state=self.server_state,
+                app_state=self.lifespan.state,
+                received=received,
+                on_lost=partial(listener.release, peer),
+            )
+
+        try:
+            await asyncio.get_running_loop().connect_accepted_socket(protocol, held)
+        except OSError:  # the peer has gone already
+            listener.release(peer)
+            held.close()
 
 
 def create(settings: Settings, on_ready: Callable[[str], None] | None = None) -> Server:
@@ -88,7 +146,6 @@ def create_for(
     app: FastAPI = create_app(service, settings, ring)
     config = uvicorn.Config(
         app,
-        http=TimeLimitedH11Protocol,
         ws="none",
         host=settings.host,
         port=settings.port,
@@ -99,7 +156,7 @@ def create_for(
         proxy_headers=False,
         timeout_graceful_shutdown=SHUTDOWN_GRACE_S,
     )
-    return Server(config, service, app.state.feed, app.state.camera_preview, on_ready)
+    return Server(config, service, app, on_ready)
 
 
 def announce(address: str) -> None:
@@ -114,6 +171,8 @@ def serve(settings: Settings, on_ready: Callable[[str], None] = announce) -> Non
     """
     logs.configure(settings.log)
     process_priority.set_niceness(process_priority.SERVICE)
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
+    _log.info("this process may open %d descriptors", capacity.raise_descriptor_limit())
     server = create(settings, on_ready)
     try:
         server.run()

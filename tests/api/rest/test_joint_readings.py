@@ -131,4 +131,4 @@ def test_joints_without_arm_are_unconnected(shared: Any) -> None:
 
 def _loop_of(live: Any) -> asyncio.AbstractEventLoop:
     """The event loop that serves."""
-    return live.server.servers[0].get_loop()
+    return live.server.loop

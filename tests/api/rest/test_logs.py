@@ -3,6 +3,7 @@
 import json
 import logging
 import threading
+import time
 from typing import Any
 
 import pytest
@@ -74,3 +75,22 @@ def test_log_format_comes_from_environment(monkeypatch: pytest.MonkeyPatch, tmp_
     monkeypatch.setenv("LIGHTPOSE_LOG", "json")
     assert settings.read(cell=tmp_path).log == "json"
     assert settings.read(cell=tmp_path, log="text").log == "text"
+
+
+def test_logs_rate_limit_keeps_warnings_and_counts_what_is_left_out() -> None:
+    limit = logs.RateLimit()
+
+    def entries(level: int, count: int) -> list[logging.LogRecord]:
+        made = [logging.LogRecord("a", level, "", 0, "", (), None) for _ in range(count)]
+        return [record for record in made if limit.filter(record)]
+
+    begun = time.monotonic()
+    requests = entries(logging.INFO, 5000)
+    warnings = entries(logging.WARNING, 10)
+    time.sleep(2 / logs.ENTRIES_PER_S)
+    later = entries(logging.INFO, 1)
+    lasted_s = time.monotonic() - begun
+
+    assert logs.BURST <= len(requests) <= logs.BURST + 1 + lasted_s * logs.ENTRIES_PER_S
+    assert len(warnings) == 10
+    assert getattr(later[0], "left_out", 0) == 5000 - len(requests)

@@ -1,0 +1,275 @@
+"""The listener: accepts connections in a thread of its own, which answers a stop itself and bounds all else.
+
+asyncio accepts as many connections as there are descriptors and then fails at each turn of its loop, with a log entry
+each time; a stop has to wait in the same queue. Here one thread accepts every connection and reads its first bytes. A
+stop of the cell that is well formed and allowed is carried out and answered right there: it needs neither the event
+loop, nor a thread of the pool, nor a descriptor that others may hold. Everything else is handed to the event loop with
+the bytes that were read, also a stop that is refused, because the application knows how to say why.
+
+A connection that has sent no complete first line is undecided. There is room for a fixed number of them; a further one
+takes the place of the oldest, so that nobody keeps a new connection out by opening idle ones. Connections that the
+application serves are counted, in all and by address; beyond the limits they are answered with 503 and Retry-After,
+but never before the thread has seen that they are no stop (decision 52).
+"""
+
+import errno
+import logging
+import selectors
+import socket
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from acquisition.models.errors import ErrorCode
+from api.rest import problems
+from api.rest.capacity import Capacity
+
+BACKLOG = 4096
+"""Connections that the kernel holds until they are accepted; it caps this by its own limit."""
+
+STOP_LINE = b"POST /v1/rig/stop "
+"""How the request of a stop begins."""
+
+MAX_HEAD_BYTES = 16_384
+"""Longest head of a stop that is read here, bytes; a longer one is the application's."""
+
+LINGER_S = 1.0
+"""How long an answered connection is kept for its peer to close it, s: closed at once, an answer may get lost."""
+
+RETRY_AFTER_S = 5
+"""Time after which a client that was refused may try again, s."""
+
+WARN_EVERY_S = 60.0
+"""Least time between two log entries about connections that were refused, s."""
+
+_READ_BYTES = 8192
+_WAKE_S = 0.25
+_KEEP_ALIVE = {socket.TCP_KEEPIDLE: 20, socket.TCP_KEEPINTVL: 5, socket.TCP_KEEPCNT: 4}
+# A peer that has vanished is noticed after 40 s.
+
+_log = logging.getLogger(__name__)
+
+Stop = Callable[[bytes, str], tuple[bytes, dict[str, Any]] | None]
+"""Carries out the stop that this head of this peer asks for; the answer and its log entry, None where the application
+has to answer."""
+
+HandOver = Callable[[socket.socket, bytes, str], None]
+"""Gives a connection, the bytes that were read from it, and its peer to the event loop."""
+
+
+@dataclass
+class _Connection:
+    peer: str
+    deadline: float  # s, monotonic: undecided connections, and answered ones, are closed then
+    received: bytearray = field(default_factory=bytearray)
+    answered: bool = False
+
+
+class Listener:
+    """Accepts the connections of bound sockets; `start`, `release`, `close` are called on the event loop."""
+
+    def __init__(self, sockets: list[socket.socket], capacity: Capacity, head_timeout_s: Callable[[], float]) -> None:
+        self._sockets = sockets
+        self._capacity = capacity
+        self._head_timeout_s = head_timeout_s
+        self._selector = selectors.DefaultSelector()
+        self._undecided: dict[socket.socket, _Connection] = {}  # in order of arrival
+        self._served: Counter[str] = Counter()
+        self._counting = threading.Lock()
+        self._refused = 0
+        self._warned_at = -WARN_EVERY_S
+        self._look_again_at = 0.0
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="listener", daemon=True)
+        self._stop: Stop | None = None
+        self._hand_over: HandOver | None = None
+
+    def start(self, stop: Stop, hand_over: HandOver) -> None:
+        """Begins to accept."""
+        self._stop, self._hand_over = stop, hand_over
+        for listening in self._sockets:
+            listening.setblocking(False)
+            listening.listen(BACKLOG)
+            self._selector.register(listening, selectors.EVENT_READ)
+        self._thread.start()
+
+    def release(self, peer: str) -> None:
+        """Notes that a connection of this address, which was handed over, has been closed."""
+        with self._counting:
+            self._served[peer] -= 1
+            if self._served[peer] <= 0:
+                del self._served[peer]
+
+    def close(self) -> None:
+        """Ends the thread, and closes what it holds."""
+        self._closing.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        for held in [*self._undecided, *self._sockets]:
+            held.close()
+        self._selector.close()
+
+    @property
+    def served(self) -> int:
+        """The number of connections that the application serves."""
+        return self._served.total()
+
+    # ---------------------------------------------------------------------------------------------------- the thread
+
+    def _run(self) -> None:
+        while not self._closing.is_set():
+            try:
+                for key, _ in self._selector.select(_WAKE_S):
+                    held = key.fileobj
+                    assert isinstance(held, socket.socket)  # noqa: S101 - only sockets are registered
+                    if held in self._undecided:
+                        self._read(held, self._undecided[held])
+                    elif held in self._sockets:
+                        self._accept(held)
+                self._close_overdue()
+            except Exception:  # noqa: BLE001 - without this thread nobody could stop the cell
+                _log.exception("the listener goes on")
+
+    def _accept(self, listening: socket.socket) -> None:
+        """Accepts one connection; others that wait are accepted in the next turns, between readings."""
+        try:
+            accepted, address = listening.accept()
+        except BlockingIOError:
+            return
+        except OSError as error:
+            if error.errno not in (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM):
+                return  # the peer has gone again
+            self._warn("no descriptor is left for a connection")
+            if self._undecided:
+                self._drop(next(iter(self._undecided)))
+            else:
+                self._closing.wait(0.02)
+            return
+        if len(self._undecided) >= self._capacity.undecided:
+            self._drop(next(iter(self._undecided)))
+        accepted.setblocking(False)
+        accepted.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        accepted.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for option, value in _KEEP_ALIVE.items():
+            accepted.setsockopt(socket.IPPROTO_TCP, option, value)
+        self._undecided[accepted] = connection = _Connection(str(address[0]), time.monotonic() + self._head_timeout_s())
+        self._selector.register(accepted, selectors.EVENT_READ)
+        self._read(accepted, connection)  # what most clients have sent by now
+
+    def _read(self, held: socket.socket, connection: _Connection) -> None:
+        try:
+            block = held.recv(_READ_BYTES)
+        except BlockingIOError:
+            return
+        except OSError:
+            self._drop(held)
+            return
+        if not block:
+            self._drop(held)
+        elif not connection.answered:
+            connection.received += block
+            self._decide(held, connection)
+
+    def _decide(self, held: socket.socket, connection: _Connection) -> None:
+        received = bytes(connection.received)
+        if STOP_LINE.startswith(received):
+            return  # too little to tell
+        if received.startswith(STOP_LINE) and len(received) < MAX_HEAD_BYTES:
+            head, end, _ = received.partition(b"\r\n\r\n")
+            if not end:
+                return
+            assert self._stop is not None  # noqa: S101 - set before the thread starts
+            stopped = self._stop(head + end, connection.peer)
+            if stopped is not None:
+                self._answer(held, connection, stopped[0])
+                _log.info("request", extra=stopped[1])  # afterwards: whoever reads the log may be slow
+                return
+        self._serve(held, connection, received)
+
+    def _serve(self, held: socket.socket, connection: _Connection, received: bytes) -> None:
+        with self._counting:
+            most = self._capacity
+            full = (
+                self._served.total() >= most.connections
+                or self._served[connection.peer] >= most.connections_per_address
+            )
+            if not full:
+                self._served[connection.peer] += 1
+        if full:
+            self._refused += 1
+            self._warn(f"connections are refused, the last one of {connection.peer}")
+            self._answer(held, connection, _overloaded(most.connections))
+            return
+        self._forget(held)
+        assert self._hand_over is not None  # noqa: S101 - set before the thread starts
+        self._hand_over(held, received, connection.peer)
+
+    def _answer(self, held: socket.socket, connection: _Connection, answer: bytes) -> None:
+        """Sends a whole answer, which fits into an empty send buffer, and lets the peer close."""
+        connection.answered, connection.deadline = True, time.monotonic() + LINGER_S
+        try:
+            held.send(answer)
+            held.shutdown(socket.SHUT_WR)
+        except OSError:
+            self._drop(held)
+
+    def _close_overdue(self) -> None:
+        now = time.monotonic()
+        if now < self._look_again_at:
+            return
+        self._look_again_at = now + _WAKE_S
+        for held, connection in list(self._undecided.items()):
+            if connection.deadline <= now:
+                self._drop(held)
+
+    def _forget(self, held: socket.socket) -> None:
+        self._undecided.pop(held, None)
+        self._selector.unregister(held)
+
+    def _drop(self, held: socket.socket) -> None:
+        self._forget(held)
+        held.close()
+
+    def _warn(self, what: str) -> None:
+        now = time.monotonic()
+        if now - self._warned_at >= WARN_EVERY_S:
+            self._warned_at = now
+            _log.warning("%s; %d refused so far", what, self._refused)
+
+
+def _overloaded(limit: int) -> bytes:
+    answer = problems.response(
+        ErrorCode.SERVICE_OVERLOADED,
+        f"The service has {limit} connections, or this address three quarters of them",
+        {"limit": limit, "retry_after_s": RETRY_AFTER_S},
+    )
+    return response_bytes(503, "Service Unavailable", dict(answer.headers), bytes(answer.body))
+
+
+def response_bytes(status: int, reason: str, headers: dict[str, str], body: bytes) -> bytes:
+    """Writes an HTTP/1.1 response after which the connection is closed."""
+    given = {**headers, "content-length": str(len(body)), "connection": "close"}
+    lines = [f"HTTP/1.1 {status} {reason}", *(f"{name}: {value}" for name, value in given.items())]
+    return "\r\n".join([*lines, "", ""]).encode("latin-1") + body
+
+
+def bound_sockets(host: str, port: int) -> list[socket.socket]:
+    """Binds a socket for each address of a host, all at the same port. Raises OSError."""
+    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    made: list[socket.socket] = []
+    try:
+        for family, kind, protocol, _, address in dict.fromkeys(found):
+            bound = socket.socket(family, kind, protocol)
+            made.append(bound)
+            bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            if family == socket.AF_INET6:
+                bound.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+            bound.bind((address[0], made[0].getsockname()[1] if len(made) > 1 else port, *address[2:]))
+    except OSError:
+        for bound in made:
+            bound.close()
+        raise
+    return made

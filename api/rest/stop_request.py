@@ -1,0 +1,70 @@
+"""The stop of the cell as the listener's thread carries it out: without event loop, routes, or threads of a pool.
+
+It makes the same checks as the application (host, origin, key), but answers only a request that passes them all and has
+no body. Any other it leaves to the application, which refuses it with a reason.
+"""
+
+import time
+from typing import Any
+
+import h11
+from starlette.datastructures import Headers
+
+from acquisition.models.errors import RigError
+from api.rest.authentication import Authentication
+from api.rest.listener import STOP_LINE, response_bytes
+from api.rest.request_checks import KnownPages
+from api.rest.rig import stop_accepted
+from api.rest.wiring import Service
+
+
+class StopRequests:
+    """Carries out stops of the cell; `answer` is called in the listener's thread."""
+
+    def __init__(self, service: Service, pages: KnownPages, authentication: Authentication) -> None:
+        self._service = service
+        self._pages = pages
+        self._authentication = authentication
+
+    def answer(self, head: bytes, peer: str) -> tuple[bytes, dict[str, Any]] | None:
+        """Stops the cell where `head` asks for that and may; the answer's bytes and the log entry, else None."""
+        begun = time.monotonic()
+        headers = _headers(head)
+        if headers is None or _has_body(headers):
+            return None
+        path = STOP_LINE.split()[1].decode()
+        scope = {
+            "type": "http", "scheme": "http", "method": "POST", "path": path, "query_string": b"", "client": (peer, 0),
+            "headers": headers.raw,
+        }  # fmt: skip
+        try:
+            self._pages.refuse_foreign(scope, headers)
+        except RigError:
+            return None
+        caller = self._authentication.recognised(scope, headers)
+        if caller is None or ("origin" in headers and headers["origin"].lower() != self._pages.own(scope, headers)):
+            return None
+        self._service.runner.halt(f"{caller.name}@{peer}")
+        body = stop_accepted().model_dump_json().encode()
+        entry = {
+            "method": "POST", "path": path, "status": 202, "by": caller.name, "host": peer,
+            "ms": round(1e3 * (time.monotonic() - begun), 1),
+        }  # fmt: skip
+        return response_bytes(202, "Accepted", {"content-type": "application/json"}, body), entry
+
+
+def _headers(head: bytes) -> Headers | None:
+    """The headers of a complete head; None for a malformed one, or another address."""
+    connection = h11.Connection(h11.SERVER)
+    try:
+        connection.receive_data(head)
+        event = connection.next_event()
+    except h11.RemoteProtocolError:
+        return None
+    if not isinstance(event, h11.Request) or event.method + b" " + event.target + b" " != STOP_LINE:
+        return None
+    return Headers(raw=[(name.lower(), value) for name, value in event.headers])
+
+
+def _has_body(headers: Headers) -> bool:
+    return headers.get("content-length", "0") != "0" or "transfer-encoding" in headers or "expect" in headers
