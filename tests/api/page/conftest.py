@@ -1,5 +1,7 @@
 """A simulated cell, the service as a process of its own with keys, and Chromium; skipped by name without Chromium."""
 
+import contextlib
+import time
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,10 +12,14 @@ import numpy.typing as npt
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
-from acquisition.session import State
+from acquisition.models.errors import ErrorCode
+from acquisition.models.recipe import Recipe
+from acquisition.session import SAME_JOINTS_RAD, State
 from api import Client
+from api.client.responses import ProblemError
 from api.rest import keys
 from api.rest.keys import Role
+from api.rest.schemas import Problem
 from hardware_sim.cell import Cell, CellOptions
 from tests.api.page import chromium
 from tests.api.page.chromium import Console
@@ -22,6 +28,10 @@ from tests.end_to_end.processes import Service, serving
 CELL = "127.0.49.10"
 TIMEOUT_MS = 60_000
 """How long the page is waited for, ms: what hangs fails, what a busy machine delays does not."""
+
+SETTLE_ATTEMPTS = 5
+PARKED_WITHIN_S = 30.0
+"""Times that the rig is made ready, and time for the way home, s; a busy machine stops the arm on its way."""
 
 CELL_FILE = Path(__file__).parents[2] / "data" / "cell.test.toml"
 
@@ -43,7 +53,50 @@ class Lab:
     def resume_if_interrupted(self, session_id: str) -> None:
         """Resumes a session that the controller's watchdog has interrupted, as a busy machine makes it do."""
         if self.client.session(session_id).state is State.INTERRUPTED:
-            self.client.resume(session_id)
+            if not self.client.safety().clear:
+                self.client.acknowledge()
+            with contextlib.suppress(ProblemError):  # the devices are being connected again
+                self.client.resume(session_id)
+
+    def start(self, recipe: Recipe) -> str:
+        """Starts a session and returns its id."""
+        for _ in range(SETTLE_ATTEMPTS):
+            session_id = str(self.client.create(recipe).id)
+            try:
+                self.client.start(session_id)
+            except ProblemError:  # a busy machine has made the watchdog stop the arm since it was made ready
+                self.settle()
+                continue
+            return session_id
+        raise AssertionError("no session starts")
+
+    def settle(self) -> None:
+        """Ends what holds the rig, acknowledges, and brings the arm home, so that the next test finds a free rig."""
+        for _ in range(SETTLE_ATTEMPTS):
+            holder = self.client.rig().holder
+            if holder is not None:
+                self.client.stop(holder)
+                self.client.wait(holder)
+            if not self.client.safety().clear:
+                self.client.acknowledge()
+            try:
+                self.client.wait_ready(60)
+                self._go_home()
+            except ProblemError:  # a busy machine has made the watchdog stop the arm again
+                continue
+            return
+        raise AssertionError("the rig does not come to rest")
+
+    def _go_home(self) -> None:
+        home = np.array(self.client.scene().arm.home)
+        if np.abs(self.joints() - home).max() < SAME_JOINTS_RAD:
+            return
+        self.client.park()
+        deadline = time.monotonic() + PARKED_WITHIN_S
+        while not np.abs(self.joints() - home).max() < SAME_JOINTS_RAD:
+            if time.monotonic() > deadline:
+                raise ProblemError(Problem.of(ErrorCode.ARM_MOVE_FAILED, "The arm has not come home"))
+            time.sleep(0.05)
 
     def joints(self) -> npt.NDArray[np.float64]:
         """The arm's joints, rad; not numbers while the service has no reading of it."""
@@ -96,14 +149,26 @@ def make_lab(folder: Path, speed: float, pixels: int = 128, address: str = CELL)
         serving(cell, data) as service,
         Client(service.url, key=secrets[Role.ADMIN]) as client,
     ):
-        client.wait_ready(60)
-        yield Lab(cell, service, client, secrets)
+        lab = Lab(cell, service, client, secrets)
+        lab.settle()
+        yield lab
 
 
 @pytest.fixture(scope="module")
 def lab(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Generator[Lab]:
     """A cell at five times real time for the tests of a module."""
     yield from make_lab(tmp_path_factory.mktemp("lab"), speed=5.0)
+
+
+@pytest.fixture(autouse=True)
+def settled(request: pytest.FixtureRequest) -> Generator[None]:
+    """Leaves the lab's rig free, acknowledged and at home, unless the test has killed its service."""
+    lab = request.getfixturevalue("lab") if "lab" in request.fixturenames else None
+    if lab is not None and lab.service.process.poll() is None:
+        lab.settle()
+    yield
+    if lab is not None and lab.service.process.poll() is None:
+        lab.settle()
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ dragged light to its forecast, and growth of the page's memory over some minutes
 another; headless Chromium with WebGL in software, beside cell and service on the same machine.
 """
 
+import contextlib
 import statistics
 import sys
 import tempfile
@@ -16,6 +17,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from acquisition.models.recipe import Recipe
 from acquisition.session import State
 from api import Client
+from api.client.responses import ProblemError
 from api.rest import page as bundle_files
 from hardware_sim.cell import Cell, CellOptions
 from tests.api.page import chromium
@@ -75,7 +77,8 @@ def run(client: Client, recipe: Recipe, until: State) -> str:
             raise SystemExit(f"the session is {state}")
         if not client.safety().clear:
             client.acknowledge()
-        client.resume(session_id)
+        with contextlib.suppress(ProblemError):  # the devices are being connected again
+            client.resume(session_id)
     return session_id
 
 

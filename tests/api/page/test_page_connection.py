@@ -52,8 +52,8 @@ def test_page_cut_off_says_so_and_catches_up(
     context: BrowserContext, console: Console, lab: Lab, network: WeakNetwork
 ) -> None:
     page = chromium.open_page(context, console, f"{network.url}/#/start", lab.secrets[Role.OPERATOR])
-    first = lab.client.create(Recipe(label="before the cut"))
     expect(page.locator("#connection")).to_contain_text("Connected")
+    first = lab.client.create(Recipe(label="before the cut"))
     page.evaluate("window.opened = true")  # gone after a reload
     until(page, f"window.lightpose.events.some((event) => event.session_id === '{first.id}')")
 
@@ -74,8 +74,6 @@ def test_page_cut_off_says_so_and_catches_up(
     assert page.evaluate("window.opened") is True
     journal = {event.id for session in [first.id, *made] for event in lab.client.past_events(session)}
     assert journal <= heard(page)
-    if not lab.client.safety().clear:
-        lab.client.acknowledge()
 
 
 def test_page_on_throttled_network_is_usable_and_stops(
@@ -87,17 +85,14 @@ def test_page_on_throttled_network_is_usable_and_stops(
     page.keyboard.press("Escape")
     page.locator("#stop-told.heard").wait_for()
     page.locator("#cell[data-frames]").wait_for(timeout=120_000)
-    if not lab.client.safety().clear:
-        lab.client.acknowledge()
 
 
 def test_page_survives_service_that_is_killed(
     context: BrowserContext, console: Console, lab: Lab, network: WeakNetwork, tmp_path: Path
 ) -> None:
     page = chromium.open_page(context, console, f"{network.url}/#/start", lab.secrets[Role.OPERATOR])
-    session = lab.client.create(Recipe(pilot_lights=3, planned_lights=0, label="its service dies"))
-    page.goto(f"{network.url}/#/sessions/{session.id}")
-    lab.client.start(session.id)
+    session_id = lab.start(Recipe(pilot_lights=3, planned_lights=0, label="its service dies"))
+    page.goto(f"{network.url}/#/sessions/{session_id}")
     page.locator("#session-state[data-state=running]").wait_for()
     until(page, "window.lightpose.events.some((event) => event.type === 'arm.sent')")
     lab.service.kill()

@@ -9,10 +9,11 @@ from acquisition.models.recipe import Recipe
 from api.rest.keys import Role
 from hardware_sim.controller.control import ControlClient
 from tests.api.page.conftest import Lab, make_lab
-from tests.end_to_end.processes import rests_after, wait_until_moving
+from tests.end_to_end.processes import fastest_joint, rests_after
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
 WITHIN_S = 0.5
+MOVING_RAD_S = 0.1
 
 
 @pytest.fixture(scope="module")
@@ -45,15 +46,12 @@ def test_page_stop_brings_arm_to_rest(
     page = opened(role, "#/start")
     field = page.get_by_label("Label")
     field.click()
-    session = lab.client.create(Recipe(pilot_lights=3, planned_lights=0, label="stopped"))
-    lab.client.start(session.id)
+    session_id = lab.start(Recipe(pilot_lights=3, planned_lights=0, label="stopped"))
     with ControlClient(lab.cell.address) as control:
-        wait_until_moving(control)
+        while fastest_joint(control) < MOVING_RAD_S:
+            lab.resume_if_interrupted(session_id)
         press(page)
         took_s = rests_after(control)
     page.locator("#stop-told.heard").wait_for()
     assert took_s <= WITHIN_S
-    assert lab.client.wait(session.id).state == "stopped"
-    if not lab.client.safety().clear:
-        lab.client.acknowledge()
-    lab.client.park()
+    assert lab.client.wait(session_id).state == "stopped"
