@@ -8,6 +8,7 @@ entry.
 import fcntl
 import os
 import shutil
+import stat
 from pathlib import Path
 
 from acquisition.formats.frames import FolderFrames
@@ -19,13 +20,19 @@ from acquisition.store.rows import Action, Artifact, Event, SessionFilter, Sessi
 __all__ = ["Action", "Artifact", "Event", "FolderFrames", "Journal", "SessionFilter", "SessionRow", "Store"]
 
 
+FOLDER_MODE = 0o700
+"""Permissions of a data folder that the service makes: images of people's objects are nobody else's business."""
+
+
 class Store:
     """One data folder: `rig.lock`, `rig.db`, `sessions/<id>/`, `cache/`; one service at a time."""
 
     def __init__(self, data: Path) -> None:
         """Opens or makes the folder. Raises RigError store.locked when another service has it."""
         self.data = data.resolve()
-        (self.data / "sessions").mkdir(parents=True, exist_ok=True)
+        self.data.mkdir(parents=True, exist_ok=True, mode=FOLDER_MODE)
+        _keep_others_out(self.data)
+        (self.data / "sessions").mkdir(exist_ok=True)
         (self.data / "cache").mkdir(exist_ok=True)
         self._lock_file = os.open(self.data / "rig.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
         try:
@@ -56,3 +63,13 @@ class Store:
         """Closes the database and frees the folder."""
         self.journal.close()
         os.close(self._lock_file)
+
+
+def _keep_others_out(folder: Path) -> None:
+    """Takes the permissions of others from a folder that somebody has made by hand, where it is this user's; a group's
+    stay, since a unit or an administrator gives them on purpose.
+    """
+    status = folder.stat()
+    others = stat.S_IMODE(status.st_mode) & stat.S_IRWXO
+    if others and status.st_uid == os.geteuid():
+        folder.chmod(stat.S_IMODE(status.st_mode) & ~stat.S_IRWXO)

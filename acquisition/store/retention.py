@@ -1,6 +1,7 @@
 """Retention: deletion of old sessions.
 
-Only ended sessions are deleted, by age, and the newest ones are kept however old they are. A session that holds the rig
+Ended sessions are deleted by age, and the newest of them are kept however old they are; sessions that were created and
+never started are deleted by age, unless they wait in the queue. A session that holds the rig
 is never deleted: its folder is the only copy of what was captured. The journal's entry is deleted first, in a
 transaction that checks the state again, so that the folder of a session in use is never removed.
 """
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.session import ENDED
+from acquisition.session import ENDED, State
 from acquisition.store.journal import Journal
 
 SECONDS_PER_DAY = 86_400.0
@@ -18,15 +19,19 @@ SECONDS_PER_DAY = 86_400.0
 
 @dataclass(frozen=True)
 class PrunedSession:
-    """One session that was, or would be, removed: its id, when it ended (s since 1970), and its size."""
+    """One session that was, or would be, removed: its id, whether it was ever started, when it ended, else was created
+    (s since 1970), and its size.
+    """
 
     session_id: str
-    ended_at: float
+    started: bool
+    last_used_at: float
     bytes: int
 
 
 def prune(data: Path, *, older_than_days: float, keep: int, now: float, dry_run: bool) -> list[PrunedSession]:
-    """Removes ended sessions older than `older_than_days` at `now` (s since 1970), but never the newest `keep`.
+    """Removes ended sessions older than `older_than_days` at `now` (s since 1970), but never the newest `keep`, and
+    sessions older than that which were never started and are not queued.
 
     With `dry_run` nothing is removed. May run beside the service. Raises RigError request.not_found when the folder
     holds no journal.
@@ -36,19 +41,27 @@ def prune(data: Path, *, older_than_days: float, keep: int, now: float, dry_run:
         raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"{data} is no data folder: it has no rig.db")
     journal = Journal(database)
     try:
-        ended = [row for row in journal.sessions(limit=2**31) if row.state in ENDED and row.ended_at is not None]
+        rows = journal.sessions(limit=2**31)
+        ended = [row for row in rows if row.state in ENDED and row.ended_at is not None]
+        queued = {entry.session_id for entry in journal.queue_entries(0)}
+        unused = [row for row in rows if row.state is State.CREATED and row.id not in queued]
         pruned: list[PrunedSession] = []
-        for row in ended[keep:]:
-            ended_at = row.ended_at or 0.0
-            if now - ended_at < older_than_days * SECONDS_PER_DAY:
+        for row in [*ended[keep:], *unused]:
+            last_used_at = row.ended_at or row.created_at
+            if now - last_used_at < older_than_days * SECONDS_PER_DAY:
                 continue
             folder = data / "sessions" / row.id
             size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
             if not dry_run:
-                journal.delete_session(row.id)
+                try:
+                    journal.delete_session(row.id)
+                except RigError as error:
+                    if error.code is ErrorCode.SESSION_ACTION_NOT_ALLOWED:  # somebody has just started it
+                        continue
+                    raise
                 if folder.exists():
                     shutil.rmtree(folder)
-            pruned.append(PrunedSession(row.id, ended_at, size))
+            pruned.append(PrunedSession(row.id, row.started_at is not None, last_used_at, size))
         return pruned
     finally:
         journal.close()

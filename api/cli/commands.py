@@ -222,14 +222,16 @@ def list_keys(data: Data = Path("data")) -> None:
 
 @app.command()
 def prune(
-    older_than: Annotated[float, typer.Option(min=0, help="Days since a session ended")] = 30,
+    older_than: Annotated[
+        float, typer.Option(min=0, help="Days since a session ended, or was made and never started")
+    ] = 30,
     keep: Annotated[
         int, typer.Option(min=0, help="Number of the newest ended sessions that are kept in any case")
     ] = 10,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only list what would be removed")] = False,
     data: Data = Path("data"),
 ) -> None:
-    """Removes old ended sessions with their files; sessions that hold the rig or have not ended are kept."""
+    """Removes old sessions with their files: ended ones, and those that were never started; what is queued stays."""
     import time
     from datetime import UTC, datetime
 
@@ -239,9 +241,9 @@ def prune(
         lambda: retention.prune(data, older_than_days=older_than, keep=keep, now=time.time(), dry_run=dry_run)
     )
     for item in removed:
-        print(
-            f"{item.session_id}\tended {datetime.fromtimestamp(item.ended_at, UTC):%Y-%m-%d}\t{item.bytes / 1e6:.1f} MB"
-        )
+        since = f"{datetime.fromtimestamp(item.last_used_at, UTC):%Y-%m-%d}"
+        what = "ended" if item.started else "never started, since"
+        print(f"{item.session_id}\t{what} {since}\t{item.bytes / 1e6:.1f} MB")
     megabytes = sum(item.bytes for item in removed) / 1e6
     print(f"{'would remove' if dry_run else 'removed'} {len(removed)} sessions, {megabytes:.1f} MB")
 

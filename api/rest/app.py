@@ -12,7 +12,6 @@ from typing import Any
 
 import anyio.to_thread
 from fastapi import FastAPI, Request
-from fastapi.middleware.cors import CORSMiddleware
 from fastapi.openapi.utils import get_openapi
 from fastapi.responses import HTMLResponse
 
@@ -37,6 +36,7 @@ from api.rest import (
     sessions,
     tickets,
 )
+from api.rest.answer_headers import EXPOSED, AllowedMethods, AnswerHeaders, HeadAsGet, Preflights
 from api.rest.authentication import Authentication
 from api.rest.camera_preview import CameraPreview
 from api.rest.conditional import ConditionalGet
@@ -89,6 +89,8 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
     app.state.scene = CellScene(service)
     app.state.keys = keys
     app.state.streams = OpenStreams(keys, capacity.present())
+    app.add_middleware(HeadAsGet)
+    app.add_middleware(AllowedMethods, routes=app.routes)
     app.add_middleware(ConditionalGet)
     app.state.pages, app.state.authentication = KnownPages(settings), Authentication(keys)
     app.add_middleware(
@@ -101,8 +103,13 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
     # Outside the request checks, so that an allowed page can read a refusal, and its preflight needs no key.
     if settings.allowed_origins:
         app.add_middleware(
-            CORSMiddleware, allow_origins=list(settings.allowed_origins), allow_methods=["*"], allow_headers=["*"]
+            Preflights,
+            allow_origins=list(settings.allowed_origins),
+            allow_methods=["*"],
+            allow_headers=["*"],
+            expose_headers=EXPOSED,
         )
+    app.add_middleware(AnswerHeaders, foreign_pages=bool(settings.allowed_origins))
     return app
 
 

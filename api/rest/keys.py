@@ -13,6 +13,7 @@ import logging
 import math
 import os
 import secrets
+import stat
 import threading
 import time
 from dataclasses import dataclass
@@ -29,6 +30,9 @@ PREFIX = "lightpose_"
 
 POLL_S = 1.0
 """Time between two looks at the key file, s."""
+
+OF_OTHERS = 0o077
+"""Permissions of a file that concern others than its owner."""
 
 TICKET_LIFETIME_S = 300.0
 """How long a ticket is valid, s."""
@@ -87,8 +91,18 @@ def path_in(data: Path) -> Path:
 
 
 def read(path: Path) -> KeyFile | None:
-    """Reads the key file; None without one. Raises RigError config.invalid for one that cannot be read."""
+    """Reads the key file; None without one. Raises RigError config.invalid for one that cannot be read, or that others
+    than its owner may read or write.
+    """
     try:
+        mode = stat.S_IMODE(path.stat().st_mode)
+        if mode & OF_OTHERS:
+            raise RigError(
+                ErrorCode.CONFIG_INVALID,
+                f"{path} may be read or written by others (mode {mode:04o}): run chmod 600 {path}; where that was so "
+                "for long, revoke the keys and make new ones",
+                file=path.name,
+            )
         return KeyFile.model_validate_json(path.read_bytes())
     except FileNotFoundError:
         return None
@@ -129,7 +143,7 @@ def _digest(secret: str) -> str:
 
 
 def _write(path: Path, content: KeyFile) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     partial = path.with_suffix(".part")
     partial.unlink(missing_ok=True)
     with os.fdopen(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:

@@ -14,7 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from acquisition.models.errors import ErrorCode, RigError
 from api.rest import problems
-from api.rest.authentication import Authentication
+from api.rest.authentication import SAFE_METHODS, Authentication
 from api.rest.settings import Settings, is_loopback
 
 MAX_BODY_BYTES = 262_144
@@ -56,6 +56,9 @@ class KnownPages:
         origin = headers.get("origin")
         if origin is not None and origin.lower() != self.own(scope, headers) and origin.lower() not in self._origins:
             raise RigError(ErrorCode.REQUEST_FOREIGN, f"The request comes from the page {origin[:100]!r}")
+        site = headers.get("sec-fetch-site", "none")
+        if scope["method"] not in SAFE_METHODS and origin is None and site not in ("none", "same-origin"):
+            raise RigError(ErrorCode.REQUEST_FOREIGN, f"The request comes from another page ({site[:20]})")
 
 
 class RequestChecks:

@@ -12,7 +12,7 @@ from importlib.metadata import version
 from typing import Any
 
 import anyio.to_thread
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
 from fastapi.responses import Response
 
 from acquisition.models.base import as_matrix4
@@ -63,11 +63,16 @@ async def live() -> Health:
 
 
 @router.get("/health/ready", tags=["health"], responses=problems.responses_of(ErrorCode.RIG_NOT_READY))
-def ready(service: ServiceOf) -> Health:
-    """The devices answer; 503 names one that does not. (`GET /v1/rig` says whether a session may start.)"""
+def ready(service: ServiceOf, request: Request) -> Health:
+    """The devices answer; 503 names one that does not. (`GET /v1/rig` says whether a session may start.)
+
+    Where keys are in use this answers everybody, and leaves out what concerns the cell: addresses, for one.
+    """
     status = service.runner.status()
     if not status.camera_ready or not status.reading.connected:
         reasons = [reason.model_dump(mode="json") for reason in _reasons(status.reasons)]
+        if request.app.state.keys.required:
+            reasons = [{**reason, "detail": PROBLEMS[reason["code"]].title} for reason in reasons]
         detail = "; ".join(reason["detail"] for reason in reasons) or "The devices are not connected"
         raise RigError(ErrorCode.RIG_NOT_READY, detail, reasons=reasons)
     return Health()

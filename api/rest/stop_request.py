@@ -11,11 +11,19 @@ import h11
 from starlette.datastructures import Headers
 
 from acquisition.models.errors import RigError
+from api.rest.answer_headers import CONTENT_SECURITY_POLICY
 from api.rest.authentication import Authentication
 from api.rest.listener import STOP_LINE, response_bytes
 from api.rest.request_checks import KnownPages
 from api.rest.rig import stop_accepted
 from api.rest.wiring import Service
+
+_ANSWER_HEADERS = {
+    "content-type": "application/json",
+    "content-security-policy": CONTENT_SECURITY_POLICY,
+    "x-content-type-options": "nosniff",
+    "cross-origin-resource-policy": "same-origin",
+}
 
 
 class StopRequests:
@@ -50,7 +58,7 @@ class StopRequests:
             "method": "POST", "path": path, "status": 202, "by": caller.name, "host": peer,
             "ms": round(1e3 * (time.monotonic() - begun), 1),
         }  # fmt: skip
-        return response_bytes(202, "Accepted", {"content-type": "application/json"}, body), entry
+        return response_bytes(202, "Accepted", _ANSWER_HEADERS, body), entry
 
 
 def _headers(head: bytes) -> Headers | None:

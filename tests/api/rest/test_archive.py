@@ -13,6 +13,7 @@ from acquisition.models.errors import RigError
 from acquisition.models.recipe import Recipe
 from acquisition.session import Trigger
 from acquisition.store import Journal, retention
+from acquisition.store.queue_table import EntryState
 from api.cli.commands import app
 from api.client.responses import ProblemError
 
@@ -83,7 +84,9 @@ def _ended(journal: Journal, data: Path) -> str:
 def test_prune_removes_only_old_ended_sessions(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "rig.db")
     old, newer = _ended(journal, tmp_path), _ended(journal, tmp_path)
-    created, _ = journal.create_session(Recipe(), "{}", "x")
+    queued, _ = journal.create_session(Recipe(), "{}", "x")
+    entry, _ = journal.add_queue_entry("coin", Recipe(), "test", unattended=False, idempotency_key=None)
+    journal.set_queue_entry(entry, EntryState.WAITING, queued.id)
     holding, _ = journal.create_session(Recipe(), "{}", "x")
     journal.trigger(holding.id, Trigger.START, "test")
     now = (journal.session(old).ended_at or 0.0) + 31 * DAY_S
@@ -101,7 +104,23 @@ def test_prune_removes_only_old_ended_sessions(tmp_path: Path) -> None:
     assert not (tmp_path / "sessions" / old).exists()
     assert (tmp_path / "sessions" / newer).exists()
     assert prune(30, keep=0) == [newer]
-    assert {row.id for row in journal.sessions(10)} == {created.id, holding.id}
+    assert {row.id for row in journal.sessions(10)} == {queued.id, holding.id}
+    journal.close()
+
+
+def test_prune_removes_sessions_that_were_never_started(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "rig.db")
+    created, _ = journal.create_session(Recipe(), "{}", "x")
+    (tmp_path / "sessions" / created.id).mkdir(parents=True)
+
+    def prune(days: float) -> list[retention.PrunedSession]:
+        now = created.created_at + days * DAY_S
+        return retention.prune(tmp_path, older_than_days=30, keep=10, now=now, dry_run=False)
+
+    assert prune(29) == []
+    assert prune(31) == [retention.PrunedSession(created.id, False, created.created_at, 0)]
+    assert journal.sessions(10) == []
+    assert not (tmp_path / "sessions" / created.id).exists()
     journal.close()
 
 

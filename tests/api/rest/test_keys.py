@@ -211,3 +211,37 @@ def test_keys_command_adds_lists_and_revokes(tmp_path: Path) -> None:
     assert "lab\tviewer" in runner.invoke(app, ["keys", "list", *data]).stdout
     assert runner.invoke(app, ["keys", "revoke", "lab", *data]).exit_code == 0
     assert runner.invoke(app, ["keys", "revoke", "lab", *data]).exit_code == 2
+
+
+def test_key_file_that_others_may_read_is_refused_by_name(
+    tmp_path: Path, secrets: SECRETS, start: Callable[..., AbstractContextManager[Any]]
+) -> None:
+    path = keys.path_in(tmp_path / "data")
+    for mode in (0o644, 0o640, 0o620):
+        path.chmod(mode)
+        with pytest.raises(RigError, match=rf"keys\.json .*mode {mode:04o}.*chmod 600"), start():
+            pass
+    path.chmod(0o600)
+    with start() as running:
+        assert running.http.get("/v1/rig", headers=as_(Role.VIEWER, secrets)).status_code == 200
+
+
+def test_data_folder_is_closed_to_others(tmp_path: Path, start: Callable[..., AbstractContextManager[Any]]) -> None:
+    data = tmp_path / "data"
+    with start():
+        made = stat.S_IMODE(data.stat().st_mode)
+    data.chmod(0o755)
+    with start():
+        by_hand = stat.S_IMODE(data.stat().st_mode)
+
+    assert (made, by_hand) == (0o700, 0o750)
+
+
+def test_ready_without_key_tells_no_address(locked: Any, secrets: SECRETS) -> None:
+    open_to_all = locked.http.get("/health/ready")
+    with_key = locked.http.get("/v1/rig", headers=as_(Role.VIEWER, secrets))
+
+    assert open_to_all.status_code == 503
+    assert "127.0" not in open_to_all.text
+    assert open_to_all.json()["reasons"]
+    assert "127.0" in with_key.text

@@ -105,7 +105,7 @@ def test_problem_wrong_method_is_405(shared: Any) -> None:
     answer = shared.http.put("/v1/rig/stop")
 
     problem(answer, ErrorCode.REQUEST_METHOD_NOT_ALLOWED)
-    assert answer.headers["allow"] == "POST"
+    assert answer.headers["allow"] == "POST, OPTIONS"
 
 
 @pytest.mark.parametrize(

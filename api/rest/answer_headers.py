@@ -1,0 +1,131 @@
+"""HTTP's habits around every route: HEAD, OPTIONS, the Allow header, headers against misuse by browsers, preflights.
+
+Routes state what GET answers; that HEAD answers the same without a body, and what else an address allows, follows from
+them. An answer that says nothing else may be used by no page but the service's own, loads and runs nothing when it is
+opened, and is taken for what its media type says; a report, which has scripts of its own, runs in a sandbox without
+the service's origin, so that it can send no request in its reader's name.
+"""
+
+import asyncio
+from typing import Any
+
+from fastapi.middleware.cors import CORSMiddleware
+from fastapi.responses import Response
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.routing import Match
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from acquisition.models.errors import ErrorCode
+from api.rest import problems
+
+EXPOSED = ("Location", "ETag", "Retry-After", "Allow", "Content-Disposition", "X-Frame-Number")
+"""Headers that an allowed page may read."""
+
+CONTENT_SECURITY_POLICY = "default-src 'none'; frame-ancestors 'none'"
+SANDBOX = (
+    "sandbox allow-scripts allow-downloads allow-popups; default-src 'none'; script-src 'unsafe-inline'; "
+    "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; frame-ancestors 'none'"
+)
+"""Policy of HTML that has none of its own: reports, drawings, pages of problems."""
+
+METHODS = ("GET", "POST", "PUT", "PATCH", "DELETE")
+
+
+class AnswerHeaders:
+    """ASGI middleware that adds security headers where an answer has none of its own."""
+
+    def __init__(self, app: ASGIApp, foreign_pages: bool) -> None:
+        """`foreign_pages`: whether the settings allow other pages, which show images of the service."""
+        self._app = app
+        self._corp = "cross-origin" if foreign_pages else "same-origin"
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """One request."""
+
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(raw=message.setdefault("headers", []))
+                html = headers.get("content-type", "").startswith("text/html")
+                headers.setdefault("Content-Security-Policy", SANDBOX if html else CONTENT_SECURITY_POLICY)
+                headers.setdefault("X-Content-Type-Options", "nosniff")
+                headers.setdefault("Cross-Origin-Resource-Policy", self._corp)
+                headers.setdefault("Referrer-Policy", "no-referrer")
+            await send(message)
+
+        await self._app(scope, receive, send_with_headers if scope["type"] == "http" else send)
+
+
+class HeadAsGet:
+    """ASGI middleware that answers HEAD as GET without the body; a stream is ended when its head is sent."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """One request."""
+        if scope["type"] != "http" or scope["method"] != "HEAD":
+            await self._app(scope, receive, send)
+            return
+        begun, asked = asyncio.Event(), False
+
+        async def receive_until_begun() -> Message:
+            nonlocal asked
+            if not asked:
+                asked = True
+                return await receive()
+            await begun.wait()
+            return {"type": "http.disconnect"}
+
+        async def send_head(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                await send(message)
+                begun.set()
+
+        await self._app({**scope, "method": "GET"}, receive_until_begun, send_head)
+        await send({"type": "http.response.body", "body": b""})
+
+
+class AllowedMethods:
+    """ASGI middleware that completes the Allow header of a 405, and answers OPTIONS by it."""
+
+    def __init__(self, app: ASGIApp, routes: Any) -> None:
+        self._app = app
+        self._routes = routes
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """One request."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        if scope["method"] == "OPTIONS" and (methods := self._of(scope)):
+            await Response(status_code=204, headers={"Allow": methods})(scope, receive, send)
+            return
+
+        async def send_allowed(message: Message) -> None:
+            if message["type"] == "http.response.start" and message["status"] == 405:
+                MutableHeaders(raw=message["headers"])["Allow"] = self._of(scope)
+            await send(message)
+
+        await self._app(scope, receive, send_allowed)
+
+    def _of(self, scope: Scope) -> str:
+        """The methods of an address, as the Allow header has them; empty for an address that there is not."""
+        found = [
+            method
+            for method in METHODS
+            if any(route.matches({**scope, "method": method})[0] is Match.FULL for route in self._routes)
+        ]
+        return ", ".join([*found, *(["HEAD"] if "GET" in found else []), "OPTIONS"]) if found else ""
+
+
+class Preflights(CORSMiddleware):
+    """CORS for the allowed pages, whose other preflights are refused by a problem object."""
+
+    def preflight_response(self, request_headers: Headers) -> Response:
+        """The answer to a preflight."""
+        answer = super().preflight_response(request_headers)
+        if answer.status_code < 400:
+            return answer
+        origin = request_headers.get("origin", "")[:100]
+        detail = f"The page {origin!r} may not call: {bytes(answer.body).decode()}"
+        return problems.response(ErrorCode.REQUEST_FOREIGN, detail)
