@@ -19,6 +19,8 @@ const PACE_MS = 250;
 const REFRESH_MS = 10_000;
 /** The session that runs is read at least so often, for its time left, ms. */
 const PROGRESS_MS = 2_000;
+/** Answers to a caller without a valid key: it needs one, or too many wrong ones came from this machine. */
+const KEYLESS = new Set([401, 429]);
 /** A connection that was last heard this long ago is stale, ms. */
 export const STALE_MS = 3_500;
 
@@ -43,7 +45,7 @@ class Live extends EventTarget {
       this.caller = await get<Caller>("/v1/caller");
       this.keyNeeded = false;
     } catch (error) {
-      if (error instanceof Refusal && error.problem.status === 401) this.keyNeeded = true;
+      if (error instanceof Refusal && KEYLESS.has(error.problem.status)) this.keyNeeded = true;
       else setTimeout(() => void this.begin(), 1_000);
       this.changed();
       return;
@@ -160,7 +162,7 @@ class Live extends EventTarget {
   private hear(status: StreamStatus): void {
     const reopened = status.open && !this.stream.open;
     this.stream = status;
-    if (status.refused === 401) this.keyNeeded = true;
+    if (status.refused !== null && KEYLESS.has(status.refused)) this.keyNeeded = true;
     if (reopened) {
       this.refreshRig();
       for (const id of this.known.keys()) this.refreshSession(id);
@@ -178,7 +180,7 @@ class Live extends EventTarget {
     void read()
       .catch((error: unknown) => {
         // Not reached: the age of the connection says so, and it is read again when it is back.
-        if (error instanceof Refusal && error.problem.status === 401) this.keyNeeded = true; // revoked meanwhile
+        if (error instanceof Refusal && KEYLESS.has(error.problem.status)) this.keyNeeded = true; // revoked meanwhile
       })
       .finally(() => {
         this.changed();
