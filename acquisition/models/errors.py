@@ -92,7 +92,7 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ErrorCode.REQUEST_FOREIGN: Problem(
         403,
         "The request comes from a foreign page or names a foreign host",
-        "Call the service by its own address, or allow the page's origin in LIGHTPOSE_ALLOWED_ORIGINS.",
+        "Call the service by its own address, or set what the detail names: further host names, pages, proxies.",
     ),
     ErrorCode.REQUEST_UNAUTHENTICATED: Problem(
         401,

@@ -152,12 +152,18 @@ def serve(
     log: Annotated[
         LogFormat | None, typer.Option(help="Lines for people or JSON objects; default: LIGHTPOSE_LOG, else text")
     ] = None,
+    trusted_proxy: Annotated[
+        list[str] | None,
+        typer.Option(help="Proxy whose X-Forwarded-For and -Proto count; default: LIGHTPOSE_TRUSTED_PROXIES"),
+    ] = None,
 ) -> None:
     """Runs the service for one cell."""
     from api.rest import server, settings
 
     given = {"cell": cell, "data": data, "host": host, "port": port, "log": None if log is None else log.value}
-    wanted = {name: value for name, value in given.items() if value is not None}
+    wanted: dict[str, object] = {name: value for name, value in given.items() if value is not None}
+    if trusted_proxy:
+        wanted["trusted_proxies"] = tuple(trusted_proxy)
     _explain_errors(lambda: server.serve(settings.read(**wanted)))
 
 

@@ -49,6 +49,7 @@ from api.rest.request_checks import KnownPages, RequestChecks
 from api.rest.scene import CellScene
 from api.rest.schemas import EventResource, Problem
 from api.rest.settings import Settings
+from api.rest.trusted_proxies import ForwardedCaller, TrustedProxies
 from api.rest.wiring import Service
 
 DESCRIPTION = (
@@ -109,6 +110,7 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
             allow_headers=["*"],
             expose_headers=EXPOSED,
         )
+    app.add_middleware(ForwardedCaller, proxies=TrustedProxies(settings.trusted_proxies))
     app.add_middleware(AnswerHeaders, foreign_pages=bool(settings.allowed_origins))
     return app
 

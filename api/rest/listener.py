@@ -52,9 +52,9 @@ _KEEP_ALIVE = {socket.TCP_KEEPIDLE: 20, socket.TCP_KEEPINTVL: 5, socket.TCP_KEEP
 
 _log = logging.getLogger(__name__)
 
-Stop = Callable[[bytes, str], tuple[bytes, dict[str, Any]] | None]
-"""Carries out the stop that this head of this peer asks for; the answer and its log entry, None where the application
-has to answer."""
+Stop = Callable[[bytes, str, str], tuple[bytes, dict[str, Any]] | None]
+"""Carries out the stop that this head of this peer, sent to this address, asks for; the answer and its log entry, None
+where the application has to answer."""
 
 HandOver = Callable[[socket.socket, bytes, str], None]
 """Gives a connection, the bytes that were read from it, and its peer to the event loop."""
@@ -182,7 +182,7 @@ class Listener:
             if not end:
                 return
             assert self._stop is not None  # noqa: S101 - set before the thread starts
-            stopped = self._stop(head + end, connection.peer)
+            stopped = self._stop(head + end, connection.peer, str(held.getsockname()[0]))
             if stopped is not None:
                 self._answer(held, connection, stopped[0])
                 _log.info("request", extra=stopped[1])  # afterwards: whoever reads the log may be slow

@@ -49,13 +49,19 @@ class KnownPages:
         """Raises RigError request.foreign for another host's name in the Host header, and for another page's origin."""
         host = headers.get("host", "")
         name = _without_port(host)
-        if name not in self._hosts and not is_loopback(name):
+        arrived_at = (scope.get("server") or ("",))[0]  # by address, which no foreign page's name can be
+        if name not in self._hosts and not is_loopback(name) and name.strip("[]") != arrived_at:
             raise RigError(
-                ErrorCode.REQUEST_FOREIGN, f"The Host header names {host[:100]!r}, which is not this service"
+                ErrorCode.REQUEST_FOREIGN,
+                f"The Host header names {host[:100]!r}, which is not this service (LIGHTPOSE_ALLOWED_HOSTS)",
             )
         origin = headers.get("origin")
         if origin is not None and origin.lower() != self.own(scope, headers) and origin.lower() not in self._origins:
-            raise RigError(ErrorCode.REQUEST_FOREIGN, f"The request comes from the page {origin[:100]!r}")
+            raise RigError(
+                ErrorCode.REQUEST_FOREIGN,
+                f"The request comes from the page {origin[:100]!r} to {self.own(scope, headers)[:100]} "
+                "(LIGHTPOSE_ALLOWED_ORIGINS; behind a TLS proxy LIGHTPOSE_TRUSTED_PROXIES)",
+            )
         site = headers.get("sec-fetch-site", "none")
         if scope["method"] not in SAFE_METHODS and origin is None and site not in ("none", "same-origin"):
             raise RigError(ErrorCode.REQUEST_FOREIGN, f"The request comes from another page ({site[:20]})")

@@ -29,6 +29,7 @@ from api.rest.keys import KeyRing
 from api.rest.listener import Listener, bound_sockets
 from api.rest.settings import Settings
 from api.rest.stop_request import StopRequests
+from api.rest.trusted_proxies import TrustedProxies
 from api.rest.wiring import Service
 
 SWITCH_INTERVAL_S = 0.001
@@ -49,12 +50,13 @@ class Server(uvicorn.Server):
         config: uvicorn.Config,
         service: Service,
         app: FastAPI,
+        proxies: TrustedProxies,
         on_ready: Callable[[str], None] | None,
     ) -> None:
         """`on_ready` is called with the service's address once it listens."""
         super().__init__(config)
         self.service = service
-        self._stops = StopRequests(service, app.state.pages, app.state.authentication)
+        self._stops = StopRequests(service, app.state.pages, app.state.authentication, proxies)
         self._listener: Listener | None = None
         self._adopting: set[asyncio.Task[None]] = set()
         self._feed: EventFeed = app.state.feed
@@ -156,7 +158,7 @@ def create_for(
         proxy_headers=False,
         timeout_graceful_shutdown=SHUTDOWN_GRACE_S,
     )
-    return Server(config, service, app, on_ready)
+    return Server(config, service, app, TrustedProxies(settings.trusted_proxies), on_ready)
 
 
 def announce(address: str) -> None:

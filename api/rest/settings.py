@@ -13,6 +13,7 @@ from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from acquisition.models.errors import ErrorCode, RigError
 from api.rest.logs import LogFormat
+from api.rest.trusted_proxies import TrustedProxies
 
 Names = Annotated[tuple[str, ...], NoDecode]
 
@@ -30,11 +31,19 @@ class Settings(BaseSettings):
     allowed_hosts: Names = Field((), description="Further names accepted in the Host header, comma-separated")
     allowed_origins: Names = Field((), description="Web pages that may call, as scheme://host:port, comma-separated")
 
-    @field_validator("allowed_hosts", "allowed_origins", mode="before")
+    trusted_proxies: Names = Field((), description="Addresses of proxies whose X-Forwarded-… counts, comma-separated")
+
+    @field_validator("allowed_hosts", "allowed_origins", "trusted_proxies", mode="before")
     @classmethod
     def _split(cls, value: Any) -> Any:
         if isinstance(value, str):
             return tuple(item.strip().rstrip("/").lower() for item in value.split(",") if item.strip())
+        return value
+
+    @field_validator("trusted_proxies")
+    @classmethod
+    def _addresses(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        TrustedProxies(value)
         return value
 
 

@@ -16,6 +16,7 @@ from api.rest.authentication import Authentication
 from api.rest.listener import STOP_LINE, response_bytes
 from api.rest.request_checks import KnownPages
 from api.rest.rig import stop_accepted
+from api.rest.trusted_proxies import TrustedProxies
 from api.rest.wiring import Service
 
 _ANSWER_HEADERS = {
@@ -29,21 +30,25 @@ _ANSWER_HEADERS = {
 class StopRequests:
     """Carries out stops of the cell; `answer` is called in the listener's thread."""
 
-    def __init__(self, service: Service, pages: KnownPages, authentication: Authentication) -> None:
+    def __init__(
+        self, service: Service, pages: KnownPages, authentication: Authentication, proxies: TrustedProxies
+    ) -> None:
         self._service = service
+        self._proxies = proxies
         self._pages = pages
         self._authentication = authentication
 
-    def answer(self, head: bytes, peer: str) -> tuple[bytes, dict[str, Any]] | None:
+    def answer(self, head: bytes, peer: str, arrived_at: str) -> tuple[bytes, dict[str, Any]] | None:
         """Stops the cell where `head` asks for that and may; the answer's bytes and the log entry, else None."""
         begun = time.monotonic()
         headers = _headers(head)
         if headers is None or _has_body(headers):
             return None
+        peer, scheme = self._proxies.caller(peer, headers)
         path = STOP_LINE.split()[1].decode()
         scope = {
-            "type": "http", "scheme": "http", "method": "POST", "path": path, "query_string": b"", "client": (peer, 0),
-            "headers": headers.raw,
+            "type": "http", "scheme": scheme, "method": "POST", "path": path, "query_string": b"", "client": (peer, 0),
+            "headers": headers.raw, "server": (arrived_at, 0),
         }  # fmt: skip
         try:
             self._pages.refuse_foreign(scope, headers)

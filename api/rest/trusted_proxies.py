@@ -1,0 +1,51 @@
+"""Proxies in front of the service: who called them, and by which scheme, where they are trusted to say so.
+
+A proxy that ends TLS calls the service by plain HTTP from an address of its own, so that a page of the service would
+look like a foreign one, and every caller alike in the record. It says what it was asked in X-Forwarded-Proto and
+X-Forwarded-For, which anybody can write: they count only from the addresses that the settings name.
+"""
+
+import ipaddress
+from collections.abc import Iterable
+
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+
+class TrustedProxies:
+    """The addresses and networks of proxies whose headers count."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        """Raises ValueError for a name that is neither an address nor a network."""
+        self._networks = [ipaddress.ip_network(name, strict=False) for name in names]
+
+    def caller(self, peer: str, headers: Headers) -> tuple[str, str]:
+        """Address of the caller and scheme of the address that it called, for a connection of `peer`."""
+        if not self._trusts(peer):
+            return peer, "http"
+        scheme = headers.get("x-forwarded-proto", "http").strip().lower()
+        passed = [name.strip() for name in ",".join(headers.getlist("x-forwarded-for")).split(",") if name.strip()]
+        untrusted = [name for name in passed if not self._trusts(name)]
+        return (untrusted[-1][:100] if untrusted else peer), ("https" if scheme == "https" else "http")
+
+    def _trusts(self, name: str) -> bool:
+        try:
+            address = ipaddress.ip_address(name)
+        except ValueError:
+            return False
+        return any(address in network for network in self._networks)
+
+
+class ForwardedCaller:
+    """ASGI middleware that replaces a trusted proxy's address and scheme by those of its caller."""
+
+    def __init__(self, app: ASGIApp, proxies: TrustedProxies) -> None:
+        self._app = app
+        self._proxies = proxies
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """One request."""
+        if scope["type"] == "http" and scope.get("client"):
+            host, scheme = self._proxies.caller(scope["client"][0], Headers(scope=scope))
+            scope = {**scope, "client": (host, scope["client"][1]), "scheme": scheme}
+        await self._app(scope, receive, send)
