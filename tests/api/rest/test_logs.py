@@ -4,6 +4,7 @@ import json
 import logging
 import threading
 import time
+import warnings
 from typing import Any
 
 import pytest
@@ -94,3 +95,18 @@ def test_logs_rate_limit_keeps_warnings_and_counts_what_is_left_out() -> None:
     assert logs.BURST <= len(requests) <= logs.BURST + 1 + lasted_s * logs.ENTRIES_PER_S
     assert len(warnings) == 10
     assert getattr(later[0], "left_out", 0) == 5000 - len(requests)
+
+
+def test_logs_json_holds_warnings_and_no_colour_codes(capsys: pytest.CaptureFixture[str]) -> None:
+    logs.configure("json")
+    try:
+        warnings.warn("invalid value encountered", RuntimeWarning, stacklevel=1)
+        logging.getLogger("uvicorn.error").info(
+            "started [%d]", 7, extra={"color_message": "started [\x1b[36m%d\x1b[0m]"}
+        )
+        written = capsys.readouterr().err
+    finally:
+        logging.captureWarnings(False)
+
+    assert [entry["logger"] for entry in entries(written)] == ["py.warnings", "uvicorn.error"]
+    assert "color_message" not in written
