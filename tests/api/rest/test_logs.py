@@ -98,6 +98,7 @@ def test_logs_rate_limit_keeps_warnings_and_counts_what_is_left_out() -> None:
 
 
 def test_logs_json_holds_warnings_and_no_colour_codes(capsys: pytest.CaptureFixture[str]) -> None:
+    logging.captureWarnings(False)  # as a test before has left it
     logs.configure("json")
     try:
         warnings.warn("invalid value encountered", RuntimeWarning, stacklevel=1)
