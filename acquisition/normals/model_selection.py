@@ -14,7 +14,8 @@ from acquisition import photometry
 from acquisition.models.base import Float32Array
 from acquisition.models.result import ModelFinding
 from acquisition.normals import alternation, final_solve, goodness_of_fit, term_tests
-from acquisition.normals.model_alternatives import ALTERNATIVES, Alternative, Problem, Solution
+from acquisition.normals.model_alternatives import ALTERNATIVES
+from acquisition.normals.model_trial import Alternative, Problem, Solution
 from acquisition.normals.self_calibration import Priors
 
 MAX_SELECTIONS = 3

@@ -25,7 +25,7 @@ from acquisition.normals import (
     silhouette,
 )
 from acquisition.normals.image_set import direction_spread
-from acquisition.normals.model_alternatives import Problem
+from acquisition.normals.model_trial import Problem
 from acquisition.normals.pixel_solve import Scene
 from acquisition.normals.pyramid import MaskedImages
 from acquisition.normals.session_images import Images

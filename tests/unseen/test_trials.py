@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from acquisition.normals import model_selection
-from acquisition.normals.model_alternatives import Alternative
+from acquisition.normals.model_trial import Alternative
 from tests.unseen import patterns, run, scenes, tables, trials
 from tests.unseen.captures import capture
 

@@ -1,8 +1,8 @@
 """What model selection looked at in a solve: scores of the missing terms, and the trial of each alternative.
 
-The thresholds of `acquisition.normals.model_alternatives` stand between what sound and what faulty captures have of
-these. A run keeps them with each solve (`recorded`); `python -m tests.unseen table FILE --trials` shows their ranges,
-so that a threshold can be checked against scenes that it was not set on.
+The thresholds of `acquisition.normals.model_alternatives` and `model_trial` stand between what sound and what faulty
+captures have of these. A run keeps them with each solve (`recorded`); `python -m tests.unseen table FILE --trials`
+shows their ranges, so that a threshold can be checked against scenes that it was not set on.
 """
 
 import math
@@ -17,7 +17,7 @@ import numpy as np
 from acquisition.normals import model_alternatives, model_selection
 from acquisition.normals.goodness_of_fit import Fit
 from acquisition.normals.image_terms import ImageTerms
-from acquisition.normals.model_alternatives import Alternative, Problem, Solution
+from acquisition.normals.model_trial import Alternative, Problem, Solution
 
 Line = dict[str, object]
 

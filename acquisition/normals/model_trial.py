@@ -1,0 +1,150 @@
+"""A model of the images to be tried, its solution, and the rule by which it replaces the model before.
+
+Tests propose alternatives (`model_alternatives`) and a selection solves them (`model_selection`); what both speak of is
+here: the problem that a descent starts from, the solution with its fit, and an alternative with what makes it accepted.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.result import ModelFinding
+from acquisition.normals import alternation, final_solve
+from acquisition.normals.alternation import AlternationResult
+from acquisition.normals.changed_images import Changed
+from acquisition.normals.goodness_of_fit import Fit
+from acquisition.normals.image_terms import LAMBERTIAN, ImageTerms
+from acquisition.normals.pixel_solve import Scene
+from acquisition.normals.pyramid import MaskedImages, PyramidLevel
+from acquisition.normals.term_tests import TermScores
+
+MIN_STEP_SHARE, TERM_BETTER = 0.5, 0.88
+"""Estimate of a term over what one step promised, above which it is accepted, and misfit after over before, up to which
+it is accepted anyway. Interreflection that is not predicted scores as ambient light; the descent takes most of it back,
+and the fit stays as it was. Of true ambient light of 10 % a step promises up to 46 %, and misfits fall to 0.3–0.7."""
+
+WORSE_AT_MOST, BETTER_AT_LEAST = 1.1, 0.5
+"""Misfit over that before, up to which the fit of a demanded term is accepted; and of a second start. A fall by a
+hundredth once accepted ambient light on a gear, whose error rose from 3.9° to 8.3°."""
+
+CODED_SHARE = 0.18
+"""Relative residual of linearised values, divided by the exponent, over that before, up to which the values count as
+coded: 0.07–0.15 for coded images, 0.19 and more for offsets, which a power law resembles."""
+
+MIN_PROBABILITY = 0.05
+"""Probability of the misfit below which a solution counts as poor: then second starts, swaps and moves are tried."""
+
+MAX_DIRECTION_RAD, MAX_INTENSITY, MAX_MOVE_M = 0.04, 0.03, 0.07
+"""Noise components, and distance of the object from where it was stated, that no sound capture reaches: its shift is
+52 mm at most over 96 captures of design seeds, and ends at 80 mm (`alternation.MAX_SHIFT_M`) where it has drifted."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a descent starts from: images, coarse level, depth at its pixels (N,), nominal scene, 1 σ of the terms that
+    are estimated, and of the object's shift in m; the kinds of faults that are already corrected in it, and the factors
+    (F,) that its images were divided by."""
+
+    masked: MaskedImages
+    level: PyramidLevel
+    start_m: Float32Array
+    nominal: Scene
+    term_sigma: ImageTerms = LAMBERTIAN
+    shift_sigma_m: float = alternation.SHIFT_SIGMA_M
+    corrected: tuple[str, ...] = ()
+    factors: FloatArray | float = 1.0
+
+    def reread(self, images: Changed) -> "Problem":
+        """The same object in changed images, with their sensor noise."""
+        masked = replace(self.masked, images=images)
+        count = int(np.count_nonzero(masked.mask))
+        level = masked.level(self.level.factor, final_solve.noise_sample(count), None)
+        noise = replace(self.nominal.noise, shot=images.shot, floor=images.floor)
+        return replace(
+            self,
+            masked=masked,
+            level=replace(level, table=self.level.table),
+            nominal=replace(self.nominal, noise=noise),
+        )
+
+    def relit(self, lamps: Float32Array) -> "Problem":
+        """The same images under other lamps (F, 6)."""
+        return replace(self, nominal=replace(self.nominal, lamps=lamps))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A descent's result with its scene (lamps, noise and terms as estimated), its fit, and the scores of terms."""
+
+    problem: Problem
+    state: AlternationResult
+    scene: Scene
+    fit: Fit
+    scores: TermScores | None
+
+    @property
+    def moved_m(self) -> float:
+        """How far the object's mean depth is from where it was stated, m."""
+        return float(np.mean(self.state.depth_m) - np.mean(self.problem.start_m))
+
+    @property
+    def out_of_place(self) -> bool:
+        """Whether the object is so far from where it was stated that it must have drifted there."""
+        return abs(self.moved_m) >= MAX_MOVE_M
+
+    @property
+    def at_end_of_range(self) -> bool:
+        """Whether components of the noise, or the object's place, are beyond what any sound capture needs."""
+        noise = self.scene.noise
+        return noise.direction >= MAX_DIRECTION_RAD or noise.intensity >= MAX_INTENSITY or self.out_of_place
+
+    @property
+    def poor(self) -> bool:
+        """Whether the fit is so bad that costly alternatives are worth a trial."""
+        return self.fit.probability < MIN_PROBABILITY or self.at_end_of_range
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """Another model: kind, sentence and amount for its finding, the problem to solve, and when its fit is accepted.
+
+    `worse_at_most`: its misfit over that before. `coding`: exponent by which it changes the values. `step`: what one
+    step promised of the term that it estimates from zero. `silent`: it corrects the solver, not the capture.
+    """
+
+    kind: str
+    message: str
+    problem: Problem
+    worse_at_most: float
+    value: float | None = None
+    coding: float = 1.0
+    step: float = 0.0
+    silent: bool = False
+
+    def accepted(self, before: Fit, after: Fit, terms: ImageTerms) -> bool:
+        """Whether the fit after is good enough to replace the one before; `terms` are those of the trial."""
+        if not after.misfit <= self.worse_at_most * before.misfit:
+            return False
+        if self.step > 0:
+            estimated = max(terms.roughness, terms.ambient, terms.offset)
+            return estimated > MIN_STEP_SHARE * self.step or after.misfit <= TERM_BETTER * before.misfit
+        if self.worse_at_most > BETTER_AT_LEAST:
+            return True
+        # Undoing a coding changes the noise model with the values, so the residuals' share of the values decides too.
+        most = self.worse_at_most if self.coding == 1 else CODED_SHARE * self.coding
+        return after.share <= most * before.share and after.probability > MIN_PROBABILITY
+
+    def finding(self, terms: ImageTerms) -> ModelFinding:
+        """The finding of an accepted trial, with the amount that it has estimated."""
+        message, value = self.message, self.value
+        if self.kind == "rough surface":
+            value = terms.roughness_rad
+            message += f" of {value:.2f} rad"
+        elif self.kind in ("gloss", "metal"):
+            value = max(terms.gloss, terms.metal)
+            message += f" {value:.2f}"
+        elif self.kind in ("ambient light", "stray light"):
+            value = max(terms.ambient, terms.offset)
+            message += f" ({value:.1%} of white)"
+        return ModelFinding(kind=self.kind, message=message, corrected=True, value=value)
