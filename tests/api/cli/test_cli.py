@@ -86,9 +86,11 @@ def test_check_offline_reports_reach_and_route() -> None:
 
 
 def test_demo_page_serves_until_interrupted(tmp_path: Path) -> None:
-    command = [sys.executable, "-u", "-m", "api.cli", "demo", "--page", "--object", "sphere", "--pixels", "64"]
-    command += ["--data", str(tmp_path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    # A shell lets what it runs in the background ignore Ctrl-C, and children inherit that.
+    command = ["env", "--default-signal=INT", sys.executable, "-u", "-m", "api.cli", "demo", "--page"]
+    command += ["--object", "sphere", "--pixels", "64", "--data", str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process, contextlib.ExitStack() as ending:
+        ending.callback(process.kill)
         assert process.stdout is not None
         address = next(line.split()[1] for line in process.stdout if line.startswith("page "))
         answer = httpx.get(address)

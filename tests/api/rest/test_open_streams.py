@@ -67,9 +67,10 @@ def test_stream_beyond_a_keys_share_is_refused_for_a_while(
         streams._capacity = dataclasses.replace(streams._capacity, streams_per_caller=3)
         http = running.http
         opened = [stack.enter_context(http.stream("GET", "/v1/events?after=0")) for _ in range(3)]
-        for answer in opened:
-            next(answer.iter_text())
-        refused = http.get("/v1/events")
+        texts = [answer.iter_text() for answer in opened]  # kept: an iterator that is dropped closes its connection
+        for text in texts:
+            next(text)
+        refused = http.get("/v1/events?follow=false")
         opened[0].close()
         while streams._of_caller.total() == 3:
             time.sleep(0.01)
