@@ -109,9 +109,13 @@ class Lab:
         return httpx.get(self.url + address, headers=authorization, timeout=60)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Generator[Browser]:
-    """One Chromium for all tests; each gets a context of its own."""
+    """One Chromium for a module's tests; each gets a context of its own.
+
+    Not for the whole session: until playwright is stopped its event loop counts as running in this thread, where the
+    next module's tests then could not run one of their own.
+    """
     if chromium.EXECUTABLE is None:
         pytest.skip("needs Chromium: apt-get install chromium")
     expect.set_options(timeout=TIMEOUT_MS)
