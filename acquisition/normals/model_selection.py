@@ -95,11 +95,7 @@ def _best_trial(present: Solution) -> tuple[Alternative, Solution] | None:
                 continue
             corrected = (*present.problem.corrected, alternative.kind)
             trial = solve(replace(alternative.problem, corrected=corrected))
-            # A surface at the end of the depths that are allowed has not been found: nearer to the lamps the descent
-            # leaves most measurements in shadow, and what is left over fits anything.
-            if trial.out_of_place:
-                continue
-            if alternative.accepted(present.fit, trial.fit, trial.state.shared.terms):
+            if alternative.accepted(present, trial):
                 accepted.append((trial.fit.misfit * trial.fit.share / alternative.coding, alternative, trial))
         if accepted:
             return min(accepted, key=lambda one: one[0])[1:]

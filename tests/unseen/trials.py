@@ -11,12 +11,11 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from typing import Any, cast
+from unittest.mock import patch
 
 import numpy as np
 
 from acquisition.normals import model_alternatives, model_selection
-from acquisition.normals.goodness_of_fit import Fit
-from acquisition.normals.image_terms import ImageTerms
 from acquisition.normals.model_trial import Alternative, Problem, Solution
 
 Line = dict[str, object]
@@ -60,25 +59,25 @@ def recorded() -> Generator[Record]:
             record.scores = {name: (float(one.gain), float(one.step)) for name, one in of_term.items()}
         return solution
 
-    def recording_accepted(self: Alternative, before: Fit, after: Fit, terms: ImageTerms) -> bool:
-        verdict = accepted(self, before, after, terms)
+    def recording_accepted(self: Alternative, before: Solution, trial: Solution) -> bool:
+        verdict, terms = accepted(self, before, trial), trial.state.shared.terms
         record.trials.append(
             Trial(
                 self.kind,
                 float(self.step),
                 float(max(terms.roughness, terms.ambient, terms.offset, terms.gloss, terms.metal)),
-                float(after.misfit / before.misfit),
-                float(after.share / before.share),
+                float(trial.fit.misfit / before.fit.misfit),
+                float(trial.fit.share / before.fit.share),
                 bool(verdict),
             )
         )
         return verdict
 
-    model_selection.solve, Alternative.accepted = recording_solve, recording_accepted  # type: ignore[method-assign]
-    try:
+    with (
+        patch.object(model_selection, "solve", recording_solve),
+        patch.object(Alternative, "accepted", recording_accepted),
+    ):
         yield record
-    finally:
-        model_selection.solve, Alternative.accepted = solve, accepted  # type: ignore[method-assign]
 
 
 def score_table(lines: Sequence[Line], group: Callable[[Line], str], table: Callable[[list[list[str]]], str]) -> str:
