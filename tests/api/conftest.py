@@ -12,6 +12,9 @@ from pathlib import Path
 import httpx
 import pytest
 
+from acquisition.models.errors import ErrorCode
+from acquisition.models.recipe import Recipe
+from acquisition.session import State
 from api import Client
 from api.rest import server, settings
 from api.rest.server import Server
@@ -21,6 +24,7 @@ from api.rest.wiring import Service
 REPOSITORY = Path(__file__).parents[2]
 NOBODY = "127.0.4.1"
 SERVICE = "127.0.4.2"
+MOST_STOPS = 8
 
 
 @dataclass(frozen=True)
@@ -74,6 +78,20 @@ def running(folder: Path, address: str = NOBODY, port: int = 0, **more: object) 
     """Runs a service for a cell at `address`, with its data in `folder`/data."""
     cell = write_cell(folder, address)
     return serve(settings.read(cell=cell, data=folder / "data", host=SERVICE, port=port, **more))
+
+
+def plan_under_review(client: Client, recipe: Recipe) -> str:
+    """A session whose plan waits for review; resumed where the watchdog stops the arm on a busy machine."""
+    session = client.create(recipe)
+    client.start(session.id)
+    for _ in range(MOST_STOPS):
+        resource = client.wait(session.id)
+        if resource.state is not State.INTERRUPTED:
+            break
+        client.resume(session.id)
+    assert resource.reason is not None
+    assert resource.reason.code is ErrorCode.PLAN_TO_REVIEW
+    return session.id
 
 
 @pytest.fixture(scope="session")

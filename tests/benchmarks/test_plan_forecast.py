@@ -11,15 +11,12 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
 from api.rest import settings
 from hardware_sim.cell import Cell, CellOptions
-from tests.api.conftest import serve
+from tests.api.conftest import plan_under_review, serve
 
 CELL, SERVICE = "127.0.52.10", "127.0.52.2"
-MOST_STOPS = 8
 
 
 @pytest.fixture(scope="module")
@@ -31,16 +28,8 @@ def reviewed(tmp_path_factory: pytest.TempPathFactory) -> Generator[tuple[Any, s
         serve(settings.read(cell=cell.cell_file, data=folder / "data", host=SERVICE, port=0)) as service,
     ):
         service.client.wait_ready()
-        session = service.client.create(Recipe(review_plan=True))
-        service.client.start(session.id)
-        for _ in range(MOST_STOPS):
-            resource = service.client.wait(session.id)
-            if resource.state is not State.INTERRUPTED:  # by the controller's watchdog, on a busy machine
-                break
-            service.client.resume(session.id)
-        assert resource.reason is not None
-        assert resource.reason.code is ErrorCode.PLAN_TO_REVIEW
-        yield service, session.id, [light.position for light in service.client.one_pass(session.id, 1).plan.lights]
+        session_id = plan_under_review(service.client, Recipe(review_plan=True))
+        yield service, session_id, [light.position for light in service.client.one_pass(session_id, 1).plan.lights]
 
 
 @pytest.mark.parametrize("kind", ["figures", "figures and picture"])

@@ -117,6 +117,7 @@ def test_stop_during_move_next_session_starts_at_stopped_joints(rig: Rig) -> Non
         assert rests_after(control) < 1.0
 
 
+@pytest.mark.long
 def test_killed_service_loses_no_announced_frame(tmp_path: Path) -> None:
     with quick_cell(tmp_path, "127.0.6.5") as running, ControlClient("127.0.6.5") as control:
         data = tmp_path / "data"

@@ -222,7 +222,7 @@ def test_cell_arm_collides_with_table(cell: Cell) -> None:
 
 def test_cell_status_lines_follow_state(tmp_path: Path) -> None:
     record = tmp_path / "ticks.record"
-    arguments = ["sim", "--address", "127.0.2.34", "--object", "part", "--profile", "ideal", "--pixels", str(PIXELS)]
+    arguments = ["sim", "--address", "127.0.2.34", "--object", "sphere", "--profile", "ideal", "--pixels", str(PIXELS)]
     arguments += ["--calibration-seed", "3", "--json-status", "--record", str(record)]
     with subprocess.Popen([sys.executable, "-m", "api.cli", *arguments], stdout=subprocess.PIPE) as sim:
         assert sim.stdout is not None

@@ -45,6 +45,7 @@ def without(part: Scene, captured: Capture) -> dict[str, NormalMap]:
         return {stage.name: ablation.solve_without(stage, part, captured) for stage in PLAIN}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", [stage.name for stage in PLAIN])
 def test_switch_changes_the_result(name: str, complete: NormalMap, without: dict[str, NormalMap]) -> None:
     changed = without[name]
@@ -54,6 +55,7 @@ def test_switch_changes_the_result(name: str, complete: NormalMap, without: dict
     assert max(np.mean(turned > 1e-3), np.mean(other_sigma)) > 0.05
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "scene"),
     [
@@ -72,6 +74,7 @@ def test_switch_of_a_selected_model_leaves_it_out(name: str, scene: Callable[[],
     assert [SELECTED[name] in found for found in kinds] == [True, False]
 
 
+@pytest.mark.long
 def test_switches_leave_nothing_behind(
     part: Scene, captured: Capture, complete: NormalMap, without: dict[str, NormalMap]
 ) -> None:
@@ -104,6 +107,7 @@ def test_switch_of_a_name_that_is_gone_is_refused() -> None:
         pass
 
 
+@pytest.mark.long
 def test_switches_take_away_what_they_say(complete: NormalMap, without: dict[str, NormalMap]) -> None:
     assert np.ptp(complete.intensity_factors) > 1e-3
     np.testing.assert_allclose(without["self-calibration of intensities"].intensity_factors, 1, atol=1e-9)
@@ -117,6 +121,7 @@ def test_switches_take_away_what_they_say(complete: NormalMap, without: dict[str
     assert without["specular lobe"].notes["lobe"]["strength"] == 0
 
 
+@pytest.mark.long
 def test_switch_of_one_shared_parameter_leaves_the_others(without: dict[str, NormalMap]) -> None:
     held = without["self-calibration of intensities"]
     assert np.max(np.abs(held.notes["lamps_aside_m"])) > 1e-5

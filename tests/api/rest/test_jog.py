@@ -78,7 +78,7 @@ def test_jog_renewed_goes_on_and_ends_without_renewal(bench: Bench) -> None:
     assert answer.json()["hold_s"] > 0
     until(lambda: bench.jog(hold).status_code != 202 or bench.turned > 0.01)  # ten steps and more
 
-    assert bench.outcomes(1) in (["released"], ["the way is blocked by the wall"])
+    assert bench.outcomes(1) in (["released"], ["waypoints.collision: the way is blocked by the wall"])
     rest = bench.turned
     assert rest > 0
     assert code(bench.jog(hold)).startswith(("409", "422"))

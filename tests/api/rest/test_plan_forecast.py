@@ -10,15 +10,14 @@ import pytest
 
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
-from acquisition.session import State
 from api import ProblemError
 from api.rest import settings
 from hardware_sim.cell import Cell, CellOptions
+from tests.api.conftest import plan_under_review
 
 CELL = "127.0.4.14"
 CELL_FILE = Path(__file__).parents[3] / "tests" / "data" / "cell.test.toml"
 RECIPE = Recipe(pilot_lights=3, planned_lights=2, review_plan=True)
-MOST_STOPS = 8
 
 
 @pytest.fixture(scope="module")
@@ -36,16 +35,7 @@ def live(tmp_path_factory: pytest.TempPathFactory, serving: Any) -> Generator[An
 @pytest.fixture(scope="module")
 def reviewed(live: Any) -> str:
     """A session whose plan waits for review."""
-    session = live.client.create(RECIPE)
-    live.client.start(session.id)
-    for _ in range(MOST_STOPS):
-        resource = live.client.wait(session.id)
-        if resource.state is not State.INTERRUPTED:  # by the controller's watchdog, on a busy machine
-            break
-        live.client.resume(session.id)
-    assert resource.reason is not None
-    assert resource.reason.code is ErrorCode.PLAN_TO_REVIEW
-    return str(session.id)
+    return plan_under_review(live.client, RECIPE)
 
 
 def address(session_id: str, number: int = 1) -> str:
