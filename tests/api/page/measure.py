@@ -1,18 +1,17 @@
-"""Figures of the operator's page: `python -m tests.api.page.measure [minutes]`.
+"""Figures of the operator's page: `python -m tests.api.page.measure`, with `--memory MINUTES` its memory over time.
 
-First picture of the cell (median of five cold starts), pictures a second while the arm moves at life speed, time from a
-dragged light to its forecast, and growth of the page's memory over some minutes (default 2) of sessions one after
-another; headless Chromium with WebGL in software, beside cell and service on the same machine.
+First picture of the cell (median of five cold starts), pictures a second while the arm moves at life speed, and time
+from a dragged light to its forecast; headless Chromium with WebGL in software, beside cell and service on the same
+machine. `--memory` measures the growth of the page's memory instead (`tests.api.page.memory`).
 """
 
+import argparse
 import contextlib
 import statistics
-import sys
 import tempfile
-import time
 from pathlib import Path
 
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, sync_playwright
 
 from acquisition.models.recipe import Recipe
 from acquisition.session import State
@@ -22,11 +21,14 @@ from api.rest import page as bundle_files
 from hardware_sim.cell import Cell, CellOptions
 from tests.api.page import chromium
 from tests.api.page.chromium import Console
+from tests.api.page.memory import measure_memory
 from tests.end_to_end.processes import serving
 
 ADDRESS = "127.0.49.210"
 CELL_FILE = Path(__file__).parents[2] / "data" / "cell.test.toml"
 STARTS = 5
+READY_WITHIN_S = 600.0
+"""How long the rig may take to be ready again after a busy machine has stopped it, s."""
 
 WATCH_FRAMES = """
 window.moved = {ms: 0, frames: 0};
@@ -58,18 +60,11 @@ def first_picture_ms(browser: Browser, url: str) -> float:
     return float(taken)
 
 
-def heap_mb(page: Page) -> float:
-    """The page's heap after a collection of garbage, MB."""
-    session = page.context.new_cdp_session(page)
-    session.send("HeapProfiler.collectGarbage")
-    session.send("Performance.enable")
-    metrics = {item["name"]: item["value"] for item in session.send("Performance.getMetrics")["metrics"]}
-    session.detach()
-    return float(metrics["JSHeapUsedSize"]) / 1e6
-
-
 def run(client: Client, recipe: Recipe, until: State) -> str:
     """Runs a session to a state, resuming it where a busy machine has made the watchdog stop the arm."""
+    if not client.safety().clear:
+        client.acknowledge()
+    client.wait_ready(READY_WITHIN_S)
     session_id = str(client.create(recipe).id)
     client.start(session_id)
     while (state := client.wait(session_id).state) is not until:
@@ -82,7 +77,7 @@ def run(client: Client, recipe: Recipe, until: State) -> str:
     return session_id
 
 
-def measure(browser: Browser, url: str, client: Client, minutes: float) -> None:
+def measure(browser: Browser, url: str, client: Client) -> None:
     """Prints the figures."""
     files = [file for name, file in bundle_files.bundle().items() if not name.endswith(".txt")]
     print(f"bundle: {sum(len(file.content) for file in files):,} bytes, "
@@ -111,30 +106,18 @@ def measure(browser: Browser, url: str, client: Client, minutes: float) -> None:
     delays = sorted(page.evaluate("delays"))
     middle = statistics.median(delays)
     print(f"forecast after a light moved: median {middle:.0f} ms, largest {delays[-1]:.0f} ms of {len(delays)}")
-    client.stop(review)
-    client.wait(review)
-    client.park()
-    page.goto(f"{url}/#/cell")
-    page.locator("#cell[data-frames]").wait_for()
-    client.wait_ready()
-    quick = Recipe(pilot_lights=3, planned_lights=0)
-    run(client, quick, State.COMPLETED)
-    before, begun = heap_mb(page), time.monotonic()
-    sessions = 0
-    while time.monotonic() < begun + 60 * minutes:
-        run(client, quick, State.COMPLETED)
-        sessions += 1
-    taken = (time.monotonic() - begun) / 60
-    print(f"heap: {before:.1f} MB, {heap_mb(page):.1f} MB after {taken:.1f} min with {sessions} sessions")
 
 
 def main() -> None:
-    """Measures at a cell at life speed."""
-    minutes = float(sys.argv[1]) if len(sys.argv) > 1 else 2.0
+    """Measures at a cell at life speed; memory at one five times as fast, so that its sessions take little time."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--memory", type=float, metavar="MINUTES", help="measure the growth of the page's memory")
+    minutes: float | None = parser.parse_args().memory
+    speed, pixels = (1.0, 256) if minutes is None else (5.0, 128)
     with (
         tempfile.TemporaryDirectory() as name,
         Cell(
-            CellOptions(ADDRESS, "figure", 1, "direct", 1.0, pixels=256, cell_file=CELL_FILE), Path(name) / "cell"
+            CellOptions(ADDRESS, "figure", 1, "direct", speed, pixels=pixels, cell_file=CELL_FILE), Path(name) / "cell"
         ) as cell,
         serving(cell, Path(name) / "data") as service,
         Client(service.url) as client,
@@ -142,7 +125,10 @@ def main() -> None:
     ):
         client.wait_ready(60)
         browser = chromium.launch(playwright)
-        measure(browser, service.url, client, minutes)
+        if minutes is None:
+            measure(browser, service.url, client)
+        else:
+            measure_memory(browser, service, client, minutes, run)
         browser.close()
 
 
