@@ -13,6 +13,8 @@ import type { Caller, JointReading, JournalEvent, Rig, Session } from "./schemas
 
 /** Events kept for display. */
 const KEPT_EVENTS = 400;
+/** Sessions kept as last read; they are read again when the connection is back. */
+const KEPT_SESSIONS = 20;
 /** Least time between two readings of the same thing, ms. */
 const PACE_MS = 250;
 /** The rig is read at least so often while the page is visible, ms. */
@@ -114,12 +116,11 @@ class Live extends EventTarget {
   refreshSession(id: string): void {
     this.paced(id, async () => {
       try {
-        this.known.set(id, await get<Session>(`/v1/sessions/${id}`));
+        this.remember(await get<Session>(`/v1/sessions/${id}`));
       } catch (error) {
         if (!(error instanceof Refusal && error.problem.status === 404)) throw error;
         this.known.delete(id);
         this.missing.add(id);
-        this.dispatchEvent(new CustomEvent("gone", { detail: id }));
       }
     });
   }
@@ -134,8 +135,15 @@ class Live extends EventTarget {
 
   /** Takes a session as an action's answer gave it. */
   learn(session: Session): void {
-    this.known.set(session.id, session);
+    this.remember(session);
     this.changed();
+  }
+
+  /** Keeps a session as read; of many, those read last. */
+  private remember(session: Session): void {
+    this.known.delete(session.id);
+    this.known.set(session.id, session);
+    if (this.known.size > KEPT_SESSIONS) this.known.delete(this.known.keys().next().value!);
   }
 
   private take(event: JournalEvent): void {
@@ -223,5 +231,25 @@ export class LiveController implements ReactiveController {
 
   hostDisconnected(): void {
     for (const kind of this.kinds) live.removeEventListener(kind, this.update);
+  }
+}
+
+/** Tells its element each event of the journal while the element is in the document. */
+export class JournalController implements ReactiveController {
+  private readonly tell = (event: Event): void => this.hear((event as CustomEvent<JournalEvent>).detail);
+
+  constructor(
+    host: ReactiveControllerHost,
+    private readonly hear: (event: JournalEvent) => void,
+  ) {
+    host.addController(this);
+  }
+
+  hostConnected(): void {
+    live.addEventListener("journal", this.tell);
+  }
+
+  hostDisconnected(): void {
+    live.removeEventListener("journal", this.tell);
   }
 }

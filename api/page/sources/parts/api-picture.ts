@@ -46,7 +46,7 @@ export class ApiPicture extends PageElement {
     } catch {
       this.failed = true;
       setTimeout(() => {
-        if (this.wanted !== address) return;
+        if (this.wanted !== address || !this.isConnected) return;
         this.wanted = "";
         void this.load();
       }, 3_000);

@@ -3,6 +3,7 @@ import { html, nothing, type TemplateResult } from "lit";
 import { directionOf, type Dome } from "../drawing/dome-geometry";
 import { number, t } from "../words/language";
 import "./api-picture";
+import { listTable } from "./list-table";
 
 export interface LightTable {
   positions: readonly (readonly number[])[];
@@ -18,28 +19,14 @@ export interface LightTable {
 
 export function lightTable(table: LightTable): TemplateResult {
   const planned = table.reasons.length > 0;
+  const columns = [t("plan.light"), t("plan.slant"), t("plan.azimuth"), t("plan.gain")];
+  if (planned) columns.push(t("plan.gain_where"), t("plan.reason"));
   return html`<h2>${t("plan.lights")}</h2>
-    <div class="scrolled" tabindex="0" role="region" aria-label=${t("plan.lights")}>
-      <table class="list">
-        <thead>
-          <tr>
-            <th scope="col">${t("plan.light")}</th>
-            <th scope="col">${t("plan.slant")}</th>
-            <th scope="col">${t("plan.azimuth")}</th>
-            <th scope="col">${t("plan.gain")}</th>
-            ${
-              planned
-                ? html`<th scope="col">${t("plan.gain_where")}</th>
-                    <th scope="col">${t("plan.reason")}</th>`
-                : nothing
-            }
-          </tr>
-        </thead>
-        <tbody>
-          ${table.positions.map((position, index) => row(table, position, index, planned))}
-        </tbody>
-      </table>
-    </div>`;
+    ${listTable(
+      t("plan.lights"),
+      columns,
+      table.positions.map((position, index) => row(table, position, index, planned)),
+    )}`;
 }
 
 function row(table: LightTable, position: readonly number[], index: number, planned: boolean) {

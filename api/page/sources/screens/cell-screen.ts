@@ -1,11 +1,11 @@
 /** The cell in three dimensions, as it stands now, with the lights and the route of the session that holds the rig. */
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
-import { live, LiveController } from "../connection/live";
+import { JournalController, live, LiveController } from "../connection/live";
 import { fetchBlob } from "../connection/pictures";
 import { all, get } from "../connection/requests";
 import { scene, type Scene } from "../connection/scene";
-import type { JournalEvent, Page, Pass, PassSummary, Session } from "../connection/schemas";
+import type { Page, Pass, PassSummary, Session } from "../connection/schemas";
 import type { CellView, Layer, MarkedLight, Palette } from "../drawing/cell-view";
 import { save } from "../parts/downloads";
 import { PageElement } from "../parts/element";
@@ -29,16 +29,14 @@ export class CellScreen extends PageElement {
     const joints = live.joints?.joints ?? live.rig?.reading?.joints;
     if (joints) this.view?.setJoints(joints);
   };
-  private readonly journal = (event: Event): void => {
-    const { type } = (event as CustomEvent<JournalEvent>).detail;
+  protected readonly hearing = new JournalController(this, ({ type }) => {
     if (/^(plan|waypoints)\.ready|shot\.captured|session\.state/.test(type)) void this.mark();
-  };
+  });
 
   override connectedCallback(): void {
     super.connectedCallback();
     live.addEventListener("joints", this.follow);
     live.addEventListener("change", this.follow);
-    live.addEventListener("journal", this.journal);
     this.scheme.addEventListener("change", this.rebuild);
     void this.updateComplete.then(() => this.build());
   }
@@ -47,7 +45,6 @@ export class CellScreen extends PageElement {
     super.disconnectedCallback();
     live.removeEventListener("joints", this.follow);
     live.removeEventListener("change", this.follow);
-    live.removeEventListener("journal", this.journal);
     this.scheme.removeEventListener("change", this.rebuild);
     this.view?.close();
     this.view = null;
@@ -61,7 +58,10 @@ export class CellScreen extends PageElement {
       if (!place || !this.isConnected) return;
       this.view?.close();
       this.view = new CellView(place, known, meshes, palette(this), (frames) => {
-        if (frames === 1) performance.mark("cell drawn");
+        if (frames === 1) {
+          performance.clearMarks("cell drawn");
+          performance.mark("cell drawn");
+        }
         place.dataset["frames"] = String(frames);
       });
       this.reachUnknown = known.lights === null;

@@ -51,7 +51,8 @@ export class PreviewScreen extends PageElement {
     super.disconnectedCallback();
     this.running += 1;
     this.picture?.close();
-    this.picture = null;
+    this.overlay?.close();
+    this.picture = this.overlay = null;
   }
 
   private async prepare(): Promise<void> {
@@ -90,10 +91,16 @@ export class PreviewScreen extends PageElement {
       if (document.visibilityState === "visible") {
         try {
           const next = await createImageBitmap(await fetchBlob("/v1/rig/preview.jpg", 10_000));
-          this.overlay?.close();
-          this.overlay = this.clipping
+          const overlay = this.clipping
             ? await createImageBitmap(await fetchBlob("/v1/rig/preview/clipping.png", 10_000))
             : null;
+          if (turn !== this.running) {
+            next.close();
+            overlay?.close();
+            return;
+          }
+          this.overlay?.close();
+          this.overlay = overlay;
           this.picture?.close();
           this.picture = next;
           this.refused = null;

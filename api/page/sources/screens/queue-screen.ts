@@ -1,10 +1,11 @@
 /** The queue: sessions that run one after another, each of a named object; a person says when the next object is in place. */
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
-import { live, LiveController } from "../connection/live";
+import { JournalController, live, LiveController } from "../connection/live";
 import { get, post, send } from "../connection/requests";
-import type { JournalEvent, Queue, QueueEntry } from "../connection/schemas";
+import type { Queue, QueueEntry } from "../connection/schemas";
 import { PageElement } from "../parts/element";
+import { listTable } from "../parts/list-table";
 import { t, type Word, when } from "../words/language";
 import { problemTitle, remedyOf } from "../words/problems";
 
@@ -13,20 +14,13 @@ export class QueueScreen extends PageElement {
   @state() private queue: Queue | null = null;
   @state() private asking = false;
   protected readonly watching = new LiveController(this);
-  private readonly journal = (event: Event): void => {
-    const { type } = (event as CustomEvent<JournalEvent>).detail;
+  protected readonly hearing = new JournalController(this, ({ type }) => {
     if (/^(queue|session)\./.test(type)) void this.load();
-  };
+  });
 
   override connectedCallback(): void {
     super.connectedCallback();
-    live.addEventListener("journal", this.journal);
     void this.load();
-  }
-
-  override disconnectedCallback(): void {
-    super.disconnectedCallback();
-    live.removeEventListener("journal", this.journal);
   }
 
   private async load(): Promise<void> {
@@ -83,22 +77,13 @@ export class QueueScreen extends PageElement {
 
   private table(queue: Queue) {
     const waiting = queue.entries.filter((entry) => entry.state === "waiting");
-    return html`<div class="scrolled" tabindex="0" role="region" aria-label=${t("screen.queue")}>
-      <table class="list">
-        <thead>
-          <tr>
-            <th scope="col">${t("queue.object")}</th>
-            <th scope="col">${t("sessions.state")}</th>
-            <th scope="col">${t("start.lights")}</th>
-            <th scope="col">${t("queue.added")}</th>
-            ${live.mayOperate ? html`<th scope="col">${t("sessions.actions")}</th>` : nothing}
-          </tr>
-        </thead>
-        <tbody>
-          ${queue.entries.map((entry) => this.row(entry, waiting))}
-        </tbody>
-      </table>
-    </div>`;
+    const columns = [t("queue.object"), t("sessions.state"), t("start.lights"), t("queue.added")];
+    if (live.mayOperate) columns.push(t("sessions.actions"));
+    return listTable(
+      t("screen.queue"),
+      columns,
+      queue.entries.map((entry) => this.row(entry, waiting)),
+    );
   }
 
   private row(entry: QueueEntry, waiting: QueueEntry[]) {

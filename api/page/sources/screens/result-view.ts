@@ -2,7 +2,7 @@
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import { edit } from "../connection/actions";
-import { live, LiveController } from "../connection/live";
+import { JournalController, live, LiveController } from "../connection/live";
 import { all, get } from "../connection/requests";
 import type { Page, Result, Session } from "../connection/schemas";
 import { download, openInTab } from "../parts/downloads";
@@ -22,20 +22,9 @@ export class ResultView extends PageElement {
   @state() private others: Session[] = [];
   private read = "";
   protected readonly watching = new LiveController(this);
-  private readonly journal = (event: Event): void => {
-    const { type, session_id } = (event as CustomEvent<{ type: string; session_id: string | null }>).detail;
+  protected readonly hearing = new JournalController(this, ({ type, session_id }) => {
     if (session_id === this.session.id && /^(normals|resolve)\./.test(type)) void this.load();
-  };
-
-  override connectedCallback(): void {
-    super.connectedCallback();
-    live.addEventListener("journal", this.journal);
-  }
-
-  override disconnectedCallback(): void {
-    super.disconnectedCallback();
-    live.removeEventListener("journal", this.journal);
-  }
+  });
 
   override willUpdate(): void {
     if (this.read === this.session.id) return;

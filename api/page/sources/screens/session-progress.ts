@@ -1,7 +1,7 @@
 /** A session as it goes: stages, time left, images as they come, what happened in words. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
-import { live, LiveController } from "../connection/live";
+import { JournalController, live, LiveController } from "../connection/live";
 import { all, get } from "../connection/requests";
 import type { JournalEvent, Pass, PassSummary, Session, Shot } from "../connection/schemas";
 import { PageElement } from "../parts/element";
@@ -22,20 +22,9 @@ export class SessionProgress extends PageElement {
   private reading = false;
   private again = false;
   protected readonly watching = new LiveController(this);
-  private readonly journal = (event: Event): void => {
-    const { session_id, type } = (event as CustomEvent<JournalEvent>).detail;
+  protected readonly hearing = new JournalController(this, ({ type, session_id }) => {
     if (session_id === this.session.id && /^(shot|shots|plan|waypoints|normals)\./.test(type)) void this.load();
-  };
-
-  override connectedCallback(): void {
-    super.connectedCallback();
-    live.addEventListener("journal", this.journal);
-  }
-
-  override disconnectedCallback(): void {
-    super.disconnectedCallback();
-    live.removeEventListener("journal", this.journal);
-  }
+  });
 
   override willUpdate(): void {
     if (this.read === this.session.id) return;

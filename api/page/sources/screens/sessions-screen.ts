@@ -1,11 +1,12 @@
 /** All sessions: searched by label, state and date; opened, renamed, deleted. */
 import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
-import { live, LiveController } from "../connection/live";
+import { JournalController, live, LiveController } from "../connection/live";
 import { get, send } from "../connection/requests";
 import type { Page, Session } from "../connection/schemas";
 import { download } from "../parts/downloads";
 import { PageElement } from "../parts/element";
+import { listTable } from "../parts/list-table";
 import { degrees, t, type Word, when } from "../words/language";
 
 const STATES = ["created", "running", "paused", "interrupted", "completed", "stopped", "failed"] as const;
@@ -18,19 +19,13 @@ export class SessionsScreen extends PageElement {
   @state() private deleting: string | null = null;
   @state() private loading = true;
   protected readonly watching = new LiveController(this);
-  private readonly journal = (event: Event): void => {
-    if ((event as CustomEvent<{ type: string }>).detail.type.startsWith("session.")) void this.load();
-  };
+  protected readonly hearing = new JournalController(this, ({ type }) => {
+    if (type.startsWith("session.")) void this.load();
+  });
 
   override connectedCallback(): void {
     super.connectedCallback();
-    live.addEventListener("journal", this.journal);
     void this.load();
-  }
-
-  override disconnectedCallback(): void {
-    super.disconnectedCallback();
-    live.removeEventListener("journal", this.journal);
   }
 
   /** The list's address: the service filters, so that sessions far back are found too. */
@@ -58,30 +53,24 @@ export class SessionsScreen extends PageElement {
   override render() {
     return html`<h1>${t("screen.sessions")}</h1>
       ${this.search()}
-      <div class="scrolled" tabindex="0" role="region" aria-label=${t("screen.sessions")}>
-        <table class="list">
-          <thead>
-            <tr>
-              <th scope="col">${t("sessions.number")}</th>
-              <th scope="col">${t("recipe.label")}</th>
-              <th scope="col">${t("sessions.state")}</th>
-              <th scope="col">${t("sessions.created")}</th>
-              <th scope="col">${t("sessions.images")}</th>
-              <th scope="col">${t("sessions.sigma")}</th>
-              ${live.mayDelete ? html`<th scope="col">${t("sessions.actions")}</th>` : nothing}
-            </tr>
-          </thead>
-          <tbody>
-            ${this.items.map((session) => this.row(session))}
-          </tbody>
-        </table>
-      </div>
+      ${listTable(
+        t("screen.sessions"),
+        this.columns,
+        this.items.map((session) => this.row(session)),
+      )}
       ${this.items.length === 0 && !this.loading ? html`<p>${t("sessions.none")}</p>` : nothing}
       ${
         this.next
           ? html`<button type="button" @click=${() => void this.load(this.next!, true)}>${t("sessions.more")}</button>`
           : nothing
       }`;
+  }
+
+  private get columns(): string[] {
+    const columns = [t("sessions.number"), t("recipe.label"), t("sessions.state"), t("sessions.created")];
+    columns.push(t("sessions.images"), t("sessions.sigma"));
+    if (live.mayDelete) columns.push(t("sessions.actions"));
+    return columns;
   }
 
   private search() {
