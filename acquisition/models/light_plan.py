@@ -20,6 +20,13 @@ class ForecastPoint(Value):
     sigma_deg: float = Field(description="Mean over the object's pixels of the expected angular σ (mean error 0.886 σ)")
 
 
+class PriorForecast(Value):
+    """Expected σ against the number of images before the first one, of an assumed object."""
+
+    points: list[ForecastPoint] = Field(description="Ascending number of images; the recipe's own number is among them")
+    assumption: str = Field(description="What object is assumed, one or two sentences")
+
+
 class LightPlan(Value):
     """The lights of one pass, with predicted accuracy and certificate."""
 

@@ -2,8 +2,8 @@
 
 Before: `normals`, whose normal map, albedo, depth, σ and information per pixel are the only input. After: `waypoints`,
 or nothing when the recipe is fulfilled. `choose` plans a number of lights, `plan_to_target` also chooses how many a
-target accuracy needs, `forecast` predicts σ as a function of that number, and `baseline` gives the fixed patterns that
-plans are compared with.
+target accuracy needs, `forecast` predicts σ as a function of that number, `prior_forecast` does so before the first
+image, and `baseline` gives the fixed patterns that plans are compared with.
 """
 
 from acquisition.plan.baselines import baseline

@@ -66,7 +66,7 @@ class Samples:
     @property
     def prior(self) -> FloatArray:
         """Information (P, 4, 4) of the weak prior alone."""
-        return _prior_information(self.albedo)
+        return prior_information(self.albedo)
 
     @cached_property
     def inverse_albedo2(self) -> Float32Array:
@@ -126,14 +126,14 @@ def samples(
         normal=np.ascontiguousarray(normal_map.normals[rows, columns].T),
         albedo=albedo,
         sigma=np.radians(np.nan_to_num(normal_map.sigma_deg[rows, columns], nan=40.0)).astype(np.float32),
-        information=information + _prior_information(albedo),
+        information=information + prior_information(albedo),
         lit=np.count_nonzero(normal_map.flags[:, rows, columns] & LIT, axis=0).astype(np.float32),
         indirect=np.zeros_like(albedo),
         offset_sigma_m=offset_sigma_m,
     )
 
 
-def _prior_information(albedo: Float32Array) -> FloatArray:
+def prior_information(albedo: Float32Array) -> FloatArray:
     """Prior information (P, 4, 4): ±`PRIOR_SCALE` ρ of each component of g, ±1 of the scaled depth offset ζ."""
     prior = np.zeros((len(albedo), 4, 4))
     prior[:, (0, 1, 2), (0, 1, 2)] = (1.0 / (photometry.PRIOR_SCALE * albedo) ** 2)[:, None]

@@ -8,6 +8,7 @@ read without importing a stage.
 import shutil
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -25,12 +26,13 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.jog import JogMotion
 from acquisition.models.light_forecast import ForecastInput, LightForecast
-from acquisition.models.light_plan import Light, LightPlan
+from acquisition.models.light_plan import Light, LightPlan, PriorForecast
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import NormalMap, ResultSummary, SolveSettings
 from acquisition.models.route import JointPath, Route
 from acquisition.models.shot import Observations
 from acquisition.plan import baselines, explain, visibility
+from acquisition.plan import prior_forecast as prior
 from acquisition.runner import light_forecast
 from acquisition.runner.session_solve import solve_in_cell
 from acquisition.waypoints import drawing, rejoin, routing
@@ -78,6 +80,15 @@ def first_lights(recipe: Recipe, cell: CellConfig, calibration: Calibration, cac
         reasons=[f"pilot light at slant {slant:.0f}°" for slant in slants],
         notes=[f"The light nearest to the view axis stands at slant {min(slants):.1f}°."],
     )
+
+
+def prior_forecast(
+    recipe: Recipe, cell: CellConfig, calibration: Calibration, cache: Path, first: Sequence[Light]
+) -> PriorForecast:
+    """Expected σ against the number of images before the first one, of a sphere as large as the keep-out admits."""
+    keep_out = cell.object.keep_out
+    radius_m = min(keep_out.radius_m, keep_out.height_m / 2)
+    return prior.forecast(recipe, first, _reach(cell, calibration, cache), calibration, radius_m)
 
 
 def further_lights(

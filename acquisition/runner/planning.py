@@ -15,7 +15,7 @@ from acquisition.models.base import Vector3
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, Halted, RigError
 from acquisition.models.light_forecast import ForecastInput, LightForecast
-from acquisition.models.light_plan import LightPlan
+from acquisition.models.light_plan import LightPlan, PriorForecast
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route
 from acquisition.models.step import AwaitReview, Step
@@ -35,13 +35,14 @@ KEPT_FORECASTS = 8
 
 @dataclass(frozen=True)
 class DryRun:
-    """What a recipe's first pass would do; `seconds` is the time from the first move to the arm's return, without the
-    path back to the light of the first image, which is repeated.
+    """What a recipe's first pass would do, and what its session may reach; `seconds` is the time from the first move
+    to the arm's return, without the path back to the light of the first image, which is repeated.
     """
 
     plan: LightPlan
     route: Route
     seconds: float
+    forecast: PriorForecast
 
 
 class PlanningService:
@@ -80,10 +81,14 @@ class PlanningService:
                 self._closing, "first_lights", recipe, *known, self._executor.reach_cache, preemptible=True
             )
             route: Route = self._compute.run(self._closing, "plan_route", plan.lights, start, *known, preemptible=True)
+            forecast: PriorForecast = self._compute.run(
+                self._closing, "prior_forecast", recipe, *known, self._executor.reach_cache, plan.lights,
+                preemptible=True,
+            )  # fmt: skip
         except (Preempted, Halted) as error:
             raise busy from error
         stop_s = cell.arm.settle_s + cell.lamp.rise_s + (recipe.exposure.seconds or ASSUMED_EXPOSURE_S)
-        return DryRun(plan, route, route.seconds + stop_s * (len(plan.lights) + 1))
+        return DryRun(plan, route, route.seconds + stop_s * (len(plan.lights) + 1), forecast)
 
     def replace_plan(
         self, session_id: str, number: int, positions: Sequence[Vector3], actor: str

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from acquisition.models.errors import PROBLEMS, ErrorCode
 from acquisition.models.light_forecast import LightForecast, PlacedLight
-from acquisition.models.light_plan import Light, LightPlan
+from acquisition.models.light_plan import ForecastPoint, Light, LightPlan, PriorForecast
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.route import Route, Waypoint
@@ -156,6 +156,13 @@ _ROUTE = Route(
     seconds=1.8,
     lower_bound_s=1.8,
 )
+_FORECAST = PriorForecast(
+    points=[
+        ForecastPoint(added=images, lights=images, sigma_deg=sigma_deg)
+        for images, sigma_deg in ((4, 11.1), (8, 0.85), (16, 0.64))
+    ],
+    assumption="Nothing is known of the object before the first image, so a matt sphere of 110 mm is assumed.",
+)
 _SHOT = Shot(
     key=ShotKey(pass_number=0, number=0),
     kind="light",
@@ -194,7 +201,7 @@ VALUES: tuple[BaseModel, ...] = (
     ResolveRequest(settings=SolveSettings(robust=False), last_pass=0),
     Accepted(links={"rig": "/v1/rig", "events": "/v1/events"}),
     ActionAccepted(state=State.RUNNING, links={"session": _SESSION_PATH}),
-    DryRunResource(plan=_PLAN, route=_ROUTE, seconds=2.4),
+    DryRunResource(plan=_PLAN, route=_ROUTE, seconds=2.4, forecast=_FORECAST),
     EventResource(
         id=4711,
         session_id=_ID,

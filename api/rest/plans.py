@@ -28,10 +28,13 @@ _UNREACHABLE_LIGHTS = (ErrorCode.PLAN_INFEASIBLE, ErrorCode.WAYPOINTS_UNREACHABL
 async def dry_run(service: ServiceOf, recipe: Recipe) -> DryRunResource:
     """Plans a recipe's first pass: its lights, the path through them, its duration. Nothing moves, nothing is stored.
 
-    With method `optimal` these are the pilot's lights; the later plans depend on the pilot's images.
+    With method `optimal` these are the pilot's lights; the later plans depend on the pilot's images. `forecast` says
+    what accuracy to expect of how many images, of an assumed object.
     """
     proposal = await anyio.to_thread.run_sync(service.runner.planning.dry_run, recipe, limiter=service.limits.reach)
-    return DryRunResource(plan=proposal.plan, route=proposal.route, seconds=proposal.seconds)
+    return DryRunResource(
+        plan=proposal.plan, route=proposal.route, seconds=proposal.seconds, forecast=proposal.forecast
+    )
 
 
 @router.put(

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from acquisition.models.base import Matrix4, Vector3
 from acquisition.models.errors import PROBLEMS, ErrorCode
-from acquisition.models.light_plan import LightPlan
+from acquisition.models.light_plan import LightPlan, PriorForecast
 from acquisition.models.recipe import Recipe
 from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.route import Route
@@ -223,11 +223,14 @@ class OwnLights(BaseModel):
 
 
 class DryRunResource(Resource):
-    """What the first pass of a recipe would do; nothing has moved."""
+    """What the first pass of a recipe would do, and what its session may reach; nothing has moved."""
 
     plan: LightPlan
     route: Route
     seconds: float = Field(description="From the first move to the arm's return, images included")
+    forecast: PriorForecast = Field(
+        description="Expected σ against the number of images, of an assumed object: its own is not known yet"
+    )
 
 
 class RecoveryRequest(BaseModel):

@@ -163,6 +163,7 @@ def test_replace_plan_under_review_uses_reachable_user_lights(rig: Rig) -> None:
     assert planned == foreseen.plan
     assert foreseen.route.light_numbers
     assert foreseen.seconds > foreseen.route.seconds
+    assert 3 in [point.lights for point in foreseen.forecast.points]
     assert rig.control.state()["moves_started"] == moves
     with pytest.raises(RigError) as refused:
         rig.runner.planning.replace_plan(session_id, 0, [(0.0, 0.0, 3.0)], "a")

@@ -109,6 +109,8 @@ def test_page_session_from_sign_in_to_download(
     page.get_by_label("Label").fill("coin, obverse")
     page.get_by_role("spinbutton", name="Planned lights").fill("2")
     expect(page.locator("#dry-run-lights")).to_have_text("4", timeout=240_000)
+    expect(page.locator("#dry-run-sigma")).to_contain_text("°")
+    assert contrast(page.locator("start-screen curve-plot canvas")) > 2
     page.get_by_role("button", name="Start", exact=True).click()
     resume_where_watchdog_stopped(page, "paused")
     expect(page.locator("#rig-state")).to_contain_text("coin, obverse: paused")

@@ -265,6 +265,10 @@ def test_dry_run_gives_lights_path_and_time_and_stores_nothing(live: Any, done: 
     assert preview["plan"]["lights"] == wanted["lights"]
     assert sorted(preview["route"]["light_numbers"]) == [0, 1, 2]
     assert preview["seconds"] > preview["route"]["seconds"] > 0
+    images = [point["lights"] for point in preview["forecast"]["points"]]
+    assert images[0] == RECIPE.pilot_lights
+    assert RECIPE.lights_total in images
+    assert "matt sphere" in preview["forecast"]["assumption"]
     assert [item.id for item in live.client.sessions()] == before
     far = Recipe(method="user", user_lights=[(0.0, 0.0, 5.0), (0.1, 0.0, 5.0), (0.0, 0.1, 5.0)])
     refused = live.http.post("/v1/dry-runs", json=far.model_dump(mode="json"), timeout=60)

@@ -7,6 +7,13 @@ import { number } from "../words/language";
 
 const HEIGHT_PX = 200;
 
+const LOGARITHMIC: uPlot.Scale = { distr: 3, range: (_plot, low, high) => [0.85 * low, 1.15 * high] };
+
+/** Numbers are written beside the lines of 1, 2 and 5 times a power of ten. */
+function ofOneTwoFive(_plot: uPlot, values: number[]): (number | null)[] {
+  return values.map((value) => (/^[125]\.00e/.test(value.toExponential(2)) ? value : null));
+}
+
 @customElement("curve-plot")
 export class CurvePlot extends PageElement {
   @property({ attribute: false }) x: number[] = [];
@@ -14,6 +21,8 @@ export class CurvePlot extends PageElement {
   @property() xLabel = "";
   @property() yLabel = "";
   @property({ type: Boolean }) points = false;
+  /** Whether equal ratios of y are drawn equally large. */
+  @property({ type: Boolean }) logarithmic = false;
   private plot: uPlot | null = null;
   private readonly sizes = new ResizeObserver(() => {
     const width = this.clientWidth;
@@ -72,10 +81,16 @@ export class CurvePlot extends PageElement {
         height: HEIGHT_PX,
         legend: { show: false },
         cursor: { drag: { x: false, y: false } },
-        scales: { x: { time: false } },
+        scales: { x: { time: false }, y: this.logarithmic ? LOGARITHMIC : {} },
         axes: [
           { ...axis, label: this.xLabel, labelSize: 20, size: 34 },
-          { ...axis, label: this.yLabel, labelSize: 20, size: 48 },
+          {
+            ...axis,
+            label: this.yLabel,
+            labelSize: 20,
+            size: 48,
+            ...(this.logarithmic ? { filter: ofOneTwoFive } : {}),
+          },
         ],
         series: [{}, { stroke: line, width: 2, points: { show: this.points, size: 7 } }],
       },

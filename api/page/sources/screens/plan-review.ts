@@ -2,15 +2,15 @@
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import { act } from "../connection/actions";
-import { live, LiveController } from "../connection/live";
+import { JournalController, live, LiveController } from "../connection/live";
 import { PlanForecasting, type LightForecast } from "../connection/plan-forecast";
 import { all, get, send } from "../connection/requests";
 import { scene } from "../connection/scene";
 import type { Pass, PassSummary, Session, Vector3 } from "../connection/schemas";
-import "../drawing/curve-plot";
 import { domeOf, positionAt, type Dome } from "../drawing/dome-geometry";
 import "../drawing/dome-plot";
 import { PageElement } from "../parts/element";
+import { forecastCurve } from "../parts/forecast-curve";
 import { lightTable } from "../parts/light-table";
 import { saidOf } from "../parts/problem";
 import { degrees, percent, t, type Word } from "../words/language";
@@ -31,20 +31,19 @@ export class PlanReview extends PageElement {
   @state() private sigmaPicture = "";
   private forecasting: PlanForecasting | null = null;
   protected readonly watching = new LiveController(this);
-  private readonly journal = (event: Event): void => {
-    const { type, session_id } = (event as CustomEvent<{ type: string; session_id: string | null }>).detail;
+  protected readonly hearing = new JournalController(this, ({ type, session_id }) => {
     if (session_id === this.session.id && type === "plan.ready" && !this.saving) void this.load();
-  };
+  });
 
   override connectedCallback(): void {
     super.connectedCallback();
-    live.addEventListener("journal", this.journal);
     void this.load();
   }
 
   override disconnectedCallback(): void {
     super.disconnectedCallback();
-    live.removeEventListener("journal", this.journal);
+    URL.revokeObjectURL(this.sigmaPicture);
+    this.sigmaPicture = "";
   }
 
   private async load(wanted?: number): Promise<void> {
@@ -93,7 +92,7 @@ export class PlanReview extends PageElement {
     const lights = this.lights;
     try {
       const blob = await this.forecasting!.picture(lights);
-      if (lights !== this.lights) return;
+      if (lights !== this.lights || !this.isConnected) return;
       URL.revokeObjectURL(this.sigmaPicture);
       this.sigmaPicture = URL.createObjectURL(blob);
     } catch (error) {
@@ -205,17 +204,7 @@ export class PlanReview extends PageElement {
           : html`<p>${t("plan.no_forecast")}</p>`
       }
       ${this.sigmaPicture && this.editable(pass) ? this.sigmaMap() : nothing}
-      ${
-        plan.forecast?.length && !this.changed
-          ? html`<curve-plot
-              points
-              .x=${plan.forecast.map((point) => point.lights)}
-              .y=${plan.forecast.map((point) => point.sigma_deg)}
-              .xLabel=${t("plan.images")}
-              .yLabel=${t("plan.sigma_axis")}
-            ></curve-plot>`
-          : nothing
-      }
+      ${plan.forecast?.length && !this.changed ? forecastCurve(plan.forecast) : nothing}
       ${plan.certificate_note ? html`<p>${plan.certificate_note}</p>` : nothing}
       ${plan.notes?.map((note) => html`<p class="notice">${note}</p>`)}`;
   }

@@ -7,22 +7,27 @@ import { post, Refusal } from "../connection/requests";
 import { randomName } from "../connection/random-name";
 import { scene } from "../connection/scene";
 import type { DryRun, Session } from "../connection/schemas";
-import "../drawing/curve-plot";
 import { domeOf, type Dome } from "../drawing/dome-geometry";
 import "../drawing/dome-plot";
 import { PageElement } from "../parts/element";
+import { forecastCurve } from "../parts/forecast-curve";
 import { saidOf } from "../parts/problem";
 import { PRESETS } from "../recipe/presets";
 import "../recipe/recipe-form";
 import type { Values } from "../recipe/recipe-form";
 import { recipeFields, type Field } from "../recipe/recipe-schema";
-import { duration, t } from "../words/language";
+import { degrees, duration, t } from "../words/language";
 import { remedyOf } from "../words/problems";
 
 /** Pause after the last change before the dry run, ms. */
 const SETTLED_MS = 500;
 /** The first dry run of a cell computes its reach, which takes a minute or two, ms. */
 const DRY_RUN_TIMEOUT_MS = 240_000;
+
+/** The number of images of a recipe; none where a target accuracy or the person's own lights decide. */
+function lightsOf({ method, pilot_lights: pilot, planned_lights: planned, target_sigma_deg: target }: Values) {
+  return method === "user" || target ? null : Number(pilot) + Number(planned);
+}
 
 @customElement("start-screen")
 export class StartScreen extends PageElement {
@@ -134,7 +139,9 @@ export class StartScreen extends PageElement {
         <progress aria-label=${t("start.computing")}></progress>`;
     if (this.dryRunFailed) return saidOf(this.dryRunFailed);
     if (!this.dryRun) return html`<p>${t("start.no_dry_run")}</p>`;
-    const { plan, route, seconds } = this.dryRun;
+    const { plan, route, seconds, forecast } = this.dryRun;
+    const images = lightsOf(this.values) ?? plan.lights.length;
+    const reached = forecast.points.find((point) => point.lights === images);
     const order = route.light_numbers.map((light) => plan.lights[light]!);
     return html`<dl class="figures">
         <div>
@@ -149,6 +156,14 @@ export class StartScreen extends PageElement {
           <dt>${t("start.duration")}</dt>
           <dd id="dry-run-seconds">${duration(seconds)}</dd>
         </div>
+        ${
+          reached
+            ? html`<div>
+                <dt>${t("start.sigma", { images })}</dt>
+                <dd id="dry-run-sigma">${degrees(reached.sigma_deg)}</dd>
+              </div>`
+            : nothing
+        }
       </dl>
       <dome-plot
         .dome=${this.dome}
@@ -160,19 +175,17 @@ export class StartScreen extends PageElement {
         }))}
       ></dome-plot>
       <p class="caption">${t("start.dome")}</p>
-      ${plan.notes?.map((note) => html`<p class="notice">${note}</p>`)}
-      ${
-        plan.forecast?.length
-          ? html`<h3>${t("plan.forecast")}</h3>
-              <curve-plot
-                points
-                .x=${plan.forecast.map((point) => point.lights)}
-                .y=${plan.forecast.map((point) => point.sigma_deg)}
-                .xLabel=${t("plan.images")}
-                .yLabel=${t("plan.sigma_axis")}
-              ></curve-plot>`
-          : html`<p>${t(this.values["method"] === "optimal" ? "start.forecast_later" : "start.forecast_none")}</p>`
-      }`;
+      ${plan.notes?.map((note) => html`<p class="notice">${note}</p>`)} ${this.prospect(this.dryRun)}`;
+  }
+
+  /** What accuracy to expect of how many images, of an assumed object. */
+  private prospect({ plan, forecast }: DryRun) {
+    const piloted = plan.method === "pilot";
+    return html`<h3>${t("start.forecast")}</h3>
+      ${forecast.points.length > 1 ? forecastCurve(forecast.points) : nothing}
+      <p class="caption" id="forecast-assumption">
+        ${t("start.forecast_assumption")} ${piloted ? t("start.forecast_later") : nothing}
+      </p>`;
   }
 
   private fieldErrors(): Record<string, string> {

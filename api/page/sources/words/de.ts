@@ -141,9 +141,11 @@ export const de: Record<keyof typeof en, string> = {
   "start.duration": "Alles in allem",
   "start.dome":
     "Die Lichter, wie die Kamera sie sieht, in der Reihenfolge des Weges; die Ringe sind 30°, 60° und 90° von ihrer Achse.",
-  "start.forecast_later":
-    "Das sind die Pilotbilder. Die weiteren Lichter werden aus ihnen geplant, und dann wird der erwartete Fehler gezeigt.",
-  "start.forecast_none": "Ein festes Muster hat keine Vorhersage.",
+  "start.sigma": "Erwartetes mittleres σ mit {images} Bildern",
+  "start.forecast": "Genauigkeit und Zahl der Bilder",
+  "start.forecast_assumption":
+    "Von Ihrem Objekt ist noch nichts bekannt: angenommen wird eine matte Kugel, so groß, wie die Zelle zulässt. Falten, Glanz, tiefe Schatten und Licht zwischen Flächen vergrößern σ.",
+  "start.forecast_later": "Nach den Pilotbildern ist die Vorhersage die Ihres Objekts.",
   "preset.quick": "Schneller Blick",
   "preset.quick.why": "4 Bilder: steht das Objekt richtig?",
   "preset.standard": "Üblich",
@@ -246,7 +248,7 @@ export const de: Record<keyof typeof en, string> = {
   "plan.two_rings": "Zwei Ringe kämen auf",
   "plan.no_forecast": "Pilotlichter und feste Muster haben keine Vorhersage.",
   "plan.images": "Bilder",
-  "plan.sigma_axis": "erwartetes mittleres σ, Grad",
+  "plan.sigma_axis": "mittleres σ, °",
   "plan.light": "Licht",
   "plan.slant": "Neigung",
   "plan.azimuth": "Azimut",

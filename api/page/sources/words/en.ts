@@ -146,9 +146,11 @@ export const en = {
   "start.duration": "All in all",
   "start.dome":
     "The lights as the camera sees them, in the order of travel; the rings are 30°, 60° and 90° off its axis.",
-  "start.forecast_later":
-    "These are the pilot images. The further lights are planned from them, and the expected error is shown then.",
-  "start.forecast_none": "A fixed pattern has no forecast.",
+  "start.sigma": "Expected mean σ with {images} images",
+  "start.forecast": "Accuracy and number of images",
+  "start.forecast_assumption":
+    "Nothing is known of your object yet: assumed is a matt sphere as large as the cell admits. Creases, gloss, deep shadows and light between surfaces make σ larger.",
+  "start.forecast_later": "After the pilot images the forecast is that of your object.",
   "preset.quick": "Quick look",
   "preset.quick.why": "4 images: is the object well placed?",
   "preset.standard": "Standard",
@@ -252,7 +254,7 @@ export const en = {
   "plan.two_rings": "Two rings would reach",
   "plan.no_forecast": "Pilot lights and fixed patterns have no forecast.",
   "plan.images": "images",
-  "plan.sigma_axis": "expected mean σ, degrees",
+  "plan.sigma_axis": "mean σ, °",
   "plan.light": "Light",
   "plan.slant": "Slant",
   "plan.azimuth": "Azimuth",
