@@ -21,6 +21,9 @@ from acquisition.models.errors import Halted
 RecoveryStep = Literal["unlock", "power", "brakes"]
 """Unlock a protective stop, switch the power on, release the brakes."""
 
+DriverPriority = Literal["real-time", "niceness", "ordinary"]
+"""Scheduling of the driver's process that the machine has granted, best first."""
+
 StopToken = threading.Event
 """Cancellation token of the runner's present step; every device call that waits checks it."""
 
@@ -51,6 +54,8 @@ class ArmReading:
     digital_outputs: int  # bits: 0–7 standard, 8–15 configurable, 16–17 tool
     received_at: float
     lost: str = ""  # why it is not connected
+    taking_control: bool = False  # the driver is in a constructor, which may keep it silent for seconds; nothing moves
+    driver_priority: DriverPriority | None = None  # none: there is no driver process
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,22 @@
 """Scheduling priority of a process: what keeps the arm safe comes before what computes and renders.
 
-The driver's kicks and the service's lease must arrive within a quarter of a second also while every core is busy; on a
-loaded machine an ordinary process was seen to wait that long. Raising a priority needs a right that a service unit or
-container grants; without it the process runs on, the arm stops a little too readily under load, and the log says so.
+The driver's kicks and the service's lease must arrive within a quarter of a second also while every core is busy.
+Niceness orders the processes of one scheduling group alone (a terminal, a container): beside other groups that compute
+a service was seen to wait for 0.7 s. The real-time class (`sched(7)`) comes before all of them. Its price is that
+nothing ordinary runs meanwhile. So a process asks for it only with its start-up work done and while it matters, and
+keeps within a share of one core that it measures itself (decision 53). Raising a priority needs a right that a service
+unit or container grants; without it the process runs on, and the arm stops a little too readily beside other programs.
 """
 
+import ctypes
 import logging
 import os
+import resource
+import signal
+import time
+from enum import IntEnum
+from pathlib import Path
+from types import FrameType
 
 _log = logging.getLogger(__name__)
 
@@ -15,10 +25,147 @@ SERVICE = -5
 BACKGROUND = 10
 """Niceness (−20 to 19, lower is more urgent) of the arm's driver, the service, and computing processes."""
 
+WINDOW_S = 1.0
+"""Period, s, over which the share of a core is measured."""
 
-def set_niceness(niceness: int) -> None:
-    """Sets this process's niceness, or logs that it may not."""
+SPIN_S, SPIN_AT_MOST_S = 0.2, 1.0
+"""Processor time, s, without any wait, after which a thread loses the real-time class, and after which the kernel ends
+the process; a turn of the driver takes 1 ms."""
+
+SWITCH = "LIGHTPOSE_REAL_TIME"
+"""Environment variable; `no` forgoes the real-time class where it is not wanted."""
+
+_RESIDENT_ONLY = 1 | 4  # MCL_CURRENT | MCL_ONFAULT: what is mapped now, once it is in memory
+
+
+class Priority(IntEnum):
+    """What a process was granted."""
+
+    ORDINARY = 1
+    NICENESS = 2
+    REAL_TIME = 3
+
+
+def set_niceness(niceness: int) -> bool:
+    """Sets the niceness of this thread and of those that it starts; whether that is allowed."""
     try:
         os.setpriority(os.PRIO_PROCESS, 0, niceness)
     except PermissionError:
-        _log.warning("not allowed to run at niceness %d: a busy machine may stop the arm by its watchdog", niceness)
+        return False
+    return True
+
+
+class RealTime:
+    """The real-time class (SCHED_RR, lowest priority) for all threads of this process, within a share of one core.
+
+    Not for several threads: one loop calls `enter` when its start-up work is done and whenever threads have been
+    started since, `leave` before further such work, and `keep_share` once a turn.
+    """
+
+    def __init__(self, share: float) -> None:
+        """`share` of a core, over WINDOW_S; a process that has used it up is an ordinary one until the window ends.
+
+        A share of 0 is a process that stays ordinary.
+        """
+        self._share_s = share * WINDOW_S
+        self._granted = None if share > 0 else False  # none: not asked for yet
+        self._wanted = self._inside = self._locked = self._told = False
+        self._window_begun = time.monotonic()
+        self._spent_s = 0.0  # processor time inside, in this window
+        self._counted_to = 0.0  # time.process_time() up to which it is
+
+    @property
+    def granted(self) -> bool:
+        """Whether this process may; False before the first `enter`."""
+        return bool(self._granted)
+
+    def enter(self) -> None:
+        """Puts every thread into the real-time class and keeps memory from being paged out, where that is permitted."""
+        self._wanted = True
+        if self._granted is None:
+            self._granted = _may_be_real_time()
+        if self._granted and self._count() <= self._share_s:
+            self._go_inside()
+
+    def leave(self) -> None:
+        """Makes every thread an ordinary one again."""
+        self._wanted = False
+        if self._granted:
+            self._count()
+            self._go_outside()
+
+    def keep_share(self) -> None:
+        """Leaves the real-time class for the rest of the window once the share is used up; called once a turn."""
+        if not self._granted:
+            return
+        within = self._count() <= self._share_s
+        if self._inside and not within:
+            if not self._told:
+                self._told = True
+                _log.warning(
+                    "took over %.0f %% of a core: not in real time for a while", 100 * self._share_s / WINDOW_S
+                )
+            self._go_outside()
+        elif self._wanted and within and not self._inside:
+            self._go_inside()
+
+    def _count(self) -> float:
+        """Processor time, s, that was spent inside in this window."""
+        now, used = time.monotonic(), time.process_time()
+        if self._inside:
+            self._spent_s += used - self._counted_to
+        self._counted_to = used
+        if now - self._window_begun >= WINDOW_S:
+            self._window_begun, self._spent_s = now, 0.0
+        return self._spent_s
+
+    def end_what_spins(self) -> None:
+        """Has the kernel end this process when a thread does not wait for SPIN_AT_MOST_S: a loop that nobody ends."""
+        _, hard = resource.getrlimit(resource.RLIMIT_RTTIME)
+        limit = int(1e6 * SPIN_AT_MOST_S)
+        limit = limit if hard == resource.RLIM_INFINITY else min(hard, limit)
+        signal.signal(signal.SIGXCPU, self._spun)
+        resource.setrlimit(resource.RLIMIT_RTTIME, (min(int(1e6 * SPIN_S), limit), limit))
+
+    def _spun(self, _: int, __: FrameType | None) -> None:
+        self._go_outside()
+
+    def _go_inside(self) -> None:
+        self._inside = True
+        self._set(os.SCHED_RR, os.sched_get_priority_min(os.SCHED_RR))
+        if not self._locked:
+            self._locked = True
+            _lock_memory()
+
+    def _go_outside(self) -> None:
+        if self._inside:
+            self._inside = False
+            self._set(os.SCHED_OTHER, 0)
+
+    @staticmethod
+    def _set(policy: int, priority: int) -> None:
+        """For each thread; one that has just ended needs nothing. What it starts is ordinary."""
+        for thread in Path("/proc/self/task").iterdir():
+            try:
+                os.sched_setscheduler(int(thread.name), policy | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
+            except ProcessLookupError:
+                continue
+
+
+def _may_be_real_time() -> bool:
+    if os.environ.get(SWITCH, "yes") == "no":
+        return False
+    before = os.sched_getscheduler(0)
+    try:
+        lowest = os.sched_param(os.sched_get_priority_min(os.SCHED_RR))
+        os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, lowest)
+    except PermissionError:
+        return False
+    os.sched_setscheduler(0, before | os.SCHED_RESET_ON_FORK, os.sched_param(0))
+    return True
+
+
+def _lock_memory() -> None:
+    library = ctypes.CDLL(None, use_errno=True)
+    if library.mlockall(_RESIDENT_ONLY):
+        _log.debug("memory is not locked: %s", os.strerror(ctypes.get_errno()))

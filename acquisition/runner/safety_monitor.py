@@ -144,7 +144,9 @@ class SafetyMonitor:
         fault = classify(reading)
         if reading.connected:
             self._was_connected = True
-        elif not self._was_connected:
+        elif (
+            reading.taking_control or not self._was_connected
+        ):  # silent, but not lost: its request ends within 12 s, well or not
             return None
         return fault
 

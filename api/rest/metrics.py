@@ -1,12 +1,19 @@
 """Prometheus metrics, computed from journal and rig status at each scrape, so that a restart loses none."""
 
+import itertools
 import math
 from collections.abc import Iterator
 
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
 from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily, Metric
+from prometheus_client.core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    InfoMetricFamily,
+    Metric,
+)
 from prometheus_client.registry import Collector
 
 from acquisition.devices.ur.arm import UrArm
@@ -71,3 +78,12 @@ class _RigCollector(Collector):
                 quantiles.add_metric([str(quantile)], late[math.ceil(quantile * len(late)) - 1])
             yield quantiles
             yield GaugeMetricFamily("lightpose_lease_renewals", "How many renewals these are of", value=len(late))
+        if isinstance(arm, UrArm) and any(arm.wakeups.values()):
+            counts = itertools.accumulate(arm.wakeups.values())
+            buckets = [("+Inf" if math.isinf(s) else str(s), n) for s, n in zip(arm.wakeups, counts, strict=True)]
+            yield HistogramMetricFamily(
+                "lightpose_driver_lateness_seconds",
+                "How late the arm's driver woke for its turns; at 0.25 s the controller's watchdog stops the arm",
+                buckets=buckets,
+                sum_value=None,
+            )

@@ -283,6 +283,7 @@ VALUES: tuple[BaseModel, ...] = (
         arm_address="127.0.0.1",
         arm=ArmResource(model="UR5", serial="20235500001", software="5.12.0"),
         connected=True,
+        driver_priority="real-time",
         camera_ready=True,
         reading=ReadingResource(
             joints=list(_JOINTS),

@@ -192,6 +192,7 @@ def _resource(status: RigStatus) -> RigResource:
         arm_address=status.arm_address,
         arm=None if identity is None else ArmResource.model_validate(identity, from_attributes=True),
         connected=reading.connected,
+        driver_priority=reading.driver_priority,
         camera_ready=status.camera_ready,
         reading=None
         if not reading.connected

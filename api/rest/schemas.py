@@ -10,6 +10,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from acquisition.devices import DriverPriority
 from acquisition.models.base import Matrix4, Vector3
 from acquisition.models.errors import PROBLEMS, ErrorCode
 from acquisition.models.light_plan import LightPlan, PriorForecast
@@ -164,6 +165,10 @@ class RigResource(Resource):
     arm_address: str
     arm: ArmResource | None = Field(description="Identity of the controller at that address")
     connected: bool
+    driver_priority: DriverPriority | None = Field(
+        description="Scheduling of the arm's driver that this machine has granted; below `real-time` other "
+        "programs may make it stop the arm in mid-move, safely. None while there is no driver"
+    )
     camera_ready: bool
     reading: ReadingResource | None
     holder: str | None = Field(description="The session that holds the rig")

@@ -13,6 +13,7 @@ from anyio import CapacityLimiter
 from acquisition.devices import Camera, Rig
 from acquisition.devices.camera_pylon import PylonCamera
 from acquisition.devices.camera_sim import SimCamera
+from acquisition.devices.process_priority import RealTime
 from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
 from acquisition.models import cell_config
@@ -28,6 +29,9 @@ from acquisition.runner.session_queue import SessionQueue
 from acquisition.store import Store
 from acquisition.waypoints import calibrated_kinematics, kinematics
 from api.rest.settings import Settings
+
+SHARE = 0.5
+"""Share of a core that this process may take in real time while the arm moves; alone with a session it takes 0.05."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +115,7 @@ def build_arm(cell: CellConfig) -> UrArm:
         frames = kinematics.forward(model, batch) if chain is None else calibrated_kinematics.forward(chain, batch)
         return frames[0, -1] @ flange_from_tool
 
-    return UrArm(cell.arm, cell.lamp.output, expected_pose)
+    return UrArm(cell.arm, cell.lamp.output, expected_pose, real_time=RealTime(SHARE))
 
 
 def build_camera(camera: AnyCamera) -> Camera:

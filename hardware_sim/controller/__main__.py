@@ -13,10 +13,14 @@ from pathlib import Path
 from types import FrameType
 
 from acquisition.devices import process_priority
+from acquisition.devices.process_priority import RealTime
 from hardware_sim.controller.calibration import TYPICAL_ERROR_M
 from hardware_sim.controller.kinematics import JOINT_LIMIT, MODELS
 from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.server import serve
+
+SHARE = 0.4
+"""Share of a core in real time; a real controller has a machine of its own. A moving arm at speed 20 takes 0.2."""
 
 
 def _joints(text: str) -> list[float]:
@@ -61,7 +65,8 @@ def main() -> int:
     if not 0.0 < arguments.calibration_error_m <= 0.02:
         parser.error("--calibration-error-m must be above 0 and at most 0.02")
     logging.basicConfig(level=arguments.log, stream=sys.stderr, format="%(asctime)s %(name)s %(message)s")
-    process_priority.set_niceness(process_priority.DRIVER)  # a real controller has a machine of its own
+    process_priority.set_niceness(process_priority.DRIVER)
+    real_time = RealTime(SHARE)
     ended = False
 
     def end(number: int, frame: FrameType | None) -> None:
@@ -78,6 +83,7 @@ def main() -> int:
             ControllerOptions(**{field.name: getattr(arguments, field.name) for field in fields(ControllerOptions)}),
             stop=lambda: ended,
             stop_descriptor=sys.stdin.fileno() if arguments.until_eof else None,
+            real_time=real_time,
         )
     except (OSError, ValueError) as error:
         sys.stderr.write(f"{arguments.address}: {error}\n")

@@ -15,6 +15,7 @@ import sys
 import time
 from collections.abc import Callable
 
+from acquisition.devices.process_priority import RealTime
 from hardware_sim.controller import control_port, dashboard, rtde, scripts
 from hardware_sim.controller.calibration import calibrated
 from hardware_sim.controller.control_port import ControlConnection
@@ -120,8 +121,10 @@ class Server:
     def _rtde_connections(self) -> list[RtdeConnection]:
         return [c for c in self._ports[rtde.PORT].connections.values() if isinstance(c, RtdeConnection)]
 
-    def run(self, stop: Callable[[], bool], stop_descriptor: int | None) -> None:
-        """Serves until `stop` returns True or `stop_descriptor` reaches its end of file."""
+    def run(
+        self, stop: Callable[[], bool], stop_descriptor: int | None, keep_share: Callable[[], None] = lambda: None
+    ) -> None:
+        """Serves until `stop` returns True or `stop_descriptor` reaches its end of file; `keep_share` once a turn."""
         if stop_descriptor is not None:
             self._poll.register(stop_descriptor, select.EPOLLIN)
         deadline = time.monotonic()
@@ -146,6 +149,7 @@ class Server:
             while deadline <= now:
                 deadline += STEP_TIME
                 self._tick(now)
+            keep_share()
 
     def _serve(self, descriptor: int, event: int) -> None:
         for port in self._ports.values():
@@ -195,8 +199,11 @@ def serve(
     *,
     stop: Callable[[], bool] = lambda: False,
     stop_descriptor: int | None = None,
+    real_time: RealTime | None = None,
 ) -> None:
     """Runs a controller until `stop` returns True, `stop_descriptor` ends or the process is interrupted.
+
+    With `real_time` its ticks come before what else the machine does, as on a machine of its own.
 
     Prints `ready <address>` when it can be connected to. Never call it in a process that also holds `ur-rtde` objects:
     the library's constructors hold the interpreter lock while they wait for this loop. Raises OSError where a port is
@@ -218,7 +225,11 @@ def serve(
     try:
         sys.stdout.write(f"ready {address}\n")
         sys.stdout.flush()
-        server.run(stop, stop_descriptor)
+        if real_time is None:
+            server.run(stop, stop_descriptor)
+        else:
+            real_time.enter()
+            server.run(stop, stop_descriptor, real_time.keep_share)
     finally:
         server.close()
         if recorder is not None:

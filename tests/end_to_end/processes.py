@@ -14,7 +14,7 @@ from api import Client
 from hardware_sim.cell import Cell
 from hardware_sim.controller.control import ControlClient
 
-READY_WITHIN_S = 60.0
+READY_WITHIN_S = 180.0
 
 
 @dataclass

@@ -7,32 +7,30 @@ processes of their own.
 
 import json
 import os
-import re
 import subprocess
 import sys
-import time
 from collections.abc import Generator
-from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import httpx
 import numpy as np
 import pytest
 
-from acquisition.models import cell_config
 from acquisition.models.recipe import Recipe
-from acquisition.session import ENDED, State
-from api import Client, ProblemError
+from acquisition.session import State
+from api import Client
 from api.rest.keys import Role
-from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient
-from hardware_sim.controller.trace import MAGIC
-from tests.end_to_end.processes import Service, serving
+from tests.load.loaded_cell import (
+    Loaded,
+    completed,
+    figure,
+    last_event,
+    loaded_cell,
+    stop_a_moving_arm,
+)
 from tests.model.quick_rig import quick_service
 
-CELL_FILE = Path(__file__).parents[2] / "tests" / "data" / "cell.test.toml"
 LISTENERS, STALLED, POLLERS = map(int, os.environ.get("LIGHTPOSE_CROWD", "80,20,50").split(","))
 """Who listens, who stalls, who polls; fewer try the tests on a busy machine."""
 SHARDS = 5
@@ -42,43 +40,11 @@ SESSIONS = int(os.environ.get("LIGHTPOSE_SESSIONS", "200"))
 """Sessions over which the memory is watched."""
 LATE_S = 0.05
 STOP_S = 0.3
-AT_REST_RAD_S = 0.01
 WARMING_UP = 0.2
 """Share of the sessions in which caches fill."""
 GROWTH_BYTES = 8 << 20
-ROW = np.dtype([("time", "<f8"), ("joints", "<f8", 6), ("rest", "V32")])
-NEWEST_ROWS = 10_000  # 20 s
-
 LONG_PATH = Recipe(method="two-rings", pilot_lights=4, planned_lights=4)
 SHORT = Recipe(pilot_lights=3, planned_lights=0)
-
-
-@dataclass(frozen=True)
-class Loaded:
-    """A cell with its service."""
-
-    service: Service
-    client: Client
-    record: Path
-    address: str
-    deceleration: float
-
-
-@contextmanager
-def bench(folder: Path, address: str, speed: float) -> Generator[Loaded]:
-    """A cell whose ticks are recorded, and its service."""
-    record = folder / "ticks.bin"
-    with ExitStack() as stack:
-        cell = stack.enter_context(
-            Cell(
-                CellOptions(address, "sphere", 1, "ideal", speed, pixels=96, cell_file=CELL_FILE, record=record),
-                folder / "cell",
-            )
-        )
-        service = stack.enter_context(serving(cell, folder / "data"))
-        client = stack.enter_context(Client(service.url))
-        client.wait_ready(90)
-        yield Loaded(service, client, record, address, cell_config.load(cell.cell_file).arm.stop_deceleration_rad_s2)
 
 
 class Crowd:
@@ -106,21 +72,9 @@ class Crowd:
         return json.loads(answer)
 
 
-def last_event(service: Service) -> int:
-    return int(figure(service, "lightpose_events_total"))
-
-
-def figure(service: Service, name: str) -> float:
-    """One of the service's figures for monitoring."""
-    text = httpx.get(f"{service.url}/metrics", timeout=30, trust_env=False).text
-    match = re.search(rf"^{re.escape(name)} (\S+)$", text, re.MULTILINE)
-    assert match is not None, name
-    return float(match[1])
-
-
 @pytest.fixture(scope="module")
 def slow_cell(tmp_path_factory: pytest.TempPathFactory) -> Generator[Loaded]:
-    with bench(tmp_path_factory.mktemp("load"), "127.0.15.20", 1.0) as made:
+    with loaded_cell(tmp_path_factory.mktemp("load"), "127.0.15.20", 1.0) as made:
         yield made
 
 
@@ -167,30 +121,18 @@ def test_load_arm_loop_is_punctual_and_clients_miss_no_event(at_life_speed: Load
 @pytest.mark.long
 @pytest.mark.parametrize("shard", range(SHARDS))
 def test_load_stop_halts_within_its_limit(at_life_speed: Loaded, shard: int) -> None:
-    client, margins, latencies = at_life_speed.client, [], []
     with (
         Crowd(at_life_speed.service.url, LISTENERS, STALLED, POLLERS) as crowd,
         ControlClient(at_life_speed.address) as control,
     ):
-        for trial in range(TRIALS):
-            acknowledge_what_is_latched(client)
-            session_id = client.create(LONG_PATH).id
-            client.start(session_id)
-            wait_until_fast(control, client, session_id)
-            time.sleep(0.01 * (trial % 20))  # anywhere in a move
-            state = control.state()
-            client.halt()
-            while client.session(session_id).state not in ENDED:
-                time.sleep(0.05)
-            time.sleep(0.2)
-            speed = max(map(abs, state["joint_speeds"]))
-            if speed < AT_REST_RAD_S:  # between two moves: there was nothing to stop
-                continue
-            took_s = came_to_rest(at_life_speed.record, state["timestamp"]) - state["timestamp"]
-            latencies.append(took_s)
-            margins.append(took_s - speed / at_life_speed.deceleration)
+        stops = [
+            stopped
+            for trial in range(TRIALS)
+            if (stopped := stop_a_moving_arm(at_life_speed, control, LONG_PATH, trial)) is not None
+        ]
         summary = crowd.summary(last_event(at_life_speed.service))
 
+    margins, latencies = [stopped.margin_s for stopped in stops], [stopped.took_s for stopped in stops]
     p99_s = float(np.quantile(margins, 0.99, method="higher"))
     print(
         f"\n{len(margins)} stops: to rest p50 {np.median(latencies):.3f} s, most {max(latencies):.3f} s; beyond the "
@@ -204,7 +146,7 @@ def test_load_stop_halts_within_its_limit(at_life_speed: Loaded, shard: int) -> 
 @pytest.mark.long
 def test_load_memory_stays_constant_over_many_sessions(tmp_path: Path) -> None:
     sizes: list[int] = []
-    with bench(tmp_path, "127.0.15.22", 20.0) as made:
+    with loaded_cell(tmp_path, "127.0.15.22", 20.0) as made:
         for _ in range(SESSIONS):
             completed(made.client, SHORT)
             sizes.append(resident_bytes(made.service.process.pid))
@@ -215,54 +157,6 @@ def test_load_memory_stays_constant_over_many_sessions(tmp_path: Path) -> None:
         f"{slope / 1e3:+.1f} kB a session once warm"
     )
     assert slope * len(kept) < GROWTH_BYTES
-
-
-def completed(client: Client, recipe: Recipe) -> int:
-    """Runs a session to its end, resuming where a busy machine has interrupted it; returns how often that was."""
-    session_id, interruptions = client.create(recipe).id, 0
-    client.start(session_id)
-    while (session := client.wait(session_id)).state is not State.COMPLETED:
-        assert session.state is State.INTERRUPTED, session.reason
-        interruptions += 1
-        client.acknowledge()
-        client.resume(session_id)
-    return interruptions
-
-
-def acknowledge_what_is_latched(client: Client) -> int:
-    """Does what an operator does after a stop that has cost the link to the arm; returns how often that was needed."""
-    if client.rig().may_start:
-        return 0
-    deadline = time.monotonic() + 60
-    while not client.rig().may_start:
-        assert time.monotonic() < deadline, client.rig().reasons
-        with suppress(ProblemError):  # refused as long as the link is away
-            client.acknowledge()
-        time.sleep(0.2)
-    return 1
-
-
-def wait_until_fast(control: ControlClient, client: Client, session_id: str) -> None:
-    """Returns when the arm moves in earnest; fails when the session has been interrupted before."""
-    deadline, look_at = time.monotonic() + 60, time.monotonic() + 1
-    while max(map(abs, control.state()["joint_speeds"])) < 0.3:
-        if time.monotonic() > look_at:
-            session, look_at = client.session(session_id), time.monotonic() + 1
-            amiss = session.state is State.INTERRUPTED or time.monotonic() > deadline
-            assert not amiss, f"the arm does not move: {session.state}, {session.reason}"
-        time.sleep(0.005)
-
-
-def came_to_rest(record: Path, since: float) -> float:
-    """The controller's time (s) of the last tick after `since` with a joint faster than AT_REST_RAD_S."""
-    with record.open("rb") as file:
-        count = (file.seek(0, os.SEEK_END) - len(MAGIC)) // ROW.itemsize
-        file.seek(len(MAGIC) + max(count - NEWEST_ROWS, 0) * ROW.itemsize)
-        rows = np.frombuffer(file.read(min(count, NEWEST_ROWS) * ROW.itemsize), dtype=ROW)
-    rows = rows[rows["time"] >= since]
-    speeds = np.abs(np.diff(rows["joints"], axis=0)).max(axis=1) / np.diff(rows["time"])
-    moving = np.flatnonzero(speeds > AT_REST_RAD_S)
-    return float(rows["time"][moving[-1] + 1]) if len(moving) else since
 
 
 def resident_bytes(pid: int) -> int:

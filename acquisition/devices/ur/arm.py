@@ -7,7 +7,7 @@ dashboard and killed; only an explicit `connect` starts the next one.
 """
 
 import contextlib
-import math
+import logging
 import socket
 import subprocess
 import sys
@@ -18,25 +18,23 @@ from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from typing import cast
 
-from acquisition import geometry
-from acquisition.devices import ArmIdentity, ArmReading, Finding, MotionLimits, RecoveryStep, StopToken
-from acquisition.devices.ur import preflight, primary, protocol, states
+from acquisition.devices import ArmIdentity, ArmReading, DriverPriority, Finding, MotionLimits, RecoveryStep, StopToken
+from acquisition.devices.process_priority import Priority, RealTime
+from acquisition.devices.ur import motion_limits, preflight, primary, protocol, readings, states
 from acquisition.devices.ur.dashboard import ask, probe, recover
 from acquisition.devices.ur.dashboard_stop import DashboardStop
-from acquisition.devices.ur.protocol import Done, Failed, Field, Inspection, Interrupted, Link, Sample, SharedMemory
+from acquisition.devices.ur.protocol import Done, Failed, Field, Inspection, Interrupted, Sample, SharedMemory
 from acquisition.models.base import FloatArray
 from acquisition.models.cell_config import ArmConfig, JointGeometry
 from acquisition.models.errors import ErrorCode, Halted, RigError
+
+_log = logging.getLogger(__name__)
 
 OPEN_DEADLINE_S = 15.0  # starting Python and importing on a busy machine
 CONTROL_DEADLINE_S = 12.0  # ur-rtde waits up to 5 s for its program
 REQUEST_DEADLINE_S = 5.0
 SHUTDOWN_DEADLINE_S = 3.0
 LATENESS_KEPT = 10_000
-NO_READING = ArmReading(
-    False, (0.0,) * 6, (0.0,) * 6, geometry.pose((0, 0, 0), (0, 0, 0)), 0.0, -1, 0, -1, False, 0.0, 0, 0.0
-)
-"""The value of `reading` before the first connection."""
 
 
 class UrArm:
@@ -49,8 +47,11 @@ class UrArm:
         expected_pose: Callable[[Sequence[float]], FloatArray] | None = None,
         halt_by_driver: bool = True,
         halt_by_dashboard: bool = True,
+        real_time: RealTime | None = None,
     ) -> None:
-        """`expected_pose` gives base_from_tool (4, 4) by nominal kinematics at joints in rad, for preflight.
+        """`real_time` is the class that this process is in while the arm moves.
+
+        `expected_pose` gives base_from_tool (4, 4) by nominal kinematics at joints in rad, for preflight.
 
         Each halt path can be switched off, so that the other can be tested alone. Raises RigError config.invalid when a
         stop from full speed would outlast the controller's watchdog.
@@ -66,12 +67,14 @@ class UrArm:
         self.expected_pose = expected_pose
         self._halt_by_driver = halt_by_driver
         self._halt_by_dashboard = halt_by_dashboard
+        self._real_time = real_time or RealTime(0.0)
+        self._told_priority = False
         self._memory = SharedMemory.create()
         self._last_sample: Sample | None = None
         self._halt_requested = 0
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Connection | None = None
-        self._took_control = False  # whether this driver ever did
+        self._taking_control = self._took_control = False  # now; whether this driver ever did
         self._lost_reason = ""  # why the last driver was
         self._pipe_lock = threading.Lock()  # arm and lamp share the pipe; halt and reading do not take it
         self._dashboard_stop: DashboardStop | None = None
@@ -85,25 +88,20 @@ class UrArm:
         """The newest reading; not connected when the driver or the link is lost."""
         sample = self._memory.sample() or self._last_sample
         if sample is None:
-            return NO_READING
+            return readings.NO_READING
         self._last_sample = sample
         fresh = self.is_open and time.monotonic() - sample.received_at < protocol.HEARTBEAT_S
-        connected = sample.link is Link.OK and fresh
-        return ArmReading(
-            connected=connected,
-            joints=sample.joints,
-            joint_speeds=sample.joint_speeds,
-            base_from_tool=geometry.pose(sample.base_from_tool[:3], sample.base_from_tool[3:]),
-            timestamp=sample.timestamp,
-            robot_mode=sample.robot_mode,
-            safety_bits=sample.safety_bits,
-            runtime_state=sample.runtime_state,
-            program_running=sample.program_running and fresh,
-            speed_fraction=sample.speed_fraction,
-            digital_outputs=sample.digital_outputs,
-            received_at=sample.received_at,
-            lost="" if connected else self._lost_reason or sample.lost,
-        )
+        return readings.reading_of(sample, fresh, self._lost_reason, self._priority, self._taking_control)
+
+    @property
+    def wakeups(self) -> dict[float, int]:
+        """How often the driver has woken late, by upper bound of the lateness, s; for monitoring."""
+        return dict(zip(protocol.LATENESS_BOUNDS_S, self._memory.wakeups(), strict=True))
+
+    @property
+    def _priority(self) -> DriverPriority | None:
+        priority = self._memory.read(Field.PRIORITY)
+        return readings.PRIORITIES[Priority(priority)] if priority and self.is_open else None
 
     @property
     def is_open(self) -> bool:
@@ -160,17 +158,25 @@ class UrArm:
             if self._process is not None and self._dashboard_stop is not None and not self._took_control:
                 self._took_control = True
                 self._dashboard_stop.watch(self._process.pid)
-        self._done(
-            self._request(
-                protocol.TakeControl(
-                    (*tool.position_m, *tool.rotation_vector_rad),
-                    self._config.payload_kg,
-                    self._config.payload_center_m,
-                ),
-                CONTROL_DEADLINE_S,
-                watch_loop=False,
-            )
+        request = protocol.TakeControl(
+            (*tool.position_m, *tool.rotation_vector_rad), self._config.payload_kg, self._config.payload_center_m
         )
+        self._taking_control = True
+        try:
+            self._done(self._request(request, CONTROL_DEADLINE_S, watch_loop=False))
+        finally:
+            self._taking_control = False
+        self._tell_priority()
+
+    def _tell_priority(self) -> None:
+        """Logs, once, that this machine does not grant what keeps the arm moving beside other programs."""
+        if self._priority != "real-time" and not self._told_priority:
+            self._told_priority = True
+            _log.warning(
+                "the arm's driver may not run in real time (granted: %s): other programs on this machine may make it "
+                "stop the arm in mid-move, safely; grant LimitRTPRIO=1 or CAP_SYS_NICE",
+                self._priority,
+            )
 
     def preflight(self) -> list[Finding]:
         """Compares the arm with the cell file; moves, unlocks and powers nothing. Raises RigError driver.lost."""
@@ -195,7 +201,9 @@ class UrArm:
         """
         if stop.is_set():
             raise Halted
-        move = protocol.Move(tuple(tuple(map(float, q)) for q in path), self._checked_limits(path, limits))
+        move = protocol.Move(
+            tuple(tuple(map(float, q)) for q in path), motion_limits.checked(self._config, path, limits)
+        )
         if not move.path:
             return
         deadline_s = (
@@ -215,13 +223,17 @@ class UrArm:
             if stop.is_set() and not halted:
                 halted = True
                 self.halt()
+            self._real_time.keep_share()
 
+        self._real_time.enter()  # else this process waits for its turn, and the lease runs out, beside other programs
         try:
             reply = self._request(move, deadline_s, renew_lease)
         except RigError:
             if stop.is_set():
                 raise Halted from None
             raise
+        finally:
+            self._real_time.leave()
         match reply:
             case Done():
                 return
@@ -376,21 +388,3 @@ class UrArm:
     def _kinematics(self) -> list[JointGeometry] | None:
         """The arm as built, asked for only where the cell file has something to compare with it."""
         return None if self._config.kinematics is None else primary.kinematics(self._config.address)
-
-    def _checked_limits(
-        self, path: Sequence[Sequence[float]], limits: Sequence[MotionLimits]
-    ) -> tuple[tuple[float, float], ...]:
-        if len(path) != len(limits):
-            raise RigError(ErrorCode.ARM_MOVE_FAILED, f"{len(path)} segments were given {len(limits)} limits.")
-        for joints in path:
-            if len(joints) != 6 or not all(map(math.isfinite, joints)):
-                raise RigError(ErrorCode.ARM_MOVE_FAILED, f"Not a joint configuration: {tuple(joints)}.")
-        for limit in limits:
-            speed, acceleration = limit.speed_rad_s, limit.acceleration_rad_s2
-            if not 0 < speed <= self._config.max_joint_speed_rad_s * (1 + 1e-9):
-                raise RigError(ErrorCode.ARM_MOVE_FAILED, f"Speed {speed} rad/s is not within the cell's limit.")
-            if not 0 < acceleration <= self._config.max_joint_acceleration_rad_s2 * (1 + 1e-9):
-                raise RigError(
-                    ErrorCode.ARM_MOVE_FAILED, f"Acceleration {acceleration} rad/s² is not within the limit."
-                )
-        return tuple((limit.speed_rad_s, limit.acceleration_rad_s2) for limit in limits)

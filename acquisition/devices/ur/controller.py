@@ -12,6 +12,7 @@ import time
 from collections.abc import Generator
 from typing import cast
 
+from acquisition.devices.process_priority import RealTime
 from acquisition.devices.ur import protocol, states
 from acquisition.devices.ur.dashboard import refuse_foreign
 from acquisition.devices.ur.interfaces import Constructors, Control, Outputs, Receive
@@ -38,7 +39,9 @@ AWAKE_S = 0.1  # ur-rtde's own thread reads within this what came while the proc
 class Controller:
     """The ur-rtde objects, and whether the control program is ours, running and guarded by its watchdog."""
 
-    def __init__(self, constructors: Constructors) -> None:
+    def __init__(self, constructors: Constructors, real_time: RealTime) -> None:
+        """`real_time` is left while a constructor runs, which may hold a core for seconds."""
+        self._real_time = real_time
         self._constructors = constructors
         self._open_request: protocol.Open | None = None
         self._receive: Receive | None = None
@@ -55,18 +58,22 @@ class Controller:
     # ------------------------------------------------------------------------------------------------------- each turn
 
     def sample(self) -> protocol.Sample | None:
-        """The newest values; None before `open`."""
+        """The newest values; None before `open`, and where nothing has changed since the last call."""
         receive = self._receive
         if receive is None:
             return None
-        timestamp = receive.getTimestamp()
+        timestamp, was_armed = receive.getTimestamp(), self._armed
         now = time.monotonic()
-        if timestamp != self._timestamp:
+        is_new = timestamp != self._timestamp
+        if is_new:
             self._timestamp, self._received_at = timestamp, now
         if now - self._sampled_at > SLEPT_S:
             self._awake_since, self._slept_s = now, now - self._sampled_at
         self._sampled_at = now
         self._armed = self._armed and self._control is not None and self._control.isProgramRunning()
+        link = self._link(receive, now)
+        if not is_new and self._armed == was_armed and link is Link.OK:
+            return None  # half of the turns: reading everything again would double what the process takes
         return protocol.Sample(
             joints=tuple(receive.getActualQ()),
             joint_speeds=tuple(receive.getActualQd()),
@@ -79,7 +86,7 @@ class Controller:
             runtime_state=int(receive.getRuntimeState()),
             digital_outputs=receive.getActualDigitalOutputBits(),
             program_running=self._armed,
-            link=self._link(receive, now),
+            link=link,
         )
 
     def kick(self) -> None:
@@ -112,6 +119,7 @@ class Controller:
             self._outputs = self._constructors.outputs(request.address)
         except RuntimeError as error:
             raise _refusal(error, request.address) from error
+        self._real_time.enter()
         yield
         self._write_lamp(False)
         return Done()
@@ -210,10 +218,13 @@ class Controller:
 
     def _upload(self, address: str) -> Generator[None, None, Control]:
         if self._control is None:
+            self._real_time.leave()
             try:
                 self._control = self._constructors.control(address)  # uploads, and waits for the program
             except RuntimeError as error:
                 raise _refusal(error, address) from error
+            finally:
+                self._real_time.enter()  # its threads too; before the watchdog is armed
             return self._control
         control = self._control
         control.reuploadScript()  # returns before the program runs

@@ -6,6 +6,10 @@ halt, advance the request in progress by one step, look after the lease, kick th
 Nothing blocks in it but ur-rtde's own short calls; should one hang, its heartbeat in the shared memory stands still,
 the kicks cease, the controller's watchdog ends the program, and the service halts through the dashboard.
 
+All threads of the process are in the real-time class where that is permitted: the loop and the library's readers take
+an eighth of a core. Starting Python and the library's constructors, which would keep a core from everybody else for
+seconds, are left outside (decision 53).
+
 A lost link ends the process: ur-rtde would reconnect after a while and might send the move again.
 """
 
@@ -25,6 +29,7 @@ import rtde_io
 import rtde_receive
 
 from acquisition.devices import process_priority
+from acquisition.devices.process_priority import Priority, RealTime
 from acquisition.devices.ur import protocol
 from acquisition.devices.ur.controller import Controller, Task
 from acquisition.devices.ur.interfaces import Constructors, Control, Outputs, Receive
@@ -35,6 +40,8 @@ _log = logging.getLogger(__name__)
 
 DATA_HZ = 125.0  # at the controller's full 500 Hz the library alone takes a quarter of a core
 LEAVE_S = 2.0
+SHARE = 0.4
+"""Share of a core in real time; 0.12 is used at 125 Hz of data, and three drivers leave one of two cores free."""
 LINK_LOST_STOP_S = 0.5  # the link may be lost one way only; 2.5 s after the last data ur-rtde would reconnect
 
 
@@ -45,10 +52,14 @@ class LinkLostError(Exception):
 class Driver:
     """The loop: one controller, one request at a time."""
 
-    def __init__(self, connection: Connection, memory: SharedMemory, controller: Controller) -> None:
+    def __init__(
+        self, connection: Connection, memory: SharedMemory, controller: Controller, real_time: RealTime
+    ) -> None:
+        """`controller` enters and leaves `real_time` round its constructors."""
         self._connection = connection
         self._memory = memory
         self._controller = controller
+        self._real_time = real_time
         self._leaving = False
         self._issued = 0
         self._request: Request | None = None
@@ -66,6 +77,7 @@ class Driver:
                 self._carry_out_halt()
                 self._advance()
                 self._controller.kick()
+                self._real_time.keep_share()
             except LinkLostError as error:
                 self._reply(Failed(RigError(ErrorCode.DEVICE_DISCONNECTED, str(error))))
                 self.end(LINK_LOST_STOP_S)
@@ -114,6 +126,8 @@ class Driver:
             next(self._task)
         except StopIteration as finished:
             self._publish()  # a reader after the reply sees the effect of the request
+            if self._real_time.granted:
+                self._memory.write(Field.PRIORITY, Priority.REAL_TIME)
             self._reply(cast(Done, finished.value))
         except RigError as error:
             if moving:
@@ -126,7 +140,9 @@ class Driver:
     def _accept(self) -> None:
         """Waits one tick for the next request; the end of the pipe is the end of the service."""
         try:
+            due = time.monotonic() + protocol.TICK_S
             if not self._connection.poll(protocol.TICK_S):
+                self._memory.count_wakeup(time.monotonic() - due)
                 return
             issued, request = cast(tuple[int, Request], self._connection.recv())
         except (EOFError, ConnectionError):
@@ -188,9 +204,12 @@ def main() -> None:
     """`python -m acquisition.devices.ur.driver PIPE MEMORY`, both inherited file descriptors."""
     logging.basicConfig(stream=sys.stderr, format="%(asctime)s %(name)s %(message)s")
     pipe, memory = int(sys.argv[1]), int(sys.argv[2])
-    process_priority.set_niceness(process_priority.DRIVER)
-    controller = Controller(Constructors(control=_control, receive=_receive, outputs=_outputs))
-    driver = Driver(Connection(socket.socket(fileno=pipe).detach()), SharedMemory(memory), controller)
+    may_be_nice, shared = process_priority.set_niceness(process_priority.DRIVER), SharedMemory(memory)
+    shared.write(Field.PRIORITY, Priority.NICENESS if may_be_nice else Priority.ORDINARY)
+    real_time = RealTime(SHARE)
+    real_time.end_what_spins()
+    controller = Controller(Constructors(control=_control, receive=_receive, outputs=_outputs), real_time)
+    driver = Driver(Connection(socket.socket(fileno=pipe).detach()), shared, controller, real_time)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the service, which halts and then leaves
     signal.signal(signal.SIGTERM, driver.leave)
     signal.signal(signal.SIGHUP, driver.leave)

@@ -6,6 +6,8 @@ newest reading) is in shared memory. A halt is one store of one field, so that a
 never blocks and never delays a writer. Clocks: time.monotonic, the same in both processes.
 """
 
+import bisect
+import math
 import mmap
 import os
 import struct
@@ -189,12 +191,17 @@ class Field(IntEnum):
     HALT_DONE = 2  # driver: the newest halt request that it has carried out
     LEASE = 3  # service: time of the last renewal of the lease
     HEARTBEAT = 4  # driver: time of the last iteration of its loop
+    PRIORITY = 5  # driver: what the machine has granted it, a `process_priority.Priority`; 0 before the first driver
 
+
+LATENESS_BOUNDS_S = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, math.inf)
+"""Upper bounds, s, of the classes in which the driver counts how late it woke; the watchdog's period is 0.25 s."""
 
 _SAMPLE = struct.Struct("<21d6q")
 _SAMPLE_AT = 64
 _CHECKSUM = struct.Struct("<I")
 _SIZE = mmap.PAGESIZE
+_LATENESS = 256  # index of the first counter of wake-ups, far behind the sample
 
 
 class SharedMemory:
@@ -227,6 +234,14 @@ class SharedMemory:
     def age_s(self, field: Field) -> float:
         """Age in s of the time that a field holds."""
         return (time.monotonic_ns() - self.read(field)) * 1e-9
+
+    def count_wakeup(self, late_s: float) -> None:
+        """Counts a wake-up of the driver's loop that came so late."""
+        self._fields[_LATENESS + bisect.bisect_left(LATENESS_BOUNDS_S, late_s)] += 1
+
+    def wakeups(self) -> tuple[int, ...]:
+        """How many wake-ups were late by at most each of LATENESS_BOUNDS_S and more than the one before."""
+        return tuple(self._fields[_LATENESS : _LATENESS + len(LATENESS_BOUNDS_S)])
 
     def halt_state(self, requested: int) -> tuple[bool, bool]:
         """Whether the halt requested at this time (ns) has been accepted, and carried out.

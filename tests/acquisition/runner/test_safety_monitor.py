@@ -167,3 +167,12 @@ def test_monitor_thread_latches_a_stop() -> None:
     finally:
         monitor.close()
     assert monitor.latch is not None
+
+
+def test_monitor_driver_that_takes_control_is_silent_but_not_lost() -> None:
+    watched = Watched()
+    watched.see(NORMAL)
+    watched.see(replace(LOST, taking_control=True))
+    assert watched.monitor.latch is None
+    watched.see(LOST)
+    assert watched.monitor.latch is not None

@@ -1,0 +1,29 @@
+"""Limits of a move, checked against the cell's before anything is sent."""
+
+import math
+from collections.abc import Sequence
+
+from acquisition.devices import MotionLimits
+from acquisition.models.cell_config import ArmConfig
+from acquisition.models.errors import ErrorCode, RigError
+
+
+def checked(
+    config: ArmConfig, path: Sequence[Sequence[float]], limits: Sequence[MotionLimits]
+) -> tuple[tuple[float, float], ...]:
+    """Speed (rad/s) and acceleration (rad/s²) of each segment's leading joint.
+
+    Raises RigError arm.move_failed for what is no path of six finite joints, or beyond the cell's limits.
+    """
+    if len(path) != len(limits):
+        raise RigError(ErrorCode.ARM_MOVE_FAILED, f"{len(path)} segments were given {len(limits)} limits.")
+    for joints in path:
+        if len(joints) != 6 or not all(map(math.isfinite, joints)):
+            raise RigError(ErrorCode.ARM_MOVE_FAILED, f"Not a joint configuration: {tuple(joints)}.")
+    for limit in limits:
+        speed, acceleration = limit.speed_rad_s, limit.acceleration_rad_s2
+        if not 0 < speed <= config.max_joint_speed_rad_s * (1 + 1e-9):
+            raise RigError(ErrorCode.ARM_MOVE_FAILED, f"Speed {speed} rad/s is not within the cell's limit.")
+        if not 0 < acceleration <= config.max_joint_acceleration_rad_s2 * (1 + 1e-9):
+            raise RigError(ErrorCode.ARM_MOVE_FAILED, f"Acceleration {acceleration} rad/s² is not within the limit.")
+    return tuple((limit.speed_rad_s, limit.acceleration_rad_s2) for limit in limits)
