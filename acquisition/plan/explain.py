@@ -64,10 +64,13 @@ def gain_image(pixel_gains: Gains, light: int, silhouette: BoolArray) -> bytes:
     """
     pixels, inside = picture_pixels(silhouette)
     _, nearest = KDTree(np.column_stack([pixel_gains.rows, pixel_gains.columns])).query(pixels)
+    return coloured_png(pixel_gains.gain_deg[light][nearest] / pixel_gains.brightest_deg, inside)
+
+
+def coloured_png(shares: FloatArray, inside: BoolArray) -> bytes:
+    """A colour-mapped PNG of one value (K,) for each pixel `inside` (h, w), row by row: 0 is dark, 1 brightest."""
     levels = np.zeros(inside.shape, np.uint8)
-    levels[inside] = np.clip(255 * pixel_gains.gain_deg[light][nearest] / pixel_gains.brightest_deg, 0, 255).astype(
-        np.uint8
-    )
+    levels[inside] = np.clip(255 * shares, 0, 255).astype(np.uint8)
     coloured = cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)
     coloured[~inside] = OUTSIDE
     return cv2.imencode(".png", coloured)[1].tobytes()

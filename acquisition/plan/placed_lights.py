@@ -8,7 +8,6 @@ remains. Figures are means over the planner's held-out pixels: for a plan's own 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial import KDTree
@@ -111,8 +110,4 @@ def _picture(known: ForecastBasis, shown_deg: FloatArray) -> bytes:
     """σ (P,) of the shown pixels as a colour-mapped PNG on a logarithmic scale, cropped to the object; dark is
     certain."""
     share = 1 + np.log(np.maximum(shown_deg[known.nearest] / known.brightest_deg, 1e-9)) / np.log(SHOWN_RANGE)
-    levels = np.zeros(known.inside.shape, np.uint8)
-    levels[known.inside] = np.clip(255 * share, 0, 255).astype(np.uint8)
-    coloured = cv2.applyColorMap(levels, cv2.COLORMAP_INFERNO)
-    coloured[~known.inside] = explain.OUTSIDE
-    return cv2.imencode(".png", coloured)[1].tobytes()
+    return explain.coloured_png(share, known.inside)

@@ -16,7 +16,7 @@ from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import ForecastPoint, Light, LightPlan
 from acquisition.models.recipe import Recipe
-from acquisition.models.result import NormalMap
+from acquisition.models.result import MEDIAN_ERROR_PER_SIGMA, NormalMap
 from acquisition.models.route import Reach
 from acquisition.models.shot import Observations
 from acquisition.plan import (
@@ -335,7 +335,7 @@ def _light_plan(
         method="optimal",
         reasons=reasons,
         predicted_sigma_deg=float(np.mean(sigma_deg)),
-        predicted_median_deg=float(0.833 * np.median(sigma_deg)),
+        predicted_median_deg=float(MEDIAN_ERROR_PER_SIGMA * np.median(sigma_deg)),
         gains=gains,
         notes=notes,
     )

@@ -16,6 +16,7 @@ from acquisition.capture import region
 from acquisition.formats import export
 from acquisition.models.base import FloatArray, Vector3
 from acquisition.models.light_forecast import ForecastInput, LightForecast, PlacedLight
+from acquisition.models.result import MEDIAN_ERROR_PER_SIGMA
 from acquisition.models.route import Refusal
 from acquisition.plan import placed_lights
 from acquisition.plan.placed_lights import ForecastBasis, LightRows
@@ -72,7 +73,7 @@ def forecast(
         ],
         sigma_before_deg=float(np.mean(review.basis.before_deg)),
         sigma_deg=float(np.mean(result.sigma_deg)),
-        median_deg=float(0.833 * np.median(result.sigma_deg)),
+        median_deg=float(MEDIAN_ERROR_PER_SIGMA * np.median(result.sigma_deg)),
         brightest_sigma_deg=review.basis.brightest_deg,
     ), result.picture
 

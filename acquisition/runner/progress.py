@@ -74,7 +74,8 @@ class ProgressEstimator:
     def _time_left(self, record: SessionRecord) -> TimeLeft:
         events = self._store.journal.events(0, 10_000, record.session_id, _EVENTS)
         own, left = measured(events), work_left(record)
-        earlier = self._earlier(record.session_id)
+        known = all(own.get(work) for work in left.units)
+        earlier = {} if known else self._earlier(record.session_id)
         parts: list[TimePart] = []
         for work in ASSUMED_S:
             count = left.units.get(work, 0)

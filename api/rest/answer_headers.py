@@ -7,6 +7,7 @@ the service's origin, so that it can send no request in its reader's name.
 """
 
 import asyncio
+from collections.abc import Mapping
 from typing import Any
 
 from fastapi.middleware.cors import CORSMiddleware
@@ -31,13 +32,26 @@ SANDBOX = (
 METHODS = ("GET", "POST", "PUT", "PATCH", "DELETE")
 
 
+def security_headers(foreign_pages: bool) -> dict[str, str]:
+    """The security headers of every answer that has none of its own, HTML aside.
+
+    `foreign_pages`: whether the settings allow other pages, which show images of the service.
+    """
+    return {
+        "Content-Security-Policy": CONTENT_SECURITY_POLICY,
+        "X-Content-Type-Options": "nosniff",
+        "Cross-Origin-Resource-Policy": "cross-origin" if foreign_pages else "same-origin",
+        "Referrer-Policy": "no-referrer",
+    }
+
+
 class AnswerHeaders:
     """ASGI middleware that adds security headers where an answer has none of its own."""
 
-    def __init__(self, app: ASGIApp, foreign_pages: bool) -> None:
-        """`foreign_pages`: whether the settings allow other pages, which show images of the service."""
+    def __init__(self, app: ASGIApp, defaults: Mapping[str, str]) -> None:
+        """`defaults`: `security_headers`."""
         self._app = app
-        self._corp = "cross-origin" if foreign_pages else "same-origin"
+        self._defaults = defaults
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """One request."""
@@ -45,11 +59,10 @@ class AnswerHeaders:
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(raw=message.setdefault("headers", []))
-                html = headers.get("content-type", "").startswith("text/html")
-                headers.setdefault("Content-Security-Policy", SANDBOX if html else CONTENT_SECURITY_POLICY)
-                headers.setdefault("X-Content-Type-Options", "nosniff")
-                headers.setdefault("Cross-Origin-Resource-Policy", self._corp)
-                headers.setdefault("Referrer-Policy", "no-referrer")
+                if headers.get("content-type", "").startswith("text/html"):
+                    headers.setdefault("Content-Security-Policy", SANDBOX)
+                for name, value in self._defaults.items():
+                    headers.setdefault(name, value)
             await send(message)
 
         await self._app(scope, receive, send_with_headers if scope["type"] == "http" else send)

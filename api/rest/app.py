@@ -36,7 +36,7 @@ from api.rest import (
     sessions,
     tickets,
 )
-from api.rest.answer_headers import EXPOSED, AllowedMethods, AnswerHeaders, HeadAsGet, Preflights
+from api.rest.answer_headers import EXPOSED, AllowedMethods, AnswerHeaders, HeadAsGet, Preflights, security_headers
 from api.rest.authentication import Authentication
 from api.rest.camera_preview import CameraPreview
 from api.rest.conditional import ConditionalGet
@@ -89,7 +89,9 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
     app.state.camera_preview = CameraPreview(service)
     app.state.scene = CellScene(service)
     app.state.keys = keys
-    app.state.streams = OpenStreams(keys, capacity.present())
+    app.state.capacity, app.state.proxies = capacity.present(), TrustedProxies(settings.trusted_proxies)
+    app.state.security_headers = security_headers(foreign_pages=bool(settings.allowed_origins))
+    app.state.streams = OpenStreams(keys, app.state.capacity)
     app.add_middleware(HeadAsGet)
     app.add_middleware(AllowedMethods, routes=app.routes)
     app.add_middleware(ConditionalGet)
@@ -98,7 +100,7 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
         RequestChecks,
         pages=app.state.pages,
         authentication=app.state.authentication,
-        most_requests=capacity.present().requests,
+        most_requests=app.state.capacity.requests,
     )
     app.add_middleware(RequestLogMiddleware)
     # Outside the request checks, so that an allowed page can read a refusal, and its preflight needs no key.
@@ -110,8 +112,8 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
             allow_headers=["*"],
             expose_headers=EXPOSED,
         )
-    app.add_middleware(ForwardedCaller, proxies=TrustedProxies(settings.trusted_proxies))
-    app.add_middleware(AnswerHeaders, foreign_pages=bool(settings.allowed_origins))
+    app.add_middleware(ForwardedCaller, proxies=app.state.proxies)
+    app.add_middleware(AnswerHeaders, defaults=app.state.security_headers)
     return app
 
 

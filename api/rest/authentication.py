@@ -23,8 +23,11 @@ which asks for the key itself."""
 PUBLIC_PAGE = "/"
 """Address of the operator's page."""
 
+STOP_PATH = "/v1/rig/stop"
+"""Address of the stop: every key may call it, no limit refuses it, and the listener's thread answers it itself."""
+
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
-ALLOWED_TO_EVERY_KEY = frozenset({("POST", "/v1/rig/stop"), ("POST", "/v1/tickets")})
+ALLOWED_TO_EVERY_KEY = frozenset({("POST", STOP_PATH), ("POST", "/v1/tickets")})
 OPERATORS_MAY_DELETE = ("/v1/queue/",)
 """Path prefixes below which DELETE removes no data, only what an operator has added."""
 

@@ -8,7 +8,7 @@ its descriptor for ever.
 """
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import h11
@@ -28,10 +28,14 @@ WRITE_TIMEOUT_S = 60.0
 class TimeLimitedH11Protocol(H11Protocol):
     """Closes a connection whose request does not arrive in time; answers malformed HTTP by a problem object."""
 
-    def __init__(self, *arguments: Any, received: bytes, on_lost: Callable[[], None], **options: Any) -> None:
+    def __init__(
+        self, *arguments: Any, received: bytes, security_headers: Mapping[str, str], on_lost: Callable[[], None],
+        **options: Any,
+    ) -> None:  # fmt: skip
         """`received` are the bytes that the listener has read; `on_lost` is called when the connection has ended."""
         super().__init__(*arguments, **options)
         self._received = received
+        self._security_headers = security_headers
         self._on_lost = on_lost
         self._head_timer: asyncio.TimerHandle | None = None
         self._write_timer: asyncio.TimerHandle | None = None
@@ -71,6 +75,7 @@ class TimeLimitedH11Protocol(H11Protocol):
         body = Problem.of(ErrorCode.REQUEST_INVALID, msg).model_copy(update={"status": 400}).model_dump_json().encode()
         headers = [
             ("Content-Type", problems.MEDIA_TYPE), ("Content-Length", str(len(body))), ("Connection", "close"),
+            *self._security_headers.items(),
         ]  # fmt: skip
         head = h11.Response(status_code=400, headers=headers, reason=b"Bad Request")
         for event in (head, h11.Data(data=body), h11.EndOfMessage()):

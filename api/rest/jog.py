@@ -14,12 +14,13 @@ from acquisition.models.errors import ErrorCode
 from acquisition.models.jog import JogMotion
 from acquisition.runner.operator_moves import HOLD_S
 from api.rest import problems
+from api.rest.authentication import STOP_PATH
 from api.rest.dependencies import Actor, ServiceOf
 from api.rest.schemas import Links, Resource
 
 router = APIRouter(tags=["rig"])
 
-_LINKS = {"release": "/v1/rig/jog/release", "stop": "/v1/rig/stop", "rig": "/v1/rig", "events": "/v1/events"}
+_LINKS = {"release": "/v1/rig/jog/release", "stop": STOP_PATH, "rig": "/v1/rig", "events": "/v1/events"}
 
 
 class JogRequest(JogMotion):

@@ -19,18 +19,19 @@ import socket
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from acquisition.models.errors import ErrorCode
 from api.rest import problems
+from api.rest.authentication import STOP_PATH
 from api.rest.capacity import Capacity
 
 BACKLOG = 4096
 """Connections that the kernel holds until they are accepted; it caps this by its own limit."""
 
-STOP_LINE = b"POST /v1/rig/stop "
+STOP_LINE = f"POST {STOP_PATH} ".encode()
 """How the request of a stop begins."""
 
 MAX_HEAD_BYTES = 16_384
@@ -71,7 +72,11 @@ class _Connection:
 class Listener:
     """Accepts the connections of bound sockets; `start`, `release`, `close` are called on the event loop."""
 
-    def __init__(self, sockets: list[socket.socket], capacity: Capacity, head_timeout_s: Callable[[], float]) -> None:
+    def __init__(
+        self, sockets: list[socket.socket], capacity: Capacity, head_timeout_s: Callable[[], float],
+        security_headers: Mapping[str, str],
+    ) -> None:  # fmt: skip
+        self._security_headers = security_headers
         self._sockets = sockets
         self._capacity = capacity
         self._head_timeout_s = head_timeout_s
@@ -201,7 +206,7 @@ class Listener:
         if full:
             self._refused += 1
             self._warn(f"connections are refused, the last one of {connection.peer}")
-            self._answer(held, connection, _overloaded(most.connections))
+            self._answer(held, connection, _overloaded(most.connections, self._security_headers))
             return
         self._forget(held)
         assert self._hand_over is not None  # noqa: S101 - set before the thread starts
@@ -240,13 +245,13 @@ class Listener:
             _log.warning("%s; %d refused so far", what, self._refused)
 
 
-def _overloaded(limit: int) -> bytes:
+def _overloaded(limit: int, security_headers: Mapping[str, str]) -> bytes:
     answer = problems.response(
         ErrorCode.SERVICE_OVERLOADED,
         f"The service has {limit} connections, or this address three quarters of them",
         {"limit": limit, "retry_after_s": RETRY_AFTER_S},
     )
-    return response_bytes(503, "Service Unavailable", dict(answer.headers), bytes(answer.body))
+    return response_bytes(503, "Service Unavailable", {**security_headers, **answer.headers}, bytes(answer.body))
 
 
 def response_bytes(status: int, reason: str, headers: dict[str, str], body: bytes) -> bytes:

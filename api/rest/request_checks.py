@@ -14,7 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from acquisition.models.errors import ErrorCode, RigError
 from api.rest import problems
-from api.rest.authentication import SAFE_METHODS, Authentication
+from api.rest.authentication import SAFE_METHODS, STOP_PATH, Authentication
 from api.rest.settings import Settings, is_loopback
 
 MAX_BODY_BYTES = 262_144
@@ -23,15 +23,11 @@ MAX_BODY_BYTES = 262_144
 BODY_TIMEOUT_S = 10.0
 """Time limit for the arrival of a body, s."""
 
-
 RETRY_AFTER_S = 1
 """Time after which a request may be sent again that was one too many, s."""
 
 STREAM_PATHS = frozenset({"/v1/events", "/v1/rig/preview.mjpeg"})
 """Addresses of streams, which are counted by themselves (`open_streams`)."""
-
-STOP_PATH = "/v1/rig/stop"
-"""Address of the stop, which no limit refuses."""
 
 
 class KnownPages:

@@ -20,6 +20,7 @@ from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
 from acquisition.runner.safety_monitor import Latch
 from acquisition.runner.status import RigStatus
 from api.rest import problems
+from api.rest.authentication import STOP_PATH
 from api.rest.dependencies import Actor, ServiceOf
 from api.rest.schemas import (
     Accepted,
@@ -43,7 +44,7 @@ VERSION = version("lightpose")
 RIG_LINKS = {
     "self": "/v1/rig",
     "scene": "/v1/rig/scene",
-    "stop": "/v1/rig/stop",
+    "stop": STOP_PATH,
     "safety": "/v1/rig/safety",
     "reach": "/v1/rig/reach",
     "reach_page": "/v1/rig/reach.html",
@@ -84,7 +85,7 @@ def rig(service: ServiceOf) -> RigResource:
     return _resource(service.runner.status())
 
 
-@router.post("/v1/rig/stop", tags=["rig"], status_code=202)
+@router.post(STOP_PATH, tags=["rig"], status_code=202)
 async def stop(service: ServiceOf, actor: Actor) -> Accepted:
     """Halts all motion and switches the lamp off, at once; the session that holds the rig is stopped.
 

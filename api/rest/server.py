@@ -23,13 +23,13 @@ from api.rest import capacity, http_protocol, keys, logs, wiring
 from api.rest import settings as settings_
 from api.rest.app import create_app
 from api.rest.camera_preview import CameraPreview
+from api.rest.capacity import Capacity
 from api.rest.events import EventFeed
 from api.rest.http_protocol import TimeLimitedH11Protocol
 from api.rest.keys import KeyRing
 from api.rest.listener import Listener, bound_sockets
 from api.rest.settings import Settings
 from api.rest.stop_request import StopRequests
-from api.rest.trusted_proxies import TrustedProxies
 from api.rest.wiring import Service
 
 SWITCH_INTERVAL_S = 0.001
@@ -50,13 +50,16 @@ class Server(uvicorn.Server):
         config: uvicorn.Config,
         service: Service,
         app: FastAPI,
-        proxies: TrustedProxies,
         on_ready: Callable[[str], None] | None,
     ) -> None:
         """`on_ready` is called with the service's address once it listens."""
         super().__init__(config)
         self.service = service
-        self._stops = StopRequests(service, app.state.pages, app.state.authentication, proxies)
+        self._stops = StopRequests(
+            service, app.state.pages, app.state.authentication, app.state.proxies, app.state.security_headers
+        )
+        self._capacity: Capacity = app.state.capacity
+        self._security_headers: dict[str, str] = app.state.security_headers
         self._listener: Listener | None = None
         self._adopting: set[asyncio.Task[None]] = set()
         self._feed: EventFeed = app.state.feed
@@ -85,7 +88,7 @@ class Server(uvicorn.Server):
             _log.error("%s", error)
             await self.lifespan.shutdown()
             sys.exit(STARTUP_FAILURE)
-        self._listener = Listener(bound, capacity.present(), lambda: http_protocol.HEAD_TIMEOUT_S)
+        self._listener = Listener(bound, self._capacity, lambda: http_protocol.HEAD_TIMEOUT_S, self._security_headers)
         host, port = bound[0].getsockname()[:2]
         self._listener.start(self._stops.answer, partial(self._hand_over, self.loop))
         self.started = True
@@ -120,6 +123,7 @@ class Server(uvicorn.Server):
                 server_state=self.server_state,
                 app_state=self.lifespan.state,
                 received=received,
+                security_headers=self._security_headers,
                 on_lost=partial(listener.release, peer),
             )
 
@@ -158,7 +162,7 @@ def create_for(
         proxy_headers=False,
         timeout_graceful_shutdown=SHUTDOWN_GRACE_S,
     )
-    return Server(config, service, app, TrustedProxies(settings.trusted_proxies), on_ready)
+    return Server(config, service, app, on_ready)
 
 
 def announce(address: str) -> None:

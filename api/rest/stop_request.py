@@ -5,35 +5,30 @@ no body. Any other it leaves to the application, which refuses it with a reason.
 """
 
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import h11
 from starlette.datastructures import Headers
 
 from acquisition.models.errors import RigError
-from api.rest.answer_headers import CONTENT_SECURITY_POLICY
-from api.rest.authentication import Authentication
+from api.rest.authentication import STOP_PATH, Authentication
 from api.rest.listener import STOP_LINE, response_bytes
 from api.rest.request_checks import KnownPages
 from api.rest.rig import stop_accepted
 from api.rest.trusted_proxies import TrustedProxies
 from api.rest.wiring import Service
 
-_ANSWER_HEADERS = {
-    "content-type": "application/json",
-    "content-security-policy": CONTENT_SECURITY_POLICY,
-    "x-content-type-options": "nosniff",
-    "cross-origin-resource-policy": "same-origin",
-}
-
 
 class StopRequests:
     """Carries out stops of the cell; `answer` is called in the listener's thread."""
 
     def __init__(
-        self, service: Service, pages: KnownPages, authentication: Authentication, proxies: TrustedProxies
-    ) -> None:
+        self, service: Service, pages: KnownPages, authentication: Authentication, proxies: TrustedProxies,
+        security_headers: Mapping[str, str],
+    ) -> None:  # fmt: skip
         self._service = service
+        self._headers = {**security_headers, "Content-Type": "application/json"}
         self._proxies = proxies
         self._pages = pages
         self._authentication = authentication
@@ -45,10 +40,9 @@ class StopRequests:
         if headers is None or _has_body(headers):
             return None
         peer, scheme = self._proxies.caller(peer, headers)
-        path = STOP_LINE.split()[1].decode()
         scope = {
-            "type": "http", "scheme": scheme, "method": "POST", "path": path, "query_string": b"", "client": (peer, 0),
-            "headers": headers.raw, "server": (arrived_at, 0),
+            "type": "http", "scheme": scheme, "method": "POST", "path": STOP_PATH, "query_string": b"",
+            "client": (peer, 0), "headers": headers.raw, "server": (arrived_at, 0),
         }  # fmt: skip
         try:
             self._pages.refuse_foreign(scope, headers)
@@ -60,10 +54,10 @@ class StopRequests:
         self._service.runner.halt(f"{caller.name}@{peer}")
         body = stop_accepted().model_dump_json().encode()
         entry = {
-            "method": "POST", "path": path, "status": 202, "by": caller.name, "host": peer,
+            "method": "POST", "path": STOP_PATH, "status": 202, "by": caller.name, "host": peer,
             "ms": round(1e3 * (time.monotonic() - begun), 1),
         }  # fmt: skip
-        return response_bytes(202, "Accepted", _ANSWER_HEADERS, body), entry
+        return response_bytes(202, "Accepted", self._headers, body), entry
 
 
 def _headers(head: bytes) -> Headers | None:

@@ -5,11 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.models.result import NormalMap
+from acquisition.models.result import MEDIAN_ERROR_PER_SIGMA, NormalMap
 from acquisition.normals.image_set import ImageSet
-
-MEDIAN_OF_RAYLEIGH = 0.833
-"""Median of the Rayleigh distribution of angular error for σ of both tangential directions together = 1: √ln 2."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,9 @@ def angular_errors(normal_map: NormalMap, images: ImageSet) -> AngularErrors | N
         np.arctan2(np.linalg.norm(np.cross(estimated, true), axis=-1), np.sum(estimated * true, axis=-1))
     )
     sigma = normal_map.sigma_deg[graded]
-    predicted = MEDIAN_OF_RAYLEIGH * float(np.median(sigma[np.isfinite(sigma)])) if np.any(np.isfinite(sigma)) else 0.0
+    predicted = (
+        MEDIAN_ERROR_PER_SIGMA * float(np.median(sigma[np.isfinite(sigma)])) if np.any(np.isfinite(sigma)) else 0.0
+    )
     return AngularErrors(
         mean_deg=float(np.mean(error)),
         median_deg=float(np.median(error)),
