@@ -3,7 +3,7 @@
 Reading needs the role viewer, changing operator, deleting admin; every key may stop. A page that shows images or
 follows events cannot send headers, so it requests a ticket first, which is short-lived and allows reading only. All of
 it is done on the event loop from memory, so that a stop waits for nothing. Without keys, only this machine can call,
-and whoever is logged in on it is an admin.
+and whoever is logged in on it is an operator: deleting needs a key too, or the command line.
 """
 
 import time
@@ -62,9 +62,12 @@ class Authentication:
             raise RigError(ErrorCode.REQUEST_UNAUTHENTICATED, f"{method} {path[:200]} needs a key")
         needed = _needed(method, path)
         if not caller.role.covers(needed):
+            whose = (
+                f"The key {caller.name!r} is a {caller.role}'s" if self.keys.required else "Without a key you operate"
+            )
             raise RigError(
                 ErrorCode.REQUEST_FORBIDDEN,
-                f"The key {caller.name!r} is a {caller.role}'s; {method} {path[:200]} needs an {needed}'s",
+                f"{whose}; {method} {path[:200]} needs an {needed}'s key",
                 role=str(caller.role),
                 needed=str(needed),
             )
@@ -73,7 +76,7 @@ class Authentication:
     def recognised(self, scope: Scope, headers: Headers) -> Caller | None:
         """The caller by key or ticket, whatever the role; None for an unknown one. Any thread may ask."""
         if not self.keys.required:
-            return Caller("operator", Role.ADMIN)
+            return Caller("operator", Role.OPERATOR)
         scheme, _, secret = headers.get("authorization", "").partition(" ")
         if secret:
             return self.keys.caller(secret.strip()) if scheme.lower() == "bearer" else None

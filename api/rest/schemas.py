@@ -93,7 +93,7 @@ class ProblemPage(Resource):
 
 
 class CallerResource(Resource):
-    """Who asks: without keys `operator`, an admin."""
+    """Who asks: without keys `operator`, whose role is operator."""
 
     name: str
     role: Role

@@ -16,7 +16,7 @@ from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.session import State
 from api import Client
-from api.rest import server, settings
+from api.rest import keys, server, settings
 from api.rest.server import Server
 from api.rest.settings import Settings
 from api.rest.wiring import Service
@@ -38,6 +38,7 @@ class Running:
     http: httpx.Client
     settings: Settings
     thread: threading.Thread
+    key: str | None
 
 
 def write_cell(folder: Path, address: str) -> Path:
@@ -52,8 +53,8 @@ def write_cell(folder: Path, address: str) -> Path:
 
 
 @contextmanager
-def serve(chosen: Settings) -> Generator[Running]:
-    """Runs a service in a thread of this process."""
+def serve(chosen: Settings, key: str | None = None) -> Generator[Running]:
+    """Runs a service in a thread of this process; its client sends `key`."""
     listening = threading.Event()
     said: list[str] = []
 
@@ -66,18 +67,21 @@ def serve(chosen: Settings) -> Generator[Running]:
     thread.start()
     try:
         assert listening.wait(60)
-        with Client(said[0]) as client, httpx.Client(base_url=said[0], timeout=60) as http:
-            yield Running(said[0], made, made.service, client, http, chosen, thread)
+        headers = {} if key is None else {"Authorization": f"Bearer {key}"}
+        with Client(said[0], key) as client, httpx.Client(base_url=said[0], timeout=60, headers=headers) as http:
+            yield Running(said[0], made, made.service, client, http, chosen, thread, key)
     finally:
         made.should_exit = True
         thread.join(60)
         assert not thread.is_alive()
 
 
-def running(folder: Path, address: str = NOBODY, port: int = 0, **more: object) -> AbstractContextManager[Running]:
+def running(
+    folder: Path, address: str = NOBODY, port: int = 0, key: str | None = None, **more: object
+) -> AbstractContextManager[Running]:
     """Runs a service for a cell at `address`, with its data in `folder`/data."""
     cell = write_cell(folder, address)
-    return serve(settings.read(cell=cell, data=folder / "data", host=SERVICE, port=port, **more))
+    return serve(settings.read(cell=cell, data=folder / "data", host=SERVICE, port=port, **more), key)
 
 
 def plan_under_review(client: Client, recipe: Recipe) -> str:
@@ -95,8 +99,8 @@ def plan_under_review(client: Client, recipe: Recipe) -> str:
 
 
 @pytest.fixture(scope="session")
-def serving() -> Callable[[Settings], AbstractContextManager[Running]]:
-    """`serving(settings)` is a context manager that runs a service."""
+def serving() -> Callable[..., AbstractContextManager[Running]]:
+    """`serving(settings, key)` is a context manager that runs a service."""
     return serve
 
 
@@ -111,6 +115,14 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Generator[Running]:
 def own(tmp_path: Path) -> Generator[Running]:
     """A service for one test."""
     with running(tmp_path) as service:
+        yield service
+
+
+@pytest.fixture
+def administered(tmp_path: Path) -> Generator[Running]:
+    """A service for one test, whose client holds an admin's key."""
+    secret = keys.add(keys.path_in(tmp_path / "data"), "an-admin", keys.Role.ADMIN)
+    with running(tmp_path, key=secret) as service:
         yield service
 
 

@@ -13,9 +13,9 @@ from acquisition.session import State
 from api import AsyncClient, ProblemError
 
 
-def test_async_client_session_from_creation_to_deletion(own: Any) -> None:
+def test_async_client_session_from_creation_to_deletion(administered: Any) -> None:
     async def script() -> None:
-        async with AsyncClient(own.url) as client:
+        async with AsyncClient(administered.url, administered.key) as client:
             assert not (await client.rig()).may_start
             made = await client.create(Recipe(label="awaited"), idempotency_key="one")
             assert (await client.create(Recipe(label="awaited"), idempotency_key="one")).id == made.id

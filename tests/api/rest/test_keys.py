@@ -72,6 +72,17 @@ def test_role_decides_which_requests_are_allowed(locked: Any, secrets: SECRETS) 
     assert http.delete(made.headers["location"], headers=admin).status_code == 204
 
 
+def test_delete_without_keys_needs_an_admin(shared: Any) -> None:
+    made = shared.http.post("/v1/sessions", json={}).headers["location"]
+    refused = shared.http.delete(made)
+
+    assert shared.http.get("/v1/caller").json() == {"name": "operator", "role": "operator"}
+    assert (refused.status_code, refused.json()["code"]) == (403, "request.forbidden")
+    assert (refused.json()["role"], refused.json()["needed"]) == ("operator", "admin")
+    assert "lightpose keys add" in refused.json()["remedy"]
+    assert shared.http.get(made).status_code == 200
+
+
 def test_session_allowed_actions_depend_on_role(locked: Any, secrets: SECRETS) -> None:
     bearer = {role: {"Authorization": f"Bearer {secret}"} for role, secret in secrets.items()}
     made = locked.http.post("/v1/sessions", json={}, headers=bearer[Role.OPERATOR]).json()

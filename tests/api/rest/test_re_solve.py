@@ -28,7 +28,7 @@ from acquisition.runner.re_solve import ACCEPTED, EXPORTS, FAILED, READY
 from acquisition.session import State
 from acquisition.store.folder import write_frame, write_value
 from api import ProblemError
-from api.rest import settings
+from api.rest import keys, settings
 from tests.acquisition import scenes
 
 REPOSITORY = Path(__file__).parents[3]
@@ -52,7 +52,8 @@ def service_settings(tmp_path_factory: pytest.TempPathFactory) -> settings.Setti
 
 @pytest.fixture(scope="module")
 def service(service_settings: settings.Settings, serving: Any) -> Generator[Any]:
-    with serving(service_settings) as running:
+    secret = keys.add(keys.path_in(service_settings.data), "an-admin", keys.Role.ADMIN)
+    with serving(service_settings, secret) as running:
         yield running
 
 

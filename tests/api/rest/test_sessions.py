@@ -140,20 +140,20 @@ def test_action_unknown_is_refused(shared: Any, body: bytes) -> None:
     assert shared.client.session(made.id).state is State.CREATED
 
 
-def test_start_while_other_session_holds_rig_is_refused(own: Any) -> None:
-    first, second = own.client.create(), own.client.create()
-    own.service.store.journal.trigger(first.id, Trigger.START, "test")
+def test_start_while_other_session_holds_rig_is_refused(administered: Any) -> None:
+    first, second = administered.client.create(), administered.client.create()
+    administered.service.store.journal.trigger(first.id, Trigger.START, "test")
 
     with pytest.raises(ProblemError) as refused:
-        own.client.start(second.id)
+        administered.client.start(second.id)
 
     assert refused.value.code is ErrorCode.RIG_BUSY
     assert refused.value.context["holder"] == first.id
-    rig = own.client.rig()
+    rig = administered.client.rig()
     assert rig.holder == first.id
     assert not rig.may_start
     with pytest.raises(ProblemError) as kept:
-        own.client.delete(first.id)
+        administered.client.delete(first.id)
     assert kept.value.code is ErrorCode.SESSION_ACTION_NOT_ALLOWED
 
 
@@ -180,26 +180,26 @@ def test_passes_and_shots_before_capture_are_not_found(shared: Any) -> None:
         assert (answer.status_code, answer.json()["code"]) == (404, ErrorCode.REQUEST_NOT_FOUND)
 
 
-def test_delete_removes_session_files(shared: Any) -> None:
-    made = shared.client.create()
-    folder = shared.service.store.folder(made.id)
+def test_delete_removes_session_files(administered: Any) -> None:
+    made = administered.client.create()
+    folder = administered.service.store.folder(made.id)
     assert (folder / "recipe.json").is_file()
 
-    shared.client.delete(made.id)
+    administered.client.delete(made.id)
 
     assert not folder.exists()
     with pytest.raises(ProblemError) as gone:
-        shared.client.session(made.id)
+        administered.client.session(made.id)
     assert gone.value.code is ErrorCode.SESSION_NOT_FOUND
 
 
-def test_delete_session_with_missing_folder_succeeds(shared: Any) -> None:
-    made = shared.client.create()
-    shutil.rmtree(shared.service.store.folder(made.id))
+def test_delete_session_with_missing_folder_succeeds(administered: Any) -> None:
+    made = administered.client.create()
+    shutil.rmtree(administered.service.store.folder(made.id))
 
-    shared.client.delete(made.id)
+    administered.client.delete(made.id)
 
-    assert made.id not in [session.id for session in shared.client.sessions()]
+    assert list(administered.client.sessions()) == []
 
 
 def test_actions_list_actor_and_outcome(shared: Any) -> None:
