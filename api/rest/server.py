@@ -9,6 +9,7 @@ import logging
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import nullcontext
 from functools import partial
 from socket import socket
 from types import FrameType
@@ -19,7 +20,7 @@ from uvicorn.config import STARTUP_FAILURE
 
 from acquisition.devices import process_priority
 from acquisition.models.errors import ErrorCode, RigError
-from api.rest import capacity, http_protocol, keys, logs, wiring
+from api.rest import capacity, http_protocol, keys, logs, standard_error, wiring
 from api.rest import settings as settings_
 from api.rest.app import create_app
 from api.rest.camera_preview import CameraPreview
@@ -179,6 +180,11 @@ def serve(settings: Settings, on_ready: Callable[[str], None] = announce) -> Non
     process_priority.set_niceness(process_priority.SERVICE)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     _log.info("this process may open %d descriptors", capacity.raise_descriptor_limit())
+    with standard_error.as_entries() if settings.log == "json" else nullcontext():
+        _run(settings, on_ready)
+
+
+def _run(settings: Settings, on_ready: Callable[[str], None]) -> None:
     server = create(settings, on_ready)
     try:
         server.run()

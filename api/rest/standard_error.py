@@ -1,0 +1,85 @@
+"""Lines that others write to standard error, as entries of the log: C libraries, child processes, the interpreter.
+
+libpng, OpenCV and ur-rtde print where no Python code can intercept it, so a log of JSON objects had other lines too.
+Here descriptor 2 becomes the writing end of a pipe and a thread logs each line that comes out; the log itself goes on
+to where standard error led. The pipe never blocks a writer: what does not fit is lost, since a flood of warnings must
+hold up neither the service nor the driver of the arm. The traceback of a crash goes round the pipe, whose reader would
+be dead by then.
+"""
+
+import faulthandler
+import logging
+import os
+import sys
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager
+
+MAX_LINE_BYTES = 2000
+"""Bytes of one line that are logged."""
+
+LINES_OF_BLOCK = 100
+"""Lines that are logged of what is read at once (64 kB): whoever writes more repeats itself."""
+
+JOIN_S = 2.0
+"""How long the rest is read at the end, s: a child that lives on keeps the pipe open."""
+
+_log = logging.getLogger("stderr")
+
+
+@contextmanager
+def as_entries() -> Generator[None]:
+    """Logs each line that this process and its children write to standard error meanwhile, as a warning."""
+    read_end, write_end = os.pipe()
+    os.set_blocking(write_end, False)
+    sys.stderr.flush()
+    before = os.dup(2)
+    stream = os.fdopen(os.dup(before), "w", buffering=1, encoding="utf-8", errors="backslashreplace")
+    moved = [
+        handler
+        for handler in logging.getLogger().handlers
+        if isinstance(handler, logging.StreamHandler) and handler.stream is sys.stderr
+    ]
+    for handler in moved:
+        handler.setStream(stream)
+    crash_to = faulthandler.is_enabled()
+    faulthandler.enable(stream)
+    os.dup2(write_end, 2)
+    os.close(write_end)
+    reader = threading.Thread(target=_read, args=(read_end,), name="stderr", daemon=True)
+    reader.start()
+    try:
+        yield
+    finally:
+        sys.stderr.flush()
+        os.dup2(before, 2)
+        os.close(before)
+        reader.join(JOIN_S)
+        faulthandler.disable()
+        if crash_to:
+            faulthandler.enable()
+        for handler in moved:
+            handler.setStream(sys.stderr)
+        if not reader.is_alive():
+            stream.close()
+
+
+def _read(read_end: int) -> None:
+    rest = b""
+    with os.fdopen(read_end, "rb", buffering=0) as pipe:
+        while block := pipe.read(1 << 16):
+            *lines, rest = (rest + block).split(b"\n")
+            for line in lines[:LINES_OF_BLOCK]:
+                _enter(line)
+            if len(lines) > LINES_OF_BLOCK:
+                _log.warning("%d further lines", len(lines) - LINES_OF_BLOCK)
+            if len(rest) > MAX_LINE_BYTES:
+                _enter(rest)
+                rest = b""
+    _enter(rest)
+
+
+def _enter(line: bytes) -> None:
+    text = line[:MAX_LINE_BYTES].decode("utf-8", "backslashreplace").strip()
+    if text:
+        _log.warning("%s", text)
