@@ -8,8 +8,8 @@ from acquisition.models.base import Value, Vector3
 class Light(Value):
     """Pose of the lamp: emitter position in m and unit vector of the lamp's optical axis, both in the view frame."""
 
-    position: Vector3
-    axis: Vector3
+    position: Vector3 = Field(description="Position of the emitter: m, view frame")
+    axis: Vector3 = Field(description="Direction of the beam: unit vector, view frame")
 
 
 class ForecastPoint(Value):
@@ -30,8 +30,8 @@ class PriorForecast(Value):
 class LightPlan(Value):
     """The lights of one pass, with predicted accuracy and certificate."""
 
-    lights: list[Light]
-    method: str
+    lights: list[Light] = Field(description="The lights of the pass")
+    method: str = Field(description="How they were chosen: a recipe's `method`")
     reasons: list[str] = Field(description="For each light, why it was chosen")
     predicted_sigma_deg: float | None = Field(
         default=None,

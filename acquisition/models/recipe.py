@@ -16,7 +16,12 @@ quantile of σ; `coverage` first the number of pixels lit by at least three ligh
 class Exposure(Value):
     """Automatic exposure: sets the 99.5th percentile of the object's pixels to the fraction `target` of full scale."""
 
-    target: float = Field(default=0.8, gt=0.05, le=0.95)
+    target: float = Field(
+        default=0.8,
+        gt=0.05,
+        le=0.95,
+        description="Fraction of full scale that the brightest pixels reach, above 0.05, up to 0.95",
+    )
     seconds: float | None = Field(
         default=None, gt=0, le=10, description="A fixed exposure time for all lights; none: automatic"
     )
@@ -25,9 +30,12 @@ class Exposure(Value):
 class Recipe(Value):
     """Parameters of a capture session; the defaults, `{}`, are a complete recipe."""
 
-    kind: Literal["capture"] = "capture"
-    method: Method = "optimal"
-    pilot_lights: int = Field(default=4, ge=3, le=16)
+    kind: Literal["capture"] = Field(default="capture", description="Kind of recipe; there is one")
+    method: Method = Field(
+        default="optimal",
+        description="How lights are chosen: `optimal` by experimental design from the pilot; the others are patterns",
+    )
+    pilot_lights: int = Field(default=4, ge=3, le=16, description="Number of lights of the pilot")
     planned_lights: int = Field(
         default=4, ge=0, le=64, description="0: the pilot only, or as many as `target_sigma_deg` requires"
     )
@@ -48,14 +56,16 @@ class Recipe(Value):
         max_length=80,
         description="Positions of method `user`: m, view frame (origin camera, x right, y up, z to the camera)",
     )
-    seed: int = Field(default=0, ge=0, le=2**31 - 1)
-    exposure: Exposure = Exposure()
-    retakes: int = Field(default=2, ge=0, le=10)
+    seed: int = Field(
+        default=0, ge=0, le=2**31 - 1, description="Seed of everything random: the same images give the same plan"
+    )
+    exposure: Exposure = Field(default=Exposure(), description="Exposure of the images")
+    retakes: int = Field(default=2, ge=0, le=10, description="How often an image that was rejected is taken again")
     review_plan: bool = Field(
         default=False, description="Pause after planning, so that a person can review and change the lights"
     )
-    label: str = Field(default="", max_length=200)
-    notes: str = Field(default="", max_length=10_000)
+    label: str = Field(default="", max_length=200, description="Title for people, up to 200 characters")
+    notes: str = Field(default="", max_length=10_000, description="Notes for people, up to 10,000 characters")
 
     @model_validator(mode="before")
     @classmethod

@@ -41,10 +41,10 @@ class GoodnessOfFit(Value):
     A misfit is the robust rms of studentised residuals; its probability is that of a sound capture fitting as badly.
     """
 
-    misfit: float
-    probability: float
+    misfit: float = Field(description="Of all images: rms of studentised residuals; 1 is as expected")
+    probability: float = Field(description="Probability that a sound capture fits as badly, 0 to 1")
     image_misfits: list[float | None] = Field(description="Of each image; none: too few measurements")
-    image_probabilities: list[float | None]
+    image_probabilities: list[float | None] = Field(description="Of each image, 0 to 1; null: too few measurements")
     region_misfits: list[list[float | None]] = Field(
         description="Of a grid of regions over the object's bounding box, rows from the top"
     )
@@ -86,21 +86,31 @@ class NormalMap:
 class ResultSummary(Value):
     """The figures of one result that a person reads first."""
 
-    images: int
-    object_pixels: int
-    solved_pixels: int
+    images: int = Field(description="Number of images that were solved")
+    object_pixels: int = Field(description="Pixels of the object's silhouette")
+    solved_pixels: int = Field(description="Pixels with a normal")
     mean_sigma_deg: float = Field(
         description="Over the solved pixels inside the silhouette that are seen no more than 78° from their normal"
     )
-    median_sigma_deg: float
+    median_sigma_deg: float = Field(description="Median over the same pixels of the angular σ, degrees")
     region_sigma_deg: float | None = Field(
         default=None, description="The mean over those in the region of interest; none: no region is drawn"
     )
-    predicted_sigma_deg: float | None
-    predicted_median_deg: float | None
-    fewer_than_three_lights: float
-    intensity_factors: list[float]
-    noise: dict[str, float]
+    predicted_sigma_deg: float | None = Field(
+        description="Mean angular σ that the plan expected, degrees; null: no prediction"
+    )
+    predicted_median_deg: float | None = Field(
+        description="Median angular error that the plan expected, degrees; null: no prediction"
+    )
+    fewer_than_three_lights: float = Field(
+        description="Share of the solved pixels that fewer than three lights reach, 0 to 1"
+    )
+    intensity_factors: list[float] = Field(
+        description="For each image, the estimated factor on the lamp's intensity, about 1"
+    )
+    noise: dict[str, float] = Field(
+        description="Estimated noise by kind, in fractions of full scale (`read`) or of the signal (`intensity`)"
+    )
     fit: GoodnessOfFit | None = Field(default=None, description="None: results of releases up to 0.1, or not evaluated")
     findings: list[ModelFinding] = Field(
         default=[], description="What the plain model of the images does not contain, corrected or not"
@@ -114,7 +124,7 @@ class SolveSettings(Value):
         default=2, ge=0, le=10, description="Times that depth is integrated and the solve repeated"
     )
     shadow_threshold: float = Field(default=0.08, ge=0, lt=0.5, description="Of the pixel's largest normalised value")
-    robust: bool = True
+    robust: bool = Field(default=True, description="Reweight residuals, so that shadows and highlights count less")
     keep_steps: bool = Field(
         default=False,
         description="Let depth jump where normals disagree with their neighbours; elsewhere it is a little less exact",

@@ -11,10 +11,13 @@ from acquisition.models.light_plan import Light
 class Waypoint(Value):
     """Waypoint of one light: a certified joint path that ends at the configuration of exposure, and the light there."""
 
-    light: Light
-    path: list[Joints] = Field(min_length=1)
+    light: Light = Field(description="The lamp's pose at exposure")
+    path: list[Joints] = Field(
+        min_length=1,
+        description="Joint angles at the end of each straight segment, rad; the last is the configuration of exposure",
+    )
     speeds: list[float] = Field(description="Leading joint's speed in rad/s on the segment to each item of `path`")
-    seconds: float
+    seconds: float = Field(description="Duration of the moves, s")
 
     @property
     def joints(self) -> tuple[float, ...]:
@@ -33,15 +36,17 @@ class JointPath(Value):
 class Route(Value):
     """Waypoints in the order of travel, and the certified path home after the last one."""
 
-    start: Joints
-    waypoints: list[Waypoint]
+    start: Joints = Field(description="Joint angles at the start, rad")
+    waypoints: list[Waypoint] = Field(description="The lights in the order of travel")
     light_numbers: list[int] = Field(description="Number of each waypoint's light in the plan")
-    home_path: list[Joints]
+    home_path: list[Joints] = Field(
+        description="Certified path home after the last light: joint angles at the end of each segment, rad"
+    )
     home_speeds: list[float] = Field(
         description="Leading joint's speed in rad/s on the segment to each item of `home_path`"
     )
     seconds: float = Field(description="Duration of all moves in s, without settling and exposure")
-    lower_bound_s: float
+    lower_bound_s: float = Field(description="Lower bound of the duration over all orders of the lights, s")
 
 
 class Refusal(Value):

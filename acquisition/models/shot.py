@@ -15,23 +15,23 @@ from acquisition.models.light_plan import Light
 class ShotKey(Value):
     """Which image of a session: pass and number within the pass."""
 
-    pass_number: int = Field(ge=0)
-    number: int = Field(ge=0)
+    pass_number: int = Field(ge=0, description="Number of the pass")
+    number: int = Field(ge=0, description="Number within the pass")
 
 
 class FrameRef(Value):
     """A frame's file, relative to the session folder; linear 16-bit, row 0 at the top."""
 
-    path: str
-    width: int
-    height: int
-    sha256: str
+    path: str = Field(description="File, relative to the session folder")
+    width: int = Field(description="Width, px")
+    height: int = Field(description="Height, px")
+    sha256: str = Field(description="SHA-256 of the file, 64 hexadecimal digits")
 
 
 class FrameQuality(Value):
     """What the check of a frame found, as shares of the object's pixels (or of the frame where no mask is known)."""
 
-    saturated: float
+    saturated: float = Field(description="Share of saturated pixels, 0 to 1")
     bright_level: float = Field(description="99.5th percentile above black, fraction of full scale")
     sharpness: float | None = Field(
         default=None, description="Share of the finest detail in all detail; blur takes it away; none: not measured"
@@ -39,29 +39,33 @@ class FrameQuality(Value):
     shift_px: float | None = Field(
         default=None, description="How far the object seems to have moved since it was first seen; none: not measured"
     )
-    accepted: bool
-    reason: str = ""
+    accepted: bool = Field(description="Whether the image is used; else it is taken again")
+    reason: str = Field(default="", description="Why it was rejected; empty: it was not")
 
 
 class Shot(Value):
     """One image and what was measured while it was exposed."""
 
-    key: ShotKey
-    kind: Literal["light", "dark", "reference"]
-    frame: FrameRef
-    exposure_s: float
-    light_number: int | None = None
+    key: ShotKey = Field(description="Pass and number")
+    kind: Literal["light", "dark", "reference"] = Field(
+        description="`light`: lamp on; `dark`: lamp off; `reference`: taken a second time, for the noise"
+    )
+    frame: FrameRef = Field(description="The file")
+    exposure_s: float = Field(description="Exposure time, s")
+    light_number: int | None = Field(default=None, description="Number of its light in the pass's plan; null: lamp off")
     repeats: ShotKey | None = Field(default=None, description="The image that this one was taken again of")
     light: Light | None = Field(
         default=None, description="From the measured tool pose, never from where the arm was sent"
     )
-    joints: Joints | None = None
-    base_from_tool: Matrix4 | None = None
-    lamp_on: bool = False
-    attempt: int = 0
-    arm_time_s: float | None = None
+    joints: Joints | None = Field(default=None, description="Joint angles measured at exposure, rad")
+    base_from_tool: Matrix4 | None = Field(
+        default=None, description="Measured pose of the tool frame (TCP) in the base frame, homogeneous, rows; m"
+    )
+    lamp_on: bool = Field(default=False, description="Whether the lamp was on")
+    attempt: int = Field(default=0, description="How often it had been rejected before")
+    arm_time_s: float | None = Field(default=None, description="The controller's own time at exposure, s")
     taken_at: float = Field(description="Seconds since 1970, UTC")
-    quality: FrameQuality
+    quality: FrameQuality = Field(description="What the check of the frame found")
 
 
 class FrameSource(Protocol):

@@ -40,6 +40,7 @@ from api.client.responses import ModelT, ProblemError, parsed, raise_problem, re
 from api.client.transport import TIMEOUT_S, authorization_headers
 from api.rest.preview_figures import PreviewFigures
 from api.rest.queue import QueueEntryResource, QueueResource
+from api.rest.rig_schemas import RigResource, SafetyResource
 from api.rest.scene_schemas import SceneResource
 from api.rest.schemas import (
     ActionAccepted,
@@ -54,8 +55,6 @@ from api.rest.schemas import (
     ResolveAccepted,
     ResolveRequest,
     ResultResource,
-    RigResource,
-    SafetyResource,
     SessionEdit,
     SessionResource,
 )

@@ -12,7 +12,6 @@ from typing import Any
 
 import anyio.to_thread
 from fastapi import FastAPI, Request
-from fastapi.openapi.utils import get_openapi
 from fastapi.responses import HTMLResponse
 
 from api.rest import (
@@ -24,7 +23,7 @@ from api.rest import (
     images,
     jog,
     metrics,
-    openapi_examples,
+    openapi_document,
     page,
     plans,
     problems,
@@ -41,27 +40,15 @@ from api.rest.authentication import Authentication
 from api.rest.camera_preview import CameraPreview
 from api.rest.conditional import ConditionalGet
 from api.rest.events import EventFeed
-from api.rest.joint_readings import JointReadingResource, JointReadings
+from api.rest.joint_readings import JointReadings
 from api.rest.keys import KeyRing
 from api.rest.logs import RequestLogMiddleware
 from api.rest.open_streams import OpenStreams
 from api.rest.request_checks import KnownPages, RequestChecks
 from api.rest.scene import CellScene
-from api.rest.schemas import EventResource, Problem
 from api.rest.settings import Settings
 from api.rest.trusted_proxies import ForwardedCaller, TrustedProxies
 from api.rest.wiring import Service
-
-DESCRIPTION = (
-    "Photometric stereo with planned lights: a robot arm carries a lamp round an object while a fixed camera captures "
-    "images, which are solved to normals with an uncertainty (σ) for each pixel. Create a session, start it, follow "
-    "its events, download its answer."
-)
-_SCHEMAS_OUTSIDE_ROUTES = {
-    "Problem": Problem,
-    "EventResource": EventResource,
-    "JointReadingResource": JointReadingResource,
-}
 
 
 def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
@@ -126,7 +113,7 @@ def _with_routes(lifespan: Any) -> FastAPI:
     app = FastAPI(
         title="lightpose",
         version=version("lightpose"),
-        description=DESCRIPTION,
+        description=openapi_document.DESCRIPTION,
         lifespan=lifespan,
         docs_url=None,  # the usual pages load scripts from elsewhere; this service works without a network
         redoc_url=None,
@@ -156,31 +143,8 @@ def _with_routes(lifespan: Any) -> FastAPI:
     ):
         app.include_router(module.router)
     app.add_api_route("/docs", _docs, include_in_schema=False, response_class=HTMLResponse)
-    app.openapi = lambda: _openapi(app)
+    app.openapi = lambda: openapi_document.of(app)
     return app
-
-
-def _openapi(app: FastAPI) -> dict[str, Any]:
-    if app.openapi_schema is None:
-        schema = get_openapi(title=app.title, version=app.version, description=app.description, routes=app.routes)
-        components = schema["components"]["schemas"]
-        for name, model in _SCHEMAS_OUTSIDE_ROUTES.items():
-            own = model.model_json_schema(ref_template="#/components/schemas/{model}", mode="serialization")
-            components.update(own.pop("$defs", {}))
-            components[name] = own
-        openapi_examples.add_to(components)
-        schema["components"]["securitySchemes"] = {
-            "key": {"type": "http", "scheme": "bearer", "description": "Created by `lightpose keys add`"},
-            "ticket": {
-                "type": "apiKey",
-                "in": "query",
-                "name": "ticket",
-                "description": "Issued by POST /v1/tickets; GET only",
-            },
-        }
-        schema["security"] = [{"key": []}, {"ticket": []}, {}]  # none: on a machine without keys
-        app.openapi_schema = schema
-    return app.openapi_schema
 
 
 async def _docs(request: Request) -> HTMLResponse:
@@ -195,6 +159,6 @@ async def _docs(request: Request) -> HTMLResponse:
         "<!doctype html><html lang=en><meta charset=utf-8><title>lightpose</title>"
         "<body style='font:16px/1.5 sans-serif;max-width:70em;margin:3em auto'>"
         f"<h1>{escape(schema['info']['title'])} {escape(schema['info']['version'])}</h1>"
-        f"<p>{escape(DESCRIPTION)}</p><p><a href=/openapi.json>openapi.json</a></p>"
+        f"<p>{escape(openapi_document.DESCRIPTION)}</p><p><a href=/openapi.json>openapi.json</a></p>"
         f"<table cellpadding=6>{rows}</table></body></html>"
     )

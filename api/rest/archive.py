@@ -15,7 +15,7 @@ from fastapi.responses import PlainTextResponse, StreamingResponse
 from zipstream import ZIP_STORED, ZipStream
 
 from acquisition.store import Event
-from api.rest import problems
+from api.rest import problems, stored_files
 from api.rest.dependencies import ServiceOf
 from api.rest.schemas import as_datetime
 from api.rest.sessions import SessionId
@@ -29,7 +29,7 @@ EVENTS_PER_QUERY = 500
 @router.get(
     "/v1/sessions/{session_id}/archive",
     response_class=StreamingResponse,
-    responses={200: {"content": {"application/zip": {}}}, **problems.NOT_FOUND},
+    responses={**stored_files.binary("application/zip", description="The zip file"), **problems.NOT_FOUND},
 )
 def archive(service: ServiceOf, session_id: SessionId) -> StreamingResponse:
     """The session's folder as a zip file, with the journal's entries about it in `journal.jsonl`."""
@@ -54,7 +54,7 @@ def archive(service: ServiceOf, session_id: SessionId) -> StreamingResponse:
 @router.get(
     "/v1/sessions/{session_id}/log",
     response_class=PlainTextResponse,
-    responses={200: {"content": {"text/plain": {}}}, **problems.NOT_FOUND},
+    responses={**stored_files.binary("text/plain", description="The lines"), **problems.NOT_FOUND},
 )
 def log(service: ServiceOf, session_id: SessionId) -> PlainTextResponse:
     """The session's log as text: a line for each event, and for each action with its actor."""

@@ -60,7 +60,7 @@ class Authentication:
         if caller is None:
             self._count_failure(host, time.monotonic())
             raise RigError(ErrorCode.REQUEST_UNAUTHENTICATED, f"{method} {path[:200]} needs a key")
-        needed = _needed(method, path)
+        needed = needed_role(method, path)
         if not caller.role.covers(needed):
             whose = (
                 f"The key {caller.name!r} is a {caller.role}'s" if self.keys.required else "Without a key you operate"
@@ -97,7 +97,8 @@ class Authentication:
             del self._failures[next(iter(self._failures))]
 
 
-def _needed(method: str, path: str) -> Role:
+def needed_role(method: str, path: str) -> Role:
+    """The role that a request needs."""
     if method in SAFE_METHODS or (method, path) in ALLOWED_TO_EVERY_KEY:
         return Role.VIEWER
     return Role.ADMIN if method == "DELETE" and not path.startswith(OPERATORS_MAY_DELETE) else Role.OPERATOR

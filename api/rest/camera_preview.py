@@ -22,7 +22,7 @@ from fastapi.responses import Response, StreamingResponse
 from acquisition.capture import region
 from acquisition.models.base import BoolArray
 from acquisition.models.errors import ErrorCode, RigError
-from api.rest import image_encoding, preview_figures, problems
+from api.rest import image_encoding, preview_figures, problems, stored_files
 from api.rest.dependencies import CallerOf, ServiceOf
 from api.rest.open_streams import OpenStreams
 from api.rest.preview_figures import Pixels, PreviewFigures
@@ -184,7 +184,9 @@ _PROBLEMS = problems.responses_of(
 
 
 @router.get(
-    "/v1/rig/preview.jpg", response_class=Response, responses={200: {"content": {"image/jpeg": {}}}, **_PROBLEMS}
+    "/v1/rig/preview.jpg",
+    response_class=Response,
+    responses={**stored_files.binary("image/jpeg", description="The image"), **_PROBLEMS},
 )
 async def preview_picture(request: Request) -> Response:
     """The camera's present image; while a session holds the rig, the last frame that it captured."""
@@ -204,7 +206,7 @@ async def preview_figures_of(request: Request, response: Response) -> PreviewFig
 @router.get(
     "/v1/rig/preview/clipping.png",
     response_class=Response,
-    responses={200: {"content": {"image/png": {"schema": {"type": "string", "format": "binary"}}}}, **_PROBLEMS},
+    responses={**stored_files.binary("image/png", description="The overlay"), **_PROBLEMS},
 )
 async def preview_clipping(request: Request, service: ServiceOf) -> Response:
     """A transparent overlay for the present image: red where it is saturated, blue where it has no measurable light."""
@@ -220,7 +222,7 @@ async def preview_clipping(request: Request, service: ServiceOf) -> Response:
     "/v1/rig/preview.mjpeg",
     response_class=StreamingResponse,
     responses={
-        200: {"description": "An endless stream of JPEGs", "content": {"multipart/x-mixed-replace": {}}},
+        **stored_files.binary("multipart/x-mixed-replace", description="An endless stream of JPEGs"),
         **_PROBLEMS,
         **problems.responses_of(ErrorCode.REQUEST_TOO_MANY_STREAMS),
     },

@@ -44,5 +44,8 @@ ServiceOf = Annotated[Service, Depends(_service)]
 Actor = Annotated[str, Depends(_actor)]
 CallerOf = Annotated[Caller, Depends(_caller)]
 
-SessionId = Annotated[str, InPath(max_length=80)]
-Number = Annotated[int, InPath(ge=0, le=10_000)]
+IDEMPOTENCY_KEY = "Any text of the caller's; the same one again is the same request, and makes nothing twice"
+"""Description of the header Idempotency-Key."""
+
+SessionId = Annotated[str, InPath(max_length=80, description="Identifier of the session, its `id`")]
+Number = Annotated[int, InPath(ge=0, le=10_000, description="Number within the session or the pass, from 0")]

@@ -1,7 +1,7 @@
 """Routes of rendered drawings: the reach of the arm, and a route, as a still or a 3-D page; rendered on request."""
 
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import anyio.to_thread
 from fastapi import APIRouter
@@ -20,7 +20,7 @@ router = APIRouter()
 
 Format = Annotated[Literal["png", "html"], InPath(description="A still, or a 3-D page")]
 _TYPES = {"png": "image/png", "html": "text/html"}
-_PICTURE: dict[int | str, dict[str, Any]] = {200: {"content": {kind: {} for kind in _TYPES.values()}}}
+_PICTURE = stored_files.binary(*_TYPES.values(), description="The still, or the page")
 _BUSY = problems.responses_of(ErrorCode.RIG_BUSY, ErrorCode.RIG_NOT_READY, ErrorCode.SESSION_STEP_FAILED)
 
 

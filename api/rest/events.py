@@ -149,7 +149,19 @@ router = APIRouter(tags=["events"])
     "/v1/events",
     response_class=StreamingResponse,
     responses={
-        200: {"description": "An endless stream; `data` is an EventResource", "content": {"text/event-stream": {}}},
+        200: {
+            "description": "An endless stream (`follow=false`: until now); an event's `data` is an EventResource",
+            "content": {
+                "text/event-stream": {
+                    "schema": {
+                        "type": "string",
+                        "description": "Lines `id`, `event` and `data` of each event, and comments",
+                        "contentMediaType": "application/json",
+                        "contentSchema": {"$ref": "#/components/schemas/EventResource"},
+                    }
+                }
+            },
+        },
         **problems.responses_of(
             ErrorCode.REQUEST_INVALID, ErrorCode.REQUEST_TOO_MANY_STREAMS, ErrorCode.SERVICE_OVERLOADED
         ),
@@ -161,7 +173,7 @@ async def events(
     after: Annotated[
         int | None, Query(ge=0, le=2**62, description="Replay events above this id; none: from now on")
     ] = None,
-    session_id: Annotated[str | None, Query(max_length=80)] = None,
+    session_id: Annotated[str | None, Query(max_length=80, description="Only events of this session")] = None,
     type: Annotated[list[str], Query(max_length=20, description="Only events of these types")] = [],  # noqa: A002, B006
     follow: Annotated[bool, Query(description="false: end with the newest event")] = True,
     joints: Annotated[

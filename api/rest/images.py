@@ -53,11 +53,7 @@ def links(pass_path: str, shot: Shot) -> dict[str, str]:
     "/v1/sessions/{session_id}/passes/{number}/shots/{shot_number}/image",
     response_class=Response,
     responses={
-        200: {
-            "content": {
-                kind: {"schema": {"type": "string", "format": "binary"}} for kind in ("image/png", "image/tiff")
-            }
-        },
+        **stored_files.binary("image/png", "image/tiff", description="The image, in the form that was asked for"),
         **stored_files.NOT_MODIFIED,
         **problems.NOT_FOUND,
         **problems.responses_of(ErrorCode.STORE_CORRUPT),
@@ -88,7 +84,7 @@ async def image(
     "/v1/sessions/{session_id}/passes/{number}/shots/{shot_number}/thumbnail.jpg",
     response_class=Response,
     responses={
-        200: {"content": {"image/jpeg": {"schema": {"type": "string", "format": "binary"}}}},
+        **stored_files.binary("image/jpeg", description="The small image"),
         **stored_files.NOT_MODIFIED,
         **problems.NOT_FOUND,
         **problems.responses_of(ErrorCode.STORE_CORRUPT),

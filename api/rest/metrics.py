@@ -18,6 +18,7 @@ from prometheus_client.registry import Collector
 
 from acquisition.devices.ur.arm import UrArm
 from acquisition.session import State
+from api.rest import stored_files
 from api.rest.camera_preview import CameraPreview
 from api.rest.dependencies import ServiceOf
 from api.rest.events import EventFeed
@@ -27,7 +28,9 @@ router = APIRouter(tags=["health"])
 
 
 @router.get(
-    "/metrics", response_class=Response, responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}}
+    "/metrics",
+    response_class=Response,
+    responses=stored_files.binary("text/plain", description="One line for each metric"),
 )
 def metrics(service: ServiceOf, request: Request) -> Response:
     """The service's metrics in Prometheus' text format."""

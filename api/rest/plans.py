@@ -66,7 +66,7 @@ async def replace_plan(
     "/v1/sessions/{session_id}/passes/{number}/plan/forecast",
     response_model=LightForecast,
     responses={
-        200: {"content": {"image/png": {"schema": {"type": "string", "format": "binary"}}}},
+        **stored_files.binary("image/png", description="The forecast; with `Accept: image/png` its picture of σ"),
         **problems.responses_of(
             ErrorCode.SESSION_NOT_FOUND,
             ErrorCode.REQUEST_NOT_FOUND,
@@ -105,7 +105,7 @@ async def forecast_plan(
     "/v1/sessions/{session_id}/passes/{number}/lights/{light}/gain.png",
     response_class=FileResponse,
     responses={
-        200: {"content": {"image/png": {}}},
+        **stored_files.binary("image/png", description="The picture"),
         **problems.NOT_FOUND,
         **problems.responses_of(ErrorCode.STORE_CORRUPT),
     },

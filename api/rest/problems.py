@@ -90,9 +90,14 @@ router = APIRouter(tags=["problems"])
 @router.get(
     "/problems/{code}",
     response_model=ProblemPage,
-    responses={200: {"content": {"text/html": {}}}, **responses_of(ErrorCode.REQUEST_NOT_FOUND)},
+    responses={
+        200: {"description": "Meaning and remedy", "content": {"text/html": {"schema": {"type": "string"}}}},
+        **responses_of(ErrorCode.REQUEST_NOT_FOUND),
+    },
 )
-async def problem_page(request: Request, code: Annotated[str, Path(max_length=80)]) -> Response:
+async def problem_page(
+    request: Request, code: Annotated[str, Path(max_length=80, description="A code, such as `rig.busy`")]
+) -> Response:
     """The meaning and the remedy of a problem code: a page for a browser, JSON for a program."""
     known = next((item for item in ErrorCode if item == code), None)
     if known is None:

@@ -47,7 +47,7 @@ async def draw_region(
 @router.get(
     "/v1/sessions/{session_id}/region.png",
     response_class=FileResponse,
-    responses={200: {"content": {"image/png": {}}}, **problems.NOT_FOUND},
+    responses={**stored_files.binary("image/png", description="The mask"), **problems.NOT_FOUND},
 )
 def region(service: ServiceOf, session_id: SessionId) -> FileResponse:
     """The present region of interest, white on black."""

@@ -95,7 +95,7 @@ def result(service: ServiceOf, session_id: SessionId, number: Number) -> ResultR
     "/v1/sessions/{session_id}/results/{number}/{artefact}",
     response_class=FileResponse,
     responses={
-        200: {"content": {media_type: {} for media_type in sorted(set(stored_files.MEDIA_TYPES.values()))}},
+        **stored_files.binary(*stored_files.ARTEFACT_TYPES, description="The file"),
         **problems.NOT_FOUND,
         **problems.responses_of(
             ErrorCode.RESULT_NOT_READY, ErrorCode.NORMALS_INFEASIBLE, ErrorCode.RIG_BUSY, ErrorCode.STORE_CORRUPT
@@ -103,7 +103,12 @@ def result(service: ServiceOf, session_id: SessionId, number: Number) -> ResultR
     },
 )
 async def artefact(
-    service: ServiceOf, session_id: SessionId, number: Number, artefact: Annotated[str, InPath(max_length=100)]
+    service: ServiceOf,
+    session_id: SessionId,
+    number: Number,
+    artefact: Annotated[
+        str, InPath(max_length=100, description="File name: one of `artefacts` or `exports` of the result")
+    ],
 ) -> FileResponse:
     """One file of a result by its name: maps, `report.html`, or an export, which is made on its first request."""
     limiter = service.limits.exports if artefact in EXPORTS else None

@@ -15,15 +15,14 @@ import anyio.to_thread
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
 
-from acquisition.models.base import as_matrix4
+from acquisition.models.base import as_joints, as_matrix4
 from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
 from acquisition.runner.safety_monitor import Latch
 from acquisition.runner.status import RigStatus
 from api.rest import problems
 from api.rest.authentication import STOP_PATH
 from api.rest.dependencies import Actor, ServiceOf
-from api.rest.schemas import (
-    Accepted,
+from api.rest.rig_schemas import (
     ArmResource,
     CalibrationResource,
     Fault,
@@ -33,8 +32,8 @@ from api.rest.schemas import (
     RecoveryRequest,
     RigResource,
     SafetyResource,
-    as_datetime,
 )
+from api.rest.schemas import Accepted, as_datetime
 
 router = APIRouter()
 
@@ -198,8 +197,8 @@ def _resource(status: RigStatus) -> RigResource:
         reading=None
         if not reading.connected
         else ReadingResource(
-            joints=list(reading.joints),
-            joint_speeds=list(reading.joint_speeds),
+            joints=as_joints(reading.joints),
+            joint_speeds=as_joints(reading.joint_speeds),
             base_from_tool=as_matrix4(reading.base_from_tool),
             robot_mode=reading.robot_mode,
             safety_bits=reading.safety_bits,

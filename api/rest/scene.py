@@ -293,7 +293,7 @@ async def scene(request: Request) -> Response:
     MESHES + "/{name}",
     response_class=Response,
     responses={
-        200: {"content": {"model/stl": {"schema": {"type": "string", "format": "binary"}}}},
+        **stored_files.binary("model/stl", description="The surface: binary STL, m, link frame"),
         **stored_files.NOT_MODIFIED,
         **problems.responses_of(ErrorCode.REQUEST_NOT_FOUND),
     },

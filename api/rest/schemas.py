@@ -6,12 +6,11 @@ change without a migration. Times are ISO 8601 in UTC.
 
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from typing import Any, Generic, Literal, TypeVar
+from typing import Annotated, Any, Generic, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from acquisition.devices import DriverPriority
-from acquisition.models.base import Matrix4, Vector3
+from acquisition.models.base import Vector3
 from acquisition.models.errors import PROBLEMS, ErrorCode
 from acquisition.models.light_plan import LightPlan, PriorForecast
 from acquisition.models.recipe import Recipe
@@ -23,7 +22,8 @@ from acquisition.session import Stage, State
 from api.rest.keys import Role
 
 ItemT = TypeVar("ItemT")
-Links = dict[str, str]
+SessionAction = Literal["start", "pause", "resume", "stop"]
+Links = Annotated[dict[str, str], Field(description="Addresses of what belongs to it, by relation")]
 
 
 class Resource(BaseModel):
@@ -35,7 +35,7 @@ class Resource(BaseModel):
 class Page(Resource, Generic[ItemT]):
     """One page of a list, and the address of the next."""
 
-    items: list[ItemT]
+    items: list[ItemT] = Field(description="The items of this page")
     next: str | None = Field(default=None, description="Address of the next page; null at the end")
 
 
@@ -45,8 +45,8 @@ class Page(Resource, Generic[ItemT]):
 class FieldError(Resource):
     """One field that is not valid."""
 
-    field: str
-    message: str
+    field: str = Field(description="Dotted name of the field as it was sent")
+    message: str = Field(description="What is wrong with it, one sentence")
 
 
 class Problem(Resource):
@@ -55,12 +55,12 @@ class Problem(Resource):
     model_config = ConfigDict(frozen=True, extra="allow")
 
     type: str = Field(description="Address of the page about this code")
-    title: str
-    status: int
-    detail: str
-    code: ErrorCode
-    remedy: str
-    instance: str | None = None
+    title: str = Field(description="What the code means, for people")
+    status: int = Field(description="HTTP status of this answer")
+    detail: str = Field(description="What happened in this case, for people")
+    code: ErrorCode = Field(description="The stable code; switch on this")
+    remedy: str = Field(description="What to do, for people")
+    instance: str | None = Field(default=None, description="Address that was requested; null where it is not known")
 
     @classmethod
     def of(
@@ -83,10 +83,10 @@ class Problem(Resource):
 class ProblemPage(Resource):
     """Meaning and remedy of a code."""
 
-    code: ErrorCode
-    status: int
-    title: str
-    remedy: str
+    code: ErrorCode = Field(description="The stable code")
+    status: int = Field(description="HTTP status that the code is answered with")
+    title: str = Field(description="What the code means, for people")
+    remedy: str = Field(description="What to do, for people")
 
 
 # ------------------------------------------------------------------------------------------------------------- tickets
@@ -95,102 +95,17 @@ class ProblemPage(Resource):
 class CallerResource(Resource):
     """Who asks: without keys `operator`, whose role is operator."""
 
-    name: str
-    role: Role
+    name: str = Field(description="Name of the key; `operator` without keys")
+    role: Role = Field(
+        description="What the key may do; each role may do what those before it may: viewer, operator, admin"
+    )
 
 
 class TicketResource(Resource):
     """A short-lived permission to read, for addresses that a browser opens by itself."""
 
-    ticket: str
-    good_until: datetime
-
-
-# ----------------------------------------------------------------------------------------------------------------- rig
-
-
-class Reason(Resource):
-    """Why the rig may not start."""
-
-    code: ErrorCode
-    detail: str
-    remedy: str
-
-
-class Fault(Resource):
-    """A safety fault that nobody has acknowledged."""
-
-    code: ErrorCode
-    detail: str
-    remedy: str
-    since: datetime
-
-
-class ArmResource(Resource):
-    """Identity of the arm's controller."""
-
-    model: str
-    serial: str
-    software: str
-
-
-class ReadingResource(Resource):
-    """The newest values from the arm's controller."""
-
-    joints: list[float] = Field(description="rad")
-    joint_speeds: list[float] = Field(description="rad/s")
-    base_from_tool: Matrix4
-    robot_mode: int
-    safety_bits: int
-    program_running: bool
-    speed_fraction: float
-    age_s: float
-
-
-class CalibrationResource(Resource):
-    """Age and validity of the calibration."""
-
-    made_at: str
-    valid_until: str
-    valid: bool
-
-
-class RigResource(Resource):
-    """The rig: its devices, and whether a session may start."""
-
-    version: str = Field(description="Version of this software")
-    cell: str
-    fingerprint: str = Field(description="SHA-256 of the cell file's values")
-    arm_model: str
-    arm_address: str
-    arm: ArmResource | None = Field(description="Identity of the controller at that address")
-    connected: bool
-    driver_priority: DriverPriority | None = Field(
-        description="Scheduling of the arm's driver that this machine has granted; below `real-time` other "
-        "programs may make it stop the arm in mid-move, safely. None while there is no driver"
-    )
-    camera_ready: bool
-    reading: ReadingResource | None
-    holder: str | None = Field(description="The session that holds the rig")
-    may_start: bool
-    reasons: list[Reason] = Field(description="Why not")
-    calibration: CalibrationResource
-    faults: list[Fault]
-    links: Links
-
-
-class SafetyResource(Resource):
-    """The latched faults: they stay until a person acknowledges that the cell is clear."""
-
-    clear: bool
-    faults: list[Fault]
-    links: Links
-
-
-class Health(Resource):
-    """A probe's answer."""
-
-    status: Literal["ok"] = "ok"
+    ticket: str = Field(description="The secret: `?ticket=…` in an address")
+    good_until: datetime = Field(description="Until when it is accepted, UTC: five minutes, or as long as its key")
 
 
 class Accepted(Resource):
@@ -207,7 +122,10 @@ class ActionRequest(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    action: Literal["start", "pause", "resume", "stop"]
+    action: SessionAction = Field(
+        description="`start` moves the arm; `pause` rests after the present step; `resume` goes on; `stop` halts "
+        "at once and ends the session"
+    )
     from_here: bool = Field(
         default=False,
         description="With `resume`: a person has inspected the cell and allows the arm to continue from its present "
@@ -230,60 +148,56 @@ class OwnLights(BaseModel):
 class DryRunResource(Resource):
     """What the first pass of a recipe would do, and what its session may reach; nothing has moved."""
 
-    plan: LightPlan
-    route: Route
+    plan: LightPlan = Field(description="The lights of the first pass")
+    route: Route = Field(description="The certified path through them")
     seconds: float = Field(description="From the first move to the arm's return, images included")
     forecast: PriorForecast = Field(
         description="Expected σ against the number of images, of an assumed object: its own is not known yet"
     )
 
 
-class RecoveryRequest(BaseModel):
-    """One step of recovery from a stop."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    step: Literal["unlock", "power", "brakes"]
-
-
 class ActionResource(Resource):
     """An action, its actor and its outcome: the state that followed, or `refused`."""
 
-    action: str
-    actor: str
-    outcome: str
-    at: datetime
+    action: str = Field(
+        description="What was asked: start, pause, resume, stop, solve, choose-answer, draw-region, replan, …"
+    )
+    actor: str = Field(description="Who asked: name of the key and address, or `service`")
+    outcome: str = Field(description="The state that followed, `refused`, or what it led to")
+    at: datetime = Field(description="When, UTC")
 
 
 class ActionAccepted(Resource):
     """The action was accepted."""
 
-    state: State
+    state: State = Field(description="The session's state after the action")
     links: Links
 
 
 class ArtefactResource(Resource):
     """One file of a result."""
 
-    name: str
-    bytes: int
-    sha256: str
-    href: str
+    name: str = Field(description="File name")
+    bytes: int = Field(ge=0, description="Size, bytes")
+    sha256: str = Field(description="SHA-256 of the content, 64 hexadecimal digits")
+    href: str = Field(description="Its address")
 
 
 class ResultResource(Resource):
     """One result: its figures and its files."""
 
-    number: int
+    number: int = Field(ge=0, description="Number within the session; 0 is the pilot's")
     passes: list[int] = Field(description="The passes whose images were solved")
-    origin: Literal["session", "resolve"] = "session"
+    origin: Literal["session", "resolve"] = Field(
+        default="session", description="`session`: a pass of the session itself; `resolve`: solved again on request"
+    )
     settings: SolveSettings | None = Field(
         default=None, description="How it was solved; null in results of old releases"
     )
-    created: datetime
+    created: datetime = Field(description="When it was made, UTC")
     seconds: float = Field(description="Time that the solve took")
-    summary: ResultSummary
-    artefacts: list[ArtefactResource]
+    summary: ResultSummary = Field(description="The figures that a person reads first")
+    artefacts: list[ArtefactResource] = Field(description="Its files")
     exports: dict[str, str] = Field(
         default_factory=dict[str, str], description="Addresses of files that are made on their first request"
     )
@@ -295,7 +209,7 @@ class ResolveRequest(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    settings: SolveSettings = SolveSettings()
+    settings: SolveSettings = Field(default=SolveSettings(), description="How normals are solved")
     last_pass: int | None = Field(
         default=None, ge=0, le=10_000, description="Use the images of the passes up to this one; null: all images"
     )
@@ -304,7 +218,7 @@ class ResolveRequest(BaseModel):
 class ResolveAccepted(Resource):
     """A re-solve was accepted; its result will have this number."""
 
-    number: int
+    number: int = Field(ge=0, description="Number that the result will have")
     links: Links
 
 
@@ -327,26 +241,28 @@ class SessionEdit(BaseModel):
 class SessionResource(Resource):
     """A session: its recipe, its progress, its allowed actions."""
 
-    id: str
-    number: int
-    state: State
+    id: str = Field(description="Identifier: date, time, six hexadecimal digits")
+    number: int = Field(ge=1, description="Running number in this data folder; `after` of the list")
+    state: State = Field(description="State of the session")
     arm: str = Field(description="What the arm may be doing in this state")
-    stage: Stage
-    progress: float = Field(ge=0, le=1)
+    stage: Stage = Field(description="Stage of the work that it has reached")
+    progress: float = Field(ge=0, le=1, description="Share of the work that is done, 0 to 1")
     seconds_left: float | None = Field(description="`time_left.seconds` while it runs, s; else null")
     time_left: TimeLeft | None = Field(description="What is left and what the time rests on, while it holds the rig")
     reason: Problem | None = Field(description="Why the session is in this state, when something went wrong")
     conclusion: str | None = Field(
         default=None, description="With an ordered accuracy: why no more lights are added, once this is decided"
     )
-    allowed_actions: list[str]
+    allowed_actions: list[SessionAction] = Field(
+        description="Actions that this caller may take now and that change the state"
+    )
     recipe: Recipe = Field(description="As it was ordered; label and notes may have been changed since")
     label: str = Field(description="Its present label: that of the last edit, else of the recipe")
     notes: str = Field(description="Its present notes: those of the last edit, else of the recipe")
-    cell: str
-    created: datetime
-    started: datetime | None
-    ended: datetime | None
+    cell: str = Field(description="Name of the cell that it was made for")
+    created: datetime = Field(description="When it was made, UTC")
+    started: datetime | None = Field(description="When it first started, UTC; null: not yet")
+    ended: datetime | None = Field(description="When it ended, UTC; null: not yet")
     answer: ResultResource | None = Field(
         description="The result that a person chose; else the newest that the session itself made"
     )
@@ -356,28 +272,30 @@ class SessionResource(Resource):
 class ShotResource(Resource):
     """One image and the address of its picture."""
 
-    shot: Shot
+    shot: Shot = Field(description="The image and what was measured while it was exposed")
     links: Links
 
 
 class PassSummary(Resource):
     """Summary of a pass."""
 
-    number: int
-    method: str
-    lights: int
-    shots: int
-    predicted_sigma_deg: float | None
+    number: int = Field(ge=0, description="Number within the session; 0 is the pilot")
+    method: str = Field(description="How its lights were chosen: a recipe's `method`")
+    lights: int = Field(ge=0, description="Number of planned lights")
+    shots: int = Field(ge=0, description="Number of images so far, lamp-off frames included")
+    predicted_sigma_deg: float | None = Field(
+        description="Expected mean angular σ after this pass, degrees; null: no prediction"
+    )
     links: Links
 
 
 class PassResource(Resource):
     """One pass: its lights, the path through them, its images."""
 
-    number: int
-    plan: LightPlan
-    route: Route | None
-    shots: list[ShotResource]
+    number: int = Field(ge=0, description="Number within the session; 0 is the pilot")
+    plan: LightPlan = Field(description="Its lights")
+    route: Route | None = Field(description="The certified path through them; null: not computed yet")
+    shots: list[ShotResource] = Field(description="Its images so far")
     gain_pictures: list[str] = Field(description="For each planned light, the address of its gain map")
     links: Links
 
@@ -385,18 +303,23 @@ class PassResource(Resource):
 class RegionResource(Resource):
     """The region of interest that was set."""
 
-    pixels: int
+    pixels: int = Field(ge=0, description="Number of pixels in the region")
     links: Links
 
 
 class EventResource(Resource):
     """One event; `id` increases for ever, and a listener resumes after the last id that it has received."""
 
-    id: int
-    session_id: str | None
-    type: str
-    at: datetime
-    body: dict[str, Any]
+    id: int = Field(
+        ge=0, description="Increases for ever; resume after the last one received (`Last-Event-ID` or `after`)"
+    )
+    session_id: str | None = Field(description="The session that it is about; null: the rig, the queue or the service")
+    type: str = Field(
+        description="Type, such as `session.state`, `shot.captured`, `normals.ready`; clients ignore types "
+        "that they do not know"
+    )
+    at: datetime = Field(description="When, UTC")
+    body: dict[str, Any] = Field(description="Facts for programs; its keys depend on the type")
 
 
 def as_datetime(seconds: float) -> datetime:

@@ -8,7 +8,7 @@ continues, and a stop has threads that no other request may occupy.
 import json
 import shutil
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 from urllib.parse import urlencode
 
 import anyio.to_thread
@@ -23,7 +23,7 @@ from acquisition.models.route import Route
 from acquisition.session import State, Trigger
 from acquisition.store import Action, SessionFilter, SessionRow
 from api.rest import images, problems, results, stored_files
-from api.rest.dependencies import Actor, CallerOf, Number, ServiceOf, SessionId, refuse_unknown_query
+from api.rest.dependencies import IDEMPOTENCY_KEY, Actor, CallerOf, Number, ServiceOf, SessionId, refuse_unknown_query
 from api.rest.keys import Caller, Role
 from api.rest.paging import Limit, Offset, page
 from api.rest.schemas import (
@@ -34,6 +34,7 @@ from api.rest.schemas import (
     PassResource,
     PassSummary,
     Problem,
+    SessionAction,
     SessionEdit,
     SessionResource,
     ShotResource,
@@ -69,7 +70,7 @@ def create(
     response: Response,
     caller: CallerOf,
     recipe: Annotated[Recipe, Body(description="`{}`: the default session")] = Recipe(),  # noqa: B008 - frozen
-    idempotency_key: Annotated[str | None, Header(min_length=1, max_length=200)] = None,
+    idempotency_key: Annotated[str | None, Header(min_length=1, max_length=200, description=IDEMPOTENCY_KEY)] = None,
 ) -> SessionResource:
     """Creates a session from a recipe; nothing moves. The same Idempotency-Key never creates a second one."""
     row, new = service.runner.create(recipe, idempotency_key)
@@ -277,7 +278,10 @@ def _resource(service: Service, row: SessionRow, caller: Caller) -> SessionResou
         time_left=progress.time_left,
         reason=None if row.reason is None else _reason(row.reason, session_path),
         conclusion=plans[-1].body.get("conclusion") if plans else None,
-        allowed_actions=[str(action) for action in session.allowed_actions(row.state, _ACTOR_OF_ROLE[caller.role])],
+        allowed_actions=cast(
+            list[SessionAction],
+            [str(action) for action in session.allowed_actions(row.state, _ACTOR_OF_ROLE[caller.role])],
+        ),
         recipe=row.recipe,
         label=row.label,
         notes=row.notes,

@@ -28,8 +28,23 @@ MEDIA_TYPES = {
 }
 
 
+ARTEFACT_TYPES = sorted(set(MEDIA_TYPES.values()), key=lambda kind: (kind != "application/octet-stream", kind))
+"""Media types of a result's files; that of any bytes first, by which generated clients take the content."""
+
 NOT_MODIFIED: dict[int | str, dict[str, Any]] = {304: {"description": "The ETag of `If-None-Match` is still valid"}}
 """OpenAPI response of routes whose answers have an ETag."""
+
+
+def binary(*media_types: str, description: str) -> dict[int | str, dict[str, Any]]:
+    """OpenAPI response of a route that answers bytes, of one of these types; text types as text."""
+    content = {kind: {"schema": _schema(kind)} for kind in media_types}
+    return {200: {"description": description, "content": content}}
+
+
+def _schema(media_type: str) -> dict[str, str]:
+    if media_type.startswith("text/"):
+        return {"type": "string"}
+    return {"type": "string", "format": "binary", "contentMediaType": media_type}
 
 
 def newest(service: Service, session_id: str, kind: str, number: int) -> Artifact | None:

@@ -28,6 +28,62 @@ def test_openapi_each_route_has_problems_and_description() -> None:
                     assert list(answer["content"]) == ["application/problem+json"], (method, path, status)
 
 
+def undescribed() -> Iterator[str]:
+    """Every schema, field, parameter, body, answer and tag that says nothing about itself."""
+    document = description()
+    tags = {tag["name"]: tag["description"] for tag in document["tags"]}
+    for name, schema in document["components"]["schemas"].items():
+        if not schema.get("description"):
+            yield name
+        yield from (
+            f"{name}.{field}" for field, value in schema.get("properties", {}).items() if not value.get("description")
+        )
+    for path, methods in document["paths"].items():
+        for method, route in methods.items():
+            where = f"{method} {path}"
+            if not route.get("tags") or not all(tags.get(tag) for tag in route["tags"]):
+                yield f"{where}: tag"
+            yield from (
+                f"{where}: {item['name']}" for item in route.get("parameters", []) if not item.get("description")
+            )
+            if "requestBody" in route and not route["requestBody"].get("description"):
+                yield f"{where}: body"
+            for status, answer in route["responses"].items():
+                if not answer["description"] or answer["description"] == "Successful Response":
+                    yield f"{where}: {status}"
+
+
+def test_openapi_everything_is_described() -> None:
+    assert list(undescribed()) == []
+
+
+def test_openapi_each_answer_has_a_type() -> None:
+    """Bytes as such, text as text, JSON by its schema; the data of events is linked."""
+    for path, methods in description()["paths"].items():
+        for method, route in methods.items():
+            for status, answer in route["responses"].items():
+                for media_type, content in answer.get("content", {}).items():
+                    schema = content["schema"]
+                    if media_type.startswith(("image/", "model/", "multipart/", "application/zip", "application/oct")):
+                        assert (schema["type"], schema["format"]) == ("string", "binary"), (method, path, status)
+                        assert schema["contentMediaType"] == media_type
+                    elif media_type.startswith("text/"):
+                        assert schema["type"] == "string"
+                    else:
+                        assert schema, (method, path, status)
+    (stream,) = description()["paths"]["/v1/events"]["get"]["responses"]["200"]["content"].values()
+    assert stream["schema"]["contentSchema"] == {"$ref": "#/components/schemas/EventResource"}
+
+
+def test_openapi_says_where_the_service_is_and_who_may_call() -> None:
+    document = description()
+    assert [server["url"] for server in document["servers"]] == ["/"]
+    assert document["paths"]["/v1/sessions"]["post"]["x-role"] == "operator"
+    assert document["paths"]["/v1/sessions/{session_id}"]["delete"]["x-role"] == "admin"
+    assert document["paths"]["/v1/rig/stop"]["post"]["x-role"] == "viewer"
+    assert document["paths"]["/health/live"]["get"]["security"] == []
+
+
 def test_openapi_references_resolve() -> None:
     schema = description()
     names = set(schema["components"]["schemas"])

@@ -1,0 +1,117 @@
+"""The OpenAPI description: what FastAPI derives from the routes, completed for people and for generators of clients.
+
+FastAPI knows types and sentences of the code. Added here are what no route states by itself: what the tags mean, where
+the service is, who may call, the types of what is sent outside of JSON answers (events, problems), examples, and a
+description of each answer and body that has none of its own, taken from its schema.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+
+from api.rest import openapi_examples
+from api.rest.authentication import PUBLIC_PATHS, needed_role
+from api.rest.joint_readings import JointReadingResource
+from api.rest.schemas import EventResource, Problem
+
+DESCRIPTION = (
+    "Photometric stereo with planned lights: a robot arm carries a lamp round an object while a fixed camera captures "
+    "images, which are solved to normals with an uncertainty (σ) for each pixel. Create a session, start it, follow "
+    "its events, download its answer. Lengths are in m, angles in rad, times in s where a name or a description says "
+    "nothing else; errors are problem objects (RFC 9457) whose `code` is stable; fields may be added at any time."
+)
+
+TAGS = {
+    "health": "Does the service answer, do its devices (without a key); figures for a monitoring system.",
+    "rig": "The cell: status, stop, safety, moving the arm by hand, the camera's present image, its geometry.",
+    "sessions": "Capture sessions: recipe, actions, passes, images, results. This is where to begin.",
+    "queue": "Sessions one after another, each of a named object.",
+    "events": "What happens, as a stream (server-sent events).",
+    "problems": "The pages that the `type` of a problem object leads to. No key needed.",
+}
+
+SERVERS = [{"url": "/", "description": "The service that this description comes from; by default 127.0.0.1:8000"}]
+
+_SCHEMAS_OUTSIDE_ROUTES = {
+    "Problem": Problem,
+    "EventResource": EventResource,
+    "JointReadingResource": JointReadingResource,
+}
+_PAGE = "One page of a list, and the address of the next"  # a class of a type variable has no description
+_UNDESCRIBED = "Successful Response"  # FastAPI's own words
+
+
+def of(app: FastAPI) -> dict[str, Any]:
+    """The description of an application's routes; made once."""
+    if app.openapi_schema is None:
+        app.openapi_schema = _made(app)
+    return app.openapi_schema
+
+
+def _made(app: FastAPI) -> dict[str, Any]:
+    schema = get_openapi(
+        title=app.title,
+        version=app.version,
+        description=DESCRIPTION,
+        routes=app.routes,
+        tags=[{"name": name, "description": text} for name, text in TAGS.items()],
+        servers=SERVERS,
+        license_info={"name": "Apache 2.0", "identifier": "Apache-2.0"},
+    )
+    components = schema["components"]["schemas"]
+    for name, model in _SCHEMAS_OUTSIDE_ROUTES.items():
+        own = model.model_json_schema(ref_template="#/components/schemas/{model}", mode="serialization")
+        components.update(own.pop("$defs", {}))
+        components[name] = own
+    openapi_examples.add_to(components)
+    schema["components"]["securitySchemes"] = {
+        "key": {"type": "http", "scheme": "bearer", "description": "Created by `lightpose keys add`"},
+        "ticket": {
+            "type": "apiKey",
+            "in": "query",
+            "name": "ticket",
+            "description": "Issued by POST /v1/tickets; GET only",
+        },
+    }
+    schema["security"] = [{"key": []}, {"ticket": []}, {}]  # none: on a machine without keys
+    for name in [name for name in components if name.startswith("Page_")]:
+        components[name]["description"] = _PAGE
+    for method, path, operation in operations(schema):
+        if path.startswith(PUBLIC_PATHS):
+            operation["security"] = []
+        else:
+            operation["x-role"] = str(needed_role(method.upper(), path))
+        _describe(operation, components)
+    return schema
+
+
+def operations(schema: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Method, path and operation of each route."""
+    for path, methods in schema["paths"].items():
+        for method, operation in methods.items():
+            yield method, path, operation
+
+
+def _describe(operation: dict[str, Any], components: dict[str, Any]) -> None:
+    """Gives body and answers of an operation the descriptions of what they hold."""
+    body = operation.get("requestBody")
+    if body is not None and "description" not in body:
+        body["description"] = _description_of(body["content"], components)
+    for status, answer in operation["responses"].items():
+        if answer["description"] == _UNDESCRIBED:
+            answer["description"] = (
+                "Done; the answer has no content" if status == "204" else _description_of(answer["content"], components)
+            )
+
+
+def _description_of(content: dict[str, Any], components: dict[str, Any]) -> str:
+    """The first line of the description of the first schema that has one."""
+    for media in content.values():
+        schema = media.get("schema", {})
+        named = components.get(schema.get("$ref", "").rpartition("/")[2], {})
+        text = schema.get("description") or named.get("description", "")
+        if text:
+            return text.split("\n")[0]
+    return ""
