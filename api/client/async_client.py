@@ -37,14 +37,15 @@ from api.client.event_following import (
 )
 from api.client.progress_bar import SessionProgressBar
 from api.client.responses import ModelT, ProblemError, parsed, raise_problem, require_completed
-from api.client.transport import TIMEOUT_S, authorization_headers
+from api.client.transport import LIMITS, TIMEOUT_S, authorization_headers
+from api.rest.calibration import RigCalibration
+from api.rest.key_schemas import CallerResource, KeyResource
 from api.rest.preview_figures import PreviewFigures
 from api.rest.queue import QueueEntryResource, QueueResource
 from api.rest.rig_schemas import RigResource, SafetyResource
 from api.rest.scene_schemas import SceneResource
 from api.rest.schemas import (
     ActionAccepted,
-    CallerResource,
     DryRunResource,
     EventResource,
     Page,
@@ -68,8 +69,8 @@ class AsyncClient:
     """
 
     def __init__(self, url: str, key: str | None = None) -> None:
-        headers = authorization_headers(key)
-        self._http = httpx.AsyncClient(base_url=url, timeout=TIMEOUT_S, trust_env=False, headers=headers)
+        common: dict[str, Any] = {"timeout": TIMEOUT_S, "limits": LIMITS, "trust_env": False}
+        self._http = httpx.AsyncClient(base_url=url, headers=authorization_headers(key), **common)
 
     async def __aenter__(self) -> "AsyncClient":
         return self
@@ -97,14 +98,21 @@ class AsyncClient:
         """Name and role of the key that this client sends."""
         return await self._get("/v1/caller", CallerResource)
 
+    async def keys(self) -> list[KeyResource]:
+        """The service's keys by name, without their secrets; for admins."""
+        return await self._all("/v1/keys", KeyResource)
+
+    async def calibration(self) -> RigCalibration:
+        """The calibration in use: its values, age, source and validity."""
+        return await self._get("/v1/rig/calibration", RigCalibration)
+
     async def halt(self) -> None:
         """Halts all motion at once and stops the session that holds the rig; nothing moves before `acknowledge`."""
         await self._send("POST", "/v1/rig/stop")
 
     async def preview(self) -> bytes:
         """The camera's present image as a JPEG; while a session holds the rig, the last frame that it captured."""
-        response = await self._send("GET", "/v1/rig/preview.jpg")
-        return response.content
+        return (await self._send("GET", "/v1/rig/preview.jpg")).content
 
     async def preview_figures(self) -> PreviewFigures:
         """Histogram, clipped shares and focus score of the camera's present image."""
@@ -164,13 +172,9 @@ class AsyncClient:
 
     async def draw_region(self, session_id: str, mask: Path) -> int:
         """Sets the region of interest from a PNG of the camera's size; returns its number of pixels."""
-        response = await self._send(
-            "PUT",
-            f"/v1/sessions/{session_id}/region.png",
-            content=await asyncio.to_thread(mask.read_bytes),
-            headers={"Content-Type": "image/png"},
-        )
-        return parsed(response, RegionResource).pixels
+        content, headers = await asyncio.to_thread(mask.read_bytes), {"Content-Type": "image/png"}
+        address = f"/v1/sessions/{session_id}/region.png"
+        return parsed(await self._send("PUT", address, content=content, headers=headers), RegionResource).pixels
 
     async def start(self, session_id: str) -> State:
         """Starts a session; returns its state."""
@@ -219,8 +223,8 @@ class AsyncClient:
 
     async def dry_run(self, recipe: Recipe) -> DryRunResource:
         """Plans the first pass of a recipe (lights, path, duration); nothing moves."""
-        response = await self._send("POST", "/v1/dry-runs", json=recipe.model_dump(mode="json"))
-        return parsed(response, DryRunResource)
+        body = recipe.model_dump(mode="json")
+        return parsed(await self._send("POST", "/v1/dry-runs", json=body), DryRunResource)
 
     async def results(self, session_id: str) -> list[ResultResource]:
         """The results so far, oldest first."""
@@ -241,11 +245,8 @@ class AsyncClient:
         return await self._get(f"/v1/sessions/{session_id}/results/{number}", ResultResource)
 
     async def resolve(
-        self,
-        session_id: str,
-        settings: SolveSettings | None = None,
-        last_pass: int | None = None,
-    ) -> int:
+        self, session_id: str, settings: SolveSettings | None = None, last_pass: int | None = None
+    ) -> int:  # fmt: skip
         """Requests another solve of an ended session, from the passes up to `last_pass` (None: all of its images).
 
         Returns the number that the result will have; the event `normals.ready` or `resolve.failed` reports the outcome.
@@ -269,8 +270,7 @@ class AsyncClient:
 
     async def log(self, session_id: str) -> str:
         """The log of a session, a line for each event or action."""
-        response = await self._send("GET", f"/v1/sessions/{session_id}/log")
-        return response.text
+        return (await self._send("GET", f"/v1/sessions/{session_id}/log")).text
 
     # ----------------------------------------------------------------------------------------------------------- queue
 

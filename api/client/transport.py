@@ -2,9 +2,15 @@
 
 import os
 
+import httpx
+
 TIMEOUT_S = 30.0
 """Time limit of a request, s: longer than a start may wait for devices, and than the pause between two keep-alive
 comments of the event stream."""
+
+LIMITS = httpx.Limits(keepalive_expiry=2.0)
+"""An idle connection is given up after this time, s: long before the service closes it (5 s), since a request that is
+sent while it is being closed fails."""
 
 
 def authorization_headers(key: str | None) -> dict[str, str]:

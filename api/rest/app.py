@@ -16,6 +16,7 @@ from fastapi.responses import HTMLResponse
 
 from api.rest import (
     archive,
+    calibration,
     camera_preview,
     capacity,
     drawings,
@@ -126,6 +127,7 @@ def _with_routes(lifespan: Any) -> FastAPI:
         rig,
         jog,
         scene,
+        calibration,
         camera_preview,
         sessions,
         images,

@@ -1,9 +1,9 @@
 """Authentication and authorisation of every request in one place, before any route sees it.
 
-Reading needs the role viewer, changing operator, deleting admin; every key may stop. A page that shows images or
-follows events cannot send headers, so it requests a ticket first, which is short-lived and allows reading only. All of
-it is done on the event loop from memory, so that a stop waits for nothing. Without keys, only this machine can call,
-and whoever is logged in on it is an operator: deleting needs a key too, or the command line.
+Reading needs the role viewer, changing operator, deleting and the list of keys admin; every key may stop. A page that
+shows images or follows events cannot send headers, so it requests a ticket first, which is short-lived and allows
+reading only. All of it is done on the event loop from memory, so that a stop waits for nothing. Without keys, only this
+machine can call, and whoever is logged in on it is an operator: deleting and the list need a key, or the command line.
 """
 
 import time
@@ -28,6 +28,9 @@ STOP_PATH = "/v1/rig/stop"
 
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 ALLOWED_TO_EVERY_KEY = frozenset({("POST", STOP_PATH), ("POST", "/v1/tickets")})
+FOR_ADMINS = "/v1/keys"
+"""Address that only admins may read: who may do what in a lab is nobody else's business."""
+
 OPERATORS_MAY_DELETE = ("/v1/queue/",)
 """Path prefixes below which DELETE removes no data, only what an operator has added."""
 
@@ -99,6 +102,8 @@ class Authentication:
 
 def needed_role(method: str, path: str) -> Role:
     """The role that a request needs."""
+    if path == FOR_ADMINS:
+        return Role.ADMIN
     if method in SAFE_METHODS or (method, path) in ALLOWED_TO_EVERY_KEY:
         return Role.VIEWER
     return Role.ADMIN if method == "DELETE" and not path.startswith(OPERATORS_MAY_DELETE) else Role.OPERATOR

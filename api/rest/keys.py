@@ -167,6 +167,7 @@ class KeyRing:
         self.required = content is not None
         self._loaded_stamp = self._stamp()
         self._tickets: dict[str, Caller] = {}
+        self._last_used: dict[str, float] = {}  # by hash: s since 1970
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="keys", daemon=True)
 
@@ -187,7 +188,12 @@ class KeyRing:
         for key in self._keys:
             if hmac.compare_digest(key.sha256, digest):
                 caller = Caller(key.name, key.role, key.sha256)
+                self._last_used[key.sha256] = time.time()
         return caller
+
+    def listed(self) -> list[tuple[Key, float | None]]:
+        """The keys in the order of their making, and when each was last sent since the start, s since 1970, if ever."""
+        return [(key, self._last_used.get(key.sha256)) for key in self._keys]
 
     def issue_ticket(self, caller: Caller, now: float) -> str:
         """Issues a ticket with which a page may read, and only read, until `now` (s, monotonic) + TICKET_LIFETIME_S."""

@@ -9,6 +9,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.errors import PROBLEMS, ErrorCode
 from acquisition.models.light_forecast import LightForecast, PlacedLight
 from acquisition.models.light_plan import ForecastPoint, Light, LightPlan, PriorForecast
@@ -20,8 +21,10 @@ from acquisition.models.time_left import TimeLeft, TimePart
 from acquisition.session import ARM_STATE, Stage, State
 from acquisition.store.queue_table import EntryState, QueueState
 from api.rest import images
+from api.rest.calibration import RigCalibration
 from api.rest.jog import JogRequest, JogResource
 from api.rest.joint_readings import JointReadingResource
+from api.rest.key_schemas import CallerResource, KeyResource, TicketResource
 from api.rest.keys import Role
 from api.rest.openapi_scene_example import SCENE
 from api.rest.preview_figures import PreviewFigures
@@ -43,7 +46,6 @@ from api.rest.schemas import (
     ActionRequest,
     ActionResource,
     ArtefactResource,
-    CallerResource,
     DryRunResource,
     EventResource,
     OwnLights,
@@ -59,7 +61,6 @@ from api.rest.schemas import (
     SessionEdit,
     SessionResource,
     ShotResource,
-    TicketResource,
 )
 
 _ID = "20261121-101500-3f9c2a"
@@ -158,6 +159,23 @@ _ROUTE = Route(
     seconds=1.8,
     lower_bound_s=1.8,
 )
+_KEY = KeyResource(name="anna", role=Role.OPERATOR, created=_CREATED_AT, last_used=_CREATED_AT + timedelta(days=2))
+_CALIBRATION = Calibration(
+    width=1024,
+    height=1024,
+    camera_matrix=((4600.0, 0.0, 511.5), (0.0, 4600.0, 511.5), (0.0, 0.0, 1.0)),
+    distortion=(-0.08, 0.05, 0.0004, -0.0003, 0.0),
+    base_from_camera=_POSE,
+    tool_from_lamp=_POSE,
+    lamp_intensity=20.0,
+    reference_m=0.45,
+    lobe_exponent=0.8,
+    sensor=SensorModel(bits=12, gain_e_per_dn=2.5, read_noise_e=5.0, full_well_e=10077.5, black_level_dn=64.0),
+    intensity_sigma=0.01,
+    lamp_position_sigma_m=0.001,
+    made_at="2026-11-01T00:00:00Z",
+    valid_days=90.0,
+)
 _FORECAST = PriorForecast(
     points=[
         ForecastPoint(added=images, lights=images, sigma_deg=sigma_deg)
@@ -223,6 +241,7 @@ VALUES: tuple[BaseModel, ...] = (
     JogResource(moving=True, hold_s=0.3, links={"release": "/v1/rig/jog/release", "stop": "/v1/rig/stop"}),
     JointReadingResource(connected=True, joints=_JOINTS, moving=False, age_s=0.0018, at=_CREATED_AT),
     Page[ActionResource](items=[_ACTION]),
+    Page[KeyResource](items=[_KEY]),
     Page[PassSummary](items=[_PASS]),
     Page[ResultResource](items=[_RESULT]),
     Page[SessionResource](items=[_SESSION], next="/v1/sessions?limit=1&after=12"),
@@ -310,6 +329,17 @@ VALUES: tuple[BaseModel, ...] = (
     SCENE,
     _SESSION,
     CallerResource(name="anna", role=Role.OPERATOR),
+    _KEY,
+    RigCalibration(
+        made_at="2026-11-01T00:00:00Z",
+        valid_until="2027-01-30T00:00:00+00:00",
+        valid=True,
+        age_days=22.4,
+        file="calibration.json",
+        fingerprint=_SHA256,
+        values=_CALIBRATION,
+        links={"self": "/v1/rig/calibration", "rig": "/v1/rig"},
+    ),
     TicketResource(ticket="uM3vC0c4mJ7hT6m3i3rQbq0t4bXn2lW6", good_until=_CREATED_AT + timedelta(minutes=5)),
 )
 

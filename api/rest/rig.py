@@ -43,6 +43,7 @@ VERSION = version("lightpose")
 RIG_LINKS = {
     "self": "/v1/rig",
     "scene": "/v1/rig/scene",
+    "calibration": "/v1/rig/calibration",
     "stop": STOP_PATH,
     "safety": "/v1/rig/safety",
     "reach": "/v1/rig/reach",

@@ -19,7 +19,6 @@ from acquisition.models.route import Route
 from acquisition.models.shot import Shot
 from acquisition.models.time_left import TimeLeft
 from acquisition.session import Stage, State
-from api.rest.keys import Role
 
 ItemT = TypeVar("ItemT")
 SessionAction = Literal["start", "pause", "resume", "stop"]
@@ -87,25 +86,6 @@ class ProblemPage(Resource):
     status: int = Field(description="HTTP status that the code is answered with")
     title: str = Field(description="What the code means, for people")
     remedy: str = Field(description="What to do, for people")
-
-
-# ------------------------------------------------------------------------------------------------------------- tickets
-
-
-class CallerResource(Resource):
-    """Who asks: without keys `operator`, whose role is operator."""
-
-    name: str = Field(description="Name of the key; `operator` without keys")
-    role: Role = Field(
-        description="What the key may do; each role may do what those before it may: viewer, operator, admin"
-    )
-
-
-class TicketResource(Resource):
-    """A short-lived permission to read, for addresses that a browser opens by itself."""
-
-    ticket: str = Field(description="The secret: `?ticket=…` in an address")
-    good_until: datetime = Field(description="Until when it is accepted, UTC: five minutes, or as long as its key")
 
 
 class Accepted(Resource):

@@ -1,5 +1,8 @@
-"""Routes of callers: who a key belongs to, and tickets, with which a page shows images and follows events: browsers
-send no key with those.
+"""Routes of callers: who a key belongs to, which keys there are, and tickets, with which a page shows images and
+follows events: browsers send no key with those.
+
+Keys are made and revoked on the service's machine alone (`lightpose keys`): whoever steals an admin's key can then
+neither make keys that outlive it nor lock the others out, and no secret is ever sent.
 """
 
 import time
@@ -10,8 +13,9 @@ from fastapi import APIRouter, Request
 from acquisition.models.errors import ErrorCode
 from api.rest import problems
 from api.rest.dependencies import CallerOf
+from api.rest.key_schemas import CallerResource, KeyResource, TicketResource
 from api.rest.keys import TICKET_LIFETIME_S, KeyRing
-from api.rest.schemas import CallerResource, TicketResource
+from api.rest.schemas import Page
 
 router = APIRouter(tags=["rig"])
 
@@ -20,6 +24,29 @@ router = APIRouter(tags=["rig"])
 async def caller(caller: CallerOf) -> CallerResource:
     """Who asks: the name and the role of the key, so that a page offers only what the key allows."""
     return CallerResource(name=caller.name, role=caller.role)
+
+
+@router.get(
+    "/v1/keys",
+    responses=problems.responses_of(ErrorCode.REQUEST_UNAUTHENTICATED, ErrorCode.REQUEST_FORBIDDEN),
+)
+async def keys(request: Request) -> Page[KeyResource]:
+    """The keys of the service, for admins: names, roles, age and last use.
+
+    They are made and revoked on the service's machine: `lightpose keys add`, `lightpose keys revoke`.
+    """
+    ring: KeyRing = request.app.state.keys
+    return Page[KeyResource](
+        items=[
+            KeyResource(
+                name=key.name,
+                role=key.role,
+                created=datetime.fromtimestamp(key.created_at, UTC),
+                last_used=None if used is None else datetime.fromtimestamp(used, UTC),
+            )
+            for key, used in ring.listed()
+        ]
+    )
 
 
 @router.post("/v1/tickets", status_code=201, responses=problems.responses_of(ErrorCode.REQUEST_UNAUTHENTICATED))

@@ -173,17 +173,15 @@ def tour(page: Page, url: str, session_id: str) -> None:
     page.locator("#cell[data-frames]").wait_for()
 
 
-def fill(page: Page, url: str, client: Client) -> str:
-    """Fills what the page keeps a limited number of; returns a session whose edits are events."""
+def fill(page: Page, url: str, client: Client, run: Callable[[Client, Recipe, State], str]) -> str:
+    """Fills what the page keeps a limited number of, with sessions that have results; returns the last of them."""
     session_id = ""
     for _ in range(KEPT_SESSIONS):
-        session_id = str(client.create(QUICK).id)
+        session_id = run(client, QUICK, State.COMPLETED)
         page.goto(f"{url}/#/sessions/{session_id}")
-        page.locator("#session-state").wait_for()
-    edited = 0
+        page.locator(".images img").first.wait_for()
     while page.evaluate("window.lightpose.events.length") < KEPT_EVENTS:
-        client.edit(session_id, notes=f"edit {edited}")
-        edited += 1
+        client.edit(session_id, notes="one more event")
     return session_id
 
 
@@ -193,15 +191,14 @@ def measure_memory(
     """Prints a sample a minute, then the fits; exits with an error where the page's memory grows."""
     page = open_page(browser.new_context(), Console(), f"{service.url}/#/cell")
     page.set_default_timeout(PATIENCE_MS)
-    shown = run(client, QUICK, State.COMPLETED)
+    edited = shown = fill(page, service.url, client, run)
     for _ in range(WARM_UP):
         tour(page, service.url, shown)
-    edited = fill(page, service.url, client)
     worker = WorkerHeap(browser)
     names = [field.name for field in fields(Sample)]
     print(*names, "sessions", sep="\t", flush=True)
     samples: list[Sample] = []
-    sessions = 1
+    sessions = KEPT_SESSIONS
     begun = time.monotonic()
     while not samples or samples[-1].minute < minutes:
         due = begun + SAMPLE_S * len(samples)

@@ -37,6 +37,9 @@ def test_page_of_viewer_offers_nothing_that_changes(
                 1 if name == "Save" and place == "#/cell" else 0  # the picture of the cell
             )
         expect(viewer.locator("#stop")).to_be_enabled()
+    viewer.goto(f"{lab.url}/#/rig")
+    expect(viewer.locator("#values")).to_be_visible()
+    expect(viewer.locator("key-list")).to_have_count(0)
     viewer.goto(f"{lab.url}/#/sessions/{session.id}")
     expect(viewer.locator("h1")).to_have_text("seen by two")
     other.close()

@@ -138,3 +138,18 @@ def test_page_jog_moves_arm_only_while_held(opened: Callable[..., Page], lab: La
     assert np.abs(rested[1:] - home[1:]).max() < 0.01
     page.wait_for_timeout(500)
     assert np.abs(lab.joints() - rested).max() < 1e-3
+
+
+def test_page_lists_keys_and_calibration(opened: Callable[..., Page], lab: Lab) -> None:
+    page = opened(Role.ADMIN, "#/rig")
+    for role in Role:
+        expect(page.locator(f"[data-key='{role}']")).to_contain_text(str(role))
+    for secret in lab.secrets.values():
+        assert secret not in page.content()
+    page.goto(f"{lab.url}/#/calibration")
+    known = lab.client.calibration()
+    expect(page.locator(".fingerprint")).to_have_text(known.fingerprint)
+    expect(page.locator("#camera-values")).to_contain_text(f"{known.values.camera_matrix[0][0]:.1f}")
+    expect(page.locator("#lamp-values")).to_contain_text(f"{1e3 * known.values.reference_m:.0f} mm")
+    expect(page.locator("#noise-values")).to_contain_text(f"{known.values.sensor.read_noise_e:.1f} e")
+    expect(page.locator("calibration-screen").get_by_role("button")).to_have_count(0)

@@ -256,3 +256,38 @@ def test_ready_without_key_tells_no_address(locked: Any, secrets: SECRETS) -> No
     assert "127.0" not in open_to_all.text
     assert open_to_all.json()["reasons"]
     assert "127.0" in with_key.text
+
+
+def test_keys_are_listed_for_admins_without_secrets(locked: Any, secrets: SECRETS) -> None:
+    for role in (Role.VIEWER, Role.OPERATOR):
+        refused = locked.http.get("/v1/keys", headers=as_(role, secrets))
+        assert (refused.status_code, refused.json()["needed"]) == (403, "admin")
+    ticket = locked.http.post("/v1/tickets", headers=as_(Role.ADMIN, secrets)).json()["ticket"]
+    assert locked.http.get("/v1/keys", params={"ticket": ticket}).status_code == 403
+    assert locked.http.head("/v1/keys", headers=as_(Role.VIEWER, secrets)).status_code == 403
+
+    answer = locked.http.get("/v1/keys", headers=as_(Role.ADMIN, secrets))
+
+    listed = {item["name"]: item for item in answer.json()["items"]}
+    assert {name: item["role"] for name, item in listed.items()} == {f"the-{role}": str(role) for role in Role}
+    assert all(set(item) == {"name", "role", "created", "last_used"} for item in listed.values())
+    assert all(item["last_used"] is not None for item in listed.values())
+    stored = keys.read(keys.path_in(locked.settings.data))
+    assert stored is not None
+    for key in stored.keys:
+        assert key.sha256 not in answer.text
+    assert not any(secret in answer.text for secret in secrets.values())
+
+
+def test_key_that_was_never_sent_has_no_last_use(tmp_path: Path) -> None:
+    path = keys.path_in(tmp_path)
+    used = keys.add(path, "used", Role.VIEWER)
+    keys.add(path, "idle", Role.VIEWER)
+    ring = KeyRing(path)
+    before = time.time()
+    assert ring.caller(used) is not None
+    assert ring.caller("wrong") is None
+    times = {key.name: at for key, at in ring.listed()}
+    assert times["idle"] is None
+    assert times["used"] is not None
+    assert before <= times["used"] <= time.time()

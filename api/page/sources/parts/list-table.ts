@@ -3,7 +3,7 @@ import { html, type TemplateResult } from "lit";
 
 /** `columns` are the headings, those that are shown to this caller. */
 export function listTable(label: string, columns: readonly string[], rows: readonly TemplateResult[]): TemplateResult {
-  return html`<div class="scrolled" tabindex="0" role="region" aria-label=${label}>
+  return html`<div class="scrolled" tabindex="0" role="group" aria-label=${label}>
     <table class="list">
       <thead>
         <tr>

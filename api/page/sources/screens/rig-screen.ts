@@ -6,6 +6,7 @@ import { post } from "../connection/requests";
 import type { Rig } from "../connection/schemas";
 import { PageElement } from "../parts/element";
 import "../parts/jog-pad";
+import "../parts/key-list";
 import { number, t, type Word } from "../words/language";
 import { problemTitle, remedyOf } from "../words/problems";
 
@@ -40,7 +41,7 @@ export class RigScreen extends PageElement {
         }
       </section>
       ${live.mayOperate ? html`${this.parkingCard(rig)}<jog-pad></jog-pad>` : nothing} ${this.values(rig)}
-      ${this.keys()}`;
+      ${live.mayOperate ? html`<key-list></key-list>` : nothing} ${this.keyboard()}`;
   }
 
   private check(name: Word, good: boolean, more: string) {
@@ -88,7 +89,7 @@ export class RigScreen extends PageElement {
     </section>`;
   }
 
-  private keys() {
+  private keyboard() {
     return html`<section class="card" aria-labelledby="keyboard">
       <h2 id="keyboard">${t("rig.keyboard")}</h2>
       <dl class="keys">
@@ -99,7 +100,6 @@ export class RigScreen extends PageElement {
         <dt><kbd>←</kbd> <kbd>→</kbd> <kbd>↑</kbd> <kbd>↓</kbd></dt>
         <dd>${t("rig.key_arrows")}</dd>
       </dl>
-      <p>${t("rig.keys_who")}</p>
     </section>`;
   }
 }

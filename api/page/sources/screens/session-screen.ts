@@ -12,13 +12,14 @@ import "./result-view";
 import "./session-progress";
 
 const PARTS = ["", "plan", "result"] as const;
-const ASKED = new Set(["resume", "stop"]);
+type Action = Session["allowed_actions"][number];
+const ASKED = new Set<Action>(["resume", "stop"]);
 
 @customElement("session-screen")
 export class SessionScreen extends PageElement {
   @property({ attribute: false }) identity: string | null = null;
   @property({ attribute: false }) chapter = "";
-  @state() private asked: string | null = null;
+  @state() private asked: Action | null = null;
   @state() private fromHere = false;
   @state() private editing = false;
   protected readonly watching = new LiveController(this);
@@ -122,7 +123,7 @@ export class SessionScreen extends PageElement {
     </div>`;
   }
 
-  private action(session: Session, action: string) {
+  private action(session: Session, action: Action) {
     return html`<button
       type="button"
       data-action=${action}
@@ -133,7 +134,7 @@ export class SessionScreen extends PageElement {
     </button>`;
   }
 
-  private question(session: Session, action: string) {
+  private question(session: Session, action: Action) {
     const elsewhere = session.state === "interrupted" && action === "resume";
     return html`<div class="question" role="group" aria-label=${t(`action.${action}` as Word)}>
       <p>${t(`ask.${action}` as Word)}</p>
