@@ -18,7 +18,7 @@ settings.register_profile("suite", deadline=None, derandomize=True)
 settings.load_profile("suite")
 
 TESTS = Path(__file__).parent
-NO_CLOCK = tuple(TESTS / "acquisition" / name for name in ("normals", "plan", "waypoints"))
+NO_CLOCK = tuple(TESTS / "acquisition" / name for name in ("calibrate", "normals", "plan", "waypoints"))
 
 os.environ["LIGHTPOSE_LOOPBACK_ONLY"] = "1"  # inherited by driver processes, which refuse any other address
 

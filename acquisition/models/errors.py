@@ -60,6 +60,7 @@ class ErrorCode(StrEnum):
     WAYPOINTS_UNREACHABLE = "waypoints.unreachable"
     WAYPOINTS_COLLISION = "waypoints.collision"
     NORMALS_INFEASIBLE = "normals.infeasible"
+    CALIBRATION_INFEASIBLE = "calibration.infeasible"
     FOLDER_INVALID = "folder.invalid"
     SCENE_MOVED = "scene.moved"
     STORE_DISK_FULL = "store.disk_full"
@@ -252,6 +253,11 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.WAYPOINTS_COLLISION: Problem(
         422, "There is no collision-free path", "Move the arm clear by hand, or omit the lights named in `lights`."
+    ),
+    ErrorCode.CALIBRATION_INFEASIBLE: Problem(
+        422,
+        "These images do not determine the calibration",
+        "Take more views of the board, tilted to different sides (see the detail); nothing was overwritten.",
     ),
     ErrorCode.NORMALS_INFEASIBLE: Problem(
         422, "Normals cannot be solved from these images", "See the detail: at least three usable lights are needed."

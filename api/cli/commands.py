@@ -1,22 +1,19 @@
-"""The command line: `lightpose demo | sim | serve | check | solve | plan | replay | …`.
+"""The command line: `lightpose demo | sim | serve | check | solve | plan | calibrate | …`.
 
 Each command imports what it needs when it runs, so that `lightpose --help` answers at once and loads neither numerical
 kernels nor an HTTP library.
 """
 
 import json
-import sys
-from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, NoReturn, TypeVar
+from typing import Annotated
 
 import typer
 
-from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
+from api.cli import calibrate_commands
+from api.cli.error_exit import explain_errors
 from api.cli.object_options import Family, MeshFile, ObjectName, Reflects, SizeMm
-
-T = TypeVar("T")
 
 app = typer.Typer(
     no_args_is_help=True, add_completion=False, help="Photometric stereo with planned lights.", rich_markup_mode=None
@@ -71,7 +68,7 @@ def demo(
     from hardware_sim import object_spec
 
     options = demonstration.DemoOptions(
-        spec=_explain_errors(lambda: object_spec.choose(object_name, mesh, size_mm, family, reflectance)),
+        spec=explain_errors(lambda: object_spec.choose(object_name, mesh, size_mm, family, reflectance)),
         seed=seed,
         pilot_lights=pilot,
         planned_lights=planned,
@@ -84,9 +81,9 @@ def demo(
         lights=lights,
     )
     if page:
-        _explain_errors(lambda: demonstration.serve_page(options))
+        explain_errors(lambda: demonstration.serve_page(options))
         return
-    outcome = _explain_errors(lambda: demonstration.run(options))
+    outcome = explain_errors(lambda: demonstration.run(options))
     if as_json:
         print(json.dumps(outcome), flush=True)
 
@@ -118,7 +115,7 @@ def sim(
     from hardware_sim import cell as simulation
     from hardware_sim import object_spec
 
-    _explain_errors(
+    explain_errors(
         lambda: simulation.run(
             simulation.CellOptions(
                 address,
@@ -164,7 +161,7 @@ def serve(
     wanted: dict[str, object] = {name: value for name, value in given.items() if value is not None}
     if trusted_proxy:
         wanted["trusted_proxies"] = tuple(trusted_proxy)
-    _explain_errors(lambda: server.serve(settings.read(**wanted)))
+    explain_errors(lambda: server.serve(settings.read(**wanted)))
 
 
 @app.command()
@@ -180,9 +177,11 @@ def check(
     from hardware_sim import nominal
 
     cell_file = cell or nominal.default_cell_file()
-    if not _explain_errors(lambda: checking.check(cell_file, offline=offline, data=data)):
+    if not explain_errors(lambda: checking.check(cell_file, offline=offline, data=data)):
         raise typer.Exit(1)
 
+
+app.add_typer(calibrate_commands.app, name="calibrate")
 
 keys_app = typer.Typer(no_args_is_help=True, help="API keys: who may call the service, and what they may do.")
 app.add_typer(keys_app, name="keys")
@@ -203,7 +202,7 @@ def add_key(
     roles = [str(item) for item in keys.Role]
     if role not in roles:
         raise typer.BadParameter(f"choose of {', '.join(roles)}", param_hint="--role")
-    print(_explain_errors(lambda: keys.add(keys.path_in(data), name, keys.Role(role))))
+    print(explain_errors(lambda: keys.add(keys.path_in(data), name, keys.Role(role))))
 
 
 @keys_app.command("revoke")
@@ -211,7 +210,7 @@ def revoke_key(name: str, data: Data = Path("data")) -> None:
     """Revokes a key; a running service refuses it within a second."""
     from api.rest import keys
 
-    _explain_errors(lambda: keys.revoke(keys.path_in(data), name))
+    explain_errors(lambda: keys.revoke(keys.path_in(data), name))
 
 
 @keys_app.command("list")
@@ -221,7 +220,7 @@ def list_keys(data: Data = Path("data")) -> None:
 
     from api.rest import keys
 
-    content = _explain_errors(lambda: keys.read(keys.path_in(data)))
+    content = explain_errors(lambda: keys.read(keys.path_in(data)))
     for key in content.keys if content is not None else ():
         print(f"{key.name}\t{key.role}\tmade {datetime.fromtimestamp(key.created_at, UTC):%Y-%m-%d}")
 
@@ -243,7 +242,7 @@ def prune(
 
     from acquisition.store import retention
 
-    removed = _explain_errors(
+    removed = explain_errors(
         lambda: retention.prune(data, older_than_days=older_than, keep=keep, now=time.time(), dry_run=dry_run)
     )
     for item in removed:
@@ -291,7 +290,7 @@ def solve_folder(
     """Solves a folder of images to normals with an uncertainty for each pixel; grades them where truth is known."""
     from api.cli import solving
 
-    outcome = _explain_errors(
+    outcome = explain_errors(
         lambda: solving.run(solving.solve_request(folder, solver.value, near, out, sphere, exports or [], keep_steps))
     )
     if as_json:
@@ -323,7 +322,7 @@ def plan_folder(
     """Plans further lights for a folder of images, for any dome, ring or robot; moves nothing."""
     from api.cli import planning
 
-    outcome = _explain_errors(
+    outcome = explain_errors(
         lambda: planning.run(planning.plan_request(folder, count, candidates, radius_mm, max_slant_deg, pilot, out))
     )
     if as_json:
@@ -339,7 +338,7 @@ def replay(
     """Solves a session's images again and compares with its stored result; writes nothing."""
     from api.cli import solving
 
-    outcome = _explain_errors(lambda: solving.replay(folder, result))
+    outcome = explain_errors(lambda: solving.replay(folder, result))
     if as_json:
         print(json.dumps(outcome), flush=True)
 
@@ -354,7 +353,7 @@ def study(
     """Compares methods of placing lights and checks the paper's figures, as one page and JSON; moves nothing."""
     from api.cli.study import run
 
-    figures = _explain_errors(lambda: run.run(seed, out, quick=quick))
+    figures = explain_errors(lambda: run.run(seed, out, quick=quick))
     print(out / "study.html")
     if as_json:
         print(json.dumps(figures), flush=True)
@@ -378,21 +377,3 @@ def warm() -> None:
 def main() -> None:
     """Entry point of the `lightpose` command."""
     app()
-
-
-def _explain_errors(work: Callable[[], T]) -> T:
-    """Runs a command; prints a RigError or ProblemError with its remedy and exits with status 2."""
-    from api import ProblemError
-
-    try:
-        return work()
-    except RigError as error:
-        _exit_with_remedy(error.code, error.detail)
-    except ProblemError as error:
-        _exit_with_remedy(error.code, error.detail)
-
-
-def _exit_with_remedy(code: ErrorCode, detail: str) -> NoReturn:
-    print(f"{code}: {detail}", file=sys.stderr)
-    print(f"  What to do: {PROBLEMS[code].remedy}", file=sys.stderr)
-    raise typer.Exit(2)

@@ -1,0 +1,6 @@
+"""Calibration of the cell from images of a ChArUco board: camera, and camera to arm.
+
+Pure estimation: images and joints in, values with their covariance out. All corners of all views are adjusted together
+(`bundle_adjustment`), because closed forms on poses (AX = XB) weigh a view that is seen from afar like one that fills
+the image, and tell no uncertainty.
+"""

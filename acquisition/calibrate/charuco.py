@@ -1,0 +1,139 @@
+"""ChArUco boards: description, drawing to scale, and sub-pixel detection of the corners (OpenCV `aruco`).
+
+A chessboard's corners are found to some hundredths of a pixel, and the markers in its white squares say which corner is
+which, so that a board which is partly hidden or leaves the image still counts. The board's frame has its origin at a
+corner of the board, x along its columns, y along its rows, z into it.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from pydantic import Field
+
+from acquisition.models.base import FloatArray, Value
+from acquisition.models.errors import ErrorCode, RigError
+
+DICTIONARY = "DICT_5X5_250"
+"""Markers of the board: 25 bits are read down to 1.5 pixels a bit, and 250 of them fill boards of 500 squares."""
+
+MARKER_BITS = 7
+"""Bits along the side of a marker, its black border included."""
+
+MIN_CORNERS = 8
+"""Corners of a view, fewer than which hardly tell its pose."""
+
+MIN_SPREAD = 0.1
+"""Least share of the longer extent of a view's corners that the shorter one has: corners on a line tell no tilt."""
+
+PAGE_MARGIN_M = 0.01
+"""White margin of a drawn board, m: a marker needs one around it."""
+
+MM_PER_INCH = 25.4
+
+
+class CharucoBoard(Value):
+    """Squares of a ChArUco board, as printed and measured."""
+
+    columns: int = Field(ge=3, le=40, description="Squares along x")
+    rows: int = Field(ge=3, le=40, description="Squares along y")
+    square_m: float = Field(gt=0.001, lt=0.5, description="Side of a square as measured on the print, m")
+    marker_share: float = Field(default=0.75, ge=0.4, le=0.9, description="Side of a marker over that of a square")
+    legacy_pattern: bool = Field(
+        default=False,
+        description="Whether the upper left square of a board of even rows is white, as before OpenCV 4.6 (calib.io)",
+    )
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Width and height, m."""
+        return self.columns * self.square_m, self.rows * self.square_m
+
+    @property
+    def corners_m(self) -> FloatArray:
+        """Inner corners (N, 3) in the board's frame, m, as if it were flat."""
+        return np.asarray(self.opencv().getChessboardCorners(), dtype=float)
+
+    def opencv(self) -> cv2.aruco.CharucoBoard:
+        """The board of OpenCV."""
+        dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, DICTIONARY))
+        marker_m = self.marker_share * self.square_m
+        board = cv2.aruco.CharucoBoard((self.columns, self.rows), self.square_m, marker_m, dictionary)
+        board.setLegacyPattern(self.legacy_pattern)
+        return board
+
+
+@dataclass(frozen=True)
+class View:
+    """Corners of a board in one image: numbers (K,) in `CharucoBoard.corners_m`, and pixels (K, 2), column and row; the
+    arm's joints (6,), rad, where the board is on its flange."""
+
+    name: str
+    corners: np.ndarray
+    pixels: FloatArray
+    joints: FloatArray | None = None
+
+
+def detect(image: np.ndarray, board: CharucoBoard, name: str, joints: FloatArray | None = None) -> View | None:
+    """Detects a board's corners by its markers and refines them (OpenCV `CharucoDetector`); none where it is not seen.
+
+    `image` (H, W) or (H, W, 3), 8 or 16 bits, brightness linear or not.
+    """
+    detector = cv2.aruco.CharucoDetector(board.opencv())
+    pixels, numbers, _, _ = detector.detectBoard(_as_8_bit(image))
+    if np.size(numbers) < MIN_CORNERS:  # None where there are no markers
+        return None
+    seen = np.asarray(pixels, dtype=float).reshape(-1, 2)
+    extent = np.linalg.svd(seen - seen.mean(axis=0), compute_uv=False)
+    if extent[1] < MIN_SPREAD * extent[0]:
+        return None
+    return View(name, np.ravel(numbers), seen, joints)
+
+
+def draw(board: CharucoBoard, path: Path) -> None:
+    """Draws a board to scale as vectors (PDF or SVG), with its description at the lower edge.
+
+    Raises RigError config.invalid for another ending.
+    """
+    if path.suffix.lower() not in (".pdf", ".svg"):
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path.name}: a board is drawn as .pdf or .svg, which keep its scale")
+    width, height = (side + 2 * PAGE_MARGIN_M for side in board.size_m)
+    figure = Figure(figsize=(1000 * width / MM_PER_INCH, 1000 * height / MM_PER_INCH))
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set(xlim=(-PAGE_MARGIN_M, width - PAGE_MARGIN_M), ylim=(height - PAGE_MARGIN_M, -PAGE_MARGIN_M))
+    axes.set_axis_off()
+    for column, row, side in _black_squares_m(board):
+        axes.add_patch(Rectangle((column, row), side, side, color="black", linewidth=0))
+    said = f"{board.columns} × {board.rows} squares of {1000 * board.square_m:g} mm · {DICTIONARY}"
+    said += " · legacy pattern" if board.legacy_pattern else ""
+    axes.text(0, board.size_m[1] + 0.7 * PAGE_MARGIN_M, said, fontsize=7)
+    figure.savefig(path)
+
+
+def _black_squares_m(board: CharucoBoard) -> list[tuple[float, float, float]]:
+    """Upper left corner and side, m, of each black square of the chessboard and each black bit of the markers."""
+    made = board.opencv()
+    markers = np.asarray(made.getObjPoints())[:, 0, :2]  # their upper left corners
+    white = {tuple(square) for square in np.floor(markers / board.square_m).astype(int)}
+    squares = [
+        (column * board.square_m, row * board.square_m, board.square_m)
+        for column in range(board.columns)
+        for row in range(board.rows)
+        if (column, row) not in white
+    ]
+    bit_m = board.marker_share * board.square_m / MARKER_BITS
+    for number, (x, y) in zip(np.ravel(made.getIds()), markers, strict=True):
+        bits = cv2.aruco.generateImageMarker(made.getDictionary(), int(number), MARKER_BITS)
+        squares += [(x + column * bit_m, y + row * bit_m, bit_m) for row, column in np.argwhere(bits == 0)]
+    return squares
+
+
+def _as_8_bit(image: np.ndarray) -> np.ndarray:
+    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
+    if grey.dtype == np.uint8:
+        return grey
+    brightest = float(np.percentile(grey, 99.5))
+    return np.clip(255 / max(brightest, 1.0) * grey.astype(np.float32), 0, 255).astype(np.uint8)

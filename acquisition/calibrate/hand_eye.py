@@ -1,0 +1,138 @@
+"""Hand–eye calibration: base from camera, with the board on the flange and the camera fixed in the cell.
+
+The closed form of Park and Martin (1994) on the views' poses starts a bundle adjustment of all corners, in which
+intrinsics, the board's pose and scale and the offsets of the joints are unknown as well. The arm's deviations from its
+kinematic model are estimated from the views, so that the covariance tells what is known of base from camera, not what
+would be known of it with a perfect arm.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from acquisition import geometry
+from acquisition.calibrate.bundle_adjustment import (
+    BASE_FROM_CAMERA,
+    SCALE,
+    SCALE_SIGMA,
+    Adjusted,
+    Model,
+    adjust,
+)
+from acquisition.calibrate.charuco import CharucoBoard, View
+from acquisition.calibrate.intrinsics import CameraFit
+from acquisition.models.base import FloatArray
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.waypoints import calibrated_kinematics
+
+MIN_VIEWS = 6
+"""Views for two poses, four joint offsets and the deviations of the arm."""
+
+MIN_TURN_DEG = 20.0
+"""Least rotation of the flange about a second axis between views: about one axis alone the camera's place along it is
+not determined."""
+
+MAX_SCALE = 0.005
+"""Deviation of the board's squares from their stated side from which they count as wrongly measured, not printed."""
+
+
+@dataclass(frozen=True)
+class HandEyeFit:
+    """A hand–eye calibration: the adjustment, whose own poses are the arm's deviations."""
+
+    adjusted: Adjusted
+
+    @property
+    def base_from_camera(self) -> FloatArray:
+        """Pose (4, 4) of the camera in the arm's base frame."""
+        return self.adjusted.parameters.base_from_camera
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance (6, 6) of translation, m, and rotation vector, rad, in the camera's frame."""
+        return self.adjusted.covariance[BASE_FROM_CAMERA, BASE_FROM_CAMERA]
+
+    @property
+    def sigma(self) -> tuple[float, float]:
+        """1 σ of the camera's place, m, and of its rotation, rad: roots of the traces of their covariances."""
+        variance = np.diag(self.covariance).reshape(2, 3).sum(axis=1)
+        return float(np.sqrt(variance[0])), float(np.sqrt(variance[1]))
+
+
+def fit(board: CharucoBoard, chain: FloatArray, views: Sequence[View], camera: CameraFit) -> HandEyeFit:
+    """Calibrates base from camera: start by Park and Martin's closed form, then bundle adjustment of all corners.
+
+    `chain` (6, 4) is the arm's, nominal or of the factory (`calibrated_kinematics.chain`); `camera` a calibration in
+    which the views take part by name. Raises RigError calibration.infeasible: too few views, flange turned about one
+    axis only, wrong side of the squares.
+    """
+    if len(views) < MIN_VIEWS:
+        raise RigError(
+            ErrorCode.CALIBRATION_INFEASIBLE, f"{len(views)} views of the board on the flange: {MIN_VIEWS} are needed"
+        )
+    joints = [view.joints for view in views]
+    if any(one is None for one in joints):
+        raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, "The arm's joints are not stated for every image")
+    base_from_flange = calibrated_kinematics.forward(chain, np.array(joints))[:, 6]
+    own = dict(zip((view.name for view in camera.adjusted.views), camera.adjusted.parameters.own, strict=True))
+    camera_from_board = np.stack([own[view.name] for view in views])
+    base_from_camera = park(base_from_flange, camera_from_board)
+    start = replace(
+        camera.adjusted.parameters,
+        own=np.tile(np.eye(4), (len(views), 1, 1)),
+        base_from_camera=base_from_camera,
+        flange_from_board=_mean([
+            geometry.inverse(flange) @ base_from_camera @ board
+            for flange, board in zip(base_from_flange, camera_from_board, strict=True)
+        ]),
+    )  # fmt: skip
+    found = adjust(Model(board, chain), views, start)
+    _require_scale(found)
+    return HandEyeFit(found)
+
+
+def park(base_from_flange: FloatArray, camera_from_board: FloatArray) -> FloatArray:
+    """Closed form of AX = XB (Park and Martin 1994): base from camera (4, 4) of poses (V, 4, 4).
+
+    Motions of all pairs of views take part. Raises RigError calibration.infeasible where the flange turns about one
+    axis only.
+    """
+    pairs = [(i, j) for i in range(len(base_from_flange)) for j in range(i)]
+    arm = [base_from_flange[i] @ geometry.inverse(base_from_flange[j]) for i, j in pairs]
+    seen = [camera_from_board[i] @ geometry.inverse(camera_from_board[j]) for i, j in pairs]
+    arm_turns = np.stack([Rotation.from_matrix(one[:3, :3]).as_rotvec() for one in arm])
+    seen_turns = np.stack([Rotation.from_matrix(one[:3, :3]).as_rotvec() for one in seen])
+    spread = np.linalg.svd(arm_turns, compute_uv=False) / np.sqrt(len(pairs))
+    if np.degrees(spread[1]) < MIN_TURN_DEG / 2:
+        raise RigError(
+            ErrorCode.CALIBRATION_INFEASIBLE,
+            "The flange turns about one axis only between the views: turn the board about two axes by 20° and more",
+        )
+    rotation = Rotation.align_vectors(arm_turns, seen_turns)[0].as_matrix()
+    rows = np.concatenate([one[:3, :3] - np.eye(3) for one in arm])
+    sides = np.concatenate([rotation @ b[:3, 3] - a[:3, 3] for a, b in zip(arm, seen, strict=True)])
+    made = np.eye(4)
+    made[:3, :3], made[:3, 3] = rotation, np.linalg.lstsq(rows, sides, rcond=None)[0]
+    return made
+
+
+def _mean(poses: Sequence[FloatArray]) -> FloatArray:
+    """Mean of poses (4, 4): of their places, and of their rotations by quaternions."""
+    made = np.eye(4)
+    made[:3, 3] = np.mean([pose[:3, 3] for pose in poses], axis=0)
+    made[:3, :3] = Rotation.from_matrix(np.stack([pose[:3, :3] for pose in poses])).mean().as_matrix()
+    return made
+
+
+def _require_scale(found: Adjusted) -> None:
+    """Refuses a board whose squares are not what is stated, as the arm's motions tell."""
+    scale, sigma = found.parameters.scale, float(found.sigma(SCALE))
+    # The prior pulls the estimate to zero by the share of the variance that it leaves; undone, it is the arm's word.
+    told = scale / max(1 - (sigma / SCALE_SIGMA) ** 2, 0.05)
+    if abs(told) > MAX_SCALE:
+        raise RigError(
+            ErrorCode.CALIBRATION_INFEASIBLE,
+            f"By the arm's motions the squares' side is {100 * told:+.1f} % off what is stated: measure it",
+        )

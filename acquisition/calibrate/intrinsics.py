@@ -1,0 +1,92 @@
+"""Camera calibration: matrix, distortion and board warp by bundle adjustment from Zhang's start (OpenCV).
+
+What a user of a camera model asks is how far it may be off at a place of the image, not how large each coefficient's
+error is: focal length and distortion, or principal point and tilt, err together and largely cancel. `projection_sigma`
+answers that, with the rotation of the camera that a later hand–eye calibration absorbs taken out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from acquisition.calibrate.bundle_adjustment import CAMERA, Adjusted, Model, Parameters, adjust
+from acquisition.calibrate.charuco import CharucoBoard, View
+from acquisition.models.base import FloatArray
+from acquisition.models.errors import ErrorCode, RigError
+
+MIN_VIEWS = 5
+"""Views for matrix, five coefficients of distortion and the board's warp: fewer leave these to luck."""
+
+MIN_TILT_DEG = 15.0
+"""Least spread of the boards' normals: boards that face the camera all alike do not tell focal length from distance."""
+
+
+@dataclass(frozen=True)
+class CameraFit:
+    """A calibrated camera of images of `size` (width, height); the adjustment's own poses are camera from board."""
+
+    size: tuple[int, int]
+    adjusted: Adjusted
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square of the corners' residuals, both coordinates, pixels."""
+        return float(np.sqrt(np.mean(np.concatenate([one.ravel() for one in self.adjusted.residuals_px]) ** 2)))
+
+
+def fit(board: CharucoBoard, views: Sequence[View], size: tuple[int, int]) -> CameraFit:
+    """Calibrates a camera: start by Zhang's method (`cv2.calibrateCamera`), then bundle adjustment of all corners.
+
+    `size`: width and height of the images, pixels. Raises RigError calibration.infeasible: too few views, or all tilted
+    alike.
+    """
+    if len(views) < MIN_VIEWS:
+        raise RigError(
+            ErrorCode.CALIBRATION_INFEASIBLE, f"The board is seen in {len(views)} images: {MIN_VIEWS} are needed"
+        )
+    return CameraFit(size, adjust(Model(board), views, _start(board, views, size)))
+
+
+def _start(board: CharucoBoard, views: Sequence[View], size: tuple[int, int]) -> Parameters:
+    points = [board.corners_m[view.corners].astype(np.float32) for view in views]
+    pixels = [view.pixels.astype(np.float32).reshape(-1, 1, 2) for view in views]
+    # Without a guess of the matrix OpenCV asks for planar points, and finds one from the homographies.
+    _, matrix, distortion, rotations, translations = cv2.calibrateCamera(
+        points, pixels, size, np.eye(3), np.zeros(5), flags=cv2.CALIB_FIX_K3
+    )
+    poses = np.tile(np.eye(4), (len(views), 1, 1))
+    for pose, rotation, translation in zip(poses, rotations, translations, strict=True):
+        pose[:3, :3], pose[:3, 3] = cv2.Rodrigues(rotation)[0], np.ravel(translation)
+    normals = poses[:, :3, 2]
+    tilt_deg = np.degrees(np.arccos(np.clip(normals @ normals.T, -1, 1))).max()
+    if tilt_deg < MIN_TILT_DEG:
+        raise RigError(
+            ErrorCode.CALIBRATION_INFEASIBLE,
+            f"The board is tilted alike in all images (within {tilt_deg:.0f}°): tilt it by 20–45° to different sides",
+        )
+    camera = np.concatenate([[matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]], np.ravel(distortion)[:5]])
+    return Parameters(camera, poses)
+
+
+def projection_sigma(found: CameraFit, grid: int = 24) -> FloatArray:
+    """1 σ of where the camera model puts a direction (rows, columns), pixels, over a grid of the image.
+
+    The longer side has `grid` samples. The direction's error by a rotation of the camera is taken out by least squares
+    over the grid (after the projection uncertainty of mrcal, Kogan 2021).
+    """
+    width, height = found.size
+    step = max(width, height) / grid
+    u, v = np.meshgrid(np.arange(step / 2, width, step), np.arange(step / 2, height, step))
+    parameters = found.adjusted.parameters
+    pixels = np.stack([u.ravel(), v.ravel()], axis=-1)
+    rays = cv2.undistortPoints(pixels.reshape(-1, 1, 2), parameters.matrix, parameters.camera[4:]).reshape(-1, 2)
+    points = np.column_stack([rays, np.ones(len(rays))])
+    zero = np.zeros(3)
+    _, by_all = cv2.projectPoints(points, zero, zero, parameters.matrix, parameters.camera[4:])
+    rotation, camera = by_all[:, :3], by_all[:, 6:15]
+    remaining = camera - rotation @ np.linalg.lstsq(rotation, camera, rcond=None)[0]
+    covariance = found.adjusted.covariance[CAMERA, CAMERA]
+    variance = np.einsum("ij,jk,ik->i", remaining, covariance, remaining).reshape(-1, 2).sum(axis=1)
+    return np.sqrt(variance / 2).reshape(u.shape)

@@ -1,0 +1,65 @@
+"""Results of calibrations, as their files hold them: values with covariance, and residuals of each view."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from acquisition.models.base import Matrix4, Value, Vector3
+
+Rows = Annotated[tuple[Annotated[tuple[float, ...], Field(strict=False)], ...], Field(strict=False)]
+"""A matrix of any size, row by row."""
+
+
+class ViewResidual(Value):
+    """One image's part in a calibration."""
+
+    image: str
+    sha256: str
+    corners: int = Field(ge=0, description="Corners of the board that took part")
+    left_out: int = Field(ge=0, description="Corners taken for misread")
+    rms_px: float | None = Field(description="Root mean square of the residuals, pixels; none: the board is not seen")
+
+
+class CameraResult(Value):
+    """A calibrated camera; `camera.json`."""
+
+    kind: Literal["camera"] = "camera"
+    made_at: str
+    version: str = Field(description="Version of the software")
+    width: int
+    height: int
+    camera_matrix: Annotated[tuple[Vector3, Vector3, Vector3], Field(strict=False)]
+    distortion: Annotated[tuple[float, float, float, float, float], Field(strict=False)]
+    covariance: Rows = Field(description="Of f_x, f_y, c_x, c_y in pixels and k1, k2, p1, p2, k3")
+    warp_m: Annotated[tuple[float, float], Field(strict=False)] = Field(
+        description="Sag of the board's middle against its edges along x and y, m"
+    )
+    corner_sigma_px: float = Field(description="1 σ of a corner's coordinate, pixels")
+    projection_sigma_px: float = Field(
+        description="Median over the image of 1 σ of where the camera model puts a direction, pixels"
+    )
+    worst_projection_sigma_px: float = Field(description="The same at its worst, mostly in a corner of the image")
+    views: Annotated[tuple[ViewResidual, ...], Field(strict=False)]
+
+
+class HandEyeResult(Value):
+    """Base from camera, found with a board on the flange; `hand_eye.json`."""
+
+    kind: Literal["hand-eye"] = "hand-eye"
+    made_at: str
+    version: str = Field(description="Version of the software")
+    base_from_camera: Matrix4
+    covariance: Rows = Field(
+        description="Of translation, m, and rotation vector, rad, of a small motion in the camera's frame"
+    )
+    position_sigma_m: float = Field(description="1 σ of the camera's place, m")
+    rotation_sigma_rad: float = Field(description="1 σ of the camera's rotation, rad")
+    flange_from_board: Matrix4
+    square_scale: float = Field(description="Side of the squares over what is stated, as the arm's motions tell")
+    joint_offsets_rad: Annotated[tuple[float, ...], Field(strict=False)] = Field(
+        description="Offsets of the six joints; those of the first and the last are part of the two poses"
+    )
+    joint_offset_sigmas_rad: Annotated[tuple[float, ...], Field(strict=False)]
+    arm_sigma_m: float = Field(description="1 σ of the arm's deviation from its kinematic model, per axis, m")
+    arm_sigma_rad: float = Field(description="1 σ of the arm's deviation in rotation, per axis, rad")
+    views: Annotated[tuple[ViewResidual, ...], Field(strict=False)]

@@ -1,0 +1,71 @@
+"""`lightpose calibrate …`: options of the commands; what they do is in `calibrating`."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from api.cli.error_exit import explain_errors
+
+app = typer.Typer(no_args_is_help=True, help="Calibrates the cell from images of a ChArUco board; moves nothing.")
+
+Images = Annotated[Path, typer.Argument(help="Folder of images, PNG or TIFF, all of one size")]
+BoardFile = Annotated[Path, typer.Option("--board", help="Description of the board, as `calibrate board` writes it")]
+Out = Annotated[Path, typer.Option(help="Folder for the results; nothing in it is overwritten")]
+Base = Annotated[
+    Path | None, typer.Option(help="A calibration.json: also write one with its other values and what was found")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON object as the last line")]
+
+
+@app.command()
+def board(
+    out: Annotated[Path, typer.Option(help="PDF or SVG; its description goes beside it as .json")] = Path("board.pdf"),
+    columns: Annotated[int, typer.Option(help="Squares along x")] = 9,
+    rows: Annotated[int, typer.Option(help="Squares along y")] = 7,
+    square_mm: Annotated[float, typer.Option(help="Side of a square, mm")] = 12.0,
+    legacy_pattern: Annotated[
+        bool, typer.Option("--legacy-pattern", help="Pattern of OpenCV before 4.6 and of calib.io, for even rows")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Draws a ChArUco board to print, to scale."""
+    from api.cli import calibrating
+
+    outcome = explain_errors(lambda: calibrating.draw_board(columns, rows, square_mm, out, legacy=legacy_pattern))
+    if as_json:
+        print(json.dumps(outcome), flush=True)
+
+
+@app.command()
+def camera(
+    folder: Images, board_file: BoardFile = Path("board.json"), out: Out = Path("calibration"), base: Base = None,
+    as_json: AsJson = False,
+) -> None:  # fmt: skip
+    """Calibrates camera matrix and distortion from images of the board, held or laid anywhere."""
+    from api.cli import calibrating
+
+    outcome = explain_errors(lambda: calibrating.calibrate_camera(folder, board_file, out, base))
+    if as_json:
+        print(json.dumps(outcome), flush=True)
+
+
+@app.command("hand-eye")
+def hand_eye(
+    folder: Images,
+    cell: Annotated[Path, typer.Option(help="The cell file, for the arm's model or factory kinematics")],
+    board_file: BoardFile = Path("board.json"),
+    out: Out = Path("calibration"),
+    base: Base = None,
+    as_json: AsJson = False,
+) -> None:
+    """Calibrates where the camera is in the arm's base frame, from images of the board on the flange.
+
+    The folder holds joints.csv: the image's name and the six joints in rad, a line for each image.
+    """
+    from api.cli import calibrating
+
+    outcome = explain_errors(lambda: calibrating.calibrate_hand_eye(folder, board_file, cell, out, base))
+    if as_json:
+        print(json.dumps(outcome), flush=True)

@@ -1,0 +1,290 @@
+"""`lightpose calibrate board | camera | hand-eye`: a board to print, and calibrations from a folder of images of it.
+
+Results go into new files of a folder; what is there is refused rather than overwritten, because a calibration that
+replaces another silently cannot be gone back to. Which one a cell uses is said in its cell file.
+"""
+
+import csv
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from matplotlib.figure import Figure
+from pydantic import ValidationError
+from rich.console import Console
+
+from acquisition.calibrate import charuco, hand_eye, intrinsics
+from acquisition.calibrate.bundle_adjustment import CAMERA, JOINT_OFFSETS, Adjusted
+from acquisition.calibrate.charuco import CharucoBoard, View
+from acquisition.calibrate.intrinsics import CameraFit
+from acquisition.models import cell_config
+from acquisition.models.base import FloatArray, Value, as_matrix4
+from acquisition.models.calibration_result import CameraResult, HandEyeResult, ViewResidual
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.waypoints import calibrated_kinematics, kinematics
+
+IMAGE_ENDINGS = (".png", ".tif", ".tiff")
+"""Lossless formats: JPEG's blocks move corners."""
+
+JOINTS_FILE = "joints.csv"
+"""In the folder of images: `image, q1 … q6`, rad, a line for each."""
+
+
+@dataclass(frozen=True)
+class Captured:
+    """A folder's images: views of the board, names and hashes of all images, and their size (width, height)."""
+
+    views: tuple[View, ...]
+    hashes: dict[str, str]
+    size: tuple[int, int]
+
+
+def draw_board(columns: int, rows: int, square_mm: float, out: Path, *, legacy: bool) -> dict[str, Any]:
+    """Draws a board, and writes what it is beside it as `<name>.json`.
+
+    Raises RigError request.invalid for squares that make no board, config.invalid for a file's ending.
+    """
+    try:
+        board = CharucoBoard(columns=columns, rows=rows, square_m=square_mm / 1000, legacy_pattern=legacy)
+    except ValidationError as error:
+        wrong = error.errors()[0]
+        raise RigError(
+            ErrorCode.REQUEST_INVALID, f"--{str(wrong['loc'][0]).replace('square_m', 'square-mm')}: {wrong['msg']}"
+        ) from error
+    described = out.with_suffix(".json")
+    _refuse_overwriting(out, described)
+    charuco.draw(board, out)
+    described.write_text(board.model_dump_json(indent=2) + "\n", encoding="utf-8")
+    width, height = board.size_m
+    console = Console(stderr=True, markup=False)
+    console.print(f"{out}: print at 100 %, glue to a flat plate; it covers {1e3 * width:g} × {1e3 * height:g} mm")
+    console.print(f"{described}: measure ten squares on the print and correct square_m")
+    return {"board": str(out), "description": str(described)}
+
+
+def calibrate_camera(folder: Path, board_file: Path, out: Path, base: Path | None = None) -> dict[str, Any]:
+    """Calibrates a camera from a folder of images of the board.
+
+    Writes `camera.json`, `projection_sigma.png` and, with `base`, a `calibration.json` that is that one with the new
+    camera. Raises RigError folder.invalid, config.invalid and calibration.infeasible; nothing is written then.
+    """
+    written = [out / name for name in ("camera.json", "projection_sigma.png", *(["calibration.json"] if base else []))]
+    _refuse_overwriting(*written)
+    board, captured = _read(folder, board_file, None)
+    found = intrinsics.fit(board, captured.views, captured.size)
+    result = _camera_result(found, captured)
+    out.mkdir(parents=True, exist_ok=True)
+    if base is not None:
+        changed = {
+            "width": result.width, "height": result.height, "camera_matrix": result.camera_matrix,
+            "distortion": result.distortion, "made_at": result.made_at,
+        }  # fmt: skip
+        _write(written[2], cell_config.load_calibration(base).model_copy(update=changed))
+    _draw_projection_sigma(found, written[1])
+    _write(written[0], result)
+    console = Console(stderr=True, markup=False)
+    _show_views(console, result.views)
+    console.print(
+        f"focal length {result.camera_matrix[0][0]:.1f} px; a direction's place in the image is known to "
+        f"{result.projection_sigma_px:.3f} px (median), {result.worst_projection_sigma_px:.3f} px at the worst"
+    )
+    return result.model_dump(mode="json")
+
+
+def calibrate_hand_eye(
+    folder: Path, board_file: Path, cell_file: Path, out: Path, base: Path | None = None
+) -> dict[str, Any]:
+    """Calibrates base from camera from images of the board on the flange, and the arm's joints at each (`joints.csv`).
+
+    The camera is calibrated on the same images. Writes `hand_eye.json`, `camera.json`, `projection_sigma.png` and, with
+    `base`, a `calibration.json` with the new camera and pose. Raises RigError as `calibrate_camera`.
+    """
+    names = ("camera.json", "projection_sigma.png", "hand_eye.json", *(["calibration.json"] if base else []))
+    _refuse_overwriting(*(out / name for name in names))
+    cell = cell_config.load(cell_file)
+    stated = cell.arm.kinematics
+    chain = (
+        calibrated_kinematics.chain(list(stated))
+        if stated is not None
+        else np.array(kinematics.denavit_hartenberg(kinematics.arm_model(cell.arm.model)))
+    )
+    board, captured = _read(folder, board_file, _joints(folder / JOINTS_FILE))
+    camera = intrinsics.fit(board, captured.views, captured.size)
+    found = hand_eye.fit(board, chain, captured.views, camera)
+    # The camera by all corners and the arm's motions together, which hold the scale of the views.
+    joint = CameraFit(captured.size, found.adjusted)
+    camera_result, result = _camera_result(joint, captured), _hand_eye_result(found, captured)
+    out.mkdir(parents=True, exist_ok=True)
+    if base is not None:
+        changed = {
+            "width": camera_result.width, "height": camera_result.height, "camera_matrix": camera_result.camera_matrix,
+            "distortion": camera_result.distortion, "base_from_camera": result.base_from_camera,
+            "made_at": result.made_at,
+        }  # fmt: skip
+        _write(out / "calibration.json", cell_config.load_calibration(base).model_copy(update=changed))
+    _draw_projection_sigma(joint, out / "projection_sigma.png")
+    _write(out / "camera.json", camera_result)
+    _write(out / "hand_eye.json", result)
+    console = Console(stderr=True, markup=False)
+    _show_views(console, result.views)
+    console.print(
+        f"camera known to {1e3 * result.position_sigma_m:.2f} mm and {np.degrees(result.rotation_sigma_rad):.3f}°; "
+        f"joint offsets {', '.join(f'{np.degrees(one):.3f}' for one in result.joint_offsets_rad[1:5])}° "
+        f"(joints 2–5); the arm deviates by {1e3 * result.arm_sigma_m:.3f} mm"
+    )
+    return result.model_dump(mode="json")
+
+
+# ------------------------------------------------------------------------------------------------------ what is given
+
+
+def _read(folder: Path, board_file: Path, joints: dict[str, FloatArray] | None) -> tuple[CharucoBoard, Captured]:
+    try:
+        board = CharucoBoard.model_validate_json(board_file.read_bytes())
+    except (OSError, ValidationError) as error:
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{board_file}: no description of a board: {error}") from error
+    paths = sorted(path for path in folder.glob("*") if path.suffix.lower() in IMAGE_ENDINGS)
+    if not paths:
+        raise _refusal(folder, f"holds no images ({', '.join(IMAGE_ENDINGS)})")
+    if joints is not None and (missing := sorted(set(joints) - {path.name for path in paths})):
+        raise _refusal(folder / JOINTS_FILE, f"names {missing[0]}, which is not in the folder")
+    views: list[View] = []
+    hashes: dict[str, str] = {}
+    sizes: list[tuple[int, int]] = []
+    for path in paths:
+        if joints is not None and path.name not in joints:
+            raise _refusal(folder / JOINTS_FILE, f"states no joints for {path.name}")
+        content = path.read_bytes()
+        image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+        if image is None:
+            raise _refusal(path, "is no image that can be read")
+        shape = (image.shape[1], image.shape[0])
+        sizes.append(shape)
+        if shape != sizes[0]:
+            raise _refusal(path, f"has {shape[0]} × {shape[1]} pixels, the first image {sizes[0][0]} × {sizes[0][1]}")
+        hashes[path.name] = hashlib.sha256(content).hexdigest()
+        view = charuco.detect(image, board, path.name, None if joints is None else joints[path.name])
+        if view is not None:
+            views.append(view)
+    if not views:
+        raise _refusal(
+            folder,
+            f"shows the board in none of its {len(paths)} images: check columns, rows and legacy_pattern in "
+            f"{board_file.name}, focus and exposure",
+        )
+    return board, Captured(tuple(views), hashes, sizes[0])
+
+
+def _joints(path: Path) -> dict[str, FloatArray]:
+    try:
+        lines = [line for line in csv.reader(path.read_text(encoding="utf-8").splitlines()) if line]
+    except OSError as error:
+        raise _refusal(path, "cannot be read: the arm's joints, rad, at each image belong there") from error
+    joints: dict[str, FloatArray] = {}
+    for number, (name, *values) in enumerate(lines, 1):
+        try:
+            joints[name.strip()] = np.array([float(value) for value in values])
+        except ValueError as error:
+            if number == 1:
+                continue  # the names of the columns
+            raise _refusal(path, f"line {number}: six numbers in rad belong after the image's name") from error
+        if len(values) != 6 or not np.isfinite(joints[name.strip()]).all():
+            raise _refusal(path, f"line {number}: six numbers in rad belong after the image's name")
+    return joints
+
+
+def _refusal(path: Path, why: str) -> RigError:
+    return RigError(ErrorCode.FOLDER_INVALID, f"{path} {why}", path=str(path))
+
+
+def _refuse_overwriting(*paths: Path) -> None:
+    for path in paths:
+        if path.exists():
+            raise RigError(ErrorCode.CONFIG_INVALID, f"{path} is there already, and nothing is overwritten")
+
+
+# ---------------------------------------------------------------------------------------------------- what is written
+
+
+def _camera_result(found: CameraFit, captured: Captured) -> CameraResult:
+    adjusted = found.adjusted
+    sigma = intrinsics.projection_sigma(found)
+    matrix = adjusted.parameters.matrix
+    return CameraResult.model_validate(
+        {
+            "made_at": _now(), "version": metadata.version("lightpose"), "width": found.size[0],
+            "height": found.size[1], "camera_matrix": matrix.tolist(),
+            "distortion": adjusted.parameters.camera[4:].tolist(),
+            "covariance": adjusted.covariance[CAMERA, CAMERA].tolist(), "warp_m": adjusted.parameters.warp.tolist(),
+            "corner_sigma_px": adjusted.corner_sigma_px, "projection_sigma_px": float(np.median(sigma)),
+            "worst_projection_sigma_px": float(sigma.max()), "views": _residuals(adjusted, captured),
+        }
+    )  # fmt: skip
+
+
+def _hand_eye_result(found: hand_eye.HandEyeFit, captured: Captured) -> HandEyeResult:
+    adjusted, parameters = found.adjusted, found.adjusted.parameters
+    position, rotation = found.sigma
+    offset_sigmas = np.zeros(6)
+    offset_sigmas[1:5] = adjusted.sigma(JOINT_OFFSETS)
+    return HandEyeResult.model_validate(
+        {
+            "made_at": _now(), "version": metadata.version("lightpose"),
+            "base_from_camera": as_matrix4(found.base_from_camera), "covariance": found.covariance.tolist(),
+            "position_sigma_m": position, "rotation_sigma_rad": rotation,
+            "flange_from_board": as_matrix4(parameters.flange_from_board), "square_scale": 1 + parameters.scale,
+            "joint_offsets_rad": parameters.joint_offsets.tolist(), "joint_offset_sigmas_rad": offset_sigmas.tolist(),
+            "arm_sigma_m": adjusted.arm_sigma[0], "arm_sigma_rad": adjusted.arm_sigma[1],
+            "views": _residuals(adjusted, captured),
+        }
+    )  # fmt: skip
+
+
+def _residuals(adjusted: Adjusted, captured: Captured) -> list[ViewResidual]:
+    of_view = dict(zip((view.name for view in adjusted.views), adjusted.residuals_px, strict=True))
+    return [
+        ViewResidual(
+            image=name,
+            sha256=digest,
+            corners=len(of_view.get(name, ())),
+            left_out=sum(image == name for image, _ in adjusted.left_out),
+            rms_px=float(np.sqrt(np.mean(of_view[name] ** 2))) if name in of_view else None,
+        )
+        for name, digest in captured.hashes.items()
+    ]
+
+
+def _show_views(console: Console, views: Sequence[ViewResidual]) -> None:
+    for view in views:
+        if view.rms_px is None:
+            console.print(f"{view.image}: the board is not seen", style="yellow")
+        else:
+            more = f", {view.left_out} left out as misread" if view.left_out else ""
+            console.print(f"{view.image}: {view.corners} corners, {view.rms_px:.3f} px{more}", style="dim")
+
+
+def _draw_projection_sigma(found: CameraFit, path: Path) -> None:
+    width, height = found.size
+    figure = Figure(figsize=(6, 6 * height / width), layout="constrained")
+    axes = figure.subplots()
+    shown = axes.imshow(intrinsics.projection_sigma(found), extent=(0, width, height, 0), cmap="viridis", vmin=0)
+    for view in found.adjusted.views:
+        axes.plot(*view.pixels.T, ",", color="white")
+    figure.colorbar(shown, label="1 σ of a direction's place, px")
+    axes.set(xlabel="column, px", ylabel="row, px")
+    figure.savefig(path, dpi=120)
+
+
+def _write(path: Path, value: Value) -> None:
+    path.write_text(json.dumps(value.model_dump(mode="json"), indent=2) + "\n", encoding="utf-8")
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
