@@ -245,7 +245,8 @@ def _descend(model: Model, views: Sequence[View], start: Parameters) -> Adjusted
         step = np.zeros(len(free))
         step[free] = scaling * np.linalg.solve(scaled + damping * np.eye(len(scaled)), scaling * reduced.gradient[free])
         own_steps = [
-            np.asarray(np.linalg.solve(one.normal, one.gradient - one.cross.T @ step)) for one in reduced.views
+            np.asarray(np.linalg.solve(one.normal, one.gradient - one.cross.T @ step), dtype=float)
+            for one in reduced.views
         ]
         trial = present.stepped(step, own_steps)
         tried = _all_equations(model, views, trial)

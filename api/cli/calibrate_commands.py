@@ -58,6 +58,9 @@ def hand_eye(
     board_file: BoardFile = Path("board.json"),
     out: Out = Path("calibration"),
     base: Base = None,
+    candidates: Annotated[
+        Path | None, typer.Option(help="Joints of possible further views, as joints.csv: says which to take next")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Calibrates where the camera is in the arm's base frame, from images of the board on the flange.
@@ -66,6 +69,6 @@ def hand_eye(
     """
     from api.cli import calibrating
 
-    outcome = explain_errors(lambda: calibrating.calibrate_hand_eye(folder, board_file, cell, out, base))
+    outcome = explain_errors(lambda: calibrating.calibrate_hand_eye(folder, board_file, cell, out, base, candidates))
     if as_json:
         print(json.dumps(outcome), flush=True)

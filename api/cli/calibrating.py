@@ -20,8 +20,8 @@ from matplotlib.figure import Figure
 from pydantic import ValidationError
 from rich.console import Console
 
-from acquisition.calibrate import charuco, hand_eye, intrinsics
-from acquisition.calibrate.bundle_adjustment import CAMERA, JOINT_OFFSETS, Adjusted
+from acquisition.calibrate import charuco, hand_eye, intrinsics, view_planning
+from acquisition.calibrate.bundle_adjustment import CAMERA, JOINT_OFFSETS, Adjusted, Model
 from acquisition.calibrate.charuco import CharucoBoard, View
 from acquisition.calibrate.intrinsics import CameraFit
 from acquisition.models import cell_config
@@ -99,12 +99,14 @@ def calibrate_camera(folder: Path, board_file: Path, out: Path, base: Path | Non
 
 
 def calibrate_hand_eye(
-    folder: Path, board_file: Path, cell_file: Path, out: Path, base: Path | None = None
-) -> dict[str, Any]:
+    folder: Path, board_file: Path, cell_file: Path, out: Path, base: Path | None = None,
+    candidates: Path | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """Calibrates base from camera from images of the board on the flange, and the arm's joints at each (`joints.csv`).
 
     The camera is calibrated on the same images. Writes `hand_eye.json`, `camera.json`, `projection_sigma.png` and, with
-    `base`, a `calibration.json` with the new camera and pose. Raises RigError as `calibrate_camera`.
+    `base`, a `calibration.json` with the new camera and pose. Of `candidates` (a file like `joints.csv`) the result
+    says which view to take next. Raises RigError as `calibrate_camera`.
     """
     names = ("camera.json", "projection_sigma.png", "hand_eye.json", *(["calibration.json"] if base else []))
     _refuse_overwriting(*(out / name for name in names))
@@ -115,6 +117,7 @@ def calibrate_hand_eye(
         if stated is not None
         else np.array(kinematics.denavit_hartenberg(kinematics.arm_model(cell.arm.model)))
     )
+    offered = _joints(candidates) if candidates is not None else {}
     board, captured = _read(folder, board_file, _joints(folder / JOINTS_FILE))
     camera = intrinsics.fit(board, captured.views, captured.size)
     found = hand_eye.fit(board, chain, captured.views, camera)
@@ -139,7 +142,21 @@ def calibrate_hand_eye(
         f"joint offsets {', '.join(f'{np.degrees(one):.3f}' for one in result.joint_offsets_rad[1:5])}° "
         f"(joints 2–5); the arm deviates by {1e3 * result.arm_sigma_m:.3f} mm"
     )
-    return result.model_dump(mode="json")
+    following = _next_view(console, Model(board, chain), found, offered, captured.size)
+    return result.model_dump(mode="json") | ({} if candidates is None else {"next_view": following})
+
+
+def _next_view(
+    console: Console, model: Model, found: hand_eye.HandEyeFit, offered: dict[str, FloatArray], size: tuple[int, int]
+) -> str | None:
+    """Name of the offered view that lowers the pose's uncertainty most; none where none shows the board."""
+    best = view_planning.next_view(model, found.adjusted, list(offered.values()), size)
+    if best is None:
+        return None
+    name, loss = list(offered)[best[0]], best[1]
+    gain = 1 - (loss / view_planning.loss(found.covariance)) ** 0.5
+    console.print(f"take next: {name}, which lowers the pose's uncertainty by {gain:.0%}")
+    return name
 
 
 # ------------------------------------------------------------------------------------------------------ what is given

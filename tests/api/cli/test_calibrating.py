@@ -61,15 +61,19 @@ def test_board_is_drawn_and_described(tmp_path: Path) -> None:
 
 
 def test_hand_eye_of_folder_finds_camera_and_pose(folder: Path, tmp_path: Path) -> None:
-    out = tmp_path / "found"
+    out, candidates = tmp_path / "found", tmp_path / "candidates.csv"
+    wanted = synthetic.joints_of(KNOWN, 1, 99)[0]
+    lines = ["away,0,0,0,0,0,0", "tilted," + ",".join(map(str, wanted))]
+    candidates.write_text("\n".join(lines), encoding="utf-8")
     code, output = lightpose(
         "calibrate", "hand-eye", folder, "--cell", CELL, "--board", folder / "board.json", "--out", out, "--base", BASE,
-        "--json",
+        "--candidates", candidates, "--json",
     )  # fmt: skip
     assert code == 0, output
     assert "empty.png: the board is not seen" in output
     found = HandEyeResult.model_validate_json((out / "hand_eye.json").read_bytes())
-    assert json.loads(output.splitlines()[-1]) == found.model_dump(mode="json")
+    assert json.loads(output.splitlines()[-1]) == found.model_dump(mode="json") | {"next_view": "tilted"}
+    assert "take next: tilted" in output
     pose = np.array(found.base_from_camera)
     assert np.linalg.norm(pose[:3, 3] - KNOWN.base_from_camera[:3, 3]) < 3 * found.position_sigma_m + 1e-3
     assert found.position_sigma_m < 2e-3
