@@ -52,8 +52,9 @@ def open_page(context: BrowserContext, console: Console, address: str, key: str 
     page = console.watch(context.new_page())
     page.goto(address)
     if key is not None:
-        page.get_by_label("Key").fill(key)
+        page.get_by_label("Key", exact=True).fill(key)
         page.get_by_role("button", name="Sign in").click()
+        page.locator("sign-in").wait_for(state="detached")
     page.locator("#connection[data-stale=false]").wait_for()
     return page
 

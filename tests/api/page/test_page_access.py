@@ -57,7 +57,7 @@ def test_page_screens_have_no_finding_of_axe(opened: Callable[..., Page], lab: L
 def test_page_sign_in_has_no_finding_of_axe(context: BrowserContext, console: Console, lab: Lab) -> None:
     page = console.watch(context.new_page())
     page.goto(f"{lab.url}/")
-    page.get_by_label("Key").fill("lightpose_wrong")
+    page.get_by_label("Key", exact=True).fill("lightpose_wrong")
     page.get_by_role("button", name="Sign in").click()
     page.locator("sign-in [role=alert]").wait_for()
     assert_accessible(page, "sign-in")

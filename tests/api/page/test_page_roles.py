@@ -62,20 +62,20 @@ def test_page_twice_in_one_browser_shares_event_stream(
 def test_page_refuses_wrong_key_in_words(context: BrowserContext, console: Console, lab: Lab) -> None:
     page = console.watch(context.new_page())
     page.goto(f"{lab.url}/")
-    page.get_by_label("Key").fill("lightpose_wrong")
+    page.get_by_label("Key", exact=True).fill("lightpose_wrong")
     page.get_by_role("button", name="Sign in").click()
     expect(page.get_by_role("alert").filter(has_text="does not know this key")).to_be_visible()
     page.keyboard.press("Escape")
     expect(page.locator("#stop-told")).to_contain_text("The service refused the key")
-    page.get_by_label("Key").fill(lab.secrets[Role.VIEWER])
+    page.get_by_label("Key", exact=True).fill(lab.secrets[Role.VIEWER])
     page.get_by_role("button", name="Sign in").click()
     expect(page.locator("#connection")).to_contain_text("viewer")
     page.get_by_role("button", name="Sign out").click()
-    expect(page.get_by_label("Key")).to_be_visible()
+    expect(page.get_by_label("Key", exact=True)).to_be_visible()
 
 
 def test_page_of_revoked_key_asks_for_another(opened: Callable[..., Page], lab: Lab) -> None:
     page = opened(Role.OPERATOR, "#/rig")
     keys.revoke(keys.path_in(lab.service.data), str(Role.OPERATOR))
-    expect(page.get_by_label("Key")).to_be_visible(timeout=60_000)
+    expect(page.get_by_label("Key", exact=True)).to_be_visible(timeout=60_000)
     expect(page.locator("#stop")).to_be_enabled()

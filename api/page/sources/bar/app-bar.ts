@@ -65,7 +65,7 @@ export class AppBar extends PageElement {
   }
 
   private connection(stale: boolean): string {
-    if (live.stream.heardAt === 0) return t("bar.connecting");
+    if (live.stream.heardAt === 0) return t(live.keyNeeded ? "bar.signed_out" : "bar.connecting");
     if (stale) return t("bar.heard_ago", { time: duration((Date.now() - live.stream.heardAt) / 1000) });
     if (!live.stream.open) return t("bar.events_down");
     return live.stream.roundTripMs === null ? t("bar.slow") : t("bar.connected", { ms: live.stream.roundTripMs });

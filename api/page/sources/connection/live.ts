@@ -70,8 +70,9 @@ class Live extends EventTarget {
   }
 
   get stale(): boolean {
-    // Before the first word of the service the page is young, not stale.
-    return this.stream.heardAt === 0 ? performance.now() > STALE_MS : Date.now() - this.stream.heardAt > STALE_MS;
+    // Before the first word of the service the page is young, not stale; without a key it follows nothing yet.
+    if (this.stream.heardAt === 0) return !this.keyNeeded && performance.now() > STALE_MS;
+    return Date.now() - this.stream.heardAt > STALE_MS;
   }
 
   get mayOperate(): boolean {

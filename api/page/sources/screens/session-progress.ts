@@ -129,7 +129,7 @@ export class SessionProgress extends PageElement {
   private events() {
     const events = live.events.filter((event) => event.session_id === this.session.id || event.session_id === null);
     if (events.length === 0) return html`<p class="caption">${t("progress.nothing_yet")}</p>`;
-    return html`<ol class="events" reversed>
+    return html`<ol class="events" reversed tabindex="0" aria-label=${t("progress.happened")}>
       ${events
         .slice(-SHOWN_EVENTS)
         .reverse()

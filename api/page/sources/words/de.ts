@@ -55,6 +55,7 @@ export const de: Record<keyof typeof en, string> = {
   "bar.nobody": "Niemand führt",
   "bar.in_charge": "Es führt: {name}",
   "bar.left": "noch {time}",
+  "bar.signed_out": "Nicht angemeldet",
   "bar.connecting": "Verbindet …",
   "bar.connected": "Verbunden, {ms} ms",
   "bar.slow": "Der Dienst antwortet langsam",

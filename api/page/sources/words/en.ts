@@ -55,6 +55,7 @@ export const en = {
   "bar.nobody": "Nobody is in charge",
   "bar.in_charge": "In charge: {name}",
   "bar.left": "{time} left",
+  "bar.signed_out": "Not signed in",
   "bar.connecting": "Connecting …",
   "bar.connected": "Connected, {ms} ms",
   "bar.slow": "The service answers slowly",
