@@ -134,6 +134,13 @@ class Cell:
         processes = [self._world, self._controller and self._controller.process]
         return all(process is not None and process.poll() is None for process in processes)
 
+    @property
+    def world_pid(self) -> int:
+        """Process id of the world, which is the camera too. Raises RigError service.fault outside the context."""
+        if self._world is None:
+            raise RigError(ErrorCode.SERVICE_FAULT, "the simulated cell does not run")
+        return self._world.pid
+
     def _await_world(self, world: "subprocess.Popen[bytes]") -> None:
         assert world.stdout is not None  # noqa: S101 - it is a pipe
         overdue = threading.Timer(READY_WITHIN_S, world.kill)  # ends the wait for its line

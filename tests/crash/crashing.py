@@ -3,8 +3,10 @@
 import json
 import os
 import random
+import shutil
+import subprocess
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -44,6 +46,8 @@ class Bench:
     cell: Cell
     data: Path
     control: ControlClient
+    record: Path | None = None
+    environment: Mapping[str, str] = field(default_factory=dict[str, str])
     undisturbed: "Course | None" = None
     service: Service | None = None
     _services: ExitStack = field(default_factory=ExitStack)
@@ -51,7 +55,7 @@ class Bench:
     def serve(self) -> Client:
         """A client of a running service, which is started unless one lives."""
         if self.service is None or self.service.process.poll() is not None:
-            self.service = self._services.enter_context(serving(self.cell, self.data))
+            self.service = self._services.enter_context(serving(self.cell, self.data, self.environment))
         return Client(self.service.url)
 
     def kill(self) -> None:
@@ -66,9 +70,17 @@ class Bench:
 
     def start(self, client: Client) -> str:
         """Starts a session from home, after ending what a case before has left behind; returns its id."""
+        self.make_ready(client)
+        return self.start_from_home(client)
+
+    def make_ready(self, client: Client) -> None:
+        """Puts the arm home by hand and ends what a case before has left behind."""
         if self.control.state()["joints"] != pytest.approx(self.cell.config.arm.home, abs=1e-3):
             self.control.fault("hand_move", joints=list(self.cell.config.arm.home), seconds=0)  # which stops the arm
         self._wait_ready(client)
+
+    def start_from_home(self, client: Client) -> str:
+        """Starts a session in a cell that is ready; returns its id."""
         session_id = client.create(RECIPE).id
         for attempt in range(3):  # a machine that is too busy refuses for good reasons; a person tries again
             try:
@@ -109,6 +121,36 @@ class Bench:
             time.sleep(0.2)
 
 
+@contextmanager
+def small_disk(data: Path, size_mb: int = 256) -> Generator[None, None, None]:
+    """A file system of its own at `data`, which a test can fill up. Raises OSError where none may be mounted."""
+    data.mkdir(parents=True)
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", f"size={size_mb}m", "lightpose-test", str(data)],
+        capture_output=True,
+        check=False,
+    )
+    if mounted.returncode:
+        raise OSError("this process may not mount a file system")
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", "--lazy", str(data)], check=True)
+
+
+def fill(data: Path, leave: int) -> Path:
+    """Leaves so many bytes free; returns the file that takes the others."""
+    filler = data / "filler"
+    with filler.open("wb") as file:
+        while (size := shutil.disk_usage(data).free - leave) > 0:
+            try:
+                file.write(b"\0" * min(size, 1 << 20))
+                file.flush()
+            except OSError:
+                break
+    return filler
+
+
 @dataclass(frozen=True)
 class Course:
     """Course of an undisturbed session: when each stage began, s since the start request."""
@@ -119,15 +161,23 @@ class Course:
 
 
 @contextmanager
-def bench(folder: Path, address: str, data: Path | None = None) -> Generator[Bench, None, None]:
-    """A cell and its undisturbed session."""
+def bench(
+    folder: Path,
+    address: str,
+    data: Path | None = None,
+    record: Path | None = None,
+    environment: Mapping[str, str] = {},
+    speed: float = SPEED,
+) -> Generator[Bench, None, None]:
+    """A cell and its undisturbed session; `record` receives the controller's ticks."""
     with (
         Cell(
-            CellOptions(address, "sphere", 1, "ideal", SPEED, pixels=PIXELS, cell_file=CELL_FILE), folder / "cell"
+            CellOptions(address, "sphere", 1, "ideal", speed, pixels=PIXELS, cell_file=CELL_FILE, record=record),
+            folder / "cell",
         ) as cell,
         ControlClient(address) as control,
     ):
-        made = Bench(cell, data or folder / "data", control)
+        made = Bench(cell, data or folder / "data", control, record, environment)
         try:
             with made.serve() as client:
                 undisturbed(made, client)  # the first one starts processes and makes the reach

@@ -6,11 +6,9 @@ full; where this process may not mount one, the cases are skipped.
 
 import os
 import random
-import shutil
-import subprocess
 import time
 from collections.abc import Generator
-from pathlib import Path
+from contextlib import ExitStack
 
 import pytest
 
@@ -27,44 +25,23 @@ from tests.crash.crashing import (
     assert_rests,
     bench,
     cases,
+    fill,
     resume,
+    small_disk,
 )
 
 pytestmark = pytest.mark.long
-
-SIZE_MB = 256
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Generator[Bench, None, None]:
     folder = tmp_path_factory.mktemp("full")
-    data = folder / "data"
-    data.mkdir()
-    mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", f"size={SIZE_MB}m", "lightpose-test", str(data)],
-        capture_output=True,
-        check=False,
-    )
-    if mounted.returncode:
-        pytest.skip("this process may not mount a file system")
-    try:
-        with bench(folder, "127.0.14.30", data) as running:
-            yield running
-    finally:
-        subprocess.run(["umount", str(data)], check=True)
-
-
-def fill(data: Path, leave: int) -> Path:
-    """Leaves so many bytes free."""
-    filler = data / "filler"
-    with filler.open("wb") as file:
-        while (size := shutil.disk_usage(data).free - leave) > 0:
-            try:
-                file.write(b"\0" * min(size, 1 << 20))
-                file.flush()
-            except OSError:
-                break
-    return filler
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(small_disk(folder / "data"))
+        except OSError as error:
+            pytest.skip(str(error))
+        yield stack.enter_context(bench(folder, "127.0.14.30", folder / "data"))
 
 
 @pytest.mark.parametrize("case", cases("LIGHTPOSE_FULL_DISKS", 10))

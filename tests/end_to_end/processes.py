@@ -1,11 +1,12 @@
 """The simulated cell and the service as processes of their own, as a user starts them."""
 
+import os
 import re
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,13 +33,26 @@ class Service:
 
 
 @contextmanager
-def serving(cell: Cell, data: Path) -> Generator[Service, None, None]:
-    """The service for a cell; ended by SIGTERM unless the test has killed it."""
+def serving(
+    cell: Cell,
+    data: Path,
+    environment: Mapping[str, str] = {},
+    prefix: Sequence[str] = (),
+) -> Generator[Service, None, None]:
+    """The service for a cell; ended by SIGTERM unless the test has killed it.
+
+    `environment` is added to ours; `prefix` is the command, such as one that sets limits, which starts the service.
+    """
     data.mkdir(parents=True, exist_ok=True)
     log = data / f"serve-{time.monotonic_ns()}.log"
     arguments = ["serve", "--cell", str(cell.cell_file), "--data", str(data), "--port", "0"]
     with log.open("wb") as file:
-        process = subprocess.Popen([sys.executable, "-m", "api.cli", *arguments], stdout=file, stderr=file)
+        process = subprocess.Popen(
+            [*prefix, sys.executable, "-m", "api.cli", *arguments],
+            stdout=file,
+            stderr=file,
+            env={**os.environ, **environment},
+        )
     try:
         yield Service(process, _address(process, log), data)
     finally:

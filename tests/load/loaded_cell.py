@@ -11,7 +11,6 @@ from pathlib import Path
 import httpx
 import numpy as np
 
-from acquisition.models import cell_config
 from acquisition.models.recipe import Recipe
 from acquisition.session import State
 from api import Client, ProblemError
@@ -35,6 +34,7 @@ class Loaded:
     record: Path
     address: str
     deceleration: float
+    home: tuple[float, ...]
 
 
 @contextmanager
@@ -51,7 +51,8 @@ def loaded_cell(folder: Path, address: str, speed: float) -> Generator[Loaded]:
         service = stack.enter_context(serving(cell, folder / "data"))
         client = stack.enter_context(Client(service.url))
         client.wait_ready(90)
-        yield Loaded(service, client, record, address, cell_config.load(cell.cell_file).arm.stop_deceleration_rad_s2)
+        arm = cell.config.arm
+        yield Loaded(service, client, record, address, arm.stop_deceleration_rad_s2, arm.home)
 
 
 def figure(service: Service, name: str) -> float:

@@ -1,0 +1,69 @@
+"""The systemd unit, by systemd's own verification; its syscalls and limits allow what driver and service do."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+UNIT = Path(__file__).parents[2] / "deploy" / "lightpose.service"
+MOST_EXPOSED = 3.0
+NEEDED = {"sched_setscheduler", "setpriority", "mlockall", "memfd_create", "pidfd_open", "prlimit64"}
+"""System calls of real time, shared memory and the second halt path."""
+
+pytestmark = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+
+
+def analysed(*arguments: str) -> str:
+    """What systemd-analyze says."""
+    done = subprocess.run(["systemd-analyze", *arguments], capture_output=True, text=True, check=False, timeout=120)
+    return done.stdout + done.stderr
+
+
+@pytest.fixture
+def unit(tmp_path: Path) -> Path:
+    """The unit with a command that exists, and a user that does, for systemd looks them up."""
+    text = UNIT.read_text(encoding="utf-8")
+    text = re.sub(r"/opt/lightpose/\.venv/bin/lightpose", "/bin/true", text).replace("User=lightpose", "User=daemon")
+    copy = tmp_path / UNIT.name
+    copy.write_text(text.replace("Documentation=", "# "), encoding="utf-8")
+    return copy
+
+
+@pytest.mark.long
+def test_unit_is_verified_by_systemd(unit: Path) -> None:
+    assert unit.name not in analysed("verify", "--recursive-errors=no", str(unit))
+
+
+@pytest.mark.long
+def test_unit_exposure_is_low(unit: Path) -> None:
+    told = analysed("security", "--offline=true", "--no-pager", str(unit))
+    match = re.search(r"Overall exposure level for \S+: ([\d.]+)", told)
+    assert match is not None, told
+    print(f"\nexposure {match[1]}")
+    assert float(match[1]) <= MOST_EXPOSED
+
+
+@pytest.mark.long
+def test_unit_allows_the_system_calls_of_real_time() -> None:
+    filters = re.findall(r"^SystemCallFilter=(\S+)$", UNIT.read_text(encoding="utf-8"), re.MULTILINE)
+    assert filters == ["@system-service"]
+    groups: dict[str, list[str]] = {}
+    for line in analysed("syscall-filter", "--no-pager").splitlines():
+        if line.startswith("@"):
+            groups[line.strip()] = []
+        elif (name := line.strip()) and not name.startswith("#") and groups:
+            groups[next(reversed(groups))].append(name)
+    allowed, waiting = set[str](), filters
+    while waiting:
+        allowed.add(name := waiting.pop())
+        waiting += groups.get(name, [])
+    assert allowed >= NEEDED
+
+
+def test_unit_grants_real_time_without_a_capability() -> None:
+    text = UNIT.read_text(encoding="utf-8")
+    assert "\nLimitRTPRIO=1\n" in text
+    assert "\nCapabilityBoundingSet=\n" in text
+    assert "RestrictRealtime" not in text
