@@ -48,7 +48,9 @@ def schedules(seeds: list[int], results: Path | None) -> int:
                 seed = wanted.pop(0)
                 try:
                     note(results, fault_schedule.run(made, seed))
-                except Exception:  # noqa: BLE001 - whatever it is, the case has failed; the next begins with a new cell
+                except Exception as error:
+                    if isinstance(error.__context__, KeyboardInterrupt):
+                        raise KeyboardInterrupt from error  # the cell ended with it, and the case says nothing
                     note(results, {"seed": seed, "failed": traceback.format_exc()})
                     failed += 1
                     break
