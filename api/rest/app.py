@@ -6,19 +6,18 @@ by side in one process.
 
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
-from html import escape
 from importlib.metadata import version
 from typing import Any
 
 import anyio.to_thread
-from fastapi import FastAPI, Request
-from fastapi.responses import HTMLResponse
+from fastapi import FastAPI
 
 from api.rest import (
     archive,
     calibration,
     camera_preview,
     capacity,
+    docs_page,
     drawings,
     events,
     images,
@@ -116,7 +115,7 @@ def _with_routes(lifespan: Any) -> FastAPI:
         version=version("lightpose"),
         description=openapi_document.DESCRIPTION,
         lifespan=lifespan,
-        docs_url=None,  # the usual pages load scripts from elsewhere; this service works without a network
+        docs_url=None,  # the usual pages load scripts from elsewhere (`docs_page`)
         redoc_url=None,
         redirect_slashes=False,  # one address for each thing
         responses=problems.default_response(),
@@ -142,25 +141,8 @@ def _with_routes(lifespan: Any) -> FastAPI:
         metrics,
         problems,
         page,
+        docs_page,
     ):
         app.include_router(module.router)
-    app.add_api_route("/docs", _docs, include_in_schema=False, response_class=HTMLResponse)
     app.openapi = lambda: openapi_document.of(app)
     return app
-
-
-async def _docs(request: Request) -> HTMLResponse:
-    """The routes as an HTML page."""
-    schema = request.app.openapi()
-    rows = "".join(
-        f"<tr><td><code>{method.upper()}</code><td><code>{escape(path)}</code><td>{escape(route['description'])}"
-        for path, methods in schema["paths"].items()
-        for method, route in methods.items()
-    )
-    return HTMLResponse(
-        "<!doctype html><html lang=en><meta charset=utf-8><title>lightpose</title>"
-        "<body style='font:16px/1.5 sans-serif;max-width:70em;margin:3em auto'>"
-        f"<h1>{escape(schema['info']['title'])} {escape(schema['info']['version'])}</h1>"
-        f"<p>{escape(openapi_document.DESCRIPTION)}</p><p><a href=/openapi.json>openapi.json</a></p>"
-        f"<table cellpadding=6>{rows}</table></body></html>"
-    )

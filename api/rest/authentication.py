@@ -16,12 +16,12 @@ from starlette.types import Scope
 from acquisition.models.errors import ErrorCode, RigError
 from api.rest.keys import Caller, KeyRing, Role
 
-PUBLIC_PATHS = ("/health/", "/problems/", "/page/")
+PUBLIC_PATHS = ("/health/", "/problems/", "/page/", "/docs/")
 """Path prefixes that need no key: health probes, the pages that explain problems, and the files of the operator's page,
-which asks for the key itself."""
+and of the page that tries the API, which ask for the key themselves."""
 
-PUBLIC_PAGE = "/"
-"""Address of the operator's page."""
+PUBLIC_PAGES = frozenset({"/", "/docs", "/openapi.json"})
+"""Addresses of these pages, and of the description, which is the same for every cell."""
 
 STOP_PATH = "/v1/rig/stop"
 """Address of the stop: every key may call it, no limit refuses it, and the listener's thread answers it itself."""
@@ -57,7 +57,7 @@ class Authentication:
         """
         method, path = scope["method"], scope["path"]
         host = scope["client"][0] if scope.get("client") else "local"
-        if (path == PUBLIC_PAGE or path.startswith(PUBLIC_PATHS)) and method in SAFE_METHODS:
+        if (path in PUBLIC_PAGES or path.startswith(PUBLIC_PATHS)) and method in SAFE_METHODS:
             return Caller("anybody", Role.VIEWER)
         caller = self.recognised(scope, headers)
         if caller is None:

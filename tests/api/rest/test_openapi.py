@@ -1,6 +1,8 @@
 """The committed OpenAPI description is current and declares the problems of every route."""
 
+import re
 from collections.abc import Iterator
+from importlib import resources
 from pathlib import Path
 
 import httpx
@@ -125,15 +127,22 @@ def test_openapi_examples_are_valid() -> None:
             assert not [error.message for error in check.iter_errors(example)], name
 
 
-def test_openapi_is_served_with_an_offline_page(shared: object) -> None:
+def test_docs_page_is_served_offline_under_a_strict_policy(shared: object) -> None:
     http: httpx.Client = shared.http  # type: ignore[attr-defined]
 
     assert http.get("/openapi.json").json() == description()
     page = http.get("/docs")
     assert page.headers["content-type"].startswith("text/html")
-    assert "/v1/rig/stop" in page.text
-    assert "http://" not in page.text
-    assert "https://" not in page.text
+    assert "unsafe" not in page.headers["content-security-policy"]
+    assert not re.search(r"<script(?![^>]* src=)|<style|\son\w+=|https?://", page.text)
+    wanted = re.findall(r'(?:src|href)="(/docs/[^"]*)"', page.text)
+    assert len(wanted) == 4
+    for address in wanted:
+        answer = http.get(address)
+        assert answer.status_code == 200, address
+        assert answer.headers["content-encoding"] == "gzip"
+    assert not re.search(r"https?://", http.get("/docs/start.js").text)
+    assert "Apache" in (resources.files("api.rest") / "swagger_ui" / "LICENSE").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("code", list(ErrorCode))
