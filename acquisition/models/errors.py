@@ -28,6 +28,7 @@ class ErrorCode(StrEnum):
     SESSION_ACTION_NOT_ALLOWED = "session.action_not_allowed"
     SESSION_STEP_FAILED = "session.step_failed"
     RESULT_NOT_READY = "result.not_ready"
+    RESULT_CANCELLED = "result.cancelled"
     RIG_BUSY = "rig.busy"
     RIG_NOT_READY = "rig.not_ready"
     RIG_CHANGED = "rig.changed"
@@ -130,6 +131,9 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.RESULT_NOT_READY: Problem(
         409, "The result is not ready yet", "Wait for the event `normals.ready`, then ask again."
+    ),
+    ErrorCode.RESULT_CANCELLED: Problem(
+        410, "The solve of this result was cancelled", "Ask for it again with POST …/results, if it is still wanted."
     ),
     ErrorCode.RIG_BUSY: Problem(
         409, "Another session uses the rig", "Wait until the session in `holder` has ended, or stop it."

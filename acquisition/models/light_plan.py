@@ -59,7 +59,8 @@ class LightPlan(Value):
     )
     fallback: str | None = Field(
         default=None,
-        description="In plans of release 0.1, why two rings replaced the planned lights; none in all later plans",
+        description="In plans of release 0.1, why two rings replaced the planned lights; null in all later plans",
+        json_schema_extra={"deprecated": True},
     )
     gains: list[float] = Field(
         default_factory=list[float],

@@ -2,7 +2,9 @@
 
 A re-solve uses no device and has lower priority than a session: it starts only while no session runs, in the one
 compute process, and the next step of a session preempts it; it is restarted later. Requests are events of the journal
-until an event of success or failure follows, so a restarted service resumes them.
+until an event of success or failure follows, so a restarted service resumes them. A request that asks for what was
+asked for before, by its idempotency key or by equal settings, images and software, leads to the same result: a client
+that repeats itself makes no second job. A cancelled solve is killed with its process, which frees its memory at once.
 """
 
 import json
@@ -11,10 +13,10 @@ import queue
 import shutil
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from structlog.contextvars import bound_contextvars
 
@@ -51,6 +53,8 @@ class SolveRequest:
     number: int
     settings: SolveSettings
     last_pass: int
+    idempotency_key: str | None = None
+    software: str = ""
 
 
 def observations(record: SessionRecord, folder: Path, last_pass: int | None = None) -> Observations:
@@ -124,6 +128,8 @@ class ReSolveService:
         self._numbering = threading.Lock()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._serve, name="resolving", daemon=True)
+        self._running: SolveRequest | None = None
+        self._halting = threading.Event()  # ends the running solve: the service closes, or it was cancelled
 
     def open(self) -> None:
         """Queues the requests that the last service left unfinished, and starts the thread."""
@@ -134,11 +140,18 @@ class ReSolveService:
     def close(self) -> None:
         """Ends the thread; an unfinished solve is restarted by the next service."""
         self._closing.set()
+        self._halting.set()
         if self._thread.is_alive():
             self._thread.join(10)
 
-    def submit(self, session_id: str, settings: SolveSettings, last_pass: int | None, actor: str) -> SolveRequest:
+    def submit(
+        self, session_id: str, settings: SolveSettings, last_pass: int | None, actor: str,
+        idempotency_key: str | None = None,
+    ) -> tuple[SolveRequest, bool]:  # fmt: skip
         """Accepts a solve of a session that has ended; `last_pass` None: all its images.
+
+        The flag is False for a request that was made before: by its key, or by equal settings, images and software
+        unless that solve failed or was cancelled.
 
         Raises RigError session.not_found, session.action_not_allowed while the session may still take images,
         normals.infeasible with fewer than three of them.
@@ -162,28 +175,57 @@ class ReSolveService:
                     f"Session {session_id} has {len(shots)} images up to pass {last}: three are the least",
                     passes=captured_passes,
                 )
+            wanted = SolveRequest(session_id, 0, settings, last, idempotency_key, version("lightpose"))
+            known = self._known(wanted)
+            if known is not None:
+                return known, False
             used = [item.number for item in self._store.journal.artifacts(session_id, "result")]
             used += [request.number for request in self._submitted(session_id, with_finished=True)]
-            request = SolveRequest(session_id, max([*used, len(record.passes) - 1]) + 1, settings, last)
+            request = replace(wanted, number=max([*used, len(record.passes) - 1]) + 1)
             body = {
                 "number": request.number,
                 "last_pass": last,
                 "settings": settings.model_dump(mode="json"),
                 "by": actor,
+                "idempotency_key": idempotency_key,
+                "software": request.software,
             }
             self._store.journal.record_action(session_id, "solve", actor, f"result {request.number}")
             self._store.journal.announce(session_id, ACCEPTED, body)
         self._queue.put(request)
-        return request
+        return request, True
+
+    def cancel(self, session_id: str, number: int, actor: str) -> None:
+        """Cancels a solve that waits or runs; the event `resolve.failed` with the code result.cancelled says so.
+
+        Cancelling it again is no error. Raises RigError session.not_found, request.not_found for no such request,
+        session.action_not_allowed when it has ended otherwise.
+        """
+        with self._numbering:
+            self._store.journal.session(session_id)
+            requests = self._submitted(session_id, with_finished=True)
+            if number not in [request.number for request in requests]:
+                raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Nobody asked for a result {number} of {session_id}")
+            request = next((item for item in self._submitted(session_id) if item.number == number), None)
+            if request is None:
+                if self._failures(session_id).get(number, {}).get("code") == ErrorCode.RESULT_CANCELLED:
+                    return
+                raise RigError(
+                    ErrorCode.SESSION_ACTION_NOT_ALLOWED, f"The solve of result {number} has ended", allowed=[]
+                )
+            self._store.journal.record_action(session_id, "cancel-solve", actor, f"result {number}")
+            if self._running is not None and self._key(self._running) == self._key(request):
+                self._halting.set()  # its thread announces it, once the process has ended
+            else:
+                self._fail(request, _cancelled(number))
 
     def raise_outcome(self, session_id: str, number: int) -> None:
         """Raises result.not_ready for a pending result, or the problem of a failed one; else returns."""
         if number not in [request.number for request in self._submitted(session_id, with_finished=True)]:
             return
-        for event in self._store.journal.events(0, 10_000, session_id, (FAILED,)):
-            if event.body["number"] == number:
-                reason = event.body["problem"]
-                raise RigError(ErrorCode(reason["code"]), reason["detail"])
+        reason = self._failures(session_id).get(number)
+        if reason is not None:
+            raise RigError(ErrorCode(reason["code"]), reason["detail"])
         raise RigError(ErrorCode.RESULT_NOT_READY, f"Result {number} of session {session_id} is being solved")
 
     def make_export(self, session_id: str, number: int, name: str) -> Path:
@@ -208,6 +250,26 @@ class ReSolveService:
 
     # -------------------------------------------------------------------------------------------------------- internals
 
+    def _known(self, wanted: SolveRequest) -> SolveRequest | None:
+        """The earlier request that leads to the same result; None without one."""
+        failed = self._failures(wanted.session_id)
+        for request in self._submitted(wanted.session_id, with_finished=True):
+            if wanted.idempotency_key is not None and request.idempotency_key == wanted.idempotency_key:
+                return request
+            alike = replace(request, number=0, idempotency_key=wanted.idempotency_key) == wanted
+            if alike and request.number not in failed:
+                return request
+        return None
+
+    def _failures(self, session_id: str) -> dict[int, dict[str, Any]]:
+        """The problems of a session's solves that failed, by number."""
+        events = self._store.journal.events(0, 10_000, session_id, (FAILED,))
+        return {event.body["number"]: event.body["problem"] for event in events}
+
+    @staticmethod
+    def _key(request: SolveRequest) -> tuple[str, int]:
+        return request.session_id, request.number
+
     def _submitted(self, session_id: str | None, *, with_finished: bool = False) -> list[SolveRequest]:
         """The solves that were asked for, of one session or of all; unless `settled`, those without an outcome."""
         journal = self._store.journal
@@ -219,7 +281,13 @@ class ReSolveService:
                 key = (event.session_id or "", event.body["number"])
                 if event.type == ACCEPTED:
                     settings = SolveSettings.model_validate_json(json.dumps(event.body["settings"]))
-                    submitted[key] = SolveRequest(*key, settings, event.body["last_pass"])
+                    submitted[key] = SolveRequest(
+                        *key,
+                        settings,
+                        event.body["last_pass"],
+                        event.body.get("idempotency_key"),
+                        event.body.get("software", ""),
+                    )
                 elif not with_finished:
                     submitted.pop(key, None)
         return list(submitted.values())
@@ -230,16 +298,38 @@ class ReSolveService:
                 request = self._queue.get(timeout=POLL_S)
             except queue.Empty:
                 continue
+            if not self._begin(request):
+                continue
             try:
                 with bound_contextvars(session_id=request.session_id):
                     self._solve(request)
             except Halted:
-                return
+                if self._closing.is_set():
+                    return
+                self._discard(request)
+                self._fail(request, _cancelled(request.number))
             except RigError as error:
                 self._fail(request, error)
             except Exception as error:  # noqa: BLE001 - the thread must live on; the event says what failed
                 _log.exception("solving session %s again", request.session_id)
                 self._fail(request, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
+
+    def _begin(self, request: SolveRequest) -> bool:
+        """Notes which solve runs from now on; False for one that was cancelled while it waited."""
+        with self._numbering:
+            waits = request.number in [item.number for item in self._submitted(request.session_id)]
+            self._running = request if waits else None
+            if not self._closing.is_set():
+                self._halting.clear()
+            return waits
+
+    def _discard(self, request: SolveRequest) -> None:
+        """Removes what a solve that was cancelled has written."""
+        try:
+            folder = self._store.folder(request.session_id)
+        except RigError:
+            return  # deleted meanwhile
+        shutil.rmtree(folder / "results" / str(request.number), ignore_errors=True)
 
     def _solve(self, request: SolveRequest) -> None:
         record = self._store.record(request.session_id)
@@ -247,11 +337,11 @@ class ReSolveService:
         calibration = _calibration(self._store.folder(request.session_id))
         while True:
             while self._session_runs():
-                if self._closing.wait(POLL_S):
+                if self._halting.wait(POLL_S):
                     raise Halted
             try:
                 solve_and_record(
-                    self._store, self._compute, record, request, cell, calibration, self._closing, origin="resolve"
+                    self._store, self._compute, record, request, cell, calibration, self._halting, origin="resolve"
                 )
             except Preempted:
                 continue
@@ -269,6 +359,10 @@ class ReSolveService:
     def _session_runs(self) -> bool:
         holder = self._store.journal.holder()
         return holder is not None and holder.state in (State.RUNNING, State.PAUSING, State.STOPPING)
+
+
+def _cancelled(number: int) -> RigError:
+    return RigError(ErrorCode.RESULT_CANCELLED, f"The solve of result {number} was cancelled")
 
 
 def _calibration(folder: Path) -> Calibration:

@@ -149,6 +149,8 @@ def serve(
     log: Annotated[
         LogFormat | None, typer.Option(help="Lines for people or JSON objects; default: LIGHTPOSE_LOG, else text")
     ] = None,
+    tls_cert: Annotated[Path | None, typer.Option(help="Certificate (PEM); default: LIGHTPOSE_TLS_CERT")] = None,
+    tls_key: Annotated[Path | None, typer.Option(help="Its private key (PEM); default: LIGHTPOSE_TLS_KEY")] = None,
     trusted_proxy: Annotated[
         list[str] | None,
         typer.Option(help="Proxy whose X-Forwarded-For and -Proto count; default: LIGHTPOSE_TRUSTED_PROXIES"),
@@ -158,9 +160,8 @@ def serve(
     from api.rest import server, settings
 
     given = {"cell": cell, "data": data, "host": host, "port": port, "log": None if log is None else log.value}
-    wanted: dict[str, object] = {name: value for name, value in given.items() if value is not None}
-    if trusted_proxy:
-        wanted["trusted_proxies"] = tuple(trusted_proxy)
+    more = {"tls_cert": tls_cert, "tls_key": tls_key, "trusted_proxies": tuple(trusted_proxy or ()) or None}
+    wanted: dict[str, object] = {name: value for name, value in {**given, **more}.items() if value is not None}
     explain_errors(lambda: server.serve(settings.read(**wanted)))
 
 

@@ -37,7 +37,7 @@ from api.client.event_following import (
 )
 from api.client.progress_bar import SessionProgressBar
 from api.client.responses import ModelT, ProblemError, parsed, raise_problem, require_completed
-from api.client.transport import LIMITS, TIMEOUT_S, authorization_headers
+from api.client.transport import authorization_headers, connection
 from api.rest.calibration import RigCalibration
 from api.rest.key_schemas import CallerResource, KeyResource
 from api.rest.preview_figures import PreviewFigures
@@ -69,8 +69,7 @@ class Client:
     """
 
     def __init__(self, url: str, key: str | None = None) -> None:
-        common: dict[str, Any] = {"timeout": TIMEOUT_S, "limits": LIMITS, "trust_env": False}
-        self._http = httpx.Client(base_url=url, headers=authorization_headers(key), **common)
+        self._http = httpx.Client(base_url=url, headers=authorization_headers(key), **connection())
 
     def __enter__(self) -> "Client":
         return self
@@ -247,13 +246,14 @@ class Client:
     def resolve(
         self, session_id: str, settings: SolveSettings | None = None, last_pass: int | None = None
     ) -> int:  # fmt: skip
-        """Requests another solve of an ended session, from the passes up to `last_pass` (None: all of its images).
+        """Requests another solve of an ended session's images up to `last_pass` (None: all); the result's number."""
+        wanted = ResolveRequest(settings=settings or SolveSettings(), last_pass=last_pass).model_dump(mode="json")
+        address = f"/v1/sessions/{session_id}/results"
+        return parsed(self._send("POST", address, json=wanted), ResolveAccepted).number
 
-        Returns the number that the result will have; the event `normals.ready` or `resolve.failed` reports the outcome.
-        """
-        request = ResolveRequest(settings=settings or SolveSettings(), last_pass=last_pass)
-        response = self._send("POST", f"/v1/sessions/{session_id}/results", json=request.model_dump(mode="json"))
-        return parsed(response, ResolveAccepted).number
+    def cancel_resolve(self, session_id: str, number: int) -> None:
+        """Cancels a solve that waits or runs."""
+        self._send("POST", f"/v1/sessions/{session_id}/results/{number}/cancellation")
 
     def download(self, session_id: str, number: int, name: str, path: Path) -> Path:
         """Downloads one file of a result, checked against the manifest; `path` is written atomically.

@@ -1,6 +1,8 @@
-"""What both clients set on each connection: the time limit of a request, and the key."""
+"""What both clients set on each connection: the time limit of a request, the trusted certificates, and the key."""
 
 import os
+import ssl
+from typing import Any
 
 import httpx
 
@@ -11,6 +13,14 @@ comments of the event stream."""
 LIMITS = httpx.Limits(keepalive_expiry=2.0)
 """An idle connection is given up after this time, s: long before the service closes it (5 s), since a request that is
 sent while it is being closed fails."""
+
+
+def connection() -> dict[str, Any]:
+    """Options of a connection: no proxy of the environment; certificates are those that this machine trusts.
+
+    `SSL_CERT_FILE` names a file of others, such as that of a laboratory's own authority.
+    """
+    return {"timeout": TIMEOUT_S, "limits": LIMITS, "trust_env": False, "verify": ssl.create_default_context()}
 
 
 def authorization_headers(key: str | None) -> dict[str, str]:

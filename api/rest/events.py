@@ -183,7 +183,9 @@ async def events(
             "journalled and has no id"
         ),
     ] = False,
-    last_event_id: Annotated[int | None, Header(ge=0, le=2**62, description="Takes precedence over `after`")] = None,
+    last_event_id: Annotated[
+        str | None, Header(pattern="^[0-9]{1,18}$", description="An event's `id`; takes precedence over `after`")
+    ] = None,
 ) -> StreamingResponse:
     """Streams events as they happen (server-sent events); `Last-Event-ID` or `after` replays missed ones.
 
@@ -192,7 +194,7 @@ async def events(
     """
     feed: EventFeed = request.app.state.feed
     streams: OpenStreams = request.app.state.streams
-    start = last_event_id if last_event_id is not None else after
+    start = int(last_event_id) if last_event_id is not None else after
     content = feed.stream(
         start, session_id, type, follow=follow, joints=joints, is_admitted=lambda: streams.is_valid(caller)
     )

@@ -16,6 +16,7 @@ import errno
 import logging
 import selectors
 import socket
+import ssl
 import threading
 import time
 from collections import Counter
@@ -27,6 +28,7 @@ from acquisition.models.errors import ErrorCode
 from api.rest import problems
 from api.rest.authentication import STOP_PATH
 from api.rest.capacity import Capacity
+from api.rest.tls import TlsSession
 
 BACKLOG = 4096
 """Connections that the kernel holds until they are accepted; it caps this by its own limit."""
@@ -57,14 +59,15 @@ Stop = Callable[[bytes, str, str], tuple[bytes, dict[str, Any]] | None]
 """Carries out the stop that this head of this peer, sent to this address, asks for; the answer and its log entry, None
 where the application has to answer."""
 
-HandOver = Callable[[socket.socket, bytes, str], None]
-"""Gives a connection, the bytes that were read from it, and its peer to the event loop."""
+HandOver = Callable[[socket.socket, bytes, str, TlsSession | None], None]
+"""Gives a connection, what was read from it, its peer and its TLS session to the event loop."""
 
 
 @dataclass
 class _Connection:
     peer: str
     deadline: float  # s, monotonic: undecided connections, and answered ones, are closed then
+    tls: TlsSession | None
     received: bytearray = field(default_factory=bytearray)
     answered: bool = False
 
@@ -74,8 +77,10 @@ class Listener:
 
     def __init__(
         self, sockets: list[socket.socket], capacity: Capacity, head_timeout_s: Callable[[], float],
-        security_headers: Mapping[str, str],
+        security_headers: Mapping[str, str], tls: ssl.SSLContext | None = None,
     ) -> None:  # fmt: skip
+        """`tls`: the context of an encrypted service."""
+        self._tls = tls
         self._security_headers = security_headers
         self._sockets = sockets
         self._capacity = capacity
@@ -160,23 +165,40 @@ class Listener:
         accepted.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         for option, value in _KEEP_ALIVE.items():
             accepted.setsockopt(socket.IPPROTO_TCP, option, value)
-        self._undecided[accepted] = connection = _Connection(str(address[0]), time.monotonic() + self._head_timeout_s())
+        self._undecided[accepted] = connection = _Connection(
+            str(address[0]),
+            time.monotonic() + self._head_timeout_s(),
+            None if self._tls is None else TlsSession(self._tls),
+        )
         self._selector.register(accepted, selectors.EVENT_READ)
         self._read(accepted, connection)  # what most clients have sent by now
 
     def _read(self, held: socket.socket, connection: _Connection) -> None:
         try:
             block = held.recv(_READ_BYTES)
+            arrived = len(block)
+            if connection.tls is not None and block:
+                block = self._decrypted(held, connection.tls, block)
         except BlockingIOError:
             return
         except OSError:
             self._drop(held)
             return
-        if not block:
+        if not arrived:
             self._drop(held)
-        elif not connection.answered:
+        elif block and not connection.answered:
             connection.received += block
             self._decide(held, connection)
+
+    @staticmethod
+    def _decrypted(held: socket.socket, tls: TlsSession, block: bytes) -> bytes:
+        """Decrypts, and sends what TLS has to answer, which fits into an empty send buffer. Raises OSError."""
+        try:
+            return tls.receive(block)
+        finally:
+            answer = tls.to_send()
+            if answer:
+                held.send(answer)
 
     def _decide(self, held: socket.socket, connection: _Connection) -> None:
         received = bytes(connection.received)
@@ -210,13 +232,13 @@ class Listener:
             return
         self._forget(held)
         assert self._hand_over is not None  # noqa: S101 - set before the thread starts
-        self._hand_over(held, received, connection.peer)
+        self._hand_over(held, received, connection.peer, connection.tls)
 
     def _answer(self, held: socket.socket, connection: _Connection, answer: bytes) -> None:
         """Sends a whole answer, which fits into an empty send buffer, and lets the peer close."""
         connection.answered, connection.deadline = True, time.monotonic() + LINGER_S
         try:
-            held.send(answer)
+            held.send(answer if connection.tls is None else connection.tls.send(answer) + connection.tls.close())
             held.shutdown(socket.SHUT_WR)
         except OSError:
             self._drop(held)

@@ -5,6 +5,7 @@ from typing import Annotated
 import anyio.to_thread
 from fastapi import APIRouter, Body
 from fastapi.responses import FileResponse
+from pydantic import WithJsonSchema
 
 from acquisition.models.errors import ErrorCode, RigError
 from api.rest import problems, stored_files
@@ -12,6 +13,13 @@ from api.rest.dependencies import Actor, ServiceOf, SessionId
 from api.rest.schemas import RegionResource
 
 router = APIRouter(tags=["sessions"])
+
+_MASK = {
+    "type": "string",
+    "format": "binary",
+    "contentMediaType": "image/png",
+    "description": "A PNG of the camera's size, black where unwanted",
+}
 
 
 @router.put(
@@ -29,9 +37,7 @@ async def draw_region(
     service: ServiceOf,
     session_id: SessionId,
     actor: Actor,
-    mask: Annotated[
-        bytes, Body(media_type="image/png", description="A PNG of the camera's size, black where unwanted")
-    ],
+    mask: Annotated[bytes, Body(media_type="image/png"), WithJsonSchema(_MASK)],
 ) -> RegionResource:
     """Sets the region of interest: lights are planned for it, and an ordered accuracy is judged by it.
 

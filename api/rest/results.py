@@ -7,7 +7,7 @@ event, so that no request waits for minutes.
 from typing import Annotated
 
 import anyio.to_thread
-from fastapi import APIRouter, Body, Request, Response
+from fastapi import APIRouter, Body, Header, Request, Response
 from fastapi import Path as InPath
 from fastapi.responses import FileResponse
 
@@ -17,9 +17,10 @@ from acquisition.models.result import ResultSummary
 from acquisition.runner.re_solve import EXPORTS
 from acquisition.store import Artifact
 from api.rest import problems, stored_files
-from api.rest.dependencies import Actor, Number, ServiceOf, SessionId
+from api.rest.dependencies import IDEMPOTENCY_KEY, Actor, Number, ServiceOf, SessionId
 from api.rest.paging import Limit, Offset, page
 from api.rest.schemas import (
+    Accepted,
     ArtefactResource,
     Page,
     ResolveAccepted,
@@ -32,6 +33,7 @@ from api.rest.wiring import Service
 router = APIRouter(tags=["sessions"])
 
 _CHOOSE = "choose-answer"
+_NO_RESULT = (ErrorCode.RESULT_NOT_READY, ErrorCode.RESULT_CANCELLED, ErrorCode.NORMALS_INFEASIBLE)
 
 
 @router.get("/v1/sessions/{session_id}/results", responses=problems.NOT_FOUND)
@@ -48,6 +50,7 @@ def results(
     "/v1/sessions/{session_id}/results",
     status_code=202,
     responses={
+        200: {"model": ResolveAccepted, "description": "The result that an equal request has asked for before"},
         **problems.NOT_FOUND,
         **problems.responses_of(
             ErrorCode.SESSION_ACTION_NOT_ALLOWED,
@@ -64,27 +67,46 @@ def resolve(
     request: Annotated[
         ResolveRequest, Body(description="`{}`: all images, with the default settings")
     ] = ResolveRequest(),  # noqa: B008 - frozen
+    idempotency_key: Annotated[str | None, Header(min_length=1, max_length=200, description=IDEMPOTENCY_KEY)] = None,
 ) -> ResolveAccepted:
     """Solves the images of an ended session again, with other settings; no hardware is used.
 
-    The event `normals.ready` announces the result, `resolve.failed` its failure and the reason.
+    The event `normals.ready` announces the result, `resolve.failed` its failure and the reason. A request with the same
+    Idempotency-Key, or with equal settings for the same images, leads to the same result.
     """
-    accepted = service.resolving.submit(session_id, request.settings, request.last_pass, actor)
+    accepted, new = service.resolving.submit(session_id, request.settings, request.last_pass, actor, idempotency_key)
+    response.status_code = 202 if new else 200
     session_path = f"/v1/sessions/{session_id}"
     response.headers["Location"] = f"{session_path}/results/{accepted.number}"
     return ResolveAccepted(
         number=accepted.number,
         links={
             "result": f"{session_path}/results/{accepted.number}",
+            "cancellation": f"{session_path}/results/{accepted.number}/cancellation",
             "session": session_path,
             "events": f"/v1/events?session_id={session_id}&after=0",
         },
     )
 
 
+@router.post(
+    "/v1/sessions/{session_id}/results/{number}/cancellation",
+    status_code=202,
+    responses={**problems.NOT_FOUND, **problems.responses_of(ErrorCode.SESSION_ACTION_NOT_ALLOWED)},
+)
+def cancel_resolve(service: ServiceOf, session_id: SessionId, number: Number, actor: Actor) -> Accepted:
+    """Cancels a solve that waits or runs: its process ends and its memory is freed.
+
+    The event `resolve.failed` with the code `result.cancelled` says so; cancelling it again is no error.
+    """
+    service.resolving.cancel(session_id, number, actor)
+    session_path = f"/v1/sessions/{session_id}"
+    return Accepted(links={"session": session_path, "events": f"/v1/events?session_id={session_id}&after=0"})
+
+
 @router.get(
     "/v1/sessions/{session_id}/results/{number}",
-    responses={**problems.NOT_FOUND, **problems.responses_of(ErrorCode.RESULT_NOT_READY, ErrorCode.NORMALS_INFEASIBLE)},
+    responses={**problems.NOT_FOUND, **problems.responses_of(*_NO_RESULT)},
 )
 def result(service: ServiceOf, session_id: SessionId, number: Number) -> ResultResource:
     """One result: its summary and its files; after a failed re-solve, the reason."""
@@ -97,9 +119,7 @@ def result(service: ServiceOf, session_id: SessionId, number: Number) -> ResultR
     responses={
         **stored_files.binary(*stored_files.ARTEFACT_TYPES, description="The file"),
         **problems.NOT_FOUND,
-        **problems.responses_of(
-            ErrorCode.RESULT_NOT_READY, ErrorCode.NORMALS_INFEASIBLE, ErrorCode.RIG_BUSY, ErrorCode.STORE_CORRUPT
-        ),
+        **problems.responses_of(*_NO_RESULT, ErrorCode.RIG_BUSY, ErrorCode.STORE_CORRUPT),
     },
 )
 async def artefact(

@@ -6,6 +6,7 @@ event stream delays by seconds. So the halt is in the handler itself, and the st
 
 import asyncio
 import logging
+import ssl
 import sys
 import threading
 from collections.abc import Callable
@@ -20,7 +21,7 @@ from uvicorn.config import STARTUP_FAILURE
 
 from acquisition.devices import process_priority
 from acquisition.models.errors import ErrorCode, RigError
-from api.rest import capacity, http_protocol, keys, logs, standard_error, wiring
+from api.rest import capacity, http_protocol, keys, logs, standard_error, tls, wiring
 from api.rest import settings as settings_
 from api.rest.app import create_app
 from api.rest.camera_preview import CameraPreview
@@ -31,6 +32,7 @@ from api.rest.keys import KeyRing
 from api.rest.listener import Listener, bound_sockets
 from api.rest.settings import Settings
 from api.rest.stop_request import StopRequests
+from api.rest.tls import TlsProtocol, TlsSession
 from api.rest.wiring import Service
 
 SWITCH_INTERVAL_S = 0.001
@@ -51,13 +53,20 @@ class Server(uvicorn.Server):
         config: uvicorn.Config,
         service: Service,
         app: FastAPI,
+        tls_context: ssl.SSLContext | None,
         on_ready: Callable[[str], None] | None,
     ) -> None:
         """`on_ready` is called with the service's address once it listens."""
         super().__init__(config)
         self.service = service
+        self._tls, self._scheme = tls_context, "http" if tls_context is None else "https"
         self._stops = StopRequests(
-            service, app.state.pages, app.state.authentication, app.state.proxies, app.state.security_headers
+            service,
+            app.state.pages,
+            app.state.authentication,
+            app.state.proxies,
+            app.state.security_headers,
+            self._scheme,
         )
         self._capacity: Capacity = app.state.capacity
         self._security_headers: dict[str, str] = app.state.security_headers
@@ -89,12 +98,14 @@ class Server(uvicorn.Server):
             _log.error("%s", error)
             await self.lifespan.shutdown()
             sys.exit(STARTUP_FAILURE)
-        self._listener = Listener(bound, self._capacity, lambda: http_protocol.HEAD_TIMEOUT_S, self._security_headers)
+        self._listener = Listener(
+            bound, self._capacity, lambda: http_protocol.HEAD_TIMEOUT_S, self._security_headers, self._tls
+        )
         host, port = bound[0].getsockname()[:2]
         self._listener.start(self._stops.answer, partial(self._hand_over, self.loop))
         self.started = True
         if self._on_ready is not None:
-            self._on_ready(f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}")
+            self._on_ready(f"{self._scheme}://[{host}]:{port}" if ":" in host else f"{self._scheme}://{host}:{port}")
 
     async def shutdown(self, sockets: list[socket] | None = None) -> None:
         """Ends the streams, then shuts down as uvicorn does."""
@@ -104,22 +115,24 @@ class Server(uvicorn.Server):
         self._preview.end()
         await super().shutdown(sockets)
 
-    def _hand_over(self, loop: asyncio.AbstractEventLoop, held: socket, received: bytes, peer: str) -> None:
+    def _hand_over(
+        self, loop: asyncio.AbstractEventLoop, held: socket, received: bytes, peer: str, session: TlsSession | None
+    ) -> None:
         """Gives a connection to the event loop; called in the listener's thread."""
 
         def adopt() -> None:
-            task = loop.create_task(self._adopt(held, received, peer))
+            task = loop.create_task(self._adopt(held, received, peer, session))
             self._adopting.add(task)
             task.add_done_callback(self._adopting.discard)
 
         loop.call_soon_threadsafe(adopt)
 
-    async def _adopt(self, held: socket, received: bytes, peer: str) -> None:
+    async def _adopt(self, held: socket, received: bytes, peer: str, session: TlsSession | None) -> None:
         listener = self._listener
         assert listener is not None  # noqa: S101 - the caller is its thread
 
-        def protocol() -> TimeLimitedH11Protocol:
-            return TimeLimitedH11Protocol(
+        def protocol() -> asyncio.Protocol:
+            made = TimeLimitedH11Protocol(
                 config=self.config,
                 server_state=self.server_state,
                 app_state=self.lifespan.state,
@@ -127,6 +140,7 @@ class Server(uvicorn.Server):
                 security_headers=self._security_headers,
                 on_lost=partial(listener.release, peer),
             )
+            return made if session is None else TlsProtocol(session, made)
 
         try:
             await asyncio.get_running_loop().connect_accepted_socket(protocol, held)
@@ -163,7 +177,7 @@ def create_for(
         proxy_headers=False,
         timeout_graceful_shutdown=SHUTDOWN_GRACE_S,
     )
-    return Server(config, service, app, on_ready)
+    return Server(config, service, app, tls.context(settings.tls_cert, settings.tls_key), on_ready)
 
 
 def announce(address: str) -> None:

@@ -33,6 +33,9 @@ class Settings(BaseSettings):
 
     trusted_proxies: Names = Field((), description="Addresses of proxies whose X-Forwarded-… counts, comma-separated")
 
+    tls_cert: Path | None = Field(None, description="Certificate (PEM, with intermediate ones), to serve HTTPS")
+    tls_key: Path | None = Field(None, description="The certificate's private key (PEM), that not everybody may read")
+
     @field_validator("allowed_hosts", "allowed_origins", "trusted_proxies", mode="before")
     @classmethod
     def _split(cls, value: Any) -> Any:

@@ -25,9 +25,10 @@ class StopRequests:
 
     def __init__(
         self, service: Service, pages: KnownPages, authentication: Authentication, proxies: TrustedProxies,
-        security_headers: Mapping[str, str],
+        security_headers: Mapping[str, str], scheme: str,
     ) -> None:  # fmt: skip
         self._service = service
+        self._scheme = scheme
         self._headers = {**security_headers, "Content-Type": "application/json"}
         self._proxies = proxies
         self._pages = pages
@@ -39,7 +40,7 @@ class StopRequests:
         headers = _headers(head)
         if headers is None or _has_body(headers):
             return None
-        peer, scheme = self._proxies.caller(peer, headers)
+        peer, scheme = self._proxies.caller(peer, headers, self._scheme)
         scope = {
             "type": "http", "scheme": scheme, "method": "POST", "path": STOP_PATH, "query_string": b"",
             "client": (peer, 0), "headers": headers.raw, "server": (arrived_at, 0),

@@ -19,11 +19,11 @@ class TrustedProxies:
         """Raises ValueError for a name that is neither an address nor a network."""
         self._networks = [ipaddress.ip_network(name, strict=False) for name in names]
 
-    def caller(self, peer: str, headers: Headers) -> tuple[str, str]:
-        """Address of the caller and scheme of the address that it called, for a connection of `peer`."""
+    def caller(self, peer: str, headers: Headers, own_scheme: str) -> tuple[str, str]:
+        """Address of the caller and scheme of the address that it called, for a connection by `own_scheme`."""
         if not self._trusts(peer):
-            return peer, "http"
-        scheme = headers.get("x-forwarded-proto", "http").strip().lower()
+            return peer, own_scheme
+        scheme = headers.get("x-forwarded-proto", own_scheme).strip().lower()
         passed = [name.strip() for name in ",".join(headers.getlist("x-forwarded-for")).split(",") if name.strip()]
         untrusted = [name for name in passed if not self._trusts(name)]
         return (untrusted[-1][:100] if untrusted else peer), ("https" if scheme == "https" else "http")
@@ -46,6 +46,6 @@ class ForwardedCaller:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """One request."""
         if scope["type"] == "http" and scope.get("client"):
-            host, scheme = self._proxies.caller(scope["client"][0], Headers(scope=scope))
+            host, scheme = self._proxies.caller(scope["client"][0], Headers(scope=scope), scope["scheme"])
             scope = {**scope, "client": (host, scope["client"][1]), "scheme": scheme}
         await self._app(scope, receive, send)

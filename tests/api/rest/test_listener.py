@@ -163,7 +163,8 @@ def test_stop_that_arrives_in_pieces_is_carried_out_once(shared: Any) -> None:
     ],
 )
 def test_stop_that_the_listener_leaves_is_answered(shared: Any, headers: str, status: bytes) -> None:
-    answer = raw(shared, STOP.format(headers=f"Connection: close\r\n{headers}").encode(), b"{}")
+    body = [b"{}"] if "Content-Length" in headers else []  # after an answer it would reset the connection
+    answer = raw(shared, STOP.format(headers=f"Connection: close\r\n{headers}").encode(), *body)
     assert answer.split()[1] == status
 
 

@@ -86,6 +86,18 @@ def test_openapi_says_where_the_service_is_and_who_may_call() -> None:
     assert document["paths"]["/health/live"]["get"]["security"] == []
 
 
+def test_openapi_deprecated_fields_are_those_of_the_policy() -> None:
+    page = (COMMITTED.parents[1] / "docs" / "reference" / "rest.md").read_text(encoding="utf-8")
+    marked = {
+        f"{name}.{field}"
+        for name, schema in description()["components"]["schemas"].items()
+        for field, value in schema.get("properties", {}).items()
+        if value.get("deprecated")
+    }
+    assert marked == set(re.findall(r"^\| `([\w.]+)` \| [\d.]+ \|", page, re.MULTILINE))
+    assert not [path for path, ways in description()["paths"].items() for way in ways.values() if way.get("deprecated")]
+
+
 def test_openapi_references_resolve() -> None:
     schema = description()
     names = set(schema["components"]["schemas"])

@@ -9,7 +9,7 @@ import json
 import re
 import time
 import zipfile
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,7 @@ from tests.acquisition import scenes
 
 REPOSITORY = Path(__file__).parents[3]
 SIZE = 64
+ASKED = {"shadow_threshold": 0.09}
 LIGHTS = [*scenes.ring(3, 20.0), *scenes.ring(3, 50.0, 0.5)]
 
 
@@ -104,7 +105,7 @@ def ended(service: Any) -> str:
     return identity
 
 
-def outcome(service: Any, identity: str, number: int, within_s: float = 100.0) -> Any:
+def outcome(service: Any, identity: str, number: int, within_s: float = 240.0) -> Any:
     """The event that ends a solve."""
     deadline = time.monotonic() + within_s
     while time.monotonic() < deadline:
@@ -129,7 +130,7 @@ def normals(service: Any, identity: str, number: int) -> np.ndarray:
 
 
 def test_re_solve_is_accepted_solved_and_has_its_own_origin(service: Any, ended: str) -> None:
-    answer = service.http.post(f"/v1/sessions/{ended}/results", json={})
+    answer = service.http.post(f"/v1/sessions/{ended}/results", json={"settings": ASKED})
 
     assert answer.status_code == 202
     accepted = answer.json()
@@ -138,7 +139,7 @@ def test_re_solve_is_accepted_solved_and_has_its_own_origin(service: Any, ended:
     result = service.client.result(ended, accepted["number"])
     assert result.origin == "resolve"
     assert result.passes == [0, 1]
-    assert result.settings == SolveSettings()
+    assert result.settings == SolveSettings.model_validate(ASKED)
     assert result.summary.images == len(LIGHTS)
     assert 0 < result.summary.mean_sigma_deg < 5
     assert service.client.results(ended)[-1].number == accepted["number"]
@@ -205,7 +206,7 @@ def test_result_unknown_file_is_404(service: Any, ended: str, solved: int) -> No
 
 
 def test_result_pending_is_not_ready_unrequested_is_not_found(service: Any, ended: str) -> None:
-    number = service.client.resolve(ended)
+    number = service.client.resolve(ended, SolveSettings(shadow_threshold=0.11))
     answer = service.http.get(f"/v1/sessions/{ended}/results/{number}")
 
     assert answer.status_code == 409
@@ -213,6 +214,60 @@ def test_result_pending_is_not_ready_unrequested_is_not_found(service: Any, ende
     assert service.http.get(f"/v1/sessions/{ended}/results/{number + 1}").status_code == 404
     outcome(service, ended, number)
     assert service.http.get(f"/v1/sessions/{ended}/results/{number}").status_code == 200
+
+
+def test_re_solve_equal_request_makes_no_second_job(service: Any, ended: str, solved: int) -> None:
+    address = f"/v1/sessions/{ended}/results"
+    before = len(service.client.past_events(ended))
+    waiting = [service.http.post(address, json={"settings": {"shadow_threshold": 0.12}}) for _ in range(40)]
+    finished = service.http.post(address, json={})
+    keyed = [
+        service.http.post(address, json={"settings": asked}, headers={"Idempotency-Key": "k"})
+        for asked in ({"shadow_threshold": 0.13}, {"shadow_threshold": 0.14})
+    ]
+
+    assert [answer.status_code for answer in waiting] == [202] + [200] * 39
+    assert len({answer.json()["number"] for answer in waiting}) == 1
+    assert (finished.status_code, finished.json()["number"]) == (200, solved)
+    assert [answer.status_code for answer in keyed] == [202, 200]
+    assert keyed[0].json()["number"] == keyed[1].json()["number"]
+    for answer in (waiting[0], keyed[0]):
+        assert outcome(service, ended, answer.json()["number"]).type == READY
+    made = [event for event in service.client.past_events(ended)[before:] if event.type == ACCEPTED]
+    assert len(made) == 2
+
+
+def test_re_solve_cancelled_ends_frees_its_process_and_says_so(service: Any, ended: str, solved: int) -> None:
+    compute = service.service.resolving._compute
+    process = compute._process
+    with compute._busy:  # so that the first one surely runs, and the second waits, when they are cancelled
+        running = service.client.resolve(ended, SolveSettings(shadow_threshold=0.15, depth_rounds=10))
+        waiting = service.client.resolve(ended, SolveSettings(shadow_threshold=0.16))
+        until(lambda: service.service.resolving._running is not None)
+        service.client.cancel_resolve(ended, waiting)
+        assert outcome(service, ended, waiting).body["problem"]["code"] == ErrorCode.RESULT_CANCELLED
+        service.client.cancel_resolve(ended, running)
+        service.client.cancel_resolve(ended, running)  # again is no error
+    failed = outcome(service, ended, running)
+
+    assert (failed.type, failed.body["problem"]["code"]) == (FAILED, ErrorCode.RESULT_CANCELLED)
+    assert not process.is_alive()
+    gone = service.http.get(f"/v1/sessions/{ended}/results/{running}")
+    assert (gone.status_code, gone.json()["code"]) == (410, ErrorCode.RESULT_CANCELLED)
+    assert not (service.service.store.folder(ended) / "results" / str(running)).exists()
+    finished = service.http.post(f"/v1/sessions/{ended}/results/{solved}/cancellation")
+    assert (finished.status_code, finished.json()["code"]) == (409, ErrorCode.SESSION_ACTION_NOT_ALLOWED)
+    assert service.http.post(f"/v1/sessions/{ended}/results/9000/cancellation").status_code == 404
+    again = service.client.resolve(ended, SolveSettings(shadow_threshold=0.16))
+    assert again > waiting
+    assert outcome(service, ended, again).type == READY
+
+
+def until(true: Callable[[], bool], within_s: float = 60.0) -> None:
+    deadline = time.monotonic() + within_s
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
 
 
 def test_re_solve_unfinished_session_is_refused(service: Any) -> None:

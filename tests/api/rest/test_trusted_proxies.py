@@ -67,9 +67,9 @@ def test_service_on_all_addresses_is_called_by_its_own(
 def test_trusted_proxies_nearest_untrusted_address_is_the_caller() -> None:
     proxies = TrustedProxies(("10.0.0.0/8", "::1"))
     forwarded = Headers({"x-forwarded-for": "6.6.6.6, 192.0.2.7, 10.0.0.3", "x-forwarded-proto": "https"})
-    assert proxies.caller("10.0.0.2", forwarded) == ("192.0.2.7", "https")
-    assert proxies.caller("192.0.2.9", forwarded) == ("192.0.2.9", "http")
-    assert proxies.caller("::1", Headers({})) == ("::1", "http")
+    assert proxies.caller("10.0.0.2", forwarded, "http") == ("192.0.2.7", "https")
+    assert proxies.caller("192.0.2.9", forwarded, "https") == ("192.0.2.9", "https")
+    assert proxies.caller("::1", Headers({}), "http") == ("::1", "http")
 
 
 def test_settings_bad_proxy_is_refused(tmp_path: Path) -> None:
