@@ -105,7 +105,7 @@ def ended(service: Any) -> str:
     return identity
 
 
-def outcome(service: Any, identity: str, number: int, within_s: float = 240.0) -> Any:
+def outcome(service: Any, identity: str, number: int, within_s: float = 100.0) -> Any:
     """The event that ends a solve."""
     deadline = time.monotonic() + within_s
     while time.monotonic() < deadline:
