@@ -63,3 +63,27 @@ class HandEyeResult(Value):
     arm_sigma_m: float = Field(description="1 σ of the arm's deviation from its kinematic model, per axis, m")
     arm_sigma_rad: float = Field(description="1 σ of the arm's deviation in rotation, per axis, rad")
     views: Annotated[tuple[ViewResidual, ...], Field(strict=False)]
+
+
+class HighlightResidual(Value):
+    """One image's part in the lamp's calibration."""
+
+    image: str
+    sha256: str
+    residual_px: float | None = Field(description="Distance of the highlight from where it should be; none: not used")
+    why_not: str = Field(default="", description="Why an image was not used")
+
+
+class LampResult(Value):
+    """Position of the lamp in the tool's frame, found on a mirror sphere; `lamp.json`."""
+
+    kind: Literal["lamp"] = "lamp"
+    made_at: str
+    version: str = Field(description="Version of the software")
+    tool_from_lamp_m: Vector3
+    covariance: Rows = Field(description="Of the position, m²")
+    position_sigma_m: float = Field(description="1 σ of the position, per axis, root mean square, m")
+    sphere_center_m: Vector3 = Field(description="In the arm's base frame, m")
+    sphere_radius_m: float
+    highlight_sigma_px: float = Field(description="1 σ of a highlight's coordinate, pixels")
+    images: Annotated[tuple[HighlightResidual, ...], Field(strict=False)]

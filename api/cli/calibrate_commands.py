@@ -8,7 +8,9 @@ import typer
 
 from api.cli.error_exit import explain_errors
 
-app = typer.Typer(no_args_is_help=True, help="Calibrates the cell from images of a ChArUco board; moves nothing.")
+app = typer.Typer(
+    no_args_is_help=True, help="Calibrates the cell from images of a ChArUco board and a mirror sphere; moves nothing."
+)
 
 Images = Annotated[Path, typer.Argument(help="Folder of images, PNG or TIFF, all of one size")]
 BoardFile = Annotated[Path, typer.Option("--board", help="Description of the board, as `calibrate board` writes it")]
@@ -70,5 +72,26 @@ def hand_eye(
     from api.cli import calibrating
 
     outcome = explain_errors(lambda: calibrating.calibrate_hand_eye(folder, board_file, cell, out, base, candidates))
+    if as_json:
+        print(json.dumps(outcome), flush=True)
+
+
+@app.command()
+def lamp(
+    folder: Images,
+    cell: Annotated[Path, typer.Option(help="The cell file, for the arm and where the object stands")],
+    base: Annotated[Path, typer.Option(help="A calibration.json with the calibrated camera and its place")],
+    hand_eye_file: Annotated[Path, typer.Option("--hand-eye", help="hand_eye.json: how well that place is known")],
+    radius_mm: Annotated[float, typer.Option(help="Radius of the mirror sphere, mm")],
+    out: Out = Path("calibration"),
+    as_json: AsJson = False,
+) -> None:
+    """Calibrates where the lamp is in the tool's frame, from its highlights on a mirror sphere in the object's place.
+
+    The folder holds joints.csv, as for hand-eye. Tilt the lamp to different sides, up to 45° away from the sphere.
+    """
+    from api.cli import lamp_calibrating
+
+    outcome = explain_errors(lambda: lamp_calibrating.calibrate_lamp(folder, cell, base, hand_eye_file, radius_mm, out))
     if as_json:
         print(json.dumps(outcome), flush=True)

@@ -4,17 +4,12 @@ Results go into new files of a folder; what is there is refused rather than over
 replaces another silently cannot be gone back to. Which one a cell uses is said in its cell file.
 """
 
-import csv
-import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from matplotlib.figure import Figure
 from pydantic import ValidationError
@@ -25,16 +20,11 @@ from acquisition.calibrate.bundle_adjustment import CAMERA, JOINT_OFFSETS, Adjus
 from acquisition.calibrate.charuco import CharucoBoard, View
 from acquisition.calibrate.intrinsics import CameraFit
 from acquisition.models import cell_config
-from acquisition.models.base import FloatArray, Value, as_matrix4
+from acquisition.models.base import FloatArray, as_matrix4
 from acquisition.models.calibration_result import CameraResult, HandEyeResult, ViewResidual
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.waypoints import calibrated_kinematics, kinematics
-
-IMAGE_ENDINGS = (".png", ".tif", ".tiff")
-"""Lossless formats: JPEG's blocks move corners."""
-
-JOINTS_FILE = "joints.csv"
-"""In the folder of images: `image, q1 … q6`, rad, a line for each."""
+from api.cli import calibration_folder
+from api.cli.calibration_folder import JOINTS_FILE, arm_chain, now, read_joints, refusal, refuse_overwriting, write
 
 
 @dataclass(frozen=True)
@@ -59,7 +49,7 @@ def draw_board(columns: int, rows: int, square_mm: float, out: Path, *, legacy: 
             ErrorCode.REQUEST_INVALID, f"--{str(wrong['loc'][0]).replace('square_m', 'square-mm')}: {wrong['msg']}"
         ) from error
     described = out.with_suffix(".json")
-    _refuse_overwriting(out, described)
+    refuse_overwriting(out, described)
     charuco.draw(board, out)
     described.write_text(board.model_dump_json(indent=2) + "\n", encoding="utf-8")
     width, height = board.size_m
@@ -76,7 +66,7 @@ def calibrate_camera(folder: Path, board_file: Path, out: Path, base: Path | Non
     camera. Raises RigError folder.invalid, config.invalid and calibration.infeasible; nothing is written then.
     """
     written = [out / name for name in ("camera.json", "projection_sigma.png", *(["calibration.json"] if base else []))]
-    _refuse_overwriting(*written)
+    refuse_overwriting(*written)
     board, captured = _read(folder, board_file, None)
     found = intrinsics.fit(board, captured.views, captured.size)
     result = _camera_result(found, captured)
@@ -86,9 +76,9 @@ def calibrate_camera(folder: Path, board_file: Path, out: Path, base: Path | Non
             "width": result.width, "height": result.height, "camera_matrix": result.camera_matrix,
             "distortion": result.distortion, "made_at": result.made_at,
         }  # fmt: skip
-        _write(written[2], cell_config.load_calibration(base).model_copy(update=changed))
+        write(written[2], cell_config.load_calibration(base).model_copy(update=changed))
     _draw_projection_sigma(found, written[1])
-    _write(written[0], result)
+    write(written[0], result)
     console = Console(stderr=True, markup=False)
     _show_views(console, result.views)
     console.print(
@@ -109,16 +99,11 @@ def calibrate_hand_eye(
     says which view to take next. Raises RigError as `calibrate_camera`.
     """
     names = ("camera.json", "projection_sigma.png", "hand_eye.json", *(["calibration.json"] if base else []))
-    _refuse_overwriting(*(out / name for name in names))
+    refuse_overwriting(*(out / name for name in names))
     cell = cell_config.load(cell_file)
-    stated = cell.arm.kinematics
-    chain = (
-        calibrated_kinematics.chain(list(stated))
-        if stated is not None
-        else np.array(kinematics.denavit_hartenberg(kinematics.arm_model(cell.arm.model)))
-    )
-    offered = _joints(candidates) if candidates is not None else {}
-    board, captured = _read(folder, board_file, _joints(folder / JOINTS_FILE))
+    chain = arm_chain(cell)
+    offered = read_joints(candidates) if candidates is not None else {}
+    board, captured = _read(folder, board_file, read_joints(folder / JOINTS_FILE))
     camera = intrinsics.fit(board, captured.views, captured.size)
     found = hand_eye.fit(board, chain, captured.views, camera)
     # The camera by all corners and the arm's motions together, which hold the scale of the views.
@@ -131,10 +116,10 @@ def calibrate_hand_eye(
             "distortion": camera_result.distortion, "base_from_camera": result.base_from_camera,
             "made_at": result.made_at,
         }  # fmt: skip
-        _write(out / "calibration.json", cell_config.load_calibration(base).model_copy(update=changed))
+        write(out / "calibration.json", cell_config.load_calibration(base).model_copy(update=changed))
     _draw_projection_sigma(joint, out / "projection_sigma.png")
-    _write(out / "camera.json", camera_result)
-    _write(out / "hand_eye.json", result)
+    write(out / "camera.json", camera_result)
+    write(out / "hand_eye.json", result)
     console = Console(stderr=True, markup=False)
     _show_views(console, result.views)
     console.print(
@@ -167,64 +152,21 @@ def _read(folder: Path, board_file: Path, joints: dict[str, FloatArray] | None) 
         board = CharucoBoard.model_validate_json(board_file.read_bytes())
     except (OSError, ValidationError) as error:
         raise RigError(ErrorCode.CONFIG_INVALID, f"{board_file}: no description of a board: {error}") from error
-    paths = sorted(path for path in folder.glob("*") if path.suffix.lower() in IMAGE_ENDINGS)
-    if not paths:
-        raise _refusal(folder, f"holds no images ({', '.join(IMAGE_ENDINGS)})")
-    if joints is not None and (missing := sorted(set(joints) - {path.name for path in paths})):
-        raise _refusal(folder / JOINTS_FILE, f"names {missing[0]}, which is not in the folder")
     views: list[View] = []
     hashes: dict[str, str] = {}
-    sizes: list[tuple[int, int]] = []
-    for path in paths:
-        if joints is not None and path.name not in joints:
-            raise _refusal(folder / JOINTS_FILE, f"states no joints for {path.name}")
-        content = path.read_bytes()
-        image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
-        if image is None:
-            raise _refusal(path, "is no image that can be read")
-        shape = (image.shape[1], image.shape[0])
-        sizes.append(shape)
-        if shape != sizes[0]:
-            raise _refusal(path, f"has {shape[0]} × {shape[1]} pixels, the first image {sizes[0][0]} × {sizes[0][1]}")
-        hashes[path.name] = hashlib.sha256(content).hexdigest()
-        view = charuco.detect(image, board, path.name, None if joints is None else joints[path.name])
+    size = (0, 0)
+    for image in calibration_folder.images(folder, joints):
+        hashes[image.name], size = image.sha256, image.size
+        view = charuco.detect(image.values, board, image.name, None if joints is None else joints[image.name])
         if view is not None:
             views.append(view)
     if not views:
-        raise _refusal(
+        raise refusal(
             folder,
-            f"shows the board in none of its {len(paths)} images: check columns, rows and legacy_pattern in "
+            f"shows the board in none of its {len(hashes)} images: check columns, rows and legacy_pattern in "
             f"{board_file.name}, focus and exposure",
         )
-    return board, Captured(tuple(views), hashes, sizes[0])
-
-
-def _joints(path: Path) -> dict[str, FloatArray]:
-    try:
-        lines = [line for line in csv.reader(path.read_text(encoding="utf-8").splitlines()) if line]
-    except OSError as error:
-        raise _refusal(path, "cannot be read: the arm's joints, rad, at each image belong there") from error
-    joints: dict[str, FloatArray] = {}
-    for number, (name, *values) in enumerate(lines, 1):
-        try:
-            joints[name.strip()] = np.array([float(value) for value in values])
-        except ValueError as error:
-            if number == 1:
-                continue  # the names of the columns
-            raise _refusal(path, f"line {number}: six numbers in rad belong after the image's name") from error
-        if len(values) != 6 or not np.isfinite(joints[name.strip()]).all():
-            raise _refusal(path, f"line {number}: six numbers in rad belong after the image's name")
-    return joints
-
-
-def _refusal(path: Path, why: str) -> RigError:
-    return RigError(ErrorCode.FOLDER_INVALID, f"{path} {why}", path=str(path))
-
-
-def _refuse_overwriting(*paths: Path) -> None:
-    for path in paths:
-        if path.exists():
-            raise RigError(ErrorCode.CONFIG_INVALID, f"{path} is there already, and nothing is overwritten")
+    return board, Captured(tuple(views), hashes, size)
 
 
 # ---------------------------------------------------------------------------------------------------- what is written
@@ -236,7 +178,7 @@ def _camera_result(found: CameraFit, captured: Captured) -> CameraResult:
     matrix = adjusted.parameters.matrix
     return CameraResult.model_validate(
         {
-            "made_at": _now(), "version": metadata.version("lightpose"), "width": found.size[0],
+            "made_at": now(), "version": metadata.version("lightpose"), "width": found.size[0],
             "height": found.size[1], "camera_matrix": matrix.tolist(),
             "distortion": adjusted.parameters.camera[4:].tolist(),
             "covariance": adjusted.covariance[CAMERA, CAMERA].tolist(), "warp_m": adjusted.parameters.warp.tolist(),
@@ -253,7 +195,7 @@ def _hand_eye_result(found: hand_eye.HandEyeFit, captured: Captured) -> HandEyeR
     offset_sigmas[1:5] = adjusted.sigma(JOINT_OFFSETS)
     return HandEyeResult.model_validate(
         {
-            "made_at": _now(), "version": metadata.version("lightpose"),
+            "made_at": now(), "version": metadata.version("lightpose"),
             "base_from_camera": as_matrix4(found.base_from_camera), "covariance": found.covariance.tolist(),
             "position_sigma_m": position, "rotation_sigma_rad": rotation,
             "flange_from_board": as_matrix4(parameters.flange_from_board), "square_scale": 1 + parameters.scale,
@@ -297,11 +239,3 @@ def _draw_projection_sigma(found: CameraFit, path: Path) -> None:
     figure.colorbar(shown, label="1 σ of a direction's place, px")
     axes.set(xlabel="column, px", ylabel="row, px")
     figure.savefig(path, dpi=120)
-
-
-def _write(path: Path, value: Value) -> None:
-    path.write_text(json.dumps(value.model_dump(mode="json"), indent=2) + "\n", encoding="utf-8")
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")

@@ -1,0 +1,199 @@
+"""Position of the lamp in the tool's frame, from its highlights on a mirror sphere under many poses of the arm.
+
+A mirror sphere shows the lamp where its normal halves the angle between camera and lamp. Every image gives one
+highlight, two numbers; the lamp's place in the tool's frame is the same in all of them, so that a dozen poses determine
+it many times over, and where the sphere is along with it. Triangulation from two spheres, which is usual, has one pose
+and no residual. The camera's pose is uncertain too: it is a nuisance parameter with the covariance of the hand–eye
+calibration, and so part of the lamp's.
+
+Along the line to the sphere the lamp's place does not show, so that this line has to change in the tool's frame. With
+the lamp tilted by up to 45° to different sides, 48 highlights good to 0.1 px on a ball of 30 mm leave 0.4 mm; with 24
+that all aim at the sphere 12 mm are left (scratch simulation, November 2026), which is refused.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.optimize import least_squares
+
+from acquisition import geometry
+from acquisition.models.base import FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.errors import ErrorCode, RigError
+
+MIN_HIGHLIGHTS = 8
+"""Images with a highlight: lamp and sphere have seven unknowns, and the noise has to show in what is left."""
+
+MIN_SPREAD_DEG = 25.0
+"""Least spread of the lamp's directions at the sphere: under lamps all on one side its place and the sphere's trade."""
+
+RADIUS_SIGMA_M = 2e-5
+"""Prior 1 σ of the sphere's radius: a calliper's, of a bearing ball rather better."""
+
+START_SIGMA_M = 0.05
+"""Prior 1 σ of the lamp's and the sphere's place as stated, m: it only keeps the first steps within reason."""
+
+FLOOR_PX = 0.02
+"""Least noise of a highlight's coordinate, pixels."""
+
+MAX_SIGMA_M = 0.003
+"""1 σ of the lamp's position along its worst axis, m, above which the images do not determine it."""
+
+REFLECTION_ROUNDS = 30
+"""Iterations for the point of reflection; each takes the error down by the sphere's radius over the lamp's distance."""
+
+HIGHLIGHT_SHARE = 0.5
+"""Share of the brightest value above the background from which a pixel belongs to the highlight."""
+
+MIN_CONTRAST = 0.05
+"""Share of full scale by which a highlight stands out of the background at the least."""
+
+NO_HIGHLIGHT = "no highlight: the lamp is off, or the sphere is not in the image"
+
+MIN_HIGHLIGHT_PX, MAX_CLIPPED = 4, 0.5
+"""Pixels of a highlight below which it is a hot pixel, and share of clipped ones from which its middle is a guess."""
+
+MAX_RIVAL = 0.5
+"""Brightness sum of the second brightest spot over that of the first, from which the image is ambiguous."""
+
+
+@dataclass(frozen=True)
+class Highlight:
+    """The lamp's reflection in one image: pixel (2,), column and row, and the tool's pose (4, 4) in the base frame."""
+
+    name: str
+    pixel: FloatArray
+    base_from_tool: FloatArray
+
+
+@dataclass(frozen=True)
+class LampFit:
+    """The lamp's position (3,) in the tool's frame, m, with its covariance (3, 3); the sphere's centre (3,) in the base
+    frame and radius, m; residuals (N, 2), pixels, observed minus predicted, and 1 σ of a coordinate."""
+
+    tool_from_lamp_m: FloatArray
+    covariance: FloatArray
+    sphere_center_m: FloatArray
+    sphere_radius_m: float
+    residuals_px: FloatArray
+    highlight_sigma_px: float
+
+
+def find_highlight(image: np.ndarray, full_scale: float) -> FloatArray | str:
+    """Middle (2,) of the brightest spot, column and row, weighted by brightness; or why there is none, in words.
+
+    `image` (H, W), linear; `full_scale` is the value at which the sensor clips.
+    """
+    values = image.astype(np.float32)
+    background, peak = float(np.median(values)), float(values.max())
+    if peak - background < MIN_CONTRAST * full_scale:
+        return NO_HIGHLIGHT
+    threshold = background + HIGHLIGHT_SHARE * (peak - background)
+    count, labels, statistics, _ = cv2.connectedComponentsWithStats((values >= threshold).astype(np.uint8))
+    sums = np.bincount(labels.ravel(), weights=values.ravel(), minlength=count)
+    sums[0] = 0
+    order = np.argsort(sums)[::-1]
+    best = int(order[0])
+    if count < 2 or statistics[best, cv2.CC_STAT_AREA] < MIN_HIGHLIGHT_PX:
+        return NO_HIGHLIGHT
+    if count > 2 and sums[order[1]] > MAX_RIVAL * sums[best]:
+        return "several bright spots: cover what shines beside the sphere"
+    inside = labels == best
+    if np.mean(values[inside] >= 0.98 * full_scale) > MAX_CLIPPED:
+        return "the highlight is clipped: expose for less"
+    row, column = np.nonzero(inside)
+    weight = values[inside] - threshold + 1e-6 * threshold
+    return np.array([np.average(column, weights=weight), np.average(row, weights=weight)])
+
+
+def reflection(center: FloatArray, radius: float, camera: FloatArray, lamps: FloatArray) -> FloatArray:
+    """Points (N, 3) of a mirror sphere at which a camera sees lamps (N, 3), all in one frame, by fixed-point iteration.
+
+    The normal is along the sum of the unit vectors to camera and lamp.
+    """
+    normal = _unit(_unit(camera - center) + _unit(lamps - center))
+    for _ in range(REFLECTION_ROUNDS):
+        point = center + radius * normal
+        normal = _unit(_unit(camera - point) + _unit(lamps - point))
+    return center + radius * normal
+
+
+def fit(
+    highlights: Sequence[Highlight], calibration: Calibration, pose_covariance: FloatArray, radius_m: float,
+    sphere_center_m: FloatArray,
+) -> LampFit:  # fmt: skip
+    """Least squares over all highlights for lamp, sphere and, within its covariance, the camera's pose.
+
+    `calibration` states the camera and, as start, `tool_from_lamp`; `pose_covariance` (6, 6) is that of its
+    `base_from_camera`, m and rad, as in `hand_eye`; `sphere_center_m` (3,) is the sphere's place in the base frame to
+    some centimetres. Raises RigError calibration.infeasible: too few highlights, lamps all on one side.
+    """
+    if len(highlights) < MIN_HIGHLIGHTS:
+        raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, f"{len(highlights)} highlights: {MIN_HIGHLIGHTS} are needed")
+    tools = np.stack([one.base_from_tool for one in highlights])
+    observed = np.stack([one.pixel for one in highlights])
+    start = np.array(calibration.tool_from_lamp)[:3, 3]
+    _require_spread(_lamps(tools, start) - sphere_center_m)
+    matrix, distortion = np.array(calibration.camera_matrix), np.array(calibration.distortion)
+    base_from_camera = np.array(calibration.base_from_camera)
+    whitening = np.linalg.inv(np.linalg.cholesky(pose_covariance))
+
+    def residuals(unknown: FloatArray) -> FloatArray:
+        pose = geometry.inverse(base_from_camera @ geometry.pose(unknown[7:10], unknown[10:13]))
+        camera = geometry.inverse(pose)[:3, 3]
+        points = reflection(unknown[3:6], unknown[6], camera, _lamps(tools, unknown[:3]))
+        seen = geometry.transform(pose, points)
+        predicted = cv2.projectPoints(seen, np.zeros(3), np.zeros(3), matrix, distortion)[0]
+        return observed - np.asarray(predicted, dtype=float).reshape(-1, 2)
+
+    def whitened(unknown: FloatArray, sigma_px: float) -> FloatArray:
+        prior = np.concatenate([
+            (unknown[:3] - start) / START_SIGMA_M,
+            (unknown[3:6] - sphere_center_m) / START_SIGMA_M,
+            [(unknown[6] - radius_m) / RADIUS_SIGMA_M],
+            whitening @ unknown[7:],
+        ])  # fmt: skip
+        return np.concatenate([(residuals(unknown) / sigma_px).ravel(), prior])
+
+    unknown, sigma_px = np.concatenate([start, sphere_center_m, [radius_m], np.zeros(6)]), 1.0
+    found = least_squares(whitened, unknown, args=(sigma_px,), x_scale="jac")
+    for _ in range(3):  # the noise is what the residuals say, and the prior of the pose weighs by it
+        left = residuals(found.x)
+        sigma_px = max(float(np.sqrt(np.sum(left**2) / (left.size - 7))), FLOOR_PX)
+        found = least_squares(whitened, found.x, args=(sigma_px,), x_scale="jac", jac="3-point")
+    jacobian = np.asarray(found.jac, dtype=float)
+    covariance = np.linalg.inv(jacobian.T @ jacobian)[:3, :3]
+    _require_determined(covariance)
+    return LampFit(found.x[:3], covariance, found.x[3:6], float(found.x[6]), residuals(found.x), sigma_px)
+
+
+def _lamps(tools: FloatArray, tool_from_lamp_m: FloatArray) -> FloatArray:
+    """Positions (N, 3) of the lamp in the base frame under poses of the tool (N, 4, 4)."""
+    return tools[:, :3, :3] @ tool_from_lamp_m + tools[:, :3, 3]
+
+
+def _require_spread(directions: FloatArray) -> None:
+    units = _unit(directions)
+    spread = np.degrees(np.arccos(np.clip(units @ units.T, -1, 1))).max()
+    if spread < MIN_SPREAD_DEG:
+        raise RigError(
+            ErrorCode.CALIBRATION_INFEASIBLE,
+            f"The lamps stand within {spread:.0f}° of one another as the sphere sees them: use the whole dome",
+        )
+
+
+def _require_determined(covariance: FloatArray) -> None:
+    """Refuses poses that all aim the lamp at the sphere: moved along its axis it shines from the same direction."""
+    worst_m = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+    if worst_m > MAX_SIGMA_M:
+        raise RigError(
+            ErrorCode.CALIBRATION_INFEASIBLE,
+            f"Along one axis of the tool the lamp is known to {1000 * worst_m:.0f} mm only: tilt the lamp by "
+            "30–45° away from the sphere, to different sides",
+        )
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)

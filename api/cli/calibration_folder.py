@@ -1,0 +1,113 @@
+"""Folders of calibration images: what is read from them, and what is written beside them, never over what is there."""
+
+import csv
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from acquisition.models.base import FloatArray, Value
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.waypoints import calibrated_kinematics, kinematics
+
+IMAGE_ENDINGS = (".png", ".tif", ".tiff")
+"""Lossless formats: JPEG's blocks move corners and highlights."""
+
+JOINTS_FILE = "joints.csv"
+"""In the folder of images: `image, q1 … q6`, rad, a line for each."""
+
+SIX_NUMBERS = "six numbers in rad belong after the image's name"
+
+
+@dataclass(frozen=True)
+class CalibrationImage:
+    """An image's file name, its content's hash, and its values (H, W) or (H, W, 3), 8 or 16 bits."""
+
+    name: str
+    sha256: str
+    values: np.ndarray
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height."""
+        return self.values.shape[1], self.values.shape[0]
+
+
+def images(folder: Path, joints: dict[str, FloatArray] | None) -> Iterator[CalibrationImage]:
+    """Reads a folder's images one by one, in the order of their names; all of one size.
+
+    With `joints` each image has to have its own. Raises RigError folder.invalid naming the file.
+    """
+    paths = sorted(path for path in folder.glob("*") if path.suffix.lower() in IMAGE_ENDINGS)
+    if not paths:
+        raise refusal(folder, f"holds no images ({', '.join(IMAGE_ENDINGS)})")
+    if joints is not None and (missing := sorted(set(joints) - {path.name for path in paths})):
+        raise refusal(folder / JOINTS_FILE, f"names {missing[0]}, which is not in the folder")
+    first: tuple[int, int] | None = None
+    for path in paths:
+        if joints is not None and path.name not in joints:
+            raise refusal(folder / JOINTS_FILE, f"states no joints for {path.name}")
+        content = path.read_bytes()
+        values = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+        if values is None:
+            raise refusal(path, "is no image that can be read")
+        made = CalibrationImage(path.name, hashlib.sha256(content).hexdigest(), values)
+        first = first or made.size
+        if made.size != first:
+            raise refusal(path, f"has {made.size[0]} × {made.size[1]} pixels, the first image {first[0]} × {first[1]}")
+        yield made
+
+
+def read_joints(path: Path) -> dict[str, FloatArray]:
+    """Joints (6,), rad, of each image from a file like `joints.csv`. Raises RigError folder.invalid naming the line."""
+    try:
+        lines = [line for line in csv.reader(path.read_text(encoding="utf-8").splitlines()) if line]
+    except OSError as error:
+        raise refusal(path, "cannot be read: the arm's joints, rad, at each image belong there") from error
+    joints: dict[str, FloatArray] = {}
+    for number, (name, *values) in enumerate(lines, 1):
+        try:
+            six = np.array([float(value) for value in values])
+        except ValueError as error:
+            if number == 1:
+                continue  # the names of the columns
+            raise refusal(path, f"line {number}: {SIX_NUMBERS}") from error
+        if len(six) != 6 or not np.isfinite(six).all():
+            raise refusal(path, f"line {number}: {SIX_NUMBERS}")
+        joints[name.strip()] = six
+    return joints
+
+
+def arm_chain(cell: CellConfig) -> FloatArray:
+    """The arm's Denavit–Hartenberg rows (6, 4): the factory's where the cell file states them, else the model's."""
+    if cell.arm.kinematics is not None:
+        return calibrated_kinematics.chain(list(cell.arm.kinematics))
+    return np.array(kinematics.denavit_hartenberg(kinematics.arm_model(cell.arm.model)))
+
+
+def refusal(path: Path, why: str) -> RigError:
+    """The error that names a file and what is wrong with it."""
+    return RigError(ErrorCode.FOLDER_INVALID, f"{path} {why}", path=str(path))
+
+
+def refuse_overwriting(*paths: Path) -> None:
+    """Raises RigError config.invalid where one of the files is there: a calibration that is replaced is lost."""
+    for path in paths:
+        if path.exists():
+            raise RigError(ErrorCode.CONFIG_INVALID, f"{path} is there already, and nothing is overwritten")
+
+
+def write(path: Path, value: Value) -> None:
+    """Writes a value as JSON."""
+    path.write_text(json.dumps(value.model_dump(mode="json"), indent=2) + "\n", encoding="utf-8")
+
+
+def now() -> str:
+    """The present time, ISO 8601 in UTC."""
+    return datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")

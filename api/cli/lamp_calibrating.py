@@ -1,0 +1,129 @@
+"""`lightpose calibrate lamp`: where the lamp is in the tool's frame, from images of a mirror sphere."""
+
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from pydantic import ValidationError
+from rich.console import Console
+
+from acquisition.calibrate import lamp_position
+from acquisition.calibrate.lamp_position import Highlight, LampFit
+from acquisition.models import cell_config
+from acquisition.models.base import FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_result import HandEyeResult, HighlightResidual, LampResult
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.waypoints import calibrated_kinematics
+from api.cli.calibration_folder import (
+    JOINTS_FILE,
+    arm_chain,
+    images,
+    now,
+    read_joints,
+    refusal,
+    refuse_overwriting,
+    write,
+)
+
+
+def calibrate_lamp(
+    folder: Path, cell_file: Path, base: Path, hand_eye_file: Path, radius_mm: float, out: Path
+) -> dict[str, Any]:
+    """Calibrates the lamp's position from images of a mirror sphere of `radius_mm` and the arm's joints at each.
+
+    `base` is a calibration.json with camera and `base_from_camera`, `hand_eye_file` the hand_eye.json that states how
+    well the latter is known. Writes `lamp.json` and `calibration.json`. Raises RigError folder.invalid, config.invalid,
+    request.invalid and calibration.infeasible; nothing is written then.
+    """
+    if not 1 <= radius_mm <= 200:
+        raise RigError(ErrorCode.REQUEST_INVALID, f"--radius-mm {radius_mm:g}: give the sphere's radius, 1–200 mm")
+    refuse_overwriting(out / "lamp.json", out / "calibration.json")
+    cell, calibration = cell_config.load(cell_file), cell_config.load_calibration(base)
+    try:
+        hand_eye = HandEyeResult.model_validate_json(hand_eye_file.read_bytes())
+    except (OSError, ValidationError) as error:
+        raise RigError(
+            ErrorCode.CONFIG_INVALID, f"{hand_eye_file}: no hand_eye.json of `calibrate hand-eye`: {error}"
+        ) from error
+    used, said = _highlights(folder, cell, calibration)
+    keep_out = cell.object.keep_out.base_from_object.matrix
+    center = keep_out[:3, 3] + keep_out[:3, 2] * radius_mm / 1000
+    found = lamp_position.fit(used, calibration, np.array(hand_eye.covariance), radius_mm / 1000, center)
+    result = _result(found, used, said)
+    out.mkdir(parents=True, exist_ok=True)
+    tool_from_lamp = np.array(calibration.tool_from_lamp)
+    tool_from_lamp[:3, 3] = found.tool_from_lamp_m
+    changed = calibration.model_copy(
+        update={
+            "tool_from_lamp": tuple(map(tuple, tool_from_lamp.tolist())),
+            "lamp_position_sigma_m": result.position_sigma_m, "made_at": result.made_at,
+        }
+    )  # fmt: skip
+    write(out / "calibration.json", changed)
+    write(out / "lamp.json", result)
+    _show(result)
+    return result.model_dump(mode="json")
+
+
+def _highlights(
+    folder: Path, cell: CellConfig, calibration: Calibration
+) -> tuple[list[Highlight], list[HighlightResidual]]:
+    """Highlights of a folder's images, and what is said of each image; of those used the residual is still missing."""
+    joints, chain = read_joints(folder / JOINTS_FILE), arm_chain(cell)
+    flange_from_tool = cell.arm.flange_from_tool.matrix
+    used: list[Highlight] = []
+    said: list[HighlightResidual] = []
+    for image in images(folder, joints):
+        if image.size != (calibration.width, calibration.height):
+            stated = f"the calibration {calibration.width} × {calibration.height}"
+            raise refusal(folder / image.name, f"has {image.size[0]} × {image.size[1]} pixels, {stated}")
+        values = cv2.cvtColor(image.values, cv2.COLOR_BGR2GRAY) if image.values.ndim == 3 else image.values
+        spot = lamp_position.find_highlight(values, _clipped_from(values, calibration.sensor.bits))
+        why = spot if isinstance(spot, str) else ""
+        said.append(HighlightResidual(image=image.name, sha256=image.sha256, residual_px=None, why_not=why))
+        if not isinstance(spot, str):
+            used.append(Highlight(image.name, spot, _flange(chain, joints[image.name]) @ flange_from_tool))
+    return used, said
+
+
+def _clipped_from(values: np.ndarray, bits: int) -> float:
+    """Value at which an image clips: that of the sensor's `bits`, where files of 16 bits are not scaled up to these."""
+    if values.dtype == np.uint8:
+        return 255.0
+    return float(2**bits - 1) if values.max() < 2**bits else 65535.0
+
+
+def _flange(chain: FloatArray, joints: FloatArray) -> FloatArray:
+    return calibrated_kinematics.forward(chain, joints[None])[0, 6]
+
+
+def _result(found: LampFit, used: list[Highlight], said: list[HighlightResidual]) -> LampResult:
+    lengths = dict(zip((one.name for one in used), np.linalg.norm(found.residuals_px, axis=1), strict=True))
+    return LampResult.model_validate(
+        {
+            "made_at": now(), "version": metadata.version("lightpose"),
+            "tool_from_lamp_m": found.tool_from_lamp_m.tolist(), "covariance": found.covariance.tolist(),
+            "position_sigma_m": float(np.sqrt(np.trace(found.covariance) / 3)),
+            "sphere_center_m": found.sphere_center_m.tolist(), "sphere_radius_m": found.sphere_radius_m,
+            "highlight_sigma_px": found.highlight_sigma_px,
+            "images": [
+                one.model_copy(update={"residual_px": float(lengths[one.image])}) if one.image in lengths else one
+                for one in said
+            ],
+        }
+    )  # fmt: skip
+
+
+def _show(result: LampResult) -> None:
+    console = Console(stderr=True, markup=False)
+    for one in result.images:
+        if one.residual_px is None:
+            console.print(f"{one.image}: {one.why_not}", style="yellow")
+        else:
+            console.print(f"{one.image}: {one.residual_px:.2f} px", style="dim")
+    place = ", ".join(f"{1000 * value:.2f}" for value in result.tool_from_lamp_m)
+    console.print(f"lamp at {place} mm in the tool's frame, known to {1000 * result.position_sigma_m:.2f} mm per axis")

@@ -1,0 +1,152 @@
+"""The lamp's place from highlights on a mirror sphere: found within its covariance, and what is refused."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from acquisition import geometry
+from acquisition.calibrate import lamp_position
+from acquisition.calibrate.lamp_position import Highlight
+from acquisition.models.base import FloatArray
+from acquisition.models.errors import ErrorCode, RigError
+from hardware_sim import nominal
+
+CALIBRATION = nominal.calibration(1024)
+CENTER_M, RADIUS_M = np.array([0.55, 0.0, 0.03]), 0.025
+POSE_COVARIANCE = np.diag([2e-4**2] * 3 + [3e-4**2] * 3)
+
+
+@dataclass(frozen=True)
+class Truth:
+    lamp_m: FloatArray
+    center_m: FloatArray
+    base_from_camera: FloatArray
+
+
+def truth(seed: int) -> Truth:
+    random = np.random.default_rng(seed)
+    error = np.sqrt(np.diag(POSE_COVARIANCE)) * random.standard_normal(6)
+    return Truth(
+        0.006 * random.standard_normal(3), CENTER_M + 0.004 * random.standard_normal(3),
+        np.array(CALIBRATION.base_from_camera) @ geometry.pose(error[:3], error[3:]),
+    )  # fmt: skip
+
+
+def tools(count: int, seed: int, tilt_deg: float = 45.0, slant_deg: float = 70.0) -> FloatArray:
+    """Poses (count, 4, 4) of the tool on the dome, its axis tilted away from the sphere to random sides."""
+    random = np.random.default_rng(1000 + seed)
+    made: list[FloatArray] = []
+    for _ in range(count):
+        up = geometry.direction(np.radians(random.uniform(8, slant_deg)), random.uniform(0, 2 * np.pi))
+        side = np.cross(up, random.standard_normal(3))
+        tilt = np.radians(random.uniform(0, tilt_deg))
+        z = -np.cos(tilt) * up + np.sin(tilt) * side / np.linalg.norm(side)
+        x = np.cross(z, random.standard_normal(3))
+        x /= np.linalg.norm(x)
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = np.stack([x, np.cross(z, x), z], axis=1), CENTER_M + 0.45 * up
+        made.append(pose)
+    return np.stack(made)
+
+
+def highlights(known: Truth, poses: FloatArray, seed: int, noise_px: float = 0.1) -> list[Highlight]:
+    random = np.random.default_rng(2000 + seed)
+    camera = geometry.inverse(known.base_from_camera)
+    made: list[Highlight] = []
+    for number, tool in enumerate(poses):
+        deviation = geometry.pose(3e-5 * random.standard_normal(3), 5e-5 * random.standard_normal(3))
+        lamp = geometry.transform(tool @ deviation, known.lamp_m)
+        point = lamp_position.reflection(known.center_m, RADIUS_M, known.base_from_camera[:3, 3], lamp[None])
+        pixel = cv2.projectPoints(
+            geometry.transform(camera, point), np.zeros(3), np.zeros(3), np.array(CALIBRATION.camera_matrix),
+            np.array(CALIBRATION.distortion),
+        )[0].reshape(2)  # fmt: skip
+        made.append(Highlight(f"{number:03}.png", pixel + noise_px * random.standard_normal(2), tool))
+    return made
+
+
+def fitted(seen: list[Highlight]) -> lamp_position.LampFit:
+    return lamp_position.fit(seen, CALIBRATION, POSE_COVARIANCE, RADIUS_M, CENTER_M)
+
+
+def test_reflection_obeys_the_law_of_reflection() -> None:
+    camera, lamps = np.array([0.5, 0.1, 0.9]), np.array([[0.9, 0.2, 0.3], [0.3, -0.2, 0.4]])
+    points = lamp_position.reflection(CENTER_M, RADIUS_M, camera, lamps)
+    normal = (points - CENTER_M) / RADIUS_M
+    to_camera, to_lamp = (
+        side / np.linalg.norm(side, axis=1, keepdims=True) for side in (camera - points, lamps - points)
+    )
+    np.testing.assert_allclose(np.linalg.norm(normal, axis=1), 1, atol=1e-12)
+    np.testing.assert_allclose(2 * np.sum(normal * to_camera, axis=1)[:, None] * normal - to_camera, to_lamp, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_fit_tilted_lamps_is_found_within_its_covariance(seed: int) -> None:
+    known = truth(seed)
+    found = fitted(highlights(known, tools(30, seed), seed))
+    error = found.tool_from_lamp_m - known.lamp_m
+    assert np.linalg.norm(error) < 1.5e-3
+    assert error @ np.linalg.solve(found.covariance, error) < chi2.ppf(0.999, 3)
+    assert np.linalg.norm(found.sphere_center_m - known.center_m) < 2e-3
+    assert found.highlight_sigma_px == pytest.approx(0.1, rel=0.35)
+
+
+@pytest.mark.long
+def test_fit_covariance_covers_truth_in_fifty_cells() -> None:
+    inside: list[bool] = []
+    for seed in range(100, 150):
+        known = truth(seed)
+        found = fitted(highlights(known, tools(30, seed), seed))
+        error = found.tool_from_lamp_m - known.lamp_m
+        inside.append(bool(error @ np.linalg.solve(found.covariance, error) < chi2.ppf(0.95, 3)))
+    assert np.mean(inside) >= 0.84
+
+
+def refusal(seen: list[Highlight]) -> str:
+    with pytest.raises(RigError) as refused:
+        fitted(seen)
+    assert refused.value.code is ErrorCode.CALIBRATION_INFEASIBLE
+    return refused.value.detail
+
+
+def test_fit_lamps_that_aim_at_sphere_are_refused() -> None:
+    assert "tilt the lamp" in refusal(highlights(truth(1), tools(30, 1, tilt_deg=0.0), 1))
+
+
+def test_fit_lamps_on_one_side_or_few_are_refused() -> None:
+    seen = highlights(truth(2), tools(30, 2, slant_deg=11.0), 2)
+    assert "use the whole dome" in refusal(seen)
+    assert "8 are needed" in refusal(seen[:7])
+
+
+def spot(column: float, row: float, peak: float = 3000.0, black: float = 64.0) -> np.ndarray:
+    """A highlight of 12 bits on a dark image, blurred over some pixels."""
+    v, u = np.mgrid[:80, :100]
+    return black + peak * np.exp(-((u - column) ** 2 + (v - row) ** 2) / (2 * 1.8**2))
+
+
+def test_find_highlight_is_found_to_a_tenth_of_a_pixel() -> None:
+    random = np.random.default_rng(0)
+    for column, row in random.uniform(20, 60, (8, 2)):
+        noisy = np.clip(spot(column, row) + 20 * random.standard_normal((80, 100)), 0, 4095).astype(np.uint16)
+        found = lamp_position.find_highlight(noisy, 4095)
+        assert not isinstance(found, str)
+        np.testing.assert_allclose(found, [column, row], atol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("image", "says"),
+    [
+        (np.full((80, 100), 64, np.uint16), "no highlight"),
+        (np.where(np.arange(8000).reshape(80, 100) == 999, 4000, 64).astype(np.uint16), "no highlight"),
+        (np.clip(spot(40, 30) + spot(70, 50), 0, 4095).astype(np.uint16), "several bright spots"),
+        (np.clip(spot(40, 30, 90_000), 0, 4095).astype(np.uint16), "clipped"),
+    ],
+)
+def test_find_highlight_bad_image_says_why(image: np.ndarray, says: str) -> None:
+    found = lamp_position.find_highlight(image, 4095)
+    assert isinstance(found, str)
+    assert says in found
