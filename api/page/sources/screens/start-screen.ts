@@ -165,6 +165,8 @@ export class StartScreen extends PageElement {
             : nothing
         }
       </dl>
+      ${this.prospect(this.dryRun)}
+      <h3>${t("start.way")}</h3>
       <dome-plot
         .dome=${this.dome}
         route
@@ -175,7 +177,7 @@ export class StartScreen extends PageElement {
         }))}
       ></dome-plot>
       <p class="caption">${t("start.dome")}</p>
-      ${plan.notes?.map((note) => html`<p class="notice">${note}</p>`)} ${this.prospect(this.dryRun)}`;
+      ${plan.notes?.map((note) => html`<p class="notice">${note}</p>`)}`;
   }
 
   /** What accuracy to expect of how many images, of an assumed object. */

@@ -140,6 +140,7 @@ export const de: Record<keyof typeof en, string> = {
   "start.lights": "Lichter",
   "start.moves": "Bewegung",
   "start.duration": "Alles in allem",
+  "start.way": "Lichter und Weg",
   "start.dome":
     "Die Lichter, wie die Kamera sie sieht, in der Reihenfolge des Weges; die Ringe sind 30°, 60° und 90° von ihrer Achse.",
   "start.sigma": "Erwartetes mittleres σ mit {images} Bildern",

@@ -145,6 +145,7 @@ export const en = {
   "start.lights": "Lights",
   "start.moves": "Moves",
   "start.duration": "All in all",
+  "start.way": "Lights and way",
   "start.dome":
     "The lights as the camera sees them, in the order of travel; the rings are 30°, 60° and 90° off its axis.",
   "start.sigma": "Expected mean σ with {images} images",
