@@ -46,7 +46,11 @@ def security_headers(foreign_pages: bool) -> dict[str, str]:
 
 
 class AnswerHeaders:
-    """ASGI middleware that adds security headers where an answer has none of its own."""
+    """ASGI middleware that adds security headers where an answer has none of its own.
+
+    Not to a 304: a browser puts its headers in the place of those that it has kept with the content, so that a page or
+    a report that is loaded again would get the policy of bare data.
+    """
 
     def __init__(self, app: ASGIApp, defaults: Mapping[str, str]) -> None:
         """`defaults`: `security_headers`."""
@@ -57,7 +61,7 @@ class AnswerHeaders:
         """One request."""
 
         async def send_with_headers(message: Message) -> None:
-            if message["type"] == "http.response.start":
+            if message["type"] == "http.response.start" and message["status"] != 304:
                 headers = MutableHeaders(raw=message.setdefault("headers", []))
                 if headers.get("content-type", "").startswith("text/html"):
                     headers.setdefault("Content-Security-Policy", SANDBOX)

@@ -91,3 +91,13 @@ def test_page_bundle_is_what_sources_give() -> None:
     )
 
     assert done.returncode == 0, done.stderr
+
+
+def test_page_loaded_again_keeps_its_policy(shared: Any) -> None:
+    first = shared.http.get("/")
+    again = shared.http.get("/", headers={"If-None-Match": first.headers["etag"]})
+    assert again.status_code == 304
+    assert (
+        again.headers.get("content-security-policy", first.headers["content-security-policy"])
+        == (first.headers["content-security-policy"])
+    )

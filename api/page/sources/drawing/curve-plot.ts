@@ -14,10 +14,15 @@ function ofOneTwoFive(_plot: uPlot, values: number[]): (number | null)[] {
   return values.map((value) => (/^[125]\.00e/.test(value.toExponential(2)) ? value : null));
 }
 
+/** Whether values differ: a screen that is drawn again with the same ones leaves the curve as it is. */
+function differ(now: readonly unknown[], before: readonly unknown[] | undefined): boolean {
+  return now.length !== before?.length || now.some((value, index) => value !== before[index]);
+}
+
 @customElement("curve-plot")
 export class CurvePlot extends PageElement {
-  @property({ attribute: false }) x: number[] = [];
-  @property({ attribute: false }) y: (number | null)[] = [];
+  @property({ attribute: false, hasChanged: differ }) x: number[] = [];
+  @property({ attribute: false, hasChanged: differ }) y: (number | null)[] = [];
   @property() xLabel = "";
   @property() yLabel = "";
   @property({ type: Boolean }) points = false;
