@@ -82,7 +82,7 @@ def test_data_folder_of_the_first_release_is_served_and_goes_on(tmp_path: Path) 
     data = tmp_path / "data"
     shutil.copytree(RELEASE, data)
     with sqlite3.connect(data / "rig.db") as opened:
-        before = opened.execute("SELECT max(id) FROM events").fetchone()[0]
+        before = opened.execute("SELECT max(id) FROM event").fetchone()[0]
     with bench(tmp_path, "127.0.14.61", data) as made, made.serve() as client:
         assert made.undisturbed is not None  # two sessions have run beside the old ones
         states = {session.id: session.state for session in client.sessions()}
