@@ -478,7 +478,7 @@ export const de: Record<keyof typeof en, string> = {
   "calibration.when":
     "Neu kalibrieren, wenn Kamera, Objektiv, Schärfe, Lampe oder ihre Halterungen berührt wurden, wenn der Arm umgesetzt wurde, und wenn diese abgelaufen ist.",
   "calibration.how":
-    "Noch misst sie kein Programm von hier: Kameramatrix und Verzeichnung (OpenCV), Lagen von Kamera und Lampe, Stärke der Lampe und Rauschen des Sensors kommen aus eigener Messung. Sie gehören in die Datei, die die Zellendatei nennt; am Rechner des Dienstes prüfen:",
+    "Am Rechner des Dienstes findet „lightpose calibrate“ Kameramatrix, Verzeichnung und die Orte von Kamera und Lampe aus Bildern einer Tafel und einer Spiegelkugel; Stärke der Lampe und Rauschen des Sensors kommen aus eigener Messung. Die neue Datei in der Zellendatei nennen und prüfen:",
   "calibration.cell_file": "ZELLE.toml",
   "calibration.then":
     "Sie gilt, sobald der Dienst neu gestartet ist. Sitzungen behalten die Kalibrierung, mit der sie begonnen haben.",

@@ -486,7 +486,7 @@ export const en = {
   "calibration.when":
     "Calibrate again when camera, lens, focus, lamp or their mounts were touched, when the arm was set down elsewhere, and when this one is out of date.",
   "calibration.how":
-    "No program here measures it yet: camera matrix and distortion (OpenCV), poses of camera and lamp, the lamp's intensity and the sensor's noise come from your own measurement. Write them to the file that the cell file names, and check it on the service's machine:",
+    "On the service's machine “lightpose calibrate” finds camera matrix and distortion and the places of camera and lamp, from images of a board and of a mirror sphere; the lamp's intensity and the sensor's noise come from your own measurement. Name the new file in the cell file, and check it:",
   "calibration.cell_file": "CELL.toml",
   "calibration.then":
     "It takes effect when the service is started anew. Sessions keep the calibration they began with.",
