@@ -15,8 +15,7 @@ from pathlib import Path
 import pytest
 
 TOP = Path(__file__).parents[2]
-BASE = "docker.io/library/python:3.11-slim"
-MIRROR = "http://deb.debian.org/debian"
+BASE = "localhost/base"
 PACKAGES = "python3,python3-pip,python3-venv,python3-dev,ca-certificates"
 
 SERVED = """
@@ -70,7 +69,7 @@ def pip_files() -> list[str]:
 
 def test_image_is_built_of_every_step_and_serves_a_cell(tmp_path: Path) -> None:
     root, context = tmp_path / "base", tmp_path / "context"
-    run(["debootstrap", "--variant=minbase", f"--include={PACKAGES}", "bookworm", str(root), MIRROR])
+    run(["debootstrap", "--variant=minbase", f"--include={PACKAGES}", "bookworm", str(root)])
     (root / "usr/lib/python3.11/EXTERNALLY-MANAGED").unlink()  # the stood-in image's Python is its own
     buildah = ["buildah", f"--root={tmp_path}/store", f"--runroot={tmp_path}/run", "--storage-driver=vfs"]
     base = run([*buildah, "from", "scratch"]).strip()
@@ -84,7 +83,7 @@ def test_image_is_built_of_every_step_and_serves_a_cell(tmp_path: Path) -> None:
     environment = [f"--env={name}" for name in os.environ if name.startswith("PIP_")]
 
     built = [*buildah, "build", "--isolation=chroot", "--pull-never", "--network=host", *mounts, *environment]
-    run([*built, "--file", str(context / "deploy/Containerfile"), "--tag", "lightpose", str(context)])
+    run([*built, f"--from={BASE}", "--file", str(context / "deploy/Containerfile"), "--tag", "lightpose", str(context)])
 
     told = json.loads(run([*buildah, "inspect", "--type=image", "lightpose"]))["OCIv1"]["config"]
     assert told["User"] == "lightpose"
