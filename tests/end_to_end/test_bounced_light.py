@@ -108,6 +108,7 @@ def test_interreflection_correction_improves_normals(name: str, monkeypatch: pyt
     assert graded(corrected, world).mean_deg < 0.85 * graded(uncorrected, world).mean_deg
 
 
+@pytest.mark.long
 def test_interreflection_convex_object_is_hardly_corrected() -> None:
     world, observations = scene("figure", "direct")
     normal_map = solved(observations)

@@ -11,7 +11,14 @@ from hardware_sim.objects import SceneObject
 REPOSITORY = Path(__file__).parents[2]
 
 
-@pytest.fixture(scope="module", params=list(objects.SHAPES))
+SLOW = ("relief", "figure")
+"""Shapes whose surface takes seconds to build."""
+
+
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(name, marks=pytest.mark.long if name in SLOW else ()) for name in objects.SHAPES],
+)
 def scene(request: pytest.FixtureRequest) -> SceneObject:
     return objects.build(request.param, 1)
 

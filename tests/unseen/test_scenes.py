@@ -30,6 +30,7 @@ def test_scene_of_a_report_seed_is_refused() -> None:
         scenes.scene("blob", scenes.REPORT_SEEDS_FROM)
 
 
+@pytest.mark.long
 def test_scene_is_the_same_for_the_same_seed(blob: Scene) -> None:
     again = scenes.scene.__wrapped__("blob", 0, "lambert", SMALL)
     assert again is not blob
@@ -38,6 +39,7 @@ def test_scene_is_the_same_for_the_same_seed(blob: Scene) -> None:
     assert scenes.scene("blob", 1, "lambert", SMALL).key != blob.key
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("family", ["turned", "knot", "sheet"])
 def test_scene_of_a_family_fills_the_frame(family: str) -> None:
     one = scenes.scene(family, 0, pixels=SMALL)

@@ -52,6 +52,7 @@ def test_unsound_sigma_added_error_is_found() -> None:
     assert found == pytest.approx(8.0, abs=1.5)
 
 
+@pytest.mark.long
 def test_collect_one_scene_keeps_components_of_the_solve(tmp_path: Path) -> None:
     plan = run.Plan(("blob",), (0,), (8,), ("two-rings",), 1, tmp_path)
     sigma_fit.collect(plan, tmp_path, jobs=1)

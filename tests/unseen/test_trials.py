@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
+import pytest
+
 from acquisition.normals import model_selection
 from acquisition.normals.model_trial import Alternative
 from tests.unseen import patterns, run, scenes, tables, trials
 from tests.unseen.captures import capture
 
 
+@pytest.mark.long
 def test_recorded_solve_has_scores_and_trials() -> None:
     scene = scenes.scene("sheet", 0, "oren-nayar:0.5", 40)
     captured = capture(scene, patterns.fixed("two-rings", scene, 8, 0, 1))

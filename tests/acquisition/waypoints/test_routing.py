@@ -220,14 +220,14 @@ def _check_speeds(planned: Route, cell: CellConfig) -> None:
     assert (speeds <= cell.arm.max_joint_speed_rad_s * (1 + 1e-9)).all()
 
 
-@pytest.mark.parametrize("quarter", range(4))
+@pytest.mark.parametrize("half", range(2))
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6))
-def test_route_random_cells_neither_touch_nor_occlude(quarter: int, seed: int) -> None:
+def test_route_random_cells_neither_touch_nor_occlude(half: int, seed: int) -> None:
     """With a sparse roadmap, at a third of the cost; detours and RRT-Connect compensate."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(roadmap_module, "_DOME_LIGHTS", 16)
-        check_cell(4 * seed + quarter, count=3)
+        check_cell(2 * seed + half, count=3)
     roadmap_module._roadmap.cache_clear()
 
 

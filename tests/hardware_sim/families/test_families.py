@@ -55,6 +55,7 @@ def test_make_first_seed_holds_all_conditions(first: RandomObject) -> None:
     _check(first)
 
 
+@pytest.mark.long
 def test_make_same_seed_again_is_identical(first: RandomObject) -> None:
     again = families.make(first.family, 0)
     assert np.array_equal(first.mesh.triangles, again.mesh.triangles)
