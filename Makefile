@@ -26,8 +26,9 @@ setup: .venv/ready
 demo: .venv/demo-ready
 	$(BIN)/lightpose demo $(if $(PAGE),--page)
 
+# One process more than two cores: tests of a real cell wait for its arm half of their time.
 test: setup
-	$(BIN)/pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
 test-long: setup
 	$(BIN)/pytest -m long --timeout 3600
