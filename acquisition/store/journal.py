@@ -59,7 +59,7 @@ class Journal(QueueTable):
                         )
                     return row, False
             (number,) = connection.execute("SELECT coalesce(max(number), 0) + 1 FROM session").fetchone()
-            now = time.time()
+            now = round(time.time(), 6)  # as HTTP states it, so that a session is among those since its own time
             identity = time.strftime("%Y%m%d-%H%M%S-", time.gmtime(now)) + secrets.token_hex(3)
             connection.execute(
                 "INSERT INTO session (id, number, state, recipe, cell, fingerprint, idempotency_key, created_at)"

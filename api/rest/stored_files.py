@@ -36,7 +36,7 @@ NOT_MODIFIED: dict[int | str, dict[str, Any]] = {304: {"description": "The ETag 
 
 
 def binary(*media_types: str, description: str) -> dict[int | str, dict[str, Any]]:
-    """OpenAPI response of a route that answers bytes, of one of these types; text types as text."""
+    """OpenAPI response of a route that answers bytes, of one of these types; text as text, JSON as an object."""
     content = {kind: {"schema": _schema(kind)} for kind in media_types}
     return {200: {"description": description, "content": content}}
 
@@ -44,6 +44,8 @@ def binary(*media_types: str, description: str) -> dict[int | str, dict[str, Any
 def _schema(media_type: str) -> dict[str, str]:
     if media_type.startswith("text/"):
         return {"type": "string"}
+    if media_type == "application/json":
+        return {"type": "object"}
     return {"type": "string", "format": "binary", "contentMediaType": media_type}
 
 
