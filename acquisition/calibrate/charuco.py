@@ -80,7 +80,7 @@ class View:
 def detect(image: np.ndarray, board: CharucoBoard, name: str, joints: FloatArray | None = None) -> View | None:
     """Detects a board's corners by its markers and refines them (OpenCV `CharucoDetector`); none where it is not seen.
 
-    `image` (H, W) or (H, W, 3), 8 or 16 bits, brightness linear or not.
+    `image` (H, W) or (H, W, 3) RGB, 8 or 16 bits, brightness linear or not.
     """
     detector = cv2.aruco.CharucoDetector(board.opencv())
     pixels, numbers, _, _ = detector.detectBoard(_as_8_bit(image))
@@ -132,7 +132,7 @@ def _black_squares_m(board: CharucoBoard) -> list[tuple[float, float, float]]:
 
 
 def _as_8_bit(image: np.ndarray) -> np.ndarray:
-    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
+    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) if image.ndim == 3 else image
     if grey.dtype == np.uint8:
         return grey
     brightest = float(np.percentile(grey, 99.5))

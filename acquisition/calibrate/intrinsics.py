@@ -30,11 +30,6 @@ class CameraFit:
     size: tuple[int, int]
     adjusted: Adjusted
 
-    @property
-    def rms_px(self) -> float:
-        """Root mean square of the corners' residuals, both coordinates, pixels."""
-        return float(np.sqrt(np.mean(np.concatenate([one.ravel() for one in self.adjusted.residuals_px]) ** 2)))
-
 
 def fit(board: CharucoBoard, views: Sequence[View], size: tuple[int, int]) -> CameraFit:
     """Calibrates a camera: start by Zhang's method (`cv2.calibrateCamera`), then bundle adjustment of all corners.

@@ -52,8 +52,9 @@ MIN_CONTRAST = 0.05
 
 NO_HIGHLIGHT = "no highlight: the lamp is off, or the sphere is not in the image"
 
-MIN_HIGHLIGHT_PX, MAX_CLIPPED = 4, 0.5
-"""Pixels of a highlight below which it is a hot pixel, and share of clipped ones from which its middle is a guess."""
+MIN_HIGHLIGHT_PX, CLIPPED_FROM, MAX_CLIPPED = 4, 0.98, 0.5
+"""Pixels of a highlight below which it is a hot pixel; share of full scale from which a value counts as clipped; share
+of clipped pixels from which the highlight's middle is a guess."""
 
 MAX_RIVAL = 0.5
 """Brightness sum of the second brightest spot over that of the first, from which the image is ambiguous."""
@@ -101,7 +102,7 @@ def find_highlight(image: np.ndarray, full_scale: float) -> FloatArray | str:
     if count > 2 and sums[order[1]] > MAX_RIVAL * sums[best]:
         return "several bright spots: cover what shines beside the sphere"
     inside = labels == best
-    if np.mean(values[inside] >= 0.98 * full_scale) > MAX_CLIPPED:
+    if np.mean(values[inside] >= CLIPPED_FROM * full_scale) > MAX_CLIPPED:
         return "the highlight is clipped: expose for less"
     row, column = np.nonzero(inside)
     weight = values[inside] - threshold + 1e-6 * threshold
@@ -141,10 +142,9 @@ def fit(
     whitening = np.linalg.inv(np.linalg.cholesky(pose_covariance))
 
     def residuals(unknown: FloatArray) -> FloatArray:
-        pose = geometry.inverse(base_from_camera @ geometry.pose(unknown[7:10], unknown[10:13]))
-        camera = geometry.inverse(pose)[:3, 3]
-        points = reflection(unknown[3:6], unknown[6], camera, _lamps(tools, unknown[:3]))
-        seen = geometry.transform(pose, points)
+        pose = base_from_camera @ geometry.pose(unknown[7:10], unknown[10:13])
+        points = reflection(unknown[3:6], unknown[6], pose[:3, 3], _lamps(tools, unknown[:3]))
+        seen = geometry.transform(geometry.inverse(pose), points)
         predicted = cv2.projectPoints(seen, np.zeros(3), np.zeros(3), matrix, distortion)[0]
         return observed - np.asarray(predicted, dtype=float).reshape(-1, 2)
 

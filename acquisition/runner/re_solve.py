@@ -176,11 +176,12 @@ class ReSolveService:
                     passes=captured_passes,
                 )
             wanted = SolveRequest(session_id, 0, settings, last, idempotency_key, version("lightpose"))
-            known = self._known(wanted)
+            asked = self._submitted(session_id, with_finished=True)
+            known = self._known(wanted, asked)
             if known is not None:
                 return known, False
             used = [item.number for item in self._store.journal.artifacts(session_id, "result")]
-            used += [request.number for request in self._submitted(session_id, with_finished=True)]
+            used += [request.number for request in asked]
             request = replace(wanted, number=max([*used, len(record.passes) - 1]) + 1)
             body = {
                 "number": request.number,
@@ -250,10 +251,10 @@ class ReSolveService:
 
     # -------------------------------------------------------------------------------------------------------- internals
 
-    def _known(self, wanted: SolveRequest) -> SolveRequest | None:
-        """The earlier request that leads to the same result; None without one."""
+    def _known(self, wanted: SolveRequest, asked: list[SolveRequest]) -> SolveRequest | None:
+        """The one of the session's requests so far that leads to the same result; None without one."""
         failed = self._failures(wanted.session_id)
-        for request in self._submitted(wanted.session_id, with_finished=True):
+        for request in asked:
             if wanted.idempotency_key is not None and request.idempotency_key == wanted.idempotency_key:
                 return request
             alike = replace(request, number=0, idempotency_key=wanted.idempotency_key) == wanted
@@ -271,7 +272,7 @@ class ReSolveService:
         return request.session_id, request.number
 
     def _submitted(self, session_id: str | None, *, with_finished: bool = False) -> list[SolveRequest]:
-        """The solves that were asked for, of one session or of all; unless `settled`, those without an outcome."""
+        """The solves that were asked for, of one session or of all: those without an outcome, or all of them."""
         journal = self._store.journal
         submitted: dict[tuple[str, int], SolveRequest] = {}
         last = 0

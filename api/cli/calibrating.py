@@ -19,12 +19,15 @@ from acquisition.calibrate import charuco, hand_eye, intrinsics, view_planning
 from acquisition.calibrate.bundle_adjustment import CAMERA, JOINT_OFFSETS, Adjusted, Model
 from acquisition.calibrate.charuco import CharucoBoard, View
 from acquisition.calibrate.intrinsics import CameraFit
+from acquisition.formats.folders.refusal import refusal
 from acquisition.models import cell_config
 from acquisition.models.base import FloatArray, as_matrix4
+from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_result import CameraResult, HandEyeResult, ViewResidual
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.store.folder import write_value
 from api.cli import calibration_folder
-from api.cli.calibration_folder import JOINTS_FILE, arm_chain, now, read_joints, refusal, refuse_overwriting, write
+from api.cli.calibration_folder import JOINTS_FILE, arm_chain, now, read_joints, refuse_overwriting
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,7 @@ def draw_board(columns: int, rows: int, square_mm: float, out: Path, *, legacy: 
     described = out.with_suffix(".json")
     refuse_overwriting(out, described)
     charuco.draw(board, out)
-    described.write_text(board.model_dump_json(indent=2) + "\n", encoding="utf-8")
+    write_value(described, board)
     width, height = board.size_m
     console = Console(stderr=True, markup=False)
     console.print(f"{out}: print at 100 %, glue to a flat plate; it covers {1e3 * width:g} × {1e3 * height:g} mm")
@@ -65,20 +68,13 @@ def calibrate_camera(folder: Path, board_file: Path, out: Path, base: Path | Non
     Writes `camera.json`, `projection_sigma.png` and, with `base`, a `calibration.json` that is that one with the new
     camera. Raises RigError folder.invalid, config.invalid and calibration.infeasible; nothing is written then.
     """
-    written = [out / name for name in ("camera.json", "projection_sigma.png", *(["calibration.json"] if base else []))]
-    refuse_overwriting(*written)
+    refuse_overwriting(*(out / name for name in ("camera.json", "projection_sigma.png", *_merged_name(base))))
+    merged = cell_config.load_calibration(base) if base is not None else None
     board, captured = _read(folder, board_file, None)
     found = intrinsics.fit(board, captured.views, captured.size)
-    result = _camera_result(found, captured)
-    out.mkdir(parents=True, exist_ok=True)
-    if base is not None:
-        changed = {
-            "width": result.width, "height": result.height, "camera_matrix": result.camera_matrix,
-            "distortion": result.distortion, "made_at": result.made_at,
-        }  # fmt: skip
-        write(written[2], cell_config.load_calibration(base).model_copy(update=changed))
-    _draw_projection_sigma(found, written[1])
-    write(written[0], result)
+    result = _write_camera(found, captured, out)
+    if merged is not None:
+        write_value(out / "calibration.json", _with_camera(merged, result))
     console = Console(stderr=True, markup=False)
     _show_views(console, result.views)
     console.print(
@@ -98,28 +94,22 @@ def calibrate_hand_eye(
     `base`, a `calibration.json` with the new camera and pose. Of `candidates` (a file like `joints.csv`) the result
     says which view to take next. Raises RigError as `calibrate_camera`.
     """
-    names = ("camera.json", "projection_sigma.png", "hand_eye.json", *(["calibration.json"] if base else []))
+    names = ("camera.json", "projection_sigma.png", "hand_eye.json", *_merged_name(base))
     refuse_overwriting(*(out / name for name in names))
     cell = cell_config.load(cell_file)
+    merged = cell_config.load_calibration(base) if base is not None else None
     chain = arm_chain(cell)
     offered = read_joints(candidates) if candidates is not None else {}
     board, captured = _read(folder, board_file, read_joints(folder / JOINTS_FILE))
     camera = intrinsics.fit(board, captured.views, captured.size)
     found = hand_eye.fit(board, chain, captured.views, camera)
     # The camera by all corners and the arm's motions together, which hold the scale of the views.
-    joint = CameraFit(captured.size, found.adjusted)
-    camera_result, result = _camera_result(joint, captured), _hand_eye_result(found, captured)
-    out.mkdir(parents=True, exist_ok=True)
-    if base is not None:
-        changed = {
-            "width": camera_result.width, "height": camera_result.height, "camera_matrix": camera_result.camera_matrix,
-            "distortion": camera_result.distortion, "base_from_camera": result.base_from_camera,
-            "made_at": result.made_at,
-        }  # fmt: skip
-        write(out / "calibration.json", cell_config.load_calibration(base).model_copy(update=changed))
-    _draw_projection_sigma(joint, out / "projection_sigma.png")
-    write(out / "camera.json", camera_result)
-    write(out / "hand_eye.json", result)
+    result = _hand_eye_result(found, captured)
+    camera_result = _write_camera(CameraFit(captured.size, found.adjusted), captured, out)
+    write_value(out / "hand_eye.json", result)
+    if merged is not None:
+        placed = merged.model_copy(update={"base_from_camera": result.base_from_camera})
+        write_value(out / "calibration.json", _with_camera(placed, camera_result))
     console = Console(stderr=True, markup=False)
     _show_views(console, result.views)
     console.print(
@@ -172,9 +162,29 @@ def _read(folder: Path, board_file: Path, joints: dict[str, FloatArray] | None) 
 # ---------------------------------------------------------------------------------------------------- what is written
 
 
-def _camera_result(found: CameraFit, captured: Captured) -> CameraResult:
-    adjusted = found.adjusted
+def _merged_name(base: Path | None) -> tuple[str, ...]:
+    """Name of the calibration that is written where one to start from is given."""
+    return () if base is None else ("calibration.json",)
+
+
+def _with_camera(calibration: Calibration, camera: CameraResult) -> Calibration:
+    """A calibration with another camera."""
+    changed = camera.model_dump(include={"width", "height", "camera_matrix", "distortion", "made_at"})
+    return calibration.model_copy(update=changed)
+
+
+def _write_camera(found: CameraFit, captured: Captured, out: Path) -> CameraResult:
+    """Writes `camera.json` and `projection_sigma.png`."""
     sigma = intrinsics.projection_sigma(found)
+    result = _camera_result(found, captured, sigma)
+    out.mkdir(parents=True, exist_ok=True)
+    _draw_projection_sigma(found, sigma, out / "projection_sigma.png")
+    write_value(out / "camera.json", result)
+    return result
+
+
+def _camera_result(found: CameraFit, captured: Captured, sigma: FloatArray) -> CameraResult:
+    adjusted = found.adjusted
     matrix = adjusted.parameters.matrix
     return CameraResult.model_validate(
         {
@@ -229,11 +239,11 @@ def _show_views(console: Console, views: Sequence[ViewResidual]) -> None:
             console.print(f"{view.image}: {view.corners} corners, {view.rms_px:.3f} px{more}", style="dim")
 
 
-def _draw_projection_sigma(found: CameraFit, path: Path) -> None:
+def _draw_projection_sigma(found: CameraFit, sigma: FloatArray, path: Path) -> None:
     width, height = found.size
     figure = Figure(figsize=(6, 6 * height / width), layout="constrained")
     axes = figure.subplots()
-    shown = axes.imshow(intrinsics.projection_sigma(found), extent=(0, width, height, 0), cmap="viridis", vmin=0)
+    shown = axes.imshow(sigma, extent=(0, width, height, 0), cmap="viridis", vmin=0)
     for view in found.adjusted.views:
         axes.plot(*view.pixels.T, ",", color="white")
     figure.colorbar(shown, label="1 σ of a direction's place, px")

@@ -1,19 +1,19 @@
 """Folders of calibration images: what is read from them, and what is written beside them, never over what is there."""
 
 import csv
-import hashlib
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-import cv2
 import numpy as np
 
-from acquisition.models.base import FloatArray, Value
+from acquisition.formats.folders import image_files
+from acquisition.formats.folders.refusal import refusal, text
+from acquisition.models.base import FloatArray
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.store.folder import sha256_of
 from acquisition.waypoints import calibrated_kinematics, kinematics
 
 IMAGE_ENDINGS = (".png", ".tif", ".tiff")
@@ -27,7 +27,7 @@ SIX_NUMBERS = "six numbers in rad belong after the image's name"
 
 @dataclass(frozen=True)
 class CalibrationImage:
-    """An image's file name, its content's hash, and its values (H, W) or (H, W, 3), 8 or 16 bits."""
+    """An image's file name, its content's hash, and its values (H, W) or (H, W, 3) RGB, 8 or 16 bits."""
 
     name: str
     sha256: str
@@ -53,11 +53,8 @@ def images(folder: Path, joints: dict[str, FloatArray] | None) -> Iterator[Calib
     for path in paths:
         if joints is not None and path.name not in joints:
             raise refusal(folder / JOINTS_FILE, f"states no joints for {path.name}")
-        content = path.read_bytes()
-        values = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
-        if values is None:
-            raise refusal(path, "is no image that can be read")
-        made = CalibrationImage(path.name, hashlib.sha256(content).hexdigest(), values)
+        values = image_files.decode(path)
+        made = CalibrationImage(path.name, sha256_of(path), values)
         first = first or made.size
         if made.size != first:
             raise refusal(path, f"has {made.size[0]} × {made.size[1]} pixels, the first image {first[0]} × {first[1]}")
@@ -66,10 +63,7 @@ def images(folder: Path, joints: dict[str, FloatArray] | None) -> Iterator[Calib
 
 def read_joints(path: Path) -> dict[str, FloatArray]:
     """Joints (6,), rad, of each image from a file like `joints.csv`. Raises RigError folder.invalid naming the line."""
-    try:
-        lines = [line for line in csv.reader(path.read_text(encoding="utf-8").splitlines()) if line]
-    except OSError as error:
-        raise refusal(path, "cannot be read: the arm's joints, rad, at each image belong there") from error
+    lines = [line for line in csv.reader(text(path).splitlines()) if line]
     joints: dict[str, FloatArray] = {}
     for number, (name, *values) in enumerate(lines, 1):
         try:
@@ -91,21 +85,11 @@ def arm_chain(cell: CellConfig) -> FloatArray:
     return np.array(kinematics.denavit_hartenberg(kinematics.arm_model(cell.arm.model)))
 
 
-def refusal(path: Path, why: str) -> RigError:
-    """The error that names a file and what is wrong with it."""
-    return RigError(ErrorCode.FOLDER_INVALID, f"{path} {why}", path=str(path))
-
-
 def refuse_overwriting(*paths: Path) -> None:
     """Raises RigError config.invalid where one of the files is there: a calibration that is replaced is lost."""
     for path in paths:
         if path.exists():
             raise RigError(ErrorCode.CONFIG_INVALID, f"{path} is there already, and nothing is overwritten")
-
-
-def write(path: Path, value: Value) -> None:
-    """Writes a value as JSON."""
-    path.write_text(json.dumps(value.model_dump(mode="json"), indent=2) + "\n", encoding="utf-8")
 
 
 def now() -> str:

@@ -11,12 +11,14 @@ from rich.console import Console
 
 from acquisition.calibrate import lamp_position
 from acquisition.calibrate.lamp_position import Highlight, LampFit
+from acquisition.formats.folders.refusal import refusal
 from acquisition.models import cell_config
-from acquisition.models.base import FloatArray
+from acquisition.models.base import FloatArray, as_matrix4
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_result import HandEyeResult, HighlightResidual, LampResult
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
+from acquisition.store.folder import write_value
 from acquisition.waypoints import calibrated_kinematics
 from api.cli.calibration_folder import (
     JOINTS_FILE,
@@ -24,9 +26,7 @@ from api.cli.calibration_folder import (
     images,
     now,
     read_joints,
-    refusal,
     refuse_overwriting,
-    write,
 )
 
 
@@ -59,12 +59,12 @@ def calibrate_lamp(
     tool_from_lamp[:3, 3] = found.tool_from_lamp_m
     changed = calibration.model_copy(
         update={
-            "tool_from_lamp": tuple(map(tuple, tool_from_lamp.tolist())),
+            "tool_from_lamp": as_matrix4(tool_from_lamp),
             "lamp_position_sigma_m": result.position_sigma_m, "made_at": result.made_at,
         }
     )  # fmt: skip
-    write(out / "calibration.json", changed)
-    write(out / "lamp.json", result)
+    write_value(out / "calibration.json", changed)
+    write_value(out / "lamp.json", result)
     _show(result)
     return result.model_dump(mode="json")
 
@@ -81,7 +81,7 @@ def _highlights(
         if image.size != (calibration.width, calibration.height):
             stated = f"the calibration {calibration.width} × {calibration.height}"
             raise refusal(folder / image.name, f"has {image.size[0]} × {image.size[1]} pixels, {stated}")
-        values = cv2.cvtColor(image.values, cv2.COLOR_BGR2GRAY) if image.values.ndim == 3 else image.values
+        values = cv2.cvtColor(image.values, cv2.COLOR_RGB2GRAY) if image.values.ndim == 3 else image.values
         spot = lamp_position.find_highlight(values, _clipped_from(values, calibration.sensor.bits))
         why = spot if isinstance(spot, str) else ""
         said.append(HighlightResidual(image=image.name, sha256=image.sha256, residual_px=None, why_not=why))

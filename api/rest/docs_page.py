@@ -6,11 +6,6 @@ page it needs no key: it holds none, and sends the one that is typed into it.
 """
 
 from functools import cache
-from typing import Annotated
-
-from fastapi import APIRouter, Header
-from fastapi import Path as InPath
-from fastapi.responses import Response
 
 from api.rest import static_files
 from api.rest.static_files import StaticFile
@@ -21,8 +16,6 @@ CONTENT_SECURITY_POLICY = (
 )
 """This host alone, no inline scripts, no inline styles; the page's icons are `data:`, pictures of answers `blob:`."""
 
-router = APIRouter(include_in_schema=False)
-
 
 @cache
 def files() -> dict[str, StaticFile]:
@@ -30,15 +23,4 @@ def files() -> dict[str, StaticFile]:
     return static_files.read("api.rest", "swagger_ui")
 
 
-@router.get("/docs")
-async def index(accept_encoding: Annotated[str, Header()] = "") -> Response:
-    """The page."""
-    return static_files.answer(files(), "index.html", CONTENT_SECURITY_POLICY, accept_encoding)
-
-
-@router.get("/docs/{name}")
-async def part(
-    name: Annotated[str, InPath(max_length=100)], accept_encoding: Annotated[str, Header()] = ""
-) -> Response:
-    """A file of the page."""
-    return static_files.answer(files(), name, CONTENT_SECURITY_POLICY, accept_encoding)
+router = static_files.router("/docs", "/docs", files, CONTENT_SECURITY_POLICY)

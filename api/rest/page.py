@@ -9,11 +9,6 @@ shows it from memory.
 """
 
 from functools import cache
-from typing import Annotated
-
-from fastapi import APIRouter, Header
-from fastapi import Path as InPath
-from fastapi.responses import Response
 
 from api.rest import static_files
 from api.rest.static_files import StaticFile
@@ -23,8 +18,6 @@ CONTENT_SECURITY_POLICY = (
     "frame-ancestors 'none'"
 )
 
-router = APIRouter(include_in_schema=False)
-
 
 @cache
 def bundle() -> dict[str, StaticFile]:
@@ -32,15 +25,4 @@ def bundle() -> dict[str, StaticFile]:
     return static_files.read("api", "page", "built")
 
 
-@router.get("/")
-async def index(accept_encoding: Annotated[str, Header()] = "") -> Response:
-    """The page."""
-    return static_files.answer(bundle(), "index.html", CONTENT_SECURITY_POLICY, accept_encoding)
-
-
-@router.get("/page/{name}")
-async def part(
-    name: Annotated[str, InPath(max_length=100)], accept_encoding: Annotated[str, Header()] = ""
-) -> Response:
-    """A file of the page's bundle."""
-    return static_files.answer(bundle(), name, CONTENT_SECURITY_POLICY, accept_encoding)
+router = static_files.router("/", "/page", bundle, CONTENT_SECURITY_POLICY)

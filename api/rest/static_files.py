@@ -2,9 +2,12 @@
 
 import gzip
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import resources
+from typing import Annotated
 
+from fastapi import APIRouter, Header, Path
 from fastapi.responses import Response
 
 from acquisition.models.errors import ErrorCode, RigError
@@ -47,7 +50,7 @@ def read(package: str, *folder: str) -> dict[str, StaticFile]:
     }
 
 
-def answer(files: dict[str, StaticFile], name: str, policy: str, accept_encoding: str) -> Response:
+def _answer(files: dict[str, StaticFile], name: str, policy: str, accept_encoding: str) -> Response:
     """Answers a file under a content security policy. Raises RigError request.not_found for no such file."""
     file = files.get(name)
     if file is None:
@@ -56,6 +59,27 @@ def answer(files: dict[str, StaticFile], name: str, policy: str, accept_encoding
     if "gzip" in accept_encoding:
         return Response(file.compressed, media_type=file.media_type, headers={**headers, "Content-Encoding": "gzip"})
     return Response(file.content, media_type=file.media_type, headers=headers)
+
+
+def router(index: str, parts: str, files: Callable[[], dict[str, StaticFile]], policy: str) -> APIRouter:
+    """Routes of a page: at `index` its index.html, below `parts` its files, under a content security policy.
+
+    `files` is asked at each request.
+    """
+    made = APIRouter(include_in_schema=False)
+
+    @made.get(index)
+    async def page(accept_encoding: Annotated[str, Header()] = "") -> Response:
+        return _answer(files(), "index.html", policy, accept_encoding)
+
+    @made.get(f"{parts}/{{name}}")
+    async def part(
+        name: Annotated[str, Path(max_length=100)], accept_encoding: Annotated[str, Header()] = ""
+    ) -> Response:
+        return _answer(files(), name, policy, accept_encoding)
+
+    _ = page, part  # registered
+    return made
 
 
 def _file(content: bytes, media_type: str) -> StaticFile:

@@ -14,7 +14,6 @@ import os
 import random
 import resource
 import socket
-import subprocess
 import sys
 import tempfile
 import time
@@ -32,6 +31,7 @@ from api.rest.keys import Role
 from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient
 from tests.end_to_end.processes import serving
+from tests.load import posters
 from tests.load.loaded_cell import CELL_FILE, Loaded, Stopped, came_to_rest
 
 ADDRESS = "127.0.15.50"
@@ -75,16 +75,7 @@ def crowd(port: int, key: str, idle: int, streams: int, posting: int) -> Generat
             if number >= idle:
                 opened.sendall(REQUEST.format(method="GET", path="/v1/events?after=0", key=key).encode())
         if posting:
-            process = subprocess.Popen(
-                [sys.executable, "-m", "tests.load.posters", "127.0.0.1", str(port), str(posting)],
-                stdout=subprocess.PIPE,
-                text=True,
-                env={**os.environ, "LIGHTPOSE_KEY": key},
-            )
-            stack.callback(process.wait)
-            stack.callback(process.kill)
-            assert process.stdout is not None
-            assert process.stdout.readline() == "ready\n"
+            stack.enter_context(posters.posting(port, key, posting))
         yield
 
 

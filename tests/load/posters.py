@@ -7,9 +7,30 @@ prints `ready` when every client has had an answer, whatever it was.
 
 import asyncio
 import os
+import subprocess
 import sys
+from collections.abc import Generator
+from contextlib import contextmanager
 
 REQUEST = "POST /v1/tickets HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {key}\r\n\r\n"
+
+
+@contextmanager
+def posting(port: int, key: str, count: int) -> Generator[None]:
+    """So many posting clients of a service on loopback, in a process of their own, each with an answer by now."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tests.load.posters", "127.0.0.1", str(port), str(count)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "LIGHTPOSE_KEY": key},
+    )
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        yield
+    finally:
+        process.kill()
+        process.wait()
 
 
 async def post(host: str, port: int, answered: asyncio.Event) -> None:

@@ -14,7 +14,7 @@ from acquisition.models.base import as_matrix4
 from acquisition.models.calibration_result import HandEyeResult, LampResult
 from acquisition.waypoints import kinematics
 from api.cli.commands import app
-from tests.acquisition.calibrate import test_lamp_position as sphere
+from tests.acquisition.calibrate import mirror_sphere as sphere
 
 ROOT = Path(__file__).parents[3]
 CELL = ROOT / "hardware_sim" / "cells" / "cell.sim.toml"

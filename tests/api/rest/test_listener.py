@@ -1,6 +1,5 @@
 """The listener: a stop is answered whatever the event loop does and however many connections are held open."""
 
-import os
 import re
 import resource
 import socket
@@ -22,6 +21,7 @@ from api.rest import capacity, http_protocol, keys
 from api.rest.keys import Role
 from api.rest.listener import Listener
 from tests.api.conftest import write_cell
+from tests.load.posters import posting
 
 DESCRIPTORS = 1024
 """What a process gets without further ado."""
@@ -236,16 +236,7 @@ def test_stop_beside_idle_streaming_and_posting_clients_p99(tmp_path: Path) -> N
             opened = stack.enter_context(connect(port))
             if number >= 5000:
                 opened.sendall(GET.format(path="/v1/events?after=0", headers=headers).encode())
-        posting = subprocess.Popen(
-            [sys.executable, "-m", "tests.load.posters", "127.0.0.1", str(port), "100"],
-            stdout=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "LIGHTPOSE_KEY": secret},
-        )
-        stack.callback(posting.wait)
-        stack.callback(posting.kill)
-        assert posting.stdout is not None
-        assert posting.stdout.readline() == "ready\n"
+        stack.enter_context(posting(port, secret, 100))
         time.sleep(10)  # the log's burst is over
         begun, size = time.monotonic(), log.stat().st_size
         delays_s: list[float] = []
