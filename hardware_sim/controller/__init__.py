@@ -5,7 +5,7 @@
     kinematics · calibration · poses → profile · curves → moves · blend · process_path · steering · limits → arm
     surroundings · contact → collisions · safety · watchdogs · outputs                         causes of stops
     freedrive · hand_guiding                                                                   the arm moved by hand
-    robot                                                                                      what these see of it
+    robot · messages                                                                           what these see, and say
     controller                                                                                 one tick of 2 ms
     faults · disturbances · trace · program_store                                              on demand
     server · options                                                                           the event loop

@@ -19,6 +19,7 @@ from hardware_sim.controller.disturbances import Disturbances
 from hardware_sim.controller.functions import VOCABULARY, table
 from hardware_sim.controller.hand_guiding import HandMove
 from hardware_sim.controller.kinematics import ArmModel
+from hardware_sim.controller.messages import MessageType, RobotMessage
 from hardware_sim.controller.modes import RobotMode, RuntimeState, SafetyMode
 from hardware_sim.controller.motion import Motion, MotionError
 from hardware_sim.controller.outputs import DIGITAL_OUTPUTS, Outputs
@@ -72,7 +73,7 @@ class Controller:
         self.loaded: LoadedProgram | None = None
         self.force_mode_settings: dict[str, float] = {}
         self.messages: deque[str] = deque(maxlen=500)
-        self.exceptions: deque[str] = deque(maxlen=16)  # not yet sent to clients
+        self.announcements: deque[RobotMessage] = deque(maxlen=256)  # not yet sent to clients
         self._programs = programs
         self._record = record
         self._program: Program | None = None
@@ -302,7 +303,11 @@ class Controller:
     def runtime_exception(self, message: str) -> None:
         """Reports why a program was refused or ended by itself: to the log, and by the ports to clients that listen."""
         self.report(message)
-        self.exceptions.append(message)
+        self.announce(RobotMessage(MessageType.RUNTIME_EXCEPTION, message))
+
+    def announce(self, message: RobotMessage) -> None:
+        """Has the ports send a message to clients that listen."""
+        self.announcements.append(message)
 
     def tick(self, now: float) -> None:
         """Advances by one tick; `now` is time.monotonic()."""

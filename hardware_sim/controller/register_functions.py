@@ -4,6 +4,7 @@ import logging
 from collections.abc import Generator
 from typing import Any
 
+from hardware_sim.controller.messages import MessageType, RobotMessage
 from hardware_sim.controller.registers import BIT_REGISTERS, DOUBLE_IN, DOUBLE_OUT, INT_IN, INT_OUT, REGISTERS
 from hardware_sim.controller.script_values import (
     STEP_TIME,
@@ -15,7 +16,6 @@ from hardware_sim.controller.script_values import (
 )
 from hardware_sim.controller.semantics import ScriptError, script_text, truth
 
-LOG = logging.getLogger("hardware_sim.controller")
 Waiting = Generator[None, None, None]
 
 
@@ -23,14 +23,20 @@ class RegisterFunctions(FunctionGroup):
     """Registers, messages, time, watchdog, outputs."""
 
     def textmsg(self, s1: Any, s2: Any = "") -> None:
-        if LOG.isEnabledFor(logging.DEBUG):
-            LOG.debug("textmsg %s%s", script_text(s1), script_text(s2))
+        text = script_text(s1) + script_text(s2)
+        self._robot.report(f"textmsg {text}", logging.INFO)
+        self._robot.announce(RobotMessage(MessageType.TEXT, text))
 
     def popup(
         self, s: Any, title: Any = "Popup", warning: bool = False, error: bool = False, blocking: bool = False
     ) -> None:
-        del warning, error
-        self._robot.report(f"popup {script_text(title)}: {script_text(s)}", logging.INFO)
+        text, head = script_text(s), script_text(title)
+        self._robot.report(f"popup {head}: {text}", logging.INFO)
+        self._robot.announce(
+            RobotMessage(
+                MessageType.POPUP, text, head, warning=truth(warning), error=truth(error), blocking=truth(blocking)
+            )
+        )
         if blocking:
             self._robot.pause()
 

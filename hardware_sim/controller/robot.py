@@ -9,6 +9,7 @@ from typing import Protocol
 
 from hardware_sim.controller.arm import Arm
 from hardware_sim.controller.collisions import Collisions
+from hardware_sim.controller.messages import RobotMessage
 from hardware_sim.controller.modes import RobotMode, RuntimeState, SafetyMode
 from hardware_sim.controller.outputs import Outputs
 from hardware_sim.controller.registers import Registers
@@ -50,6 +51,10 @@ class Robot(RobotState, Protocol):
 
     speed_factor: float
     force_mode_settings: dict[str, float]
+
+    def announce(self, message: RobotMessage) -> None:
+        """Has the ports send a message to clients that listen."""
+        ...
 
     def claim(self) -> None:
         """Keeps the present motion going for one more tick."""

@@ -23,6 +23,7 @@ from hardware_sim.controller.controller import Controller
 from hardware_sim.controller.dashboard import DashboardConnection
 from hardware_sim.controller.delay import Delay
 from hardware_sim.controller.kinematics import MODELS
+from hardware_sim.controller.messages import MessageType
 from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.program_loader import ProgramLoader
 from hardware_sim.controller.rtde import Owners, RtdeConnection
@@ -169,7 +170,7 @@ class Server:
                 port.pass_on(now)
         self._loader.start_compiled()
         self.controller.tick(now)
-        self._announce_exceptions()
+        self._announce()
         port = self._ports[rtde.PORT]
         if port.connections and not port.stalled:
             rtde.broadcast(self._rtde_connections(), self.controller)
@@ -177,13 +178,14 @@ class Server:
             for port in self._ports.values():
                 port.sweep()
 
-    def _announce_exceptions(self) -> None:
-        exceptions = self.controller.exceptions
-        while exceptions:
-            text = exceptions.popleft()
-            rtde.announce(self._rtde_connections(), text)
-            primary = self._ports[scripts.PRIMARY_PORT]
-            scripts.announce(primary.connections.values(), text, self.controller.timestamp)
+    def _announce(self) -> None:
+        announcements = self.controller.announcements
+        while announcements:
+            message = announcements.popleft()
+            if message.type is MessageType.RUNTIME_EXCEPTION:
+                rtde.announce(self._rtde_connections(), message.text)
+                primary = self._ports[scripts.PRIMARY_PORT]
+                scripts.announce(primary.connections.values(), message.text, self.controller.timestamp)
 
     def close(self) -> None:
         """Closes all ports."""

@@ -1,0 +1,31 @@
+"""Messages of the controller to those who listen: what programs say, show and fail with.
+
+The controller and its functions put them into `Controller.announcements`; the ports take them out between ticks and
+send them in their own formats: the primary interface by type, RTDE as texts.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class MessageType(IntEnum):
+    """Types of robot messages, with their numbers in the primary interface (UR client interface)."""
+
+    TEXT = 0
+    PROGRAM_LABEL = 1
+    POPUP = 2
+    KEY = 7
+    RUNTIME_EXCEPTION = 10
+
+
+@dataclass(frozen=True)
+class RobotMessage:
+    """One message; `title`, `warning`, `error` and `blocking` are a popup's and a key's, `number` is a label's."""
+
+    type: MessageType
+    text: str
+    title: str = ""
+    number: int = 0
+    warning: bool = False
+    error: bool = False
+    blocking: bool = False
