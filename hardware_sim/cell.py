@@ -19,7 +19,7 @@ from types import FrameType
 from typing import Any, get_args
 
 from acquisition.models.errors import ErrorCode, RigError
-from hardware_sim import nominal, object_spec
+from hardware_sim import nominal, object_spec, real_time_controller
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.process import ControllerProcess
@@ -84,7 +84,7 @@ class Cell:
     def __enter__(self) -> "Cell":
         environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
         options = self._options
-        self._controller = ControllerProcess(
+        self._controller = real_time_controller.start(
             options.address,
             ControllerOptions(
                 home=self.config.arm.home,
@@ -124,9 +124,10 @@ class Cell:
 
     def state(self) -> dict[str, Any]:
         """The state that the controller's control port reports. Raises RigError device.disconnected."""
-        if self._control is None:
-            self._control = ControlClient(self.address)
-        return self._control.state()
+        with real_time_controller.as_rig_errors():
+            if self._control is None:
+                self._control = ControlClient(self.address)
+            return self._control.state()
 
     @property
     def alive(self) -> bool:

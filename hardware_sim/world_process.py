@@ -23,6 +23,7 @@ from hardware_sim.camera import CameraServer
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.disturbed import Disturbances, DisturbedWorld
 from hardware_sim.object_spec import ObjectSpec
+from hardware_sim.real_time_controller import as_rig_errors
 from hardware_sim.shutter import CellState
 from hardware_sim.world import ProfileName, World
 
@@ -32,26 +33,28 @@ class ControllerState:
 
     def __init__(self, address: str, lamp_output: int) -> None:
         self._address, self._output = address, lamp_output
-        self._client: ControlClient | None = ControlClient(address)
-        state = self._client.state()
+        with as_rig_errors():
+            self._client: ControlClient | None = ControlClient(address)
+            state = self._client.state()
         self.disturbances: Disturbances = state["disturbances"]
         self.calibration: tuple[int | None, float] = (state["calibration_seed"], state["calibration_error_m"])
 
     def surround(self, path: Path) -> None:
         """Sends the solid bodies to the controller. Raises RigError device.disconnected, request.invalid."""
-        with ControlClient(self._address) as client:
+        with as_rig_errors(), ControlClient(self._address) as client:
             client.surround(path)
 
     def state(self) -> CellState:
         """The state now. Raises RigError device.disconnected; the next call connects anew."""
-        if self._client is None:
-            self._client = ControlClient(self._address)
-        try:
-            state = self._client.state()
-        except RigError:
-            self._client.close()
-            self._client = None
-            raise
+        with as_rig_errors():
+            if self._client is None:
+                self._client = ControlClient(self._address)
+            try:
+                state = self._client.state()
+            except ConnectionError:
+                self._client.close()
+                self._client = None
+                raise
         self.disturbances = state["disturbances"]
         return CellState(
             joints=tuple(state["joints"]),

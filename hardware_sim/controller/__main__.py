@@ -12,15 +12,10 @@ from dataclasses import fields
 from pathlib import Path
 from types import FrameType
 
-from acquisition.devices import process_priority
-from acquisition.devices.process_priority import RealTime
 from hardware_sim.controller.calibration import TYPICAL_ERROR_M
 from hardware_sim.controller.kinematics import JOINT_LIMIT, MODELS
-from hardware_sim.controller.options import ControllerOptions
+from hardware_sim.controller.options import ControllerOptions, RealTime
 from hardware_sim.controller.server import serve
-
-SHARE = 0.4
-"""Share of a core in real time; a real controller has a machine of its own. A moving arm at speed 20 takes 0.2."""
 
 
 def _joints(text: str) -> list[float]:
@@ -30,9 +25,9 @@ def _joints(text: str) -> list[float]:
     return joints
 
 
-def main() -> int:
+def main(real_time: RealTime | None = None) -> int:
     """Reads the command line and serves until the end of standard input, SIGTERM or SIGINT."""
-    parser = argparse.ArgumentParser(prog="python -m hardware_sim.controller", description=__doc__)
+    parser = argparse.ArgumentParser(prog=f"python -m {__package__}", description=__doc__)
     parser.add_argument("--address", default="127.0.0.1", help="loopback address; the ports are those of a real one")
     parser.add_argument("--model", choices=sorted(MODELS), default="ur5e", help="the arm")
     parser.add_argument("--home", type=_joints, default="0,-1.9,1.9,-1.57,-1.57,0", help="initial joints in rad")
@@ -65,8 +60,6 @@ def main() -> int:
     if not 0.0 < arguments.calibration_error_m <= 0.02:
         parser.error("--calibration-error-m must be above 0 and at most 0.02")
     logging.basicConfig(level=arguments.log, stream=sys.stderr, format="%(asctime)s %(name)s %(message)s")
-    process_priority.set_niceness(process_priority.DRIVER)
-    real_time = RealTime(SHARE)
     ended = False
 
     def end(number: int, frame: FrameType | None) -> None:

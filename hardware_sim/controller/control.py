@@ -6,8 +6,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from acquisition.models.errors import ErrorCode, RigError
-
 PORT = 30200
 
 
@@ -15,29 +13,27 @@ class ControlClient:
     """One connection; use as a context manager or call `close`."""
 
     def __init__(self, address: str, timeout_s: float = 3.0) -> None:
-        """Connects. Raises RigError device.disconnected where nobody listens."""
+        """Connects. Raises ConnectionError where nobody listens."""
         self._address = address
         try:
             self._socket = socket.create_connection((address, PORT), timeout_s)
         except OSError as error:
-            raise RigError(
-                ErrorCode.DEVICE_DISCONNECTED, f"the simulated controller at {address}:{PORT} does not answer: {error}"
-            ) from error
+            raise ConnectionError(f"the simulated controller at {address}:{PORT} does not answer: {error}") from error
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._lines = self._socket.makefile("rb")
 
     def request(self, **fields: Any) -> dict[str, Any]:
-        """Sends one request and returns the reply. Raises RigError when the link breaks or the request is refused."""
+        """Sends one request and returns the reply. Raises ConnectionError, ValueError where it is refused."""
         try:
             self._socket.sendall((json.dumps(fields) + "\n").encode())
             line = self._lines.readline()
         except OSError as error:
-            raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"the simulated controller is lost: {error}") from error
+            raise ConnectionError(f"the simulated controller is lost: {error}") from error
         if not line:
-            raise RigError(ErrorCode.DEVICE_DISCONNECTED, f"the simulated controller at {self._address} has hung up")
+            raise ConnectionError(f"the simulated controller at {self._address} has hung up")
         reply: dict[str, Any] = json.loads(line)
         if not reply.get("ok"):
-            raise RigError(ErrorCode.REQUEST_INVALID, str(reply.get("error")))
+            raise ValueError(str(reply.get("error")))
         return reply
 
     def state(self) -> dict[str, Any]:

@@ -3,8 +3,21 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from hardware_sim.controller.calibration import TYPICAL_ERROR_M
+
+
+class RealTime(Protocol):
+    """What gives a process the processor before others do."""
+
+    def enter(self) -> None:
+        """Called once, when the start-up work is done."""
+        ...
+
+    def keep_share(self) -> None:
+        """Called once a turn of the event loop."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,6 @@ import time
 from types import TracebackType
 from typing import Self
 
-from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.options import ControllerOptions
 
@@ -20,10 +19,15 @@ class ControllerProcess:
     The child reads a pipe that only this process holds open: it ends when the parent does, however that dies.
     """
 
-    def __init__(self, address: str, options: ControllerOptions, *, log_level: str = "WARNING") -> None:
-        """Starts it and waits until it can be connected to. Raises RigError device.disconnected, naming why."""
+    def __init__(
+        self, address: str, options: ControllerOptions, *, log_level: str = "WARNING", module: str = __package__ or ""
+    ) -> None:
+        """Starts it and waits until it can be connected to. Raises ConnectionError where it does not start.
+
+        `module`: what `python -m` runs; another one calls this package's `__main__.main`.
+        """
         self.address = address
-        command = [sys.executable, "-m", "hardware_sim.controller", "--until-eof", "--address", address]
+        command = [sys.executable, "-m", module, "--until-eof", "--address", address]
         command += ["--model", options.model, "--speed", repr(options.speed), "--log", log_level]
         # One word: the parser would take -1e-05 by itself for an option.
         command += ["--home=" + ",".join(repr(float(q)) for q in options.home)]
@@ -39,7 +43,7 @@ class ControllerProcess:
         deadline = time.monotonic() + _START_TIMEOUT
         try:
             self._wait_until_ready(deadline)
-        except RigError:
+        except ConnectionError:
             self.close()
             raise
 
@@ -49,11 +53,7 @@ class ControllerProcess:
             readable, _, _ = select.select([stdout], [], [], max(0.0, deadline - time.monotonic()))
             if readable and stdout.readline().startswith(b"ready"):
                 return
-        raise RigError(
-            ErrorCode.DEVICE_DISCONNECTED,
-            f"the simulated controller did not start at {self.address}; its log says why",
-            exit_code=self.process.poll(),
-        )
+        raise ConnectionError(f"the simulated controller did not start at {self.address}; its log says why")
 
     def control(self) -> ControlClient:
         """A new client of its control port."""

@@ -15,7 +15,6 @@ import sys
 import time
 from collections.abc import Callable
 
-from acquisition.devices.process_priority import RealTime
 from hardware_sim.controller import control_port, dashboard, rtde, scripts
 from hardware_sim.controller.calibration import calibrated
 from hardware_sim.controller.control_port import ControlConnection
@@ -24,7 +23,7 @@ from hardware_sim.controller.dashboard import DashboardConnection
 from hardware_sim.controller.delay import Delay
 from hardware_sim.controller.kinematics import MODELS
 from hardware_sim.controller.messages import MessageType
-from hardware_sim.controller.options import ControllerOptions
+from hardware_sim.controller.options import ControllerOptions, RealTime
 from hardware_sim.controller.program_loader import ProgramLoader
 from hardware_sim.controller.rtde import Owners, RtdeConnection
 from hardware_sim.controller.safety import BOOT_SECONDS

@@ -14,9 +14,9 @@ from acquisition.devices.ur.lamp import UrLamp
 from acquisition.models import cell_config
 from acquisition.models.cell_config import ArmConfig, CellConfig
 from acquisition.models.errors import ErrorCode, RigError
+from hardware_sim import real_time_controller
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.options import ControllerOptions
-from hardware_sim.controller.process import ControllerProcess
 
 CELL: CellConfig = cell_config.load(Path(__file__).parents[3] / "hardware_sim" / "cells" / "cell.sim.toml")
 LIMITS = MotionLimits(1.05, 1.4)
@@ -46,7 +46,7 @@ def arm_config(address: str) -> ArmConfig:
 def controller(address: str, record: Path | None = None) -> Iterator[ControlClient]:
     """A controller process; yields a client of its control port."""
     with (
-        ControllerProcess(address, ControllerOptions(home=HOME, record=record)) as process,
+        real_time_controller.start(address, ControllerOptions(home=HOME, record=record)) as process,
         process.control() as control,
     ):
         yield control

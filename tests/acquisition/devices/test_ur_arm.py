@@ -16,9 +16,9 @@ from acquisition.devices import MotionLimits, StopToken
 from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
 from acquisition.models.errors import ErrorCode, Halted, RigError
+from hardware_sim import real_time_controller
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.options import ControllerOptions
-from hardware_sim.controller.process import ControllerProcess
 from tests.acquisition.devices.arm_scenes import (
     CELL,
     FAR,
@@ -240,7 +240,7 @@ def test_preflight_changed_tool_is_reported(arm: UrArm, line: str, word: str) ->
 
 def test_preflight_other_arm_model_is_reported() -> None:
     with (
-        ControllerProcess(STRANGERS, ControllerOptions(home=HOME, model="ur10e")),
+        real_time_controller.start(STRANGERS, ControllerOptions(home=HOME, model="ur10e")),
         connected(UrArm(arm_config(STRANGERS), CELL.lamp.output)) as arm,
     ):
         differences = arm.preflight()

@@ -16,9 +16,9 @@ from acquisition.waypoints import calibrated_kinematics, kinematics
 from acquisition.waypoints.reach import refusals
 from acquisition.waypoints.roadmap import dome_lights
 from acquisition.waypoints.routing import route
+from hardware_sim import real_time_controller
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.options import ControllerOptions
-from hardware_sim.controller.process import ControllerProcess
 from tests.acquisition.devices.arm_scenes import CELL, connected
 from tests.acquisition.waypoints.cells import CELLS
 
@@ -32,7 +32,7 @@ OBJECT_CENTER_M = np.array([0.0, 0.0, CELL.object.keep_out.height_m / 2])
 @pytest.fixture(scope="module")
 def control() -> Iterator[ControlClient]:
     with (
-        ControllerProcess(
+        real_time_controller.start(
             ADDRESS,
             ControllerOptions(home=CELL.arm.home, calibration_seed=SEED, calibration_error_m=ERROR_M, speed=10.0),
         ) as process,

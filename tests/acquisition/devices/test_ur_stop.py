@@ -24,9 +24,9 @@ from acquisition.devices.ur.lamp import UrLamp
 from acquisition.models.errors import ErrorCode, Halted, RigError
 from acquisition.runner.safety_monitor import SafetyMonitor
 from acquisition.session import same_joints
+from hardware_sim import real_time_controller
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.options import ControllerOptions
-from hardware_sim.controller.process import ControllerProcess
 from tests.acquisition.devices.arm_scenes import (
     CELL,
     FAR,
@@ -278,7 +278,7 @@ def test_lost_link_during_move_stops_the_arm(fault: dict[str, Any], sentence: st
 
 def test_power_loss_of_controller_is_reported() -> None:
     with (
-        ControllerProcess(LOST, ControllerOptions(home=HOME)) as process,
+        real_time_controller.start(LOST, ControllerOptions(home=HOME)) as process,
         process.control() as control,
         connected(UrArm(arm_config(LOST), CELL.lamp.output)) as arm,
     ):

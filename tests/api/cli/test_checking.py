@@ -10,9 +10,8 @@ from acquisition.models import cell_config
 from api.cli import checking
 from api.rest import keys
 from api.rest.keys import Role
-from hardware_sim import nominal
+from hardware_sim import nominal, real_time_controller
 from hardware_sim.controller.options import ControllerOptions
-from hardware_sim.controller.process import ControllerProcess
 
 CELL_FILE = Path(__file__).parents[3] / "tests" / "data" / "cell.test.toml"
 NOBODY, ARM = "127.0.15.30", "127.0.15.31"
@@ -63,7 +62,7 @@ def test_check_other_arm_reports_each_difference(tmp_path: Path, capsys: pytest.
     text = cell_file.read_text()
     cell_file.write_text(re.sub(r'^model = "ur5e"', 'model = "ur5e"\nserial = "12345"', text, flags=re.MULTILINE))
     (tmp_path / "calibration.json").unlink()
-    with ControllerProcess(ARM, ControllerOptions(model="ur10e", home=cell_config.load(cell_file).arm.home)):
+    with real_time_controller.start(ARM, ControllerOptions(model="ur10e", home=cell_config.load(cell_file).arm.home)):
         assert not checking.check(cell_file, offline=False)
 
     said = capsys.readouterr().out

@@ -16,7 +16,6 @@ from typing import Any
 
 import pytest
 
-from acquisition.models.errors import RigError
 from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.process import ControllerProcess
 
@@ -29,9 +28,11 @@ def start(**options: Any) -> ControllerProcess:
     for _ in range(20):
         try:
             return ControllerProcess(
-                f"127.0.1.{1 + next(_numbers) % 250}", ControllerOptions(**({"home": HOME} | options))
+                f"127.0.1.{1 + next(_numbers) % 250}",
+                ControllerOptions(**({"home": HOME} | options)),
+                module="hardware_sim.real_time_controller",
             )
-        except RigError:
+        except ConnectionError:
             continue
     raise RuntimeError("no free address")
 

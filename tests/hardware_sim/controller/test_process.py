@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.faults import FAULTS
 from hardware_sim.controller.options import ControllerOptions
@@ -52,9 +51,8 @@ def test_control_port_invalid_requests_are_refused_with_reason(controller: Contr
             {"command": "fault", "kind": "output_stuck", "output": 18, "level": True},
             {"command": "fault", "kind": "protective_stop", "at_s": "soon"},
         ):
-            with pytest.raises(RigError) as caught:
+            with pytest.raises(ValueError):  # noqa: PT011 - each has a sentence of its own
                 control.request(**request)
-            assert caught.value.code is ErrorCode.REQUEST_INVALID
         assert control.state()["ok"]
     with socket.create_connection((controller.address, 30200), 3.0) as raw:
         lines = raw.makefile("rb")
@@ -123,13 +121,12 @@ def test_record_holds_every_tick_of_motion(tmp_path: Path) -> None:
 
 
 def test_process_address_in_use_raises(controller: ControllerProcess) -> None:
-    with pytest.raises(RigError) as caught:
+    with pytest.raises(ConnectionError, match="did not start"):
         ControllerProcess(controller.address, ControllerOptions(home=HOME))
-    assert caught.value.code is ErrorCode.DEVICE_DISCONNECTED
 
 
 def test_control_client_without_listener_raises() -> None:
-    with pytest.raises(RigError, match="30200"):
+    with pytest.raises(ConnectionError, match="30200"):
         ControlClient("127.0.1.251", timeout_s=1.0)
 
 
@@ -137,6 +134,6 @@ def test_process_starts_quickly_and_ends_cleanly(controller: ControllerProcess) 
     control = controller.control()
     controller.close()
     assert controller.process.returncode == 0
-    with pytest.raises(RigError):
+    with pytest.raises(ConnectionError):
         control.state()
     control.close()

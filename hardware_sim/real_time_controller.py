@@ -1,0 +1,43 @@
+"""The simulated controller as lightpose runs it: before what else the machine does, as on a machine of its own.
+
+`hardware_sim.controller` imports the standard library alone, so that it serves other projects' tests as a package of
+its own (`hardware_sim.ur_sim_project`); scheduling and the service's errors are added here.
+
+    python -m hardware_sim.real_time_controller      takes the options of `python -m hardware_sim.controller`
+"""
+
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager
+
+from acquisition.devices import process_priority
+from acquisition.devices.process_priority import RealTime
+from acquisition.models.errors import ErrorCode, RigError
+from hardware_sim.controller.__main__ import main
+from hardware_sim.controller.options import ControllerOptions
+from hardware_sim.controller.process import ControllerProcess
+
+SHARE = 0.4
+"""Share of a core in real time; a real controller has a machine of its own. A moving arm at speed 20 takes 0.2."""
+
+
+@contextmanager
+def as_rig_errors() -> Generator[None]:
+    """Raises what a controller's process or client raises as RigError: device.disconnected, request.invalid."""
+    try:
+        yield
+    except ConnectionError as error:
+        raise RigError(ErrorCode.DEVICE_DISCONNECTED, str(error)) from error
+    except ValueError as error:
+        raise RigError(ErrorCode.REQUEST_INVALID, str(error)) from error
+
+
+def start(address: str, options: ControllerOptions, *, log_level: str = "WARNING") -> ControllerProcess:
+    """Starts a controller in real time, where that is permitted. Raises RigError device.disconnected."""
+    with as_rig_errors():
+        return ControllerProcess(address, options, log_level=log_level, module=__name__)
+
+
+if __name__ == "__main__":
+    process_priority.set_niceness(process_priority.DRIVER)
+    sys.exit(main(RealTime(SHARE)))
