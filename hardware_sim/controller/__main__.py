@@ -52,6 +52,7 @@ def main(real_time: RealTime | None = None) -> int:
     parser.add_argument("--surroundings", type=Path, help="what the arm can touch (.npz); default: nothing")
     parser.add_argument("--programs", type=Path, help="folder of programs (NAME.urp, URScript) for `load NAME.urp`")
     parser.add_argument("--record", type=Path, help="append every tick to this file")
+    parser.add_argument("--for-urx", action="store_true", help="old mode data at port 30002, for urx 0.11.0")
     parser.add_argument("--until-eof", action="store_true", help="end when standard input does")
     parser.add_argument("--log", default="WARNING", choices=["DEBUG", "INFO", "WARNING", "ERROR"])
     arguments = parser.parse_args()

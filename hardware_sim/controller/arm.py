@@ -50,7 +50,7 @@ class Arm:
         self.joint_offset: Joints = [0.0] * 6
         self.at_rest_ticks = HISTORY
         self.history: deque[Joints] = deque([self.joints] * HISTORY, maxlen=HISTORY)
-        self.base_from_flange = kinematics.forward(model, self.joints)
+        self.axes, self.base_from_flange = kinematics.chain(model, self.joints)
         self.base_from_tool = self.base_from_flange
         self.tool_velocity: Twist = STANDSTILL
 
@@ -76,7 +76,7 @@ class Arm:
 
     def refresh(self) -> None:
         """Recomputes the poses that follow from the joints."""
-        axes, self.base_from_flange = kinematics.chain(self.model, self.joints)
+        self.axes, self.base_from_flange = kinematics.chain(self.model, self.joints)
         self.base_from_tool = poses.compose(self.base_from_flange, self.flange_from_tool)
         source = self.blend or self.motion
         known = None if source is None else source.velocity
@@ -85,7 +85,7 @@ class Arm:
         elif known is not None:
             self.tool_velocity = known
         else:
-            self.tool_velocity = kinematics.velocity(axes, self.speeds, poses.position(self.base_from_tool))
+            self.tool_velocity = kinematics.velocity(self.axes, self.speeds, poses.position(self.base_from_tool))
 
     # --- moves -----------------------------------------------------------------------------------------------
 

@@ -63,8 +63,7 @@ class Controller:
         self.serial = serial
         self.speed_factor = speed_factor
         self.slider = 1.0
-        self.ticks = 0
-        self.now = now
+        self.ticks, self.now = 0, now
         self.safety = Safety(now)
         self.collisions = Collisions(model)
         self.disturbances = Disturbances()
@@ -142,6 +141,7 @@ class Controller:
         self.program_name = compiled.name
         self.runtime_state = RuntimeState.PLAYING
         self.report(f"program {compiled.name} started", logging.INFO)
+        self.announce(RobotMessage(MessageType.KEY, compiled.name, "PROGRAM_XXX_STARTED"))
 
     def stop_program(self, why: str) -> None:
         """Ends the program, if one runs or is paused; its motion brakes."""
@@ -155,6 +155,7 @@ class Controller:
         self.runtime_state = RuntimeState.STOPPED
         if program is not None:
             program.close()
+            self.announce(RobotMessage(MessageType.KEY, program.name, "PROGRAM_XXX_STOPPED"))
         self.arm.corner = None
         self.arm.freedrive = None
         self.outputs.tick(self.now, False)
@@ -315,16 +316,17 @@ class Controller:
         self.ticks += 1
         self.safety.tick(now)
         if self._orders:
-            waiting = self._orders
-            self._orders = []
+            waiting, self._orders = self._orders, []
             for when, action in waiting:
                 if when():
                     action()
                 else:
                     self._orders.append((when, action))
         late = self._watchdogs.expired(now) if self.playing else None
-        if late is not None:
-            self._expire(*late)
+        if late is not None and late[0] == "stop":
+            self.stop_program(late[1])
+        elif late is not None and late[0] == "pause":
+            self.pause()
         self._claimed = False
         self._run_programs()
         if self.may_run and not self._could_run_before:
@@ -335,12 +337,6 @@ class Controller:
         if self._record is not None:
             self._record(self, self.timestamp)
         publication.modes(self, self._pace)
-
-    def _expire(self, action: str, why: str) -> None:
-        if action == "stop":
-            self.stop_program(why)
-        elif action == "pause":
-            self.pause()
 
     def _run_programs(self) -> None:
         if self.runtime_state is RuntimeState.RESUMING:

@@ -14,13 +14,15 @@ class MessageType(IntEnum):
     TEXT = 0
     PROGRAM_LABEL = 1
     POPUP = 2
+    SAFETY_MODE = 5
     KEY = 7
     RUNTIME_EXCEPTION = 10
 
 
 @dataclass(frozen=True)
 class RobotMessage:
-    """One message; `title`, `warning`, `error` and `blocking` are a popup's and a key's, `number` is a label's."""
+    """One message; `title`, `warning`, `error` and `blocking` are a popup's and a key's, `number` is a label's
+    or the safety mode."""
 
     type: MessageType
     text: str

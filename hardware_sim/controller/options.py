@@ -28,7 +28,9 @@ class ControllerOptions:
     kinematics by `calibration_error_m` (rms of the flange's position, see `calibration`); None is the nominal arm.
     `speed`: factor of motion time against wall time. `low_when_stopped`: digital outputs held low while no program
     plays. `surroundings`: a file of what the arm can touch (`surroundings`). `programs`: a folder of programs that the
-    dashboard can load (`program_store`). `record`: a file for every tick (`trace`).
+    dashboard can load (`program_store`). `record`: a file for every tick (`trace`). `for_urx`: the secondary port
+    sends robot mode data as before software 3.5; without, urx 0.11.0 ends each move it waits for with "Robot stopped",
+    as it does with a real controller of this version (its issues 41, 64, 112).
     """
 
     home: Sequence[float]
@@ -40,3 +42,4 @@ class ControllerOptions:
     surroundings: Path | None = None
     programs: Path | None = None
     record: Path | None = None
+    for_urx: bool = False

@@ -35,6 +35,8 @@ class ControllerProcess:
         if options.calibration_seed is not None:
             command += [f"--calibration-seed={options.calibration_seed}"]
             command += [f"--calibration-error-m={options.calibration_error_m!r}"]
+        if options.for_urx:
+            command += ["--for-urx"]
         files = {"surroundings": options.surroundings, "programs": options.programs, "record": options.record}
         for name, path in files.items():
             if path is not None:

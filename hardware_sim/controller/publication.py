@@ -1,7 +1,7 @@
 """Publication of the controller's state as RTDE variables.
 
-Currents, moments, forces, momentum, accelerations of the joints and all inputs from outside are not simulated: they
-stay 0, temperatures and voltages at what an idle arm has.
+Forces and encoders are not simulated: they stay 0, temperatures and voltages at what an idle arm has. What follows from
+the arm's masses is published by `dynamics`, where somebody reads it.
 """
 
 from hardware_sim.controller import poses
@@ -10,10 +10,10 @@ from hardware_sim.controller.modes import JOINT_MODE, JOINT_POWER_OFF, SAFETY_BI
 from hardware_sim.controller.registers import OFFSETS, Registers
 from hardware_sim.controller.robot import RobotState
 
-_GRAVITY = (0.0, 0.0, 9.82)
 _STEADY_VALUES: dict[str, tuple[float, ...]] = {
     "joint_temperatures": (28.0,) * 6,
     "actual_joint_voltage": (48.0,) * 6,
+    "actual_current_window": (2.0,) * 6,  # A off the target that a controller allows
     "actual_main_voltage": (48.0,),
     "actual_robot_voltage": (48.0,),
     "actual_robot_current": (0.5,),
@@ -37,7 +37,7 @@ def pose(arm: Arm, registers: Registers) -> None:
         put(f"{kind}_qd", *arm.speeds)
         put(f"{kind}_TCP_pose", *tool)
         put(f"{kind}_TCP_speed", *arm.tool_velocity)
-    put("actual_tool_accelerometer", *poses.rotate(poses.invert(arm.base_from_flange), _GRAVITY))
+    put("tcp_offset", *arm.tcp)
 
 
 def modes(robot: RobotState, pace: float) -> None:

@@ -1,7 +1,8 @@
 """RTDE variables and registers: names, types and present values (UR RTDE guide).
 
-Names and types are those of PolyScope 5.11: what came later (`actual_current_as_torque`, `time_scale_source`, …) is
-absent here too, because clients tell versions apart by that.
+Names and types are those of PolyScope 5.11, `tcp_offset`, which the guide left out until later, among them (UR client
+library, pull requests 110 and 213). What came later (`collision_detection_ratio`, `time_scale_source`,
+`actual_current_as_torque`, …) is absent here too, because clients tell versions apart by that.
 
 All outputs live in one flat list; a recipe is then an `itemgetter` and a precompiled `struct`, so that 500 packets a
 second with 180 numbers each cost little.
@@ -27,8 +28,8 @@ BIT_REGISTERS = 128
 
 _VECTORS_6D = (
     "target_q target_qd target_qdd target_current target_moment actual_q actual_qd actual_current "
-    "joint_control_output actual_TCP_pose actual_TCP_speed actual_TCP_force target_TCP_pose target_TCP_speed "
-    "joint_temperatures actual_joint_voltage ft_raw_wrench payload_inertia"
+    "actual_current_window joint_control_output actual_TCP_pose actual_TCP_speed actual_TCP_force target_TCP_pose "
+    "target_TCP_speed tcp_offset joint_temperatures actual_joint_voltage ft_raw_wrench payload_inertia"
 )
 _DOUBLES = (
     "timestamp actual_execution_time speed_scaling target_speed_fraction actual_momentum actual_main_voltage "
@@ -37,12 +38,13 @@ _DOUBLES = (
     "tool_output_current tool_temperature tcp_force_scalar io_current euromap67_24V_voltage euromap67_24V_current"
 )
 _OTHERS = {
-    "VECTOR3D": "actual_tool_accelerometer payload_cog",
+    "VECTOR3D": "actual_tool_accelerometer payload_cog elbow_position elbow_velocity",
     "UINT64": "actual_digital_input_bits actual_digital_output_bits",
     "UINT32": "runtime_state robot_status_bits safety_status_bits analog_io_types tool_analog_input_types "
-    "tool_mode euromap67_input_bits euromap67_output_bits output_bit_registers0_to_31 output_bit_registers32_to_63",
+    "tool_mode euromap67_input_bits euromap67_output_bits output_bit_registers0_to_31 output_bit_registers32_to_63 "
+    "script_control_line",
     "UINT8": "tool_output_mode tool_digital_output0_mode tool_digital_output1_mode",
-    "INT32": "robot_mode safety_mode safety_status tool_output_voltage",
+    "INT32": "robot_mode safety_mode safety_status tool_output_voltage encoder0_raw encoder1_raw",
     "VECTOR6INT32": "joint_mode",
 }
 
@@ -107,12 +109,12 @@ DOUBLE_IN = OFFSETS["input_double_register_0"]
 
 
 class Registers:
-    """The flat list of values; registers keep theirs over programs, as on the real controller."""
+    """The flat list of values, a zero at its end; registers keep theirs over programs, as on the real controller."""
 
     def __init__(self) -> None:
         self.values: list[float] = [
             0.0 if TYPES[kind][0][-1] == "d" else 0 for kind in OUTPUT_TYPES.values() for _ in range(TYPES[kind][1])
-        ]
+        ] + [0]
 
     def set(self, name: str, *values: float) -> None:
         """Sets an output by name."""

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
+from hardware_sim.controller import dynamics
 from hardware_sim.controller.controller import VERSION, Controller
 from hardware_sim.controller.registers import INPUT_TYPES, OFFSETS, OUTPUT_TYPES, TYPES
 from hardware_sim.controller.sockets import Connection
@@ -61,6 +62,7 @@ class OutputRecipe:
     names: tuple[str, ...]
     pick: Callable[[Sequence[float]], tuple[float, ...]]
     layout: struct.Struct
+    dynamic: bool
 
     def pack(self, values: Sequence[float]) -> bytes:
         """A data frame with the present values."""
@@ -171,6 +173,11 @@ class RtdeConnection(Connection):
             at += size
         self._buffer = buffer[at:]
 
+    @property
+    def reads_dynamics(self) -> bool:
+        """Whether it is sent any of the variables that `dynamics` computes."""
+        return self.started and self.output is not None and self.output.dynamic
+
     def due(self, ticks: int) -> bool:
         """Whether this tick's values go to the client: so many of 500 ticks as its frequency says, evenly spread."""
         packets = ticks * self.frequency // FREQUENCY
@@ -218,7 +225,8 @@ class RtdeConnection(Connection):
             return
         slots = [OFFSETS[n] + i for n, t in zip(names, types, strict=True) for i in range(TYPES[t][1])]
         layout = struct.Struct(">HBB" + "".join(TYPES[t][0] for t in types))
-        self.output = OutputRecipe(tuple(names), _picker(slots), layout)
+        dynamic = not dynamics.VARIABLES.isdisjoint(names)
+        self.output = OutputRecipe(tuple(names), _picker(slots), layout, dynamic)
         if frequency > FREQUENCY:
             LOG.warning("RTDE outputs at %g Hz instead of %g Hz", FREQUENCY, frequency)
         self.frequency = min(frequency, FREQUENCY)

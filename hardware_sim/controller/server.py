@@ -15,20 +15,22 @@ import sys
 import time
 from collections.abc import Callable
 
-from hardware_sim.controller import control_port, dashboard, rtde, scripts
+from hardware_sim.controller import control_port, dashboard, rtde, streams
 from hardware_sim.controller.calibration import calibrated
 from hardware_sim.controller.control_port import ControlConnection
-from hardware_sim.controller.controller import Controller
+from hardware_sim.controller.controller import VERSION, Controller
 from hardware_sim.controller.dashboard import DashboardConnection
 from hardware_sim.controller.delay import Delay
+from hardware_sim.controller.dynamics import Dynamics
 from hardware_sim.controller.kinematics import MODELS
-from hardware_sim.controller.messages import MessageType
+from hardware_sim.controller.messages import MessageType, RobotMessage
+from hardware_sim.controller.modes import RobotMode
 from hardware_sim.controller.options import ControllerOptions, RealTime
 from hardware_sim.controller.program_loader import ProgramLoader
 from hardware_sim.controller.rtde import Owners, RtdeConnection
 from hardware_sim.controller.safety import BOOT_SECONDS
 from hardware_sim.controller.script_values import STEP_TIME
-from hardware_sim.controller.scripts import ScriptConnection
+from hardware_sim.controller.scripts import ReadOnlyConnection, ScriptConnection
 from hardware_sim.controller.sockets import Connection, Port
 from hardware_sim.controller.trace import Recorder
 
@@ -36,13 +38,15 @@ LOG = logging.getLogger("hardware_sim.controller")
 _LONGEST_CATCH_UP = 1.0  # s
 _FROZEN = 0.05  # s; a loop as late as this had no core meanwhile
 _SWEEP = 50  # ticks
+_STATES = (streams.PRIMARY, streams.SECONDARY)
+_STREAMS = (*_STATES, streams.REAL_TIME)
 _AT_ONCE = 8  # descriptors served before the clock is read again; epoll gives the others their turn next
 
 
 class Server:
     """All ports of one controller on one address."""
 
-    def __init__(self, controller: Controller, address: str) -> None:
+    def __init__(self, controller: Controller, address: str, *, for_urx: bool = False) -> None:
         """Raises OSError where a port is in use."""
         self.controller = controller
         self._poll = select.epoll()
@@ -50,14 +54,18 @@ class Server:
         self._loader = ProgramLoader(controller)
         self._stall_ends: dict[int, float] = {}
         self._ports: dict[int, Port] = {}
-        greeting = scripts.kinematics_message(controller.arm.model)
+        self._dynamics = Dynamics(controller.arm, controller.registers)
+        self._safety_mode = controller.safety_mode
+        self._for_urx = for_urx
         accepts: dict[int, Callable[[socket.socket], Connection]] = {
             rtde.PORT: lambda s: RtdeConnection(s, controller, self._owners),
             dashboard.PORT: lambda s: DashboardConnection(s, controller, self.shut_down),
-            **dict.fromkeys(scripts.PORTS, lambda s: ScriptConnection(s, self._loader)),
-            scripts.PRIMARY_PORT: lambda s: ScriptConnection(s, self._loader, greeting),
+            **dict.fromkeys(_STREAMS, lambda s: ScriptConnection(s, controller, self._loader)),
+            **{number + streams.READ_ONLY: ReadOnlyConnection for number in _STREAMS},
             control_port.PORT: lambda s: ControlConnection(s, controller, self),
         }
+        for number in (*_STATES, *(number + streams.READ_ONLY for number in _STATES)):
+            accepts[number] = self._greeting(accepts[number])
         try:
             for number, accept in accepts.items():
                 self._ports[number] = Port(self._poll, address, number, accept)
@@ -68,6 +76,14 @@ class Server:
         self._slow: list[Port] = []
         self._off = False
         self._reopen_at = 0.0
+
+    def _greeting(self, accept: Callable[[socket.socket], Connection]) -> Callable[[socket.socket], Connection]:
+        def take(stream: socket.socket) -> Connection:
+            connection = accept(stream)
+            connection.send(streams.version_message(VERSION, self.controller.timestamp))
+            return connection
+
+        return take
 
     def numbers(self) -> list[int]:
         """The ports of a real controller; the control port cannot be cut."""
@@ -170,21 +186,49 @@ class Server:
         self._loader.start_compiled()
         self.controller.tick(now)
         self._announce()
-        port = self._ports[rtde.PORT]
-        if port.connections and not port.stalled:
-            rtde.broadcast(self._rtde_connections(), self.controller)
+        self._publish()
         if self.controller.ticks % _SWEEP == 0:
             for port in self._ports.values():
                 port.sweep()
 
     def _announce(self) -> None:
-        announcements = self.controller.announcements
-        while announcements:
-            message = announcements.popleft()
-            if message.type is MessageType.RUNTIME_EXCEPTION:
-                rtde.announce(self._rtde_connections(), message.text)
-                primary = self._ports[scripts.PRIMARY_PORT]
-                scripts.announce(primary.connections.values(), message.text, self.controller.timestamp)
+        controller = self.controller
+        if controller.safety_mode is not self._safety_mode:
+            self._safety_mode = controller.safety_mode
+            controller.announce(RobotMessage(MessageType.SAFETY_MODE, "", number=self._safety_mode))
+        while controller.announcements:
+            said = controller.announcements.popleft()
+            if said.type is MessageType.RUNTIME_EXCEPTION:
+                rtde.announce(self._rtde_connections(), said.text)
+            for connection in self._readers(streams.PRIMARY):
+                connection.offer(streams.message(said, controller.timestamp))
+
+    def _readers(self, number: int) -> list[Connection]:
+        """The clients of a stream and of its read-only twin that have read what was sent to them."""
+        ports = (self._ports[number], self._ports[number + streams.READ_ONLY])
+        return [c for port in ports if not port.stalled for c in port.connections.values() if not c.unsent]
+
+    def _publish(self) -> None:
+        """Sends the tick's values, computing and packing only what somebody reads."""
+        controller = self.controller
+        port = self._ports[rtde.PORT]
+        clients = [] if port.stalled else self._rtde_connections()
+        real_time = self._readers(streams.REAL_TIME)
+        due = controller.ticks % streams.STATE_TICKS == 0
+        states = {number: self._readers(number) for number in _STATES} if due else {}
+        if real_time or any(states.values()) or any(c.reads_dynamics for c in clients):
+            self._dynamics.publish(controller.timestamp, controller.robot_mode is RobotMode.RUNNING)
+        rtde.broadcast(clients, controller)
+        if real_time:
+            packet = streams.real_time_packet(controller.registers)
+            for connection in real_time:
+                connection.offer(packet)
+        for number, readers in states.items():
+            if readers:
+                short = self._for_urx and number == streams.SECONDARY
+                packet = streams.robot_state(controller, short_mode=short)
+                for connection in readers:
+                    connection.offer(packet)
 
     def close(self) -> None:
         """Closes all ports."""
@@ -222,7 +266,7 @@ def serve(
     )
     if options.surroundings is not None:
         controller.collisions.surround(options.surroundings)
-    server = Server(controller, address)
+    server = Server(controller, address, for_urx=options.for_urx)
     try:
         sys.stdout.write(f"ready {address}\n")
         sys.stdout.flush()

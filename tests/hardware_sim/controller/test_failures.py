@@ -21,6 +21,7 @@ from tests.hardware_sim.controller.cells import (
     wait_until,
 )
 from tests.hardware_sim.controller.plain_client import PlainClient
+from tests.hardware_sim.controller.stream_client import StreamClient
 
 FAR = [HOME[0] + 2.5, *HOME[1:]]
 SPEED, ACCELERATION = 1.05, 1.4
@@ -298,13 +299,12 @@ def test_invalid_program_is_refused_and_running_one_continues(cell: Cell) -> Non
 
     with (
         PlainClient(cell.address) as listener,
-        socket.create_connection((cell.address, 30001)) as primary,
+        StreamClient(cell.address, 30001) as primary,
         socket.create_connection((cell.address, 30002)) as script,
     ):
         listener.outputs("timestamp")
         listener.request("S")
-        primary.settimeout(30.0)
-        assert primary.recv(4096)[4] == 16, "the state of the robot comes first"
+        assert primary.message()[0] == 20, "the version comes first"
         script.sendall(b"def broken():\n  movej([0,0,\nend\n")
         script.sendall(b"def unknown():\n  textmsg(1)\n  no_such_function()\nend\n")
         script.sendall(b"def half():\n  sleep(10)\n")
@@ -312,10 +312,9 @@ def test_invalid_program_is_refused_and_running_one_continues(cell: Cell) -> Non
         assert "line 3" in listener.texts[1][0]
         assert "no_such_function" in listener.texts[1][0]
         assert listener.texts[1][1:] == ("Controller", 0)
-        robot_message = primary.recv(4096)
-        size, kind, _, _, subtype, line, column = struct.unpack_from(">iBQbbii", robot_message)
-        assert (kind, subtype, line, column) == (20, 10, 3, -1)
-        assert robot_message[23:size].decode() == listener.texts[0][0]
+        said = primary.robot_message(10)
+        assert struct.unpack_from(">ii", said) == (3, -1)
+        assert said[8:].decode() == listener.texts[0][0]
     with cell.process.control() as control:
         wait_until(lambda: any("no_such_function" in line for line in control.log()))
     assert cell.control.isProgramRunning()

@@ -15,7 +15,8 @@ from tests.hardware_sim.controller.plain_client import PlainClient
 # The protocol's own table for PolyScope 5.11, written down anew: the variables that the clients here know of.
 OUTPUTS = {
     "VECTOR6D": """target_q target_qd target_qdd target_current target_moment actual_q actual_qd actual_current
-        joint_control_output actual_TCP_pose actual_TCP_speed actual_TCP_force target_TCP_pose target_TCP_speed
+        actual_current_window joint_control_output tcp_offset
+        actual_TCP_pose actual_TCP_speed actual_TCP_force target_TCP_pose target_TCP_speed
         joint_temperatures actual_joint_voltage ft_raw_wrench payload_inertia""",
     "DOUBLE": """timestamp actual_execution_time speed_scaling target_speed_fraction actual_momentum actual_main_voltage
         actual_robot_voltage actual_robot_current standard_analog_input0 standard_analog_input1 standard_analog_output0
@@ -24,10 +25,10 @@ OUTPUTS = {
     "UINT64": "actual_digital_input_bits actual_digital_output_bits",
     "UINT32": """runtime_state robot_status_bits safety_status_bits analog_io_types tool_mode tool_analog_input_types
         euromap67_input_bits euromap67_output_bits output_bit_registers0_to_31 output_bit_registers32_to_63
-        input_bit_registers0_to_31 input_bit_registers32_to_63""",
-    "INT32": "robot_mode safety_mode safety_status tool_output_voltage",
+        input_bit_registers0_to_31 input_bit_registers32_to_63 script_control_line""",
+    "INT32": "robot_mode safety_mode safety_status tool_output_voltage encoder0_raw encoder1_raw",
     "UINT8": "tool_output_mode tool_digital_output0_mode tool_digital_output1_mode",
-    "VECTOR3D": "actual_tool_accelerometer payload_cog",
+    "VECTOR3D": "actual_tool_accelerometer payload_cog elbow_position elbow_velocity",
     "VECTOR6INT32": "joint_mode",
 }
 INPUTS = {

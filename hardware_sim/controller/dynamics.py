@@ -1,0 +1,115 @@
+"""Torques, currents, momentum and elbow of the arm, as RTDE reports them: a static model.
+
+A joint carries the weight of all links beyond it and of the payload (composite masses, from the tool inwards); its
+torque is that weight's moment about its axis, its current the torque over a constant. Inertia, Coriolis forces,
+friction and noise are left out, and currents are those of an arm that holds still: targets and actual values are equal.
+An arm whose brakes hold it has no current. Masses and their places: UR's article on Denavit–Hartenberg parameters for
+calculations of kinematics and dynamics, as in `ur_description`; sideways offsets of the wrists (a few mm) are left out.
+For a UR5e this gives the currents that URSim sends within 0.05 % at the shoulder and the elbow.
+"""
+
+import math
+from collections.abc import Sequence
+
+from hardware_sim.controller import kinematics, poses
+from hardware_sim.controller.arm import Arm
+from hardware_sim.controller.registers import Registers
+from hardware_sim.controller.script_values import STEP_TIME
+
+_NAMES = """target_qdd target_current target_moment actual_current joint_control_output actual_momentum
+    actual_tool_accelerometer elbow_position elbow_velocity ft_raw_wrench"""
+VARIABLES = frozenset(_NAMES.split())
+"""What `Dynamics.publish` sets: computed only where somebody reads one of them."""
+GRAVITY = 9.82  # m/s²
+_TORQUE_PER_AMPERE = (9.94, 9.94, 9.94, 7.8, 7.8, 7.8)
+"""N m/A: torques of this model over the currents of the UR5e that UR's client library recorded from URSim. Other arms
+have other motors; theirs are taken for the same.
+"""
+_WRISTS = (0.01634, 0.01634, -0.001159)
+_UR5E = ((3.761, 8.058, 2.846, 1.37, 1.3, 0.365), (0.2125, 0.2422), (0.00193, 0.11336, 0.0265, *_WRISTS))
+_UR10E = ((7.369, 13.051, 3.989, 2.1, 1.98, 0.615), (0.2327, 0.33155), (0.027, 0.158, 0.068, 0.018, 0.018, -0.026))
+_LARGE = (16.343, 29.632, 7.879, 3.054, 3.126, 0.926)
+_LARGE_OFFSETS = (0.0062, 0.2098, 0.0604, 0.0393, 0.0379, -0.0293)
+Bodies = tuple[tuple[float, ...], tuple[float, float], tuple[float, ...]]
+BODIES: dict[str, Bodies] = {
+    "ur3e": ((1.98, 3.4445, 1.437, 0.871, 0.805, 0.261), (0.11355, 0.1632), (0.0, 0.1157, 0.0238, 0.01, 0.01, -0.02)),
+    "ur5e": _UR5E,
+    "ur7e": _UR5E,
+    "ur10e": _UR10E,
+    "ur12e": _UR10E,
+    "ur16e": ((7.369, 10.45, 4.321, 2.18, 2.033, 0.907), (0.1764, 0.166), (0.03, 0.16, 0.065, 0.011, 0.012, -0.044)),
+    "ur15": (
+        (9.9883, 14.9255, 6.1015, 2.089, 2.0869, 1.0666),
+        (0.228491, 0.210929),
+        (0.025304, 0.192787, 0.070552, 0.016413, 0.015886, -0.053397),
+    ),
+    "ur20": (_LARGE, (0.3394, 0.4053), _LARGE_OFFSETS),
+    "ur30": ((*_LARGE[:5], 0.846), (0.2508, 0.2802), _LARGE_OFFSETS),  # a UR20 with shorter links
+}
+"""By model: masses in kg; how far along upper arm and forearm theirs are, and all links' along the next axis, in m."""
+
+
+class Dynamics:
+    """Publishes what follows from the masses of one arm."""
+
+    def __init__(self, arm: Arm, registers: Registers) -> None:
+        self._arm, self._registers = arm, registers
+        self._bodies = BODIES[arm.model.name]
+        self._published: tuple[object, ...] = ()
+        self._speeds: Sequence[float] = arm.speeds
+        self._since = 0.0
+
+    def publish(self, now: float, brakes_open: bool) -> None:
+        """Sets the variables, where anything has changed since the last time; `now` is the controller's time in s."""
+        arm = self._arm
+        payload = (arm.payload, *arm.payload_center)
+        state = (arm.joints, self._speeds, arm.speeds, payload, brakes_open)
+        if state == self._published:
+            return
+        self._published = state
+        put = self._registers.set
+        moments, momentum = self._moments(payload[0])
+        currents = [m / k if brakes_open else 0.0 for m, k in zip(moments, _TORQUE_PER_AMPERE, strict=True)]
+        put("target_moment", *moments)
+        for name in ("target_current", "actual_current", "joint_control_output"):
+            put(name, *currents)
+        put("actual_momentum", momentum)
+        rate = 1.0 / max(now - self._since, STEP_TIME)
+        put("target_qdd", *((b - a) * rate for a, b in zip(self._speeds, arm.speeds, strict=True)))
+        elbow = arm.axes[2][1]
+        put("elbow_position", *elbow)
+        put("elbow_velocity", *kinematics.velocity(arm.axes[:2], arm.speeds[:2], elbow)[:3])
+        up = poses.rotate(poses.invert(arm.base_from_flange), (0.0, 0.0, GRAVITY))
+        put("actual_tool_accelerometer", *up)
+        center = arm.payload_center
+        weight = (-arm.payload * up[0], -arm.payload * up[1], -arm.payload * up[2])
+        put("ft_raw_wrench", *weight, *poses.cross((center[0], center[1], center[2]), weight))
+        self._speeds, self._since = arm.speeds, now
+
+    def _moments(self, payload: float) -> tuple[list[float], float]:
+        """Torques in N m that hold all links against gravity, and the norm of the linear momentum in kg m/s."""
+        arm = self._arm
+        masses, along, offsets = self._bodies
+        flange = arm.base_from_flange
+        axes = [*arm.axes, ((flange[2], flange[6], flange[10]), poses.position(flange))]
+        mass = payload
+        turned = poses.rotate(flange, arm.payload_center)
+        sx, sy, sz = (payload * (t + p) for t, p in zip(turned, axes[6][1], strict=True))
+        moments, px, py, pz = [0.0] * 6, 0.0, 0.0, 0.0
+        for joint in range(5, -1, -1):
+            (ax, ay, az), begin = axes[joint]
+            (nx, ny, nz), end = axes[joint + 1]
+            share = 1.0 - along[joint - 1] / math.dist(begin, end) if joint in (1, 2) else 0.0
+            out, own = offsets[joint], masses[joint]
+            mass += own
+            sx += own * (end[0] + share * (begin[0] - end[0]) + out * nx)
+            sy += own * (end[1] + share * (begin[1] - end[1]) + out * ny)
+            sz += own * (end[2] + share * (begin[2] - end[2]) + out * nz)
+            rx, ry, rz = sx - mass * begin[0], sy - mass * begin[1], sz - mass * begin[2]
+            moments[joint] = GRAVITY * (ax * ry - ay * rx)
+            rate = arm.speeds[joint]
+            if rate:
+                px += rate * (ay * rz - az * ry)
+                py += rate * (az * rx - ax * rz)
+                pz += rate * (ax * ry - ay * rx)
+        return moments, math.sqrt(px * px + py * py + pz * pz)
