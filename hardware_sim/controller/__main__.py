@@ -45,9 +45,9 @@ def main(real_time: RealTime | None = None) -> int:
         "--low-when-stopped",
         type=int,
         nargs="*",
-        default=[0],
+        default=[],
         metavar="OUTPUT",
-        help="digital outputs held low while no program plays",
+        help="digital outputs held low while no program plays; default: none",
     )
     parser.add_argument("--surroundings", type=Path, help="what the arm can touch (.npz); default: nothing")
     parser.add_argument("--programs", type=Path, help="folder of programs (NAME.urp, URScript) for `load NAME.urp`")

@@ -3,6 +3,7 @@
 Reported and true joints differ only by `joint_offset`, a fault on demand.
 """
 
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 from hardware_sim.controller import kinematics, limits, poses
 from hardware_sim.controller.blend import Blend
 from hardware_sim.controller.curves import Arc, Curve, Line
+from hardware_sim.controller.force import LEAST_CONTACT, MOST_FORCE, ForceMotion, SpringSurface
 from hardware_sim.controller.freedrive import Freedrive
 from hardware_sim.controller.kinematics import ArmModel
 from hardware_sim.controller.motion import STANDSTILL, Follower, Joints, Motion, MotionError, Twist
@@ -49,6 +51,9 @@ class Arm:
         self.payload_inertia: list[float] = [0.0] * 6
         self.joint_offset: Joints = [0.0] * 6
         self.at_rest_ticks = HISTORY
+        self.surface: SpringSurface | None = None
+        self.tool_force: Twist = STANDSTILL  # N and Nm on the tool at its TCP, base axes
+        self.contact_ticks = 0  # for which the tool has touched the surface
         self.history: deque[Joints] = deque([self.joints] * HISTORY, maxlen=HISTORY)
         self.axes, self.base_from_flange = kinematics.chain(model, self.joints)
         self.base_from_tool = self.base_from_flange
@@ -58,6 +63,11 @@ class Arm:
     def moving(self) -> bool:
         """Whether any joint turns."""
         return any(self.speeds)
+
+    @property
+    def pressure(self) -> float:
+        """The force at the tool, N."""
+        return math.hypot(*self.tool_force[:3])
 
     @property
     def true_joints(self) -> Joints:
@@ -78,6 +88,8 @@ class Arm:
         """Recomputes the poses that follow from the joints."""
         self.axes, self.base_from_flange = kinematics.chain(self.model, self.joints)
         self.base_from_tool = poses.compose(self.base_from_flange, self.flange_from_tool)
+        if self.surface is not None:
+            self.tool_force = self.surface.force_on(self.base_from_tool)
         source = self.blend or self.motion
         known = None if source is None else source.velocity
         if not any(self.speeds):
@@ -86,6 +98,11 @@ class Arm:
             self.tool_velocity = known
         else:
             self.tool_velocity = kinematics.velocity(self.axes, self.speeds, poses.position(self.base_from_tool))
+
+    def touch(self, surface: SpringSurface | None) -> None:
+        """Puts a surface where the tool can touch it, in place of the present one."""
+        self.surface, self.tool_force = surface, STANDSTILL
+        self.refresh()
 
     # --- moves -----------------------------------------------------------------------------------------------
 
@@ -193,9 +210,11 @@ class Arm:
         """Advances by `dt` seconds of motion time. Raises MotionError: then the arm is where it was, or its tool is
         faster than it may be.
         """
-        motion = self.motion
+        motion, before = self.motion, self.pressure
         if motion is None:
             return
+        if isinstance(motion, ForceMotion):
+            motion.force = self.tool_force
         if self.blend is None and motion.finished:
             self.speeds = [0.0] * 6
         else:
@@ -211,6 +230,8 @@ class Arm:
             self.corner = None
         if not isinstance(motion, JointBrake):
             fault = limits.tool_fault(self.tool_velocity)
+            if before < self.pressure > MOST_FORCE:
+                fault = f"the tool pushes with {self.pressure:.0f} N, its limit is {MOST_FORCE:.0f}"
             if fault is not None:
                 raise MotionError(fault)
 
@@ -222,6 +243,7 @@ class Arm:
             raise MotionError(fault)
 
     def end_tick(self) -> None:
-        """Counts ticks at rest and keeps the history of joints."""
+        """Counts ticks at rest and in contact, and keeps the history of joints."""
         self.at_rest_ticks = 0 if any(self.speeds) else self.at_rest_ticks + 1
+        self.contact_ticks = self.contact_ticks + 1 if self.pressure >= LEAST_CONTACT else 0
         self.history.append(self.joints)

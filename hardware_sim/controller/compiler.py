@@ -144,9 +144,15 @@ class _Writer:
             node.target.name
             for f in self._all
             for node in _walk(f.body)
-            if isinstance(node, Assign) and node.is_global and isinstance(node.target, Name)
+            if isinstance(node, Assign) and node.qualifier == "global" and isinstance(node.target, Name)
         }
-        self._bodies = {f.name: list(_walk(f.body)) for f in self._all}
+        self._bodies = {
+            f.name: list(_walk([*(d for d in f.parameters.values() if d is not None), *f.body])) for f in self._all
+        }
+        self._prefixes: dict[str, dict[str, str]] = {}
+        self._outer: dict[str, list[str]] = {}
+        self._bind(program, {})
+        self._scope = self._prefixes[program.name]
         self._calls = {
             name: {node.name for node in nodes if isinstance(node, Call)} for name, nodes in self._bodies.items()
         }
@@ -154,6 +160,31 @@ class _Writer:
         self._waiting = self._find_waiting()
         self._source: list[str] = []
         self._lines: list[int] = [0]
+
+    def _bind(self, f: Function, around: dict[str, str]) -> None:
+        """Decides where the variables of a function and of those inside it live; `around` are those it can see.
+
+        Lexical: `local` and parameters belong to the function, `global` to the program; any other assignment changes
+        the variable that is visible there, and makes one of the function's own where none is.
+        """
+        assigned = [
+            (n.target.name, n.qualifier)
+            for n in self._bodies[f.name]
+            if isinstance(n, Assign) and isinstance(n.target, Name)
+        ]
+        names = {name for name, _ in assigned}
+        own = {*f.parameters, *(name for name, qualifier in assigned if qualifier == "local")}
+        own |= names - around.keys() - self._globals
+        declared = {name for name, qualifier in assigned if qualifier == "global"}
+        visible = {**around, **dict.fromkeys(declared, "g_"), **dict.fromkeys(own, "v_")}
+        self._outer[f.name] = [visible.get(name, "g_") + name for name in sorted(names - own)]
+        self._prefixes[f.name] = visible
+        for inner in f.functions:
+            self._bind(inner, visible)
+
+    def _variable(self, name: str) -> str:
+        """A variable's name in Python, as the present function sees it."""
+        return self._scope.get(name, "g_" if name in self._globals else "v_") + name
 
     def _find_waiting(self) -> set[str]:
         """Names of the functions that may give up their time slot: by a loop, a wait, or a call of one that does."""
@@ -210,7 +241,7 @@ class _Writer:
         self._emit(0, 0, "def program():")
         for name in sorted(self._globals):
             # Bound nowhere, so that reading a global before its assignment is an error, not a silent zero.
-            self._emit(1, 0, f"if False: v_{name} = None")
+            self._emit(1, 0, f"if False: g_{name} = None")
         self._function(self._program, 1)
         self._emit(1, 0, f"return f_{self._program.name}()")
         return "\n".join(self._source) + "\n", self._lines
@@ -220,20 +251,23 @@ class _Writer:
         self._lines.append(line)
 
     def _function(self, f: Function, indent: int) -> None:
-        self._emit(indent, f.line, f"def f_{f.name}({', '.join('v_' + p for p in f.parameters)}):")
-        assigned = {n.target.name for n in self._bodies[f.name] if isinstance(n, Assign) and isinstance(n.target, Name)}
-        outer = sorted((assigned & self._globals) - set(f.parameters))
-        if outer:
-            self._emit(indent + 1, f.line, "nonlocal " + ", ".join(f"v_{name}" for name in outer))
+        parameters = ", ".join(f"v_{p}" if default is None else f"v_{p}=..." for p, default in f.parameters.items())
+        self._emit(indent, f.line, f"def f_{f.name}({parameters}):")
+        scope, self._scope = self._scope, self._prefixes[f.name]
+        if self._outer[f.name]:
+            self._emit(indent + 1, f.line, "nonlocal " + ", ".join(self._outer[f.name]))
         if f.name in self._waiting:
             self._emit(indent + 1, f.line, "if False: yield")
         if f.name in self._recursive:
             self._emit(indent + 1, f.line, f"if turn_is_spent({self._cost(self._bodies[f.name])}): yield")
-        for parameter in f.parameters:
-            self._emit(indent + 1, f.line, f"v_{parameter} = copy_of(v_{parameter})")
+        for parameter, default in f.parameters.items():
+            # A default is worked out at the call, where the globals have their values.
+            given = "" if default is None else f" if v_{parameter} is not ... else {self._value(default)}"
+            self._emit(indent + 1, f.line, f"v_{parameter} = copy_of(v_{parameter}){given}")
         for inner in f.functions:
             self._function(inner, indent + 1)
         self._block(f.body, indent + 1)
+        self._scope = scope
 
     def _block(self, body: list[Node], indent: int) -> None:
         if not body:
@@ -268,7 +302,7 @@ class _Writer:
     def _assignment(self, target: Node, value: str) -> str:
         match target:
             case Name(_, name):
-                return f"v_{name} = {value}"
+                return f"{self._variable(name)} = {value}"
             case Member(_, container, name):
                 return f"put_member({self._expression(container)}, {name!r}, {value})"
             case Index(_, container, [*outer, last]):
@@ -304,8 +338,8 @@ class _Writer:
             "kill": f"kill({value})",
             "join": f"yield from join({value})",
             "halt": "yield from halt()",
-            "enter_critical": "enter_critical()",
-            "exit_critical": "exit_critical()",
+            "enter_critical": "set_critical(True)",
+            "exit_critical": "set_critical(False)",
         }.get(node.keyword, node.keyword)
         self._emit(indent, node.line, text)
 
@@ -314,7 +348,7 @@ class _Writer:
             case Literal(_, value):
                 return repr(value)
             case Name(_, name):
-                return f"v_{name}"
+                return self._variable(name)
             case ListLiteral(_, items, is_pose):
                 inner = "[" + ", ".join(self._value(i) for i in items) + "]"
                 return f"pose({inner})" if is_pose else inner

@@ -2,6 +2,7 @@
 
 import json
 import socket
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -43,6 +44,18 @@ class ControlClient:
     def fault(self, kind: str, **parameters: Any) -> None:
         """Makes something go wrong (see `faults.FAULTS`), after `at_s` seconds where given."""
         self.request(command="fault", kind=kind, **parameters)
+
+    def set_digital_input(self, number: int, level: bool) -> None:
+        """Sets a digital input: 0–7 standard, 8–15 configurable, 16–17 tool."""
+        self.request(command="input", digital=number, level=level)
+
+    def set_analog_input(self, number: int, value: float) -> None:
+        """Sets an analogue input in V, or A where it is set to current: 0–1 standard, 2–3 tool."""
+        self.request(command="input", analog=number, value=value)
+
+    def surface(self, point: Sequence[float], normal: Sequence[float], stiffness: float) -> None:
+        """Puts a spring plane (base frame, m, N/m) where the TCP can touch it; stiffness 0 takes it away."""
+        self.request(command="surface", point=list(point), normal=list(normal), stiffness=stiffness)
 
     def collisions(self) -> list[dict[str, Any]]:
         """All collisions so far: timestamp (s), first and second part, true joints (rad)."""

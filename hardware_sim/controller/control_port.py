@@ -7,10 +7,14 @@ has this port; only the simulated world, tests and graders use it. From Python: 
     {"command": "fault", "kind": …, …}              something goes wrong: all kinds are listed in `faults`
     {"command": "collisions"}                       all collisions so far, oldest first
     {"command": "log"}                              the latest messages
+    {"command": "input", "digital": n, "level": …}  sets a digital input: 0–7 standard, 8–15 configurable, 16–17 tool
+    {"command": "input", "analog": n, "value": …}   sets an analogue input in V or A: 0–1 standard, 2–3 tool
+    {"command": "surface", "point": [3], "normal": [3], "stiffness": N/m}  a spring that the TCP can touch; 0: none
     {"command": "surroundings", "file": path}       puts the arm into surroundings (`surroundings` says what is in them)
 """
 
 import json
+import math
 import socket
 import time
 from pathlib import Path
@@ -18,7 +22,9 @@ from typing import Any
 
 from hardware_sim.controller import kinematics, poses
 from hardware_sim.controller.controller import Controller
-from hardware_sim.controller.faults import FaultError, Links, prepare
+from hardware_sim.controller.faults import FaultError, Links, number, prepare, vector
+from hardware_sim.controller.force import SpringSurface
+from hardware_sim.controller.inputs import Inputs
 from hardware_sim.controller.modes import RuntimeState
 from hardware_sim.controller.sockets import LineConnection
 
@@ -59,13 +65,47 @@ class ControlConnection(LineConnection):
         if command == "fault":
             prepare(self._controller, self._links, request)
             return {"ok": True}
+        if command == "input":
+            _set_input(self._controller.inputs, request)
+            return {"ok": True}
+        if command == "surface":
+            _set_surface(self._controller, request)
+            return {"ok": True}
         if command == "surroundings":
             file = request.get("file")
             if not isinstance(file, str):
                 raise FaultError(f"file must be a path, not {file!r}")
             self._controller.collisions.surround(Path(file))
             return {"ok": True}
-        raise FaultError(f"command must be state, fault, collisions, log or surroundings, not {command!r}")
+        raise FaultError(
+            f"command must be state, fault, input, surface, collisions, log or surroundings, not {command!r}"
+        )
+
+
+def _set_input(inputs: Inputs, request: dict[str, Any]) -> None:
+    """Sets a digital or an analogue input. Raises FaultError."""
+    if "digital" in request:
+        level = request.get("level")
+        if not isinstance(level, bool):
+            raise FaultError(f"level must be true or false, not {level!r}")
+        inputs.set_level(int(number(request, "digital", 0, 17)), level)
+    else:
+        inputs.analog[int(number(request, "analog", 0, 3))] = number(request, "value", 0.0, 30.0)
+
+
+def _set_surface(controller: Controller, request: dict[str, Any]) -> None:
+    """Puts a spring surface where the tool can touch it, or takes it away. Raises FaultError."""
+    stiffness = number(request, "stiffness", 0.0, 20_000.0)
+    surface = None
+    if stiffness > 0.0:
+        x, y, z = vector(request, "point", 3, 10.0)
+        nx, ny, nz = vector(request, "normal", 3, 1.0)
+        length = math.hypot(nx, ny, nz)
+        if length < 0.1:
+            raise FaultError("normal must have a length")
+        surface = SpringSurface((x, y, z), (nx / length, ny / length, nz / length), stiffness)
+    controller.arm.touch(surface)
+    controller.tool_changed()
 
 
 def state(controller: Controller) -> dict[str, Any]:
@@ -83,6 +123,10 @@ def state(controller: Controller) -> dict[str, Any]:
         "digital_outputs": outputs.levels,
         "output_age_s": [max(0.0, now - at) for at in outputs.changed_at],
         "analog_outputs": [outputs.analog(0), outputs.analog(1)],
+        "tool_force": list(arm.tool_force),
+        "digital_inputs": controller.inputs.levels,
+        "analog_inputs": controller.inputs.analog,
+        "tool_voltage": outputs.tool_voltage,
         "speed_factor": controller.speed_factor,
         "speed_slider": controller.slider,
         "robot_mode": int(controller.robot_mode),

@@ -16,8 +16,10 @@ from hardware_sim.controller.arm import Arm
 from hardware_sim.controller.collisions import Collisions
 from hardware_sim.controller.compiler import CompiledProgram, compile_program
 from hardware_sim.controller.disturbances import Disturbances
+from hardware_sim.controller.force import ForceMotion
 from hardware_sim.controller.functions import VOCABULARY, table
 from hardware_sim.controller.hand_guiding import HandMove
+from hardware_sim.controller.inputs import Inputs
 from hardware_sim.controller.kinematics import ArmModel
 from hardware_sim.controller.messages import MessageType, RobotMessage
 from hardware_sim.controller.modes import RobotMode, RuntimeState, SafetyMode
@@ -27,6 +29,7 @@ from hardware_sim.controller.program import Program, ScriptError
 from hardware_sim.controller.program_store import LoadedProgram
 from hardware_sim.controller.registers import Registers
 from hardware_sim.controller.safety import Safety
+from hardware_sim.controller.script_links import ScriptLinks
 from hardware_sim.controller.script_values import STEP_TIME
 from hardware_sim.controller.syntax import ScriptSyntaxError
 from hardware_sim.controller.watchdogs import Watchdogs
@@ -51,7 +54,7 @@ class Controller:
         *,
         now: float,
         speed_factor: float = 1.0,
-        low_when_stopped: Iterable[int] = (0,),
+        low_when_stopped: Iterable[int] = (),
         serial: str = "20215500042",
         programs: Path | None = None,
         record: Record | None = None,
@@ -59,6 +62,8 @@ class Controller:
         """`now` is time.monotonic(); `programs` is the dashboard's folder; `record` receives each step's time stamp."""
         self.arm = Arm(model, home)
         self.registers = Registers()
+        self.inputs = Inputs()
+        self.links = ScriptLinks()
         self.outputs = Outputs(low_when_stopped, now)
         self.serial = serial
         self.speed_factor = speed_factor
@@ -156,6 +161,7 @@ class Controller:
         if program is not None:
             program.close()
             self.announce(RobotMessage(MessageType.KEY, program.name, "PROGRAM_XXX_STOPPED"))
+            self.links.close_all()
         self.arm.corner = None
         self.arm.freedrive = None
         self.outputs.tick(self.now, False)
@@ -367,6 +373,8 @@ class Controller:
         paused = self.runtime_state in (RuntimeState.PAUSING, RuntimeState.PAUSED)
         if arm.motion is None:
             self._unclaimed = None
+        elif self._program is not None and isinstance(arm.motion, ForceMotion):
+            pass  # force mode goes on without further calls
         elif not self._claimed and not paused and arm.motion is not self._unclaimed and arm.corner is None:
             self._brake(PROGRAM_STOP_DECELERATION)
         wanted = 0.0 if paused else self.slider

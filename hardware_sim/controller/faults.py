@@ -63,22 +63,24 @@ Parameters = Mapping[str, Any]
 Action = Callable[[], None]
 
 
-def _number(parameters: Parameters, name: str, least: float, most: float) -> float:
+def number(parameters: Parameters, name: str, least: float, most: float) -> float:
+    """A number among the fields of a request. Raises FaultError."""
     value = parameters.get(name)
     if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
         raise FaultError(f"{name} must be a number from {least:g} to {most:g}, not {value!r}")
     return float(value)
 
 
-def _vector(parameters: Parameters, name: str, count: int, most: float) -> list[float]:
+def vector(parameters: Parameters, name: str, count: int, most: float) -> list[float]:
+    """A list of numbers among the fields of a request. Raises FaultError."""
     values = parameters.get(name)
     if not isinstance(values, list) or len(values) != count:
         raise FaultError(f"{name} must be {count} numbers, not {values!r}")
-    return [_number({name: value}, name, -most, most) for value in values]
+    return [number({name: value}, name, -most, most) for value in values]
 
 
 def _port(parameters: Parameters, links: Links) -> int:
-    port = int(_number(parameters, "port", 1, 65535))
+    port = int(number(parameters, "port", 1, 65535))
     if port not in links.numbers():
         raise FaultError(f"port must be one of {links.numbers()}, not {port}")
     return port
@@ -90,7 +92,7 @@ def _cut(controller: Controller, links: Links, parameters: Parameters) -> Action
 
 
 def _stall(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    port, seconds = _port(parameters, links), _number(parameters, "seconds", 0.0, 3600.0)
+    port, seconds = _port(parameters, links), number(parameters, "seconds", 0.0, 3600.0)
     return lambda: links.stall(port, seconds)
 
 
@@ -101,10 +103,10 @@ def _half_packet(controller: Controller, links: Links, parameters: Parameters) -
 def _delay(controller: Controller, links: Links, parameters: Parameters) -> Action:
     port = _port(parameters, links)
     latency, jitter = (
-        _number({"latency_ms": 0.0, "jitter_ms": 0.0, **parameters}, n, 0.0, 10_000.0) / 1e3
+        number({"latency_ms": 0.0, "jitter_ms": 0.0, **parameters}, n, 0.0, 10_000.0) / 1e3
         for n in ("latency_ms", "jitter_ms")
     )
-    seed = int(_number({"seed": 0, **parameters}, "seed", 0, 2**31))
+    seed = int(number({"seed": 0, **parameters}, "seed", 0, 2**31))
     return lambda: links.delay(port, latency, jitter, seed)
 
 
@@ -113,14 +115,14 @@ def _restart(controller: Controller, links: Links, parameters: Parameters) -> Ac
 
 
 def _hand_move(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    joints = _vector(parameters, "joints", 6, JOINT_LIMIT)
-    seconds = _number({"seconds": 1.0, **parameters}, "seconds", 0.0, 3600.0)
+    joints = vector(parameters, "joints", 6, JOINT_LIMIT)
+    seconds = number({"seconds": 1.0, **parameters}, "seconds", 0.0, 3600.0)
     return lambda: controller.move_by_hand(joints, seconds)
 
 
 def _lamp(controller: Controller, links: Links, parameters: Parameters) -> Action:
     given = {"fraction": 1.0, "flicker": 0.0, **parameters}
-    fraction, flicker = _number(given, "fraction", 0.0, 1.0), _number(given, "flicker", 0.0, 1.0)
+    fraction, flicker = number(given, "fraction", 0.0, 1.0), number(given, "flicker", 0.0, 1.0)
 
     def act() -> None:
         controller.disturbances.lamp_fraction, controller.disturbances.lamp_flicker = fraction, flicker
@@ -130,7 +132,7 @@ def _lamp(controller: Controller, links: Links, parameters: Parameters) -> Actio
 
 def _frames(name: str) -> Callable[[Controller, Links, Parameters], Action]:
     def make(controller: Controller, links: Links, parameters: Parameters) -> Action:
-        count = int(_number({"count": 1, **parameters}, "count", 1, 1e6))
+        count = int(number({"count": 1, **parameters}, "count", 1, 1e6))
         disturbances = controller.disturbances
         return lambda: setattr(disturbances, name, getattr(disturbances, name) + count)
 
@@ -138,8 +140,8 @@ def _frames(name: str) -> Callable[[Controller, Links, Parameters], Action]:
 
 
 def _nudged_object(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    shift = _vector(parameters, "shift_m", 3, 1.0)
-    turn = _number({"turn_rad": 0.0, **parameters}, "turn_rad", -math.tau, math.tau)
+    shift = vector(parameters, "shift_m", 3, 1.0)
+    turn = number({"turn_rad": 0.0, **parameters}, "turn_rad", -math.tau, math.tau)
 
     def act() -> None:
         disturbances = controller.disturbances
@@ -151,7 +153,7 @@ def _nudged_object(controller: Controller, links: Links, parameters: Parameters)
 
 
 def _time_jump(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    seconds = _number(parameters, "seconds", 0.0, 1e6)
+    seconds = number(parameters, "seconds", 0.0, 1e6)
 
     def act() -> None:
         controller.ticks += round(seconds / STEP_TIME)
@@ -170,7 +172,7 @@ def _remote(remote: bool) -> Callable[[Controller, Links, Parameters], Action]:
 
 
 def _output_stuck(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    output = int(_number(parameters, "output", 0, DIGITAL_OUTPUTS - 1))
+    output = int(number(parameters, "output", 0, DIGITAL_OUTPUTS - 1))
     level = parameters.get("level")
     if level is not None and not isinstance(level, bool):
         raise FaultError(f"level must be true, false or null, not {level!r}")
@@ -178,7 +180,7 @@ def _output_stuck(controller: Controller, links: Links, parameters: Parameters) 
 
 
 def _speed_slider(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    fraction = _number(parameters, "fraction", 0.0, 1.0)
+    fraction = number(parameters, "fraction", 0.0, 1.0)
 
     def act() -> None:
         controller.slider = fraction
@@ -187,7 +189,7 @@ def _speed_slider(controller: Controller, links: Links, parameters: Parameters) 
 
 
 def _joint_offset(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    offsets = _vector(parameters, "offsets_rad", 6, 1.0)
+    offsets = vector(parameters, "offsets_rad", 6, 1.0)
 
     def act() -> None:
         controller.arm.joint_offset = offsets
@@ -249,10 +251,10 @@ def prepare(controller: Controller, links: Links, request: Parameters) -> None:
         raise FaultError(f"kind must be one of {', '.join(sorted(FAULTS))}, not {kind!r}")
     action = make(controller, links, request)
     if "at_s" in request:
-        due = controller.now + _number(request, "at_s", 0.0, 86400.0)
+        due = controller.now + number(request, "at_s", 0.0, 86400.0)
         controller.order(lambda: controller.now >= due, action)
     elif "at_move" in request:
-        number = controller.arm.moves_started + int(_number(request, "at_move", 1, 1e6))
-        controller.order(lambda: controller.arm.moves_started >= number, action)
+        moves = controller.arm.moves_started + int(number(request, "at_move", 1, 1e6))
+        controller.order(lambda: controller.arm.moves_started >= moves, action)
     else:
         action()

@@ -9,45 +9,45 @@ from collections.abc import Callable
 from typing import Any, NoReturn
 
 from hardware_sim.controller.compiler import Vocabulary
+from hardware_sim.controller.io_functions import IoFunctions
 from hardware_sim.controller.motion_functions import MotionFunctions
 from hardware_sim.controller.register_functions import RegisterFunctions
 from hardware_sim.controller.robot import Robot
 from hardware_sim.controller.script_values import FunctionGroup
 from hardware_sim.controller.semantics import ScriptError
+from hardware_sim.controller.socket_functions import SocketFunctions
 from hardware_sim.controller.state_functions import StateFunctions
 from hardware_sim.controller.value_functions import Arithmetic, Strings
 
-_FORCE = """force_mode end_force_mode force zero_ftsensor tool_contact get_tcp_force get_joint_torques
-    ft_rtde_input_enable enable_external_ft_sensor set_gravity direct_torque screw_driving end_screw_driving
-    high_holding_torque_enable high_holding_torque_disable"""
+_FORCE = """get_joint_torques ft_rtde_input_enable enable_external_ft_sensor direct_torque screw_driving
+    end_screw_driving high_holding_torque_enable high_holding_torque_disable"""
 _DYNAMICS = """get_mass_matrix get_coriolis_and_centrifugal_torques get_target_joint_accelerations get_jacobian
-    get_jacobian_time_derivative get_joint_temp get_controller_temp get_tool_accelerometer_reading get_tool_current
+    get_jacobian_time_derivative get_controller_temp
     wrench_trans"""
 _MOTION = """servoc path_offset_enable path_offset_disable path_offset_set path_offset_set_alpha_filter
     path_offset_set_max_offset path_offset_get conveyor_pulse_decode set_conveyor_tick_count get_conveyor_tick_count
     track_conveyor_linear track_conveyor_circular stop_conveyor_tracking encoder_enable_pulse_decode
     encoder_enable_set_tick_count encoder_get_tick_count encoder_set_tick_count encoder_unwind_delta_tick_count
-    reset_revolution_counter set_safety_mode_transition_hardness"""
-_INPUTS_AND_OUTPUTS = """get_analog_in get_analog_out get_digital_in get_standard_analog_in get_standard_analog_out
-    get_standard_digital_in get_configurable_digital_in get_tool_analog_in get_tool_digital_in
-    get_configurable_digital_out get_tool_digital_out get_euromap_input get_euromap_output set_analog_inputrange
-    set_analog_out set_standard_analog_out set_analog_outputdomain set_tool_analog_input_domain
-    set_standard_analog_input_domain set_runstate_standard_digital_output_to_value
-    set_runstate_configurable_digital_output_to_value set_runstate_tool_digital_output_to_value
-    set_input_actions_to_default set_standard_digital_input_action set_configurable_digital_input_action
-    set_tool_digital_input_action set_euromap_output set_euromap_runstate_dependent_choice set_flag get_flag
-    set_tool_communication set_tool_output_mode set_tool_voltage set_tool_digital_output_mode
-    read_port_bit read_port_register write_port_bit write_port_register"""
-_LINKS = """socket_open socket_close socket_get_var socket_read_ascii_float socket_read_binary_integer
-    socket_read_byte_list socket_read_line socket_read_string socket_send_byte socket_send_int socket_send_line
-    socket_send_string socket_set_var modbus_add_signal modbus_delete_signal modbus_get_signal_status
+    reset_revolution_counter"""
+_INPUTS_AND_OUTPUTS = """get_euromap_input get_euromap_output set_standard_digital_input_action
+    set_configurable_digital_input_action set_tool_digital_input_action set_euromap_output
+    set_euromap_runstate_dependent_choice read_port_bit read_port_register write_port_bit write_port_register"""
+_LINKS = """modbus_add_signal modbus_delete_signal modbus_get_signal_status
     modbus_send_custom_command modbus_set_digital_input_action modbus_set_output_register modbus_set_output_signal
     modbus_set_runstate_dependent_choice modbus_set_signal_update_frequency rpc_factory interpreter_mode
     end_interpreter clear_interpreter get_interpreter_mode_status"""
 _MATRICES = "inv transpose size"
 REFUSED = frozenset(" ".join((_FORCE, _DYNAMICS, _MOTION, _INPUTS_AND_OUTPUTS, _LINKS, _MATRICES)).split())
 
-_GROUPS: tuple[type[FunctionGroup], ...] = (RegisterFunctions, MotionFunctions, StateFunctions, Arithmetic, Strings)
+_GROUPS: tuple[type[FunctionGroup], ...] = (
+    RegisterFunctions,
+    IoFunctions,
+    SocketFunctions,
+    MotionFunctions,
+    StateFunctions,
+    Arithmetic,
+    Strings,
+)
 _MEMBERS = {
     name: member
     for group in _GROUPS

@@ -12,8 +12,9 @@ from typing import Any, TypeVar
 from hardware_sim.controller import kinematics, limits, poses
 from hardware_sim.controller.arm import Corner
 from hardware_sim.controller.curves import Curve
+from hardware_sim.controller.force import ForceMotion, ForceTask
 from hardware_sim.controller.freedrive import Freedrive
-from hardware_sim.controller.motion import Motion, MotionError
+from hardware_sim.controller.motion import STANDSTILL, Motion, MotionError
 from hardware_sim.controller.moves import ProgrammedMove
 from hardware_sim.controller.poses import Frame
 from hardware_sim.controller.script_values import STEP_TIME, FunctionGroup, frame, not_negative, numbers, positive
@@ -24,6 +25,7 @@ Waiting = Generator[None, None, None]
 Begun = TypeVar("Begun")
 _SHORTEST_PROCESS = 1e-4  # m: less has no direction to go on in, and only turns
 _GUIDING_DECELERATION = 4.0  # rad/s²
+_FORCE_DECELERATION = 2.0  # m/s², where force mode ends
 
 
 class MotionFunctions(FunctionGroup):
@@ -34,6 +36,8 @@ class MotionFunctions(FunctionGroup):
         self._robot.require_main_program()
         if self._arm.freedrive is not None:
             raise ScriptError(f"{name}: the arm is in {self._arm.freedrive.by}, end that first")
+        if isinstance(self._arm.motion, ForceMotion) and name != "force_mode":
+            raise ScriptError(f"{name}: a move in force mode is not simulated by this controller, end force mode first")
 
     def _begun(self, begin: Callable[[], Begun]) -> Begun | None:
         """The motion that `begin` makes, or None with a protective stop where the arm cannot follow it."""
@@ -184,7 +188,8 @@ class MotionFunctions(FunctionGroup):
 
     def speedj(self, qd: Any, a: float = 1.4, t: float = 0.0) -> Waiting:
         self._require_arm("speedj")
-        target, acceleration = numbers(qd, 6, "qd"), positive(a, "a")
+        # Clients stream accelerations down to rounding errors: then the speed stays what it is.
+        target, acceleration = numbers(qd, 6, "qd"), not_negative(a, "a")
         motion = self._arm.motion
         if not isinstance(motion, JointSpeed):
             motion = JointSpeed(self._arm.model, self._arm.joints, self._arm.speeds)
@@ -195,7 +200,7 @@ class MotionFunctions(FunctionGroup):
     def speedl(self, xd: Any, a: float = 1.2, t: float = 0.0, aRot: float = 0.0) -> Waiting:
         del aRot
         self._require_arm("speedl")
-        target, acceleration = numbers(xd, 6, "xd"), positive(a, "a")
+        target, acceleration = numbers(xd, 6, "xd"), not_negative(a, "a")
         motion = self._arm.motion
         if not isinstance(motion, ToolSpeed):
             self._arm.corner = None
@@ -227,6 +232,28 @@ class MotionFunctions(FunctionGroup):
         motion.lookahead = min(0.2, max(0.03, float(lookahead_time)))
         motion.gain = min(2000.0, max(100.0, float(gain)))
         yield from self._hold(motion, t)
+
+    def force_mode(self, task_frame: Any, selection_vector: Any, wrench: Any, type: Any, limits: Any) -> Waiting:  # noqa: A002
+        self._require_arm("force_mode")
+        if type != 2:
+            raise ScriptError(f"force_mode: type {type} is not simulated by this controller, only 2")
+        task = ForceTask(
+            frame(task_frame, "task_frame"),
+            [bool(axis) for axis in numbers(selection_vector, 6, "selection_vector")],
+            numbers(wrench, 6, "wrench"),
+            [not_negative(limit, "limits") for limit in numbers(limits, 6, "limits")],
+        )
+        motion = self._arm.motion
+        if not isinstance(motion, ForceMotion):
+            yield from self._come_to_rest(self._arm.brake, _GUIDING_DECELERATION)
+            motion = ForceMotion(self._arm.follower(), self._arm.base_from_tool, STANDSTILL)
+            self._arm.steer(motion)
+        motion.task, motion.gain = task, self._robot.force_mode_settings.get("gain_scaling", 1.0)
+
+    def end_force_mode(self) -> Waiting:
+        self._robot.require_main_program()
+        if isinstance(self._arm.motion, ForceMotion):
+            yield from self._wait_for(lambda: self._arm.brake_tool(_FORCE_DECELERATION))
 
     def protective_stop(self) -> Waiting:
         self._robot.protective_stop("asked for by the program")

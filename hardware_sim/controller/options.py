@@ -38,7 +38,7 @@ class ControllerOptions:
     calibration_seed: int | None = None
     calibration_error_m: float = TYPICAL_ERROR_M
     speed: float = 1.0
-    low_when_stopped: Iterable[int] = (0,)
+    low_when_stopped: Iterable[int] = ()
     surroundings: Path | None = None
     programs: Path | None = None
     record: Path | None = None

@@ -20,6 +20,8 @@ class Outputs:
         self.stuck: dict[int, bool] = {}
         self.analog_ratio = [0.0, 0.0]
         self.analog_is_voltage = [True, True]
+        self.tool_voltage = 0  # V
+        self.flags: dict[int, bool] = {}
         self._requested = 0
         self._low_mask = sum(1 << n for n in set(low_when_stopped))
         self._playing = False
@@ -33,6 +35,10 @@ class Outputs:
     def set_bit(self, number: int, level: bool) -> None:
         """Sets one output."""
         self.write(1 << number, int(level) << number)
+
+    def hold_low_when_stopped(self, number: int, low: bool) -> None:
+        """Has an output go low whenever no program plays, or stay as it is."""
+        self._low_mask = (self._low_mask & ~(1 << number)) | low << number
 
     def stick(self, number: int, level: bool | None) -> None:
         """Holds an output at a level whatever is written; None lets it go."""

@@ -1,7 +1,11 @@
 """Execution of a compiled program: cooperative threads with time slots.
 
-One turn per tick: every thread runs until it gives up its slot. A thread inside a critical section is the only one
-that runs. The first thread's end is the program's end.
+One turn per tick: every thread runs until it gives up its slot. The first thread's end is the program's end.
+
+Inside a critical section a thread is not interrupted: where its share of a tick runs out there, no other thread runs
+before it goes on. What waits by itself (`join`, `sync`, `sleep`, moves, reads from sockets) lets the others run there
+too: UR's manual says no more than the keywords' names, and scripts of its drivers servo, read and join other threads
+inside critical sections, which could never end otherwise.
 """
 
 import re
@@ -15,7 +19,7 @@ from hardware_sim.controller.semantics import ScriptError
 
 _MAX_THREADS = 64
 _VALUE_FUNCTIONS = ("copy_of", "pose", "truth", "item", "put", "member", "put_member", "negative", "positive")
-_OWN_NAMES = re.compile(r"\b[fvb]_(?=\w)|\b\w+(?:Functions|Arithmetic|Strings)\.")  # in Python's messages
+_OWN_NAMES = re.compile(r"\b[fgvb]_(?=\w)|\b\w+(?:Functions|Arithmetic|Strings)\.")  # in Python's messages
 
 
 class _Thread:
@@ -24,6 +28,7 @@ class _Thread:
     def __init__(self, name: str, steps: "GeneratorType[None, None, Any] | None") -> None:
         self.name = name
         self.steps = steps
+        self.critical = False
 
 
 class Program:
@@ -37,8 +42,9 @@ class Program:
         self._lines = compiled.lines
         self._threads: dict[int, _Thread] = {}
         self._last_handle = 0
-        self._current = 0
-        self._critical = 0
+        self._current: _Thread | None = None
+        self._handle = 0
+        self._interrupted = 0  # the thread whose share of a tick ran out inside its critical section
         self._budget = 0
         namespace: dict[str, Any] = {f"b_{name}": function for name, function in functions.items()}
         namespace |= {
@@ -49,8 +55,7 @@ class Program:
             "kill": self._kill,
             "join": self._join,
             "halt": self._halt,
-            "enter_critical": self._enter_critical,
-            "exit_critical": self._exit_critical,
+            "set_critical": self._set_critical,
             "turn_is_spent": self._turn_is_spent,
         }
         exec(compiled.code, namespace)  # noqa: S102 - written by the compiler above, names prefixed
@@ -58,11 +63,12 @@ class Program:
 
     def turn(self) -> None:
         """Gives each thread its slot. Raises ScriptError."""
-        for handle in list(self._threads):
+        for handle in sorted(self._threads, key=lambda handle: handle != self._interrupted):
             thread = self._threads.get(handle)
-            if thread is None or (self._critical and self._critical != handle):
+            if thread is None or self._interrupted not in (0, handle):
                 continue
-            self._current = handle
+            self._interrupted = 0
+            self._current, self._handle = thread, handle
             self._budget = TURN_BUDGET
             try:
                 if thread.steps is not None:
@@ -75,7 +81,7 @@ class Program:
             except RecursionError as error:
                 raise ScriptError(f"{thread.name}: calls are nested too deeply") from error
             except NameError as error:
-                name = str(error.name or "").removeprefix("v_")
+                name = str(error.name or "")[2:]
                 raise ScriptError(f"{thread.name}, line {self._line(error)}: {name!r} has no value yet") from error
             except (TypeError, ValueError, IndexError, ArithmeticError, AttributeError) as error:
                 message = _OWN_NAMES.sub("", str(error))
@@ -102,8 +108,8 @@ class Program:
 
     def _end(self, handle: int) -> None:
         thread = self._threads.pop(handle, None)
-        if self._critical == handle:
-            self._critical = 0
+        if self._interrupted == handle:
+            self._interrupted = 0
         # A thread that ends itself is executing and cannot be closed; it ends at its next yield.
         if thread is not None and thread.steps is not None and not thread.steps.gi_running:
             thread.steps.close()
@@ -130,12 +136,14 @@ class Program:
         while True:
             yield
 
-    def _enter_critical(self) -> None:
-        self._critical = self._current
-
-    def _exit_critical(self) -> None:
-        self._critical = 0
+    def _set_critical(self, critical: bool) -> None:
+        if self._current is not None:
+            self._current.critical = critical
 
     def _turn_is_spent(self, cost: int) -> bool:
         self._budget -= cost
-        return self._budget < 0
+        if self._budget >= 0:
+            return False
+        if self._current is not None and self._current.critical:
+            self._interrupted = self._handle
+        return True

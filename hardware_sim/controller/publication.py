@@ -1,7 +1,7 @@
 """Publication of the controller's state as RTDE variables.
 
-Forces and encoders are not simulated: they stay 0, temperatures and voltages at what an idle arm has. What follows from
-the arm's masses is published by `dynamics`, where somebody reads it.
+Encoders are not simulated: they stay 0, temperatures and voltages at what an idle arm has. What follows from the arm's
+masses is published by `dynamics`, where somebody reads it.
 """
 
 from hardware_sim.controller import poses
@@ -38,6 +38,8 @@ def pose(arm: Arm, registers: Registers) -> None:
         put(f"{kind}_TCP_pose", *tool)
         put(f"{kind}_TCP_speed", *arm.tool_velocity)
     put("tcp_offset", *arm.tcp)
+    put("actual_TCP_force", *arm.tool_force)
+    put("tcp_force_scalar", arm.pressure)
 
 
 def modes(robot: RobotState, pace: float) -> None:
@@ -53,11 +55,17 @@ def modes(robot: RobotState, pace: float) -> None:
     values[_JOINT_MODE : _JOINT_MODE + 6] = [JOINT_MODE.get(robot.robot_mode, JOINT_POWER_OFF)] * 6
     values[_SPEED_SCALING] = pace if robot.playing else 0.0
     values[_SPEED_FRACTION] = robot.slider
+    inputs = robot.inputs
+    values[_DIGITAL_INPUTS] = inputs.levels
+    values[_ANALOG_INPUT_0 : _ANALOG_INPUT_0 + 2] = inputs.analog[:2]
+    values[_TOOL_ANALOG_INPUT_0 : _TOOL_ANALOG_INPUT_0 + 2] = inputs.analog[2:]
+    values[_TOOL_ANALOG_TYPES] = inputs.analog_is_voltage[2] | inputs.analog_is_voltage[3] << 1
+    values[_TOOL_VOLTAGE] = robot.outputs.tool_voltage
     values[_DIGITAL_OUTPUTS] = robot.outputs.levels
     values[_ANALOG_OUTPUT_0] = robot.outputs.analog(0)
     values[_ANALOG_OUTPUT_1] = robot.outputs.analog(1)
     first, second = robot.outputs.analog_is_voltage
-    values[_ANALOG_TYPES] = 0b11 | first << 2 | second << 3
+    values[_ANALOG_TYPES] = inputs.analog_is_voltage[0] | inputs.analog_is_voltage[1] << 1 | first << 2 | second << 3
     values[_TOOL_MODE] = values[_JOINT_MODE]
     values[_PAYLOAD] = arm.payload
     values[_PAYLOAD_COG : _PAYLOAD_COG + 3] = arm.payload_center
@@ -74,6 +82,11 @@ _ROBOT_BITS = OFFSETS["robot_status_bits"]
 _JOINT_MODE = OFFSETS["joint_mode"]
 _SPEED_SCALING = OFFSETS["speed_scaling"]
 _SPEED_FRACTION = OFFSETS["target_speed_fraction"]
+_DIGITAL_INPUTS = OFFSETS["actual_digital_input_bits"]
+_ANALOG_INPUT_0 = OFFSETS["standard_analog_input0"]
+_TOOL_ANALOG_INPUT_0 = OFFSETS["tool_analog_input0"]
+_TOOL_ANALOG_TYPES = OFFSETS["tool_analog_input_types"]
+_TOOL_VOLTAGE = OFFSETS["tool_output_voltage"]
 _DIGITAL_OUTPUTS = OFFSETS["actual_digital_output_bits"]
 _ANALOG_OUTPUT_0 = OFFSETS["standard_analog_output0"]
 _ANALOG_OUTPUT_1 = OFFSETS["standard_analog_output1"]

@@ -1,4 +1,4 @@
-"""URScript's functions on registers, messages, time, watchdogs and outputs."""
+"""URScript's functions on registers, messages, time and watchdogs."""
 
 import logging
 from collections.abc import Generator
@@ -20,12 +20,16 @@ Waiting = Generator[None, None, None]
 
 
 class RegisterFunctions(FunctionGroup):
-    """Registers, messages, time, watchdog, outputs."""
+    """Registers, messages, time, watchdog."""
 
     def textmsg(self, s1: Any, s2: Any = "") -> None:
         text = script_text(s1) + script_text(s2)
         self._robot.report(f"textmsg {text}", logging.INFO)
         self._robot.announce(RobotMessage(MessageType.TEXT, text))
+
+    def program_label(self, number: int, text: str) -> None:
+        # What a line `$ 3 "MoveJ"` of PolyScope's own scripts compiles to.
+        self._robot.announce(RobotMessage(MessageType.PROGRAM_LABEL, text, number=number))
 
     def popup(
         self, s: Any, title: Any = "Popup", warning: bool = False, error: bool = False, blocking: bool = False
@@ -89,23 +93,3 @@ class RegisterFunctions(FunctionGroup):
         if action.lower() not in ("ignore", "pause", "stop"):
             raise ScriptError(f"rtde_set_watchdog: unknown action {action!r}")
         self._robot.set_watchdog(variable_name, positive(min_frequency, "min_frequency"), action.lower())
-
-    def _set_output(self, n: int, first: int, count: int, level: Any) -> None:
-        self._robot.outputs.set_bit(first + integer_below(n, "a digital output's number", count), truth(level))
-
-    def set_digital_out(self, n: int, b: bool) -> None:
-        self._set_output(n, 0, 18, b)
-
-    def set_standard_digital_out(self, n: int, b: bool) -> None:
-        self._set_output(n, 0, 8, b)
-
-    def set_configurable_digital_out(self, n: int, b: bool) -> None:
-        self._set_output(n, 8, 8, b)
-
-    def set_tool_digital_out(self, n: int, b: bool) -> None:
-        self._set_output(n, 16, 2, b)
-
-    def get_digital_out(self, n: int) -> bool:
-        return bool(self._robot.outputs.levels >> integer_below(n, "a digital output's number", 18) & 1)
-
-    get_standard_digital_out = get_digital_out

@@ -9,10 +9,12 @@ from typing import Protocol
 
 from hardware_sim.controller.arm import Arm
 from hardware_sim.controller.collisions import Collisions
+from hardware_sim.controller.inputs import Inputs
 from hardware_sim.controller.messages import RobotMessage
 from hardware_sim.controller.modes import RobotMode, RuntimeState, SafetyMode
 from hardware_sim.controller.outputs import Outputs
 from hardware_sim.controller.registers import Registers
+from hardware_sim.controller.script_links import ScriptLinks
 
 
 class RobotState(Protocol):
@@ -20,6 +22,7 @@ class RobotState(Protocol):
 
     arm: Arm
     registers: Registers
+    inputs: Inputs
     outputs: Outputs
     collisions: Collisions
     slider: float
@@ -50,6 +53,7 @@ class Robot(RobotState, Protocol):
     """The state, and what a program may order."""
 
     speed_factor: float
+    links: ScriptLinks
     force_mode_settings: dict[str, float]
 
     def announce(self, message: RobotMessage) -> None:

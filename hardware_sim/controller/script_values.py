@@ -62,6 +62,6 @@ class FunctionGroup:
     """A group of functions bound to one robot; methods without underscore are visible to programs."""
 
     def __init__(self, robot: Robot) -> None:
-        self._robot = robot
+        self.robot = self._robot = robot
         self._arm = robot.arm
         self._values = robot.registers.values

@@ -5,7 +5,7 @@ from typing import Any
 from hardware_sim.controller import kinematics, limits, poses
 from hardware_sim.controller.arm import HISTORY
 from hardware_sim.controller.moves import CartesianMove, JointMove
-from hardware_sim.controller.script_values import STEP_TIME, FunctionGroup, frame, number, numbers
+from hardware_sim.controller.script_values import STEP_TIME, FunctionGroup, frame, integer_below, number, numbers
 from hardware_sim.controller.semantics import Pose, ScriptError
 
 STEADY_AFTER = 0.5  # s of motion time at rest
@@ -82,13 +82,23 @@ class StateFunctions(FunctionGroup):
     def get_tcp_offset(self) -> Pose:
         return Pose(self._arm.tcp)
 
-    def set_payload(self, m: float, cog: Any = None) -> None:
-        mass = number(m, "set_payload: m")
+    def set_payload_mass(self, m: float) -> None:
+        mass = number(m, "the payload's mass")
         if not 0.0 <= mass <= self._arm.model.payload:
-            raise ScriptError(f"set_payload: {m} kg is outside 0 to {self._arm.model.payload}")
+            raise ScriptError(f"a payload of {m} kg is outside 0 to {self._arm.model.payload}")
         self._arm.payload = mass
+
+    def set_payload_cog(self, CoG: Any, transition_time: float = 0.0) -> None:
+        del transition_time
+        self._arm.payload_center = numbers(CoG, 3, "cog")
+
+    def set_payload(self, m: float, cog: Any = None) -> None:
+        self.set_payload_mass(m)
         if cog is not None:
-            self._arm.payload_center = numbers(cog, 3, "cog")
+            self.set_payload_cog(cog)
+
+    def set_gravity(self, d: Any) -> None:
+        numbers(d, 3, "set_gravity: d")  # nothing here weighs anything
 
     def set_target_payload(self, m: float, cog: Any, inertia: Any = None, transition_time: float = 0.0) -> None:
         del transition_time
@@ -111,10 +121,12 @@ class StateFunctions(FunctionGroup):
     def get_actual_joint_positions(self) -> list[float]:
         return self._arm.joints[:]
 
-    get_target_joint_positions = get_actual_joint_positions
+    get_target_joint_positions = get_joint_positions = get_actual_joint_positions
 
     def get_actual_joint_speeds(self) -> list[float]:
         return self._arm.speeds[:]
+
+    get_target_joint_speeds = get_actual_joint_speeds
 
     def get_actual_joint_positions_history(self, steps: Any = 0) -> list[float]:
         if not isinstance(steps, int) or not 0 <= steps < HISTORY:
@@ -143,6 +155,29 @@ class StateFunctions(FunctionGroup):
         if self._arm.freedrive is None:
             return 0
         return 1 if kinematics.near_singularity(self._arm.model, self._arm.joints) else 0
+
+    def get_joint_temp(self, j: Any) -> float:
+        return self._robot.registers.get("joint_temperatures")[integer_below(j, "a joint's number", 6)]
+
+    def get_tool_accelerometer_reading(self) -> list[float]:
+        return list(self._robot.registers.get("actual_tool_accelerometer"))
+
+    def get_tool_current(self) -> float:
+        return self._robot.registers.get("tool_output_current")[0]
+
+    def get_tcp_force(self) -> Pose:
+        return Pose(self._arm.tool_force)
+
+    def force(self) -> float:
+        return self._arm.pressure
+
+    def zero_ftsensor(self) -> None:
+        pass  # the simulated sensor has no offset
+
+    def tool_contact(self, direction: Any) -> int:
+        towards = numbers(direction, 6, "direction")[:3]
+        against = sum(f * d for f, d in zip(self._arm.tool_force, towards, strict=False)) < 0.0
+        return self._arm.contact_ticks if against or not any(towards) else 0
 
     def force_mode_set_gain_scaling(self, scaling: float) -> None:
         self._robot.force_mode_settings["gain_scaling"] = number(scaling, "scaling")

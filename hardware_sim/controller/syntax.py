@@ -37,7 +37,7 @@ class ScriptSyntaxError(Exception):
 class Token:
     """A token of a program."""
 
-    kind: str  # number, string, name, operator, end-of-text
+    kind: str  # number, string, name, label, operator, end-of-text
     text: str
     line: int
 
@@ -48,6 +48,7 @@ _TOKEN = re.compile(
       | (?P<number>0[xX][0-9a-fA-F]+|(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)
       | (?P<name>[A-Za-z_][A-Za-z_0-9]*)
       | (?P<string>"[^"\n]*"|'[^'\n]*')
+      | (?P<label>\$[^\n]*)
       | (?P<operator>==|!=|<=|>=|[-+*/%<>=()\[\],:.])
     """,
     re.VERBOSE,
@@ -60,6 +61,7 @@ _RESERVED = (
     | {"end", "else", "elif", "return", "kill", "join", "global", "local", "run"}
     | {"and", "or", "not", "xor", "True", "False"}
 )
+_LABEL = re.compile(r'\$\s*(\d+)\s*(?:"([^"]*)")?')
 _COMPARISONS = {"==", "!=", "<", ">", "<=", ">="}
 _POSE_ITEMS = 6
 
@@ -110,7 +112,7 @@ def _parse(text: str) -> Function:
         return program
     functions, body = parser.block(frozenset({""}))
     parser.expect_end_of_text()
-    return Function(1, "def", "line", [], functions, body)
+    return Function(1, "def", "line", {}, functions, body)
 
 
 class _Parser:
@@ -154,10 +156,13 @@ class _Parser:
     def function(self) -> Function:
         opener = self._next()
         name = self._identifier()
-        parameters: list[str] = []
+        parameters: dict[str, Node | None] = {}
         self._expect("(")
         while not self._accept(")"):
-            parameters.append(self._identifier())
+            parameter = self._identifier()
+            if parameter in parameters:
+                raise ScriptSyntaxError(f"line {opener.line}: two parameters of {name} are called {parameter!r}")
+            parameters[parameter] = self._expression() if self._accept("=") else None
             if self.peek().text != ")":
                 self._expect(",")
         self._accept(":")
@@ -192,7 +197,9 @@ class _Parser:
         keyword = token.text if token.kind == "name" else ""
         if keyword in ("global", "local"):
             self._next()
-            return self._assigned(token.line, Name(token.line, self._identifier()), keyword == "global")
+            return self._assigned(token.line, Name(token.line, self._identifier()), keyword)
+        if token.kind == "label":
+            return self._label()
         if keyword == "if":
             return self._if()
         if keyword == "while":
@@ -217,15 +224,24 @@ class _Parser:
             begin = self._position
             target = self._postfix()
             if self.peek().kind == "operator" and self.peek().text == "=":
-                return self._assigned(token.line, target, False)
+                return self._assigned(token.line, target)
             self._position = begin
         return ExpressionStatement(token.line, self._expression())
 
-    def _assigned(self, line: int, target: Node, is_global: bool) -> Assign:
+    def _assigned(self, line: int, target: Node, qualifier: str = "") -> Assign:
         self._expect("=")
         if not isinstance(target, Name | Index | Member):
             raise ScriptSyntaxError(f"line {line}: nothing can be assigned to this")
-        return Assign(line, target, self._expression(), is_global)
+        return Assign(line, target, self._expression(), qualifier)
+
+    def _label(self) -> Node:
+        """`$ 3 "MoveJ"`: PolyScope's label of the node that the following lines come from."""
+        token = self._next()
+        label = _LABEL.match(token.text)
+        if label is None:
+            raise ScriptSyntaxError(f"line {token.line}: a label is a number and a text, not {token.text!r}")
+        number, text = Literal(token.line, int(label[1])), Literal(token.line, label[2] or "")
+        return ExpressionStatement(token.line, Call(token.line, "program_label", [number, text], {}))
 
     def _if(self) -> If:
         line = self._next().line

@@ -90,11 +90,11 @@ class Binary(Node):
 
 @dataclass(frozen=True)
 class Assign(Node):
-    """`[global] target = value`, the target a variable, an element or a member."""
+    """`[global | local] target = value`, the target a variable, an element or a member."""
 
     target: Name | Index | Member
     value: Node
-    is_global: bool
+    qualifier: str  # "global", "local" or ""
 
 
 @dataclass(frozen=True)
@@ -129,10 +129,10 @@ class KeywordStatement(Node):
 
 @dataclass(frozen=True)
 class Function(Node):
-    """A `def`, `thread` or `sec` with its nested functions hoisted."""
+    """A `def`, `thread` or `sec` with its nested functions hoisted; a parameter without a default has None."""
 
     kind: str
     name: str
-    parameters: list[str]
+    parameters: dict[str, Node | None]
     functions: list["Function"] = field(default_factory=list["Function"])
     body: list[Node] = field(default_factory=list[Node])

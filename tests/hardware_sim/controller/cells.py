@@ -24,12 +24,15 @@ _numbers = itertools.count(os.getpid() * 7)
 
 
 def start(**options: Any) -> ControllerProcess:
-    """A controller at an address of 127.0.1.1–250 that is free: another run of the tests may hold some."""
+    """A controller at an address of 127.0.1.1–250 that is free: another run of the tests may hold some.
+
+    Digital output 0, the lamp's, goes low when no program plays.
+    """
     for _ in range(20):
         try:
             return ControllerProcess(
                 f"127.0.1.{1 + next(_numbers) % 250}",
-                ControllerOptions(**({"home": HOME} | options)),
+                ControllerOptions(**({"home": HOME, "low_when_stopped": (0,)} | options)),
                 module="hardware_sim.real_time_controller",
             )
         except ConnectionError:

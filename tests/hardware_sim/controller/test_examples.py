@@ -186,15 +186,37 @@ def test_example_record_data_writes_file(receive: Any, tmp_path: Path) -> None:
     assert stamps == sorted(stamps)
 
 
-def test_example_forcemode_is_refused(controller: ControllerProcess, control: Any) -> None:
-    """Check 32: forcemode_example, which must not seem to work."""
-    control.forceMode(
-        [0.0] * 6, [0, 0, 1, 0, 0, 0], [0.0, 0.0, -10.0, 0.0, 0.0, 0.0], 2, [2.0, 2.0, 1.5, 1.0, 1.0, 1.0]
-    )
-    wait_until(lambda: not control.isProgramRunning())
-    assert not control.forceModeStop()
-    with controller.control() as truth:
-        assert "force_mode is not simulated" in truth.log()[-1]
+def test_example_forcemode_goes_down_and_up(control: Any, receive: Any) -> None:
+    """Check 32: forcemode_example, 0.4 s each way instead of 2 s."""
+    frame, along_z = [0.0] * 6, [0, 0, 1, 0, 0, 0]
+    assert control.moveJ([-1.54, -1.83, -2.28, -0.59, 1.60, 0.023], 3.0, 20.0)
+    start = receive.getActualTCPPose()
+    lowest = start[2]
+    for force, cycles in ((-10.0, 200), (10.0, 200)):
+        for _ in range(cycles):
+            begin = control.initPeriod()
+            assert control.forceMode(
+                frame, along_z, [0.0, 0.0, force, 0.0, 0.0, 0.0], 2, [2.0, 2.0, 1.5, 1.0, 1.0, 1.0]
+            )
+            control.waitPeriod(begin)
+            lowest = min(lowest, receive.getActualTCPPose()[2])
+    assert control.forceModeStop()
+    end = receive.getActualTCPPose()
+    # 10 N move the free tool at 50 mm/s: 20 mm down, and up again.
+    assert lowest == pytest.approx(start[2] - 0.02, abs=0.015)
+    assert end[2] - lowest == pytest.approx(start[2] - lowest, abs=0.015)
+    assert end[:2] == pytest.approx(start[:2], abs=1e-4)
+
+
+def test_example_contact_stops_where_tool_touches(controller: ControllerProcess, control: Any, receive: Any) -> None:
+    """Check 32: move_until_contact_example; the controller has a surface to touch."""
+    assert control.moveJ(HOME, 3.0, 20.0)
+    x, y, z = receive.getActualTCPPose()[:3]
+    with controller.control() as world:
+        world.surface([x, y, z - 0.03], [0.0, 0.0, 1.0], 5000.0)
+        assert control.moveUntilContact([0.0, 0.0, -0.1, 0.0, 0.0, 0.0])
+        world.surface([0.0] * 3, [0.0, 0.0, 1.0], 0.0)
+    wait_until(lambda: receive.getActualTCPPose()[:3] == pytest.approx([x, y, z - 0.03], abs=5e-4))
 
 
 RECORDED = [

@@ -219,7 +219,10 @@ def test_critical_section_is_not_interrupted() -> None:
   while True:
    enter_critical
    a = 1
-   sync()
+   k = 0
+   while k < 3000:
+    k = k + 1
+   end
    a = 0
    exit_critical
    sync()
@@ -280,3 +283,81 @@ def test_copy_of_is_equal_and_independent(original: object) -> None:
     assert copy == original
     assert type(copy) is type(original)
     assert not set(containers(copy)) & set(containers(original))
+
+
+def test_polyscope_program_runs_as_it_is_saved() -> None:
+    """The lines that PolyScope writes before each program, and a program of one waypoint."""
+    lines = """ set_tcp(p[0.0,0.0,0.1,0.0,0.0,0.0])
+ set_target_payload(1.0, [0.0, 0.0, 0.05], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+ set_payload_mass(1.5)
+ set_payload_cog([0.0, 0.0, 0.06])
+ set_gravity([0.0, 0.0, 9.82])
+ set_safety_mode_transition_hardness(1)
+ set_standard_analog_input_domain(0, 1)
+ set_standard_analog_input_domain(1, 0)
+ set_tool_analog_input_domain(0, 1)
+ set_analog_outputdomain(0, 0)
+ set_input_actions_to_default()
+ set_tool_communication(False, 115200, 0, 1, 1.5, 3.5)
+ set_tool_output_mode(0)
+ set_tool_digital_output_mode(0, 1)
+ set_tool_voltage(24)
+ set_runstate_standard_digital_output_to_value(3, 1)
+ zero_ftsensor()
+ global count=0.0
+ thread Step_Counter_Thread():
+  while (True):
+   count = count + 1.0
+   sync()
+  end
+ end
+ run Step_Counter_Thread()
+ global Waypoint_1_p=get_forward_kin([0.1, -1.9, 1.9, -1.57, -1.57, 0.0])
+ global Waypoint_1_q=[0.1, -1.9, 1.9, -1.57, -1.57, 0.0]
+ $ 1 "Robot Program"
+ $ 2 "MoveJ"
+ $ 3 "Waypoint_1" "breakAfter"
+ movej(get_inverse_kin(Waypoint_1_p, qnear=Waypoint_1_q), a=1.4, v=1.05)
+ q = get_joint_positions()
+ v = get_target_joint_speeds()
+ write_output_float_register(0, q[0])
+ write_output_float_register(1, norm(v))
+ write_output_float_register(2, count)
+ write_output_float_register(3, get_target_payload())"""
+    values, exception = outcome(lines, 1000)
+    assert exception == ""
+    assert values[:2] == pytest.approx([0.1, 0.0])
+    assert values[2] > 100.0
+    assert values[3] == 1.5
+
+
+def test_inputs_and_analogue_outputs_reach_program_and_clients() -> None:
+    controller = Controller(MODELS["ur5e"], HOME, now=0.0)
+    for number in (1, 10, 17):
+        controller.inputs.set_level(number, True)
+    controller.inputs.analog[:] = [2.5, 0.0, 0.0, 0.016]
+    controller.load(
+        """def f():
+ if get_standard_digital_in(1) and get_configurable_digital_in(2) and get_tool_digital_in(1) and get_digital_in(17):
+  write_output_float_register(0, get_standard_analog_in(0) + 1000 * get_tool_analog_in(1))
+ end
+ set_standard_analog_out(0, 0.5)
+ set_analog_outputdomain(1, 0)
+ set_analog_out(1, 0.25)
+ set_tool_voltage(12)
+ set_flag(3, True)
+ if get_flag(3) and not get_flag(4) and not get_digital_in(0):
+  write_output_float_register(1, get_standard_analog_out(0))
+ end
+ sleep(1)
+end
+"""
+    )
+    controller.tick(0.0)
+    read = controller.registers.get
+    assert [read(f"output_double_register_{i}")[0] for i in range(2)] == [18.5, 5.0]
+    assert read("actual_digital_input_bits")[0] == 1 << 1 | 1 << 10 | 1 << 17
+    assert [read(name)[0] for name in ("standard_analog_input0", "tool_analog_input1")] == [2.5, 0.016]
+    assert [read(f"standard_analog_output{i}")[0] for i in range(2)] == pytest.approx([5.0, 0.008])
+    assert read("analog_io_types")[0] == 0b0111
+    assert read("tool_output_voltage")[0] == 12

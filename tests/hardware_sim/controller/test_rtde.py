@@ -169,12 +169,12 @@ def test_rtde_text_messages_go_both_ways(controller: ControllerProcess, client: 
     client.send("M", b"\x00\x00")
     client.request("S")
     with PlainClient(controller.address) as silent:  # has not started: a text would come between request and reply
-        send_script(controller.address, "def f():\n  sync()\n  zero_ftsensor()\nend\n")
+        send_script(controller.address, "def f():\n  sync()\n  get_mass_matrix()\nend\n")
         wait_until(lambda: client.sample() and client.texts)
         assert silent.request("v")
         assert silent.unread == b""
     ((words, source, level),) = client.texts
-    assert words == "runtime exception in f: f, line 3: zero_ftsensor is not simulated by this controller"
+    assert words == "runtime exception in f: f, line 3: get_mass_matrix is not simulated by this controller"
     assert (source, level) == ("Controller", 0)
 
 

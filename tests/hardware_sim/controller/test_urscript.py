@@ -9,6 +9,7 @@ from hardware_sim.controller.compiler import compile_program
 from hardware_sim.controller.controller import Controller
 from hardware_sim.controller.functions import VOCABULARY
 from hardware_sim.controller.kinematics import MODELS
+from hardware_sim.controller.messages import MessageType
 from hardware_sim.controller.modes import RuntimeState
 from hardware_sim.controller.syntax import ScriptSyntaxError, depth_change, parse
 
@@ -87,22 +88,114 @@ end
     assert floats(run(text)) == [1.0, 50.0, 3.0, 30.0]
 
 
-def test_assignment_changes_global_or_makes_local(run: Run) -> None:
+def test_assignment_unless_local_changes_visible_variable(run: Run) -> None:
     text = """def f():
     global seen = 0
     value = 1
+    count = 1
+    own = 1
     def g():
         seen = 5
+        count = count + 1
         value = 7
-        return value
+        local own = 20
+        fresh = 3
+        def inner():
+            own = own + fresh
+            value = value + own
+        end
+        inner()
+        return own
     end
     h = g()
     write_output_float_register(0, seen)
     write_output_float_register(1, value)
     write_output_float_register(2, h)
+    write_output_float_register(3, count)
+    write_output_float_register(4, own)
 end
 """
-    assert floats(run(text), 3) == [5.0, 1.0, 7.0]
+    assert floats(run(text), 5) == [5.0, 30.0, 23.0, 2.0, 1.0]
+
+
+def test_local_variable_hides_global_of_same_name(run: Run) -> None:
+    text = """def f():
+        local a = 1
+        def g():
+            global a = 2
+            global b = 10
+        end
+        def h():
+            return a + b
+        end
+        g()
+        write_output_float_register(0, a)
+        write_output_float_register(1, h())
+    end
+    """
+    assert floats(run(text), 2) == [1.0, 11.0]
+
+
+def test_function_skipped_argument_takes_default(run: Run) -> None:
+    text = """def f():
+        global base = 100
+        def g(a, b=2, c=[base, 5]):
+            c[1] = c[1] + 1
+            return a + 10 * b + c[0] + c[1]
+        end
+        write_output_float_register(0, g(1))
+        write_output_float_register(1, g(1, 3))
+        write_output_float_register(2, g(c=[0, 0], a=1))
+        write_output_float_register(3, g(1))
+    end
+    """
+    assert floats(run(text), 4) == [127.0, 137.0, 22.0, 127.0]
+
+
+def test_critical_section_join_and_sync_let_others_run(run: Run) -> None:
+    text = """def f():
+        global steps = 0
+        thread other():
+            while steps < 3:
+                enter_critical
+                steps = steps + 1
+                sync()
+                exit_critical
+            end
+        end
+        enter_critical
+        h = run other()
+        join h
+        sync()
+        exit_critical
+        write_output_float_register(0, steps)
+    end
+    """
+    assert floats(run(text), 1) == [3.0]
+
+
+def test_speedj_streamed_with_tiny_acceleration_runs(run: Run) -> None:
+    text = """def f():
+        speedj([0.1, 0, 0, 0, 0, 0], 1.4e-14, 0.01)
+        speedl([0.1, 0, 0, 0, 0, 0], 0, 0.01)
+        write_output_float_register(0, 1)
+    end
+    """
+    assert floats(run(text), 1) == [1.0]
+
+
+def test_label_of_polyscope_is_announced(run: Run) -> None:
+    text = """def f():
+        $ 1 "Robot Program"
+        x = 2
+        $ 2 "MoveJ if end" "noBreak"
+        write_output_float_register(0, x)
+    end
+    """
+    controller = run(text)
+    assert floats(controller, 1) == [2.0]
+    labels = [(m.number, m.text) for m in controller.announcements if m.type is MessageType.PROGRAM_LABEL]
+    assert labels == [(1, "Robot Program"), (2, "MoveJ if end")]
 
 
 @pytest.mark.parametrize(
@@ -216,7 +309,7 @@ def test_loop_without_wait_yields_its_slot(run: Run) -> None:
         ("x = 1 / 0", "division by zero"),
         ("x = get_inverse_kin(p[9,0,0,0,0,0])", "no solution"),
         ("set_payload(99)", "outside 0 to 5.0"),
-        ("force_mode(p[0,0,0,0,0,0], [0,0,0,0,0,0], [0,0,0,0,0,0], 2, [0,0,0,0,0,0])", "force_mode is not simulated"),
+        ("force_mode(p[0,0,0,0,0,0], [0,0,0,0,0,0], [0,0,0,0,0,0], 1, [0,0,0,0,0,0])", "type 1 is not simulated"),
         ("movej([0,0,0,0,0,0], a=-1)", "a must be above zero"),
         ("movej([0,0,0,0,0,0], t=-1)", "t must be zero or above"),
         ("movej([0,0,0,0,0,7])", "outside the joint limits"),
