@@ -46,7 +46,9 @@ def arm_config(address: str) -> ArmConfig:
 def controller(address: str, record: Path | None = None) -> Iterator[ControlClient]:
     """A controller process; yields a client of its control port."""
     with (
-        real_time_controller.start(address, ControllerOptions(home=HOME, record=record)) as process,
+        real_time_controller.start(
+            address, ControllerOptions(home=HOME, low_when_stopped=(0,), record=record)
+        ) as process,
         process.control() as control,
     ):
         yield control
