@@ -2,7 +2,7 @@
 PYTHON ?= python3.11
 BIN := .venv/bin
 
-.PHONY: setup demo test test-long check bench openapi page docs clean
+.PHONY: setup demo test test-long check bench openapi page docs ur-sim-wheel clean
 
 # All that tests and checks need.
 setup: .venv/ready
@@ -54,6 +54,12 @@ page:
 docs: setup
 	$(BIN)/python docs/generated_blocks.py
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --config-file .mkdocs.yml
+
+# The simulated controller alone, for other projects' tests.
+ur-sim-wheel: setup
+	rm -rf build/ur-sim
+	$(BIN)/python -m hardware_sim.ur_sim_project build/ur-sim
+	$(BIN)/pip wheel --quiet --no-deps --wheel-dir dist build/ur-sim
 
 clean:
 	rm -rf .venv build dist *.egg-info

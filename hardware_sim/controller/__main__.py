@@ -14,7 +14,7 @@ from types import FrameType
 
 from hardware_sim.controller.calibration import TYPICAL_ERROR_M
 from hardware_sim.controller.kinematics import JOINT_LIMIT, MODELS
-from hardware_sim.controller.options import ControllerOptions, RealTime
+from hardware_sim.controller.options import HOME, ControllerOptions, RealTime
 from hardware_sim.controller.server import serve
 
 
@@ -30,7 +30,7 @@ def main(real_time: RealTime | None = None) -> int:
     parser = argparse.ArgumentParser(prog=f"python -m {__package__}", description=__doc__)
     parser.add_argument("--address", default="127.0.0.1", help="loopback address; the ports are those of a real one")
     parser.add_argument("--model", choices=sorted(MODELS), default="ur5e", help="the arm")
-    parser.add_argument("--home", type=_joints, default="0,-1.9,1.9,-1.57,-1.57,0", help="initial joints in rad")
+    parser.add_argument("--home", type=_joints, default=HOME, help="initial joints in rad")
     parser.add_argument(
         "--calibration-seed", type=int, help="an arm that differs from its nominal kinematics; default: nominal"
     )

@@ -7,6 +7,9 @@ from typing import Protocol
 
 from hardware_sim.controller.calibration import TYPICAL_ERROR_M
 
+HOME = (0.0, -1.9, 1.9, -1.57, -1.57, 0.0)
+"""Initial joints in rad where none are asked for."""
+
 
 class RealTime(Protocol):
     """What gives a process the processor before others do."""
@@ -33,7 +36,7 @@ class ControllerOptions:
     as it does with a real controller of this version (its issues 41, 64, 112).
     """
 
-    home: Sequence[float]
+    home: Sequence[float] = HOME
     model: str = "ur5e"
     calibration_seed: int | None = None
     calibration_error_m: float = TYPICAL_ERROR_M
