@@ -5,10 +5,11 @@ nothing, and the same sets serve for table, camera, object and the arm itself. A
 mesh by at most `OUT_M` and leave no point of its surface (sampled every 2.5 mm) more than `GAP_M` outside; so a
 contact is seen at the latest when a body is `GAP_M` deep, and never while it is further off than `OUT_M`.
 
-    python -m hardware_sim.link_spheres FOLDER > hardware_sim/controller/link_spheres.json
+    python -m hardware_sim.link_spheres FOLDER
 
-FOLDER holds, for each model, a folder of seven convex, watertight STL files in m, sorted from base to flange, each in
-its Denavit–Hartenberg frame: the collision meshes of UR's public robot description (BSD-3-Clause).
+FOLDER holds, for each model to be made anew, a folder of seven convex, watertight STL files in m, sorted from base to
+flange, each in its Denavit–Hartenberg frame: the collision meshes of UR's public robot description (BSD-3-Clause), or
+what `acquisition.waypoints.estimated_links` makes of them. A model that has another's links has its name for them.
 """
 
 import heapq
@@ -21,27 +22,29 @@ import trimesh
 from scipy.spatial import KDTree
 
 from acquisition.models.base import FloatArray
-from hardware_sim.controller.kinematics import MODELS
 
 OUT_M = 0.001
 GAP_M = 0.002
 UNIT_M = 1e-4
 """Numbers are stored as whole tenths of a millimetre."""
+ESTIMATED = 3.0
+"""How many times coarser arms are whose shape is an estimate, wrong by centimetres itself."""
 
 _SAMPLE_M = 0.0025
 _LATTICE_M = 0.006
 _DEPTHS_M = (0.002, 0.004, 0.008, 0.016, 0.025, 0.035)
 
 
-def packed(mesh: trimesh.Trimesh) -> FloatArray:
-    """Greedy set cover of a convex mesh by spheres (S, 4), centre and radius in m."""
-    surface = np.vstack([mesh.sample(int(mesh.area / _SAMPLE_M**2), seed=0), mesh.vertices])
-    centers = np.vstack([_candidates(mesh), surface])  # a point of the surface covers at least itself
+def packed(mesh: trimesh.Trimesh, coarse: float = 1.0) -> FloatArray:
+    """Greedy set cover of a convex mesh by spheres (S, 4), centre and radius in m; tolerances times `coarse`."""
+    out_m, gap_m = coarse * OUT_M, coarse * GAP_M
+    surface = np.vstack([mesh.sample(int(mesh.area / (coarse * _SAMPLE_M) ** 2), seed=0), mesh.vertices])
+    centers = np.vstack([_candidates(mesh, coarse), surface])  # a point of the surface covers at least itself
     offsets = (mesh.face_normals * mesh.triangles_center).sum(axis=1)
-    radii = (offsets - centers @ mesh.face_normals.T).min(axis=1) + OUT_M
-    inside = radii > OUT_M - UNIT_M
-    centers, radii = centers[inside], np.maximum(radii[inside], OUT_M)
-    reached = [np.array(r, dtype=int) for r in KDTree(surface).query_ball_point(centers, radii + GAP_M - UNIT_M)]
+    radii = (offsets - centers @ mesh.face_normals.T).min(axis=1) + out_m
+    inside = radii > out_m - UNIT_M
+    centers, radii = centers[inside], np.maximum(radii[inside], out_m)
+    reached = [np.array(r, dtype=int) for r in KDTree(surface).query_ball_point(centers, radii + gap_m - UNIT_M)]
     missing = np.ones(len(surface), dtype=bool)
     best = [(-len(points), number) for number, points in enumerate(reached)]
     heapq.heapify(best)
@@ -59,13 +62,14 @@ def packed(mesh: trimesh.Trimesh) -> FloatArray:
     return np.column_stack([centers[chosen], radii[chosen]])
 
 
-def _candidates(mesh: trimesh.Trimesh) -> FloatArray:
+def _candidates(mesh: trimesh.Trimesh, coarse: float) -> FloatArray:
     """Centres that may serve: a lattice, and points at some depths under the surface and under the vertices."""
     low, high = mesh.bounds
-    axes = [np.arange(a + _LATTICE_M / 2, b, _LATTICE_M) for a, b in zip(low, high, strict=True)]
+    step = coarse * _LATTICE_M
+    axes = [np.arange(a + step / 2, b, step) for a, b in zip(low, high, strict=True)]
     points, faces = trimesh.sample.sample_surface(mesh, 3000, seed=1)[:2]
     under = [
-        start - depth * normals
+        start - coarse * depth * normals
         for start, normals in ((points, mesh.face_normals[faces]), (mesh.vertices, mesh.vertex_normals))
         for depth in _DEPTHS_M
     ]
@@ -73,12 +77,14 @@ def _candidates(mesh: trimesh.Trimesh) -> FloatArray:
 
 
 def main(folder: Path) -> None:
-    """Prints the spheres of all models as JSON: model → seven lists of integers x, y, z, radius, x, y, …"""
-    models: dict[str, list[list[int]]] = {}
-    for model in MODELS:
-        links = [packed(trimesh.load_mesh(path)) for path in sorted((folder / model).glob("*.stl"))]
-        models[model] = [np.rint(link / UNIT_M).astype(int).ravel().tolist() for link in links]
-    print(json.dumps(models, separators=(",", ":")).replace("],[", "],\n["))
+    """Writes the controller's table: model → seven lists of integers x, y, z, radius, x, y, …"""
+    table = Path(__file__).parent / "controller" / "link_spheres.json"
+    models: dict[str, list[list[int]] | str] = json.loads(table.read_text(encoding="utf-8"))
+    for model in sorted(folder.iterdir()):
+        coarse = ESTIMATED if model.name in ("ur15", "ur20", "ur30") else 1.0
+        links = [packed(trimesh.load_mesh(path), coarse) for path in sorted(model.glob("*.stl"))]
+        models[model.name] = [np.rint(link / UNIT_M).astype(int).ravel().tolist() for link in links]
+    table.write_text(json.dumps(models, separators=(",", ":")).replace("],[", "],\n[") + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -32,7 +32,12 @@ DH = {
         (0, 0.1807, 90), (-0.6127, 0, 0), (-0.57155, 0, 0), (0, 0.17415, 90), (0, 0.11985, -90), (0, 0.11655, 0),
     ),
     "ur16e": ((0, 0.1807, 90), (-0.4784, 0, 0), (-0.36, 0, 0), (0, 0.17415, 90), (0, 0.11985, -90), (0, 0.11655, 0)),
+    "ur15": ((0, 0.2186, 90), (-0.6475, 0, 0), (-0.5164, 0, 0), (0, 0.1824, 90), (0, 0.1361, -90), (0, 0.1434, 0)),
+    "ur20": ((0, 0.2363, 90), (-0.862, 0, 0), (-0.7287, 0, 0), (0, 0.201, 90), (0, 0.1593, -90), (0, 0.1543, 0)),
+    "ur30": ((0, 0.2363, 90), (-0.637, 0, 0), (-0.5037, 0, 0), (0, 0.201, 90), (0, 0.1593, -90), (0, 0.1543, 0)),
 }  # fmt: skip
+DH |= {"ur7e": DH["ur5e"], "ur12e": DH["ur10e"]}
+_DRAWN_AS = {"ur7e": "ur5e", "ur12e": "ur10e"}
 
 
 _LINKS = ("base", "shoulder", "upper arm", "forearm", "wrist 1", "wrist 2", "wrist 3")
@@ -171,7 +176,8 @@ def link_frames(model: str, joints: FloatArray) -> FloatArray:
             np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle),
         )  # fmt: skip
         frames[:, joint + 1] = frames[:, joint] @ turn @ shift @ twist
-    for number in {0, len(joints) // 2, len(joints) - 1} if len(joints) else set():
+    known = hasattr(ur_analytic_ik, model)
+    for number in {0, len(joints) // 2, len(joints) - 1} if len(joints) and known else set():
         other = getattr(ur_analytic_ik, model).forward_kinematics(*joints[number])
         assert np.allclose(other, frames[number, 6], atol=1e-9), "two independent kinematics disagree"
     return frames
@@ -184,8 +190,11 @@ def _arm(cell: CellConfig) -> list[_Body]:
 
 @cache
 def link_meshes(model: str) -> tuple[trimesh.Trimesh, ...]:
-    """The manufacturer's collision meshes of the seven links, base first, each in its link's DH frame, m."""
-    with np.load(MESHES / f"{model}.npz") as stored:
+    """The manufacturer's collision meshes of the seven links, base first, each in its link's DH frame, m.
+
+    Those of the UR15, UR20 and UR30 are estimates (`acquisition.waypoints.estimated_links`).
+    """
+    with np.load(MESHES / f"{_DRAWN_AS.get(model, model)}.npz") as stored:
         names = sorted(name.removesuffix("_faces") for name in stored.files if name.endswith("_faces"))
         return tuple(
             trimesh.Trimesh(stored[f"{name}_vertices"], stored[f"{name}_faces"], process=False) for name in names

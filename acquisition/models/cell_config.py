@@ -53,7 +53,7 @@ class ArmConfig(Value):
     """The arm, its tool and its limits."""
 
     kind: Literal["ur"] = "ur"
-    model: Literal["ur3e", "ur5e", "ur10e", "ur16e"]
+    model: Literal["ur3e", "ur5e", "ur7e", "ur10e", "ur12e", "ur15", "ur16e", "ur20", "ur30"]
     address: str
     serial: str | None = Field(default=None, description="Checked at connection when given")
     flange_from_tool: Pose = Field(description="The controller's TCP: origin at the emitter, +z the lamp's axis")

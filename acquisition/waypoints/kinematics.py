@@ -36,6 +36,7 @@ class ArmModel:
     """Nominal arm model: Denavit–Hartenberg lengths in m, joint speeds in rad/s, link capsules in link frames."""
 
     name: str
+    links_of: str  # the model whose link meshes it has: a UR7e is a UR5e, a UR12e a UR10e
     dh: FloatArray  # (6,) d1, a2, a3, d4, d5, d6
     max_joint_speed_rad_s: FloatArray  # (6,)
     capsule_links: tuple[int, ...]
@@ -52,13 +53,15 @@ def arm_model(name: str) -> ArmModel:
         raise RigError(
             ErrorCode.CONFIG_INVALID, f"no kinematic model for arm {name!r}", model=name, known=sorted(models)
         )
-    item = models[name]
+    links_of: str = models[name].get("same_as", name)
+    item = models[links_of]
     return ArmModel(
         name=name,
+        links_of=links_of,
         dh=np.array(item["dh"], dtype=float),
         max_joint_speed_rad_s=np.radians(np.array(item["max_joint_speed_deg_s"], dtype=float)),
         capsule_links=tuple(row[0] for row in item["capsules"]),
-        capsules=np.array([[*row[1], *row[2], row[3]] for row in item["capsules"]], dtype=float),
+        capsules=np.array([[*row[1], *row[2], row[3]] for row in item["capsules"]], dtype=float).reshape(-1, 7),
     )
 
 

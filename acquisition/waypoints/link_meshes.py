@@ -1,7 +1,8 @@
 """The maker's meshes of the arm's links, for drawings and audits; what is safe is decided by the capsules alone.
 
 They are the collision meshes of `ur_description` (BSD-3-Clause, `meshes/LICENSE`), unchanged but for their packing:
-7,500 to 10,300 triangles for an arm, few enough for a browser without thinning.
+7,500 to 10,300 triangles for an arm, few enough for a browser without thinning. The UR15's, UR20's and UR30's are the
+UR10e's, stretched (`estimated_links`).
 """
 
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from acquisition.models.base import Float32Array
-from acquisition.models.errors import ErrorCode, RigError
+from acquisition.waypoints.kinematics import arm_model
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,7 @@ class LinkMesh:
 @cache
 def link_meshes(model: str) -> tuple[LinkMesh, ...]:
     """The meshes of links 0 (base) to 6 (flange) of an arm such as `ur5e`. Raises RigError config.invalid."""
-    file = resources.files("acquisition.waypoints").joinpath("meshes", f"{model}.npz")
-    if not file.is_file():
-        raise RigError(ErrorCode.CONFIG_INVALID, f"no link meshes for arm {model!r}", model=model)
+    file = resources.files("acquisition.waypoints").joinpath("meshes", f"{arm_model(model).links_of}.npz")
     with file.open("rb") as opened, np.load(opened) as stored:
         stems = sorted(name.removesuffix("_faces") for name in stored.files if name.endswith("_faces"))
         return tuple(

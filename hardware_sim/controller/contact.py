@@ -2,7 +2,8 @@
 
 Nothing of the planner is in it, neither code nor shapes nor clearances, so that an error there shows here. Links are
 sphere sets (`link_spheres.json`, made by `hardware_sim.link_spheres`): contact is reported at the latest when a link is
-2 mm deep in something (4 mm: two links, or the object), and never while they are over 1 mm (2 mm) apart.
+2 mm deep in something (4 mm: two links, or the object), and never while they are over 1 mm (2 mm) apart; thrice that
+for a UR15, UR20 and UR30, whose shape is an estimate.
 
 Conservative advancement (Mirtich, 1996): a check gives the distance of a pair of bodies, and the pair is not checked
 again before a bound on the relative movement of all their points has used that distance up. Of the two dozen pairs most
@@ -198,7 +199,9 @@ class ContactCheck:
 def _links(model: str) -> list[FloatArray]:
     """The spheres (S, 4) of the seven links, each in its frame, m."""
     text = Path(__file__).with_name("link_spheres.json").read_text(encoding="utf-8")
-    return [np.array(link).reshape(-1, 4) * _UNIT_M for link in json.loads(text)[model]]
+    table = json.loads(text)
+    links = table[model]
+    return [np.array(link).reshape(-1, 4) * _UNIT_M for link in (table[links] if isinstance(links, str) else links)]
 
 
 def _tool(capsules: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Forward and inverse kinematics of UR e-Series arms, nominal and as calibrated in the factory.
+"""Forward and inverse kinematics of UR arms, nominal and as calibrated in the factory.
 
 The controller solves them itself, apart from `acquisition.waypoints`, so that an error in one does not hide in the
 other. Denavit–Hartenberg lengths are the manufacturer's published ones; α = (π/2, 0, 0, π/2, −π/2, 0). A real arm's
@@ -9,7 +9,7 @@ the Universal Robots UR-5/UR-10 arms, 2013) says which branches there are, Newto
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hardware_sim.controller import poses
 from hardware_sim.controller.limits import JOINT_LIMIT
@@ -76,6 +76,7 @@ def _model(name: str, lengths: Sequence[float], speeds_deg_s: Sequence[float], p
 
 
 _SLOW_BASE = (120, 120, 180, 180, 180, 180)
+_LARGE = (120, 120, 150, 210, 210, 210)
 MODELS: dict[str, ArmModel] = {
     m.name: m
     for m in (
@@ -83,8 +84,13 @@ MODELS: dict[str, ArmModel] = {
         _model("ur5e", (0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996), (180,) * 6, 5.0),
         _model("ur10e", (0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655), _SLOW_BASE, 12.5),
         _model("ur16e", (0.1807, -0.4784, -0.36, 0.17415, 0.11985, 0.11655), _SLOW_BASE, 16.0),
+        _model("ur15", (0.2186, -0.6475, -0.5164, 0.1824, 0.1361, 0.1434), (180, 180, 240, 300, 300, 300), 17.5),
+        _model("ur20", (0.2363, -0.862, -0.7287, 0.201, 0.1593, 0.1543), _LARGE, 25.0),
+        _model("ur30", (0.2363, -0.637, -0.5037, 0.201, 0.1593, 0.1543), _LARGE, 35.0),
     )
 }
+MODELS["ur7e"] = replace(MODELS["ur5e"], name="ur7e", payload=7.5)  # newer names of the same arms, for more payload
+MODELS["ur12e"] = replace(MODELS["ur10e"], name="ur12e", payload=12.5)
 
 
 def chain(arm: ArmModel, joints: Sequence[float]) -> tuple[list[Axis], Frame]:

@@ -66,6 +66,7 @@ def apart(first: fcl.CollisionObject, second: fcl.CollisionObject) -> float:
 def test_contact_links_agree_with_meshes(model: str) -> None:
     check = ContactCheck(MODELS[model], Surroundings())
     links = [body(mesh) for mesh in audit.link_meshes(model)]
+    coarse = link_spheres.ESTIMATED if model in ("ur15", "ur20", "ur30") else 1.0
     joints = poses(30, 1)
     frames = audit.link_frames(model, joints)
     met = 0
@@ -74,9 +75,9 @@ def test_contact_links_agree_with_meshes(model: str) -> None:
         for (first, second), ours in check.distances(row).items():
             theirs = apart(placed[PARTS.index(first)], placed[PARTS.index(second)])
             met += theirs == 0.0
-            assert ours <= theirs + 2 * LATE_M, (row, first, second)
+            assert ours <= theirs + 2 * coarse * LATE_M, (row, first, second)
             if theirs > 0.0 and ours < 0.03:
-                assert ours >= theirs - 2 * EARLY_M, (row, first, second)
+                assert ours >= theirs - 2 * coarse * EARLY_M, (row, first, second)
     assert met > 0
 
 

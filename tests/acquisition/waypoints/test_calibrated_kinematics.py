@@ -13,7 +13,7 @@ from hardware_sim.controller import kinematics as independent
 from hardware_sim.controller import poses
 from hardware_sim.controller.calibration import calibrated
 
-MODELS = ("ur3e", "ur5e", "ur10e", "ur16e")
+MODELS = ("ur3e", "ur5e", "ur10e", "ur16e", "ur15", "ur20", "ur30")
 
 
 def chain_of(name: str, seed: int) -> np.ndarray:
