@@ -20,13 +20,20 @@ from tests.hardware_sim.controller.cells import HOME, start, wait_until
 from tests.hardware_sim.controller.plain_client import PlainClient
 from tests.hardware_sim.controller.traffic import PORTS, mutated, piece, recorded
 
+EVERY_PORT = (*PORTS, 30011, 30012, 30013)
+"""Also those at which the library sends nothing: the read-only ones."""
 LONGEST_GAP = 1.0
 """Between two packets at a bystander: seconds for which the controller's main thread, which makes the ticks, has run.
 That leaves out the time for which other work keeps it waiting; in all a gap is at most ten times as long."""
 
 SMALL = {
     29999: [b"running\n", b"load x.urp\n", b"popup hello\n", b"power off\n", b"brake release\n", b"\n", b"x" * 70000],
-    30001: [b"def f():\n  global x = [1, 2]\n  if x[0] > 1:\n    movej(x, a=1)\n  else:\n    sync()\n  end\nend\n"],
+    30001: [
+        b"power off\n",
+        b"set robotmode run\n",
+        b"stop program\n",
+        b"def f():\n  global x = [1, 2]\n  if x[0] > 1:\n    movej(x, a=1)\n  else:\n    sync()\n  end\nend\n",
+    ],
     30002: [b"sec s():\n set_digital_out(1, True)\nend\n"],
     30003: [b"x" * 70000, b"movej([0,-1.9,1.9,-1.57,-1.57,0], a=20, v=3)\n"],
     30004: [
@@ -149,8 +156,9 @@ def survive(process: ControllerProcess, traffic: dict[int, list[bytes]], packets
     before, running, memory = descriptors(process), threads(process), resident_megabytes(process)
     bystander = Bystander(process)
     for part in range(max(1, packets // 1000)):
-        for port in PORTS:
-            attack(process.address, port, traffic[port] + SMALL[port] * 2, min(packets, 1000), part)
+        for port in EVERY_PORT:
+            like = port if port in PORTS else 30001
+            attack(process.address, port, traffic[like] + SMALL[like] * 2, min(packets, 1000), part)
     gap = bystander.undisturbed()
     wait_until(lambda: descriptors(process) == before)
     assert process.process.poll() is None
@@ -194,7 +202,9 @@ def test_ports_survive_names_of_64_kilobytes(process: ControllerProcess) -> None
 def test_ports_survive_slow_and_silent_clients(process: ControllerProcess) -> None:
     before = descriptors(process)
     bystander = Bystander(process)
-    streams = [(port, socket.create_connection((process.address, port), 30.0)) for port in PORTS for _ in range(30)]
+    streams = [
+        (port, socket.create_connection((process.address, port), 30.0)) for port in EVERY_PORT for _ in range(30)
+    ]
     texts = {29999: b"robotmode\n", 30004: struct.pack(">HBH", 5, ord("V"), 2)}
     for at in range(6):
         for port, stream in streams:
@@ -218,7 +228,7 @@ def connections(process: ControllerProcess, count: int) -> None:
     before = descriptors(process)
     bystander = Bystander(process)
     for number in range(count):
-        for port in PORTS:
+        for port in EVERY_PORT:
             stream = socket.create_connection((process.address, port), 30.0)
             if number % 2:
                 stream.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
