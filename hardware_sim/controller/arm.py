@@ -42,6 +42,7 @@ class Arm:
         self.motion: Motion | None = None
         self.blend: Blend | None = None  # what is left of the move before the present one
         self.corner: Corner | None = None
+        self.aborted: Motion | None = None  # a move that is not begun anew
         self.freedrive: Freedrive | None = None  # while a person's hand may move the arm
         self.moves_started = 0
         self.tcp: list[float] = [0.0] * 6
@@ -192,6 +193,12 @@ class Arm:
         brake = JointBrake(self.joints, self.speeds, deceleration)
         self.steer(brake)
         return brake
+
+    def abort(self, deceleration: float) -> None:
+        """Ends the present joint or tool move, not to be begun anew, with all joints braked; no other motion."""
+        if isinstance(self.motion, JointMove | ToolMove):
+            self.aborted = self.motion
+            self.brake(deceleration)
 
     def brake_tool(self, deceleration: float) -> LinearBrake:
         """Begins to bring the tool to rest on its line, at `deceleration` in m/s²."""

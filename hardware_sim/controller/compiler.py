@@ -78,13 +78,16 @@ TURN_BUDGET = 5000  # nodes that loops may do before their thread has to wait fo
 
 
 @lru_cache(maxsize=8)
-def compile_program(text: str, vocabulary: Vocabulary) -> CompiledProgram:
-    """Compiles one program. Raises ScriptSyntaxError naming the line."""
+def compile_program(text: str, vocabulary: Vocabulary, statement: bool = False) -> CompiledProgram:
+    """Compiles one program, or a statement of the interpreter mode, whose variables are all global.
+
+    Raises ScriptSyntaxError naming the line.
+    """
     try:
         program = parse(text)
         if program.parameters:
             raise ScriptSyntaxError(f"line {program.line}: nobody gives {program.name} its parameters")
-        source, lines = _Writer(program, vocabulary).write()
+        source, lines = _Writer(program, vocabulary, statement).write()
         code = compile(source, f"<{program.name}>", "exec")
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         # Too deep for a stack, or a number of thousands of digits.
@@ -135,7 +138,7 @@ def _walk(nodes: list[Node]) -> Iterator[Node]:  # noqa: PLR0912 - one branch pe
 class _Writer:
     """Writes the Python of one program."""
 
-    def __init__(self, program: Function, vocabulary: Vocabulary) -> None:
+    def __init__(self, program: Function, vocabulary: Vocabulary, statement: bool) -> None:
         self._program = program
         self._vocabulary = vocabulary
         self._all = list(_functions(program))
@@ -146,6 +149,8 @@ class _Writer:
             for node in _walk(f.body)
             if isinstance(node, Assign) and node.qualifier == "global" and isinstance(node.target, Name)
         }
+        if statement:
+            self._globals |= {n.name for f in self._all for n in _walk(f.body) if isinstance(n, Name)}
         self._bodies = {
             f.name: list(_walk([*(d for d in f.parameters.values() if d is not None), *f.body])) for f in self._all
         }
@@ -239,9 +244,6 @@ class _Writer:
 
     def write(self) -> tuple[str, list[int]]:
         self._emit(0, 0, "def program():")
-        for name in sorted(self._globals):
-            # Bound nowhere, so that reading a global before its assignment is an error, not a silent zero.
-            self._emit(1, 0, f"if False: g_{name} = None")
         self._function(self._program, 1)
         self._emit(1, 0, f"return f_{self._program.name}()")
         return "\n".join(self._source) + "\n", self._lines
@@ -254,8 +256,9 @@ class _Writer:
         parameters = ", ".join(f"v_{p}" if default is None else f"v_{p}=..." for p, default in f.parameters.items())
         self._emit(indent, f.line, f"def f_{f.name}({parameters}):")
         scope, self._scope = self._scope, self._prefixes[f.name]
-        if self._outer[f.name]:
-            self._emit(indent + 1, f.line, "nonlocal " + ", ".join(self._outer[f.name]))
+        for keyword, prefix in (("global", "g_"), ("nonlocal", "v_")):
+            if outer := [name for name in self._outer[f.name] if name.startswith(prefix)]:
+                self._emit(indent + 1, f.line, f"{keyword} {', '.join(outer)}")
         if f.name in self._waiting:
             self._emit(indent + 1, f.line, "if False: yield")
         if f.name in self._recursive:

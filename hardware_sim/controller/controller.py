@@ -20,6 +20,7 @@ from hardware_sim.controller.force import ForceMotion
 from hardware_sim.controller.functions import VOCABULARY, table
 from hardware_sim.controller.hand_guiding import HandMove
 from hardware_sim.controller.inputs import Inputs
+from hardware_sim.controller.interpreter import Interpreter
 from hardware_sim.controller.kinematics import ArmModel
 from hardware_sim.controller.messages import MessageType, RobotMessage
 from hardware_sim.controller.modes import RobotMode, RuntimeState, SafetyMode
@@ -63,7 +64,7 @@ class Controller:
         self.arm = Arm(model, home)
         self.registers = Registers()
         self.inputs = Inputs()
-        self.links = ScriptLinks()
+        self.links, self.interpreter = ScriptLinks(), Interpreter()
         self.outputs = Outputs(low_when_stopped, now)
         self.serial = serial
         self.speed_factor = speed_factor

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any, NoReturn
 
 from hardware_sim.controller.compiler import Vocabulary
+from hardware_sim.controller.interpreter_functions import InterpreterFunctions
 from hardware_sim.controller.io_functions import IoFunctions
 from hardware_sim.controller.motion_functions import MotionFunctions
 from hardware_sim.controller.register_functions import RegisterFunctions
@@ -34,8 +35,8 @@ _INPUTS_AND_OUTPUTS = """get_euromap_input get_euromap_output set_standard_digit
     set_euromap_runstate_dependent_choice read_port_bit read_port_register write_port_bit write_port_register"""
 _LINKS = """modbus_add_signal modbus_delete_signal modbus_get_signal_status
     modbus_send_custom_command modbus_set_digital_input_action modbus_set_output_register modbus_set_output_signal
-    modbus_set_runstate_dependent_choice modbus_set_signal_update_frequency rpc_factory interpreter_mode
-    end_interpreter clear_interpreter get_interpreter_mode_status"""
+    modbus_set_runstate_dependent_choice modbus_set_signal_update_frequency rpc_factory
+    get_interpreter_mode_status"""
 _MATRICES = "inv transpose size"
 REFUSED = frozenset(" ".join((_FORCE, _DYNAMICS, _MOTION, _INPUTS_AND_OUTPUTS, _LINKS, _MATRICES)).split())
 
@@ -43,6 +44,7 @@ _GROUPS: tuple[type[FunctionGroup], ...] = (
     RegisterFunctions,
     IoFunctions,
     SocketFunctions,
+    InterpreterFunctions,
     MotionFunctions,
     StateFunctions,
     Arithmetic,

@@ -76,7 +76,7 @@ class MotionFunctions(FunctionGroup):
                     return
                 self._robot.claim()
                 yield
-            if move.finished:
+            if move.finished or arm.aborted is move:
                 return
 
     def _started(self, plan: Callable[[], ProgrammedMove], radius: float) -> Callable[[], tuple[ProgrammedMove, float]]:

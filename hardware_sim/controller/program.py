@@ -10,6 +10,7 @@ inside critical sections, which could never end otherwise.
 
 import re
 from collections.abc import Callable, Generator, Mapping
+from functools import partial
 from types import GeneratorType
 from typing import Any
 
@@ -58,6 +59,7 @@ class Program:
             "set_critical": self._set_critical,
             "turn_is_spent": self._turn_is_spent,
         }
+        namespace["b_interpreter_mode"] = partial(functions["interpreter_mode"], namespace)
         exec(compiled.code, namespace)  # noqa: S102 - written by the compiler above, names prefixed
         self._main = self._run(self.name, namespace["program"]())
 

@@ -12,6 +12,7 @@ import signal
 import socket
 import struct
 from collections import deque
+from collections.abc import Callable
 
 from hardware_sim.controller.compiler import CompiledProgram, compile_program
 from hardware_sim.controller.controller import Controller
@@ -19,7 +20,8 @@ from hardware_sim.controller.functions import VOCABULARY
 from hardware_sim.controller.syntax import ScriptSyntaxError
 
 LOG = logging.getLogger("hardware_sim.controller")
-_SIZE = struct.Struct(">I")
+_SIZE = struct.Struct(">I?")  # and whether it is a statement
+Answer = CompiledProgram | ScriptSyntaxError
 _MOST_WAITING = 32  # programs
 _NICENESS = 5  # above that of the ticks
 _AT_ONCE = 1 << 16  # bytes
@@ -31,7 +33,7 @@ class ProgramLoader:
     def __init__(self, controller: Controller) -> None:
         """Forks the process that compiles."""
         self._controller = controller
-        self._waiting = 0
+        self._waiting: deque[Callable[[Answer], None]] = deque()
         self._unsent: deque[bytes] = deque()
         self._received = bytearray()
         self._link, other = socket.socketpair()
@@ -43,14 +45,25 @@ class ProgramLoader:
         self._link.setblocking(False)
 
     def add(self, text: str) -> None:
-        """Has a program compiled."""
-        if self._waiting >= _MOST_WAITING:
+        """Has a program compiled and started."""
+        if not self.compile(text, self._start, statement=False):
             self._controller.report(f"program refused: {_MOST_WAITING} others wait to be compiled")
-            return
-        self._waiting += 1
+
+    def compile(self, text: str, done: Callable[[Answer], None], *, statement: bool) -> bool:
+        """Has a program or a statement of the interpreter mode compiled for `done`; False where too many wait."""
+        if len(self._waiting) >= _MOST_WAITING:
+            return False
+        self._waiting.append(done)
         data = text.encode()
-        self._unsent.append(_SIZE.pack(len(data)) + data)
+        self._unsent.append(_SIZE.pack(len(data), statement) + data)
         self._send()
+        return True
+
+    def _start(self, answer: Answer) -> None:
+        if isinstance(answer, ScriptSyntaxError):
+            self._controller.refuse(answer)
+        else:
+            self._controller.start(answer)
 
     def start_compiled(self) -> None:
         """Starts what is compiled; called in every tick, never waits."""
@@ -70,11 +83,8 @@ class ProgramLoader:
                 return
             answer = marshal.loads(self._received[_SIZE.size : end])  # noqa: S302 - from our own child
             del self._received[:end]
-            self._waiting -= 1
-            if isinstance(answer, str):
-                self._controller.refuse(ScriptSyntaxError(answer))
-            else:
-                self._controller.start(CompiledProgram(*answer))
+            done = self._waiting.popleft()
+            done(ScriptSyntaxError(answer) if isinstance(answer, str) else CompiledProgram(*answer))
 
     def _send(self) -> None:
         while self._unsent:
@@ -103,13 +113,14 @@ def _compile_until_the_end(link: socket.socket) -> None:
         os.nice(_NICENESS)
         stream = link.makefile("rwb")
         while header := stream.read(_SIZE.size):
-            text = stream.read(*_SIZE.unpack(header)).decode()
+            size, statement = _SIZE.unpack(header)
+            text = stream.read(size).decode()
             try:
-                program = compile_program(text, VOCABULARY)
+                program = compile_program(text, VOCABULARY, statement)
                 answer = marshal.dumps((program.name, program.secondary, program.code, program.lines))
             except ScriptSyntaxError as error:
                 answer = marshal.dumps(str(error))
-            stream.write(_SIZE.pack(len(answer)) + answer)
+            stream.write(_SIZE.pack(len(answer), statement) + answer)
             stream.flush()
     except (OSError, struct.error) as error:
         LOG.info("compiling ends: %s", error)

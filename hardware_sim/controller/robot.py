@@ -10,6 +10,7 @@ from typing import Protocol
 from hardware_sim.controller.arm import Arm
 from hardware_sim.controller.collisions import Collisions
 from hardware_sim.controller.inputs import Inputs
+from hardware_sim.controller.interpreter import Interpreter
 from hardware_sim.controller.messages import RobotMessage
 from hardware_sim.controller.modes import RobotMode, RuntimeState, SafetyMode
 from hardware_sim.controller.outputs import Outputs
@@ -54,6 +55,7 @@ class Robot(RobotState, Protocol):
 
     speed_factor: float
     links: ScriptLinks
+    interpreter: Interpreter
     force_mode_settings: dict[str, float]
 
     def announce(self, message: RobotMessage) -> None:

@@ -15,13 +15,14 @@ import sys
 import time
 from collections.abc import Callable
 
-from hardware_sim.controller import control_port, dashboard, rtde, streams
+from hardware_sim.controller import control_port, dashboard, interpreter_port, rtde, streams
 from hardware_sim.controller.calibration import calibrated
 from hardware_sim.controller.control_port import ControlConnection
 from hardware_sim.controller.controller import VERSION, Controller
 from hardware_sim.controller.dashboard import DashboardConnection
 from hardware_sim.controller.delay import Delay
 from hardware_sim.controller.dynamics import Dynamics
+from hardware_sim.controller.interpreter_port import InterpreterConnection
 from hardware_sim.controller.kinematics import MODELS
 from hardware_sim.controller.messages import MessageType, RobotMessage
 from hardware_sim.controller.modes import RobotMode
@@ -62,6 +63,7 @@ class Server:
             dashboard.PORT: lambda s: DashboardConnection(s, controller, self.shut_down),
             **dict.fromkeys(_STREAMS, lambda s: ScriptConnection(s, controller, self._loader)),
             **{number + streams.READ_ONLY: ReadOnlyConnection for number in _STREAMS},
+            interpreter_port.PORT: lambda s: InterpreterConnection(s, controller, self._loader),
             control_port.PORT: lambda s: ControlConnection(s, controller, self),
         }
         for number in (*_STATES, *(number + streams.READ_ONLY for number in _STATES)):

@@ -58,8 +58,14 @@ def run(folder: Path, packages: list[str], imports: str, code: str) -> dict[str,
     # Left without the destructors of ur-rtde, which wait for threads.
     program += "\nprint('SAID', json.dumps(said), flush=True)\nos._exit(0)\n"
     with start() as process:
+        command = [str(python), "-c", program, process.address]
         result = subprocess.run(
-            [str(python), "-c", program, process.address], check=False, capture_output=True, text=True, timeout=300
+            [str(python), "-c", program, process.address],
+            check=False,
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            timeout=300,
         )
     said = [line for line in result.stdout.splitlines() if line.startswith("SAID ")]
     assert said, result.stderr

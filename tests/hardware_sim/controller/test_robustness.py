@@ -20,8 +20,8 @@ from tests.hardware_sim.controller.cells import HOME, start, wait_until
 from tests.hardware_sim.controller.plain_client import PlainClient
 from tests.hardware_sim.controller.traffic import PORTS, mutated, piece, recorded
 
-EVERY_PORT = (*PORTS, 30011, 30012, 30013)
-"""Also those at which the library sends nothing: the read-only ones."""
+EVERY_PORT = (*PORTS, 30011, 30012, 30013, 30020)
+"""Also those at which the library sends nothing: the read-only ones and that of the interpreter mode."""
 LONGEST_GAP = 1.0
 """Between two packets at a bystander: seconds for which the controller's main thread, which makes the ticks, has run.
 That leaves out the time for which other work keeps it waiting; in all a gap is at most ten times as long."""
