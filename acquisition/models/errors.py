@@ -49,6 +49,7 @@ class ErrorCode(StrEnum):
     DEVICE_DISCONNECTED = "device.disconnected"
     DRIVER_LOST = "driver.lost"
     LAMP_NOT_CONFIRMED = "lamp.not_confirmed"
+    COMPUTE_LOST = "compute.lost"
     CAMERA_UNREACHABLE = "camera.unreachable"
     CAMERA_TIMEOUT = "camera.timeout"
     CAPTURE_FRAME_REJECTED = "capture.frame_rejected"
@@ -214,6 +215,12 @@ PROBLEMS: dict[ErrorCode, Problem] = {
     ),
     ErrorCode.LAMP_NOT_CONFIRMED: Problem(
         503, "The lamp's output did not switch", "Check the lamp's output number and wiring; then resume."
+    ),
+    ErrorCode.COMPUTE_LOST: Problem(
+        503,
+        "The process that computes was ended twice in the same work",
+        "Most often memory ran out (see the kernel's log): end other programs or add memory; then resume, which goes "
+        "on with this work, or ask again.",
     ),
     ErrorCode.CAMERA_UNREACHABLE: Problem(
         503,

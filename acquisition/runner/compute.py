@@ -3,7 +3,9 @@
 A job is a function of `jobs` called by its name with small arguments; images and maps stay in the session folder. So
 the web process imports no numerical kernel, a long solve never holds its interpreter lock, and a job that crashes or is
 killed takes only this process with it. Steps of a session are urgent and preempt jobs that are marked preemptible (kill
-and restart later), because these have no side effect before they end. The child ends when its parent does.
+and restart later), because no job has an effect before it ends. So a job whose process was killed, by the kernel when
+memory runs out or by a person, is done once more in a new process, too; killed again, it is given up, because what it
+needs is not there. The child ends when its parent does.
 """
 
 import errno
@@ -11,7 +13,9 @@ import importlib
 import logging
 import multiprocessing
 import os
+import signal
 import threading
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
@@ -22,6 +26,8 @@ from acquisition.models.errors import ErrorCode, Halted, RigError
 _log = logging.getLogger(__name__)
 _POLL_S = 0.02
 """Period, s, of looking for the stop token and for urgent jobs while a job runs."""
+_TRIES = 2
+"""Processes that a job may take with it before it is given up."""
 
 
 class Preempted(Exception):  # noqa: N818 - the job is restarted later, it is no error
@@ -38,12 +44,14 @@ class Compute:
         self._urgent = 0  # number of jobs, waiting or running, that are not preemptible
         self._process: BaseProcess | None = None
         self._connection: Connection | None = None
+        self._closed = False
 
     def run(self, stop: threading.Event, job: str, *arguments: Any, preemptible: bool = False) -> Any:
         """Runs the function `job` of `acquisition.runner.jobs` and returns what it returns.
 
-        A `preemptible` job is killed when one comes that is not. Raises what the job raises, Halted when the
-        token is set meanwhile (the job is killed), Preempted, and RigError session.step_failed when the process dies.
+        A `preemptible` job is killed when one comes that is not. Raises what the job raises, Halted when the token is
+        set meanwhile (the job is killed) or the process is closed, Preempted, and RigError compute.lost when the
+        process ended in the job and the next one did too.
         """
         if preemptible:
             return self._run(stop, job, arguments, preemptible)
@@ -59,27 +67,42 @@ class Compute:
         with self._busy:
             if preemptible and self._urgent:
                 raise Preempted
-            connection = self._ready()
-            connection.send((job, arguments))
-            while not connection.poll(_POLL_S):
-                if stop.is_set():
-                    self._kill()
-                    raise Halted
-                if preemptible and self._urgent:
-                    self._kill()
-                    raise Preempted
-            try:
-                succeeded, result = connection.recv()
-            except (EOFError, ConnectionResetError) as error:
-                code = self._kill()
-                raise RigError(
-                    ErrorCode.SESSION_STEP_FAILED,
-                    f"The compute process ended in {job} (exit code {code})",
-                    job=job,
-                ) from error
+            succeeded, result = self._exchange(stop, job, arguments, preemptible)
         if succeeded:
             return result
         raise result
+
+    def _exchange(
+        self, stop: threading.Event, job: str, arguments: tuple[Any, ...], preemptible: bool
+    ) -> tuple[bool, Any]:
+        """Whether the job succeeded, and its result or error; in another process where the first one ends."""
+        tries = 0
+        while True:
+            try:
+                return self._try(stop, job, arguments, preemptible)
+            except (EOFError, OSError) as error:  # the other end of the pipe has gone
+                ended, tries = _how_it_ended(self._kill(), error), tries + 1
+                if tries == _TRIES:
+                    detail = f"The compute process ended in {job} {_TRIES} times, the last time {ended}"
+                    raise RigError(ErrorCode.COMPUTE_LOST, detail, job=job) from error
+                _log.warning("the compute process ended in %s %s; the job is done once more", job, ended)
+
+    def _try(self, stop: threading.Event, job: str, arguments: tuple[Any, ...], preemptible: bool) -> tuple[bool, Any]:
+        """Whether the job succeeded, and its result or error. Raises EOFError or OSError when the process ends."""
+        if self._closed:
+            raise Halted
+        connection = self._ready()
+        connection.send((job, arguments))
+        try:
+            while not connection.poll(_POLL_S):
+                if stop.is_set():
+                    raise Halted
+                if preemptible and self._urgent:
+                    raise Preempted
+        except BaseException:
+            self._kill()  # else the next job would be given this one's result
+            raise
+        return connection.recv()
 
     def warm(self) -> None:
         """Starts the process ahead of the first job."""
@@ -87,7 +110,8 @@ class Compute:
             self._ready()
 
     def close(self) -> None:
-        """Ends the process, whatever it does."""
+        """Ends the process, whatever it does; no job is done afterwards."""
+        self._closed = True
         self._kill()
 
     def _ready(self) -> Connection:
@@ -113,8 +137,22 @@ class Compute:
         return process.exitcode
 
 
+def _how_it_ended(exit_code: int | None, error: Exception) -> str:
+    """The exit code of a process, for people; None where it could not even be started."""
+    if exit_code is None:
+        return f"before it had begun ({error})"
+    if exit_code >= 0:
+        return f"with exit code {exit_code}"
+    name = f"signal {-exit_code}"
+    with suppress(ValueError):
+        name = signal.Signals(-exit_code).name
+    hint = ", which the kernel sends when memory runs out" if exit_code == -signal.SIGKILL else ""
+    return f"by {name}{hint}"
+
+
 def _serve(connection: Connection) -> None:
     process_priority.set_niceness(process_priority.BACKGROUND)
+    process_priority.end_first_without_memory()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     jobs = importlib.import_module("acquisition.runner.jobs")  # here only: the kernels belong to this process
     while True:

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from acquisition import geometry, lamp_pose, photometry, pilot, plan
 from acquisition.capture import check, expected, region
 from acquisition.formats import export, report
+from acquisition.formats.atomic_write import discard_partial
 from acquisition.formats.export import light_files
 from acquisition.formats.folders import session_folder
 from acquisition.models.base import BoolArray, FloatArray, Vector3
@@ -259,7 +260,8 @@ def make_export(observations: Observations, calibration: Calibration, result: Pa
     normal_map = export.read(result)
     source = export.Source(normal_map, session_folder.images(observations, calibration, normal_map.silhouette))
     file.parent.mkdir(exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".", dir=file.parent) as partial:
+    discard_partial(file)
+    with tempfile.TemporaryDirectory(prefix=f".{name}.", dir=file.parent) as partial:
         stem = name.removesuffix(".zip") if name.endswith(".zip") else name
         export.make(stem, source, Path(partial))
         if name.endswith(".zip"):
@@ -306,6 +308,7 @@ def solve_normals(
     begun = time.monotonic()
     normal_map = solve_in_cell(observations, cell, calibration, settings)
     seconds = {"solve": time.monotonic() - begun}
+    discard_partial(folder)
     with export.atomic_folder(folder) as partial:
         export.write_into(normal_map, partial)
         report.write(

@@ -47,6 +47,7 @@ PAUSING_CODES = frozenset(
         ErrorCode.CAPTURE_FRAME_REJECTED,
         ErrorCode.SCENE_MOVED,
         ErrorCode.STORE_DISK_FULL,
+        ErrorCode.COMPUTE_LOST,
         ErrorCode.PLAN_TO_REVIEW,
     }
 )

@@ -21,6 +21,7 @@ from typing import Any, Literal
 from structlog.contextvars import bound_contextvars
 
 from acquisition import session
+from acquisition.formats.atomic_write import discard_partial
 from acquisition.formats.frames import FolderFrames
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
@@ -111,10 +112,14 @@ def solve_and_record(
         shutil.rmtree(result)  # left by a crash before its entry in the journal
     images = observations(record, folder, request.last_pass)
     begun = time.monotonic()
-    summary: ResultSummary = compute.run(
-        stop, "solve_normals", images, cell, calibration, request.settings, record.passes[request.last_pass].plan,
-        region_file(store, request.session_id), result, preemptible=origin == "resolve",
-    )  # fmt: skip
+    try:
+        summary: ResultSummary = compute.run(
+            stop, "solve_normals", images, cell, calibration, request.settings, record.passes[request.last_pass].plan,
+            region_file(store, request.session_id), result, preemptible=origin == "resolve",
+        )  # fmt: skip
+    except BaseException:
+        discard_partial(result)  # its process may have been killed while it wrote
+        raise
     record_result(store, request, origin, summary, time.monotonic() - begun, cell)
 
 
@@ -308,12 +313,23 @@ class ReSolveService:
                 if self._closing.is_set():
                     return
                 self._discard(request)
-                self._fail(request, _cancelled(request.number))
+                self._end(request, _cancelled(request.number))
             except RigError as error:
-                self._fail(request, error)
+                self._end(request, error)
             except Exception as error:  # noqa: BLE001 - the thread must live on; the event says what failed
                 _log.exception("solving session %s again", request.session_id)
-                self._fail(request, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
+                self._end(request, RigError(ErrorCode.SERVICE_FAULT, repr(error)))
+
+    def _end(self, request: SolveRequest, error: RigError) -> None:
+        """Announces a failure from the thread; waits while the disk is full, for else the request would be pending."""
+        while True:
+            try:
+                self._fail(request, error)
+            except RigError as refused:
+                if refused.code is ErrorCode.STORE_DISK_FULL and not self._closing.wait(POLL_S):
+                    continue
+                _log.exception("the outcome of solving session %s again", request.session_id)
+            return
 
     def _begin(self, request: SolveRequest) -> bool:
         """Notes which solve runs from now on; False for one that was cancelled while it waited."""

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from concurrent import futures
 from concurrent.futures import Future
+from contextlib import suppress
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, TypeVar
@@ -32,6 +33,7 @@ from acquisition.runner.readiness import Readiness
 from acquisition.runner.safety_monitor import Latch, SafetyMonitor
 from acquisition.runner.status import RigStatus
 from acquisition.runner.step_executor import StepExecutor
+from acquisition.runner.stop_record import StopRecord
 from acquisition.session import Actor, State, Trigger
 from acquisition.store import SessionRow, Store
 
@@ -73,9 +75,10 @@ class Runner:
         self.preview = Preview(rig, self._refuse_held, self._in_thread)
         self._token = StopToken()
         self._taking_over = threading.Lock()  # never held by a halt
-        self._recording_latch = threading.Lock()  # nor this one
+        self._stops = StopRecord(store, monitor, self._loop.trigger)
         self.halts = 0  # how often somebody has halted the cell: what was decided before is void
         self._requests: queue.Queue[Callable[[], None]] = queue.Queue()
+        self._next_connection = 0.0
         self.moves = OperatorMoves(store, rig, calibration, compute, self._access())
         self._thread = threading.Thread(target=self._serve, name="runner", daemon=True)
 
@@ -153,7 +156,7 @@ class Runner:
         self._token.set()
         self._rig.halt()
         latch = self._monitor.latch_stop(actor)
-        self._requests.put(lambda: self._journal_halt(actor, latch))
+        self._requests.put(lambda: self._stops.halt(actor, latch))
         self._token.set()  # a start may have been entered since: its token is another one
 
     def require_clear(self) -> None:
@@ -162,9 +165,7 @@ class Runner:
 
     def acknowledge(self, actor: str) -> None:
         """Opens the safety latch: `actor` has looked and the cell is clear. Raises RigError safety.still_faulted."""
-        with self._recording_latch:
-            self._monitor.acknowledge(actor)
-            self._store.journal.acknowledge(actor)
+        self._stops.acknowledge(actor)
 
     def recover(self, step: RecoveryStep, actor: str) -> None:
         """Carries out one recovery step on request of a person who has just acknowledged; never automatic.
@@ -189,11 +190,8 @@ class Runner:
         """Halts and interrupts the session that holds the rig; called by the safety monitor when it latches a fault."""
         self._token.set()
         self._rig.halt()
-        self._store.journal.record_fault(latch.code, latch.detail)
-        holder = self._store.journal.holder()
-        if holder is not None and holder.state is not State.INTERRUPTED:
-            reason = problem(latch.code, latch.detail)
-            self._loop.trigger(holder.id, Trigger.INTERRUPT, Actor.SERVICE, reason)
+        recorded = self._stops.fault(latch)
+        self._requests.put(lambda: self._stops.interrupt(latch, recorded))
 
     def status(self) -> RigStatus:
         """The status of the rig, from cached readings; asks no device."""
@@ -304,37 +302,24 @@ class Runner:
     def _finish_stop(self, session_id: str) -> None:
         self._loop.trigger(session_id, Trigger.AT_REST)
 
-    def _journal_halt(self, actor: str, latch: Latch) -> None:
-        holder = self._store.journal.holder()
-        try:
-            self._record_stop(None if holder is None else holder.id, actor, latch)
-        except RigError:  # the disk is full: the latch holds all the same, and the session must be stopped
-            _log.exception("%s has stopped the cell, which could not be recorded", actor)
-        if holder is not None:
-            self._loop.trigger(holder.id, Trigger.STOP, actor)
-            self._loop.trigger(holder.id, Trigger.AT_REST)
-
-    def _record_stop(self, session_id: str | None, actor: str, latch: Latch) -> None:
-        self._store.journal.record_action(session_id, "halt", actor, "halted")
-        with self._recording_latch:  # else one that is acknowledged meanwhile would come back with the next service
-            recorded = {fault["since"] for fault in self._store.journal.unacknowledged_faults()}
-            if self._monitor.latch is latch and latch.code is ErrorCode.SAFETY_SOFTWARE_STOP and not recorded:
-                self._store.journal.record_fault(latch.code, latch.detail)
-
     # ---------------------------------------------------------------------------------------------- the runner's thread
 
     def _serve(self) -> None:
-        next_connection = 0.0
         while not self._closing.is_set():
-            if time.monotonic() >= next_connection and self._store.journal.holder() is None:
-                if self._readiness.reconnect_missing():
-                    self._store.journal.announce(None, "device.changed", {"arm": "connected", "camera": "connected"})
-                next_connection = time.monotonic() + CONNECT_EVERY_S
             try:
-                request = self._requests.get(timeout=0.25)
-            except queue.Empty:
-                continue
-            request()
+                if time.monotonic() >= self._next_connection and self._store.journal.holder() is None:
+                    self._connect_missing()
+                with suppress(queue.Empty):
+                    self._requests.get(timeout=0.25)()
+            except Exception:  # noqa: BLE001 - the thread must live on; a full disk, say, does not take every entry
+                _log.exception("the runner's thread")
+
+    def _connect_missing(self) -> None:
+        try:
+            if self._readiness.reconnect_missing():
+                self._store.journal.announce(None, "device.changed", {"arm": "connected", "camera": "connected"})
+        finally:
+            self._next_connection = time.monotonic() + CONNECT_EVERY_S
 
     # ---------------------------------------------------------------------------------------------------------- devices
 

@@ -8,6 +8,7 @@ in place. After a restart of the service it is stopped in any case (decision 50)
 
 import logging
 import threading
+from contextlib import suppress
 from typing import Any
 
 from acquisition import session
@@ -104,7 +105,8 @@ class SessionQueue:
                 _log.exception("the queue waits")
             except Exception:  # noqa: BLE001 - the thread must live on, and say that it has failed
                 _log.exception("the queue has failed")
-                self._stop(problem(ErrorCode.SERVICE_FAULT, "The queue has failed: the log says why"))
+                with suppress(RigError):  # a full disk: it fails, and stops, again
+                    self._stop(problem(ErrorCode.SERVICE_FAULT, "The queue has failed: the log says why"))
             self._store.journal.wait_for_event(newest, _POLL_S)
 
     def _advance(self) -> None:

@@ -41,6 +41,7 @@ class Store:
             os.close(self._lock_file)
             raise RigError(ErrorCode.STORE_LOCKED, f"{self.data} is in use by another service") from error
         self.journal = Journal(self.data / "rig.db")
+        self._discard_partial()
 
     def folder(self, session_id: str) -> Path:
         """The folder of a session that the journal knows."""
@@ -58,6 +59,17 @@ class Store:
     def record(self, session_id: str) -> SessionRecord:
         """A session as `session.next_step` reads it."""
         return self.journal.record(session_id, self.folder(session_id))
+
+    def _discard_partial(self) -> None:
+        """Removes what a service that was killed has left half written: results, exports, files of its session."""
+        sessions = self.data / "sessions"
+        for pattern in ("*/results/.*", "*/results/*/exports/.*"):
+            for folder in sessions.glob(pattern):
+                shutil.rmtree(folder, ignore_errors=True)
+        holder = self.journal.holder()
+        if holder is not None:
+            for file in (sessions / holder.id).rglob(".*.part"):
+                file.unlink(missing_ok=True)
 
     def close(self) -> None:
         """Closes the database and frees the folder."""

@@ -21,7 +21,9 @@ router = APIRouter()
 Format = Annotated[Literal["png", "html"], InPath(description="A still, or a 3-D page")]
 _TYPES = {"png": "image/png", "html": "text/html"}
 _PICTURE = stored_files.binary(*_TYPES.values(), description="The still, or the page")
-_BUSY = problems.responses_of(ErrorCode.RIG_BUSY, ErrorCode.RIG_NOT_READY, ErrorCode.SESSION_STEP_FAILED)
+_BUSY = problems.responses_of(
+    ErrorCode.RIG_BUSY, ErrorCode.RIG_NOT_READY, ErrorCode.SESSION_STEP_FAILED, ErrorCode.COMPUTE_LOST
+)
 
 
 @router.get("/v1/rig/reach.{form}", tags=["rig"], response_class=Response, responses={**_PICTURE, **_BUSY})

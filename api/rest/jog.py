@@ -61,6 +61,7 @@ class JogResource(Resource):
         ErrorCode.WAYPOINTS_COLLISION,
         ErrorCode.WAYPOINTS_UNREACHABLE,
         ErrorCode.SESSION_STEP_FAILED,
+        ErrorCode.COMPUTE_LOST,
         ErrorCode.ARM_UNREACHABLE,
         ErrorCode.ARM_IN_USE,
         ErrorCode.ARM_NOT_READY,

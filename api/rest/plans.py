@@ -22,7 +22,11 @@ _UNREACHABLE_LIGHTS = (ErrorCode.PLAN_INFEASIBLE, ErrorCode.WAYPOINTS_UNREACHABL
 @router.post(
     "/v1/dry-runs",
     responses=problems.responses_of(
-        *problems.BODY_CODES, *_UNREACHABLE_LIGHTS, ErrorCode.RIG_BUSY, ErrorCode.SESSION_STEP_FAILED
+        *problems.BODY_CODES,
+        *_UNREACHABLE_LIGHTS,
+        ErrorCode.RIG_BUSY,
+        ErrorCode.SESSION_STEP_FAILED,
+        ErrorCode.COMPUTE_LOST,
     ),
 )
 async def dry_run(service: ServiceOf, recipe: Recipe) -> DryRunResource:
@@ -47,6 +51,7 @@ async def dry_run(service: ServiceOf, recipe: Recipe) -> DryRunResource:
         ErrorCode.STORE_DISK_FULL,
         ErrorCode.RIG_NOT_READY,
         ErrorCode.SESSION_STEP_FAILED,
+        ErrorCode.COMPUTE_LOST,
     ),
 )
 async def replace_plan(
@@ -75,6 +80,7 @@ async def replace_plan(
             ErrorCode.PLAN_INFEASIBLE,
             ErrorCode.RIG_BUSY,
             ErrorCode.SESSION_STEP_FAILED,
+            ErrorCode.COMPUTE_LOST,
         ),
     },
 )

@@ -1,10 +1,10 @@
 """Command of the chaos schedules and of the soak; both resume where they ended.
 
-    python -m tests.chaos schedules 0:100 [--results FILE]
-    python -m tests.chaos soak [--hours 24] [--seed 1] [--results FILE]
+    python -m tests.chaos schedules 0:100 [--results FILE] [--address 127.0.14.40]
+    python -m tests.chaos soak [--hours 24] [--seed 1] [--results FILE] [--address 127.0.14.50]
 
-Seeds whose line is in FILE are not run again, so that a run may be ended and gone on with; several machines may take a
-part each. Ends with status 1 when a case failed.
+Seeds whose line is in FILE are not run again, so that a run may be ended and gone on with. Several machines may take a
+part each, or several processes with addresses of their own. Ends with status 1 when a case failed.
 """
 
 import argparse
@@ -35,14 +35,14 @@ def note(results: Path | None, line: dict[str, Any]) -> None:
             file.write(text + "\n")
 
 
-def schedules(seeds: list[int], results: Path | None) -> int:
+def schedules(seeds: list[int], address: str, results: Path | None) -> int:
     """Runs those of the seeds that have no line yet; the number that failed."""
     wanted = sorted(set(seeds) - {line["seed"] for line in done(results)})
     failed = 0
     while wanted:
         with (
             tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder,
-            scene(Path(folder), "127.0.14.40") as made,
+            scene(Path(folder), address) as made,
         ):
             while wanted:
                 seed = wanted.pop(0)
@@ -66,14 +66,18 @@ def main() -> int:
     lasting = commands.add_parser("soak")
     lasting.add_argument("--hours", type=float, default=24.0, help="simulated")
     lasting.add_argument("--seed", type=int, default=1)
-    for command in (combined, lasting):
+    for command, address in ((combined, "127.0.14.40"), (lasting, "127.0.14.50")):
         command.add_argument("--results", type=Path)
+        command.add_argument("--address", default=address, help="of the simulated controller")
     options = parser.parse_args()
     if options.command == "schedules":
         first, _, last = options.seeds.partition(":")
-        return int(schedules(list(range(int(first), int(last))), options.results) > 0)
+        return int(schedules(list(range(int(first), int(last))), options.address, options.results) > 0)
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        return int(not soak.run(Path(folder), options.hours, options.seed, lambda line: note(options.results, line)))
+        held = soak.run(
+            Path(folder), options.address, options.hours, options.seed, lambda line: note(options.results, line)
+        )
+        return int(not held)
 
 
 if __name__ == "__main__":

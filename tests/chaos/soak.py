@@ -59,12 +59,12 @@ class Life:
         return float(slopes[0] * len(rows)), float(slopes[1] * len(rows))
 
 
-def run(folder: Path, hours: float, seed: int, note: Callable[[dict[str, Any]], None]) -> bool:
+def run(folder: Path, address: str, hours: float, seed: int, note: Callable[[dict[str, Any]], None]) -> bool:
     """Runs the day; calls `note` with each turn and with the summary. Whether everything held."""
     chance = random.Random(seed)  # noqa: S311 - a test's seed
     counts = dict.fromkeys(TURNS, 0)
     lives: list[Life] = []
-    with scene(folder, "127.0.14.50", SPEED, disk_mb=4096) as made:
+    with scene(folder, address, SPEED, disk_mb=4096) as made:
         begun, number = time.monotonic(), 0
         while (simulated_h := (time.monotonic() - begun) * SPEED / 3600) < hours:
             made.bench.serve()
@@ -132,7 +132,8 @@ def turn(made: Scene, kind: str, chance: random.Random) -> dict[str, Any]:
         made.to_mend.pop()()
     bench.control.fault("clear")
     client = bench.serve()
-    session = waits or client.wait(session_id)
+    session = waits or until_it_waits(bench, session_id)
+    assert session is not None, "the session neither ends nor waits once everything is right again"
     made.motion.end()
     assert_rests(bench)
     line |= {"state": State.STOPPED} if session.state is State.STOPPED else explained(session)

@@ -32,4 +32,4 @@ def test_combined_faults_end_in_a_state_that_is_understood(made: Scene, seed: in
 
 
 def test_soak_of_a_simulated_day_leaves_nothing_behind(tmp_path: Path) -> None:
-    assert soak.run(tmp_path, float(os.environ.get("LIGHTPOSE_SOAK_HOURS", "24")), 1, print)
+    assert soak.run(tmp_path, "127.0.14.50", float(os.environ.get("LIGHTPOSE_SOAK_HOURS", "24")), 1, print)

@@ -38,7 +38,7 @@ else:
     raise SystemExit("not ready")
 END
 kill $service $sim
-wait $service
+wait $service || [ $? = 143 ]  # ended by SIGTERM, in good order
 id -un
 """
 

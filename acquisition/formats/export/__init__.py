@@ -4,7 +4,7 @@ Pictures are for people and for normal-integration tools: normals as (n + 1)/2 i
 OpenGL green (+Y up) unless the name says DirectX. Each file carries its convention in its own metadata.
 """
 
-from acquisition.formats.export.atomic_write import atomic_folder, refuse_foreign
+from acquisition.formats.atomic_write import atomic_folder, refuse_foreign
 from acquisition.formats.export.catalogue import FILES, FOLDERS, Source, make
 from acquisition.formats.export.result_folder import ARCHIVE, lights_used, read, write, write_into, write_maps
 

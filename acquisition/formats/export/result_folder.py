@@ -13,8 +13,8 @@ import numpy as np
 import tifffile
 from pydantic import TypeAdapter
 
+from acquisition.formats.atomic_write import atomic_folder
 from acquisition.formats.export import map_files
-from acquisition.formats.export.atomic_write import atomic_folder
 from acquisition.models.base import BoolArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import FisherInformation, GoodnessOfFit, ModelFinding, NormalMap

@@ -1,7 +1,10 @@
 """The runner against the simulated cell: moved arm or object, rejected frames, faults, and recovery from them."""
 
+import os
+import signal
 import time
 from collections.abc import Generator
+from contextlib import suppress
 
 import pytest
 
@@ -108,6 +111,25 @@ def test_dark_frame_pauses_and_lost_frames_are_retaken(rig: Rig) -> None:
     assert any("no light" in reason for reason in reasons)
     assert any("lost on its way" in reason for reason in reasons)
     assert any("saturated" in reason for reason in reasons)
+
+
+def test_compute_killed_again_and_again_pauses_until_resumed(rig: Rig) -> None:
+    session_id = new(rig)
+    rig.runner.act(session_id, Trigger.START, "a")
+    deadline = time.monotonic() + 90
+    while rig.store.journal.session(session_id).state is not State.PAUSED:
+        assert time.monotonic() < deadline
+        process = rig.runner._compute._process
+        if process is not None and process.pid is not None:
+            with suppress(ProcessLookupError):
+                os.kill(process.pid, signal.SIGKILL)
+        time.sleep(0.005)
+    reason = reason_of(rig, session_id)
+    assert reason["code"] == "compute.lost"
+    assert "memory runs out" in reason["detail"]
+    assert "resume" in reason["remedy"]
+    rig.runner.act(session_id, Trigger.RESUME, "a")
+    assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
 
 
 def test_fault_interrupts_a_paused_session(rig: Rig) -> None:

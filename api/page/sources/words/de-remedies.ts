@@ -12,6 +12,7 @@ export const REMEDIES: Record<string, string> = {
   "safety.still_faulted": "Erst am Bediengerät beheben, dann quittieren.",
   "device.disconnected": "Kabel und Gerät prüfen, quittieren, fortsetzen.",
   "driver.lost": "Zelle besichtigen, quittieren, fortsetzen: das startet ihn neu.",
+  "compute.lost": "Meist fehlt Speicher: andere Programme beenden oder Speicher ergänzen, dann fortsetzen.",
   "lamp.not_confirmed": "Nummer des Ausgangs und Verdrahtung der Lampe prüfen, dann fortsetzen.",
   "camera.unreachable": "Strom, Kabel und den Abschnitt `camera` der Zellendatei prüfen.",
   "camera.timeout": "Kamera prüfen, dann fortsetzen.",

@@ -502,6 +502,7 @@ export const de: Record<keyof typeof en, string> = {
   "problem.safety.still_faulted": "Die Steuerung meldet noch einen Sicherheitshalt",
   "problem.device.disconnected": "Die Verbindung zu einem Gerät ist verloren",
   "problem.driver.lost": "Der Treiber des Arms antwortet nicht",
+  "problem.compute.lost": "Der rechnende Prozess wurde zweimal beendet",
   "problem.lamp.not_confirmed": "Die Lampe hat nicht geschaltet",
   "problem.camera.unreachable": "Die Kamera antwortet nicht",
   "problem.camera.timeout": "Die Kamera hat nicht rechtzeitig ein Bild gesandt",

@@ -511,6 +511,7 @@ export const en = {
   "problem.safety.still_faulted": "The controller still reports a safety stop",
   "problem.device.disconnected": "The connection to a device is lost",
   "problem.driver.lost": "The arm's driver does not answer",
+  "problem.compute.lost": "The process that computes was ended twice",
   "problem.lamp.not_confirmed": "The lamp did not switch",
   "problem.camera.unreachable": "The camera does not answer",
   "problem.camera.timeout": "The camera sent no image in time",

@@ -1,4 +1,7 @@
-"""Atomic writing of folders: written under a hidden name in the same parent folder, then renamed."""
+"""Atomic writing of folders: written under a hidden name in the same parent folder, then renamed.
+
+A process that is killed leaves the hidden folder behind. Whoever knows that nobody writes there any more discards it.
+"""
 
 import shutil
 import tempfile
@@ -18,6 +21,12 @@ def refuse_foreign(folder: Path, sign: str) -> None:
         raise RigError(
             ErrorCode.FOLDER_INVALID, f"{folder}: holds other files: name a new folder, or empty it", file=str(folder)
         )
+
+
+def discard_partial(folder: Path) -> None:
+    """Removes what killed processes have left of `atomic_folder(folder)`."""
+    for partial in folder.parent.glob(f".{folder.name}.*"):
+        shutil.rmtree(partial, ignore_errors=True)
 
 
 @contextmanager

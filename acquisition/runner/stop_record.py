@@ -1,0 +1,84 @@
+"""Journal of what has stopped the cell: a fault that the safety monitor latched, a person's stop, an acknowledgement.
+
+The devices are halted and the latch is closed before anything is written. A disk that is full delays the entries only:
+what the session has come to is written as soon as there is space, by the thread that runs sessions, and what has
+stopped it afterwards. A latch that is recorded closes again with the next service.
+"""
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import Protocol
+
+from acquisition.models.errors import ErrorCode, RigError, problem
+from acquisition.runner.safety_monitor import Latch, SafetyMonitor
+from acquisition.session import Actor, State, Trigger
+from acquisition.store import Store
+
+_log = logging.getLogger(__name__)
+
+
+class Fire(Protocol):
+    """`SessionLoop.trigger`: fires a trigger, and waits while the disk is full."""
+
+    def __call__(
+        self, session_id: str, trigger: Trigger, actor: str = ..., reason: dict[str, object] | None = ...
+    ) -> bool: ...
+
+
+class StopRecord:
+    """Writes stops of the cell; `fault` and `acknowledge` from any thread, the others from the runner's."""
+
+    def __init__(self, store: Store, monitor: SafetyMonitor, fire: Fire) -> None:
+        self._store, self._monitor, self._fire = store, monitor, fire
+        self._recording = threading.Lock()  # never held by a halt
+
+    def fault(self, latch: Latch) -> bool:
+        """Records and announces a fault at once; False where the disk is full."""
+        return _tried(lambda: self._store.journal.record_fault(latch.code, latch.detail))
+
+    def interrupt(self, latch: Latch, recorded: bool) -> None:
+        """Interrupts the session that holds the rig, then records the fault unless `fault` has."""
+        holder = self._store.journal.holder()
+        if holder is not None and holder.state is not State.INTERRUPTED:
+            self._fire(holder.id, Trigger.INTERRUPT, Actor.SERVICE, problem(latch.code, latch.detail))
+        if not recorded:
+            self._record(latch)
+
+    def halt(self, actor: str, latch: Latch) -> None:
+        """Records that `actor` has stopped the cell, and stops the session that holds the rig."""
+        holder = self._store.journal.holder()
+
+        def record() -> None:
+            self._store.journal.record_action(None if holder is None else holder.id, "halt", actor, "halted")
+            if latch.code is ErrorCode.SAFETY_SOFTWARE_STOP:
+                self._record(latch)
+
+        recorded = _tried(record)
+        if holder is not None:
+            self._fire(holder.id, Trigger.STOP, actor)
+            self._fire(holder.id, Trigger.AT_REST)
+        if not recorded:
+            record()
+
+    def acknowledge(self, actor: str) -> None:
+        """Opens the latch and records who did. Raises RigError safety.still_faulted, store.disk_full."""
+        with self._recording:
+            self._monitor.acknowledge(actor)
+            self._store.journal.acknowledge(actor)
+
+    def _record(self, latch: Latch) -> None:
+        """Records a latch that is still closed: one acknowledged meanwhile would come back with the next service."""
+        with self._recording:
+            if self._monitor.latch is latch and not self._store.journal.unacknowledged_faults():
+                self._store.journal.record_fault(latch.code, latch.detail)
+
+
+def _tried(entry: Callable[[], None]) -> bool:
+    """Whether an entry could be written; the disk may be full."""
+    try:
+        entry()
+    except RigError:
+        _log.exception("the cell is halted and the latch closed, but an entry failed")
+        return False
+    return True
