@@ -1,8 +1,10 @@
 """A cell in use for a day of simulated time: sessions, stops, pauses, faults and restarts at random, one after another.
 
-Simulated time is wall time times the arm's speed-up. After each turn the arm rests, and at the end of each service's
-life its memory, descriptors and threads are compared with those of its beginning; the disk holds what the journal names
-and nothing else; events, journal and motion are checked as after a fault schedule.
+Simulated time is wall time times the arm's speed-up: no turn waits for the next, and what is computed takes its real
+time. After each turn the arm rests and the service's memory and descriptors are measured; their growth over a service's
+life, once warm, is bounded. The second half of the day is one life, without a restart, for a leak shows in a long one
+only. The disk holds what the journal names and nothing else; events, journal and motion are checked as after a fault
+schedule.
 """
 
 import os
@@ -34,6 +36,8 @@ GROWTH_BYTES, GROWTH_DESCRIPTORS = 24 << 20, 8
 TURNS = {"nothing": 10, "stop": 3, "halt": 2, "pause": 3, "fault": 4, "kill": 1, "end": 1}
 """What happens in a session, and how often of 24."""
 
+RESTARTS = frozenset({"kill", "end"})
+
 SOAKED = sorted(set(FAULTS) - {"service killed", "service ended", "object nudged"})
 
 
@@ -44,11 +48,13 @@ class Life:
     pid: int
     rows: list[tuple[int, int]]  # bytes, descriptors
 
-    def measure(self) -> None:
-        """Takes its resident memory and open descriptors."""
+    def measure(self) -> dict[str, Any]:
+        """Takes its resident memory and open descriptors; returns them as part of the turn's line."""
         status = Path(f"/proc/{self.pid}/status").read_text(encoding="utf-8")
         resident = next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS:"))
         self.rows.append((resident * 1024, len(os.listdir(f"/proc/{self.pid}/fd"))))
+        size, descriptors = self.rows[-1]
+        return {"life": len(self.rows), "memory_MB": round(size / 1e6, 1), "descriptors": descriptors}
 
     def growth(self) -> tuple[float, float]:
         """Bytes and descriptors gained once warm, by fitted lines; 0 of too short a life."""
@@ -71,12 +77,14 @@ def run(folder: Path, address: str, hours: float, seed: int, note: Callable[[dic
             assert made.bench.service is not None
             if not lives or lives[-1].pid != made.bench.service.process.pid:
                 lives.append(Life(made.bench.service.process.pid, []))
-            (kind,) = chance.choices(list(TURNS), list(TURNS.values()))
+            kinds = [kind for kind in TURNS if kind not in RESTARTS or simulated_h < hours / 2]
+            (kind,) = chance.choices(kinds, [TURNS[kind] for kind in kinds])
             counts[kind] += 1
             line = turn(made, kind, chance)
+            if kind not in RESTARTS:
+                assert made.bench.service.process.pid == lives[-1].pid, "the service has ended by itself"
+                line |= lives[-1].measure()
             note({"turn": number, "hour": round(simulated_h, 2), "load": os.getloadavg()[0], **line})
-            if made.bench.service is not None and made.bench.service.process.poll() is None:
-                lives[-1].measure()
             number += 1
             if number % CHECK_EVERY == 0:
                 made.bench.serve()
@@ -90,7 +98,7 @@ def run(folder: Path, address: str, hours: float, seed: int, note: Callable[[dic
             {
                 "hours": round(simulated_h, 1),
                 "turns": counts,
-                "lives": len(lives),
+                "lives": [len(life.rows) for life in lives],
                 "growth_MB": [round(size / 1e6, 1) for size, _ in growths],
                 "growth_descriptors": [round(count, 1) for _, count in growths],
                 "data_MB": round(sum(p.stat().st_size for p in made.bench.data.rglob("*") if p.is_file()) / 1e6),
