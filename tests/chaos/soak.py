@@ -59,7 +59,7 @@ class Life:
     def growth(self) -> tuple[float, float]:
         """Bytes and descriptors gained once warm, by fitted lines; 0 of too short a life."""
         rows = np.array(self.rows[WARMING_UP:], dtype=float)
-        if len(rows) < 2 * WARMING_UP:
+        if len(rows) < WARMING_UP:
             return 0.0, 0.0
         slopes = np.polyfit(np.arange(len(rows)), rows, 1)[0]
         return float(slopes[0] * len(rows)), float(slopes[1] * len(rows))
