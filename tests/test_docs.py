@@ -187,7 +187,7 @@ def test_service_tests_page_names_tests_that_exist() -> None:
     """Each file and each function that the page of the audit's points names is there."""
     text = (DOCS / "reference" / "service-tests.md").read_text(encoding="utf-8")
     folder = ROOT / "tests" / "api" / "rest"
-    sources = "".join(path.read_text(encoding="utf-8") for path in folder.glob("test_*.py"))
+    sources = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("test_*.py"))
     for name in re.findall(r"`(test_\w+\.py)`", text):
         assert (folder / name).is_file(), name
     for name in re.findall(r"`(test_\w+)`", text):

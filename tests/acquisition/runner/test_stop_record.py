@@ -27,7 +27,7 @@ def announce_for_ever(store: Store, fill: str) -> None:
 @contextmanager
 def full(store: Store) -> Generator[None]:
     """The journal may not grow, as on a full disk; SQLite itself says so."""
-    connection: sqlite3.Connection = store.journal._connection
+    connection: sqlite3.Connection = store.journal._connection  # pyright: ignore[reportPrivateUsage]
     connection.execute("PRAGMA max_page_count = 1")  # as many as there are
     for size in (3000, 300, 30, 1):
         with pytest.raises(RigError, match=str(ErrorCode.STORE_DISK_FULL)):
