@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 from hardware_sim.controller import kinematics, poses
 from hardware_sim.controller.arm import Arm
+from hardware_sim.controller.poses import Vector
 from hardware_sim.controller.registers import Registers
 from hardware_sim.controller.script_values import STEP_TIME
 
@@ -21,6 +22,7 @@ _NAMES = """target_qdd target_current target_moment actual_current joint_control
 VARIABLES = frozenset(_NAMES.split())
 """What `Dynamics.publish` sets: computed only where somebody reads one of them."""
 GRAVITY = 9.82  # m/s²
+_FARTHEST = 10.0  # m, of a payload from the flange
 _TORQUE_PER_AMPERE = (9.94, 9.94, 9.94, 7.8, 7.8, 7.8)
 """N m/A: torques of this model over the currents of the UR5e that UR's client library recorded from URSim. Other arms
 have other motors; theirs are taken for the same.
@@ -62,13 +64,15 @@ class Dynamics:
     def publish(self, now: float, brakes_open: bool) -> None:
         """Sets the variables, where anything has changed since the last time; `now` is the controller's time in s."""
         arm = self._arm
-        payload = (arm.payload, *arm.payload_center)
+        # Whatever place a program states: the numbers stay those that a message holds.
+        x, y, z = (max(-_FARTHEST, min(_FARTHEST, c)) for c in arm.payload_center)
+        payload = (arm.payload, x, y, z)
         state = (arm.joints, self._speeds, arm.speeds, payload, brakes_open)
         if state == self._published:
             return
         self._published = state
         put = self._registers.set
-        moments, momentum = self._moments(payload[0])
+        moments, momentum = self._moments(arm.payload, (x, y, z))
         currents = [m / k if brakes_open else 0.0 for m, k in zip(moments, _TORQUE_PER_AMPERE, strict=True)]
         put("target_moment", *moments)
         for name in ("target_current", "actual_current", "joint_control_output"):
@@ -81,19 +85,18 @@ class Dynamics:
         put("elbow_velocity", *kinematics.velocity(arm.axes[:2], arm.speeds[:2], elbow)[:3])
         up = poses.rotate(poses.invert(arm.base_from_flange), (0.0, 0.0, GRAVITY))
         put("actual_tool_accelerometer", *up)
-        center = arm.payload_center
         weight = (-arm.payload * up[0], -arm.payload * up[1], -arm.payload * up[2])
-        put("ft_raw_wrench", *weight, *poses.cross((center[0], center[1], center[2]), weight))
+        put("ft_raw_wrench", *weight, *poses.cross((x, y, z), weight))
         self._speeds, self._since = arm.speeds, now
 
-    def _moments(self, payload: float) -> tuple[list[float], float]:
+    def _moments(self, payload: float, center: Vector) -> tuple[list[float], float]:
         """Torques in N m that hold all links against gravity, and the norm of the linear momentum in kg m/s."""
         arm = self._arm
         masses, along, offsets = self._bodies
         flange = arm.base_from_flange
         axes = [*arm.axes, ((flange[2], flange[6], flange[10]), poses.position(flange))]
         mass = payload
-        turned = poses.rotate(flange, arm.payload_center)
+        turned = poses.rotate(flange, center)
         sx, sy, sz = (payload * (t + p) for t, p in zip(turned, axes[6][1], strict=True))
         moments, px, py, pz = [0.0] * 6, 0.0, 0.0, 0.0
         for joint in range(5, -1, -1):

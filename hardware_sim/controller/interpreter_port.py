@@ -14,6 +14,7 @@ from hardware_sim.controller.syntax import ScriptSyntaxError, depth_change
 
 PORT = 30020
 _MOST_WAITING = 1000  # statements
+_LONGEST = 1 << 17  # characters of a statement and all functions before it
 _ABORT_DECELERATION = 6.0  # rad/s²
 
 
@@ -56,9 +57,10 @@ class InterpreterConnection(LineConnection):
 
     def _submit(self, statement: str) -> None:
         interpreter = self._controller.interpreter
+        text = interpreter.program(statement)
         if not self._controller.playing:
             self._reply("discard", "Program is not running", statement)
-        elif len(interpreter.waiting) >= _MOST_WAITING:
+        elif len(interpreter.waiting) >= _MOST_WAITING or len(text) > _LONGEST:
             self._reply("discard", "Too many interpreted messages", statement)
         else:
 
@@ -69,7 +71,7 @@ class InterpreterConnection(LineConnection):
                     self._reply("ack", str(interpreter.take(statement, compiled)), statement)
                 self.flush()
 
-            if not self._loader.compile(interpreter.program(statement), done, statement=True):
+            if not self._loader.compile(text, done, statement=True):
                 self._reply("discard", "Too many interpreted messages", statement)
 
     def _reply(self, kind: str, about: str, statement: str) -> None:

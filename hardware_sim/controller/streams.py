@@ -166,7 +166,7 @@ def message(said: RobotMessage, timestamp: float) -> bytes:
             named = re.search(r"\bline (\d{1,9})\b", said.text)
             head, source = struct.pack(">ii", int(named[1]) if named else -1, -1), _FROM_MACHINE
         case MessageType.PROGRAM_LABEL:
-            head = struct.pack(">i", said.number)
+            head = struct.pack(">i", said.number & 0x7FFFFFFF)
         case MessageType.POPUP:
             head = struct.pack(">IB3?B", said.number, 0, said.warning, said.error, said.blocking, len(title)) + title
         case MessageType.KEY:

@@ -132,6 +132,14 @@ def test_message_has_the_published_bytes(said: RobotMessage, recorded: str) -> N
     assert streams.message(said, 0.0).hex() == recorded
 
 
+def test_messages_extreme_values_still_fit() -> None:
+    made = controller()
+    made.arm.payload_center = [1e308, -1e308, 1e308]
+    Dynamics(made.arm, made.registers).publish(made.timestamp, brakes_open=True)
+    assert len(streams.robot_state(made)) == 1386
+    assert len(streams.message(RobotMessage(MessageType.PROGRAM_LABEL, "a", number=10**30), 0.0)) == 20
+
+
 def test_version_message_has_the_published_bytes() -> None:
     """Layout and source: `VERSION_MESSAGE` of UR's client library, with another version and date."""
     sent = streams.version_message((5, 11, 1, 108318), 0.0)
