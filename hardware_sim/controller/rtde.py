@@ -110,7 +110,7 @@ def _split(payload: bytes) -> list[str]:
 
 def text_frame(text: str, level: Level) -> bytes:
     """A text message; its length is a single byte, so the end of a long one is lost."""
-    message = text.encode()[:255]
+    message = text.encode()[:255].decode(errors="ignore").encode()  # no half character at the end
     payload = bytes([len(message)]) + message + bytes([len(_SOURCE)]) + _SOURCE + bytes([level])
     return _HEADER.pack(_HEADER.size + len(payload), Kind.TEXT) + payload
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from hardware_sim.controller.process import ControllerProcess
+from hardware_sim.controller.rtde import Level, text_frame
 from tests.hardware_sim.controller.cells import HOME, send_script, start, wait_until
 from tests.hardware_sim.controller.plain_client import PlainClient
 
@@ -298,3 +299,8 @@ def test_rtde_half_packet_and_time_jump_are_sent(controller: ControllerProcess, 
     with pytest.raises(EOFError):
         wait_until(lambda: client.sample()[0] < 0.0)
     assert 0 < len(client.unread) < 12
+
+
+def test_text_frame_long_text_ends_with_whole_character() -> None:
+    frame = text_frame("a" + "é" * 200, Level.EXCEPTION)
+    assert PlainClient.text(frame[3:]) == ("a" + "é" * 127, "Controller", 0)
