@@ -179,6 +179,11 @@ def run(
             Cell(options, folder or Path(temporary)) as cell,
         ):
             label = object_spec.as_spec(options.spec).label
+            sys.stderr.write(
+                "The arm has a table, a camera and an object round it: a program that moves where it likes"
+                " ends in a contact, which is a protective stop.\n"
+                f"Without: python -m hardware_sim.controller --address {options.address}\n"
+            )
             say(
                 f"ready cell={cell.cell_file} address={options.address} object={label}"
                 f" seed={options.seed} profile={options.profile}"

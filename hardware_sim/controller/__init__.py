@@ -2,10 +2,10 @@
 
     sockets · delay → rtde (registers · publication · dynamics) · dashboard · control_port     the protocols
     streams · scripts · interpreter_port (interpreter)                                         the same, 30001–30020
-    syntax · syntax_tree → compiler → program + …_functions (semantics · script_values) ← program_loader  URScript
+    syntax · syntax_tree → compiler → program + …_functions (semantics · script_values · script_links) ← program_loader
     kinematics · calibration · poses → profile · curves → moves · blend · process_path · steering · limits → arm
-    surroundings · contact → collisions · safety · watchdogs · outputs                         causes of stops
-    freedrive · hand_guiding                                                                   the arm moved by hand
+    surroundings · contact → collisions · safety · watchdogs · inputs · outputs                causes of stops
+    freedrive · hand_guiding · force                                                           pushed, and pushing
     robot · messages                                                                           what these see, and say
     controller                                                                                 one tick of 2 ms
     faults · disturbances · trace · program_store                                              on demand
@@ -42,8 +42,8 @@ The program
     a foreign one that is refused       nothing: what runs goes on; a text to RTDE clients          failures
     pose without solution               [] or False, and the program is dead                        failures
     function that is not simulated      False, and the program is dead; log and text name function
-                                        and line. What the library does not wait for (force mode,
-                                        servoC) says True, and must be asked for no more before an
+                                        and line. What the library does not wait for (servoC)
+                                        says True, and must be asked for no more before an
                                         upload helps: any call that says False takes it back        failures
     custom script, good                 True, the control script runs again                         conformance
     custom script, bad                  blocks (300 s): it waits for the script's reply             failing_links

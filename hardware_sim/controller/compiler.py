@@ -191,6 +191,10 @@ class _Writer:
         """A variable's name in Python, as the present function sees it."""
         return self._scope.get(name, "g_" if name in self._globals else "v_") + name
 
+    def _is_unbound(self, name: str) -> bool:
+        """Whether a name is no variable of the program, as the present function sees it."""
+        return name not in self._scope and name not in self._globals
+
     def _find_waiting(self) -> set[str]:
         """Names of the functions that may give up their time slot: by a loop, a wait, or a call of one that does."""
         waiting = {f.name for f in self._all if f.kind == "thread"} | {self._program.name} | self._recursive
@@ -308,6 +312,9 @@ class _Writer:
                 return f"{self._variable(name)} = {value}"
             case Member(_, container, name):
                 return f"put_member({self._expression(container)}, {name!r}, {value})"
+            case Index(_, Name(_, "digital_out" | "analog_out" as name), [index]) if self._is_unbound(name):
+                # Outputs as lists, the writing of early versions, which urx sends to this day.
+                return f"b_set_{name}({self._expression(index)}, {value})"
             case Index(_, container, [*outer, last]):
                 place = self._expression(container)
                 for index in outer:

@@ -68,18 +68,17 @@ class SocketFunctions(FunctionGroup):
     def _send(self, data: bytes, name: Any) -> Generator[None, None, bool]:
         for _ in range(_ticks(_PATIENCE)):
             link = self._robot.links.get(_text(name))
-            if link is None or link.ended:
-                yield
-                return False
             try:
-                data = data[link.stream.send(data) :]
+                data = data[0 if link is None else link.stream.send(data) :]
             except BlockingIOError:
                 pass
             except OSError:
-                link.ended = True
+                link = None
             if not data:
                 return True
             yield
+            if link is None:
+                break
         return False
 
     def socket_send_byte(self, value: Any, socket_name: Any = _NAME) -> Generator[None, None, bool]:

@@ -139,6 +139,8 @@ def test_socket_read_after_server_hung_up_fails_at_once(server: Server) -> None:
  end
  write_output_float_register(0, count)
  write_output_float_register(1, 1)
+ socket_send_line("the first one is taken by TCP")
+ sync()
  if socket_send_line("gone"):
   write_output_float_register(1, 2)
  end"""

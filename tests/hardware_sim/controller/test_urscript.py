@@ -386,3 +386,9 @@ def test_depth_change_ignores_comments_and_strings() -> None:
 def test_parse_nested_functions_returns_tree() -> None:
     program: Any = parse("def f():\n def g():\n  thread h():\n  end\n end\nend\n")
     assert program.functions[0].functions[0].name == "h"
+
+
+def test_outputs_as_lists_are_set(run: Run) -> None:
+    controller = run("digital_out[3]=True\n")
+    assert controller.outputs.levels == 1 << 3
+    assert run("def f():\n digital_out = [False, False]\n digital_out[1] = True\nend\n").outputs.levels == 0
