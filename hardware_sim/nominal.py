@@ -14,8 +14,11 @@ from acquisition.models.cell_config import CellConfig
 FULL_PIXELS = 1024
 
 
-def calibration(pixels: int) -> Calibration:
-    """The nominal calibration of a square image of `pixels` × `pixels` of the same field of view."""
+def calibration(pixels: int, over_m: tuple[float, float] = (0.55, 0.0)) -> Calibration:
+    """The nominal calibration of a square image of `pixels` × `pixels` of the same field of view.
+
+    The camera looks down from 0.9 m on the point `over_m` of the table, base frame.
+    """
     scale = pixels / FULL_PIXELS
     focal, centre = 4600.0 * scale, 512.0 * scale - 0.5  # the image's centre is the edge between two pixels
     identity = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
@@ -26,8 +29,8 @@ def calibration(pixels: int) -> Calibration:
             "camera_matrix": ((focal, 0.0, centre), (0.0, focal, centre), (0.0, 0.0, 1.0)),
             "distortion": (-0.08, 0.05, 0.0004, -0.0003, 0.0),
             "base_from_camera": (
-                (1.0, 0.0, 0.0, 0.55),
-                (0.0, -1.0, 0.0, 0.0),
+                (1.0, 0.0, 0.0, over_m[0]),
+                (0.0, -1.0, 0.0, over_m[1]),
                 (0.0, 0.0, -1.0, 0.9),
                 (0.0, 0.0, 0.0, 1.0),
             ),
@@ -58,15 +61,18 @@ def default_cell_file() -> Path:
 def write(folder: Path, address: str, pixels: int, cell_file: Path) -> CellConfig:
     """Writes `cell.toml` (of `cell_file`, at `address`) and `calibration.json` into a folder, and reads them back.
 
+    The camera is above the object, wherever the cell file puts that.
     Raises RigError config.invalid.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    cell_config.load(cell_file)
+    x, y, _ = cell_config.load(cell_file).object.keep_out.base_from_object.position_m
     text = cell_file.read_text(encoding="utf-8")
     text = re.sub(r"^address\s*=.*$", f"address = {json.dumps(address)}", text, flags=re.MULTILINE)
     text = re.sub(r"^calibration\s*=.*$", 'calibration = "calibration.json"', text, flags=re.MULTILINE)
     written = folder / "cell.toml"
     written.write_text(text, encoding="utf-8")
-    (folder / "calibration.json").write_text(calibration(pixels).model_dump_json(indent=2) + "\n", encoding="utf-8")
+    (folder / "calibration.json").write_text(
+        calibration(pixels, (x, y)).model_dump_json(indent=2) + "\n", encoding="utf-8"
+    )
     cell_config.load_calibration(folder / "calibration.json")
     return cell_config.load(written)

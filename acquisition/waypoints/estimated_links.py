@@ -28,7 +28,7 @@ from acquisition.waypoints.kinematics import ArmModel
 from acquisition.waypoints.link_meshes import LinkMesh, link_meshes
 
 SOURCE = "ur10e"
-MARGIN_M = 0.01
+MARGIN_M = 0.008
 """How far the capsules stand out of the stretched meshes: true sizes differ from these."""
 _EXACT_M = 0.001  # the fit of capsules to samples of a surface
 _SAMPLES = 20_000  # of a link's surface

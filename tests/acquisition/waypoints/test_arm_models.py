@@ -45,7 +45,7 @@ def test_estimated_ur20_capsules_hold_published_ones() -> None:
     for link, middle, axis, length, radius in PUBLISHED:
         half = (length / 2 - radius) * np.array(axis) * np.sign(directions @ np.array(axis))[:, None]
         points = np.array(middle) + half + radius * directions
-        assert (outside(points, "ur20", link) < 0.0).mean() > 0.98, link
+        assert outside(points, "ur20", link).max() < 0.01, link  # its caps reach past the joints' housings
 
 
 @pytest.mark.parametrize("name", sorted(STRETCHES))
