@@ -82,6 +82,7 @@ class SessionLoop:
 
     def run(self, session_id: str, token: StopToken) -> None:
         """Runs steps of one session until it ends, pauses or is interrupted."""
+        self.stages = {known: stage for known, stage in self.stages.items() if known == session_id}
         with bound_contextvars(session_id=session_id):  # log records made meanwhile name the session
             while self._run_step(session_id, token):
                 pass

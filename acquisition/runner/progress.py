@@ -64,7 +64,7 @@ class ProgressEstimator:
 
     def __init__(self, store: Store, cell: CellConfig) -> None:
         self._store, self._cell = store, cell
-        self._of_ended: dict[str, Durations] = {}
+        self._of_ended: dict[str, Durations] = {}  # the newest, no more
 
     def estimate(self, record: SessionRecord, stage: Stage) -> SessionProgress:
         """Progress of a session as its record has it, in the stage that it has reached."""
@@ -104,12 +104,16 @@ class ProgressEstimator:
         """Times in the newest completed sessions of this cell."""
         rows = self._store.journal.sessions(LOOKED_AT, wanted=SessionFilter(states=(State.COMPLETED,)))
         ids = [row.id for row in rows if row.fingerprint == self._cell.fingerprint and row.id != session_id]
+        kept = self._of_ended
+        newest = {
+            earlier: kept.get(earlier) or measured(self._store.journal.events(0, 10_000, earlier, _EVENTS))
+            for earlier in ids[:EARLIER_SESSIONS]
+        }
+        self._of_ended = newest
         result: Durations = {}
-        for earlier in ids[:EARLIER_SESSIONS]:
-            if earlier not in self._of_ended:
-                self._of_ended[earlier] = measured(self._store.journal.events(0, 10_000, earlier, _EVENTS))
-            for work, durations in self._of_ended[earlier].items():
-                result.setdefault(work, []).extend(durations)
+        for durations in newest.values():
+            for work, times in durations.items():
+                result.setdefault(work, []).extend(times)
         return result
 
 

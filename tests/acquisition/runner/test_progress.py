@@ -12,7 +12,7 @@ from acquisition.models.light_plan import Light, LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route, Waypoint
 from acquisition.models.shot import FrameQuality, FrameRef, Shot, ShotKey
-from acquisition.runner.progress import ASSUMED_S, ProgressEstimator, measured, work_left
+from acquisition.runner.progress import ASSUMED_S, EARLIER_SESSIONS, ProgressEstimator, measured, work_left
 from acquisition.session import PassRecord, SessionRecord, Stage, State, Trigger
 from acquisition.store import Event, Store
 from hardware_sim import nominal
@@ -135,6 +135,18 @@ def test_estimate_prefers_own_times_to_earlier_to_assumed(store: Store) -> None:
     assert parts["waypoints"].seconds == ASSUMED_S["waypoints"]
     assert parts["images"].seconds > parts["images"].count * 2.0  # longer than the moves alone
     assert left.seconds <= sum(part.seconds for part in left.parts)
+
+
+def test_estimate_keeps_times_of_the_newest_sessions_only(store: Store) -> None:
+    estimator, left = ProgressEstimator(store, CELL), None
+    for length in range(1, EARLIER_SESSIONS + 4):
+        earlier = made(store, {"plan": 10.0 * length})
+        store.journal.trigger(earlier, Trigger.FINISH, "runner")
+        left = estimator.estimate(record(session_id="own"), Stage.PILOT).time_left
+        assert len(estimator._of_ended) == min(length, EARLIER_SESSIONS)
+    assert left is not None
+    plan_s = {part.work: part.seconds / part.count for part in left.parts}["plan"]
+    assert plan_s == pytest.approx(60.0)  # the median of 40, 50, 60, 70, 80
 
 
 def test_estimate_without_rig_is_unknown(store: Store) -> None:
