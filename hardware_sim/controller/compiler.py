@@ -172,28 +172,20 @@ class _Writer:
         Lexical: `local` and parameters belong to the function, `global` to the program; any other assignment changes
         the variable that is visible there, and makes one of the function's own where none is.
         """
-        assigned = [
-            (n.target.name, n.qualifier)
-            for n in self._bodies[f.name]
-            if isinstance(n, Assign) and isinstance(n.target, Name)
-        ]
+        assignments = [node for node in self._bodies[f.name] if isinstance(node, Assign)]
+        assigned = [(n.target.name, n.qualifier) for n in assignments if isinstance(n.target, Name)]
         names = {name for name, _ in assigned}
         own = {*f.parameters, *(name for name, qualifier in assigned if qualifier == "local")}
         own |= names - around.keys() - self._globals
-        declared = {name for name, qualifier in assigned if qualifier == "global"}
-        visible = {**around, **dict.fromkeys(declared, "g_"), **dict.fromkeys(own, "v_")}
+        visible = {**around, **{name: "g_" for name, qualifier in assigned if qualifier == "global"}}
+        visible |= dict.fromkeys(own, "v_")
         self._outer[f.name] = [visible.get(name, "g_") + name for name in sorted(names - own)]
         self._prefixes[f.name] = visible
         for inner in f.functions:
             self._bind(inner, visible)
 
     def _variable(self, name: str) -> str:
-        """A variable's name in Python, as the present function sees it."""
         return self._scope.get(name, "g_" if name in self._globals else "v_") + name
-
-    def _is_unbound(self, name: str) -> bool:
-        """Whether a name is no variable of the program, as the present function sees it."""
-        return name not in self._scope and name not in self._globals
 
     def _find_waiting(self) -> set[str]:
         """Names of the functions that may give up their time slot: by a loop, a wait, or a call of one that does."""
@@ -257,8 +249,8 @@ class _Writer:
         self._lines.append(line)
 
     def _function(self, f: Function, indent: int) -> None:
-        parameters = ", ".join(f"v_{p}" if default is None else f"v_{p}=..." for p, default in f.parameters.items())
-        self._emit(indent, f.line, f"def f_{f.name}({parameters}):")
+        parameters = [f"v_{p}" if default is None else f"v_{p}=..." for p, default in f.parameters.items()]
+        self._emit(indent, f.line, f"def f_{f.name}({', '.join(parameters)}):")
         scope, self._scope = self._scope, self._prefixes[f.name]
         for keyword, prefix in (("global", "g_"), ("nonlocal", "v_")):
             if outer := [name for name in self._outer[f.name] if name.startswith(prefix)]:
@@ -312,9 +304,9 @@ class _Writer:
                 return f"{self._variable(name)} = {value}"
             case Member(_, container, name):
                 return f"put_member({self._expression(container)}, {name!r}, {value})"
-            case Index(_, Name(_, "digital_out" | "analog_out" as name), [index]) if self._is_unbound(name):
-                # Outputs as lists, the writing of early versions, which urx sends to this day.
-                return f"b_set_{name}({self._expression(index)}, {value})"
+            # Outputs as lists, the writing of early versions, which urx sends to this day.
+            case Index(_, Name(_, "digital_out" | "analog_out" as n), [i]) if n not in {*self._scope, *self._globals}:
+                return f"b_set_{n}({self._expression(i)}, {value})"
             case Index(_, container, [*outer, last]):
                 place = self._expression(container)
                 for index in outer:
