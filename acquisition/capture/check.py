@@ -31,6 +31,8 @@ MIN_SHARPNESS_RATIO = 0.35
 """A frame whose sharpness is below this fraction of the earlier frames' median is blurred."""
 FINE_NOISE_GAIN, COARSE_NOISE_GAIN = 0.761, 0.0358
 """Variance gain for white noise of the detail bands of one and of two pixels (differences of Gaussians, σ 1 and 2)."""
+LOW_QUANTILE, OF_NORMAL_SQUARED = 0.1, 0.0158
+"""A quantile, low because it sees the pixels that show noise and no detail, and that of a squared normal variable."""
 MIN_LEVEL_OVER_NOISE = 6.0
 """Level, in multiples of the read noise above black, below which the lamp counts as off or out of view."""
 
@@ -113,13 +115,21 @@ def sharpness(pixels: npt.NDArray[np.uint16], region: BoolArray, sensor: SensorM
     """Ratio of the variances of detail of one and of two pixels' size (difference of Gaussians), less sensor noise.
 
     Blur takes the finest detail away first, whatever the light: for simulated frames of an object under all its lights
-    it lies within a factor of 2.6, and a blur of 1.5 pixels divides it by five. None where there is no detail.
+    it lies within a factor of 3.7 (a sphere; 2.6 otherwise), and a blur of 1.5 pixels divides it by four or five. None
+    where there is no detail.
+
+    The noise to be subtracted is the sensor model's, but at most what the pixels without detail show: where a frame has
+    less noise than its model says (a simulated sensor without any), the difference would be taken from the detail, and
+    a smooth object under a light without edges would seem blurred.
     """
     signal = pixels.astype(np.float64) - sensor.black_level_dn
     noise = np.maximum(signal, 0) / sensor.gain_e_per_dn + (sensor.read_noise_e / sensor.gain_e_per_dn) ** 2
     once, twice = (cv2.GaussianBlur(signal, (0, 0), width) for width in (1.0, 2.0))
-    level = float(np.mean(noise[region]))
-    fine = float(np.mean((signal - once)[region] ** 2)) - FINE_NOISE_GAIN * level
+    finest = (signal - once)[region] ** 2
+    squares = finest / np.maximum(noise[region], 1e-9)
+    shown = float(np.quantile(squares, LOW_QUANTILE)) / (OF_NORMAL_SQUARED * FINE_NOISE_GAIN)
+    level = min(shown, 1.0) * float(np.mean(noise[region]))
+    fine = float(np.mean(finest)) - FINE_NOISE_GAIN * level
     coarse = float(np.mean((once - twice)[region] ** 2)) - COARSE_NOISE_GAIN * level
     return None if coarse <= 0 or fine <= 0 else round(fine / coarse, 4)
 

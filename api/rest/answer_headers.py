@@ -1,4 +1,4 @@
-"""HTTP's habits around every route: HEAD, OPTIONS, the Allow header, headers against misuse by browsers, preflights.
+"""HTTP's habits around every route: HEAD, OPTIONS, Allow, ranges, headers against misuse by browsers, preflights.
 
 Routes state what GET answers; that HEAD answers the same without a body, and what else an address allows, follows from
 them. An answer that says nothing else may be used by no page but the service's own, loads and runs nothing when it is
@@ -133,6 +133,37 @@ class AllowedMethods:
             if any(route.matches({**scope, "method": method})[0] is Match.FULL for route in self._routes)
         ]
         return ", ".join([*found, *(["HEAD"] if "GET" in found else []), "OPTIONS"]) if found else ""
+
+
+class RefusedRanges:
+    """ASGI middleware that answers a `Range` that cannot be served by a problem object, as other errors."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """One request."""
+        wanted = Headers(scope=scope).get("range", "") if scope["type"] == "http" else ""
+        if not wanted:
+            await self._app(scope, receive, send)
+            return
+        refused = False
+
+        async def send_problem(message: Message) -> None:
+            nonlocal refused
+            if message["type"] == "http.response.start" and message["status"] in (400, 416):
+                headers = Headers(raw=message["headers"])
+                refused = not headers.get("content-type", "").startswith(problems.MEDIA_TYPE)
+                if refused:
+                    size = headers.get("content-range")
+                    detail = f"The file cannot be sent by Range {wanted[:100]!r}"
+                    answer = problems.with_status(message["status"], ErrorCode.REQUEST_INVALID, detail, scope["path"])
+                    answer.headers.update({} if size is None else {"Content-Range": size})
+                    await answer(scope, receive, send)
+            if not refused:
+                await send(message)
+
+        await self._app(scope, receive, send_problem)
 
 
 class Preflights(CORSMiddleware):

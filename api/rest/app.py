@@ -35,10 +35,20 @@ from api.rest import (
     sessions,
     tickets,
 )
-from api.rest.answer_headers import EXPOSED, AllowedMethods, AnswerHeaders, HeadAsGet, Preflights, security_headers
+from api.rest.answer_headers import (
+    EXPOSED,
+    AllowedMethods,
+    AnswerHeaders,
+    HeadAsGet,
+    Preflights,
+    RefusedRanges,
+    security_headers,
+)
 from api.rest.authentication import Authentication
 from api.rest.camera_preview import CameraPreview
+from api.rest.compression import Compressed
 from api.rest.conditional import ConditionalGet
+from api.rest.drawings import Drawings
 from api.rest.events import EventFeed
 from api.rest.joint_readings import JointReadings
 from api.rest.keys import KeyRing
@@ -74,14 +84,16 @@ def create_app(service: Service, settings: Settings, keys: KeyRing) -> FastAPI:
     app.state.service = service
     app.state.feed = EventFeed(service.store.journal, JointReadings(service.rig.arm))
     app.state.camera_preview = CameraPreview(service)
-    app.state.scene = CellScene(service)
+    app.state.scene, app.state.drawings = CellScene(service), Drawings()
     app.state.keys = keys
     app.state.capacity, app.state.proxies = capacity.present(), TrustedProxies(settings.trusted_proxies)
     app.state.security_headers = security_headers(foreign_pages=bool(settings.allowed_origins))
     app.state.streams = OpenStreams(keys, app.state.capacity)
+    app.add_middleware(RefusedRanges)
+    app.add_middleware(ConditionalGet)
+    app.add_middleware(Compressed)
     app.add_middleware(HeadAsGet)
     app.add_middleware(AllowedMethods, routes=app.routes)
-    app.add_middleware(ConditionalGet)
     app.state.pages, app.state.authentication = KnownPages(settings), Authentication(keys)
     app.add_middleware(
         RequestChecks,

@@ -1,14 +1,23 @@
-"""Conditional GET (RFC 9110, If-None-Match) for every answer with an ETag, in one place.
+"""Conditional GET (RFC 9110, If-None-Match) for every answer with an ETag, in one place; text without one gets its own.
 
 A route states the ETag of what it sends; whether the caller has that already is no concern of the route. Where making
-the answer is what costs, the route may ask `is_current` before it does.
+the answer is what costs, the route asks `is_current` before it does. A resource is made for each request and has no
+hash at hand, so its ETag is that of its text: the answer is made all the same, and not sent again.
 """
+
+import hashlib
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 KEPT = frozenset({"etag", "cache-control", "vary", "expires", "content-location", "date"})
 """Headers of an answer that a 304 repeats (RFC 9110, 15.4.5)."""
+
+_HASHED = ("application/json", "text/plain", "text/html")
+LARGEST_HASHED_BYTES = 4_000_000
+"""Size above which a text gets no ETag by itself, bytes: hashing it takes 5 ms of the event loop."""
+
+_REVALIDATED = "private, no-cache"
 
 
 class ConditionalGet:
@@ -19,25 +28,53 @@ class ConditionalGet:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """One request."""
-        wanted = Headers(scope=scope).get("if-none-match", "") if scope["type"] == "http" else ""
-        if not wanted or scope["method"] not in ("GET", "HEAD"):
+        if scope["type"] != "http" or scope["method"] not in ("GET", "HEAD"):
             await self._app(scope, receive, send)
             return
-        replaced = False
+        answer = _Answer(Headers(scope=scope).get("if-none-match", ""), send)
+        await self._app(scope, receive, answer.send)
 
-        async def send_changed(message: Message) -> None:
-            nonlocal replaced
-            if message["type"] == "http.response.start" and message["status"] == 200:
-                headers = MutableHeaders(raw=message["headers"])
-                if is_current(wanted, headers.get("etag", "")):
-                    replaced = True
-                    kept = [pair for pair in headers.raw if _is_kept(pair[0])]
-                    await send({"type": "http.response.start", "status": 304, "headers": kept})
-                    await send({"type": "http.response.body", "body": b""})
-            if not replaced:
-                await send(message)
 
-        await self._app(scope, receive, send_changed)
+class _Answer:
+    """One answer on its way: held until its ETag is known, and left out where the caller has it."""
+
+    def __init__(self, wanted: str, send: Send) -> None:
+        self._wanted, self._send = wanted, send
+        self._held: Message | None = None
+        self._body = bytearray()
+        self._left_out = False
+
+    async def send(self, message: Message) -> None:
+        """Sends a message of the answer on, later, or not at all."""
+        if self._left_out:
+            return
+        if message["type"] == "http.response.start":
+            headers = MutableHeaders(raw=message["headers"])
+            if message["status"] == 200 and "etag" not in headers and _may_be_hashed(headers):
+                self._held = message
+            else:
+                await self._begin(message)
+        elif self._held is None:
+            await self._send(message)
+        else:
+            self._body += message.get("body", b"")
+            if not message.get("more_body", False):
+                headers = MutableHeaders(raw=self._held["headers"])
+                headers["ETag"] = f'W/"{hashlib.sha256(self._body).hexdigest()[:32]}"'
+                headers.setdefault("Cache-Control", _REVALIDATED)
+                await self._begin(self._held)
+                if not self._left_out:
+                    await self._send({"type": "http.response.body", "body": bytes(self._body)})
+
+    async def _begin(self, start: Message) -> None:
+        headers = MutableHeaders(raw=start["headers"])
+        if start["status"] != 200 or not self._wanted or not is_current(self._wanted, headers.get("etag", "")):
+            await self._send(start)
+            return
+        self._left_out = True
+        kept = [pair for pair in headers.raw if _is_kept(pair[0])]
+        await self._send({"type": "http.response.start", "status": 304, "headers": kept})
+        await self._send({"type": "http.response.body", "body": b""})
 
 
 def is_current(if_none_match: str, etag: str) -> bool:
@@ -45,6 +82,16 @@ def is_current(if_none_match: str, etag: str) -> bool:
     if not etag:
         return False
     return if_none_match.strip() == "*" or _opaque(etag) in map(_opaque, if_none_match.split(","))
+
+
+def _may_be_hashed(headers: Headers) -> bool:
+    length = headers.get("content-length", "")
+    return (
+        headers.get("content-type", "").startswith(_HASHED)
+        and length.isdigit()
+        and int(length) <= LARGEST_HASHED_BYTES
+        and "no-store" not in headers.get("cache-control", "")
+    )
 
 
 def _opaque(tag: str) -> str:

@@ -1,10 +1,11 @@
-"""Dependencies that FastAPI injects into routes (service, caller, actor), and the types of path parameters."""
+"""Dependencies that FastAPI injects into routes (service, caller, actor), and the types of parameters."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import Depends, Request
 from fastapi import Path as InPath
 from fastapi.routing import APIRoute
+from pydantic import AwareDatetime, BeforeValidator
 
 from acquisition.models.errors import ErrorCode, RigError
 from api.rest.keys import Caller
@@ -46,6 +47,16 @@ CallerOf = Annotated[Caller, Depends(_caller)]
 
 IDEMPOTENCY_KEY = "Any text of the caller's; the same one again is the same request, and makes nothing twice"
 """Description of the header Idempotency-Key."""
+
+
+def _refuse_number(value: Any) -> Any:
+    if isinstance(value, str) and value.replace(".", "").replace("-", "").isdigit():
+        raise ValueError("Give a time as ISO 8601 with its zone, such as 2026-11-23T12:00:00Z")
+    return value
+
+
+Time = Annotated[AwareDatetime, BeforeValidator(_refuse_number)]
+"""A time with its zone; a number is none, although pydantic would take it for seconds since 1970."""
 
 SessionId = Annotated[str, InPath(max_length=80, description="Identifier of the session, its `id`")]
 Number = Annotated[int, InPath(ge=0, le=10_000, description="Number within the session or the pass, from 0")]

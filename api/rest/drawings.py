@@ -1,10 +1,18 @@
-"""Routes of rendered drawings: the reach of the arm, and a route, as a still or a 3-D page; rendered on request."""
+"""Routes of rendered drawings: the reach of the arm, and a route, as a still or a 3-D page; rendered on request.
 
+A drawing takes seconds and depends on stored values alone. Their hash is its ETag, so that a caller who has the drawing
+is told so before anything is rendered; the newest drawings are kept for the others.
+"""
+
+import hashlib
+import threading
+from collections import OrderedDict
 from functools import partial
+from importlib.metadata import version
 from typing import Annotated, Literal
 
 import anyio.to_thread
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
 from fastapi import Path as InPath
 from fastapi.responses import Response
 
@@ -13,6 +21,7 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.route import Route
 from api.rest import problems, stored_files
+from api.rest.conditional import is_current
 from api.rest.dependencies import Number, ServiceOf, SessionId
 from api.rest.wiring import Service
 
@@ -26,13 +35,43 @@ _BUSY = problems.responses_of(
 )
 
 
-@router.get("/v1/rig/reach.{form}", tags=["rig"], response_class=Response, responses={**_PICTURE, **_BUSY})
-async def reach_picture(service: ServiceOf, form: Format) -> Response:
+KEPT_DRAWINGS = 4
+"""Drawings that are kept, the newest ones; a 3-D page has 5 MB."""
+
+
+class Drawings:
+    """Renders drawings, and keeps the newest ones by their ETag."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[str, bytes] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def of(self, etag: str, draw: partial[bytes]) -> bytes:
+        """The drawing of an ETag, rendered by `draw` unless it is kept."""
+        with self._lock:
+            if etag in self._kept:
+                self._kept.move_to_end(etag)
+                return self._kept[etag]
+        content = draw()
+        with self._lock:
+            self._kept[etag] = content
+            while len(self._kept) > KEPT_DRAWINGS:
+                self._kept.popitem(last=False)
+        return content
+
+
+@router.get(
+    "/v1/rig/reach.{form}",
+    tags=["rig"],
+    response_class=Response,
+    responses={**_PICTURE, **stored_files.NOT_MODIFIED, **_BUSY},
+)
+async def reach_picture(service: ServiceOf, request: Request, form: Format) -> Response:
     """The reach of the arm: the dome seen from the camera, or cell and dome in 3-D, with the reason of each refusal."""
     runner = service.runner
-    await anyio.to_thread.run_sync(runner.reach, limiter=service.limits.reach)
+    reach = await anyio.to_thread.run_sync(runner.reach, limiter=service.limits.reach)
     draw = partial(runner.render, "draw_reach", service.cell, service.calibration, runner.reach_file, form)
-    return await _rendered(service, draw, form)
+    return await _rendered(service, request, draw, form, reach, service.cell, service.calibration)
 
 
 @router.get(
@@ -41,16 +80,20 @@ async def reach_picture(service: ServiceOf, form: Format) -> Response:
     response_class=Response,
     responses={
         **_PICTURE,
+        **stored_files.NOT_MODIFIED,
         **_BUSY,
         **problems.responses_of(ErrorCode.SESSION_NOT_FOUND, ErrorCode.REQUEST_NOT_FOUND, ErrorCode.STORE_CORRUPT),
     },
 )
-async def route_picture(service: ServiceOf, session_id: SessionId, number: Number, form: Format) -> Response:
+async def route_picture(
+    service: ServiceOf, request: Request, session_id: SessionId, number: Number, form: Format
+) -> Response:
     """The cell, a pass's lights in the order of travel, and the lamp's path through them and home."""
     route, cell, calibration = await anyio.to_thread.run_sync(
         _stored_route, service, session_id, number, limiter=service.limits.pictures
     )
-    return await _rendered(service, partial(service.runner.render, "draw_route", route, cell, calibration, form), form)
+    draw = partial(service.runner.render, "draw_route", route, cell, calibration, form)
+    return await _rendered(service, request, draw, form, route.model_dump_json(), cell, calibration)
 
 
 def _stored_route(service: Service, session_id: str, number: int) -> tuple[Route, CellConfig, Calibration]:
@@ -67,6 +110,20 @@ def _stored_route(service: Service, session_id: str, number: int) -> tuple[Route
     )
 
 
-async def _rendered(service: Service, draw: partial[bytes], form: str) -> Response:
-    content = await anyio.to_thread.run_sync(draw, limiter=service.limits.pictures)
-    return Response(content, media_type=_TYPES[form])
+async def _rendered(
+    service: Service,
+    request: Request,
+    draw: partial[bytes],
+    form: str,
+    drawn: str,
+    cell: CellConfig,
+    calibration: Calibration,
+) -> Response:
+    """Responds with a drawing of these values; without it where the caller has it."""
+    parts = (version("lightpose"), form, drawn, cell.model_dump_json(), calibration.model_dump_json())
+    headers = stored_files.revalidated(hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32])
+    if is_current(request.headers.get("if-none-match", ""), headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    drawings: Drawings = request.app.state.drawings
+    content = await anyio.to_thread.run_sync(drawings.of, headers["ETag"], draw, limiter=service.limits.pictures)
+    return Response(content, media_type=_TYPES[form], headers=headers)

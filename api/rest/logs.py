@@ -11,12 +11,16 @@ import sys
 import threading
 import time
 from collections.abc import MutableMapping
+from logging.handlers import RotatingFileHandler
+from pathlib import Path
 from typing import Any, Literal
 
 import structlog
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from structlog.contextvars import bound_contextvars, merge_contextvars
 from structlog.typing import Processor
+
+from acquisition.models.errors import ErrorCode, RigError
 
 LogFormat = Literal["text", "json"]
 
@@ -60,8 +64,18 @@ class RateLimit(logging.Filter):
             return True
 
 
-def configure(log_format: LogFormat) -> None:
-    """Configures this process to log to its standard error in a format, from INFO upwards."""
+FILE_BYTES = 10_000_000
+"""Size at which a log file is put aside and another begun, bytes."""
+
+OLD_FILES = 5
+"""Log files that are kept besides the present one: the log takes 60 MB at most."""
+
+
+def configure(log_format: LogFormat, file: Path | None = None) -> None:
+    """Configures this process to log in a format, from INFO upwards: to its standard error, or to a file that rotates.
+
+    Raises RigError config.invalid when the file cannot be written.
+    """
     common: list[Processor] = [
         merge_contextvars,
         structlog.stdlib.add_log_level,
@@ -75,7 +89,7 @@ def configure(log_format: LogFormat) -> None:
         if log_format == "json"
         else [structlog.dev.ConsoleRenderer(colors=False, pad_event_to=0)]
     )
-    handler = logging.StreamHandler(sys.stderr)
+    handler = logging.StreamHandler(sys.stderr) if file is None else _rotating(file)
     handler.addFilter(RateLimit())
     handler.setFormatter(
         structlog.stdlib.ProcessorFormatter(
@@ -84,6 +98,13 @@ def configure(log_format: LogFormat) -> None:
     )
     logging.basicConfig(level=logging.INFO, handlers=[handler], force=True)
     logging.captureWarnings(True)
+
+
+def _rotating(file: Path) -> logging.Handler:
+    try:
+        return RotatingFileHandler(file, maxBytes=FILE_BYTES, backupCount=OLD_FILES, encoding="utf-8")
+    except OSError as error:
+        raise RigError(ErrorCode.CONFIG_INVALID, f"The log file {file} cannot be written: {error.strerror}") from error
 
 
 def _without_colours(_logger: object, _method: str, event: MutableMapping[str, Any]) -> MutableMapping[str, Any]:

@@ -11,10 +11,11 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from api.rest import openapi_examples
+from api.rest import openapi_examples, openapi_links
 from api.rest.authentication import PUBLIC_PATHS, needed_role
 from api.rest.joint_readings import JointReadingResource
 from api.rest.schemas import EventResource, Problem
+from api.rest.stored_files import NOT_MODIFIED
 
 DESCRIPTION = (
     "Photometric stereo with planned lights: a robot arm carries a lamp round an object while a fixed camera captures "
@@ -33,6 +34,15 @@ TAGS = {
 }
 
 SERVERS = [{"url": "/", "description": "The service that this description comes from; by default 127.0.0.1:8000"}]
+
+_HEADERS = {
+    "ETag": ("string", "Names this content; sent back in `If-None-Match` it is answered 304 while it is still valid"),
+    "Location": ("string", "Address of what was made or is being made"),
+    "Retry-After": ("integer", "Time after which the request may be sent again, s"),
+}
+_WITH_LOCATION = frozenset({"create", "enqueue", "resolve"})
+_ENDLESS = ("text/event-stream", "multipart/")
+_NEVER_KEPT = frozenset({"preview_picture", "preview_figures_of", "preview_clipping", "archive"})
 
 _SCHEMAS_OUTSIDE_ROUTES = {
     "Problem": Problem,
@@ -83,7 +93,11 @@ def _made(app: FastAPI) -> dict[str, Any]:
             operation["security"] = []
         else:
             operation["x-role"] = str(needed_role(method.upper(), path))
+        if method == "get":
+            _add_conditional(operation)
         _describe(operation, components)
+        _add_headers(operation)
+    openapi_links.add_to(schema)
     return schema
 
 
@@ -92,6 +106,32 @@ def operations(schema: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, Any
     for path, methods in schema["paths"].items():
         for method, operation in methods.items():
             yield method, path, operation
+
+
+def _add_conditional(operation: dict[str, Any]) -> None:
+    """Adds the answer 304 and the header ETag where the answer is no stream and may be kept."""
+    good = operation["responses"]["200"]
+    endless = any(media_type.startswith(_ENDLESS) for media_type in good.get("content", {}))
+    if endless or operation["operationId"] in _NEVER_KEPT:
+        return
+    good.setdefault("headers", {})["ETag"] = _header("ETag")
+    operation["responses"].setdefault("304", NOT_MODIFIED[304])
+
+
+def _add_headers(operation: dict[str, Any]) -> None:
+    for status, answer in operation["responses"].items():
+        headers = answer.setdefault("headers", {})
+        if status in ("429", "503"):
+            headers["Retry-After"] = {**_header("Retry-After"), "required": True}
+        if status in ("200", "201", "202") and operation["operationId"] in _WITH_LOCATION:
+            headers["Location"] = _header("Location")
+        if not headers:
+            del answer["headers"]
+
+
+def _header(name: str) -> dict[str, Any]:
+    kind, text = _HEADERS[name]
+    return {"description": text, "schema": {"type": kind}}
 
 
 def _describe(operation: dict[str, Any], components: dict[str, Any]) -> None:

@@ -24,6 +24,10 @@ MEDIA_TYPE = "application/problem+json"
 MAX_INSTANCE_LENGTH = 300
 """Characters of the requested address that a problem repeats."""
 
+RETRY_AFTER_S = 5
+"""Time after which a request may be sent again that found a device absent, s: until then it has been tried again."""
+
+_PASSES = frozenset({HTTPStatus.TOO_MANY_REQUESTS, HTTPStatus.SERVICE_UNAVAILABLE})
 _log = logging.getLogger(__name__)
 _CODE_OF_STATUS = {
     404: ErrorCode.REQUEST_NOT_FOUND,
@@ -40,15 +44,28 @@ def response(
     instance: str | None = None,
     headers: Mapping[str, str] | None = None,
 ) -> JSONResponse:
-    """Builds the HTTP response of a problem: its status, its media type, the problem object as the body."""
+    """Builds the HTTP response of a problem: its status, its media type, the problem object as the body.
+
+    Every 429 and 503 says when to try again (Retry-After): what the context has as `retry_after_s`, else
+    `RETRY_AFTER_S`.
+    """
     problem = Problem.of(code, detail, context, instance and instance[:MAX_INSTANCE_LENGTH])
-    retry = {"Retry-After": str(context["retry_after_s"])} if context and "retry_after_s" in context else {}
+    retry = {}
+    if problem.status in _PASSES:
+        retry = {"Retry-After": str((context or {}).get("retry_after_s", RETRY_AFTER_S))}
     return JSONResponse(
         problem.model_dump(mode="json"),
         status_code=problem.status,
         media_type=MEDIA_TYPE,
         headers={**retry, **(headers or {})},
     )
+
+
+def with_status(status: int, code: ErrorCode, detail: str, instance: str | None = None) -> JSONResponse:
+    """Builds the HTTP response of a problem for which HTTP has a status of its own, besides that of the code."""
+    problem = Problem.of(code, detail, None, instance and instance[:MAX_INSTANCE_LENGTH])
+    body = problem.model_copy(update={"status": status}).model_dump(mode="json")
+    return JSONResponse(body, status_code=status, media_type=MEDIA_TYPE)
 
 
 def _declaration(description: str) -> dict[str, Any]:

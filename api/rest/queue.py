@@ -11,14 +11,14 @@ from typing import Annotated, Any, Literal
 import anyio.to_thread
 from fastapi import APIRouter, Header, Response
 from fastapi import Path as InPath
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.store.queue_table import EntryState, QueueEntry, QueueState
 from api.rest import problems
 from api.rest.dependencies import Actor, ServiceOf
-from api.rest.schemas import Links, Problem, Resource, as_datetime
+from api.rest.schemas import Links, Problem, RequestBody, Resource, as_datetime
 from api.rest.wiring import Service
 
 router = APIRouter(tags=["queue"])
@@ -27,10 +27,8 @@ EntryId = Annotated[int, InPath(ge=1, le=2**62, description="The entry's number"
 _PATH = "/v1/queue"
 
 
-class QueueEntryRequest(BaseModel):
+class QueueEntryRequest(RequestBody):
     """One session to be queued."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     object_name: str = Field(
         min_length=1, max_length=200, description="What the session is of; two entries of one name are of one object"
@@ -45,18 +43,14 @@ class QueueEntryRequest(BaseModel):
     )
 
 
-class QueueOrder(BaseModel):
+class QueueOrder(RequestBody):
     """A new order of the waiting entries."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     entries: list[int] = Field(max_length=1000, description="Numbers of all waiting entries, the next one first")
 
 
-class QueueActionRequest(BaseModel):
+class QueueActionRequest(RequestBody):
     """What a person asks of the queue."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     action: Literal["resume", "pause"] = Field(
         description="`resume`: the next entry's object is in place and the cell is clear, sessions may begin; `pause`: "

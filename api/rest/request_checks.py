@@ -26,6 +26,9 @@ BODY_TIMEOUT_S = 10.0
 RETRY_AFTER_S = 1
 """Time after which a request may be sent again that was one too many, s."""
 
+METHODS_WITH_BODY = frozenset({"POST", "PUT", "PATCH", "DELETE"})
+"""Methods whose body means something."""
+
 STREAM_PATHS = frozenset({"/v1/events", "/v1/rig/preview.mjpeg"})
 """Addresses of streams, which are counted by themselves (`open_streams`)."""
 
@@ -105,7 +108,7 @@ class RequestChecks:
             except TimeoutError as error:
                 detail = f"The body was not complete within {BODY_TIMEOUT_S:g} s"
                 raise RigError(ErrorCode.REQUEST_TIMEOUT, detail) from error
-            if body:
+            if body and scope["method"] in METHODS_WITH_BODY:  # others: the answer is that of the address, or 405
                 _refuse_malformed(scope, headers, body)
         except RigError as error:
             answer = problems.response(error.code, error.detail, error.context, scope["path"])
@@ -135,7 +138,7 @@ async def _read_body(headers: Headers, receive: Receive) -> bytes:
 
 def _refuse_malformed(scope: Scope, headers: Headers, body: bytes) -> None:
     media_type = headers.get("content-type", "").partition(";")[0].strip().lower()
-    if media_type == "image/png" and scope["method"] == "PUT" and scope["path"].endswith(".png"):
+    if media_type == "image/png" and scope["path"].endswith(".png"):
         return  # an image for an address that holds one: its route validates it
     if media_type != "application/json":
         raise RigError(ErrorCode.REQUEST_MEDIA_TYPE, f"The body is {media_type[:80] or 'of no stated type'}")

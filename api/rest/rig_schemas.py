@@ -3,12 +3,12 @@
 from datetime import datetime
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from acquisition.devices import DriverPriority
 from acquisition.models.base import Joints, Matrix4
 from acquisition.models.errors import ErrorCode
-from api.rest.schemas import Links, Resource
+from api.rest.schemas import Links, RequestBody, Resource
 
 
 class Reason(Resource):
@@ -102,10 +102,8 @@ class Health(Resource):
     status: Literal["ok"] = Field(default="ok", description="`ok`; anything else is a problem object")
 
 
-class RecoveryRequest(BaseModel):
+class RecoveryRequest(RequestBody):
     """One step of recovery from a stop."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     step: Literal["unlock", "power", "brakes"] = Field(
         description="`unlock` a protective stop, then `power` on, then release the `brakes`; "

@@ -31,6 +31,15 @@ class Resource(BaseModel):
     model_config = ConfigDict(frozen=True)
 
 
+class RequestBody(BaseModel):
+    """Base of all bodies that only this API has; others are values of `acquisition.models`.
+
+    Strict as those: 0 is no boolean and "4" no number, so that what was meant otherwise is refused and never guessed.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
 class Page(Resource, Generic[ItemT]):
     """One page of a list, and the address of the next."""
 
@@ -97,10 +106,8 @@ class Accepted(Resource):
 # ------------------------------------------------------------------------------------------------------------ sessions
 
 
-class ActionRequest(BaseModel):
+class ActionRequest(RequestBody):
     """An action requested of a session."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     action: SessionAction = Field(
         description="`start` moves the arm; `pause` rests after the present step; `resume` goes on; `stop` halts "
@@ -113,10 +120,8 @@ class ActionRequest(BaseModel):
     )
 
 
-class OwnLights(BaseModel):
+class OwnLights(RequestBody):
     """A person's own lights, which replace those of a plan."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     lights: list[Vector3] = Field(
         min_length=1,
@@ -184,10 +189,8 @@ class ResultResource(Resource):
     links: Links
 
 
-class ResolveRequest(BaseModel):
+class ResolveRequest(RequestBody):
     """Settings and images of a re-solve."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     settings: SolveSettings = Field(default=SolveSettings(), description="How normals are solved")
     last_pass: int | None = Field(
@@ -202,10 +205,10 @@ class ResolveAccepted(Resource):
     links: Links
 
 
-class SessionEdit(BaseModel):
+class SessionEdit(RequestBody):
     """What a person changes about a session; a field that is left out stays as it is."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", json_schema_extra={"minProperties": 1})
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1})
 
     label: str | None = Field(default=None, max_length=200, description="New label; empty: none")
     notes: str | None = Field(default=None, max_length=10_000, description="New notes; empty: none")

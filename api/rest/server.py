@@ -190,7 +190,7 @@ def serve(settings: Settings, on_ready: Callable[[str], None] = announce) -> Non
 
     Raises RigError as `create` does, and config.invalid when the port cannot be bound.
     """
-    logs.configure(settings.log)
+    logs.configure(settings.log, settings.log_file)
     process_priority.set_niceness(process_priority.SERVICE)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     _log.info("this process may open %d descriptors", capacity.raise_descriptor_limit())

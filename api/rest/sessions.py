@@ -13,7 +13,6 @@ from urllib.parse import urlencode
 
 import anyio.to_thread
 from fastapi import APIRouter, Body, Depends, Header, Query, Request, Response
-from pydantic import AwareDatetime
 
 from acquisition import session
 from acquisition.models.errors import ErrorCode, RigError
@@ -23,7 +22,16 @@ from acquisition.models.route import Route
 from acquisition.session import State, Trigger
 from acquisition.store import Action, SessionFilter, SessionRow
 from api.rest import images, problems, results, stored_files
-from api.rest.dependencies import IDEMPOTENCY_KEY, Actor, CallerOf, Number, ServiceOf, SessionId, refuse_unknown_query
+from api.rest.dependencies import (
+    IDEMPOTENCY_KEY,
+    Actor,
+    CallerOf,
+    Number,
+    ServiceOf,
+    SessionId,
+    Time,
+    refuse_unknown_query,
+)
 from api.rest.keys import Caller, Role
 from api.rest.paging import Limit, Offset, page
 from api.rest.schemas import (
@@ -94,8 +102,8 @@ def sessions(
     label: Annotated[
         str, Query(max_length=200, description="Only sessions whose label contains this, case ignored")
     ] = "",
-    since: Annotated[AwareDatetime | None, Query(description="Only sessions created at or after this time")] = None,
-    until: Annotated[AwareDatetime | None, Query(description="Only sessions created before this time")] = None,
+    since: Annotated[Time | None, Query(description="Only sessions created at or after this time")] = None,
+    until: Annotated[Time | None, Query(description="Only sessions created before this time")] = None,
     limit: Limit = 20,
     after: Annotated[
         int | None, Query(ge=1, le=2**62, description="Number of the last session of the page before")

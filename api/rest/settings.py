@@ -28,6 +28,7 @@ class Settings(BaseSettings):
     host: str = Field("127.0.0.1", min_length=1)
     port: int = Field(8000, ge=0, le=65535, description="0: any free port")
     log: LogFormat = Field("text", description="`json`: one object a line")
+    log_file: Path | None = Field(None, description="File of the log, which rotates; none: standard error")
     allowed_hosts: Names = Field((), description="Further names accepted in the Host header, comma-separated")
     allowed_origins: Names = Field((), description="Web pages that may call, as scheme://host:port, comma-separated")
 

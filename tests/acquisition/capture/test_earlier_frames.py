@@ -114,3 +114,17 @@ def test_sharpness_blurred_frame_is_rejected_under_any_light() -> None:
     assert not blurred.usable
     assert blurred.retake_s == 0.05
     assert "blurred" in blurred.quality.reason
+
+
+def test_sharpness_frame_without_noise_is_that_of_noisy_ones() -> None:
+    """A simulated sensor may have less noise than its model says, which must not be taken from the detail."""
+    soft = cv2.GaussianBlur(LIT, (0, 0), 1.5)
+    level = 0.8 * SENSOR.full_scale_dn / np.percentile(soft[REGION], 99.5) * soft
+    clean = np.round(SENSOR.black_level_dn + level).astype(np.uint16)
+
+    noisy = [check.sharpness(frame(soft, seed), REGION, SENSOR) for seed in range(5)]
+    without = check.sharpness(clean, REGION, SENSOR)
+
+    assert without is not None
+    assert all(sharp is not None for sharp in noisy)
+    assert without == pytest.approx(np.mean([sharp for sharp in noisy if sharp is not None]), rel=0.15)

@@ -113,7 +113,7 @@ def test_result_files_match_manifest(live: Any, done: tuple[Any, list[Any]]) -> 
             hashlib.sha256(answer.content).hexdigest() == artefact.sha256 == manifest["files"][artefact.name]["sha256"]
         )
         assert len(answer.content) == artefact.bytes
-        assert answer.headers["etag"] == f'"{artefact.sha256}"'
+        assert answer.headers["etag"].removeprefix("W/") == f'"{artefact.sha256}"'  # weak where it is compressed
     assert live.http.get(f"{session.answer.links['self']}/normals.png").headers["content-type"] == "image/png"
 
 

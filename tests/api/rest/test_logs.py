@@ -7,6 +7,7 @@ import subprocess
 import threading
 import time
 import warnings
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 from structlog.contextvars import bound_contextvars
 
+from acquisition.models.errors import RigError
 from api.rest import logs, settings, standard_error
 
 JSON_KEYS = {"event", "level", "logger", "timestamp"}
@@ -160,3 +162,23 @@ def test_standard_error_flood_holds_up_nobody(capfd: pytest.CaptureFixture[str])
     *logged, last = capfd.readouterr().err.splitlines()
     assert last == "as before"
     assert 0 < len(entries("\n".join(logged))) < 2000
+
+
+def test_logs_file_rotates_and_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(logs, "FILE_BYTES", 1_000)
+    monkeypatch.setattr(logs, "OLD_FILES", 2)
+    logs.configure("json", tmp_path / "lightpose.log")
+
+    for number in range(100):
+        logging.getLogger("some.module").info("entry %d", number)
+
+    written = sorted(file.name for file in tmp_path.iterdir())
+    assert written == ["lightpose.log", "lightpose.log.1", "lightpose.log.2"]
+    assert all((tmp_path / name).stat().st_size <= 1_000 for name in written)
+    newest = entries((tmp_path / "lightpose.log").read_text(encoding="utf-8"))
+    assert newest[-1]["event"] == "entry 99"
+
+
+def test_logs_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RigError, match="no-folder"):
+        logs.configure("text", tmp_path / "no-folder" / "lightpose.log")

@@ -98,6 +98,46 @@ def test_openapi_deprecated_fields_are_those_of_the_policy() -> None:
     assert not [path for path, ways in description()["paths"].items() for way in ways.values() if way.get("deprecated")]
 
 
+def links_of(operation_id: str, status: str) -> dict[str, dict[str, object]]:
+    """The links of an operation's answer."""
+    for ways in description()["paths"].values():
+        for route in ways.values():
+            if route["operationId"] == operation_id:
+                return route["responses"][status].get("links", {})
+    raise KeyError(operation_id)
+
+
+def test_openapi_links_lead_to_operations_by_their_own_parameters() -> None:
+    operations = {route["operationId"]: route for ways in description()["paths"].values() for route in ways.values()}
+    checked = 0
+    for route in operations.values():
+        for answer in route["responses"].values():
+            for name, link in answer.get("links", {}).items():
+                target = operations[link["operationId"]]
+                known = {f"{item['in']}.{item['name']}" for item in target.get("parameters", [])}
+                needed = {f"path.{item['name']}" for item in target.get("parameters", []) if item["in"] == "path"}
+                given = set(link.get("parameters", {}))
+                assert given <= known, name
+                assert link["description"], name
+                assert bool(given & needed) or not needed or link["operationId"] in ("image", "thumbnail", "artefact")
+                checked += 1
+    assert checked > 80
+    of_session = links_of("create", "201")
+    assert {"read", "start", "passes", "results", "events", "archive", "delete"} <= set(of_session)
+    assert of_session["start"]["requestBody"] == {"action": "start"}
+
+
+def test_openapi_states_headers_that_answers_have() -> None:
+    for path, methods in description()["paths"].items():
+        for method, route in methods.items():
+            for status in {"429", "503"} & set(route["responses"]):
+                assert route["responses"][status]["headers"]["Retry-After"]["required"], (method, path)
+    sessions = description()["paths"]["/v1/sessions"]
+    assert "Location" in sessions["post"]["responses"]["201"]["headers"]
+    assert "ETag" in sessions["get"]["responses"]["200"]["headers"]
+    assert "304" in sessions["get"]["responses"]
+
+
 def test_openapi_references_resolve() -> None:
     schema = description()
     names = set(schema["components"]["schemas"])

@@ -1,0 +1,74 @@
+"""Hooks that schemathesis loads: requests lead somewhere half of the time, and every answer is noted.
+
+Loaded by `SCHEMATHESIS_HOOKS`. `CONTRACT_KNOWN` is a JSON object of path parameters that exist; `CONTRACT_ANSWERS` the
+file for one JSON object per answer, or per request without one.
+"""
+
+import json
+import os
+import threading
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import schemathesis
+from schemathesis.generation.meta import TestPhase
+
+KNOWN: dict[str, Any] = json.loads(os.environ["CONTRACT_KNOWN"])
+ANSWERS = Path(os.environ["CONTRACT_ANSWERS"])
+
+_turn = count()
+_writing = threading.Lock()
+
+
+def _note(**facts: Any) -> None:
+    with _writing, ANSWERS.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(facts) + "\n")
+
+
+def _phase(case: Any) -> str:
+    meta = case.meta
+    return "stateful" if meta is None else TestPhase(meta.phase.name).value
+
+
+@schemathesis.hook
+def map_path_parameters(context: Any, path_parameters: dict[str, Any] | None) -> dict[str, Any] | None:
+    """Half of what is sent as described names things that exist; none of those is deleted."""
+    if path_parameters is None or next(_turn) % 2 or context.operation.method.upper() == "DELETE":
+        return path_parameters
+    return {name: KNOWN.get(name, value) for name, value in path_parameters.items()}
+
+
+@schemathesis.hook
+def before_call(context: Any, case: Any, kwargs: dict[str, Any]) -> None:
+    """Events are read until now, else they would be listened to for ever; what is known to exist is not deleted."""
+    del context, kwargs
+    if case.method.upper() == "DELETE" and (case.path_parameters or {}).get("session_id") == KNOWN["session_id"]:
+        case.path_parameters["session_id"] = "kept"
+    if case.operation.path == "/v1/events" and case.method.upper() == "GET":
+        case.query = {**(case.query or {}), "follow": "false"}
+
+
+@schemathesis.hook
+def after_call(context: Any, case: Any, response: Any) -> None:
+    """Notes an answer."""
+    del context
+    code = None
+    if response.status_code >= 400 and response.headers.get("content-type", [""])[0].startswith("application/problem"):
+        code = json.loads(response.content)["code"]
+    _note(
+        phase=_phase(case),
+        method=case.method.upper(),
+        path=case.operation.path,
+        status=response.status_code,
+        code=code,
+        seconds=response.elapsed,
+        retry_after=response.headers.get("retry-after", [None])[0],
+    )
+
+
+@schemathesis.hook
+def after_network_error(context: Any, case: Any, request: Any) -> None:
+    """Notes a request without an answer: a hang, or a connection that was cut."""
+    del context, request
+    _note(phase=_phase(case), method=case.method.upper(), path=case.operation.path, status=None)

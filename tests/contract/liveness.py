@@ -1,0 +1,48 @@
+"""Asks `/health/live` again and again from a process of its own: `python -m tests.contract.liveness URL`.
+
+Ends when its standard input does, and prints as one JSON object how many answers there were and how late: every request
+over a connection of its own, as a supervisor sends it, so that the listener is measured too.
+"""
+
+import json
+import sys
+import threading
+import time
+from http.client import HTTPConnection
+from urllib.parse import urlsplit
+
+PERIOD_S = 0.05
+WITHIN_S = 60.0
+
+
+def main(url: str) -> dict[str, float]:
+    """Measures until standard input ends."""
+    ended = threading.Event()
+    threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
+    target = urlsplit(url)
+    took: list[float] = []
+    bad = 0
+    print("measuring", flush=True)
+    while not ended.wait(PERIOD_S):
+        begun = time.perf_counter()
+        connection = HTTPConnection(str(target.hostname), target.port, timeout=WITHIN_S)
+        try:
+            connection.request("GET", "/health/live")
+            bad += connection.getresponse().status != 200
+        except OSError:
+            bad += 1
+        finally:
+            connection.close()
+        took.append(time.perf_counter() - begun)
+    took.sort()
+    return {
+        "count": len(took),
+        "bad": bad,
+        "p50_ms": 1e3 * took[len(took) // 2],
+        "p99_ms": 1e3 * took[min(int(0.99 * len(took)), len(took) - 1)],
+        "max_ms": 1e3 * took[-1],
+    }
+
+
+if __name__ == "__main__":
+    print(json.dumps(main(sys.argv[1])))
