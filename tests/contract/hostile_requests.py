@@ -20,7 +20,7 @@ from typing import Any
 COUNT = 500
 AT_ONCE = 16
 WITHIN_S = 180.0
-"""How long an answer is waited for, s: a request that does not arrive is cut after 10, a valid dry run waits its turn."""
+"""How long an answer is waited for, s: what does not arrive is cut after 10, a valid dry run waits for its turn."""
 
 TEXTS = (
     '"\\u0000"', '"\\ud800"', '"\\udfff\\ud800"', '"' + "a" * 200_000 + '"', '"\\u202e\\u2066"', '"../../rig.db"',
