@@ -2,8 +2,10 @@
 
 A request is `{"exposure_s": 0.05, "attempt": 0}`; the answer's line holds width, height, dtype (always `<u2`),
 exposure_s, attempt and taken_at (seconds since 1970, UTC, the middle of the exposure), and width · height · 2 bytes
-follow, row 0 first. `{"info": true}` is answered by a line alone. A bad request is answered `{"error": sentence}` and
-the connection stays open; a line that is too long closes it. Connections are served in turn, request by request.
+follow, row 0 first. `{"info": true}` is answered by a line alone; so is `{"place": "mirror-sphere"}`, by
+`{"placed": label}`, for which somebody puts another object or target into the cell. A bad request is answered
+`{"error": sentence}` and the connection stays open; a line that is too long closes it. Connections are served in turn,
+request by request.
 """
 
 import json
@@ -19,7 +21,7 @@ import numpy.typing as npt
 
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import SimCameraConfig
-from acquisition.models.errors import RigError
+from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import shutter
 from hardware_sim.shutter import ExposureInterval, StateSource
 
@@ -29,15 +31,25 @@ MOST_ATTEMPTS = 1000
 TakeFrame = Callable[[list[ExposureInterval], float, int], npt.NDArray[np.uint16]]
 """Exposure intervals, exposure in s and attempt → frame (H, W)."""
 
+Place = Callable[[str], str]
+"""Name of an object or target → what it is called; raises RigError for one that there is not."""
+
+
+def no_placing(name: str) -> str:
+    """Refuses `name`: whoever serves this camera has nothing to put before it."""
+    raise RigError(ErrorCode.REQUEST_INVALID, f"nothing can be put into this cell, not even {name!r}")
+
 
 class CameraServer:
     """Serves a camera whose frames come from `take_frame` and whose arm and lamp states come from `source`."""
 
     def __init__(
-        self, camera: SimCameraConfig, calibration: Calibration, take_frame: TakeFrame, source: StateSource
-    ) -> None:
+        self, camera: SimCameraConfig, calibration: Calibration, take_frame: TakeFrame, source: StateSource,
+        place: Place = no_placing,
+    ) -> None:  # fmt: skip
         self._camera, self._calibration = camera, calibration
         self._take_frame, self._source = take_frame, source
+        self._place = place
         self._turn = threading.Lock()
         outer = self
 
@@ -82,6 +94,8 @@ class CameraServer:
                     "min_exposure_s": self._camera.min_exposure_s,
                     "max_exposure_s": self._camera.max_exposure_s,
                 }, None
+            if set(request) == {"place"}:
+                return self._placed(request["place"]), None
             exposure_s, attempt = self._exposure(request)
         except ValueError as error:
             return {"error": str(error)}, None
@@ -94,6 +108,16 @@ class CameraServer:
             except RigError as error:
                 return {"error": error.detail}, None
         return {**size, "exposure_s": exposure_s, "attempt": attempt, "taken_at": taken_at}, frame
+
+    def _placed(self, name: Any) -> dict[str, Any]:
+        """Answer to a request to put something else into the cell, between two frames."""
+        if not isinstance(name, str):
+            raise ValueError("place must be the name of an object or target")
+        with self._turn:
+            try:
+                return {"placed": self._place(name)}
+            except RigError as error:
+                return {"error": error.detail}
 
     def _exposure(self, request: dict[str, Any]) -> tuple[float, int]:
         """Exposure time and attempt of a request. Raises ValueError saying what is wrong."""

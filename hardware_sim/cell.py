@@ -1,7 +1,8 @@
 """Start and end of a simulated cell: controller and world as two child processes, and the files that describe them.
 
 Both children end when their standard input does, so that neither outlives the process that started the cell. The folder
-receives `cell.toml`, `calibration.json` (nominal values) and `truth.npz` (for `grade` alone).
+receives `cell.toml`, `calibration.json` (nominal values), and for graders alone `truth.npz` (of the object) and
+`calibration_truth.json` (of camera, lamp and arm, and of a calibration target).
 """
 
 import json
@@ -18,8 +19,9 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, get_args
 
+from acquisition.models.cell_config import SimCameraConfig
 from acquisition.models.errors import ErrorCode, RigError
-from hardware_sim import nominal, object_spec, real_time_controller
+from hardware_sim import nominal, object_spec, placing, real_time_controller
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.options import ControllerOptions
 from hardware_sim.controller.process import ControllerProcess
@@ -41,7 +43,8 @@ class CellOptions:
     of motion time against wall time.
     `pixels`: edge of the camera's square image. `cell_file`: the cell to stand in for; None is the simulated one.
     `calibration_seed`: an arm that differs from its nominal kinematics; None is the nominal arm. `record`: a file for
-    every tick. `programs`: a folder of programs that the dashboard can load.
+    every tick. `programs`: a folder of programs that the dashboard can load. `perturbed`: the calibration's values are
+    wrong as those of a cell that was never calibrated (`true_cell.perturbed`); the seed says how.
     """
 
     address: str
@@ -54,6 +57,7 @@ class CellOptions:
     calibration_seed: int | None = None
     record: Path | None = None
     programs: Path | None = None
+    perturbed: bool = False
 
 
 class Cell:
@@ -98,6 +102,7 @@ class Cell:
             log_level="INFO",  # why a program ended is the first question about a stopped move
         )
         world = [str(self.folder), self._spec.as_json(), str(options.seed), options.profile]
+        world += ["perturbed"] * options.perturbed
         try:
             self._world = subprocess.Popen(  # noqa: S603 - our own module, arguments checked
                 [sys.executable, "-m", "hardware_sim.world_process", *world],
@@ -128,6 +133,11 @@ class Cell:
             if self._control is None:
                 self._control = ControlClient(self.address)
             return self._control.state()
+
+    def place(self, name: str) -> str:
+        """Puts another object or target into the running cell, and returns its label: see `placing.place`."""
+        assert isinstance(self.config.camera, SimCameraConfig)  # noqa: S101 - the world has refused any other
+        return placing.place(self.config.camera.address, self.config.camera.port, name)
 
     @property
     def alive(self) -> bool:

@@ -26,11 +26,15 @@ class DisturbedWorld:
     """Captures frames of a world under the present `disturbances`."""
 
     def __init__(self, cell: CellConfig, make: Callable[[CellConfig], World], seed: int) -> None:
-        """`make` builds the world of a cell; it is built anew when the object was nudged."""
+        """`make` builds the world of a cell; it is built anew when the object was nudged, or another is placed."""
         self._cell, self._make, self._seed = cell, make, seed
         self.world = make(cell)
         self._nudge: tuple[float, ...] = (0.0,) * 4
         self._dropped = self._saturated = self._exposures = 0
+
+    def place(self, make: Callable[[CellConfig], World]) -> None:
+        """Puts what another `make` builds into the cell, where it belongs: nudges so far were the last object's."""
+        self.world, self._make = make(self._cell), make
 
     def frame(
         self, intervals: Sequence[ExposureInterval], exposure_s: float, attempt: int, disturbances: Disturbances

@@ -1,4 +1,4 @@
-"""Which object stands in the simulated cell: a built-in one, a mesh file or a random family, and what it reflects.
+"""Which object stands in the simulated cell: a built-in one, a mesh file, a random family or a calibration target.
 
 The command line, the cell and the world's process all hand on this one description; each that needs the object builds
 it, which gives the same object for the same seed. Everything that can be refused is refused by `check` in the
@@ -17,13 +17,14 @@ from acquisition.models import cell_config
 from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.cell_config import KeepOut
 from acquisition.models.errors import ErrorCode, RigError
-from hardware_sim import families, mesh_file, objects
+from hardware_sim import families, mesh_file, objects, targets
 from hardware_sim.families import RandomObject
 from hardware_sim.objects import SceneObject
 from hardware_sim.reflectance import Reflectance
 from hardware_sim.sheets import Mesh
+from hardware_sim.targets import Target
 
-Source = Literal["built-in", "mesh", "family"]
+Source = Literal["built-in", "mesh", "family", "target"]
 
 DEFAULT_NAME = "vase"
 """The built-in object that stands in the cell when none is chosen."""
@@ -31,7 +32,7 @@ DEFAULT_NAME = "vase"
 
 @dataclass(frozen=True)
 class ObjectSpec:
-    """An object by where it comes from: the name of a built-in one, a mesh file's path or a family's name.
+    """An object by where it comes from: the name of a built-in one, a mesh file's path, a family's or a target's name.
 
     `size_mm` is the largest extent of a mesh, None for that of its file; `reflectance` (as `Reflectance.parse` reads
     it) replaces the object's own.
@@ -45,7 +46,8 @@ class ObjectSpec:
     @property
     def label(self) -> str:
         """A short name for people: without a mesh's folder."""
-        plain = {"built-in": self.name, "mesh": Path(self.name).name, "family": f"family {self.name}"}[self.source]
+        names = {"mesh": Path(self.name).name, "family": f"family {self.name}"}
+        plain = names.get(self.source, self.name)
         return plain if self.reflectance is None else f"{plain} ({self.reflectance})"
 
     def as_json(self) -> str:
@@ -54,7 +56,7 @@ class ObjectSpec:
 
     def arguments(self) -> list[str]:
         """The options of a command that `choose` makes this description of."""
-        option = {"built-in": "--object", "mesh": "--mesh", "family": "--family"}[self.source]
+        option = {"mesh": "--mesh", "family": "--family"}.get(self.source, "--object")
         size = [] if self.size_mm is None else ["--size-mm", repr(self.size_mm)]
         reflectance = [] if self.reflectance is None else ["--reflectance", self.reflectance]
         return [option, self.name, *size, *reflectance]
@@ -84,20 +86,41 @@ def choose(
         return ObjectSpec(str(mesh.resolve()), "mesh", size_mm, reflectance)
     if family is not None:
         return ObjectSpec(family, "family", None, reflectance)
-    return ObjectSpec(object_name or DEFAULT_NAME, reflectance=reflectance)
+    return replace(as_spec(object_name or DEFAULT_NAME), reflectance=reflectance)
 
 
 def as_spec(spec: ObjectSpec | str) -> ObjectSpec:
-    """A description; of a text, that of the built-in object of this name."""
-    return ObjectSpec(spec) if isinstance(spec, str) else spec
+    """A description; of a text, that of the built-in object or calibration target of this name."""
+    if not isinstance(spec, str):
+        return spec
+    return ObjectSpec(spec, "target" if targets.is_name(spec) else "built-in")
+
+
+def target(spec: ObjectSpec, seed: int) -> Target | None:
+    """The calibration target that is described; None for an object. Raises RigError request.invalid."""
+    if spec.source != "target":
+        return None
+    if spec.reflectance is not None:
+        raise RigError(
+            ErrorCode.REQUEST_INVALID, f"the target {spec.name!r} reflects as it does: leave --reflectance out"
+        )
+    return targets.build(targets.parse(spec.name), seed)
 
 
 def build(spec: ObjectSpec, seed: int, keep_out: KeepOut) -> SceneObject:
     """Makes the object so that it fits the keep-out. A family's that is larger is scaled down; others are refused.
 
+    Of a target on the flange nothing stands on the table: its mesh is empty.
+
     Raises RigError request.invalid that names what cannot be made and what can, config.invalid with both sizes and what
     to do where the object stands out of the keep-out.
     """
+    made_target = target(spec, seed)
+    if made_target is not None:
+        on_table = made_target.spec.mount == "table" and made_target.spec.kind != "empty"
+        scene = made_target.posed(np.eye(4)) if on_table else targets.nothing()
+        _check_fits(spec, scene, keep_out)
+        return scene
     reflectance = None if spec.reflectance is None else _reflectance(spec.reflectance)
     if spec.source == "mesh":
         path = Path(spec.name)
@@ -139,6 +162,8 @@ def _share_that_fits(scene: SceneObject, keep_out: KeepOut) -> float:
 
 
 def _check_fits(spec: ObjectSpec, scene: SceneObject, keep_out: KeepOut) -> None:
+    if not len(scene.mesh.triangles):
+        return
     share = _share_that_fits(scene, keep_out)
     if share >= 1:
         return

@@ -13,7 +13,7 @@ Light is counted relative to the calibration's reference: 1 is what a white Lamb
 faces the lamp on its axis at the reference distance.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numba
@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from acquisition import geometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
+from hardware_sim.lamp_lobe import LampLobe
 from hardware_sim.objects import LAMBERT, SceneObject
 from hardware_sim.tracing import START_M, Tracer
 
@@ -55,21 +56,40 @@ class Lens:
 
 @dataclass(frozen=True)
 class Lamp:
-    """Near point light with a cosᵘ lobe: position (3,) m, axis (3,), object frame; power 1 gives 1 at `reference_m`."""
+    """Near point light: position (3,) m, axis (3,), object frame; power 1 gives 1 at `reference_m` on the axis.
+
+    Towards a unit direction d it sends ahead^`lobe_exponent` · profile(ahead) · (1 + tilt · d), ahead the cosine to the
+    axis, `profile` (K,) sampled at cosines equally spaced from 0 to 1, `tilt` (3,) across the axis.
+    """
 
     position: FloatArray
     axis: FloatArray
     power: float
     reference_m: float
     lobe_exponent: float
+    profile: Float32Array = field(default_factory=lambda: np.ones(2, np.float32))
+    tilt: FloatArray = field(default_factory=lambda: np.zeros(3))
+
+    @staticmethod
+    def posed(object_from_lamp: FloatArray, power: float, reference_m: float, lobe: LampLobe) -> "Lamp":
+        """A lamp at a pose (4, 4) whose lobe is turned with it."""
+        turn = object_from_lamp[:3, :3]
+        tilt = turn[:, :2] @ np.array(lobe.tilt)
+        return Lamp(object_from_lamp[:3, 3], turn[:, 2], power, reference_m, lobe.exponent, lobe.profile, tilt)
+
+    def emission(self, directions: FloatArray) -> FloatArray:
+        """Intensity (N,) towards unit directions (N, 3), relative to the axis; 0 behind the lamp."""
+        ahead = np.clip(directions @ self.axis, 0, 1)
+        profile = np.interp(ahead, np.linspace(0, 1, len(self.profile)), self.profile)
+        return np.where(ahead > 0, ahead**self.lobe_exponent * profile * (1 + directions @ self.tilt), 0.0)
 
     def irradiance(self, points: FloatArray, normals: FloatArray) -> FloatArray:
         """Unshadowed irradiance (N,) of surface points (N, 3) with unit normals (N, 3)."""
         to_lamp = self.position - points
         distance = np.linalg.norm(to_lamp, axis=1)
         falling = np.clip(np.einsum("ni,ni->n", normals, to_lamp) / distance, 0, None)
-        ahead = np.clip(-(to_lamp @ self.axis) / distance, 0, None)
-        return self.power * falling * ahead**self.lobe_exponent * (self.reference_m / distance) ** 2
+        emission = self.emission(-to_lamp / distance[:, None])
+        return self.power * falling * emission * (self.reference_m / distance) ** 2
 
 
 @dataclass(frozen=True)
@@ -131,10 +151,11 @@ def trace_view(scene: SceneObject, tracer: Tracer, lens: Lens, subdivision: int)
                     np.full(len(points), TABLE_ALBEDO, dtype=np.float32),
                 )
             )
-    return View(lens, 1.0 / subdivision**2, _joined(surfaces), _joined(tables))
+    return View(lens, 1.0 / subdivision**2, joined(surfaces), joined(tables))
 
 
-def _joined(parts: list[Samples]) -> Samples:
+def joined(parts: list[Samples]) -> Samples:
+    """The samples of several views of the same pixels together."""
     return Samples(
         np.concatenate([part.pixels for part in parts]),
         np.concatenate([part.points for part in parts]),
@@ -188,6 +209,8 @@ def direct_image(
             lamp.position.astype(np.float32),
             lamp.axis.astype(np.float32),
             np.float32(lamp.lobe_exponent),
+            np.ascontiguousarray(lamp.profile, np.float32),
+            lamp.tilt.astype(np.float32),
             np.float32(view.share * lamp.power * lamp.reference_m**2),
             view.lens.eye.astype(np.float32),
             np.float32(gloss),
@@ -206,8 +229,7 @@ def reflected_image(view: View, scene: SceneObject, lamp: Lamp, lit: BoolArray) 
     distance = np.linalg.norm(to_lamp, axis=1)
     to_lamp /= distance[:, None]
     to_eye /= np.linalg.norm(to_eye, axis=1, keepdims=True)
-    ahead = np.clip(-(to_lamp @ lamp.axis), 0, None)
-    arriving = view.share * lamp.power * ahead**lamp.lobe_exponent * (lamp.reference_m / distance) ** 2
+    arriving = view.share * lamp.power * lamp.emission(-to_lamp) * (lamp.reference_m / distance) ** 2
     diffuse, specular = (
         np.bincount(view.surface.pixels[lit], arriving * part(normals, to_lamp, to_eye, albedo), size).astype(float)
         for part in (scene.reflectance.diffuse, scene.reflectance.specular)
@@ -275,7 +297,7 @@ def _facing(
 
 @numba.njit(
     "void(float32[:, ::1], float32[:, ::1], float32[::1], int32[::1], boolean[::1], float32[::1], float32[::1],"
-    " float32, float32, float32[::1], float32, float32, float32[::1])",
+    " float32, float32[::1], float32[::1], float32, float32[::1], float32, float32, float32[::1])",
     cache=True,
     fastmath=True,
 )
@@ -288,6 +310,8 @@ def _shade(
     lamp: Float32Array,
     axis: Float32Array,
     lobe: np.float32,
+    profile: Float32Array,
+    tilt: Float32Array,
     strength: np.float32,
     eye: Float32Array,
     gloss: np.float32,
@@ -295,6 +319,7 @@ def _shade(
     image: Float32Array,
 ) -> None:
     """Adds each sample's diffuse and specular (Blinn–Phong) light to its pixel."""
+    last = len(profile) - 1
     for i in range(len(points)):
         if not free[i]:
             continue
@@ -305,7 +330,12 @@ def _shade(
         ahead = -(axis[0] * lx + axis[1] * ly + axis[2] * lz)
         if ahead <= 0:
             continue
-        arriving = strength * ahead**lobe / square
+        at = min(ahead, np.float32(1.0)) * np.float32(last)
+        below = min(int(at), last - 1)
+        above = at - np.float32(below)
+        shape = profile[below] + above * (profile[below + 1] - profile[below])
+        shape *= np.float32(1.0) - (tilt[0] * lx + tilt[1] * ly + tilt[2] * lz)
+        arriving = strength * shape * ahead**lobe / square
         value = albedo[i] * max(np.float32(0.0), normals[i, 0] * lx + normals[i, 1] * ly + normals[i, 2] * lz)
         if gloss > 0:
             vx, vy, vz = eye[0] - points[i, 0], eye[1] - points[i, 1], eye[2] - points[i, 2]

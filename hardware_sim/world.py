@@ -4,14 +4,18 @@ A `Profile` holds the differences that the solver does not know. Those that belo
 position, flicker, sensor noise) are sampled from a hash of seed, joints, exposure, lamp and attempt, not from the order
 of calls, so that a resumed session sees the same images.
 
+In place of an object there may be a calibration target (`targets`), and the cell may differ from its calibration by far
+more than a profile says (`true_cell.perturbed`), as one does that has never been calibrated.
+
 The arm itself neither casts shadows nor hides the object: waypoints keep it clear of both. Where that shall be
 simulated, its links join the mesh that `Tracer` is made from, for each set of joints.
 """
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -21,12 +25,13 @@ from acquisition import geometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
-from hardware_sim import footprint, object_spec, render, sensor
+from hardware_sim import footprint, object_spec, render, sensor, true_cell
 from hardware_sim.controller import kinematics
 from hardware_sim.controller.calibration import calibrated
 from hardware_sim.indirect import IndirectLight
 from hardware_sim.object_spec import ObjectSpec
 from hardware_sim.render import Lamp, Lens
+from hardware_sim.target_stage import TargetStage
 from hardware_sim.tracing import Tracer
 from hardware_sim.truth import Truth
 
@@ -94,52 +99,69 @@ class World:
         seed: int,
         profile: ProfileName,
         arm_calibration: tuple[int | None, float] = (None, 0.0),
+        *,
+        perturbed: bool = False,
     ) -> None:
-        """`spec` describes the object; a text names a built-in one. `arm_calibration` (seed, error in m) is the
-        controller's: the lamp truly is where the arm as built has it. Raises RigError request.invalid as
-        `object_spec.build` does.
+        """`spec` describes the object or target; a text names a built-in one. `arm_calibration` (seed, error in m) is
+        the controller's: the lamp truly is where the arm as built has it. A `perturbed` cell is one that was never
+        calibrated. Raises RigError request.invalid as `object_spec.build` does.
         """
         self.calibration = calibration
         self.cell = cell
         keep_out = cell.object.keep_out
-        self.scene = object_spec.build(object_spec.as_spec(spec), seed, keep_out)
+        spec = object_spec.as_spec(spec)
+        self.scene = object_spec.build(spec, seed, keep_out)
         self._profile = PROFILES[profile]
         self._seed = seed
+        self._true = true_cell.perturbed(calibration, seed) if perturbed else true_cell.nominal(calibration)
+        self._sensitivity = self._true.sensitivity(calibration.width, calibration.height) if perturbed else None
         self._object_from_base = geometry.inverse(keep_out.base_from_object.matrix)
         self._arm = calibrated(kinematics.MODELS[cell.arm.model], *arm_calibration)
-        self._flange_from_lamp = cell.arm.flange_from_tool.matrix @ np.array(calibration.tool_from_lamp)
-        self._tracer = Tracer(self.scene.mesh)
+        self._flange_from_lamp = cell.arm.flange_from_tool.matrix @ self._true.tool_from_lamp
+        self._true_camera = self._true.base_from_camera @ self._camera_error()
         self.lens = Lens(
             calibration.width,
             calibration.height,
-            np.array(calibration.camera_matrix),
-            np.array(calibration.distortion),
-            self._object_from_base @ self._true_camera(),
+            self._true.camera_matrix,
+            self._true.distortion,
+            self._object_from_base @ self._true_camera,
         )
         # Small images have large pixels, which need more samples for the same shadow edges.
         subdivision = 2 if calibration.width >= 400 else 4
-        self._view = render.trace_view(self.scene, self._tracer, self.lens, subdivision)
-        self._indirect = IndirectLight(self.scene, self._tracer, self._view) if self._profile.interreflections else None
         self._cached_lamp_image = lru_cache(CACHED_IMAGES)(self._lamp_image_at)
         self._ambient: Float32Array | None = None
+        self._indirect: IndirectLight | None = None
+        self.target = object_spec.target(spec, seed)
+        if len(self.scene.mesh.triangles):
+            self._tracer = Tracer(self.scene.mesh)
+        if self.target is not None:
+            # Their edges are what calibrations measure to hundredths of a pixel.
+            self._stage = TargetStage(self.target, self.lens, subdivision + 1)
+            return
+        self._view = render.trace_view(self.scene, self._tracer, self.lens, subdivision)
+        self._indirect = IndirectLight(self.scene, self._tracer, self._view) if self._profile.interreflections else None
         if self._indirect is not None and self._profile.ambient_per_s > 0:
             self._ambient = self._indirect.ambient()
 
-    def _true_camera(self) -> FloatArray:
+    def _camera_error(self) -> FloatArray:
+        """The profile's error (4, 4) of the camera's pose, in its own frame."""
         random = _generator(self._seed, "camera")
-        base_from_camera = np.array(self.calibration.base_from_camera)
         shift, turn = random.normal(size=(2, 3))
-        error = geometry.pose(
+        return geometry.pose(
             self._profile.camera_shift_m * shift / np.linalg.norm(shift),
             self._profile.camera_turn_rad * turn / np.linalg.norm(turn),
         )
-        return base_from_camera @ error
+
+    def base_from_flange(self, joints: Sequence[float]) -> FloatArray:
+        """The flange's true pose (4, 4) at joints (6,) in rad as the controller states them."""
+        flange = np.eye(4)
+        true_joints = (np.array(joints) + self._true.joint_offsets).tolist()
+        flange[:3] = np.reshape(kinematics.forward(self._arm, true_joints), (3, 4))
+        return flange
 
     def base_from_lamp(self, joints: Sequence[float]) -> FloatArray:
         """The lamp's pose (4, 4) at joints (6,) in rad: the controller's TCP plays no part in it."""
-        flange = np.eye(4)
-        flange[:3] = np.reshape(kinematics.forward(self._arm, joints), (3, 4))
-        return flange @ self._flange_from_lamp
+        return self.base_from_flange(joints) @ self._flange_from_lamp
 
     def lamp_image(self, lamp: Lamp) -> Float32Array:
         """Image (H, W) under a lamp (object frame), without ambient light: direct light and interreflections."""
@@ -152,7 +174,7 @@ class World:
         is_on = any(moment.lamp_level > 0 for moment in intervals)
         joints = [round(joint / 1e-4) for joint in intervals[0].joints]
         random = _generator(self._seed, joints, repr(exposure_s), is_on, attempt)
-        intensity = self.calibration.lamp_intensity * (1 + profile.intensity_sigma * random.normal())
+        intensity = self._true.lamp_intensity * (1 + profile.intensity_sigma * random.normal())
         shift = profile.lamp_position_sigma_m * random.normal(size=3)
         ambient = profile.ambient_per_s * exposure_s * _flicker(exposure_s, random)
 
@@ -161,24 +183,46 @@ class World:
             power = intensity * exposure_s * moment.share * moment.lamp_level
             if power > 0:
                 signal += np.float32(power) * self._cached_lamp_image(tuple(moment.joints), tuple(shift))
-        if self._ambient is not None:
+        if self.target is not None and ambient > 0:
+            for moment in intervals:
+                seen = self._stage.ambient_image(self._object_from_mount(moment.joints))
+                signal += np.float32(ambient * moment.share) * seen
+        elif self._ambient is not None:
             signal += np.float32(ambient) * self._ambient
+        if self._sensitivity is not None:
+            signal *= self._sensitivity
         return sensor.expose(signal, self.calibration.sensor, random if profile.noise else None)
 
     def _lamp_image_at(self, joints: tuple[float, ...], shift: tuple[float, ...]) -> Float32Array:
         """Image (H, W) under the lamp at power 1, its position at joints (6,) in rad plus `shift` (3,) in m."""
         base_from_lamp = self.base_from_lamp(joints)
-        lamp = Lamp(
-            geometry.transform(self._object_from_base, base_from_lamp[:3, 3] + shift),
-            geometry.rotate(self._object_from_base, base_from_lamp[:3, 2]),
-            1.0,
-            self.calibration.reference_m,
-            self.calibration.lobe_exponent,
-        )
+        base_from_lamp[:3, 3] += shift
+        lamp = Lamp.posed(self._object_from_base @ base_from_lamp, 1.0, self.calibration.reference_m, self._true.lobe)
+        if self.target is not None:
+            return self._stage.lamp_image(lamp, self._object_from_mount(joints))
         return self.lamp_image(lamp)
 
+    def _object_from_mount(self, joints: Sequence[float]) -> FloatArray:
+        """Pose (4, 4) in the object's frame of what carries the target: the table, or the flange at joints (6,)."""
+        if self.target is None or self.target.spec.mount == "table":
+            return np.eye(4)
+        return self._object_from_base @ self.base_from_flange(joints)
+
+    def save_calibration_truth(self, path: Path) -> None:
+        """Writes what a calibration should find, `calibration_truth.json`: for graders alone."""
+        facts = {} if self.target is None else self.target.facts
+        true = replace(self._true, base_from_camera=self._true_camera)
+        true.save(path, reference_m=self.calibration.reference_m, **facts)
+
     def truth(self) -> Truth:
-        """Ground truth at the pixel centres, in the view frame of the nominal camera."""
+        """Ground truth at the pixel centres, in the view frame of the nominal camera.
+
+        A mirror has normals but no albedo of use; a target on the flange is nowhere, so that the mask is empty.
+        """
+        if not len(self.scene.mesh.triangles):
+            empty = np.zeros((self.lens.height, self.lens.width), np.float32)
+            none = empty > 0
+            return Truth(np.zeros((*empty.shape, 3), np.float32), empty, empty, none, none)
         samples = self._centre_samples()
         view_from_object = geometry.inverse(
             self._object_from_base @ geometry.base_from_view(np.array(self.calibration.base_from_camera))

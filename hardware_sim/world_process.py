@@ -2,13 +2,15 @@
 
 It writes the solid bodies for the controller's collision check too: `surroundings.npz` in the folder.
 
-Run as `python -m hardware_sim.world_process FOLDER OBJECT SEED PROFILE`, with `cell.toml` and `calibration.json` in the
-folder; OBJECT is `ObjectSpec.as_json`. Prints one JSON line, `{"ready": true}` or `{"error": sentence}`. It ends when
-its standard input ends, which happens however its parent dies.
+Run as `python -m hardware_sim.world_process FOLDER OBJECT SEED PROFILE [perturbed]`, with `cell.toml` and
+`calibration.json` in the folder; OBJECT is `ObjectSpec.as_json`. Another object or target takes its place when the
+camera's port is told so; truth and bodies are then written anew. Prints one JSON line, `{"ready": true}` or
+`{"error": sentence}`. It ends when its standard input ends, which happens however its parent dies.
 """
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import cast
 
@@ -18,7 +20,7 @@ from acquisition.devices import process_priority
 from acquisition.models import cell_config
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
-from hardware_sim import solids
+from hardware_sim import object_spec, solids
 from hardware_sim.camera import CameraServer
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.disturbed import Disturbances, DisturbedWorld
@@ -65,7 +67,7 @@ class ControllerState:
         )
 
 
-def main(folder: Path, spec: ObjectSpec, seed: int, profile: ProfileName) -> None:
+def main(folder: Path, spec: ObjectSpec, seed: int, profile: ProfileName, *, perturbed: bool) -> None:
     """Serves one world until standard input ends."""
     cv2.setNumThreads(1)  # the other core belongs to the service
     process_priority.set_niceness(
@@ -78,18 +80,33 @@ def main(folder: Path, spec: ObjectSpec, seed: int, profile: ProfileName) -> Non
         calibration = cell_config.load_calibration(folder / cell.calibration)
         source = ControllerState(cell.arm.address, cell.lamp.output)
 
-        def make(cell: CellConfig) -> World:
-            return World(cell, calibration, spec, seed, profile, arm_calibration=source.calibration)
+        def maker(spec: ObjectSpec) -> Callable[[CellConfig], World]:
+            return lambda cell: World(
+                cell, calibration, spec, seed, profile, arm_calibration=source.calibration, perturbed=perturbed
+            )
 
-        disturbed = DisturbedWorld(cell, make, seed)
-        disturbed.world.truth().save(folder / "truth.npz")
-        solids.surroundings(cell, disturbed.world.scene.mesh).save(folder / "surroundings.npz")
-        source.surround(folder / "surroundings.npz")
+        disturbed = DisturbedWorld(cell, maker(spec), seed)
+
+        def publish() -> None:
+            world = disturbed.world
+            world.truth().save(folder / "truth.npz")
+            world.save_calibration_truth(folder / "calibration_truth.json")
+            solids.surroundings(cell, world.scene.mesh).save(folder / "surroundings.npz")
+            source.surround(folder / "surroundings.npz")
+
+        def place(name: str) -> str:
+            chosen = object_spec.as_spec(name)
+            disturbed.place(maker(chosen))
+            publish()
+            return chosen.label
+
+        publish()
         server = CameraServer(
             cell.camera,
             calibration,
             lambda moments, exposure_s, attempt: disturbed.frame(moments, exposure_s, attempt, source.disturbances),
             source,
+            place,
         )
     except RigError as error:
         print(json.dumps({"error": error.detail}), flush=True)
@@ -103,4 +120,10 @@ def main(folder: Path, spec: ObjectSpec, seed: int, profile: ProfileName) -> Non
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), ObjectSpec.from_json(sys.argv[2]), int(sys.argv[3]), cast(ProfileName, sys.argv[4]))
+    main(
+        Path(sys.argv[1]),
+        ObjectSpec.from_json(sys.argv[2]),
+        int(sys.argv[3]),
+        cast(ProfileName, sys.argv[4]),
+        perturbed="perturbed" in sys.argv[5:],
+    )

@@ -109,6 +109,9 @@ def sim(
     programs: Annotated[
         Path | None, typer.Option(help="Folder of programs (NAME.urp) that the dashboard loads")
     ] = None,
+    perturbed: Annotated[
+        bool, typer.Option("--perturb", help="A cell that was never calibrated: its calibration.json is wrong")
+    ] = False,
     json_status: Annotated[bool, typer.Option("--json-status", help="A JSON line at each change of the arm")] = False,
 ) -> None:
     """Runs a simulated cell until interrupted; prints a line `ready …` when it accepts connections."""
@@ -128,12 +131,28 @@ def sim(
                 calibration_seed=calibration_seed,
                 record=record,
                 programs=programs,
+                perturbed=perturbed,
             ),
             folder=folder,
             json_status=json_status,
             say=lambda line: print(line, flush=True),
         )
     )
+
+
+@app.command()
+def place(
+    name: Annotated[
+        str,
+        typer.Argument(help="charuco, mirror-sphere, matt-plane, grey-tile, empty (@flange, #N), or a built-in object"),
+    ],
+    address: Annotated[str, typer.Option(help="The simulated cell's address")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="The port of its camera")] = 30100,
+) -> None:
+    """Puts another object or calibration target into a running simulated cell, as an operator does between sessions."""
+    from hardware_sim import placing
+
+    print(f"placed {explain_errors(lambda: placing.place(address, port, name))}", flush=True)
 
 
 @app.command()

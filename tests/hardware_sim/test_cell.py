@@ -108,6 +108,19 @@ def test_cell_image_follows_lamp_and_arm(cell: Cell) -> None:
         outputs.disconnect()
 
 
+def test_cell_swaps_object_for_target_while_it_runs(cell: Cell) -> None:
+    before = truth.load(cell.truth_file).mask.sum()
+    assert cell.place("mirror-sphere") == "mirror-sphere"
+    assert truth.load(cell.truth_file).mask.sum() < before  # the ball is half as wide
+    known = json.loads((cell.folder / "calibration_truth.json").read_text(encoding="utf-8"))
+    assert known["target"] == "mirror-sphere"
+    assert known["radius_m"] == pytest.approx(0.025, abs=1e-4)
+    with pytest.raises(RigError, match="teapot"):
+        cell.place("teapot")
+    assert cell.place("sphere") == "sphere"
+    assert truth.load(cell.truth_file).mask.sum() == before
+
+
 def _wait_for_output(address: str, bits: int) -> None:
     with ControlClient(address) as control:
         deadline = time.monotonic() + 60

@@ -1,0 +1,222 @@
+"""Calibration targets of the simulated cell: ChArUco board, mirror sphere, matt plane, grey tile, on table or flange.
+
+A target is chosen where an object is, by its name: `charuco`, `mirror-sphere`, `matt-plane`, `grey-tile`, or `empty`
+for the table alone; `@flange` after it screws it to the arm's flange, `#N` is the N-th way in which an operator lays it
+down (0: flat; others tilted, on a wedge). What an operator knows of it is nominal: the print comes out larger or
+smaller, the board warps, the ball is not quite as large as is stamped on it, and where it lies nobody measured.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, cast, get_args
+
+import numpy as np
+
+from acquisition import geometry
+from acquisition.models.base import Float32Array, FloatArray
+from acquisition.models.errors import ErrorCode, RigError
+from hardware_sim import sheets
+from hardware_sim.charuco_print import PAPER_ALBEDO, CharucoPrint
+from hardware_sim.objects import SceneObject
+from hardware_sim.sheets import Mesh
+
+Kind = Literal["charuco", "mirror-sphere", "matt-plane", "grey-tile", "empty"]
+Mount = Literal["table", "flange"]
+
+BOARD = CharucoPrint(columns=9, rows=7, square_m=0.010)
+"""The board, as ordered from the printer."""
+
+PLANE = CharucoPrint(columns=12, rows=10, square_m=0.009, border_squares=2)
+"""The matt plane: two squares of ChArUco round a blank middle of 72 × 54 mm."""
+
+SPHERE_RADIUS_M, SPHERE_REFLECTANCE = 0.025, 0.6
+"""A polished ball of bearing steel, 50 mm."""
+
+TILE_SIDE_M, TILE_ALBEDO = 0.030, 0.18
+"""A grey tile of 30 mm."""
+
+FLANGE_PLACE_M, FLANGE_TURN_RAD = (-0.058, 0.0, 0.155), float(np.radians(105))
+"""Where on the flange a target's middle is screwed to, m, and by how much it is turned about the flange's y: on the
+back of the default cell's lamp, so that it faces the camera while the lamp points down."""
+
+SCALE_SIGMA, WARP_SIGMA_M, TWIST_SIGMA_M, RADIUS_SIGMA_M = 3e-4, 2e-4, 3e-5, 1e-5
+"""1 σ of the print's scale, of a board's sag along either side and of its twist, and of the ball's radius."""
+
+MOUNT_SIGMA_M, MOUNT_SIGMA_RAD = 0.002, 0.02
+"""1 σ of a target's pose on the flange."""
+
+LAID_OFF_M = 0.004
+"""Most by which an operator lays a target beside the middle of the object's place, along each axis."""
+
+WEDGE_RAD = (float(np.radians(10)), float(np.radians(20)))
+"""Tilts of a target on a wedge."""
+
+MARGIN_SQUARES, THICKNESS_M, ABOVE_TABLE_M, BACK_ALBEDO = 0.5, 0.002, 0.003, 0.05
+"""Paper round the squares, in squares; a board's thickness, how high it lies over the table, albedo of its back."""
+
+GRID = 24
+"""Cells along a board's sides: its sag is within a micrometre of the facets."""
+
+_NAME = re.compile(r"(?P<kind>[a-z-]+)(@(?P<mount>[a-z]+))?(#(?P<placing>\d{1,6}))?")
+
+
+@dataclass(frozen=True)
+class TargetSpec:
+    """A target by its kind, what carries it, and the number of its placing."""
+
+    kind: Kind
+    mount: Mount = "table"
+    placing: int = 0
+
+    def __str__(self) -> str:
+        """As `parse` reads it."""
+        return f"{self.kind}{'@flange' * (self.mount == 'flange')}{f'#{self.placing}' * (self.placing > 0)}"
+
+
+@dataclass(frozen=True)
+class Target:
+    """A target: its surface in its own frame, the pose (4, 4) of that in its mount's frame (the object's, or the
+    flange's), the reflectance of a mirror or 0, and facts for grading."""
+
+    spec: TargetSpec
+    surface: SceneObject
+    mount_from_target: FloatArray
+    mirror: float
+    facts: dict[str, Any]
+
+    def posed(self, object_from_mount: FloatArray) -> SceneObject:
+        """The surface in the object's frame."""
+        pose = object_from_mount @ self.mount_from_target
+        back = geometry.inverse(pose)
+        mesh = self.surface.mesh.transformed(pose[:3, :3], pose[:3, 3])
+        texture = self.surface.texture
+        return SceneObject(
+            self.surface.name, mesh, lambda points: texture(geometry.transform(back, points.astype(float))), 0.0, 30.0
+        )
+
+
+def is_name(name: str) -> bool:
+    """Whether a text names a target, good or bad in its details."""
+    return re.split("[@#]", name)[0] in get_args(Kind)
+
+
+def parse(name: str) -> TargetSpec:
+    """Reads `charuco`, `matt-plane#2`, `charuco@flange`. Raises RigError request.invalid that says what there is."""
+    match = _NAME.fullmatch(name)
+    kind, mount = (match["kind"], match["mount"] or "table") if match else ("", "")
+    if match is None or kind not in get_args(Kind) or mount not in get_args(Mount):
+        raise RigError(
+            ErrorCode.REQUEST_INVALID,
+            f"there is no target {name!r}: choose one of {', '.join(get_args(Kind))}, with @flange after it for the "
+            "arm's flange, and #N for the N-th way of laying it down",
+            object=name,
+        )
+    return TargetSpec(cast(Kind, kind), cast(Mount, mount), int(match["placing"] or 0))
+
+
+def build(spec: TargetSpec, seed: int) -> Target:
+    """Makes a target: print and ball are those of the seed, whichever way they are laid down."""
+    random = np.random.default_rng([41, seed, sorted(get_args(Kind)).index(spec.kind)])
+    surface, facts = _MAKERS[spec.kind](random)
+    pose = _on_flange(random, facts) if spec.mount == "flange" else _on_table(spec, seed, surface, facts)
+    mirror = SPHERE_REFLECTANCE if spec.kind == "mirror-sphere" else 0.0
+    facts |= {"target": str(spec), f"{'flange' if spec.mount == 'flange' else 'object'}_from_target": pose.tolist()}
+    return Target(spec, surface, pose, mirror, facts)
+
+
+def nothing() -> SceneObject:
+    """The table alone: an object without a surface."""
+    return SceneObject("empty", Mesh(np.zeros((0, 3, 3)), np.zeros((0, 3, 3))), _even(0.0), 0.0, 30.0)
+
+
+def _board(made: CharucoPrint, name: str) -> Callable[[np.random.Generator], tuple[SceneObject, dict[str, Any]]]:
+    def make(random: np.random.Generator) -> tuple[SceneObject, dict[str, Any]]:
+        scale = 1 + SCALE_SIGMA * random.standard_normal()
+        warp, twist = WARP_SIGMA_M * random.standard_normal(2), TWIST_SIGMA_M * random.standard_normal()
+        mesh = _warped(made, scale, warp, twist)
+
+        def texture(points: FloatArray | Float32Array) -> Float32Array:
+            front = made.albedo(points[:, :2] / scale)
+            return np.where(points[:, 2] > THICKNESS_M / 2 + np.abs(warp).sum(), np.float32(BACK_ALBEDO), front)
+
+        size = [scale * side for side in made.size_m]
+        facts = {"square_scale": scale, "warp_m": warp.tolist(), "twist_m": twist, "albedo": PAPER_ALBEDO, "size": size}
+        return SceneObject(name, mesh, texture, 0.0, 30.0), facts
+
+    return make
+
+
+def _warped(made: CharucoPrint, scale: float, warp: FloatArray, twist: float) -> Mesh:
+    """A board's front, warped, and its flat back; z points into it, its front faces −z."""
+    margin = MARGIN_SQUARES * made.square_m
+    (width, height) = made.size_m
+    x, y = np.meshgrid(
+        np.linspace(-margin, width + margin, GRID + 1), np.linspace(-margin, height + margin, GRID + 1), indexing="ij"
+    )
+    u, v = 2 * x / width - 1, 2 * y / height - 1
+    z = warp[0] * (1 - u**2) + warp[1] * (1 - v**2) + twist * u * v
+    slope_x = (-2 * warp[0] * u + twist * v) * 2 / width
+    slope_y = (-2 * warp[1] * v + twist * u) * 2 / height
+    front = sheets.sheet(
+        np.stack([scale * x, scale * y, z], axis=-1), np.stack([slope_x, slope_y, -np.ones_like(x)], axis=-1)
+    )
+    behind = np.full_like(x, THICKNESS_M + 2 * np.abs(warp).sum())
+    back = sheets.sheet(
+        np.stack([scale * x, scale * y, behind], axis=-1), np.broadcast_to([0.0, 0.0, 1.0], (*x.shape, 3))
+    )
+    return sheets.joined([front, back])
+
+
+def _ball(random: np.random.Generator) -> tuple[SceneObject, dict[str, Any]]:
+    radius = SPHERE_RADIUS_M + RADIUS_SIGMA_M * random.standard_normal()
+    mesh = sheets.joined([sheets.sheet(radius * unit, unit) for unit in sheets.cube_directions(96)])
+    return SceneObject("mirror-sphere", mesh, _even(SPHERE_REFLECTANCE), 0.0, 30.0), {"radius_m": radius}
+
+
+def _tile(_: np.random.Generator) -> tuple[SceneObject, dict[str, Any]]:
+    side = TILE_SIDE_M
+    mesh = sheets.quad((0, 0, 0), (0, side, 0), (side, side, 0), (side, 0, 0))  # its front faces −z
+    facts = {"albedo": TILE_ALBEDO, "size": [side, side]}
+    return SceneObject("grey-tile", mesh, _even(TILE_ALBEDO), 0.0, 30.0), facts
+
+
+def _even(albedo: float) -> Callable[[FloatArray], FloatArray]:
+    return lambda points: np.full(len(points), albedo)
+
+
+_MAKERS: dict[Kind, Callable[[np.random.Generator], tuple[SceneObject, dict[str, Any]]]] = {
+    "charuco": _board(BOARD, "charuco"),
+    "matt-plane": _board(PLANE, "matt-plane"),
+    "mirror-sphere": _ball,
+    "grey-tile": _tile,
+    "empty": lambda _: (nothing(), {}),
+}
+
+
+def _middle(facts: dict[str, Any]) -> FloatArray:
+    """A target's middle in its own frame."""
+    return np.array([*facts["size"], 0.0]) / 2 if "size" in facts else np.zeros(3)
+
+
+def _on_flange(random: np.random.Generator, facts: dict[str, Any]) -> FloatArray:
+    """Screwed to the back of the lamp, z into the target, x along the flange's y."""
+    across = geometry.pose((0.0, 0.0, 0.0), (0.0, 0.0, np.pi / 2))
+    turned = geometry.pose((0.0, 0.0, 0.0), (0.0, FLANGE_TURN_RAD, 0.0))
+    pose = turned @ across @ geometry.pose((0.0, 0.0, 0.0), MOUNT_SIGMA_RAD * random.standard_normal(3))
+    middle = np.array(FLANGE_PLACE_M) + MOUNT_SIGMA_M * random.standard_normal(3)
+    pose[:3, 3] = middle - pose[:3, :3] @ _middle(facts)
+    return pose
+
+
+def _on_table(spec: TargetSpec, seed: int, surface: SceneObject, facts: dict[str, Any]) -> FloatArray:
+    """Laid down by an operator: front up, anywhere near the middle, turned as it comes; on a wedge from placing 1."""
+    random = np.random.default_rng([43, seed, spec.placing])
+    aside, yaw = random.uniform(-LAID_OFF_M, LAID_OFF_M, 2), random.uniform(-np.pi, np.pi)
+    side, tilt = random.uniform(0, 2 * np.pi), random.uniform(*WEDGE_RAD) if spec.placing else 0.0
+    upright = geometry.pose((0.0, 0.0, 0.0), (np.pi, 0.0, 0.0)) @ geometry.pose((0.0, 0.0, 0.0), (0.0, 0.0, yaw))
+    pose = geometry.pose((0.0, 0.0, 0.0), tilt * np.array([np.cos(side), np.sin(side), 0.0])) @ upright
+    pose[:2, 3] = aside - (pose[:3, :3] @ _middle(facts))[:2]
+    lowest = (surface.mesh.triangles.reshape(-1, 3) @ pose[:3, :3].T)[:, 2].min(initial=0.0)
+    pose[2, 3] = ABOVE_TABLE_M - lowest
+    return pose
