@@ -95,7 +95,10 @@ def light_from_tool(base_from_tool: FloatArray, calibration: Calibration) -> Lig
     view_from_lamp = view_from_base @ base_from_tool @ np.array(calibration.tool_from_lamp)
     x, y, z = view_from_lamp[:3, 3].tolist()
     u, v, w = view_from_lamp[:3, 2].tolist()
-    return Light(position=(x, y, z), axis=(u, v, w))
+    if calibration.lobe is None or not any(calibration.lobe.tilt):
+        return Light(position=(x, y, z), axis=(u, v, w))
+    i, j, k = (view_from_lamp[:3, :2] @ np.array(calibration.lobe.tilt)).tolist()
+    return Light(position=(x, y, z), axis=(u, v, w), tilt=(i, j, k))
 
 
 def base_from_view(calibration: Calibration) -> FloatArray:

@@ -4,8 +4,9 @@ A Lambertian point x with normal n and albedo ρ, lit by a lamp at p with axis a
 
     y = ρ max(0, n·s),   s = (R0/r)² cosᵘ(a, x − p) d/r,   d = p − x, r = |d|,
 
-that is, the signal as a fraction of what a perfectly white surface facing the lamp on its axis at R0 would give. The
-model is near light throughout: a lamp on an arm stands at three object sizes, where a distant light is wrong by 20°.
+times what a calibrated lobe has beyond that power of the cosine (`lobe_table`); that is, the signal as a fraction of
+what a perfectly white surface facing the lamp on its axis at R0 would give. The model is near light throughout: a lamp
+on an arm stands at three object sizes, where a distant light is wrong by 20°.
 
 The variance of y has four terms: shot noise; read noise and quantisation, of the lit frame and of the dark frame that
 is subtracted from it; a share c of y for intensity errors; and (σ_d ρ|s|)² for errors of the light's direction. The
@@ -18,16 +19,18 @@ numba's cache: `KERNELS` lists them.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import hypot
 
 import cv2
 import numba
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import CubicSpline
 
 from acquisition.geometry import VIEW_FROM_CAMERA
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
-from acquisition.models.calibration import Calibration, SensorModel
+from acquisition.models.calibration import Calibration, LampLobe, SensorModel
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
 from acquisition.models.result import NormalMap
@@ -71,6 +74,9 @@ single captures far outside their σ."""
 
 SATURATION_SHARE = 0.985
 """Share of the clipping level above which a value is taken as clipped."""
+
+LOBE_SAMPLES = 1025
+"""Samples of a lobe's factor over the cosine: linear interpolation between them is good to 1e-5."""
 
 UNDISTORTION_ROUNDS = 5
 """Fixed-point iterations of the lens distortion's inverse, as many as OpenCV's `undistortPoints` takes."""
@@ -138,15 +144,36 @@ def project(calibration: Calibration, positions: npt.ArrayLike) -> FloatArray:
 
 
 def lamps(lights: Sequence[Light]) -> Float32Array:
-    """Lights as an array (F, 6): position in m and unit axis, view frame."""
-    return np.array([[*light.position, *light.axis] for light in lights], dtype=np.float32).reshape(-1, 6)
+    """Lights as an array: position in m and unit axis, view frame, (F, 6); where one has a tilt, that too, (F, 9)."""
+    if all(light.tilt is None for light in lights):
+        return np.array([[*light.position, *light.axis] for light in lights], dtype=np.float32).reshape(-1, 6)
+    rows = [[*light.position, *light.axis, *(light.tilt or (0.0, 0.0, 0.0))] for light in lights]
+    return np.array(rows, dtype=np.float32)
 
 
 def light_vectors(point: Float32Array, lamp: Float32Array, calibration: Calibration) -> Float32Array:
-    """Light vectors s (F, 3, N), view frame, at points (3, N) in m from lamps (F, 6)."""
+    """Light vectors s (F, 3, N), view frame, at points (3, N) in m from lamps (F, 6) or (F, 9)."""
     out = np.empty((len(lamp), 3, point.shape[1]), dtype=np.float32)
-    _light_vectors(np.ascontiguousarray(point), lamp, calibration.reference_m**2, calibration.lobe_exponent, out)
+    table = lobe_table(calibration.lobe)
+    _light_vectors(np.ascontiguousarray(point), lamp, calibration.reference_m**2, calibration.lobe_exponent, table, out)
     return out
+
+
+def lobe_spline(knots_rad: Sequence[float], angles_rad: FloatArray) -> FloatArray:
+    """Cardinal functions (N, K) of a lobe's cubic spline at angles (N,): flat on the axis, not-a-knot at the end."""
+    flat = np.zeros(len(knots_rad))
+    end = "not-a-knot" if len(knots_rad) > 3 else (2, flat)
+    spline = CubicSpline(np.array(knots_rad), np.eye(len(knots_rad)), bc_type=((1, flat), end))
+    return np.asarray(spline(np.clip(angles_rad, 0.0, knots_rad[-1])), dtype=np.float64)
+
+
+@lru_cache(16)
+def lobe_table(lobe: LampLobe | None) -> Float32Array:
+    """Factors (K,) of a lobe on its cosᵘ, at cosines equally spaced from 0 to 1; two ones without a lobe."""
+    if lobe is None:
+        return np.ones(2, dtype=np.float32)
+    angles = np.arccos(np.linspace(0, 1, LOBE_SAMPLES))
+    return np.exp(lobe_spline(lobe.knots_rad, angles) @ np.log(lobe.factors)).astype(np.float32)
 
 
 def electrons_per_value(calibration: Calibration, exposure_s: float) -> float:
@@ -245,17 +272,19 @@ def mean_sigma_deg(normal_map: NormalMap, calibration: Calibration, region: Bool
 
 
 @numba.njit(
-    "void(float32[:,::1], float32[:,::1], float64, float64, float32[:,:,::1])",
+    "void(float32[:,::1], float32[:,::1], float64, float64, float32[::1], float32[:,:,::1])",
     cache=True,
     parallel=True,
     fastmath=True,
     error_model="numpy",
 )
 def _light_vectors(
-    point: Float32Array, lamp: Float32Array, reference_squared: float, lobe: float, out: Float32Array
-) -> None:
+    point: Float32Array, lamp: Float32Array, reference_squared: float, lobe: float, table: Float32Array,
+    out: Float32Array,
+) -> None:  # fmt: skip
     scale = np.float32(reference_squared)
     exponent = np.float32(lobe)
+    last, shaped, tilted = len(table) - 1, len(table) > 2, lamp.shape[1] > 6
     for n in numba.prange(point.shape[1]):
         for f in range(lamp.shape[0]):
             dx = lamp[f, 0] - point[0, n]
@@ -264,6 +293,12 @@ def _light_vectors(
             inverse = np.float32(1.0) / np.sqrt(dx * dx + dy * dy + dz * dz)
             cosine = -(dx * lamp[f, 3] + dy * lamp[f, 4] + dz * lamp[f, 5]) * inverse
             factor = scale * max(cosine, np.float32(0.0)) ** exponent * inverse * inverse * inverse
+            if shaped:
+                at = min(max(cosine, np.float32(0.0)), np.float32(1.0)) * np.float32(last)
+                below = min(int(at), last - 1)
+                factor *= table[below] + (at - np.float32(below)) * (table[below + 1] - table[below])
+            if tilted:
+                factor *= np.float32(1.0) - (dx * lamp[f, 6] + dy * lamp[f, 7] + dz * lamp[f, 8]) * inverse
             out[f, 0, n] = factor * dx
             out[f, 1, n] = factor * dy
             out[f, 2, n] = factor * dz

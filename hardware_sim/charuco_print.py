@@ -16,6 +16,15 @@ from acquisition.models.base import Float32Array, FloatArray
 MARKER_BITS = 7
 """Bits along a marker's side, its black border included (5 × 5 dictionaries)."""
 
+TEXELS, MARGIN_SQUARES = 224, 1
+"""Texels along a square (a bit of a marker of three quarters has 24), and squares of paper round the print."""
+
+REMAP_ROW = 1024
+"""Points in a row of OpenCV's `remap`, which takes at most 32,767."""
+
+INK_SPREAD_M = 5e-5
+"""1 σ of an edge: toner spreads, and paper scatters light sideways."""
+
 PAPER_ALBEDO, INK_ALBEDO = 0.85, 0.05
 """Of matt paper and of laser toner."""
 
@@ -42,33 +51,38 @@ class CharucoPrint:
 
     def albedo(self, points: FloatArray | Float32Array) -> Float32Array:
         """Albedo (N,) at points (N, 2), m, of the print; paper outside the squares."""
-        place = points[:, :2].astype(np.float64) / self.square_m
-        square = np.floor(place).astype(np.int64)
-        column, row = square[:, 0], square[:, 1]
-        printed = (column >= 0) & (row >= 0) & (column < self.columns) & (row < self.rows)
-        if self.border_squares:
-            n = self.border_squares
-            printed &= ~((column >= n) & (row >= n) & (column < self.columns - n) & (row < self.rows - n))
-        black = printed & ((column + row) % 2 == 0)
-        at = (place - square - (1 - self.marker_share) / 2) / self.marker_share * MARKER_BITS
-        bit = np.floor(at).astype(np.int64)
-        in_marker = printed & ~black & ((bit >= 0) & (bit < MARKER_BITS)).all(axis=1)
-        number = self._numbers[row[in_marker], column[in_marker]]
-        black[in_marker] = self._bits[number, bit[in_marker, 1], bit[in_marker, 0]] == 0
-        return np.where(black, INK_ALBEDO, PAPER_ALBEDO).astype(np.float32)
+        texel = (points[:, :2] / self.square_m + MARGIN_SQUARES) * TEXELS - 0.5
+        at = np.zeros((-(-len(texel) // REMAP_ROW), REMAP_ROW, 2), np.float32)
+        at.reshape(-1, 2)[: len(texel)] = texel
+        paper = cv2.BORDER_REPLICATE  # the picture ends in paper all round
+        found = cv2.remap(self._picture, at, None, cv2.INTER_LINEAR, borderMode=paper)
+        return np.asarray(found, np.float32).ravel()[: len(texel)]
 
     @cached_property
-    def _numbers(self) -> np.ndarray:
-        """Number (rows, columns) of the marker in each white square, −1 in black ones."""
-        row, column = np.mgrid[0 : self.rows, 0 : self.columns]
-        white = (row + column) % 2 == 1
-        numbers = np.full(white.shape, -1)
-        numbers[white] = np.arange(int(white.sum()))
-        return numbers
-
-    @cached_property
-    def _bits(self) -> np.ndarray:
-        """Bits (M, 7, 7) of the markers, 0 for black."""
+    def _picture(self) -> Float32Array:
+        """Albedo of the print and some paper round it, `TEXELS` to a square, edges as soft as toner on paper."""
+        picture = np.full(((self.rows + 2) * TEXELS, (self.columns + 2) * TEXELS), PAPER_ALBEDO, np.float32)
         dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
-        count = int(self._numbers.max()) + 1
-        return np.stack([cv2.aruco.generateImageMarker(dictionary, number, MARKER_BITS) for number in range(count)])
+        bit = round(TEXELS * self.marker_share / MARKER_BITS)
+        inset = (TEXELS - MARKER_BITS * bit) // 2
+        marker = 0
+        for row in range(self.rows):
+            for column in range(self.columns):
+                square = picture[
+                    (row + MARGIN_SQUARES) * TEXELS : (row + MARGIN_SQUARES + 1) * TEXELS,
+                    (column + MARGIN_SQUARES) * TEXELS : (column + MARGIN_SQUARES + 1) * TEXELS,
+                ]
+                white = (row + column) % 2 == 1
+                if white and not self._blank(row, column):
+                    bits = cv2.aruco.generateImageMarker(dictionary, marker, MARKER_BITS)
+                    drawn = np.kron(np.where(bits == 0, INK_ALBEDO, PAPER_ALBEDO), np.ones((bit, bit)))
+                    square[inset : inset + len(drawn), inset : inset + len(drawn)] = drawn
+                elif not self._blank(row, column):
+                    square[:] = INK_ALBEDO
+                marker += white
+        return np.asarray(cv2.GaussianBlur(picture, (0, 0), INK_SPREAD_M / self.square_m * TEXELS), np.float32)
+
+    def _blank(self, row: int, column: int) -> bool:
+        """Whether a square is in the blank middle."""
+        n = self.border_squares
+        return n > 0 and n <= row < self.rows - n and n <= column < self.columns - n

@@ -47,6 +47,10 @@ class CharucoBoard(Value):
         description="Whether the upper left square of a board of even rows is white, as before OpenCV 4.6 (calib.io)",
     )
 
+    border_squares: int = Field(
+        default=0, ge=0, le=10, description="0: squares all over; n: a frame of n squares round a blank, matt middle"
+    )
+
     @property
     def size_m(self) -> tuple[float, float]:
         """Width and height, m."""
@@ -56,6 +60,18 @@ class CharucoBoard(Value):
     def corners_m(self) -> FloatArray:
         """Inner corners (N, 3) in the board's frame, m, as if it were flat."""
         return np.asarray(self.opencv().getChessboardCorners(), dtype=float)
+
+    @property
+    def blank_m(self) -> tuple[float, float, float, float] | None:
+        """The blank middle's left, upper, right and lower edge in the board's frame, m; none where squares fill it."""
+        n, side = self.border_squares, self.square_m
+        right, lower = self.columns - n, self.rows - n
+        return (n * side, n * side, right * side, lower * side) if 0 < n < min(right, lower) else None
+
+    def is_blank(self, column: int, row: int) -> bool:
+        """Whether a square belongs to the blank middle."""
+        n = self.border_squares
+        return n > 0 and n <= column < self.columns - n and n <= row < self.rows - n
 
     def opencv(self) -> cv2.aruco.CharucoBoard:
         """The board of OpenCV."""
@@ -122,10 +138,12 @@ def _black_squares_m(board: CharucoBoard) -> list[tuple[float, float, float]]:
         (column * board.square_m, row * board.square_m, board.square_m)
         for column in range(board.columns)
         for row in range(board.rows)
-        if (column, row) not in white
+        if (column, row) not in white and not board.is_blank(column, row)
     ]
     bit_m = board.marker_share * board.square_m / MARKER_BITS
     for number, (x, y) in zip(np.ravel(made.getIds()), markers, strict=True):
+        if board.is_blank(int(x // board.square_m), int(y // board.square_m)):
+            continue
         bits = cv2.aruco.generateImageMarker(made.getDictionary(), int(number), MARKER_BITS)
         squares += [(x + column * bit_m, y + row * bit_m, bit_m) for row, column in np.argwhere(bits == 0)]
     return squares

@@ -2,9 +2,11 @@
 
 import hashlib
 import json
+import math
+from itertools import pairwise
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from acquisition.models.base import Matrix4, Value, Vector3
 
@@ -25,12 +27,43 @@ class SensorModel(Value):
         return float(2**self.bits - 1) - self.black_level_dn
 
 
+class LampLobe(Value):
+    """How a lamp's lobe differs from cos^`lobe_exponent`: by a factor over the angle off the axis, and to its sides.
+
+    The factor is e to a cubic spline through the logarithms of `factors`, flat on the axis; beyond the last knot it
+    stays as there. Towards a unit direction with components x and y in the lamp's frame the intensity is 1 + tilt_x x +
+    tilt_y y times as large.
+    """
+
+    knots_rad: Annotated[tuple[float, ...], Field(strict=False, min_length=2, max_length=40)] = Field(
+        description="Angles off the axis, ascending from 0"
+    )
+    factors: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(strict=False)] = Field(
+        description="Intensity over that of cos^lobe_exponent at each; the first is 1"
+    )
+    tilt: Annotated[tuple[float, float], Field(strict=False)] = Field(
+        default=(0.0, 0.0), description="Relative increase towards the lamp's x and y, per unit of the direction"
+    )
+
+    @model_validator(mode="after")
+    def _is_a_spline(self) -> "LampLobe":
+        """Refuses knots that no spline goes through, and a factor on the axis other than 1."""
+        knots = self.knots_rad
+        if len(knots) != len(self.factors):
+            raise ValueError(f"{len(knots)} knots and {len(self.factors)} factors: give one for each")
+        if knots[0] != 0 or any(b <= a for a, b in pairwise(knots)) or knots[-1] > math.pi / 2:
+            raise ValueError("knots must ascend from 0 to at most 90° off the axis")
+        if abs(self.factors[0] - 1) > 1e-9 or math.hypot(*self.tilt) >= 1:
+            raise ValueError("the factor on the axis must be 1, and the tilt less than 1")
+        return self
+
+
 class Calibration(Value):
     """Calibration of camera, hand–eye and lamp with uncertainties; `calibration.json`.
 
     `lamp_intensity` is the signal, as a fraction of full scale (SensorModel.full_scale_dn) per second of exposure, of a
     perfectly white diffuse surface that faces the lamp at `reference_m` on its axis: albedo is absolute. The lamp's
-    radiant intensity falls off its axis as cos^lobe_exponent.
+    radiant intensity falls off its axis as cos^lobe_exponent, times what `lobe` says where it is stated.
     """
 
     width: int = Field(description="Pixels of an image's row")
@@ -44,6 +77,7 @@ class Calibration(Value):
     lamp_intensity: float = Field(gt=0, description="Fraction of full scale per second, as above")
     reference_m: float = Field(gt=0, description="Distance that `lamp_intensity` is for, m")
     lobe_exponent: float = Field(ge=0, description="Exponent of the cosine by which the lamp falls off its axis")
+    lobe: LampLobe | None = Field(default=None, description="What the lobe has beyond that power of the cosine")
     sensor: SensorModel = Field(description="The camera's values and their noise")
     intensity_sigma: float = Field(ge=0, description="1 σ of each image's lamp intensity, as a fraction")
     lamp_position_sigma_m: float = Field(ge=0, description="1 σ of the lamp's position, per axis")
@@ -52,5 +86,6 @@ class Calibration(Value):
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 of the values, so that spaces in the file do not matter."""
-        return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
+        """SHA-256 of the values that are stated: spaces in the file do not matter, nor fields that came later."""
+        stated = self.model_dump(mode="json", exclude_none=True)
+        return hashlib.sha256(json.dumps(stated, sort_keys=True).encode()).hexdigest()

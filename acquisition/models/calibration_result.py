@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from acquisition.models.base import Matrix4, Value, Vector3
+from acquisition.models.calibration import LampLobe
 
 Rows = Annotated[tuple[Annotated[tuple[float, ...], Field(strict=False)], ...], Field(strict=False)]
 """A matrix of any size, row by row."""
@@ -87,3 +88,35 @@ class LampResult(Value):
     sphere_radius_m: float
     highlight_sigma_px: float = Field(description="1 σ of a highlight's coordinate, pixels")
     images: Annotated[tuple[HighlightResidual, ...], Field(strict=False)]
+
+
+class PlaneResidual(Value):
+    """One image's part in the calibration of the lamp's lobe."""
+
+    image: str
+    sha256: str
+    patches: int = Field(ge=0, description="Patches of the plane that are neither dark, clipped nor outside the image")
+    offset: float | None = Field(description="How much brighter it is than the others, as a fraction; none: not fitted")
+
+
+class LobeResult(Value):
+    """Intensity and lobe of the lamp, found on a matt plane; `lobe.json`."""
+
+    kind: Literal["lobe"] = "lobe"
+    made_at: str
+    version: str = Field(description="Version of the software")
+    lamp_intensity: float = Field(description="As in calibration.json")
+    intensity_sigma: float = Field(description="1 σ of it, as a fraction, that of the plane's albedo included")
+    lobe: LampLobe
+    covariance: Rows = Field(description="Of ln intensity, ln of the factors but the first, and the tilt")
+    flat_field: Annotated[tuple[float, ...], Field(strict=False)] = Field(
+        description="Terms of ln sensitivity in u, v, u², u v, v², u and v from the image's centre in half diagonals"
+    )
+    flat_field_covariance: Rows
+    image_sigma: float = Field(description="1 σ by which images differ in brightness, as a fraction")
+    patch_sigma: float = Field(description="1 σ of a patch of the plane about the fit, as a fraction")
+    held_out: Rows = Field(description="Numbers of knots tried, each with the residual of images not fitted to")
+    verified_deg: float | None = Field(
+        description="Mean error of normals by photometric stereo on a placing that took no part; none: there was none"
+    )
+    images: Annotated[tuple[PlaneResidual, ...], Field(strict=False)]

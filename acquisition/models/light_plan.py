@@ -10,6 +10,11 @@ class Light(Value):
 
     position: Vector3 = Field(description="Position of the emitter: m, view frame")
     axis: Vector3 = Field(description="Direction of the beam: unit vector, view frame")
+    tilt: Vector3 | None = Field(
+        default=None,
+        description="Across the axis, view frame: towards a unit direction d the lamp sends 1 + tilt · d times as "
+        "much; none: not known, or the same to all sides",
+    )
 
 
 class ForecastPoint(Value):

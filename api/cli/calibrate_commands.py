@@ -27,6 +27,9 @@ def board(
     columns: Annotated[int, typer.Option(help="Squares along x")] = 9,
     rows: Annotated[int, typer.Option(help="Squares along y")] = 7,
     square_mm: Annotated[float, typer.Option(help="Side of a square, mm")] = 12.0,
+    border: Annotated[
+        int, typer.Option(help="0: squares all over; n: a frame of n squares round a blank middle, for the lamp's lobe")
+    ] = 0,
     legacy_pattern: Annotated[
         bool, typer.Option("--legacy-pattern", help="Pattern of OpenCV before 4.6 and of calib.io, for even rows")
     ] = False,
@@ -35,7 +38,9 @@ def board(
     """Draws a ChArUco board to print, to scale."""
     from api.cli import calibrating
 
-    outcome = explain_errors(lambda: calibrating.draw_board(columns, rows, square_mm, out, legacy=legacy_pattern))
+    outcome = explain_errors(
+        lambda: calibrating.draw_board(columns, rows, square_mm, out, border=border, legacy=legacy_pattern)
+    )
     if as_json:
         print(json.dumps(outcome), flush=True)
 
@@ -93,5 +98,30 @@ def lamp(
     from api.cli import lamp_calibrating
 
     outcome = explain_errors(lambda: lamp_calibrating.calibrate_lamp(folder, cell, base, hand_eye_file, radius_mm, out))
+    if as_json:
+        print(json.dumps(outcome), flush=True)
+
+
+@app.command()
+def lobe(
+    folder: Images,
+    cell: Annotated[Path, typer.Option(help="The cell file, for the arm")],
+    base: Annotated[Path, typer.Option(help="A calibration.json with calibrated camera, its place, and the lamp's")],
+    hand_eye_file: Annotated[Path, typer.Option("--hand-eye", help="hand_eye.json: how well the camera is known")],
+    lamp_file: Annotated[Path, typer.Option("--lamp", help="lamp.json: how well the lamp's place is known")],
+    board_file: BoardFile = Path("board.json"),
+    albedo: Annotated[float, typer.Option(help="Reflectance of the plane's blank middle, 0–1")] = 0.85,
+    albedo_sigma: Annotated[float, typer.Option(help="1 σ of that, as a fraction")] = 0.01,
+    out: Out = Path("calibration"),
+    as_json: AsJson = False,
+) -> None:  # fmt: skip
+    """Calibrates the lamp's intensity and lobe, from images of a matt plane in a ChArUco frame in the object's place.
+
+    The folder holds plane.csv: image, lamp-off image, exposure time in s, placing (any name), the six joints in rad.
+    """
+    from api.cli import lobe_calibrating
+
+    files = lobe_calibrating.LobeFiles(cell, base, hand_eye_file, lamp_file, board_file)
+    outcome = explain_errors(lambda: lobe_calibrating.calibrate_lobe(folder, files, albedo, albedo_sigma, out))
     if as_json:
         print(json.dumps(outcome), flush=True)

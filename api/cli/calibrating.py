@@ -39,13 +39,17 @@ class Captured:
     size: tuple[int, int]
 
 
-def draw_board(columns: int, rows: int, square_mm: float, out: Path, *, legacy: bool) -> dict[str, Any]:
+def draw_board(
+    columns: int, rows: int, square_mm: float, out: Path, *, border: int = 0, legacy: bool = False
+) -> dict[str, Any]:
     """Draws a board, and writes what it is beside it as `<name>.json`.
 
     Raises RigError request.invalid for squares that make no board, config.invalid for a file's ending.
     """
     try:
-        board = CharucoBoard(columns=columns, rows=rows, square_m=square_mm / 1000, legacy_pattern=legacy)
+        board = CharucoBoard(
+            columns=columns, rows=rows, square_m=square_mm / 1000, legacy_pattern=legacy, border_squares=border
+        )
     except ValidationError as error:
         wrong = error.errors()[0]
         raise RigError(

@@ -1,0 +1,392 @@
+"""Intensity and lobe of the lamp, and the camera's flat field, from images of a matt plane under many lamp poses.
+
+The plane's ChArUco border gives its pose, the arm the lamp's, so that what each patch of the blank middle should shine
+with is known but for the lamp. In logarithms everything that is sought adds up: the intensity, a spline over the angle
+off the axis, the lamp's brighter side, the camera's sensitivity over the image. One weighted linear least squares finds
+them together, and with them what is uncertain about the geometry (lamp, camera, each placing of the plane) and each
+image's own brightness, all within their priors; so the covariance has all of it in it. Only the side's term needs a
+few rounds.
+
+No LED is a cosᵘ, and how many knots a lobe needs differs from lamp to lamp: the number is the one whose spline predicts
+images best that it was not fitted to.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acquisition import geometry, lamp_pose, photometry
+from acquisition.models.base import FloatArray
+from acquisition.models.calibration import Calibration, LampLobe
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import Light
+
+MIN_IMAGES = 10
+"""Images of the plane, fewer than which do not tell lobe, sides and flat field apart."""
+
+KNOTS = (4, 5, 6, 8, 10, 12, 14)
+"""Numbers of knots that are tried: real LEDs behind lenses ask for 8 to 12."""
+
+FOLDS = 5
+"""Parts of the images, each predicted by a fit to the others."""
+
+MIN_ANGLE_DEG, LEAST_AHEAD = 15.0, 0.2
+"""Angle off the axis that the images have to reach at least; cosine to the axis below which patches do not count."""
+
+FLAT_TERMS = 5
+"""Of the flat field: u, v, u², u v, v², u and v from the image's centre in half diagonals."""
+
+PRIOR_SIGMA = 0.3
+"""Prior 1 σ of the logarithm of a knot's factor, of tilt and of flat-field terms: only for what no image shows."""
+
+IMAGE_SIGMA_START, PATCH_SIGMA_START = 0.005, 0.002
+"""1 σ of an image's brightness and of a patch's, as fractions, that their estimates start from."""
+
+IMAGE_SIGMA_FLOOR, PATCH_SIGMA_FLOOR = 1e-4, 1e-4
+"""Least values of these."""
+
+MAX_PATCH_SIGMA = 0.03
+"""1 σ of a patch about the fit, from which plane, poses or lamp are not what they are said to be."""
+
+SAG_SIGMA_M = 2e-4
+"""Prior 1 σ of the plane's sag in its middle along either side, m, that its border hardly shows from above."""
+
+PLACED = 11
+"""Unknowns of the geometry before those of the placings: lamp, camera, sag."""
+
+ROUNDS = 6
+"""Rounds of the fit: the tilt is not quite linear, and the variances follow from the residuals."""
+
+STEP = 1e-6
+"""Step of numeric derivatives by lengths, m, and angles, rad."""
+
+
+@dataclass(frozen=True)
+class Placing:
+    """One pose of the plane: `camera_from_board` (4, 4) and the covariance (6, 6) of a small motion of the board in its
+    own frame, m and rad."""
+
+    camera_from_board: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True)
+class PlaneImage:
+    """Patches of one image: `points` (N, 3) in the board's frame, m; `pixels` (N, 2), column and row; `values` (N,),
+    lamp-off frame subtracted, in fractions of full scale per second; `noise` (N,), 1 σ of these as a fraction."""
+
+    name: str
+    placing: int
+    base_from_tool: FloatArray
+    points: FloatArray
+    pixels: FloatArray
+    values: FloatArray
+    noise: FloatArray
+
+
+@dataclass(frozen=True)
+class Known:
+    """What the fit takes as given: `calibration` with camera, its pose, and the lamp's; the plane's albedo and its 1 σ
+    as a fraction; covariances of `tool_from_lamp`'s position (3, 3) and of `base_from_camera` (6, 6); width and height
+    of the board, m."""
+
+    calibration: Calibration
+    albedo: float
+    albedo_sigma: float
+    lamp_covariance: FloatArray
+    camera_covariance: FloatArray
+    size_m: tuple[float, float]
+
+    def covariances(self, placings: Sequence[Placing]) -> list[FloatArray]:
+        """Of all that is uncertain of the geometry: lamp, camera, sag, placings."""
+        sag = SAG_SIGMA_M**2 * np.eye(2)
+        return [self.lamp_covariance, self.camera_covariance, sag, *(placing.covariance for placing in placings)]
+
+
+@dataclass(frozen=True)
+class LobeFit:
+    """The lamp's intensity as in `Calibration`, its lobe and the flat field (5,).
+
+    `covariance` (K + 2, K + 2) of ln intensity, the logarithms of the factors but the first, and the tilt; of the flat
+    field (5, 5). `image_sigma`, `patch_sigma`: 1 σ of an image's and of a patch's brightness, as fractions; `offsets`
+    (I,) of each image's, `held_out`: residual by number of knots.
+    """
+
+    lamp_intensity: float
+    lobe: LampLobe
+    flat_field: FloatArray
+    covariance: FloatArray
+    flat_covariance: FloatArray
+    image_sigma: float
+    patch_sigma: float
+    offsets: FloatArray
+    held_out: dict[int, float]
+
+    def calibrated(self, calibration: Calibration) -> Calibration:
+        """A calibration with this lamp."""
+        return calibration.model_copy(
+            update={
+                "lamp_intensity": self.lamp_intensity, "lobe": self.lobe, "intensity_sigma": self.image_sigma,
+            }
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Geometry of all patches: angle off the axis (N,), direction's x and y in the lamp's frame (N, 2), and ln of what
+    a lamp of intensity 1 and a cosᵘ lobe would give (N,)."""
+
+    angle: FloatArray
+    side: FloatArray
+    log_shading: FloatArray
+
+
+def fit(images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known) -> LobeFit:
+    """Fits intensity, lobe, sides and flat field to all patches by linear least squares in logarithms.
+
+    Raises RigError calibration.infeasible: too few images, all under the lamp's axis, or a plane that shines otherwise
+    than a matt one would.
+    """
+    if len(images) < MIN_IMAGES:
+        raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, f"{len(images)} images of the plane: {MIN_IMAGES} are needed")
+    still = np.zeros(PLACED + 6 * len(placings))
+    seen = _seen(images, placings, known, still)
+    reach = float(seen.angle.max())
+    if np.degrees(reach) < MIN_ANGLE_DEG:
+        raise RigError(
+            ErrorCode.CALIBRATION_INFEASIBLE,
+            f"The plane is seen up to {np.degrees(reach):.0f}° off the lamp's axis only: tilt the lamp by up to 40° "
+            "away from it, to different sides",
+        )
+    held_out = _held_out_residuals(images, placings, known, seen, reach)
+    return _solve(images, placings, known, _knots(reach, min(held_out, key=lambda count: held_out[count])), held_out)
+
+
+def normal_error_deg(
+    images: Sequence[PlaneImage], placing: Placing, calibration: Calibration, flat_field: FloatArray
+) -> float:
+    """Mean angle between the plane's normal by its border and by photometric stereo on its patches, degrees.
+
+    The images are of one placing, with the same patches in all of them: of a placing that took no part in the fit this
+    tells what the calibration is worth. Least squares over the images of each patch. Raises RigError
+    calibration.infeasible with fewer than four images.
+    """
+    if len(images) < 4:
+        raise RigError(
+            ErrorCode.CALIBRATION_INFEASIBLE, f"{len(images)} images of the plane to verify with: 4 are needed"
+        )
+    common = set.intersection(*({tuple(np.round(point, 6)) for point in image.points} for image in images))
+    lights = [_light(image, calibration) for image in images]
+    to_view = geometry.VIEW_FROM_CAMERA @ placing.camera_from_board
+    points = np.array(sorted(common))
+    vectors = photometry.light_vectors(
+        geometry.transform(to_view, points).T.astype(np.float32), photometry.lamps(lights), calibration
+    ).astype(float)
+    values = np.stack([_values_at(image, points, calibration, flat_field) for image in images])
+    normal = -to_view[:3, 2]
+    errors: list[float] = []
+    for patch in range(len(points)):
+        found = np.linalg.lstsq(vectors[:, :, patch], values[:, patch], rcond=None)[0]
+        errors.append(float(np.arctan2(np.linalg.norm(np.cross(found, normal)), found @ normal)))
+    return float(np.degrees(np.mean(errors)))
+
+
+def flat_terms(pixels: FloatArray, width: int, height: int) -> FloatArray:
+    """Terms (N, 5) of ln sensitivity at pixels (N, 2): zero in the image's centre."""
+    half = np.hypot(width, height) / 2
+    u, v = ((pixels - (np.array([width, height]) - 1) / 2) / half).T
+    return np.stack([u, v, u * u, u * v, v * v], axis=1)
+
+
+def _light(image: PlaneImage, calibration: Calibration) -> Light:
+    return lamp_pose.light_from_tool(image.base_from_tool, calibration)
+
+
+def _values_at(image: PlaneImage, points: FloatArray, calibration: Calibration, flat_field: FloatArray) -> FloatArray:
+    """Normalised values y of an image at some of its patches."""
+    row = {tuple(np.round(point, 6)): number for number, point in enumerate(image.points)}
+    at = [row[tuple(point)] for point in points]
+    sensitivity = np.exp(flat_terms(image.pixels[at], calibration.width, calibration.height) @ flat_field)
+    return image.values[at] / sensitivity / calibration.lamp_intensity
+
+
+def _knots(reach_rad: float, count: int) -> tuple[float, ...]:
+    return tuple(np.linspace(0.0, reach_rad, count).tolist())
+
+
+def _seen(images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known, off: FloatArray) -> _Seen:
+    """Geometry with lamp (3,), camera (6,), sag (2,) and placings (6 each) moved by `off`, m and rad."""
+    calibration = known.calibration
+    tool_from_lamp = np.array(calibration.tool_from_lamp)
+    tool_from_lamp[:3, 3] += off[:3]
+    camera = np.array(calibration.base_from_camera) @ geometry.pose(off[3:6], off[6:9])
+    moved = [
+        camera @ placing.camera_from_board @ geometry.pose(part[:3], part[3:])
+        for placing, part in zip(placings, off[PLACED:].reshape(-1, 6), strict=True)
+    ]
+    angles, sides, shadings = list[FloatArray](), list[FloatArray](), list[FloatArray]()
+    for image in images:
+        board, lamp = moved[image.placing], image.base_from_tool @ tool_from_lamp
+        away = geometry.transform(board, image.points) - lamp[:3, 3]
+        distance = np.linalg.norm(away, axis=1)
+        direction = geometry.rotate(geometry.inverse(lamp), away / distance[:, None])
+        ahead = np.maximum(direction[:, 2], 1e-3)
+        # The board's z points into it; sagged by z(u, v), its normal leans by the slope of that.
+        half = np.array(known.size_m) / 2
+        slope = -2 * off[9:11] * (image.points[:, :2] / half - 1) / half
+        into = np.column_stack([-slope, np.ones(len(slope))]) @ board[:3, :3].T
+        facing = np.maximum(np.einsum("ni,ni->n", away, into) / distance, 1e-3)
+        angles.append(np.arctan2(np.hypot(direction[:, 0], direction[:, 1]), direction[:, 2]))
+        sides.append(direction[:, :2])
+        fall = 2 * np.log(calibration.reference_m / distance) + calibration.lobe_exponent * np.log(ahead)
+        shadings.append(np.log(facing) + fall)
+    return _Seen(np.concatenate(angles), np.concatenate(sides), np.concatenate(shadings))
+
+
+def _columns(images: Sequence[PlaneImage], seen: _Seen, knots: tuple[float, ...], known: Known) -> FloatArray:
+    """Design (N, 1 + K − 1 + 2 + 5): ln intensity, knots but the first, tilt to first order, flat field."""
+    pixels = np.concatenate([image.pixels for image in images])
+    flat = flat_terms(pixels, known.calibration.width, known.calibration.height)
+    spline = photometry.lobe_spline(knots, seen.angle)[:, 1:]
+    return np.hstack([np.ones((len(pixels), 1)), spline, seen.side, flat])
+
+
+def _held_out_residuals(
+    images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known, seen: _Seen, reach: float
+) -> dict[int, float]:
+    """Held-out residual, as a fraction, by number of knots, what is uncertain of the geometry fitted along."""
+    number = np.repeat(np.arange(len(images)), [len(image.values) for image in images])
+    target = np.log(np.concatenate([image.values for image in images])) - seen.log_shading
+    still = np.zeros(PLACED + 6 * len(placings))
+    sources = _derivatives(images, placings, known, _knots(reach, 2), still, np.zeros(3))
+    roots = [np.linalg.inv(np.linalg.cholesky(one)) for one in known.covariances(placings)]
+    found = dict[int, float]()
+    for count in KNOTS:
+        design = _columns(images, seen, _knots(reach, count), known)[:, 1:]
+        prior = _blocks([np.eye(design.shape[1]) / PRIOR_SIGMA, *roots])
+        scale = PATCH_SIGMA_START
+        found[count] = scale * _held_out(np.hstack([design, sources]) / scale, target / scale, prior, number)
+    return found
+
+
+def _held_out(columns: FloatArray, target: FloatArray, prior: FloatArray, number: np.ndarray) -> float:
+    """Root mean square residual of images that fits to the others predict.
+
+    Each image's mean is taken out of both: its own brightness is no fault of the lobe. `columns` (N, M) and `target`
+    (N,) in standard deviations, `prior` (M, M) a root of the parameters' inverse prior covariance.
+    """
+    count = np.bincount(number)
+    means = np.stack([np.bincount(number, column) / count for column in columns.T], axis=1)
+    inside = columns - means[number]
+    within = target - (np.bincount(number, target) / count)[number]
+    total = 0.0
+    for fold in range(FOLDS):
+        left = number % FOLDS == fold
+        normal = inside[~left].T @ inside[~left] + prior.T @ prior
+        solution = np.linalg.solve(normal, inside[~left].T @ within[~left])
+        total += float(np.sum((within[left] - inside[left] @ solution) ** 2))
+    return float(np.sqrt(total / len(target)))
+
+
+def _solve(
+    images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known, knots: tuple[float, ...],
+    held_out: dict[int, float],
+) -> LobeFit:  # fmt: skip
+    count = len(knots) - 1
+    tilt_at, flat_at, own = (
+        slice(1 + count, 3 + count),
+        slice(3 + count, 3 + count + FLAT_TERMS),
+        3 + count + FLAT_TERMS,
+    )
+    number = np.repeat(np.arange(len(images)), [len(image.values) for image in images])
+    values = np.log(np.concatenate([image.values for image in images]))
+    noise = np.concatenate([image.noise for image in images])
+    still = np.zeros(PLACED + 6 * len(placings))
+    seen = _seen(images, placings, known, still)
+    design = _columns(images, seen, knots, known)
+    sources = _derivatives(images, placings, known, knots, still, np.zeros(count + 2))
+    geometric = known.covariances(placings)
+    prior = _blocks([np.zeros((1, 1)), np.eye(own - 1) / PRIOR_SIGMA**2, *(np.linalg.inv(one) for one in geometric)])
+    images_of = np.eye(len(images))[number]
+    image_sigma, patch_sigma = IMAGE_SIGMA_START, PATCH_SIGMA_START
+    theta = np.zeros(own + len(still) + len(images))
+    covariance = np.zeros((len(theta), len(theta)))
+    for _ in range(ROUNDS):
+        tilt = theta[tilt_at]
+        side = 1 + seen.side @ tilt
+        whole = np.hstack([design, sources, images_of])
+        whole[:, tilt_at] = seen.side / side[:, None]
+        target = values - seen.log_shading - np.log(side) + whole[:, tilt_at] @ tilt
+        weight = 1 / (patch_sigma**2 + noise**2)
+        full_prior = _blocks([prior, np.eye(len(images)) / image_sigma**2])
+        covariance = np.linalg.inv(whole.T @ (weight[:, None] * whole) + full_prior)
+        theta = covariance @ (whole.T @ (weight * target))
+        residual = target - whole @ theta
+        leverage = np.einsum("ij,jk,ik->i", whole, covariance, whole)
+        # Variances by expectation–maximisation: squares, and what the fit leaves unknown of them.
+        squares = float(np.mean(weight * (residual**2 + leverage)))
+        excess = squares * float(np.mean(1 / weight)) - float(np.mean(noise**2))
+        patch_sigma = max(float(np.sqrt(max(excess, 0.0))), PATCH_SIGMA_FLOOR)
+        offsets = theta[own + len(still) :]
+        unsure = np.diag(covariance)[own + len(still) :]
+        image_sigma = max(float(np.sqrt(np.mean(offsets**2 + unsure))), IMAGE_SIGMA_FLOOR)
+        sources = _derivatives(images, placings, known, knots, still, np.r_[theta[1 : 1 + count], theta[tilt_at]])
+    if patch_sigma > MAX_PATCH_SIGMA:
+        raise RigError(
+            ErrorCode.CALIBRATION_INFEASIBLE,
+            f"Patches differ by {patch_sigma:.0%} from what a matt plane would show: check albedo and evenness of the "
+            "plane, shadows on it, and that lamp and camera were calibrated first",
+        )
+    stated = np.r_[0, 1 : 1 + count, tilt_at.start : tilt_at.stop]
+    of_stated = covariance[np.ix_(stated, stated)]
+    of_stated[0, 0] += known.albedo_sigma**2
+    factors = np.exp(np.r_[0.0, theta[1 : 1 + count]])
+    lobe = LampLobe(
+        knots_rad=knots, factors=tuple(factors.tolist()), tilt=(float(theta[tilt_at][0]), float(theta[tilt_at][1]))
+    )
+    return LobeFit(
+        float(np.exp(theta[0])) / known.albedo, lobe, theta[flat_at], of_stated, covariance[flat_at, flat_at],
+        image_sigma, patch_sigma, theta[own + len(still) :], held_out,
+    )  # fmt: skip
+
+
+def _derivatives(
+    images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known, knots: tuple[float, ...],
+    still: FloatArray, lobe: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """Derivatives (N, 11 + 6 G) of ln brightness by what moves; `lobe` (K + 1,) are knots and tilt."""
+
+    def predicted(off: FloatArray) -> FloatArray:
+        seen = _seen(images, placings, known, off)
+        spline = photometry.lobe_spline(knots, seen.angle)[:, 1:] @ lobe[:-2]
+        return seen.log_shading + spline + np.log(1 + seen.side @ lobe[-2:])
+
+    columns = list[FloatArray]()
+    for which in range(len(still)):
+        step = np.zeros(len(still))
+        step[which] = STEP
+        columns.append((predicted(still + step) - predicted(still - step)) / (2 * STEP))
+    return np.stack(columns, axis=1)
+
+
+def _blocks(parts: Sequence[FloatArray]) -> FloatArray:
+    """A block-diagonal matrix."""
+    size = sum(len(part) for part in parts)
+    whole, at = np.zeros((size, size)), 0
+    for part in parts:
+        whole[at : at + len(part), at : at + len(part)] = part
+        at += len(part)
+    return whole
+
+
+def usable(image: PlaneImage, placing: Placing, calibration: Calibration) -> PlaneImage:
+    """The image with the patches alone that the lamp lights from ahead, not grazing."""
+    base_from_board = np.array(calibration.base_from_camera) @ placing.camera_from_board
+    lamp = image.base_from_tool @ np.array(calibration.tool_from_lamp)
+    away = geometry.transform(base_from_board, image.points) - lamp[:3, 3]
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    good = (away @ lamp[:3, 2] > LEAST_AHEAD) & (away @ base_from_board[:3, 2] > LEAST_AHEAD) & (image.values > 0)
+    return replace(
+        image, points=image.points[good], pixels=image.pixels[good], values=image.values[good], noise=image.noise[good]
+    )

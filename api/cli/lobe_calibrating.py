@@ -1,0 +1,201 @@
+"""`lightpose calibrate lobe`: the lamp's intensity and lobe, from images of a matt plane in a ChArUco frame."""
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from matplotlib.figure import Figure
+from pydantic import ValidationError
+from rich.console import Console
+
+from acquisition.calibrate import charuco, lamp_lobe, matt_plane
+from acquisition.calibrate.charuco import CharucoBoard, View
+from acquisition.calibrate.lamp_lobe import Known, LobeFit, Placing, PlaneImage
+from acquisition.formats.folders import image_files
+from acquisition.formats.folders.refusal import refusal, text
+from acquisition.models import cell_config
+from acquisition.models.base import FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_result import HandEyeResult, LampResult, LobeResult, PlaneResidual
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.store.folder import sha256_of, write_value
+from acquisition.waypoints import calibrated_kinematics
+from api.cli.calibration_folder import arm_chain, now, refuse_overwriting
+
+PLANE_FILE = "plane.csv"
+"""In the folder of images: image, lamp-off image, exposure time, placing, six joints, a line for each."""
+
+
+@dataclass(frozen=True)
+class LobeFiles:
+    """What is known beforehand: cell file, calibration.json to start from, hand_eye.json, lamp.json, the plane's
+    board.json."""
+
+    cell: Path
+    base: Path
+    hand_eye: Path
+    lamp: Path
+    board: Path
+
+
+@dataclass(frozen=True)
+class _Shot:
+    image: str
+    dark: str
+    exposure_s: float
+    placing: str
+    joints: FloatArray
+
+
+def calibrate_lobe(folder: Path, files: LobeFiles, albedo: float, albedo_sigma: float, out: Path) -> dict[str, Any]:
+    """Calibrates the lamp's intensity and lobe from images of a matt plane of known `albedo`, laid down twice or more.
+
+    The last placing of `plane.csv` takes no part and verifies the result, where there are two. Writes `lobe.json`,
+    `lobe.png` and `calibration.json`. Raises RigError folder.invalid, config.invalid, request.invalid and
+    calibration.infeasible; nothing is written then.
+    """
+    if not 0.05 <= albedo <= 1 or not 0 <= albedo_sigma <= 0.5:
+        raise RigError(ErrorCode.REQUEST_INVALID, "--albedo lies between 0.05 and 1, --albedo-sigma between 0 and 0.5")
+    refuse_overwriting(*(out / name for name in ("lobe.json", "lobe.png", "calibration.json")))
+    cell, calibration = cell_config.load(files.cell), cell_config.load_calibration(files.base)
+    board = _read(files.board, CharucoBoard, "description of a board")
+    hand_eye = _read(files.hand_eye, HandEyeResult, "hand_eye.json of `calibrate hand-eye`")
+    lamp = _read(files.lamp, LampResult, "lamp.json of `calibrate lamp`")
+    shots = _shots(folder / PLANE_FILE)
+    names = list(dict.fromkeys(shot.placing for shot in shots))
+    frames = {
+        shot.image: (_grey(folder / shot.image, calibration), _grey(folder / shot.dark, calibration)) for shot in shots
+    }
+    placings = [_placing(name, shots, frames, board, calibration) for name in names]
+    chain, flange_from_tool = arm_chain(cell), cell.arm.flange_from_tool.matrix
+    images: list[PlaneImage] = []
+    for shot in shots:
+        number = names.index(shot.placing)
+        tool = calibrated_kinematics.forward(chain, shot.joints[None])[0, 6] @ flange_from_tool
+        seen = matt_plane.patches(
+            shot.image, *frames[shot.image], shot.exposure_s, (number, placings[number]), tool, board, calibration
+        )
+        images.append(lamp_lobe.usable(seen, placings[number], calibration))
+    last = len(placings) - 1
+    fitted = [one for one in images if len(one.values) and (last == 0 or one.placing < last)]
+    known = Known(
+        calibration, albedo, albedo_sigma, np.array(lamp.covariance), np.array(hand_eye.covariance), board.size_m
+    )
+    found = lamp_lobe.fit(fitted, placings[:last] if last else placings, known)
+    after = found.calibrated(calibration).model_copy(update={"made_at": now()})
+    unused = [one for one in images if last and one.placing == last]
+    verified = lamp_lobe.normal_error_deg(unused, placings[last], after, found.flat_field) if unused else None
+    result = _result(found, images, fitted, folder, verified)
+    out.mkdir(parents=True, exist_ok=True)
+    _draw(found, calibration, out / "lobe.png")
+    write_value(out / "calibration.json", after)
+    write_value(out / "lobe.json", result)
+    _show(result)
+    return result.model_dump(mode="json")
+
+
+def _read(path: Path, kind: type[Any], what: str) -> Any:
+    try:
+        return kind.model_validate_json(path.read_bytes())
+    except (OSError, ValidationError) as error:
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: no {what}: {error}") from error
+
+
+def _shots(path: Path) -> list[_Shot]:
+    """Reads `plane.csv`. Raises RigError folder.invalid naming the line."""
+    shots: list[_Shot] = []
+    for number, line in enumerate((one for one in csv.reader(text(path).splitlines()) if one), 1):
+        try:
+            image, dark, exposure, placing, *joints = (value.strip() for value in line)
+            numbers = np.array([float(value) for value in (exposure, *joints)])
+        except ValueError as error:
+            if number == 1:
+                continue  # the names of the columns
+            raise refusal(
+                path, f"line {number}: image, dark, exposure_s, placing and six joints belong there"
+            ) from error
+        if len(numbers) != 7 or not np.isfinite(numbers).all() or numbers[0] <= 0:
+            raise refusal(path, f"line {number}: an exposure time in s and six joints in rad belong there")
+        shots.append(_Shot(image, dark, float(numbers[0]), placing, numbers[1:]))
+    if not shots:
+        raise refusal(path, "names no images")
+    return shots
+
+
+def _grey(path: Path, calibration: Calibration) -> np.ndarray:
+    values = image_files.decode(path)
+    if (values.shape[1], values.shape[0]) != (calibration.width, calibration.height):
+        stated = f"the calibration {calibration.width} × {calibration.height}"
+        raise refusal(path, f"has {values.shape[1]} × {values.shape[0]} pixels, {stated}")
+    return cv2.cvtColor(values, cv2.COLOR_RGB2GRAY) if values.ndim == 3 else values
+
+
+def _placing(
+    name: str, shots: Sequence[_Shot], frames: dict[str, tuple[np.ndarray, np.ndarray]], board: CharucoBoard,
+    calibration: Calibration,
+) -> Placing:  # fmt: skip
+    views = [charuco.detect(frames[shot.image][0], board, shot.image) for shot in shots if shot.placing == name]
+    seen: list[View] = [view for view in views if view is not None]
+    if not seen:
+        raise RigError(
+            ErrorCode.CALIBRATION_INFEASIBLE,
+            f"The plane's frame is seen in no image of placing {name}: check its description, focus and exposure",
+        )
+    return matt_plane.placing(seen, board, calibration)
+
+
+def _result(
+    found: LobeFit, images: Sequence[PlaneImage], fitted: Sequence[PlaneImage], folder: Path, verified: float | None
+) -> LobeResult:
+    offsets = dict(zip((one.name for one in fitted), found.offsets.tolist(), strict=True))
+    return LobeResult.model_validate(
+        {
+            "made_at": now(), "version": metadata.version("lightpose"), "lamp_intensity": found.lamp_intensity,
+            "lobe": found.lobe.model_dump(), "covariance": found.covariance.tolist(),
+            "intensity_sigma": float(np.sqrt(found.covariance[0, 0])), "flat_field": found.flat_field.tolist(),
+            "flat_field_covariance": found.flat_covariance.tolist(), "image_sigma": found.image_sigma,
+            "patch_sigma": found.patch_sigma,
+            "held_out": [[float(count), residual] for count, residual in found.held_out.items()],
+            "verified_deg": verified,
+            "images": [
+                PlaneResidual(
+                    image=one.name, sha256=sha256_of(folder / one.name), patches=len(one.values),
+                    offset=offsets.get(one.name),
+                )
+                for one in images
+            ],
+        }
+    )  # fmt: skip
+
+
+def _draw(found: LobeFit, calibration: Calibration, path: Path) -> None:
+    """The lobe over the angle with its 2 σ, beside the cosine's power."""
+    knots = np.degrees(found.lobe.knots_rad)
+    base = np.cos(np.radians(knots)) ** calibration.lobe_exponent
+    sigma = np.r_[0.0, np.sqrt(np.diag(found.covariance)[1:-2])]
+    figure = Figure(figsize=(6, 4), layout="constrained")
+    axes = figure.subplots()
+    factors = np.array(found.lobe.factors)
+    axes.errorbar(knots, base * factors, 2 * sigma * factors, fmt="o-", label="found, 2 σ")
+    axes.plot(knots, base, "--", label=f"cos^{calibration.lobe_exponent:g}")
+    axes.set(xlabel="angle off the lamp's axis, °", ylabel="intensity over that on the axis")
+    axes.legend()
+    figure.savefig(path, dpi=120)
+
+
+def _show(result: LobeResult) -> None:
+    console = Console(stderr=True, markup=False)
+    console.print(
+        f"intensity {result.lamp_intensity:.3f} full scales per second, known to {result.intensity_sigma:.2%}; "
+        f"{len(result.lobe.knots_rad)} knots to {np.degrees(result.lobe.knots_rad[-1]):.0f}°; images differ by "
+        f"{result.image_sigma:.2%}, patches by {result.patch_sigma:.2%}"
+    )
+    if result.verified_deg is None:
+        console.print("not verified: lay the plane down a second time, tilted, and take some images of that too")
+    else:
+        console.print(f"on the placing that took no part, normals are off by {result.verified_deg:.2f}° on average")

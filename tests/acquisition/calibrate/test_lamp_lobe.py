@@ -1,0 +1,102 @@
+"""Intensity and lobe of the lamp from images of a matt plane, against LEDs that no spline has made."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from acquisition import photometry
+from acquisition.calibrate import lamp_lobe
+from acquisition.calibrate.lamp_lobe import LobeFit
+from acquisition.models.base import FloatArray
+from acquisition.models.errors import ErrorCode, RigError
+from tests.acquisition.calibrate.matt_plane import CALIBRATION, Truth, captured
+
+ANGLES = np.radians(np.arange(2.0, 40.0, 2.0))
+
+
+def found_factors(found: LobeFit, angles: FloatArray) -> FloatArray:
+    """Intensity over that on the axis as the calibration file's reader computes it."""
+    table = photometry.lobe_table(found.lobe)
+    ahead = np.cos(angles)
+    return ahead**CALIBRATION.lobe_exponent * np.interp(ahead, np.linspace(0, 1, len(table)), table)
+
+
+def whitened(found: LobeFit, truth: Truth) -> float:
+    """Squared error of ln intensity, of the knots within 40° and of the tilt in standard deviations, and its count."""
+    knots = np.array(found.lobe.knots_rad)[1:]
+    error = np.r_[
+        np.log(found.lamp_intensity / truth.intensity),
+        np.log(np.array(found.lobe.factors)[1:] * np.cos(knots) ** CALIBRATION.lobe_exponent / truth.factors(knots)),
+        np.array(found.lobe.tilt) - truth.lobe.tilt,
+    ]
+    return float(error @ np.linalg.solve(found.covariance, error))
+
+
+def test_lobe_of_led_is_found_to_a_per_cent() -> None:
+    truth, images, placings, known = captured(1)
+    found = lamp_lobe.fit(images, placings, known)
+    assert found.lamp_intensity == pytest.approx(truth.intensity, rel=0.008)
+    assert found_factors(found, ANGLES) == pytest.approx(truth.factors(ANGLES), rel=0.01)
+    assert np.array(found.lobe.tilt) == pytest.approx(np.array(truth.lobe.tilt), abs=0.01)
+    assert found.image_sigma == pytest.approx(0.005, rel=0.4)
+    assert found.patch_sigma == pytest.approx(0.002, rel=0.2)
+    assert len(found.lobe.knots_rad) >= 6  # a ring of 7° needs them
+    assert min(found.held_out.values()) < 0.8 * found.held_out[4]
+
+
+def test_lobe_verifies_on_placing_that_took_no_part() -> None:
+    _, images, placings, known = captured(2)
+    used = [image for image in images if image.placing == 0]
+    unused = [image for image in images if image.placing == 1]
+    found = lamp_lobe.fit(used, placings[:1], known)
+    after = found.calibrated(known.calibration)
+    before = lamp_lobe.normal_error_deg(unused, placings[1], known.calibration, 0 * found.flat_field)
+    error = lamp_lobe.normal_error_deg(unused, placings[1], after, found.flat_field)
+    assert error < min(0.35, 0.75 * before)  # by images that differ by 0.5 %, and lamps that are 0.4 mm off
+    assert after.intensity_sigma == found.image_sigma
+
+
+def test_lobe_too_few_or_central_images_are_refused() -> None:
+    _, images, placings, known = captured(3, count=12, placings=1)
+    with pytest.raises(RigError, match="10 are needed") as caught:
+        lamp_lobe.fit(images[:9], placings, known)
+    assert caught.value.code is ErrorCode.CALIBRATION_INFEASIBLE
+    near = [
+        replace(
+            one, points=one.points[:1], pixels=one.pixels[:1], values=one.values[:1], noise=one.noise[:1],
+            base_from_tool=one.base_from_tool,
+        )
+        for one in images
+    ]  # fmt: skip
+    aimed = [one for one in near if np.degrees(_angle(one, known)) < 12]
+    if len(aimed) >= lamp_lobe.MIN_IMAGES:
+        with pytest.raises(RigError, match="tilt the lamp"):
+            lamp_lobe.fit(aimed, placings, known)
+
+
+def _angle(image: lamp_lobe.PlaneImage, known: lamp_lobe.Known) -> float:
+    lamp = image.base_from_tool @ np.array(known.calibration.tool_from_lamp)
+    away = np.array([0.55, 0.0, 0.02]) - lamp[:3, 3]
+    return float(np.arccos(away @ lamp[:3, 2] / np.linalg.norm(away)))
+
+
+def test_lobe_of_plane_that_is_not_matt_is_refused() -> None:
+    _, images, placings, known = captured(4, count=12, placings=1)
+    random = np.random.default_rng(0)
+    uneven = [replace(one, values=one.values * np.exp(0.1 * random.standard_normal(len(one.values)))) for one in images]
+    with pytest.raises(RigError, match="matt") as caught:
+        lamp_lobe.fit(uneven, placings, known)
+    assert caught.value.code is ErrorCode.CALIBRATION_INFEASIBLE
+
+
+@pytest.mark.long
+def test_covariance_of_fifty_lobes_covers_truth() -> None:
+    """Share of LEDs whose intensity, lobe and sides lie within the 95 % ellipsoid."""
+    inside = []
+    for seed in range(100, 150):
+        truth, images, placings, known = captured(seed)
+        found = lamp_lobe.fit(images, placings, known)
+        inside.append(whitened(found, truth) < chi2.ppf(0.95, len(found.covariance)))
+    assert 0.85 <= np.mean(inside) <= 0.99
