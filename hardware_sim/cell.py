@@ -17,7 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 from acquisition.models.cell_config import SimCameraConfig
 from acquisition.models.errors import ErrorCode, RigError
@@ -44,7 +44,8 @@ class CellOptions:
     `pixels`: edge of the camera's square image. `cell_file`: the cell to stand in for; None is the simulated one.
     `calibration_seed`: an arm that differs from its nominal kinematics; None is the nominal arm. `record`: a file for
     every tick. `programs`: a folder of programs that the dashboard can load. `perturbed`: the calibration's values are
-    wrong as those of a cell that was never calibrated (`true_cell.perturbed`); the seed says how.
+    wrong as those of a cell that was never calibrated (`true_cell.perturbed`); the seed says how. `polyscope`: the controller's
+    software, "5" or "x"; None is what the cell file says.
     """
 
     address: str
@@ -58,6 +59,7 @@ class CellOptions:
     record: Path | None = None
     programs: Path | None = None
     perturbed: bool = False
+    polyscope: Literal["5", "x"] | None = None
 
 
 class Cell:
@@ -79,7 +81,7 @@ class Cell:
         self.cell_file = folder / "cell.toml"
         self.calibration_file = folder / "calibration.json"
         self.truth_file = folder / "truth.npz"
-        self.config = nominal.write(folder, options.address, options.pixels, cell_file)
+        self.config = nominal.write(folder, options.address, options.pixels, cell_file, options.polyscope)
         self._options, self._spec = options, spec
         self._controller: ControllerProcess | None = None
         self._world: subprocess.Popen[bytes] | None = None
@@ -98,6 +100,8 @@ class Cell:
                 low_when_stopped=(self.config.lamp.output,),
                 record=options.record,
                 programs=options.programs,
+                polyscope=self.config.arm.polyscope,
+                robot_api_port=self.config.arm.robot_api_port,
             ),
             log_level="INFO",  # why a program ended is the first question about a stopped move
         )

@@ -6,12 +6,15 @@ The calibration holds nominal values; the deviations from them are known to `wor
 import json
 import re
 from pathlib import Path
+from typing import Literal
 
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
 
 FULL_PIXELS = 1024
+ROBOT_API_PORT = 30080
+"""Port of a simulated PolyScope X's Robot API: the real one, 80, may need a right that users of the simulator lack."""
 
 
 def calibration(pixels: int, over_m: tuple[float, float] = (0.55, 0.0)) -> Calibration:
@@ -58,17 +61,25 @@ def default_cell_file() -> Path:
     return Path(__file__).with_name("cells") / "cell.sim.toml"
 
 
-def write(folder: Path, address: str, pixels: int, cell_file: Path) -> CellConfig:
+def write(
+    folder: Path, address: str, pixels: int, cell_file: Path, polyscope: Literal["5", "x"] | None = None
+) -> CellConfig:
     """Writes `cell.toml` (of `cell_file`, at `address`) and `calibration.json` into a folder, and reads them back.
 
     The camera is above the object, wherever the cell file puts that.
-    Raises RigError config.invalid.
+    `polyscope`: the controller's software; default: what the cell file says. Raises RigError config.invalid.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    x, y, _ = cell_config.load(cell_file).object.keep_out.base_from_object.position_m
+    given = cell_config.load(cell_file)
+    x, y, _ = given.object.keep_out.base_from_object.position_m
     text = cell_file.read_text(encoding="utf-8")
     text = re.sub(r"^address\s*=.*$", f"address = {json.dumps(address)}", text, flags=re.MULTILINE)
     text = re.sub(r"^calibration\s*=.*$", 'calibration = "calibration.json"', text, flags=re.MULTILINE)
+    polyscope = polyscope or given.arm.polyscope
+    if "x" in (polyscope, given.arm.polyscope):
+        text = re.sub(r"^(polyscope|robot_api_port)\s*=.*\n", "", text, flags=re.MULTILINE)
+        lines = f'[arm]\npolyscope = "{polyscope}"\nrobot_api_port = {ROBOT_API_PORT}\n'
+        text = re.sub(r"^\[arm\][^\n]*\n", lines, text, flags=re.MULTILINE)
     written = folder / "cell.toml"
     written.write_text(text, encoding="utf-8")
     (folder / "calibration.json").write_text(

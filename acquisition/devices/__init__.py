@@ -24,13 +24,16 @@ RecoveryStep = Literal["unlock", "power", "brakes"]
 DriverPriority = Literal["real-time", "niceness", "ordinary"]
 """Scheduling of the driver's process that the machine has granted, best first."""
 
+UNKNOWN = "unknown"
+"""A model, serial number or software that the controller does not tell."""
+
 StopToken = threading.Event
 """Cancellation token of the runner's present step; every device call that waits checks it."""
 
 
 @dataclass(frozen=True)
 class ArmIdentity:
-    """Who answered at the arm's address."""
+    """Who answered at the arm's address; each may be UNKNOWN."""
 
     model: str
     serial: str

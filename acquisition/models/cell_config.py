@@ -55,6 +55,10 @@ class ArmConfig(Value):
     kind: Literal["ur"] = "ur"
     model: Literal["ur3e", "ur5e", "ur7e", "ur10e", "ur12e", "ur15", "ur16e", "ur20", "ur30"]
     address: str
+    polyscope: Literal["5", "x"] = Field(
+        default="5", description="Software of the controller: PolyScope 5, or X, which has no dashboard; checked"
+    )
+    robot_api_port: int = Field(default=80, gt=0, lt=65536, description="PolyScope X: the port of its Robot API")
     serial: str | None = Field(default=None, description="Checked at connection when given")
     flange_from_tool: Pose = Field(description="The controller's TCP: origin at the emitter, +z the lamp's axis")
     payload_kg: float = Field(gt=0)

@@ -107,6 +107,8 @@ def _arm(console: Console, cell: CellConfig) -> bool:
     try:
         identity = arm.connect()
         console.print(f"ok    arm: {identity.model}, serial number {identity.serial}, software {identity.software}")
+        for limit in arm.limits():
+            console.print(f"      {limit}")
         findings = arm.preflight()
     finally:
         arm.close()

@@ -28,6 +28,13 @@ class Profile(StrEnum):
     REALISTIC = "realistic"
 
 
+class PolyScope(StrEnum):
+    """Generations of the controller's software."""
+
+    FIVE = "5"
+    X = "x"
+
+
 class LogFormat(StrEnum):
     """Format of log entries."""
 
@@ -112,6 +119,9 @@ def sim(
     perturbed: Annotated[
         bool, typer.Option("--perturb", help="A cell that was never calibrated: its calibration.json is wrong")
     ] = False,
+    polyscope: Annotated[
+        PolyScope | None, typer.Option(help="Software of the simulated controller; default: the cell file's")
+    ] = None,
     json_status: Annotated[bool, typer.Option("--json-status", help="A JSON line at each change of the arm")] = False,
 ) -> None:
     """Runs a simulated cell until interrupted; prints a line `ready …` when it accepts connections."""
@@ -132,6 +142,7 @@ def sim(
                 record=record,
                 programs=programs,
                 perturbed=perturbed,
+                polyscope=None if polyscope is None else "x" if polyscope is PolyScope.X else "5",
             ),
             folder=folder,
             json_status=json_status,

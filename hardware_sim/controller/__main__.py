@@ -30,6 +30,8 @@ def main(real_time: RealTime | None = None) -> int:
     parser = argparse.ArgumentParser(prog=f"python -m {__package__}", description=__doc__)
     parser.add_argument("--address", default="127.0.0.1", help="loopback address; the ports are those of a real one")
     parser.add_argument("--model", choices=sorted(MODELS), default="ur5e", help="the arm")
+    parser.add_argument("--polyscope", choices=["5", "x"], default="5", help="software; x has no dashboard")
+    parser.add_argument("--robot-api-port", type=int, default=80, help="of --polyscope x; below 1024 may need a right")
     parser.add_argument("--home", type=_joints, default=HOME, help="initial joints in rad")
     parser.add_argument(
         "--calibration-seed", type=int, help="an arm that differs from its nominal kinematics; default: nominal"

@@ -38,6 +38,8 @@ from hardware_sim.controller.watchdogs import Watchdogs
 LOG = logging.getLogger("hardware_sim.controller")
 
 VERSION = (5, 11, 1, 108318)
+VERSION_X = (10, 14, 0, 0)
+"""PolyScope X, the first with all of the Robot API that `robot_api` serves; its build number is not published."""
 PROGRAM_STOP_DECELERATION = 6.0  # rad/s², where a program ends in mid-move
 SAFETY_STOP_DECELERATION = 15.0  # rad/s²
 _PACE_RATE = 5.0  # per s: a pause from full speed takes 0.2 s
@@ -57,6 +59,7 @@ class Controller:
         speed_factor: float = 1.0,
         low_when_stopped: Iterable[int] = (),
         serial: str = "20215500042",
+        polyscope: str = "5",
         programs: Path | None = None,
         record: Record | None = None,
     ) -> None:
@@ -67,6 +70,7 @@ class Controller:
         self.links, self.interpreter = ScriptLinks(), Interpreter()
         self.outputs = Outputs(low_when_stopped, now)
         self.serial = serial
+        self.version = VERSION_X if polyscope == "x" else VERSION
         self.speed_factor = speed_factor
         self.slider = 1.0
         self.ticks, self.now = 0, now
@@ -79,7 +83,7 @@ class Controller:
         self.force_mode_settings: dict[str, float] = {}
         self.messages: deque[str] = deque(maxlen=500)
         self.announcements: deque[RobotMessage] = deque(maxlen=256)  # not yet sent to clients
-        self._programs = programs
+        self.programs = programs
         self._record = record
         self._program: Program | None = None
         self._secondary: list[Program] = []
@@ -176,11 +180,11 @@ class Controller:
 
     def load_file(self, name: str) -> bool:
         """Loads a program from the folder of programs, in place of the running one; False where there is none."""
-        program = program_store.find(self._programs, name)
+        program = program_store.find(self.programs, name)
         if program is None:
             return False
         self.stop_program(f"{name} is loaded")
-        self.loaded, self.program_name = program, name
+        self.loaded, self.program_name = program, program.name
         return True
 
     def play(self) -> bool:

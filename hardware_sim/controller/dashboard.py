@@ -1,13 +1,16 @@
-"""Dashboard server (UR dashboard server guide): one line of text in, one line out (port 29999).
+"""Dashboard server (UR dashboard server guide, e-Series): one line of text in, one line out (port 29999).
 
-Replies are compared whole by the clients, so they are the real ones, ended by a bare line feed. In local control a
-controller answers questions and shows popups, and refuses all else; it goes on refusing on connections that were opened
-in local control until they are opened anew.
+All commands of PolyScope 5.11. Where the guide and what robots send differ (operational modes), it is what UR's own
+client library expects; `setUserRole` and `getUserRole` are CB3's, and clients still send them. Replies are compared
+whole by the clients, so they are the real ones, ended by a bare line feed. In local control a controller answers
+questions and shows popups, and refuses all else; it goes on refusing on connections that were opened in local control
+until they are opened anew.
 """
 
 import socket
 from collections.abc import Callable
 
+from hardware_sim.controller import program_store
 from hardware_sim.controller.controller import VERSION, Controller
 from hardware_sim.controller.modes import RuntimeState
 from hardware_sim.controller.sockets import LineConnection
@@ -50,24 +53,37 @@ def answer(controller: Controller, command: str, remote: bool) -> str:
     question = _ALWAYS.get(lowered)
     if question is not None:
         return question(controller)
-    verb, _, argument = command.partition(" ")
-    verb = verb.lower()
-    if verb == "popup":
-        controller.safety.popup = argument
-        return "showing popup"
-    if verb == "addtolog" and argument:
-        controller.report(f"addToLog: {argument}")
-        return "Added log message"
-    if verb == "setuserrole" and argument:
-        return f"Setting user role: {argument}"
     action = _REMOTE.get(lowered)
-    if action is None and not (verb == "load" and argument):
-        return f'could not understand: "{command}"'
-    if not remote:
-        return _REFUSED
     if action is not None:
-        return action(controller)
-    return f"Loading program: {argument}" if controller.load_file(argument) else f"File not found: {argument}"
+        return action(controller) if remote else _REFUSED
+    for prefix, (needs_remote, carry_out) in _WITH_ARGUMENT.items():
+        if lowered.startswith(prefix + " "):
+            return carry_out(controller, command[len(prefix) + 1 :]) if remote or not needs_remote else _REFUSED
+    return f'could not understand: "{command}"'
+
+
+def _add_to_log(controller: Controller, text: str) -> str:
+    controller.report(f"addToLog: {text}")
+    return "Added log message"
+
+
+def _load(controller: Controller, name: str) -> str:
+    return f"Loading program: {name}" if controller.load_file(name) else f"File not found: {name}"
+
+
+def _load_installation(controller: Controller, name: str) -> str:
+    if not program_store.has_installation(controller.programs, name):
+        return f"File not found: {name}"
+    controller.stop_program(f"{name} is loaded")
+    return f"Loading installation: {name}"
+
+
+def _support_file(controller: Controller, directory: str) -> str:
+    try:
+        name = program_store.support_file(controller.programs, directory, controller.serial, controller.messages)
+    except OSError as error:
+        return f"Error: {error}"
+    return f"Completed successfully: {name}" if name else f"Error: no directory {directory}"
 
 
 def _stop(controller: Controller) -> str:
@@ -102,24 +118,28 @@ def _program_state(controller: Controller) -> str:
 
 
 def _loaded(controller: Controller) -> str:
-    return "No program loaded" if controller.loaded is None else f"Loaded program: {controller.loaded.name}"
+    return "No program loaded" if controller.loaded is None else f"Loaded program: {controller.loaded.path}"
 
 
-def _close_popup(controller: Controller) -> None:
-    controller.safety.popup = None
-
-
-def _close_safety_popup(controller: Controller) -> None:
-    controller.safety.safety_popup = None
+def _setting(field: str, value: str | None, reply: str) -> Callable[[Controller], str]:
+    return _plain(reply, lambda controller: setattr(controller.safety, field, value))
 
 
 _NUMBER = ".".join(map(str, VERSION))
+_MODES = ("MANUAL", "AUTOMATIC")
+_ROLES = ("PROGRAMMER", "OPERATOR", "NONE", "LOCKED", "RESTRICTED")
 _ALWAYS: dict[str, Callable[[Controller], str]] = {
     "polyscopeversion": lambda c: f"URSoftware {_NUMBER} (Aug 05 2021)",
     "version": lambda c: _NUMBER,
     "get serial number": lambda c: c.serial,
     "get robot model": lambda c: c.arm.model.name.upper().removesuffix("E"),
-    "get operational mode": lambda c: "NONE",
+    "get operational mode": lambda c: c.safety.operational_mode,
+    "clear operational mode": _setting(
+        "operational_mode", "NONE", "No longer controlling the operational mode. Current operational mode: 'NONE'."
+    ),
+    "getuserrole": lambda c: c.safety.user_role,
+    "addtolog": lambda c: "No log message to add",
+    "savelog": lambda c: "Log saved to disk",  # it is kept anyway: `log` of the control port
     "is in remote control": lambda c: str(c.safety.remote_control).lower(),
     "running": lambda c: f"Program running: {str(c.runtime_state is not RuntimeState.STOPPED).lower()}",
     "programstate": _program_state,
@@ -129,9 +149,18 @@ _ALWAYS: dict[str, Callable[[Controller], str]] = {
     "safetymode": lambda c: f"Safetymode: {c.safety_mode.name}",
     "safetystatus": lambda c: f"Safetystatus: {c.safety_mode.name}",
     "popup": _plain("showing popup", lambda c: None),
-    "close popup": _plain("closing popup", _close_popup),
-    "close safety popup": _plain("closing safety popup", _close_safety_popup),
+    "close popup": _setting("popup", None, "closing popup"),
+    "close safety popup": _setting("safety_popup", None, "closing safety popup"),
     "quit": lambda c: "Disconnected",
+    **{
+        f"set operational mode {m.lower()}": _setting("operational_mode", m, f"Operational mode {m} is set")
+        for m in _MODES
+    },
+    **{f"setuserrole {r.lower()}": _setting("user_role", r, f"Setting user role: {r.lower()}") for r in _ROLES},
+    **{
+        f"generate flight report{kind}": lambda c: f"Flight Report generated with id: {c.ticks}"
+        for kind in ("", " controller", " software", " system")
+    },
 }
 _REMOTE: dict[str, Callable[[Controller], str]] = {
     "play": _checked("play", "Starting program", Controller.play),
@@ -144,3 +173,11 @@ _REMOTE: dict[str, Callable[[Controller], str]] = {
     "restart safety": _plain("Restarting safety", lambda c: c.safety.restart()),
     "shutdown": lambda c: "Shutting down",
 }
+_WITH_ARGUMENT: dict[str, tuple[bool, Callable[[Controller, str], str]]] = {
+    "popup": (False, lambda c, text: _setting("popup", text, "showing popup")(c)),
+    "addtolog": (False, _add_to_log),
+    "generate support file": (False, _support_file),
+    "load installation": (True, _load_installation),
+    "load": (True, _load),
+}
+"""What takes an argument, and whether it needs remote control; a longer name comes before one that begins it."""

@@ -33,7 +33,8 @@ class ControllerOptions:
     plays. `surroundings`: a file of what the arm can touch (`surroundings`). `programs`: a folder of programs that the
     dashboard can load (`program_store`). `record`: a file for every tick (`trace`). `for_urx`: the secondary port
     sends robot mode data as before software 3.5; without, urx 0.11.0 ends each move it waits for with "Robot stopped",
-    as it does with a real controller of this version (its issues 41, 64, 112).
+    as it does with a real controller of this version (its issues 41, 64, 112). `polyscope`: "5", or "x" with
+    its Robot API on `robot_api_port` in place of the dashboard.
     """
 
     home: Sequence[float] = HOME
@@ -46,3 +47,5 @@ class ControllerOptions:
     programs: Path | None = None
     record: Path | None = None
     for_urx: bool = False
+    polyscope: str = "5"
+    robot_api_port: int = 80

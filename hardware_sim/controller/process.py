@@ -28,6 +28,7 @@ class ControllerProcess:
         """
         self.address = address
         command = [sys.executable, "-m", module, "--until-eof", "--address", address]
+        command += ["--polyscope", options.polyscope, "--robot-api-port", str(options.robot_api_port)]
         command += ["--model", options.model, "--speed", repr(options.speed), "--log", log_level]
         # One word: the parser would take -1e-05 by itself for an option.
         command += ["--home=" + ",".join(repr(float(q)) for q in options.home)]

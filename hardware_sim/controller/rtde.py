@@ -19,7 +19,7 @@ from enum import IntEnum
 from typing import Any
 
 from hardware_sim.controller import dynamics
-from hardware_sim.controller.controller import VERSION, Controller
+from hardware_sim.controller.controller import Controller
 from hardware_sim.controller.registers import INPUT_TYPES, OFFSETS, OUTPUT_TYPES, TYPES
 from hardware_sim.controller.sockets import Connection
 
@@ -194,7 +194,7 @@ class RtdeConnection(Connection):
             self._agreed = self._agreed or accepted
             self._reply(Kind.PROTOCOL, bytes([accepted]))
         elif kind == Kind.VERSION:
-            self._reply(Kind.VERSION, struct.pack(">4I", *VERSION))
+            self._reply(Kind.VERSION, struct.pack(">4I", *self._controller.version))
         elif kind in (Kind.OUTPUTS, Kind.INPUTS) and not self._agreed:
             LOG.warning("RTDE set-up refused: the client has not asked for protocol version 2")
             self._reply(Kind(kind), _REFUSED)

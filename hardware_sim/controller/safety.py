@@ -29,6 +29,7 @@ class Safety:
         self.robot_mode = RobotMode.RUNNING
         self.safety_mode = SafetyMode.NORMAL
         self.remote_control = True
+        self.operational_mode, self.user_role = "NONE", "NONE"
         self.popup: str | None = None
         self.safety_popup: str | None = None
         self._now = now

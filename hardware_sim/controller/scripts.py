@@ -2,8 +2,8 @@
 
 A program has no length and no terminator: it is complete when its blocks are closed again; what a client leaves half
 sent is forgotten when it closes. A raw command is a line outside a program that UR's client library sends in place of a
-dashboard's (`primary_client.cpp`); it does what that does, and is refused in local control as well. What these ports
-send is in `streams`.
+dashboard's (`primary_client.cpp`); it does what that does, and is refused in local control as well. With PolyScope X a
+connection that was opened in local control stays read-only. What these ports send is in `streams`.
 """
 
 import logging
@@ -42,12 +42,15 @@ class ScriptConnection(LineConnection):
         super().__init__(stream)
         self._controller = controller
         self._uploads = uploads
+        self._read_only = controller.version[0] >= 10 and not controller.safety.remote_control
         self._lines: list[str] = []
         self._depth = 0
         self._size = 0
 
     def line(self, text: str) -> None:
         """Collects lines until the depth of blocks is back to none, then hands the program over."""
+        if self._read_only:
+            return
         if not self._lines:
             words = " ".join(text.split("#", 1)[0].split())
             if not words:

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from hardware_sim.controller import control_port, dashboard, interpreter_port, rtde, streams
 from hardware_sim.controller.calibration import calibrated
 from hardware_sim.controller.control_port import ControlConnection
-from hardware_sim.controller.controller import VERSION, Controller
+from hardware_sim.controller.controller import Controller
 from hardware_sim.controller.dashboard import DashboardConnection
 from hardware_sim.controller.delay import Delay
 from hardware_sim.controller.dynamics import Dynamics
@@ -28,6 +28,7 @@ from hardware_sim.controller.messages import MessageType, RobotMessage
 from hardware_sim.controller.modes import RobotMode
 from hardware_sim.controller.options import ControllerOptions, RealTime
 from hardware_sim.controller.program_loader import ProgramLoader
+from hardware_sim.controller.robot_api import RobotApiConnection
 from hardware_sim.controller.rtde import Owners, RtdeConnection
 from hardware_sim.controller.safety import BOOT_SECONDS
 from hardware_sim.controller.script_values import STEP_TIME
@@ -47,8 +48,10 @@ _AT_ONCE = 8  # descriptors served before the clock is read again; epoll gives t
 class Server:
     """All ports of one controller on one address."""
 
-    def __init__(self, controller: Controller, address: str, *, for_urx: bool = False) -> None:
-        """Raises OSError where a port is in use."""
+    def __init__(
+        self, controller: Controller, address: str, *, for_urx: bool = False, robot_api_port: int | None = None
+    ) -> None:
+        """`robot_api_port`: of PolyScope X, in place of the dashboard. Raises OSError where a port is in use."""
         self.controller = controller
         self._poll = select.epoll()
         self._owners = Owners()
@@ -60,7 +63,6 @@ class Server:
         self._for_urx = for_urx
         accepts: dict[int, Callable[[socket.socket], Connection]] = {
             rtde.PORT: lambda s: RtdeConnection(s, controller, self._owners),
-            dashboard.PORT: lambda s: DashboardConnection(s, controller, self.shut_down),
             **dict.fromkeys(_STREAMS, lambda s: ScriptConnection(s, controller, self._loader)),
             **{number + streams.READ_ONLY: ReadOnlyConnection for number in _STREAMS},
             interpreter_port.PORT: lambda s: InterpreterConnection(s, controller, self._loader),
@@ -68,6 +70,10 @@ class Server:
         }
         for number in (*_STATES, *(number + streams.READ_ONLY for number in _STATES)):
             accepts[number] = self._greeting(accepts[number])
+        if robot_api_port is None:
+            accepts[dashboard.PORT] = lambda s: DashboardConnection(s, controller, self.shut_down)
+        else:
+            accepts[robot_api_port] = lambda s: RobotApiConnection(s, controller, self.shut_down)
         try:
             for number, accept in accepts.items():
                 self._ports[number] = Port(self._poll, address, number, accept)
@@ -82,7 +88,7 @@ class Server:
     def _greeting(self, accept: Callable[[socket.socket], Connection]) -> Callable[[socket.socket], Connection]:
         def take(stream: socket.socket) -> Connection:
             connection = accept(stream)
-            connection.send(streams.version_message(VERSION, self.controller.timestamp))
+            connection.send(streams.version_message(self.controller.version, self.controller.timestamp))
             return connection
 
         return take
@@ -263,12 +269,14 @@ def serve(
         now=time.monotonic(),
         speed_factor=options.speed,
         low_when_stopped=options.low_when_stopped,
+        polyscope=options.polyscope,
         programs=options.programs,
         record=recorder,
     )
     if options.surroundings is not None:
         controller.collisions.surround(options.surroundings)
-    server = Server(controller, address, for_urx=options.for_urx)
+    robot_api_port = options.robot_api_port if options.polyscope == "x" else None
+    server = Server(controller, address, for_urx=options.for_urx, robot_api_port=robot_api_port)
     try:
         sys.stdout.write(f"ready {address}\n")
         sys.stdout.flush()

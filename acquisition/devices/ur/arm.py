@@ -2,8 +2,8 @@
 
 The driver is started as `python -m`, not forked and not by `multiprocessing`: it must neither inherit a half-made state
 nor import the program that runs the service. The proxy answers `reading` and `halt` from shared memory; all else is one
-request at a time with a deadline, in the runner's thread. A driver that misses a deadline is stopped through the
-dashboard and killed; only an explicit `connect` starts the next one.
+request at a time with a deadline, in the runner's thread. A driver that misses a deadline is killed and its program
+ended by the second halt path; only an explicit `connect` starts the next one.
 """
 
 import contextlib
@@ -20,9 +20,8 @@ from typing import cast
 
 from acquisition.devices import ArmIdentity, ArmReading, DriverPriority, Finding, MotionLimits, RecoveryStep, StopToken
 from acquisition.devices.process_priority import Priority, RealTime
-from acquisition.devices.ur import motion_limits, preflight, primary, protocol, readings, states
-from acquisition.devices.ur.dashboard import ask, probe, recover
-from acquisition.devices.ur.dashboard_stop import DashboardStop
+from acquisition.devices.ur import motion_limits, preflight, primary, probe, protocol, readings, states
+from acquisition.devices.ur.program_stop import ProgramStop
 from acquisition.devices.ur.protocol import Done, Failed, Field, Inspection, Interrupted, Sample, SharedMemory
 from acquisition.models.base import FloatArray
 from acquisition.models.cell_config import ArmConfig, JointGeometry
@@ -46,7 +45,7 @@ class UrArm:
         lamp_output: int,
         expected_pose: Callable[[Sequence[float]], FloatArray] | None = None,
         halt_by_driver: bool = True,
-        halt_by_dashboard: bool = True,
+        halt_by_program_stop: bool = True,
         real_time: RealTime | None = None,
     ) -> None:
         """`real_time` is the class that this process is in while the arm moves.
@@ -63,10 +62,11 @@ class UrArm:
                 f"at least {config.max_joint_speed_rad_s / protocol.STOP_WITHIN_S:.2f}.",
             )
         self._config = config
+        self._software = probe.software_of(config)
         self._lamp_output = lamp_output
         self.expected_pose = expected_pose
         self._halt_by_driver = halt_by_driver
-        self._halt_by_dashboard = halt_by_dashboard
+        self._halt_by_program_stop = halt_by_program_stop
         self._real_time = real_time or RealTime(0.0)
         self._told_priority = False
         self._memory = SharedMemory.create()
@@ -77,7 +77,7 @@ class UrArm:
         self._taking_control = self._took_control = False  # now; whether this driver ever did
         self._lost_reason = ""  # why the last driver was
         self._pipe_lock = threading.Lock()  # arm and lamp share the pipe; halt and reading do not take it
-        self._dashboard_stop: DashboardStop | None = None
+        self._program_stop: ProgramStop | None = None
         self.lateness_s: deque[float] = deque(maxlen=LATENESS_KEPT)
         """How late each renewal of the lease was, s; the newest of all moves, for monitoring."""
 
@@ -119,9 +119,9 @@ class UrArm:
         self._halt_requested = time.monotonic_ns()
         if self._halt_by_driver:
             self._memory.write(Field.HALT_REQUESTED, self._halt_requested)
-        dashboard_stop = self._dashboard_stop
-        if dashboard_stop is not None:
-            dashboard_stop.notify_halt()
+        program_stop = self._program_stop
+        if program_stop is not None:
+            program_stop.notify_halt()
 
     # --------------------------------------------------------------------------------------------- the runner's thread
 
@@ -130,22 +130,23 @@ class UrArm:
 
         An arm that is not ready (power, safety, local control) is connected without control: `preflight` says why, and
         `prepare` or another `connect` takes control later. Moves nothing. Raises RigError arm.unreachable within 3 s
-        where nobody answers, arm.in_use, driver.lost.
+        where nobody answers, config.invalid where the controller runs another software than the cell file says,
+        arm.in_use, driver.lost.
         """
-        probe(self._config.address)
-        identity, remote_control = self._ask()
-        if self._dashboard_stop is None:
-            self._dashboard_stop = DashboardStop(
-                self._config.address, lambda: self._memory.halt_state(self._halt_requested), self._halt_by_dashboard
+        probe.probe(self._config, self._software)
+        state = self._software.state()
+        if self._program_stop is None:
+            self._program_stop = ProgramStop(
+                self._software, lambda: self._memory.halt_state(self._halt_requested), self._halt_by_program_stop
             )
         with self._pipe_lock:
             if not self._driver_answers():
                 self._start_driver()
         reading = self.reading
         fault = states.safety_fault(reading.safety_bits) or states.power_fault(reading.robot_mode)
-        if remote_control and fault is None:
+        if state.remote_control and fault is None:
             self.prepare()
-        return identity
+        return state.identity
 
     def prepare(self) -> None:
         """Takes control: the control program runs, TCP and payload are set, the controller's watchdog is armed.
@@ -155,9 +156,10 @@ class UrArm:
         """
         tool = self._config.flange_from_tool
         with self._pipe_lock:
-            if self._process is not None and self._dashboard_stop is not None and not self._took_control:
+            if self._process is not None and self._program_stop is not None and not self._took_control:
                 self._took_control = True
-                self._dashboard_stop.watch(self._process.pid)
+                self._program_stop.watch(self._process.pid)
+                self._program_stop.reopen()
         request = protocol.TakeControl(
             (*tool.position_m, *tool.rotation_vector_rad), self._config.payload_kg, self._config.payload_center_m
         )
@@ -180,18 +182,23 @@ class UrArm:
 
     def preflight(self) -> list[Finding]:
         """Compares the arm with the cell file; moves, unlocks and powers nothing. Raises RigError driver.lost."""
-        identity, remote_control = self._ask()
-        reading = self.reading
+        state, reading = self._software.state(), self.reading
         inspection: Inspection | None = None
         if reading.program_running:
             inspection = self._done(self._request(protocol.Inspect(), REQUEST_DEADLINE_S)).value
         expected = None if self.expected_pose is None else self.expected_pose(reading.joints)
-        answers = preflight.Answers(identity, remote_control, reading, inspection, expected, self._kinematics())
+        answers = preflight.Answers(
+            state.identity, state.remote_control, reading, inspection, expected, self._kinematics()
+        )
         return preflight.findings(self._config, answers)
 
     def recover(self, step: RecoveryStep) -> None:
-        """One step out of a stop by the dashboard; see the Protocol `Arm`."""
-        recover(self._config.address, step)
+        """One step out of a stop; see the Protocol `Arm`."""
+        self._software.recover(step)
+
+    def limits(self) -> tuple[str, ...]:
+        """What cannot be done, or not be checked, with the controller's software."""
+        return self._software.limits()
 
     def move(self, path: Sequence[Sequence[float]], limits: Sequence[MotionLimits], stop: StopToken) -> None:
         """Moves through joint configurations (rad), one straight joint segment each; see the Protocol `Arm`.
@@ -264,16 +271,16 @@ class UrArm:
         """Ends the driver; the arm stands still, the lamp is off."""
         with self._pipe_lock:
             if self._process is not None and self._connection is not None:
-                if self._dashboard_stop is not None:
-                    self._dashboard_stop.unwatch()
+                if self._program_stop is not None:
+                    self._program_stop.unwatch()
                 with contextlib.suppress(OSError):
                     self._connection.send((time.monotonic_ns(), protocol.Shutdown()))
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     self._process.wait(SHUTDOWN_DEADLINE_S)
                 self._kill_driver()
-        dashboard_stop, self._dashboard_stop = self._dashboard_stop, None
-        if dashboard_stop is not None:
-            dashboard_stop.close()
+        program_stop, self._program_stop = self._program_stop, None
+        if program_stop is not None:
+            program_stop.close()
 
     # --------------------------------------------------------------------------------------------------------- driver
 
@@ -348,7 +355,7 @@ class UrArm:
             raise self._declare_lost("The arm's driver ended.") from error
 
     def _declare_lost(self, detail: str) -> RigError:
-        """Stops by the dashboard, kills the driver, and says so."""
+        """Ends its program, kills the driver, and says so."""
         self._lost_reason = detail.removesuffix(".")
         if self._took_control:  # else a moving program is not ours to stop
             self._stop_program()
@@ -356,8 +363,8 @@ class UrArm:
         return RigError(ErrorCode.DRIVER_LOST, detail)
 
     def _stop_program(self) -> None:
-        if self._dashboard_stop is not None:
-            self._dashboard_stop.stop_at_once()
+        if self._program_stop is not None:
+            self._program_stop.stop_at_once()
 
     def _kill_driver(self) -> None:
         process, self._process = self._process, None
@@ -377,13 +384,6 @@ class UrArm:
         return reply
 
     # ------------------------------------------------------------------------------------------------------- questions
-
-    def _ask(self) -> tuple[ArmIdentity, bool]:
-        """Who is there, and whether it is in remote control."""
-        model, serial, software, remote = ask(
-            self._config.address, "get robot model", "get serial number", "PolyscopeVersion", "is in remote control"
-        )
-        return ArmIdentity(model, serial, software), "true" in remote
 
     def _kinematics(self) -> list[JointGeometry] | None:
         """The arm as built, asked for only where the cell file has something to compare with it."""

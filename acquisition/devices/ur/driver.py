@@ -4,7 +4,7 @@ ur-rtde's constructors hold the interpreter lock, its calls can block for minute
 process; so it lives here, alone, and is left by `os._exit`. One loop, no threads: publish the newest reading, obey a
 halt, advance the request in progress by one step, look after the lease, kick the controller's watchdog, receive.
 Nothing blocks in it but ur-rtde's own short calls; should one hang, its heartbeat in the shared memory stands still,
-the kicks cease, the controller's watchdog ends the program, and the service halts through the dashboard.
+the kicks cease, the controller's watchdog ends the program, and the service halts by its own path.
 
 All threads of the process are in the real-time class where that is permitted: the loop and the library's readers take
 an eighth of a core. Starting Python and the library's constructors, which would keep a core from everybody else for
@@ -39,6 +39,12 @@ from acquisition.models.errors import ErrorCode, RigError
 _log = logging.getLogger(__name__)
 
 DATA_HZ = 125.0  # at the controller's full 500 Hz the library alone takes a quarter of a core
+DATA = (
+    "timestamp actual_q actual_qd actual_TCP_pose target_speed_fraction robot_mode safety_status_bits runtime_state "
+    "actual_digital_output_bits payload payload_cog"
+)
+"""What is asked for: what `interfaces.Receive` reads. By itself ur-rtde asks PolyScope X for no payload."""
+
 LEAVE_S = 2.0
 SHARE = 0.4
 """Share of a core in real time; 0.12 is used at 125 Hz of data, and three drivers leave one of two cores free."""
@@ -193,7 +199,7 @@ def _control(address: str) -> Control:
 
 
 def _receive(address: str) -> Receive:
-    return cast(Receive, rtde_receive.RTDEReceiveInterface(address, DATA_HZ))
+    return cast(Receive, rtde_receive.RTDEReceiveInterface(address, DATA_HZ, DATA.split()))
 
 
 def _outputs(address: str) -> Outputs:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition import geometry
-from acquisition.devices import ArmIdentity, ArmReading, Finding
+from acquisition.devices import UNKNOWN, ArmIdentity, ArmReading, Finding
 from acquisition.devices.ur import states
 from acquisition.devices.ur.protocol import Inspection
 from acquisition.models.base import FloatArray
@@ -16,6 +16,10 @@ PAYLOAD_TOLERANCE = 1e-3  # kg and m
 FORWARD_TOLERANCE_M = 1e-3  # the controller against itself: joint noise only
 AS_BUILT_TOLERANCE_M = 2e-4  # its pose against the calibrated chain: joint noise only
 AS_BUILT_TOLERANCE = 1e-6  # m and rad: numbers copied from the controller
+_REMOTE_CONTROL = {
+    "5": "Switch the pendant to remote control.",
+    "x": "Select Automatic, then Remote, in the pendant's safety overview.",
+}
 
 
 @dataclass(frozen=True)
@@ -41,15 +45,22 @@ def findings(config: ArmConfig, answers: Answers) -> list[Finding]:
     if power is not None:
         differences.append(Finding(power.detail, "Power the arm on and release the brakes at the pendant."))
     if not answers.remote_control:
-        differences.append(Finding("The controller is in local control.", "Switch the pendant to remote control."))
-    if identity.model.casefold() != config.model.removesuffix("e").casefold():
+        differences.append(Finding("The controller is in local control.", _REMOTE_CONTROL[config.polyscope]))
+    if identity.model != UNKNOWN and identity.model.casefold() != config.model.removesuffix("e").casefold():
         differences.append(
             Finding(
                 f"The arm is a {identity.model}, the cell file says {config.model}.",
                 "Correct `arm.model`, or connect the right arm.",
             )
         )
-    if config.serial is not None and identity.serial != config.serial:
+    if config.serial is not None and identity.serial == UNKNOWN:
+        differences.append(
+            Finding(
+                f"The cell file asks for the serial number {config.serial}, which {identity.software} does not tell.",
+                "Update the controller, or remove `arm.serial`.",
+            )
+        )
+    elif config.serial is not None and identity.serial != config.serial:
         differences.append(
             Finding(
                 f"The arm's serial number is {identity.serial}, the cell file says {config.serial}.",

@@ -33,7 +33,7 @@ STOP_WITHIN_S = 0.2
 """Longest synchronous stop from the highest speed, s: it sends no kicks and must end within the watchdog's period."""
 
 ACKNOWLEDGE_S = 0.1
-"""Time limit, s, for the driver to accept a halt; afterwards the dashboard stops the arm."""
+"""Time limit, s, for the driver to accept a halt; afterwards the second path stops the arm."""
 
 LINK_S, LINK_AT_MOST_S = 0.8, 1.8
 """Data older than this mean a lost link, also where the driver has just slept; ur-rtde would reconnect by itself, and

@@ -17,6 +17,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim import real_time_controller
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.options import ControllerOptions
+from hardware_sim.nominal import ROBOT_API_PORT
 
 CELL: CellConfig = cell_config.load(Path(__file__).parents[3] / "hardware_sim" / "cells" / "cell.sim.toml")
 LIMITS = MotionLimits(1.05, 1.4)
@@ -37,18 +38,19 @@ arm.move([FAR], [LIMITS], StopToken())
 """The program of a service that moves the arm, for a process of its own; to be formatted with the address."""
 
 
-def arm_config(address: str) -> ArmConfig:
-    """The simulated cell's arm at another address."""
-    return CELL.arm.model_copy(update={"address": address})
+def arm_config(address: str, polyscope: str = "5") -> ArmConfig:
+    """The simulated cell's arm at another address, with this software."""
+    software = {"polyscope": polyscope, "robot_api_port": ROBOT_API_PORT}
+    return CELL.arm.model_copy(update={"address": address} | software)
 
 
 @contextmanager
-def controller(address: str, record: Path | None = None) -> Iterator[ControlClient]:
+def controller(address: str, record: Path | None = None, polyscope: str = "5") -> Iterator[ControlClient]:
     """A controller process; yields a client of its control port."""
+    software = {"polyscope": polyscope, "robot_api_port": ROBOT_API_PORT}
+    options = ControllerOptions(home=HOME, low_when_stopped=(0,), record=record, **software)
     with (
-        real_time_controller.start(
-            address, ControllerOptions(home=HOME, low_when_stopped=(0,), record=record)
-        ) as process,
+        real_time_controller.start(address, options) as process,
         process.control() as control,
     ):
         yield control

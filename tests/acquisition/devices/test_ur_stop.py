@@ -94,7 +94,7 @@ def assert_stopped(control: ControlClient, before: dict[str, Any]) -> dict[str, 
 
 def test_halt_by_driver_alone_stops_the_arm(shared_arm: UrArm, control: ControlClient) -> None:
     shared_arm.close()
-    with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_dashboard=False)) as arm:
+    with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_program_stop=False)) as arm:
         made_ready(arm, control)
         journey, moving = under_way(arm, control)
         journey.stop.set()
@@ -172,7 +172,7 @@ def test_killed_driver_stops_the_arm(arm: UrArm, control: ControlClient) -> None
 
 def test_killed_driver_stops_by_controller_watchdog(shared_arm: UrArm, control: ControlClient) -> None:
     shared_arm.close()
-    with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_dashboard=False)) as arm:
+    with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_program_stop=False)) as arm:
         made_ready(arm, control)
         journey, moving = under_way(arm, control)
         assert arm.driver_pid is not None

@@ -5,7 +5,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 
@@ -32,11 +32,10 @@ class Rig:
 
 
 @contextmanager
-def simulated_rig(folder: Path, address: str) -> Generator[Rig, None, None]:
-    """The runner of a service on a cell at `address`."""
-    with Cell(
-        CellOptions(address, "sphere", 1, "ideal", 20.0, pixels=96, cell_file=CELL_FILE), folder / "cell"
-    ) as cell:
+def simulated_rig(folder: Path, address: str, polyscope: Literal["5", "x"] = "5") -> Generator[Rig, None, None]:
+    """The runner of a service on a cell at `address`, whose controller has this software."""
+    options = CellOptions(address, "sphere", 1, "ideal", 20.0, pixels=96, cell_file=CELL_FILE, polyscope=polyscope)
+    with Cell(options, folder / "cell") as cell:
         service = wiring.build(settings.read(cell=cell.cell_file, data=folder / "data"))
         service.open()
         with ControlClient(cell.address) as control:

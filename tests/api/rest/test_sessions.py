@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 import pytest
 
-from acquisition.devices.ur import dashboard
+from acquisition.devices.ur import tcp
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.session import State, Trigger
@@ -277,9 +277,9 @@ def test_safety_latched_fault_waits_for_acknowledgement(start: Any) -> None:
 
 def test_service_answers_while_arm_is_silent(start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """An address that accepts connections and never says a word, and more waiting starts than there are threads."""
-    patience_s = dashboard.PROBE_S
-    monkeypatch.setattr(dashboard, "PROBE_S", 60.0)  # until the other requests are answered, however busy the machine
-    with socket.create_server(("127.0.4.3", 29999), backlog=50) as silent, ThreadPoolExecutor(12) as pool:
+    patience_s = tcp.PROBE_S
+    monkeypatch.setattr(tcp, "PROBE_S", 60.0)  # until the other requests are answered, however busy the machine
+    with socket.create_server(("127.0.4.3", 30004), backlog=50) as silent, ThreadPoolExecutor(12) as pool:
         silent.settimeout(60)
         with start(address="127.0.4.3") as service:
             made = service.client.create()
@@ -289,7 +289,7 @@ def test_service_answers_while_arm_is_silent(start: Any, monkeypatch: pytest.Mon
             halted = service.http.post("/v1/rig/stop").status_code
             stopped = service.client.stop(made.id)
             answered_meanwhile = not any(future.done() for future in waiting)
-            monkeypatch.setattr(dashboard, "PROBE_S", patience_s)
+            monkeypatch.setattr(tcp, "PROBE_S", patience_s)
             held.close()
             codes = {future.result(60) for future in waiting}
 
@@ -299,10 +299,10 @@ def test_service_answers_while_arm_is_silent(start: Any, monkeypatch: pytest.Mon
 
 
 def test_start_waiting_for_devices_is_refused_at_shutdown(start: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    patience_s = dashboard.PROBE_S
-    monkeypatch.setattr(dashboard, "PROBE_S", 60.0)  # the starts wait when the service ends, however busy the machine
+    patience_s = tcp.PROBE_S
+    monkeypatch.setattr(tcp, "PROBE_S", 60.0)  # the starts wait when the service ends, however busy the machine
     with (
-        socket.create_server(("127.0.4.3", 29999), backlog=50) as silent,
+        socket.create_server(("127.0.4.3", 30004), backlog=50) as silent,
         ThreadPoolExecutor(6) as pool,
         start(address="127.0.4.3") as service,
     ):
@@ -312,7 +312,7 @@ def test_start_waiting_for_devices_is_refused_at_shutdown(start: Any, monkeypatc
             threading.Event().wait(0.01)
         held = silent.accept()[0]  # one asks for the devices, the others wait for it
         service.server.handle_exit(signal.SIGTERM, None)
-        monkeypatch.setattr(dashboard, "PROBE_S", patience_s)
+        monkeypatch.setattr(tcp, "PROBE_S", patience_s)
         held.close()
         answers = [future.result(60).json() for future in waiting]
 

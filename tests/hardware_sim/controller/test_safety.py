@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 from hypothesis import given, settings
@@ -153,7 +154,7 @@ def test_dashboard_loads_plays_pauses_and_stops_programs(tmp_path: Path) -> None
     for name in ("nope.urp", "../outside.urp", "slow", "/etc/passwd"):
         assert answer(machine, f"load {name}", True) == f"File not found: {name}"
     assert answer(machine, "load slow.urp", True) == "Loading program: slow.urp"
-    assert answer(machine, "get loaded program", True) == "Loaded program: slow.urp"
+    assert answer(machine, "get loaded program", True) == "Loaded program: /programs/slow.urp"
     assert answer(machine, "isProgramSaved", True) == "true slow.urp"
     assert answer(machine, "programState", True) == "STOPPED slow.urp"
     assert answer(machine, "pause", True) == "Failed to execute: pause"
@@ -171,6 +172,51 @@ def test_dashboard_loads_plays_pauses_and_stops_programs(tmp_path: Path) -> None
         assert answer(machine, "programState", True) == "STOPPED slow.urp"
     assert answer(machine, "load bad.urp", True) == "Loading program: bad.urp"
     assert answer(machine, "play", True) == "Failed to execute: play"
+
+
+def test_dashboard_loads_programs_and_installations_by_path(tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "slow.urp").write_text(SLOW, encoding="utf-8")
+    (tmp_path / "cell.installation").touch()
+    machine = controller(tmp_path)
+    for name in ("parts/slow.urp", "/programs/parts/slow.urp", "/ursim/programs/parts/slow.urp"):
+        assert answer(machine, f"load {name}", True) == f"Loading program: {name}"
+        assert answer(machine, "get loaded program", True) == "Loaded program: /programs/parts/slow.urp"
+        assert answer(machine, "programState", True) == "STOPPED slow.urp"
+    assert answer(machine, "load /programs/../slow.urp", True) == "File not found: /programs/../slow.urp"
+    assert answer(machine, "play", True) == "Starting program"
+    assert answer(machine, "load installation nope.installation", True) == "File not found: nope.installation"
+    assert machine.playing
+    assert answer(machine, "load installation cell.installation", False) == REFUSAL
+    for name in ("cell.installation", "default.installation"):
+        assert answer(machine, f"load installation {name}", True) == f"Loading installation: {name}"
+    assert not machine.playing
+    assert answer(machine, "get loaded program", True) == "Loaded program: /programs/parts/slow.urp"
+
+
+def test_dashboard_modes_roles_and_reports_answer_as_published(tmp_path: Path) -> None:
+    machine = controller(tmp_path)
+    for said, reply in (
+        ("getUserRole", "NONE"),
+        ("setUserRole restricted", "Setting user role: restricted"),
+        ("getUserRole", "RESTRICTED"),
+        ("get operational mode", "NONE"),
+        ("set operational mode manual", "Operational mode MANUAL is set"),
+        ("get operational mode", "MANUAL"),
+        ("clear operational mode", "No longer controlling the operational mode. Current operational mode: 'NONE'."),
+        ("get operational mode", "NONE"),
+        ("saveLog", "Log saved to disk"),
+        ("addToLog", "No log message to add"),
+        ("addToLog one line", "Added log message"),
+        ("generate support file nowhere", "Error: no directory nowhere"),
+    ):
+        assert answer(machine, said, False) == reply
+    for kind in ("", " controller", " software", " system"):
+        assert answer(machine, f"generate flight report{kind}", False).startswith("Flight Report generated with id: ")
+    done, name = answer(machine, "generate support file .", False).split(": ")
+    assert done == "Completed successfully"
+    with ZipFile(tmp_path / name) as archive:
+        assert b"one line" in archive.read("log_history.txt")
 
 
 @settings(max_examples=150, deadline=None)
@@ -233,7 +279,7 @@ def test_client_loads_and_plays_program_and_regains_arm(cell: Cell) -> None:
     # one: each change is waited for there before the next is asked for.
     board.loadURP("slow.urp")
     wait_until(lambda: not cell.control.isProgramRunning())
-    assert board.getLoadedProgram() == "Loaded program: slow.urp"
+    assert board.getLoadedProgram() == "Loaded program: /programs/slow.urp"
     assert not board.isProgramSaved()  # the library looks for a capital letter that is never sent
     board.play()
     wait_until(cell.control.isProgramRunning)

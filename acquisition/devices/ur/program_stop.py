@@ -1,10 +1,12 @@
-"""Second halt path: a watchdog thread that sends `stop` on a dashboard connection opened in advance.
+"""Second halt path: a watchdog thread that ends the controller's program over a connection opened in advance.
+
+The connection is to the dashboard (PolyScope 5) or to the primary interface (PolyScope X); neither needs RTDE, ur-rtde
+or the driver.
 
 A thread of its own sleeps on a socket. Waking it is one `send`, which takes no lock and may be done in a signal
 handler (threading.Event takes a lock, which a handler could find held by the very thread it interrupts). Woken by a
 halt, it gives the driver ACKNOWLEDGE_S to accept it and then stops the arm itself; woken by the death of the driver,
-or by a failure, it stops at once. `stop` ends the controller's program, so the arm brakes and only an explicit connect
-can move it again.
+or by a failure, it stops at once. Without its program the arm brakes, and only an explicit connect can move it again.
 """
 
 import contextlib
@@ -17,31 +19,31 @@ import time
 from collections.abc import Callable
 
 from acquisition.devices.ur import protocol
-from acquisition.devices.ur.dashboard import Dashboard
+from acquisition.devices.ur.software import Software, StopConnection
 
 _log = logging.getLogger(__name__)
 
-_HALT, _STOP, _WATCH, _QUIT = b"h", b"s", b"w", b"q"
+_HALT, _STOP, _WATCH, _REOPEN, _QUIT = b"h", b"s", b"w", b"o", b"q"
 _REOPEN_S = 1.0
 _OPEN_TIMEOUT_S = 0.3
-_CARRY_OUT_S = 0.6  # time limit for an accepted halt to be carried out, else the dashboard stops too
+_CARRY_OUT_S = 0.6  # time limit for an accepted halt to be carried out, else this path stops too
 
 
-class DashboardStop:
-    """A thread that holds a dashboard connection and watches over the driver."""
+class ProgramStop:
+    """A thread that holds a connection of the controller's software and watches over the driver."""
 
-    def __init__(self, address: str, halt_state: Callable[[], tuple[bool, bool]], enabled: bool = True) -> None:
+    def __init__(self, software: Software, halt_state: Callable[[], tuple[bool, bool]], enabled: bool = True) -> None:
         """`halt_state` says whether the driver has accepted, and carried out, the newest halt."""
-        self._address = address
+        self._software = software
         self._halt_state = halt_state
         self._enabled = enabled
-        self._dashboard: Dashboard | None = None
+        self._connection: StopConnection | None = None
         self._process: int | None = None  # a pid's descriptor, readable when the process has ended
         self._new_process: int | None = None
         self._try_open_at = 0.0
         self._wake_read, self._wake_write = socket.socketpair()
         self._wake_write.setblocking(False)
-        self._thread = threading.Thread(target=self._run, name="arm-dashboard-stop", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="arm-program-stop", daemon=True)
         self._thread.start()
 
     def notify_halt(self) -> None:
@@ -62,6 +64,10 @@ class DashboardStop:
         self._new_process = None
         self._wake(_WATCH)
 
+    def reopen(self) -> None:
+        """Opens the connection anew: one opened in local control obeys nobody, and remote control has been granted."""
+        self._wake(_REOPEN)
+
     def close(self) -> None:
         """Ends the thread and closes the connection."""
         self._wake(_QUIT)
@@ -78,8 +84,8 @@ class DashboardStop:
             sources: list[int | socket.socket] = [self._wake_read]
             if self._process is not None:
                 sources.append(self._process)
-            if self._dashboard is not None:
-                sources.append(self._dashboard.socket)
+            if self._connection is not None:
+                sources.append(self._connection.socket)
             ready, _, _ = select.select(sources, [], [], _REOPEN_S)
             reasons = self._wake_read.recv(4096) if self._wake_read in ready else b""
             if _WATCH in reasons:
@@ -93,8 +99,11 @@ class DashboardStop:
                 self._stop()
             elif _HALT in reasons:
                 self._supervise_halt()
-            elif self._dashboard is not None and self._dashboard.socket in ready:
+            elif self._connection is not None and self._connection.socket in ready:
                 self._read_unasked()
+            if _REOPEN in reasons:  # after a stop: the old connection is the sooner one
+                self._drop()
+                self._try_open_at = 0.0
         self._new_process = None
         self._replace_process()
         self._drop()
@@ -128,43 +137,43 @@ class DashboardStop:
         return True
 
     def _stop(self) -> None:
-        """Sends `stop`; on a connection that is dead once more on a new one, for stopping twice is harmless."""
+        """Ends the program; without a confirmation once more on a new connection, for stopping twice is harmless."""
         if not self._enabled:
             return
         for _ in range(2):
             self._try_open_at = 0.0
             self._keep_open()
-            if self._dashboard is None:
-                _log.error("no dashboard at %s: `stop` was not sent", self._address)
-                return
+            if self._connection is None:
+                break
             try:
-                reply = self._dashboard.ask("stop")
-            except OSError:
+                reply = self._connection.stop()
+            except OSError as error:
+                _log.warning("a stop by %s is not confirmed: it %s", self._software.stop_path, error)
                 self._drop()
                 continue
-            _log.warning("stopped by the dashboard: %s", reply)
+            _log.warning("stopped by %s: %s", self._software.stop_path, reply)
             return
+        _log.error("the program could not be stopped by %s", self._software.stop_path)
 
     def _keep_open(self) -> None:
         now = time.monotonic()
-        if self._dashboard is None and now >= self._try_open_at:
+        if self._connection is None and now >= self._try_open_at:
             self._try_open_at = now + _REOPEN_S
             try:
-                self._dashboard = Dashboard(self._address, _OPEN_TIMEOUT_S)
+                self._connection = self._software.open_stop(_OPEN_TIMEOUT_S)
             except OSError:
-                self._dashboard = None
+                self._connection = None
 
     def _read_unasked(self) -> None:
-        """Reads data that was not asked for: the end of the connection, else ignored."""
-        if self._dashboard is None:
+        """Takes what the controller sends unasked, or its end of the connection."""
+        if self._connection is None:
             return
         try:
-            if self._dashboard.socket.recv(4096) == b"":
-                self._drop()
+            self._connection.read_unasked()
         except OSError:
             self._drop()
 
     def _drop(self) -> None:
-        if self._dashboard is not None:
-            self._dashboard.close()
-            self._dashboard = None
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
