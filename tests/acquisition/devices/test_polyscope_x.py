@@ -5,7 +5,7 @@ import os
 import signal
 import socket
 import threading
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from contextlib import closing, contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
@@ -139,7 +139,7 @@ def test_open_stop_in_local_control_is_not_confirmed_for_life(software: PolyScop
 
 
 @contextmanager
-def older_api() -> Iterator[None]:
+def older_api() -> Generator[None]:
     """A Robot API before 10.14, which names neither model nor serial number; a path that has moved is redirected."""
 
     class Handler(BaseHTTPRequestHandler):

@@ -4,7 +4,7 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 
 import pytest
@@ -27,7 +27,7 @@ def probed(address: str, polyscope: str = "5") -> RigError:
 
 
 @contextmanager
-def listening(address: str, *ports: int) -> Iterator[None]:
+def listening(address: str, *ports: int) -> Generator[None]:
     """Ports that accept connections and say nothing."""
     with ExitStack() as stack:
         for port in ports:
@@ -44,7 +44,7 @@ def server_at(address: str, port: int) -> socket.socket:
 
 
 @contextmanager
-def rtde_of(version: tuple[int, int, int, int]) -> Iterator[None]:
+def rtde_of(version: tuple[int, int, int, int]) -> Generator[None]:
     """An RTDE port that names this version, once, and an open script port; no others."""
     with listening(SILENT, probe.SCRIPT_PORT), server_at(SILENT, probe.RTDE_PORT) as server:
 
