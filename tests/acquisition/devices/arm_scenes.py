@@ -47,8 +47,9 @@ def arm_config(address: str, polyscope: str = "5") -> ArmConfig:
 @contextmanager
 def controller(address: str, record: Path | None = None, polyscope: str = "5") -> Iterator[ControlClient]:
     """A controller process; yields a client of its control port."""
-    software = {"polyscope": polyscope, "robot_api_port": ROBOT_API_PORT}
-    options = ControllerOptions(home=HOME, low_when_stopped=(0,), record=record, **software)
+    options = ControllerOptions(
+        home=HOME, low_when_stopped=(0,), record=record, polyscope=polyscope, robot_api_port=ROBOT_API_PORT
+    )
     with (
         real_time_controller.start(address, options) as process,
         process.control() as control,
