@@ -1,6 +1,6 @@
 """A UR e-Series controller (PolyScope 5.11.1) in software: real sockets, the real library on the other side.
 
-    sockets · delay → rtde (registers · publication · dynamics) · dashboard · control_port     the protocols
+    sockets · delay → rtde (registers · publication · dynamics) · dashboard · robot_api · control_port the protocols
     streams · scripts · interpreter_port (interpreter)                                         the same, 30001–30020
     syntax · syntax_tree → compiler → program + …_functions (semantics · script_values · script_links) ← program_loader
     kinematics · calibration · poses → profile · curves → moves · blend · process_path · steering · limits → arm
