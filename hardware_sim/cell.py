@@ -44,8 +44,8 @@ class CellOptions:
     `pixels`: edge of the camera's square image. `cell_file`: the cell to stand in for; None is the simulated one.
     `calibration_seed`: an arm that differs from its nominal kinematics; None is the nominal arm. `record`: a file for
     every tick. `programs`: a folder of programs that the dashboard can load. `perturbed`: the calibration's values are
-    wrong as those of a cell that was never calibrated (`true_cell.perturbed`); the seed says how. `polyscope`: the controller's
-    software, "5" or "x"; None is what the cell file says.
+    wrong as those of a cell that was never calibrated (`true_cell.perturbed`); the seed says how. `polyscope`: the
+    controller's software, "5" or "x"; None is what the cell file says.
     """
 
     address: str
