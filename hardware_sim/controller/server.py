@@ -81,6 +81,8 @@ class Server:
             self.close()
             raise
         self._ports[rtde.PORT].quick_acknowledge = True
+        for number in _STREAMS:
+            self._ports[number].may_stay_unread = True
         self._slow: list[Port] = []
         self._off = False
         self._reopen_at = 0.0

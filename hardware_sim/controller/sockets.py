@@ -106,6 +106,7 @@ class Port:
         self.connections: dict[int, Connection] = {}
         self.stalled = False
         self.quick_acknowledge = False
+        self.may_stay_unread = False  # a stream: the library uploads at 30003 for hours and never reads
         self._poll = poll
         self._accept = accept
         self.delayed: Delay | None = None
@@ -161,6 +162,8 @@ class Port:
             stream.setblocking(False)
             for level, option, value in ((socket.IPPROTO_TCP, socket.TCP_NODELAY, 1), *_KEEPALIVE):
                 stream.setsockopt(level, option, value)
+            if self.may_stay_unread:
+                stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, 0)
         except OSError as error:
             LOG.info("client lost while it was accepted: %s", error)
             stream.close()
