@@ -167,13 +167,17 @@ def lobe_spline(knots_rad: Sequence[float], angles_rad: FloatArray) -> FloatArra
     return np.asarray(spline(np.clip(angles_rad, 0.0, knots_rad[-1])), dtype=np.float64)
 
 
-@lru_cache(16)
 def lobe_table(lobe: LampLobe | None) -> Float32Array:
     """Factors (K,) of a lobe on its cosᵘ, at cosines equally spaced from 0 to 1; two ones without a lobe."""
     if lobe is None:
         return np.ones(2, dtype=np.float32)
+    return _factor_table(lobe.knots_rad, lobe.factors)
+
+
+@lru_cache(16)
+def _factor_table(knots_rad: tuple[float, ...], factors: tuple[float, ...]) -> Float32Array:
     angles = np.arccos(np.linspace(0, 1, LOBE_SAMPLES))
-    return np.exp(lobe_spline(lobe.knots_rad, angles) @ np.log(lobe.factors)).astype(np.float32)
+    return np.exp(lobe_spline(knots_rad, angles) @ np.log(factors)).astype(np.float32)
 
 
 def electrons_per_value(calibration: Calibration, exposure_s: float) -> float:

@@ -55,7 +55,7 @@ class CharucoPrint:
         at = np.zeros((-(-len(texel) // REMAP_ROW), REMAP_ROW, 2), np.float32)
         at.reshape(-1, 2)[: len(texel)] = texel
         paper = cv2.BORDER_REPLICATE  # the picture ends in paper all round
-        found = cv2.remap(self._picture, at, None, cv2.INTER_LINEAR, borderMode=paper)
+        found = cv2.remap(self._picture, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=paper)
         return np.asarray(found, np.float32).ravel()[: len(texel)]
 
     @cached_property

@@ -260,7 +260,7 @@ def _held_out_residuals(
     target = np.log(np.concatenate([image.values for image in images])) - seen.log_shading
     still = np.zeros(PLACED + 6 * len(placings))
     sources = _derivatives(images, placings, known, _knots(reach, 2), still, np.zeros(3))
-    roots = [np.linalg.inv(np.linalg.cholesky(one)) for one in known.covariances(placings)]
+    roots = [np.asarray(np.linalg.inv(np.linalg.cholesky(one)), np.float64) for one in known.covariances(placings)]
     found = dict[int, float]()
     for count in KNOTS:
         design = _columns(images, seen, _knots(reach, count), known)[:, 1:]
@@ -307,7 +307,13 @@ def _solve(
     design = _columns(images, seen, knots, known)
     sources = _derivatives(images, placings, known, knots, still, np.zeros(count + 2))
     geometric = known.covariances(placings)
-    prior = _blocks([np.zeros((1, 1)), np.eye(own - 1) / PRIOR_SIGMA**2, *(np.linalg.inv(one) for one in geometric)])
+    prior = _blocks(
+        [
+            np.zeros((1, 1)),
+            np.eye(own - 1) / PRIOR_SIGMA**2,
+            *(np.asarray(np.linalg.inv(one), np.float64) for one in geometric),
+        ]
+    )
     images_of = np.eye(len(images))[number]
     image_sigma, patch_sigma = IMAGE_SIGMA_START, PATCH_SIGMA_START
     theta = np.zeros(own + len(still) + len(images))
@@ -320,7 +326,7 @@ def _solve(
         target = values - seen.log_shading - np.log(side) + whole[:, tilt_at] @ tilt
         weight = 1 / (patch_sigma**2 + noise**2)
         full_prior = _blocks([prior, np.eye(len(images)) / image_sigma**2])
-        covariance = np.linalg.inv(whole.T @ (weight[:, None] * whole) + full_prior)
+        covariance = np.asarray(np.linalg.inv(whole.T @ (weight[:, None] * whole) + full_prior), np.float64)
         theta = covariance @ (whole.T @ (weight * target))
         residual = target - whole @ theta
         leverage = np.einsum("ij,jk,ik->i", whole, covariance, whole)

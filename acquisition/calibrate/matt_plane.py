@@ -57,7 +57,7 @@ def placing(views: Sequence[View], board: CharucoBoard, calibration: Calibration
     points = board.corners_m[seen]
     matrix, distortion = np.array(calibration.camera_matrix), np.array(calibration.distortion)
     _, turn, shift = cv2.solvePnP(points, mean.reshape(-1, 1, 2), matrix, distortion)
-    pose = geometry.pose(np.ravel(shift), np.ravel(turn))
+    pose = geometry.pose(np.ravel(shift).astype(np.float64), np.ravel(turn).astype(np.float64))
     rest = (mean - _project(pose, points, matrix, distortion)).ravel()
     columns = list[FloatArray]()
     for which in range(6):
@@ -68,7 +68,7 @@ def placing(views: Sequence[View], board: CharucoBoard, calibration: Calibration
         columns.append((ahead - back) / 2e-6)
     jacobian = np.stack(columns, axis=1)
     sigma = max(float(np.sqrt(np.mean(rest**2))), CORNER_FLOOR_PX)
-    return Placing(pose, sigma**2 * np.linalg.inv(jacobian.T @ jacobian))
+    return Placing(pose, np.asarray(sigma**2 * np.linalg.inv(jacobian.T @ jacobian), np.float64))
 
 
 def patches(
@@ -89,9 +89,11 @@ def patches(
     side = max(1, int(PATCH_SHARE * spacing_m * float(matrix[0, 0]) / away))
     at = pixels.astype(np.float32)[None]
     signal = lit.astype(np.float32) - dark.astype(np.float32)
-    mean = cv2.remap(cv2.blur(signal, (side, side)), at, None, cv2.INTER_LINEAR).ravel().astype(float)
+    mean = cv2.remap(cv2.blur(signal, (side, side)), at[..., 0], at[..., 1], cv2.INTER_LINEAR).ravel().astype(float)
     clipped = (lit >= photometry.clipping_dn(sensor)).astype(np.float32)
-    touched = cv2.remap(cv2.blur(clipped, (side, side)), at, None, cv2.INTER_LINEAR, borderValue=[1.0]).ravel()
+    touched = cv2.remap(
+        cv2.blur(clipped, (side, side)), at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=[1.0]
+    ).ravel()
     inside = ((pixels > side) & (pixels < np.array([calibration.width, calibration.height]) - 1 - side)).all(axis=1)
     good = (touched == 0) & inside & (mean > LEAST_SHARE * sensor.full_scale_dn)
     electrons = np.maximum(mean, 1.0) * sensor.gain_e_per_dn
