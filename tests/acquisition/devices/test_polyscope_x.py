@@ -12,6 +12,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from acquisition.devices import UNKNOWN, StopToken
+from acquisition.devices.ur import probe
 from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
 from acquisition.devices.ur.polyscope_x import BASE, PolyScopeX
@@ -65,6 +66,15 @@ def home(arm: UrArm, control: ControlClient) -> UrArm:
 
     until_undisturbed(make_ready)
     return arm
+
+
+def answers() -> bool:
+    """Whether all ports answer again."""
+    try:
+        probe.probe(CONFIG, probe.software_of(CONFIG))
+    except RigError:
+        return False
+    return True
 
 
 def assert_stopped(control: ControlClient) -> None:
@@ -235,6 +245,7 @@ def test_halt_with_silent_rtde_and_hanging_driver_stops(control: ControlClient) 
         arm.halt()
         assert_stopped(control)
         assert isinstance(journey.end(), Halted)
+    wait_for(answers)
 
 
 @pytest.mark.long
