@@ -49,6 +49,10 @@ class JointGeometry(Value):
     alpha_rad: float
 
 
+_LATER_ARM_FIELDS = ("polyscope", "robot_api_port")
+"""Fields of `ArmConfig` that came after sessions had been recorded; each has a default that means what was before."""
+
+
 class ArmConfig(Value):
     """The arm, its tool and its limits."""
 
@@ -261,8 +265,13 @@ class CellConfig(Value):
 
     @property
     def fingerprint(self) -> str:
-        """SHA-256 of the cell's values, so that comments and spaces in the file do not matter."""
-        return hashlib.sha256(json.dumps(self.model_dump(mode="json"), sort_keys=True).encode()).hexdigest()
+        """SHA-256 of the cell's values: comments and spaces in the file do not matter, nor do later fields at their
+        defaults, so that an interrupted session can be resumed after an upgrade."""
+        values = self.model_dump(mode="json")
+        for name in _LATER_ARM_FIELDS:
+            if values["arm"][name] == ArmConfig.model_fields[name].default:
+                del values["arm"][name]
+        return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
 def load(path: Path) -> CellConfig:

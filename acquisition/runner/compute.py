@@ -89,7 +89,7 @@ class Compute:
 
     def _try(self, stop: threading.Event, job: str, arguments: tuple[Any, ...], preemptible: bool) -> tuple[bool, Any]:
         """Whether the job succeeded, and its result or error. Raises EOFError or OSError when the process ends."""
-        if self._closed:
+        if self._closed or stop.is_set():  # waiting jobs start no process each while the service ends
             raise Halted
         connection = self._ready()
         connection.send((job, arguments))

@@ -13,7 +13,7 @@ from acquisition import session
 from acquisition.devices import Rig
 from acquisition.models.base import Vector3
 from acquisition.models.calibration import Calibration
-from acquisition.models.errors import ErrorCode, Halted, RigError
+from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_forecast import ForecastInput, LightForecast
 from acquisition.models.light_plan import LightPlan, PriorForecast
 from acquisition.models.recipe import Recipe
@@ -85,7 +85,7 @@ class PlanningService:
                 self._closing, "prior_forecast", recipe, *known, self._executor.reach_cache, plan.lights,
                 preemptible=True,
             )  # fmt: skip
-        except (Preempted, Halted) as error:
+        except Preempted as error:
             raise busy from error
         stop_s = cell.arm.settle_s + cell.lamp.rise_s + (recipe.exposure.seconds or ASSUMED_EXPOSURE_S)
         return DryRun(plan, route, route.seconds + stop_s * (len(plan.lights) + 1), forecast)
@@ -95,19 +95,17 @@ class PlanningService:
     ) -> tuple[LightPlan, Route]:
         """Replaces a plan under review by a person's own lights (m, view frame), and plans their route.
 
-        Raises RigError session.not_found, session.action_not_allowed, waypoints.unreachable, waypoints.collision.
+        Raises RigError session.not_found, session.action_not_allowed, waypoints.unreachable, waypoints.collision; and
+        Halted, as every job, when the service ends.
         """
         self._require_review(session_id, number)
         folder = self._store.folder(session_id)
         previous = folder / "results" / str(number - 1) if number > 0 else None
-        try:
-            plan, route = self._compute.run(
-                self._closing, "own_lights", list(positions), self._rig.cell, self._calibration,
-                self._executor.reach_cache, previous, self._rig.arm.reading.joints,
-            )  # fmt: skip
-            self._executor.predict_images(session_id, number, plan, self._closing)
-        except Halted as error:
-            raise RigError(ErrorCode.RIG_NOT_READY, "The service is ending") from error
+        plan, route = self._compute.run(
+            self._closing, "own_lights", list(positions), self._rig.cell, self._calibration,
+            self._executor.reach_cache, previous, self._rig.arm.reading.joints,
+        )  # fmt: skip
+        self._executor.predict_images(session_id, number, plan, self._closing)
         plan_count = self._store.journal.plan_count(session_id, number)
         files: dict[str, tuple[str, str]] = {}
         for kind, value in (("plan", plan), ("route", route)):
@@ -145,7 +143,7 @@ class PlanningService:
                 self._closing, "forecast_lights", key, given, self._executor.reach_cache, list(positions),
                 preemptible=True,
             )  # fmt: skip
-        except (Preempted, Halted) as error:
+        except Preempted as error:
             raise RigError(ErrorCode.RIG_BUSY, "A session computes at the moment: ask again later") from error
         with self._forecasts_lock:
             self._forecasts[request] = made

@@ -16,7 +16,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 from starlette.exceptions import HTTPException
 
-from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
+from acquisition.models.errors import PROBLEMS, ErrorCode, Halted, RigError
 from api.rest.schemas import FieldError, Problem, ProblemPage
 
 MEDIA_TYPE = "application/problem+json"
@@ -96,6 +96,7 @@ NOT_FOUND = responses_of(ErrorCode.SESSION_NOT_FOUND, ErrorCode.REQUEST_NOT_FOUN
 def install(app: FastAPI) -> None:
     """Registers the exception handlers that answer every error as a problem object."""
     app.add_exception_handler(RigError, _rig_error)
+    app.add_exception_handler(Halted, _halted)
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(HTTPException, _http_error)
     app.add_exception_handler(Exception, _fault)
@@ -139,6 +140,11 @@ async def _rig_error(request: Request, error: Exception) -> Response:
     if PROBLEMS[error.code].status == HTTPStatus.INTERNAL_SERVER_ERROR:
         _log.error("%s %s: %s", request.method, request.url.path, error)
     return response(error.code, error.detail, error.context, request.url.path)
+
+
+async def _halted(request: Request, error: Exception) -> Response:
+    # What a request waits for is halted only when the service ends.
+    return response(ErrorCode.RIG_NOT_READY, "The service is ending", None, request.url.path)
 
 
 async def _invalid(request: Request, error: Exception) -> Response:

@@ -92,6 +92,14 @@ def test_compute_stop_token_abandons_the_job(compute: Compute, tmp_path: Path) -
     assert not (tmp_path / "reach.json").exists()
 
 
+def test_compute_stop_token_set_before_starts_no_process() -> None:
+    idle, stop = Compute(), threading.Event()
+    stop.set()
+    with pytest.raises(Halted):
+        idle.run(stop, "make_reach")
+    assert idle._process is None
+
+
 def test_compute_unknown_job_raises_step_failed(compute: Compute) -> None:
     with pytest.raises(RigError) as error:
         compute.run(threading.Event(), "no_such_job")

@@ -72,6 +72,12 @@ def test_past_release_database_accepts_new_sessions(store: Store) -> None:
     assert store.journal.holder() == store.journal.session(row.id)
 
 
+def test_past_release_cell_is_the_same_after_the_upgrade(store: Store) -> None:
+    """Else no session that was interrupted could be resumed."""
+    for row in store.journal.sessions(10):
+        assert CellConfig.model_validate_json(row.cell).fingerprint == row.fingerprint
+
+
 def test_past_release_plan_with_rings_in_place_still_says_why(store: Store) -> None:
     """Release 0.1 put two rings in the place of some plans, and wrote the reason into `plan.json`."""
     (completed,) = (row for row in store.journal.sessions(10) if row.state is State.COMPLETED)

@@ -192,6 +192,15 @@ def test_request_without_host_is_refused(shared: Any) -> None:
     connection.close()
 
 
+def test_problem_request_that_the_end_of_the_service_halts_says_so(own: Any) -> None:
+    own.service.runner.begin_shutdown()
+
+    answers = [own.http.post("/v1/dry-runs", json={}), own.http.get("/v1/rig/reach.png")]
+
+    assert [answer.status_code for answer in answers] == [503, 503]
+    assert {answer.json()["detail"] for answer in answers} == {"The service is ending"}
+
+
 def test_problem_unexpected_exception_hides_its_message(own: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken() -> None:
         raise ZeroDivisionError("secret")
