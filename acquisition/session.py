@@ -47,6 +47,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import assert_never
 
+from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route, Waypoint
@@ -209,6 +210,7 @@ class Stage(StrEnum):
     WAYPOINTS = "waypoints"
     CAPTURE = "capture"
     NORMALS = "normals"
+    ESTIMATE = "estimate"
     FINISHED = "finished"
 
 
@@ -231,7 +233,7 @@ class SessionRecord:
     """One session as the journal records it: the only input of `next_step` beside the measured joints."""
 
     session_id: str
-    recipe: Recipe
+    recipe: AnyRecipe
     state: State
     passes: tuple[PassRecord, ...] = ()
     references: int = 0  # how often an image was repeated
@@ -248,10 +250,10 @@ def next_step(record: SessionRecord, joints: tuple[float, ...], home: tuple[floa
             return ChooseLights(number)
         if not current.plan.lights:
             break
-        if record.recipe.review_plan and not current.reviewed and not _is_pilot(record.recipe, number):
+        if _reviews_plan(record.recipe) and not current.reviewed and not _is_pilot(record.recipe, number):
             return AwaitReview(number)
         left = tuple(light for light in range(len(current.plan.lights)) if light not in current.shots)
-        darks = sorted({shot.exposure_s for shot in current.shots.values()})
+        darks = sorted({shot.exposure_s for shot in current.shots.values()} if _takes_darks(record.recipe) else set())
         reference_key = ShotKey(pass_number=number, number=FIRST_REFERENCE_NUMBER + record.references)
         first = _first_image(record)
         if not left and first is not None and first.key not in current.repeated and _may_have_moved(current):
@@ -275,12 +277,14 @@ def next_step(record: SessionRecord, joints: tuple[float, ...], home: tuple[floa
     return None if same_joints(joints, home) else GoHome(max(len(record.passes) - 1, 0), None)
 
 
-def max_passes(recipe: Recipe) -> int:
+def max_passes(recipe: AnyRecipe) -> int:
     """The largest number of passes of a recipe.
 
     A fixed pattern has one, planned lights have a pilot and one more. A target accuracy may take a pass for each light,
-    and ends with a pass that has no lights.
+    and ends with a pass that has no lights; so does a calibration.
     """
+    if not isinstance(recipe, Recipe):
+        return recipe.passes_most
     if recipe.target_sigma_deg is not None:
         return 2 + recipe.max_lights - recipe.pilot_lights
     return 2 if recipe.method == "optimal" and recipe.planned_lights > 0 else 1
@@ -300,7 +304,7 @@ def stage(record: SessionRecord, step: Step | None) -> Stage:
         case RepeatReference() | TakeShot() | TakeDark() | GoHome():
             return Stage.CAPTURE
         case SolveNormals():
-            return Stage.NORMALS
+            return Stage.NORMALS if isinstance(record.recipe, Recipe) else Stage.ESTIMATE
         case _:
             assert_never(step)
 
@@ -314,7 +318,9 @@ def progress(record: SessionRecord) -> float:
     if record.state is State.COMPLETED:
         return 1.0
     recipe = record.recipe
-    if recipe.target_sigma_deg is None:
+    if not isinstance(recipe, Recipe):
+        total = recipe.max_images + 2 * recipe.passes_most
+    elif recipe.target_sigma_deg is None:
         total = recipe.lights_total + 2 * max_passes(recipe)
     else:
         planned = [len(work.plan.lights) for work in record.passes if work.plan is not None]
@@ -330,9 +336,18 @@ def same_joints(joints: tuple[float, ...], other: tuple[float, ...]) -> bool:
     )
 
 
-def _is_pilot(recipe: Recipe, pass_number: int) -> bool:
+def _is_pilot(recipe: AnyRecipe, pass_number: int) -> bool:
     """Whether the lights of a pass come from the pilot's fixed pattern."""
-    return pass_number == 0 and recipe.method == "optimal"
+    return pass_number == 0 and isinstance(recipe, Recipe) and recipe.method == "optimal"
+
+
+def _reviews_plan(recipe: AnyRecipe) -> bool:
+    return isinstance(recipe, Recipe) and recipe.review_plan
+
+
+def _takes_darks(recipe: AnyRecipe) -> bool:
+    """Whether each exposure time of a pass has a lamp-off frame."""
+    return isinstance(recipe, Recipe) or recipe.takes_darks
 
 
 def _may_have_moved(work: PassRecord) -> bool:

@@ -15,6 +15,7 @@ from matplotlib.patches import Rectangle
 from pydantic import Field
 
 from acquisition.models.base import FloatArray, Value
+from acquisition.models.cell_config import BoardConfig
 from acquisition.models.errors import ErrorCode, RigError
 
 DICTIONARY = "DICT_5X5_250"
@@ -80,6 +81,11 @@ class CharucoBoard(Value):
         board = cv2.aruco.CharucoBoard((self.columns, self.rows), self.square_m, marker_m, dictionary)
         board.setLegacyPattern(self.legacy_pattern)
         return board
+
+
+def of_cell(board: BoardConfig) -> CharucoBoard:
+    """The squares of a cell's board."""
+    return CharucoBoard.model_validate(board.model_dump(include=set(CharucoBoard.model_fields)))
 
 
 @dataclass(frozen=True)

@@ -133,6 +133,6 @@ def _require_scale(found: Adjusted) -> None:
     told = scale / max(1 - (sigma / SCALE_SIGMA) ** 2, 0.05)
     if abs(told) > MAX_SCALE:
         raise RigError(
-            ErrorCode.CALIBRATION_INFEASIBLE,
+            ErrorCode.CALIBRATION_BOARD_WRONG,
             f"By the arm's motions the squares' side is {100 * told:+.1f} % off what is stated: measure it",
         )

@@ -71,17 +71,30 @@ def projection_sigma(found: CameraFit, grid: int = 24) -> FloatArray:
     The longer side has `grid` samples. The direction's error by a rotation of the camera is taken out by least squares
     over the grid (after the projection uncertainty of mrcal, Kogan 2021).
     """
-    width, height = found.size
+    remaining, shape = projection_derivatives(found.adjusted.parameters, found.size, grid)
+    return projection_sigma_by(remaining, found.adjusted.covariance[CAMERA, CAMERA]).reshape(shape)
+
+
+def projection_derivatives(
+    parameters: Parameters, size: tuple[int, int], grid: int = 24
+) -> tuple[FloatArray, tuple[int, int]]:
+    """Derivatives (2K, 9) of K directions' pixels by the camera, rotations taken out, and the grid's rows and columns.
+
+    `size`: width and height of the image, pixels.
+    """
+    width, height = size
     step = max(width, height) / grid
     u, v = np.meshgrid(np.arange(step / 2, width, step), np.arange(step / 2, height, step))
-    parameters = found.adjusted.parameters
     pixels = np.stack([u.ravel(), v.ravel()], axis=-1)
     rays = cv2.undistortPoints(pixels.reshape(-1, 1, 2), parameters.matrix, parameters.camera[4:]).reshape(-1, 2)
     points = np.column_stack([rays, np.ones(len(rays))])
     zero = np.zeros(3)
     _, by_all = cv2.projectPoints(points, zero, zero, parameters.matrix, parameters.camera[4:])
     rotation, camera = by_all[:, :3], by_all[:, 6:15]
-    remaining = camera - rotation @ np.linalg.lstsq(rotation, camera, rcond=None)[0]
-    covariance = found.adjusted.covariance[CAMERA, CAMERA]
-    variance = np.einsum("ij,jk,ik->i", remaining, covariance, remaining).reshape(-1, 2).sum(axis=1)
-    return np.sqrt(variance / 2).reshape(u.shape)
+    return camera - rotation @ np.linalg.lstsq(rotation, camera, rcond=None)[0], u.shape
+
+
+def projection_sigma_by(derivatives: FloatArray, covariance: FloatArray) -> FloatArray:
+    """1 σ (K,) of directions' places, pixels, by the covariance (9, 9) of the camera."""
+    variance = np.einsum("ij,jk,ik->i", derivatives, covariance, derivatives).reshape(-1, 2).sum(axis=1)
+    return np.sqrt(variance / 2)

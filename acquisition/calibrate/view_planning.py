@@ -5,7 +5,7 @@ information depends on the arm's joints and the board's place in the image alone
 choice suffices, because after each view the estimate is made anew.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import cv2
@@ -52,17 +52,38 @@ def next_view(
 ) -> tuple[int, float] | None:
     """Number of the candidate joints (6,) whose view lowers `loss` most, and the loss with it, m²; none where no
     candidate would show the board."""
-    free = model.free
-    present = np.linalg.inv(found.covariance[np.ix_(free, free)])
-    best: tuple[int, float] | None = None
-    for number, joints in enumerate(candidates):
-        view = predicted_view(model, found, joints, size)
-        if view is None:
-            continue
-        more = information(model, view, found)[np.ix_(free, free)]
-        covariance = np.zeros_like(found.covariance)
-        covariance[np.ix_(free, free)] = np.linalg.inv(present + more)
-        value = loss(covariance[BASE_FROM_CAMERA, BASE_FROM_CAMERA])
-        if best is None or value < best[1]:
-            best = number, value
-    return best
+    chosen = plan_views(model, found, candidates, size, 1, pose_loss)
+    return chosen[0] if chosen else None
+
+
+def pose_loss(covariance: FloatArray) -> float:
+    """`loss` of base from camera, m², by the covariance (28, 28) of all parameters."""
+    return loss(covariance[BASE_FROM_CAMERA, BASE_FROM_CAMERA])
+
+
+def plan_views(
+    model: Model, found: Adjusted, candidates: Sequence[FloatArray], size: tuple[int, int], count: int,
+    criterion: Callable[[FloatArray], float],
+) -> list[tuple[int, float]]:  # fmt: skip
+    """Greedy design of at most `count` further views: numbers of candidate joints (6,), and the criterion with each.
+
+    `criterion` is a function of the covariance (28, 28). Fewer where no other candidate would show the board.
+    """
+    free = np.ix_(model.free, model.free)
+    present = np.linalg.inv(found.covariance[free])
+    gains = {
+        number: information(model, view, found)[free]
+        for number, joints in enumerate(candidates)
+        if (view := predicted_view(model, found, joints, size)) is not None
+    }
+    chosen: list[tuple[int, float]] = []
+    covariance = np.zeros_like(found.covariance)
+    while gains and len(chosen) < count:
+        losses: dict[int, float] = {}
+        for number, gain in gains.items():
+            covariance[free] = np.linalg.inv(present + gain)
+            losses[number] = criterion(covariance)
+        best = min(losses, key=losses.__getitem__)
+        chosen.append((best, losses[best]))
+        present = present + gains.pop(best)
+    return chosen

@@ -66,6 +66,32 @@ class HandEyeResult(Value):
     views: Annotated[tuple[ViewResidual, ...], Field(strict=False)]
 
 
+class CalibrationSummary(Value):
+    """What an estimate of a calibration session found, in figures that a person reads first."""
+
+    kind: str = Field(description="`camera`, `hand-eye`, …: the session's")
+    images: int = Field(ge=0, description="Images so far")
+    used: int = Field(ge=0, description="Those in which the target was seen")
+    estimated: bool = Field(description="Whether they determine the calibration already")
+    why_not: str = Field(default="", description="Why they do not; empty: they do")
+    reached: bool = Field(default=False, description="Whether the accuracy that the recipe asks for is reached")
+    focal_px: float | None = Field(default=None, description="Focal length, pixels")
+    corner_sigma_px: float | None = Field(default=None, description="1 σ of a corner's coordinate, pixels")
+    projection_sigma_px: float | None = Field(
+        default=None, description="Median over the image of 1 σ of where the camera model puts a direction, pixels"
+    )
+    position_sigma_mm: float | None = Field(default=None, description="1 σ of the place that was found, mm")
+    rotation_sigma_deg: float | None = Field(default=None, description="1 σ of the camera's rotation, degrees")
+    arm_sigma_mm: float | None = Field(
+        default=None, description="1 σ of the arm's deviation from its kinematic model, per axis, mm"
+    )
+    square_scale: float | None = Field(
+        default=None, description="Side of the board's squares over what is stated, as the arm's motions tell"
+    )
+    fingerprint: str | None = Field(default=None, description="SHA-256 of the values of its calibration.json")
+    advice: list[str] = Field(default_factory=list[str], description="What to do next, for people")
+
+
 class HighlightResidual(Value):
     """One image's part in the lamp's calibration."""
 

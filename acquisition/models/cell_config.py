@@ -49,8 +49,32 @@ class JointGeometry(Value):
     alpha_rad: float
 
 
-_LATER_ARM_FIELDS = ("polyscope", "robot_api_port")
+_LATER_ARM_FIELDS = ("polyscope", "robot_api_port", "tool")
 """Fields of `ArmConfig` that came after sessions had been recorded; each has a default that means what was before."""
+
+
+Tool = Literal["lamp", "board"]
+"""What is on the arm's flange: the lamp, or the ChArUco board of the cell file."""
+
+
+class BoardConfig(Value):
+    """A ChArUco board for calibration sessions, on the flange; its frame has x along the columns, y along the rows of
+    squares from their upper left corner, and z into it."""
+
+    columns: int = Field(ge=3, le=40, description="Squares along x")
+    rows: int = Field(ge=3, le=40, description="Squares along y")
+    square_m: float = Field(gt=0.001, lt=0.5, description="Side of a square as measured on the print")
+    marker_share: float = Field(default=0.75, ge=0.4, le=0.9, description="Side of a marker over that of a square")
+    legacy_pattern: bool = Field(default=False, description="Pattern of OpenCV before 4.6 and of calib.io")
+    flange_from_board: Pose = Field(description="To a few millimetres: a calibration finds it exactly")
+    margin_m: float = Field(default=0.01, ge=0, description="Width of the plate beyond the squares, on each side")
+    thickness_m: float = Field(default=0.005, gt=0, description="Thickness of the plate, behind its printed face")
+    bracket_capsules: list[CapsuleShape] = Field(
+        default_factory=list[CapsuleShape], description="What holds it, in the flange frame"
+    )
+    replaces_lamp: bool = Field(
+        default=True, description="Whether the lamp is taken off the flange for it; else it is beside the lamp"
+    )
 
 
 class ArmConfig(Value):
@@ -87,6 +111,9 @@ class ArmConfig(Value):
         default=False, description="Whether an operator may unlock, power on and release brakes over HTTP"
     )
     nominal_kinematics_tolerance_m: float = Field(default=0.003, gt=0)
+    tool: Tool = Field(
+        default="lamp", description="What is on the flange until somebody states otherwise (PUT /v1/rig/tool)"
+    )
     kinematics: list[JointGeometry] | None = Field(
         default=None,
         min_length=6,
@@ -262,6 +289,9 @@ class CellConfig(Value):
     camera_body: list[Capsule] = Field(description="The camera and its lens, base frame")
     obstacles: list[Obstacle] = Field(default_factory=list[HalfSpace | Box | Capsule | Cone | ConvexMesh])
     clearances: Clearances = Clearances()
+    board: BoardConfig | None = Field(
+        default=None, description="The board of calibration sessions; none: there is none"
+    )
 
     @property
     def fingerprint(self) -> str:
@@ -271,6 +301,8 @@ class CellConfig(Value):
         for name in _LATER_ARM_FIELDS:
             if values["arm"][name] == ArmConfig.model_fields[name].default:
                 del values["arm"][name]
+        if self.board is None:
+            del values["board"]
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 

@@ -32,6 +32,7 @@ class ErrorCode(StrEnum):
     RIG_BUSY = "rig.busy"
     RIG_NOT_READY = "rig.not_ready"
     RIG_CHANGED = "rig.changed"
+    RIG_OTHER_TOOL = "rig.other_tool"
     ARM_UNREACHABLE = "arm.unreachable"
     ARM_IN_USE = "arm.in_use"
     ARM_PREFLIGHT = "arm.preflight"
@@ -63,6 +64,10 @@ class ErrorCode(StrEnum):
     WAYPOINTS_COLLISION = "waypoints.collision"
     NORMALS_INFEASIBLE = "normals.infeasible"
     CALIBRATION_INFEASIBLE = "calibration.infeasible"
+    CALIBRATION_TARGET_NOT_SEEN = "calibration.target_not_seen"
+    CALIBRATION_BOARD_WRONG = "calibration.board_wrong"
+    CALIBRATION_NOT_FOUND = "calibration.not_found"
+    CALIBRATION_DOES_NOT_FIT = "calibration.does_not_fit"
     FOLDER_INVALID = "folder.invalid"
     SCENE_MOVED = "scene.moved"
     STORE_DISK_FULL = "store.disk_full"
@@ -146,6 +151,11 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         409,
         "The rig's configuration changed since the session began",
         "Restore the cell file and calibration, or start anew.",
+    ),
+    ErrorCode.RIG_OTHER_TOOL: Problem(
+        409,
+        "Another tool is on the flange than the session needs",
+        "Mount the tool named in `needed`, then say so with PUT /v1/rig/tool, and start.",
     ),
     ErrorCode.ARM_UNREACHABLE: Problem(
         503, "The arm does not respond at its address", "Check power, cable and `arm.address` in the cell file."
@@ -269,6 +279,24 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         422,
         "These images do not determine the calibration",
         "Take more views of the board, tilted to different sides (see the detail); nothing was overwritten.",
+    ),
+    ErrorCode.CALIBRATION_TARGET_NOT_SEEN: Problem(
+        503,
+        "The calibration target is not seen in the image",
+        "Look at the image: mount, light or expose it as the detail says, then resume; no image so far is lost.",
+    ),
+    ErrorCode.CALIBRATION_BOARD_WRONG: Problem(
+        422,
+        "The calibration board is not the one that is described",
+        "Measure the squares and correct the board's description, then begin a new session; nothing was overwritten.",
+    ),
+    ErrorCode.CALIBRATION_NOT_FOUND: Problem(
+        404, "There is no such calibration", "List those that there are with GET /v1/rig/calibrations."
+    ),
+    ErrorCode.CALIBRATION_DOES_NOT_FIT: Problem(
+        409,
+        "The calibration was made for another rig",
+        "Choose one of this camera and arm (GET /v1/rig/calibrations), or calibrate this one.",
     ),
     ErrorCode.NORMALS_INFEASIBLE: Problem(
         422, "Normals cannot be solved from these images", "See the detail: at least three usable lights are needed."

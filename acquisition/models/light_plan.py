@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from acquisition.models.base import Value, Vector3
+from acquisition.models.base import Joints, Value, Vector3
 
 
 class Light(Value):
@@ -38,6 +38,11 @@ class LightPlan(Value):
     lights: list[Light] = Field(description="The lights of the pass")
     method: str = Field(description="How they were chosen: a recipe's `method`")
     reasons: list[str] = Field(description="For each light, why it was chosen")
+    joints: list[Joints] | None = Field(
+        default=None,
+        description="With the calibration board on the flange: each pose's joints, rad; `lights` are then where the "
+        "lamp is, or would be. Null: lights alone were chosen",
+    )
     predicted_sigma_deg: float | None = Field(
         default=None,
         description="Mean over the object's pixels of the expected angular σ after this pass (mean error 0.886 σ)",

@@ -1,6 +1,6 @@
 """Captured images: what was measured while each was exposed, and the set of all that a session has captured."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from acquisition.models.base import Joints, Matrix4, Value
+from acquisition.models.base import FloatArray, Joints, Matrix4, Value
 from acquisition.models.light_plan import Light
 
 
@@ -94,3 +94,14 @@ class Observations:
         again = [shot for shot in shots if shot.kind == "reference"]
         older = [shot for shot in shots if shot.kind == "dark" and shot is not darks[shot.exposure_s]]
         return cls([shot for shot in shots if shot.kind == "light"], darks, frames, [*again, *older])
+
+    def lit_as(self, light_of: Callable[[FloatArray], Light]) -> "Observations":
+        """The same images with lights computed anew from the measured tool poses (4, 4), as of another calibration."""
+
+        def again(shot: Shot) -> Shot:
+            if shot.light is None or shot.base_from_tool is None:
+                return shot
+            return shot.model_copy(update={"light": light_of(np.array(shot.base_from_tool))})
+
+        shots, repeats = [again(shot) for shot in self.shots], [again(shot) for shot in self.repeats]
+        return Observations(shots, self.darks, self.frames, repeats)

@@ -14,9 +14,9 @@ stops; a constant of the software."""
 class TimePart(Value):
     """What is left of one kind of work."""
 
-    work: Literal["pilot", "plan", "waypoints", "images", "normals"] = Field(
+    work: Literal["pilot", "plan", "waypoints", "images", "normals", "estimate"] = Field(
         description="Choosing the first lights, planning further ones, computing the route, capturing images (moves "
-        "included), solving"
+        "included), solving; of a calibration its estimate"
     )
     count: int = Field(ge=1, description="How many of them are left")
     seconds: float = Field(ge=0, description="Time for all of them, s")

@@ -21,7 +21,7 @@ from acquisition.formats import export, report
 from acquisition.formats.atomic_write import discard_partial
 from acquisition.formats.export import light_files
 from acquisition.formats.folders import session_folder
-from acquisition.models.base import BoolArray, FloatArray, Vector3
+from acquisition.models.base import BoolArray, FloatArray, Joints, Vector3
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
@@ -35,6 +35,7 @@ from acquisition.models.shot import Observations
 from acquisition.plan import baselines, explain, visibility
 from acquisition.plan import prior_forecast as prior
 from acquisition.runner import light_forecast
+from acquisition.runner.board_jobs import board_moved, board_poses, estimate_from_board, look_at_board
 from acquisition.runner.session_solve import solve_in_cell
 from acquisition.waypoints import drawing, rejoin, routing
 from acquisition.waypoints import jog_step as jog_steps
@@ -57,6 +58,8 @@ def _reach(cell: CellConfig, calibration: Calibration, cache: Path) -> reaching.
     partial.rename(cache)
     return reach_map
 
+
+__all__ = ["board_moved", "board_poses", "estimate_from_board", "look_at_board"]  # jobs of a module of their own
 
 Rows = npt.NDArray[np.int64]
 
@@ -187,6 +190,13 @@ def _signal(
 def plan_route(lights: list[Light], start: tuple[float, ...], cell: CellConfig, calibration: Calibration) -> Route:
     """Certified joint paths from `start` (rad) through the lights and home."""
     return routing.route(lights, start, cell, calibration)
+
+
+def plan_route_of_views(
+    lights: list[Light], joints: list[Joints], start: tuple[float, ...], cell: CellConfig, calibration: Calibration
+) -> Route:
+    """Certified joint paths from `start` (rad) through views of the calibration board and home."""
+    return routing.route_of_views(lights, joints, start, cell, calibration)
 
 
 def rejoin_route(

@@ -49,6 +49,9 @@ PAUSING_CODES = frozenset(
         ErrorCode.STORE_DISK_FULL,
         ErrorCode.COMPUTE_LOST,
         ErrorCode.PLAN_TO_REVIEW,
+        ErrorCode.CALIBRATION_TARGET_NOT_SEEN,
+        ErrorCode.CALIBRATION_BOARD_WRONG,
+        ErrorCode.CALIBRATION_INFEASIBLE,
     }
 )
 """Problems of the work while the rig is well: the session pauses for a person. A code in neither set fails it."""
@@ -141,6 +144,7 @@ class SessionLoop:
         self._announce_stage(session_id, stage)
         self._announce_progress(record, stage)
         if step is None:
+            self._executor.keep_calibration(record)
             self._executor.write_session_manifest(session_id)
             self.trigger(session_id, Trigger.FINISH)
             return False

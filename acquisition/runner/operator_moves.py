@@ -17,10 +17,12 @@ from acquisition import session
 from acquisition.capture import take
 from acquisition.devices import Rig, StopToken
 from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError
 from acquisition.models.jog import JogMotion
 from acquisition.models.route import JointPath
 from acquisition.runner.compute import Compute
+from acquisition.runner.rig_choices import RigChoices
 from acquisition.store import Store
 from acquisition.store.queue_table import QueueState
 
@@ -95,10 +97,8 @@ class _Jog:
 class OperatorMoves:
     """Parks and jogs the arm; public methods may be called from any thread."""
 
-    def __init__(
-        self, store: Store, rig: Rig, calibration: Calibration, compute: Compute, access: RunnerAccess
-    ) -> None:
-        self._store, self._rig, self._calibration, self._compute = store, rig, calibration, compute
+    def __init__(self, store: Store, rig: Rig, choices: RigChoices, compute: Compute, access: RunnerAccess) -> None:
+        self._store, self._rig, self._choices, self._compute = store, rig, choices, compute
         self._access = access
         self._lock = threading.Lock()
         self._jog: _Jog | None = None
@@ -120,7 +120,7 @@ class OperatorMoves:
         access.make_ready()
         access.require_clear()
         here = self._rig.arm.reading.joints
-        path: JointPath = self._compute.run(access.closing, "plan_retreat", here, self._rig.cell, self._calibration)
+        path: JointPath = self._compute.run(access.closing, "plan_retreat", here, *self._known)
         token = StopToken()
         access.take_over(token)
         access.put(lambda: self._follow_home(here, path, token, actor))
@@ -232,7 +232,7 @@ class OperatorMoves:
                 return "another request came first"
             access.refuse_held()
             access.require_clear()
-            known = (jog.motion, self._rig.cell, self._calibration)
+            known = (jog.motion, *self._known)
             # Not ended by the token, which would end the compute process, whose next start takes seconds.
             path: JointPath = self._compute.run(access.closing, "jog_step", self._present_joints(), *known)
             access.require_clear()
@@ -256,6 +256,11 @@ class OperatorMoves:
             return "halted"
         jog.error = error
         return str(error)
+
+    @property
+    def _known(self) -> tuple[CellConfig, Calibration]:
+        """The cell with the tool that is on the flange, and the calibration in use."""
+        return self._choices.cell, self._choices.calibration
 
     def _present_joints(self) -> tuple[float, ...]:
         reading = self._rig.arm.reading

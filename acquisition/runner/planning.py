@@ -13,6 +13,7 @@ from acquisition import session
 from acquisition.devices import Rig
 from acquisition.models.base import Vector3
 from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_recipe import require_capture
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_forecast import ForecastInput, LightForecast
 from acquisition.models.light_plan import LightPlan, PriorForecast
@@ -21,6 +22,7 @@ from acquisition.models.route import Route
 from acquisition.models.step import AwaitReview, Step
 from acquisition.runner import re_solve
 from acquisition.runner.compute import Compute, Preempted
+from acquisition.runner.rig_choices import RigChoices
 from acquisition.runner.step_executor import StepExecutor
 from acquisition.session import State
 from acquisition.store import Store
@@ -52,17 +54,21 @@ class PlanningService:
         self,
         store: Store,
         rig: Rig,
-        calibration: Calibration,
+        choices: RigChoices,
         compute: Compute,
         executor: StepExecutor,
         closing: threading.Event,
     ) -> None:
-        self._store, self._rig, self._calibration = store, rig, calibration
+        self._store, self._rig, self._choices = store, rig, choices
         self._compute, self._executor, self._closing = compute, executor, closing
         self._forecasts: OrderedDict[tuple[str, tuple[Vector3, ...]], tuple[LightForecast, bytes | None]] = (
             OrderedDict()
         )
         self._forecasts_lock = threading.Lock()
+
+    @property
+    def _calibration(self) -> Calibration:
+        return self._choices.calibration
 
     def dry_run(self, recipe: Recipe) -> DryRun:
         """The lights and the route of a recipe's first pass, from where the arm stands (or from home).
@@ -131,7 +137,7 @@ class PlanningService:
             if request in self._forecasts:
                 return self._forecasts[request]
         given = ForecastInput(
-            recipe=record.recipe,
+            recipe=require_capture(record.recipe),
             cell=self._rig.cell,
             calibration=self._calibration,
             result=folder / "results" / str(number - 1) if number > 0 else None,

@@ -14,9 +14,11 @@ import numpy as np
 from acquisition.devices import ArmIdentity
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Recipe
+from acquisition.runner.rig_choices import RigChoices
 from acquisition.session import max_passes
 from acquisition.store import SessionRow, Store
 from acquisition.store.folder import require_space, write_bytes
@@ -31,11 +33,14 @@ RESULT_BYTES_PER_PIXEL = 80
 """Bytes per pixel of all files of one result, at eight images."""
 
 
-def require_same_rig(row: SessionRow, cell: CellConfig, calibration: Calibration, folder: Path) -> None:
-    """Raises RigError rig.changed unless cell file and calibration are those that the session was created with."""
+def require_same_rig(row: SessionRow, cell: CellConfig, choices: RigChoices, folder: Path) -> None:
+    """Raises RigError rig.changed unless cell file and calibration are those that the session was created with, and
+    rig.other_tool unless what it needs is on the flange.
+    """
+    choices.require_tool(row.recipe)
     if row.fingerprint != cell.fingerprint:
         raise RigError(ErrorCode.RIG_CHANGED, "The cell file is not the one that the session was created with")
-    if cell_config.load_calibration(folder / "calibration.json") != calibration:
+    if cell_config.load_calibration(folder / "calibration.json") != choices.calibration:
         raise RigError(ErrorCode.RIG_CHANGED, "The calibration is not the one that the session was created with")
 
 
@@ -60,12 +65,15 @@ def require_near_path(path: Sequence[Sequence[float]], joints: Sequence[float]) 
         )
 
 
-def require_space_for_session(store: Store, recipe: Recipe | None, calibration: Calibration) -> None:
+def require_space_for_session(store: Store, recipe: AnyRecipe | None, calibration: Calibration) -> None:
     """Raises RigError store.disk_full unless a whole session of this recipe (none: one more file) fits on the disk."""
     if recipe is None:
         require_space(store.data, 0)
         return
     pixels, passes = calibration.width * calibration.height, max_passes(recipe)
+    if not isinstance(recipe, Recipe):
+        require_space(store.data, pixels * 2 * (recipe.max_images + passes))
+        return
     frames = recipe.lights_total + passes * DARKS_PER_PASS
     require_space(store.data, pixels * (2 * frames + passes * RESULT_BYTES_PER_PIXEL))
 

@@ -5,13 +5,16 @@ counted by kind, as `session.next_step` will derive it, and each kind takes as l
 the last completed ones of this cell, else as computed or assumed; the answer says which.
 """
 
+import math
 import statistics
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from acquisition import session
+from acquisition.models.calibration_recipe import FURTHER_IMAGES, CalibrationRecipe, require_capture
 from acquisition.models.cell_config import CellConfig
+from acquisition.models.recipe import Recipe
 from acquisition.models.time_left import Basis, TimeLeft, TimePart
 from acquisition.session import PassRecord, SessionRecord, Stage, State
 from acquisition.store import Event, SessionFilter, Store
@@ -22,14 +25,23 @@ EARLIER_SESSIONS = 5
 LOOKED_AT = 50
 """Completed sessions among which those of this cell are looked for."""
 
-ASSUMED_S: dict[str, float] = {"pilot": 5.0, "plan": 4.0, "waypoints": 1.0, "images": 3.0, "normals": 5.0}
+ASSUMED_S: dict[str, float] = {
+    "pilot": 5.0,
+    "plan": 4.0,
+    "waypoints": 1.0,
+    "images": 3.0,
+    "normals": 5.0,
+    "estimate": 5.0,
+}
 """Times assumed of one unit of each kind of work without any measurement, s: the demonstration's on two cores, whose
 first lights wait for the compute process."""
 
 ASSUMED_STOP_S = 0.3
 """Time assumed of an image beside its move, settling and lamp, s: exposure, readout, checks."""
 
-_WORK_OF_STAGE = {stage: str(stage) for stage in (Stage.PILOT, Stage.PLAN, Stage.WAYPOINTS, Stage.NORMALS)}
+_WORK_OF_STAGE = {
+    stage: str(stage) for stage in (Stage.PILOT, Stage.PLAN, Stage.WAYPOINTS, Stage.NORMALS, Stage.ESTIMATE)
+}
 _EVENTS = ("session.stage", "session.state", "shot.captured")
 _PASS_EXTRAS = 1
 """Units of capture work of a pass beside its lights: the way home with the lamp-off frames."""
@@ -120,6 +132,8 @@ class ProgressEstimator:
 def work_left(record: SessionRecord) -> _Work:
     """Counts the work that is left by kind, as `session.next_step` will ask for it."""
     work, recipe = _Work(), record.recipe
+    if not isinstance(recipe, Recipe):
+        return _calibration_left(record, recipe)
     ordered = recipe.target_sigma_deg is not None
     for number in range(session.max_passes(recipe)):
         current = record.passes[number] if number < len(record.passes) else PassRecord()
@@ -164,9 +178,27 @@ def measured(events: Sequence[Event]) -> Durations:
     return result
 
 
+def _calibration_left(record: SessionRecord, recipe: CalibrationRecipe) -> _Work:
+    """The work of a calibration that takes all its images; with an accuracy to reach it may be less."""
+    work, taken = _Work(), sum(len(passed.shots) for passed in record.passes)
+    if _concluded(record):
+        return work
+    open_pass = bool(record.passes) and not record.passes[-1].solved
+    planned = len(record.passes[-1].plan.lights) if open_pass and record.passes[-1].plan is not None else 0
+    left_here = planned - len(record.passes[-1].shots) if open_pass else 0
+    unplanned = max(recipe.max_images - taken - left_here, 0)
+    batch = recipe.first_images if not record.passes else FURTHER_IMAGES
+    passes = math.ceil(unplanned / batch)
+    work.add("plan", passes + 1)
+    work.add("waypoints", passes + int(open_pass and left_here > 0 and record.passes[-1].route is None))
+    work.add("images", left_here + unplanned + (_PASS_EXTRAS + 1) * (passes + int(open_pass)))
+    work.add("estimate", passes + int(open_pass))
+    return work
+
+
 def _planned(record: SessionRecord, number: int) -> int:
     """Lights that the recipe gives a pass that is not planned yet."""
-    recipe = record.recipe
+    recipe = require_capture(record.recipe)
     if recipe.method != "optimal":
         return recipe.lights_total
     return recipe.pilot_lights if number == 0 else recipe.planned_lights

@@ -23,12 +23,13 @@ from structlog.contextvars import bound_contextvars
 from acquisition import session
 from acquisition.formats.atomic_write import discard_partial
 from acquisition.formats.frames import FolderFrames
-from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_recipe import require_capture
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, Halted, RigError, problem
 from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.shot import Observations
+from acquisition.runner import solve_calibration
 from acquisition.runner.compute import Compute, Preempted
 from acquisition.session import ENDED, SessionRecord, State
 from acquisition.store import Store
@@ -56,6 +57,7 @@ class SolveRequest:
     last_pass: int
     idempotency_key: str | None = None
     software: str = ""
+    calibration: str | None = None
 
 
 def observations(record: SessionRecord, folder: Path, last_pass: int | None = None) -> Observations:
@@ -74,6 +76,7 @@ def record_result(
         "origin": origin,
         "passes": list(range(request.last_pass + 1)),
         "settings": request.settings.model_dump(mode="json"),
+        "calibration": request.calibration,
         "seconds": round(seconds, 3),
     }
     facts = {
@@ -111,6 +114,8 @@ def solve_and_record(
     if result.exists():
         shutil.rmtree(result)  # left by a crash before its entry in the journal
     images = observations(record, folder, request.last_pass)
+    if request.calibration is not None:
+        images = solve_calibration.lit_by(images, calibration)
     begun = time.monotonic()
     try:
         summary: ResultSummary = compute.run(
@@ -151,15 +156,16 @@ class ReSolveService:
 
     def submit(
         self, session_id: str, settings: SolveSettings, last_pass: int | None, actor: str,
-        idempotency_key: str | None = None,
+        idempotency_key: str | None = None, calibration: str | None = None,
     ) -> tuple[SolveRequest, bool]:  # fmt: skip
-        """Accepts a solve of a session that has ended; `last_pass` None: all its images.
+        """Accepts a solve of a session that has ended; `last_pass` None: all its images; `calibration` is the
+        identifier of a set, None: that of the capture.
 
         The flag is False for a request that was made before: by its key, or by equal settings, images and software
         unless that solve failed or was cancelled.
 
         Raises RigError session.not_found, session.action_not_allowed while the session may still take images,
-        normals.infeasible with fewer than three of them.
+        normals.infeasible with fewer than three of them, calibration.not_found, calibration.does_not_fit.
         """
         with self._numbering:
             row = self._store.journal.session(session_id)
@@ -170,7 +176,10 @@ class ReSolveService:
                     state=row.state,
                     allowed=[str(action) for action in session.allowed_actions(row.state)],
                 )
+            if calibration is not None:
+                solve_calibration.require_fits(self._store, session_id, calibration)
             record = self._store.record(session_id)
+            require_capture(record.recipe)
             captured_passes = [number for number, work in enumerate(record.passes) if work.shots]
             last = max(captured_passes, default=0) if last_pass is None else last_pass
             shots = observations(record, self._store.folder(session_id), last).shots
@@ -180,7 +189,7 @@ class ReSolveService:
                     f"Session {session_id} has {len(shots)} images up to pass {last}: three are the least",
                     passes=captured_passes,
                 )
-            wanted = SolveRequest(session_id, 0, settings, last, idempotency_key, version("lightpose"))
+            wanted = SolveRequest(session_id, 0, settings, last, idempotency_key, version("lightpose"), calibration)
             asked = self._submitted(session_id, with_finished=True)
             known = self._known(wanted, asked)
             if known is not None:
@@ -195,6 +204,7 @@ class ReSolveService:
                 "by": actor,
                 "idempotency_key": idempotency_key,
                 "software": request.software,
+                "calibration": calibration,
             }
             self._store.journal.record_action(session_id, "solve", actor, f"result {request.number}")
             self._store.journal.announce(session_id, ACCEPTED, body)
@@ -243,18 +253,19 @@ class ReSolveService:
         artifacts = [item for item in self._store.journal.artifacts(session_id, "result") if item.number == number]
         last = artifacts[-1].body.get("passes", [number])[-1]
         images = observations(self._store.record(session_id), folder, last)
+        identity = artifacts[-1].body.get("calibration")
+        calibration = solve_calibration.values(self._store, session_id, identity)
+        images = images if identity is None else solve_calibration.lit_by(images, calibration)
         busy = RigError(ErrorCode.RIG_BUSY, f"{name} is made when no session runs: ask again later")
         if self._session_runs():
             raise busy
         try:
             self._compute.run(
-                self._closing, "make_export", images, _calibration(folder), file.parents[1], name, preemptible=True
+                self._closing, "make_export", images, calibration, file.parents[1], name, preemptible=True
             )
         except (Preempted, Halted) as error:
             raise busy from error
         return file
-
-    # -------------------------------------------------------------------------------------------------------- internals
 
     def _known(self, wanted: SolveRequest, asked: list[SolveRequest]) -> SolveRequest | None:
         """The one of the session's requests so far that leads to the same result; None without one."""
@@ -293,6 +304,7 @@ class ReSolveService:
                         event.body["last_pass"],
                         event.body.get("idempotency_key"),
                         event.body.get("software", ""),
+                        event.body.get("calibration"),
                     )
                 elif not with_finished:
                     submitted.pop(key, None)
@@ -351,7 +363,7 @@ class ReSolveService:
     def _solve(self, request: SolveRequest) -> None:
         record = self._store.record(request.session_id)
         cell = CellConfig.model_validate_json(self._store.journal.session(request.session_id).cell)
-        calibration = _calibration(self._store.folder(request.session_id))
+        calibration = solve_calibration.values(self._store, request.session_id, request.calibration)
         while True:
             while self._session_runs():
                 if self._halting.wait(POLL_S):
@@ -380,7 +392,3 @@ class ReSolveService:
 
 def _cancelled(number: int) -> RigError:
     return RigError(ErrorCode.RESULT_CANCELLED, f"The solve of result {number} was cancelled")
-
-
-def _calibration(folder: Path) -> Calibration:
-    return cell_config.load_calibration(folder / "calibration.json")

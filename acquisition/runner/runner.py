@@ -20,8 +20,8 @@ from typing import Any, TypeVar
 from acquisition import session
 from acquisition.devices import RecoveryStep, Rig, StopToken
 from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.errors import ErrorCode, RigError, problem
-from acquisition.models.recipe import Recipe
 from acquisition.runner import preconditions
 from acquisition.runner.compute import Compute, Preempted
 from acquisition.runner.loop import SessionLoop
@@ -30,6 +30,7 @@ from acquisition.runner.planning import PlanningService
 from acquisition.runner.preview import Preview
 from acquisition.runner.progress import ProgressEstimator, SessionProgress
 from acquisition.runner.readiness import Readiness
+from acquisition.runner.rig_choices import RigChoices
 from acquisition.runner.safety_monitor import Latch, SafetyMonitor
 from acquisition.runner.status import RigStatus
 from acquisition.runner.step_executor import StepExecutor
@@ -61,17 +62,15 @@ class Runner:
     def __init__(
         self, store: Store, rig: Rig, calibration: Calibration, compute: Compute, monitor: SafetyMonitor
     ) -> None:
-        self._store = store
-        self._rig = rig
-        self._calibration = calibration
-        self._compute = compute
-        self._monitor = monitor
-        self._executor = StepExecutor(store, rig, calibration, compute)
+        self._store, self._rig = store, rig
+        self.choices = RigChoices(store, rig.cell, calibration, self._refuse_used, self._arm_name)
+        self._compute, self._monitor = compute, monitor
+        self._executor = StepExecutor(store, rig, self.choices, compute)
         self._readiness = Readiness(rig)
         self._closing = threading.Event()
         self._estimator = ProgressEstimator(store, rig.cell)
         self._loop = SessionLoop(store, rig, self._executor, monitor, self._closing, self._estimator)
-        self.planning = PlanningService(store, rig, calibration, compute, self._executor, self._closing)
+        self.planning = PlanningService(store, rig, self.choices, compute, self._executor, self._closing)
         self.preview = Preview(rig, self._refuse_held, self._in_thread)
         self._token = StopToken()
         self._taking_over = threading.Lock()  # never held by a halt
@@ -79,10 +78,8 @@ class Runner:
         self.halts = 0  # how often somebody has halted the cell: what was decided before is void
         self._requests: queue.Queue[Callable[[], None]] = queue.Queue()
         self._next_connection = 0.0
-        self.moves = OperatorMoves(store, rig, calibration, compute, self._access())
+        self.moves = OperatorMoves(store, rig, self.choices, compute, self._access())
         self._thread = threading.Thread(target=self._serve, name="runner", daemon=True)
-
-    # --------------------------------------------------------------------------------------------------------- lifetime
 
     def open(self) -> None:
         """Interrupts a session that was active when the last service ended; starts the thread."""
@@ -109,9 +106,7 @@ class Runner:
         self._rig.arm.close()
         self._compute.close()
 
-    # --------------------------------------------------------------------------------------------------------- requests
-
-    def create(self, recipe: Recipe, idempotency_key: str | None = None) -> tuple[SessionRow, bool]:
+    def create(self, recipe: AnyRecipe, idempotency_key: str | None = None) -> tuple[SessionRow, bool]:
         """Creates a session; nothing moves. The flag is False when the idempotency key names an existing session."""
         cell = self._rig.cell
         row, new = self._store.journal.create_session(recipe, cell.model_dump_json(), cell.fingerprint, idempotency_key)
@@ -211,7 +206,7 @@ class Runner:
             holder=None if holder is None else holder.id,
             may_start=not reasons,
             reasons=reasons,
-            calibration_made_at=self._calibration.made_at,
+            calibration_made_at=self.choices.calibration.made_at,
             calibration_valid_until=self._valid_until().isoformat(),
             latched=self._monitor.latch,
         )
@@ -236,7 +231,7 @@ class Runner:
             raise RigError(ErrorCode.RIG_BUSY, "The reach is made once, when no session runs: ask again later")
         if not self._executor.reach_cache.exists():
             self._compute.run(
-                self._closing, "make_reach", self._rig.cell, self._calibration, self._executor.reach_cache
+                self._closing, "make_reach", self._rig.cell, self.choices.calibration, self._executor.reach_cache
             )
         return self._executor.reach_cache.read_text(encoding="utf-8")
 
@@ -246,8 +241,6 @@ class Runner:
             return self._compute.run(self._closing, job, *arguments, preemptible=True)
         except Preempted as error:
             raise RigError(ErrorCode.RIG_BUSY, "A session computes at the moment: ask again later") from error
-
-    # ------------------------------------------------------------------------------------------------ start, stop, halt
 
     def _start(self, session_id: str, action: Trigger, actor: str, from_here: bool) -> State:
         journal = self._store.journal
@@ -260,11 +253,11 @@ class Runner:
             raise RigError(ErrorCode.RIG_BUSY, f"Session {holder.id} holds the rig", holder=holder.id)
         self.moves.refuse_jogged()
         folder = self._store.folder(session_id)
-        preconditions.require_same_rig(row, self._rig.cell, self._calibration, folder)
+        preconditions.require_same_rig(row, self._rig.cell, self.choices, folder)
         if datetime.now().astimezone() > self._valid_until():
             raise RigError(ErrorCode.RIG_NOT_READY, f"The calibration is out of date since {self._valid_until()}")
         preconditions.require_space_for_session(
-            self._store, row.recipe if action is Trigger.START else None, self._calibration
+            self._store, row.recipe if action is Trigger.START else None, self.choices.calibration
         )
         self._monitor.require_clear()
         self.preview.preempt()
@@ -276,7 +269,9 @@ class Runner:
         if row.state is State.PAUSED and row.reason is not None and row.reason["code"] == ErrorCode.PLAN_TO_REVIEW:
             self.planning.approve(session_id, actor)
         token = StopToken()
-        with self._taking_over:  # else a person's move could replace the token of a session that has just begun
+        # Else a person's move could replace the token of a session that has just begun, or its calibration and tool.
+        with self.choices.changing, self._taking_over:
+            preconditions.require_same_rig(row, self._rig.cell, self.choices, folder)
             before, target = journal.trigger(session_id, action, actor)
             if before is target:  # a concurrent equal request was first: it runs the session
                 return target
@@ -302,8 +297,6 @@ class Runner:
     def _finish_stop(self, session_id: str) -> None:
         self._loop.trigger(session_id, Trigger.AT_REST)
 
-    # ---------------------------------------------------------------------------------------------- the runner's thread
-
     def _serve(self) -> None:
         while not self._closing.is_set():
             try:
@@ -320,8 +313,6 @@ class Runner:
                 self._store.journal.announce(None, "device.changed", {"arm": "connected", "camera": "connected"})
         finally:
             self._next_connection = time.monotonic() + CONNECT_EVERY_S
-
-    # ---------------------------------------------------------------------------------------------------------- devices
 
     def _access(self) -> RunnerAccess:
         def take_over(token: StopToken) -> None:
@@ -371,6 +362,14 @@ class Runner:
         if holder is not None:
             raise RigError(ErrorCode.RIG_BUSY, f"Session {holder.id} holds the rig", holder=holder.id)
 
+    def _refuse_used(self) -> None:
+        self._refuse_held()
+        self.moves.refuse_jogged()
+
+    def _arm_name(self) -> str | None:
+        identity = self._readiness.identity
+        return None if identity is None else f"{identity.model} {identity.serial}"
+
     def _not_ready_reasons(self) -> list[dict[str, Any]]:
         reasons = list(self._readiness.problems)
         try:
@@ -382,4 +381,5 @@ class Runner:
         return reasons
 
     def _valid_until(self) -> datetime:
-        return datetime.fromisoformat(self._calibration.made_at) + timedelta(days=self._calibration.valid_days)
+        known = self.choices.calibration
+        return datetime.fromisoformat(known.made_at) + timedelta(days=known.valid_days)

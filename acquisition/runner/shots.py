@@ -7,7 +7,6 @@ same light: equal images show that nothing has moved in between; otherwise the t
 images of the pass are discarded and captured anew once a person has looked.
 """
 
-from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -18,29 +17,50 @@ from acquisition.devices import Rig, StopToken
 from acquisition.formats.frames import FolderFrames
 from acquisition.models.base import BoolArray, as_joints, as_matrix4
 from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_recipe import tool_of
+from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.route import JointPath, Waypoint
 from acquisition.models.shot import FrameQuality, Shot, ShotKey
 from acquisition.models.step import GoHome, RepeatReference, TakeDark, TakeShot
 from acquisition.runner.compute import Compute
+from acquisition.runner.rig_choices import RigChoices
 from acquisition.session import SessionRecord
 from acquisition.store import Store
 from acquisition.store.folder import write_frame
+from acquisition.waypoints import mounted_tool
 
 
 class ShotCapture:
     """Moves the arm and captures images; used in the runner's thread only."""
 
-    def __init__(self, store: Store, rig: Rig, calibration: Calibration, compute: Compute) -> None:
+    def __init__(self, store: Store, rig: Rig, choices: RigChoices, compute: Compute) -> None:
         self._store = store
         self._rig = rig
-        self._calibration = calibration
+        self._choices = choices
         self._compute = compute
+        self._region: tuple[Calibration, BoolArray] | None = None
 
-    @cached_property
+    @property
+    def _calibration(self) -> Calibration:
+        return self._choices.calibration
+
+    @property
     def region(self) -> BoolArray:
         """The pixels (H, W) where the object can be."""
-        return region.keep_out(self._rig.cell, self._calibration)
+        known = self._region
+        if known is None or known[0] is not self._calibration:
+            known = (self._calibration, region.keep_out(self._rig.cell, self._calibration))
+            self._region = known
+        return known[1]
+
+    def cell_of(self, record: SessionRecord) -> CellConfig:
+        """The cell with the session's tool on the flange, in which its paths are certified."""
+        return mounted_tool.with_tool(self._rig.cell, tool_of(record.recipe))
+
+    def lit(self, record: SessionRecord) -> bool:
+        """Whether the lamp is on during an image."""
+        return True
 
     def take_shot(self, record: SessionRecord, step: TakeShot, stop: StopToken) -> None:
         """Moves to the step's waypoint and captures its image, with retakes at a better exposure time.
@@ -90,11 +110,7 @@ class ShotCapture:
         Raises Halted, RigError scene.moved, and what devices report.
         """
         first, here, retakes = step.shot, self._rig.arm.reading.joints, record.recipe.retakes
-        if first.joints is None:
-            raise RigError(ErrorCode.SERVICE_FAULT, f"The image {first.key} does not hold the joints of the arm")
-        if not session.same_joints(here, first.joints):
-            known = (self._rig.cell, self._calibration)
-            self._follow(record, self._compute.run(stop, "plan_return", here, first.joints, *known), stop)
+        self._return_to(record, first, here, stop)
         frames = FolderFrames(self._store.folder(record.session_id))
         before = frames.rows(first.frame, 0, first.frame.height)
         attempt = 0
@@ -117,10 +133,18 @@ class ShotCapture:
         if route is not None and route.waypoints and session.same_joints(here, route.waypoints[-1].joints):
             self._follow(record, JointPath(path=route.home_path, speeds=route.home_speeds, seconds=0.0), stop)
             return
-        path: JointPath = self._compute.run(stop, "plan_retreat", here, self._rig.cell, self._calibration)
+        path: JointPath = self._compute.run(stop, "plan_retreat", here, self.cell_of(record), self._calibration)
         self._follow(record, path, stop)
 
     # ---------------------------------------------------------------------------------------------------------- pieces
+
+    def _return_to(self, record: SessionRecord, first: Shot, here: tuple[float, ...], stop: StopToken) -> None:
+        """Moves from `here` (rad) to where the arm stood for an image."""
+        if first.joints is None:
+            raise RigError(ErrorCode.SERVICE_FAULT, f"The image {first.key} does not hold the joints of the arm")
+        if not session.same_joints(here, first.joints):
+            known = (self.cell_of(record), self._calibration)
+            self._follow(record, self._compute.run(stop, "plan_return", here, first.joints, *known), stop)
 
     def _follow(self, record: SessionRecord, path: JointPath | Waypoint, stop: StopToken) -> None:
         """Records the move in the journal, then follows the collision-free path (write-ahead: see `preconditions`)."""
@@ -138,9 +162,10 @@ class ShotCapture:
         attempts_before: int = 0,
     ) -> tuple[Exposed, int]:
         """A lit frame and the number of its attempt; a frame that the camera loses is retaken as the recipe allows."""
+        lit = self.lit(record)
         while True:
             try:
-                return take.expose(self._rig, exposure_s, attempts_before + attempt, lit=True, stop=stop), attempt
+                return take.expose(self._rig, exposure_s, attempts_before + attempt, lit=lit, stop=stop), attempt
             except RigError as error:
                 if error.code is not ErrorCode.CAMERA_TIMEOUT or attempt == record.recipe.retakes:
                     raise
@@ -217,7 +242,7 @@ class ShotCapture:
             light=None if dark else lamp_pose.light_from_tool(reading.base_from_tool, self._calibration),
             joints=as_joints(reading.joints),
             base_from_tool=as_matrix4(reading.base_from_tool),
-            lamp_on=not dark,
+            lamp_on=not dark and self.lit(record),
             attempt=attempt,
             arm_time_s=reading.timestamp,
             taken_at=exposed.frame.taken_at,

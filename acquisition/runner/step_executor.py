@@ -15,6 +15,7 @@ import numpy as np
 from acquisition.capture import region
 from acquisition.devices import Rig, StopToken
 from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
@@ -31,9 +32,11 @@ from acquisition.models.step import (
     TakeDark,
     TakeShot,
 )
-from acquisition.runner import re_solve
+from acquisition.runner import estimates, re_solve
+from acquisition.runner.board_shots import BoardShots
 from acquisition.runner.compute import Compute
 from acquisition.runner.re_solve import SolveRequest
+from acquisition.runner.rig_choices import RigChoices
 from acquisition.runner.shots import ShotCapture, predicted_image_file
 from acquisition.session import SessionRecord
 from acquisition.store import Store
@@ -43,14 +46,19 @@ from acquisition.store.folder import write_bytes, write_manifest, write_value
 class StepExecutor:
     """Executes steps with the devices of one rig; used in the runner's thread only."""
 
-    def __init__(self, store: Store, rig: Rig, calibration: Calibration, compute: Compute) -> None:
+    def __init__(self, store: Store, rig: Rig, choices: RigChoices, compute: Compute) -> None:
         self._store = store
         self._rig = rig
-        self._calibration = calibration
+        self._choices = choices
         self._compute = compute
-        self._shots = ShotCapture(store, rig, calibration, compute)
+        self._shots = ShotCapture(store, rig, choices, compute)
+        self._board_shots = BoardShots(store, rig, choices, compute)
 
-    def create_folder(self, session_id: str, recipe: Recipe) -> None:
+    @property
+    def _calibration(self) -> Calibration:
+        return self._choices.calibration
+
+    def create_folder(self, session_id: str, recipe: AnyRecipe) -> None:
         """Creates the session's folder, complete without the database: recipe, cell file and calibration."""
         folder = self._store.folder(session_id)
         write_value(folder / "recipe.json", recipe)
@@ -65,23 +73,29 @@ class StepExecutor:
             folder, {"session_id": session_id, "software": {"lightpose": version("lightpose")}, "shots": shots}
         )
 
+    def keep_calibration(self, record: SessionRecord) -> None:
+        """Keeps what a calibration session found as a set of its own; does nothing for one of capture."""
+        if not isinstance(record.recipe, Recipe):
+            estimates.keep(self._store, record, self._rig.cell)
+
     def execute(self, record: SessionRecord, step: Step, stop: StopToken) -> None:
         """Executes one step. Raises Halted when the token is set meanwhile, RigError when the step fails."""
+        shots = self._shots if isinstance(record.recipe, Recipe) else self._board_shots
         match step:
             case ChooseLights():
                 self._choose_lights(record, step, stop)
             case AwaitReview():
                 raise RigError(ErrorCode.PLAN_TO_REVIEW, f"The lights of pass {step.pass_number} are planned")
             case RepeatReference():
-                self._shots.repeat_reference(record, step, stop)
+                shots.repeat_reference(record, step, stop)
             case PlanRoute():
                 self._plan_route(record, step, stop)
             case TakeShot():
-                self._shots.take_shot(record, step, stop)
+                shots.take_shot(record, step, stop)
             case GoHome():
-                self._shots.go_home(record, step, stop)
+                shots.go_home(record, step, stop)
             case TakeDark():
-                self._shots.take_dark(record, step, stop)
+                shots.take_dark(record, step, stop)
             case SolveNormals():
                 self._solve_normals(record, step, stop)
             case _:
@@ -95,6 +109,9 @@ class StepExecutor:
     # ---------------------------------------------------------------------------------------------------- lights, route
 
     def _choose_lights(self, record: SessionRecord, step: ChooseLights, stop: StopToken) -> None:
+        if not isinstance(record.recipe, Recipe):
+            self._choose_views(record, step, stop)
+            return
         number, folder = step.pass_number, self._store.folder(record.session_id)
         known = (record.recipe, self._rig.cell, self._calibration, self.reach_cache)
         pictures: list[bytes] = []
@@ -112,6 +129,18 @@ class StepExecutor:
         name = f"passes/{number}/plan.json"
         digest = write_value(folder / name, plan)
         body = self.plan_summary(plan, digests)
+        self._store.journal.add_artifact(record.session_id, "plan", number, name, digest, body, "plan.ready")
+
+    def _choose_views(self, record: SessionRecord, step: ChooseLights, stop: StopToken) -> None:
+        number, folder = step.pass_number, self._store.folder(record.session_id)
+        previous = folder / "estimates" / str(number - 1) if number else None
+        images = re_solve.observations(record, folder)
+        plan: LightPlan = self._compute.run(
+            stop, "board_poses", record.recipe, self._shots.cell_of(record), self._calibration, images, previous
+        )
+        name = f"passes/{number}/plan.json"
+        digest = write_value(folder / name, plan)
+        body = self.plan_summary(plan, [])
         self._store.journal.add_artifact(record.session_id, "plan", number, name, digest, body, "plan.ready")
 
     def predict_images(self, session_id: str, number: int, plan: LightPlan, stop: threading.Event) -> None:
@@ -163,11 +192,16 @@ class StepExecutor:
         if plan is None:
             raise RigError(ErrorCode.SERVICE_FAULT, f"Pass {number} has no plan to route")
         start = self._rig.arm.reading.joints
-        route = self._rejoining_route(record.passes[number].route, step, stop)
+        route = self._rejoining_route(record, step, stop)
         if route is None:
             lights = [plan.lights[light] for light in step.light_numbers]
+            known = (start, self._shots.cell_of(record), self._calibration)
             try:
-                route = self._compute.run(stop, "plan_route", lights, start, self._rig.cell, self._calibration)
+                if plan.joints is None:
+                    route = self._compute.run(stop, "plan_route", lights, *known)
+                else:
+                    joints = [plan.joints[light] for light in step.light_numbers]
+                    route = self._compute.run(stop, "plan_route_of_views", lights, joints, *known)
             except RigError as error:
                 raise _with_plan_numbers(error, step.light_numbers) from error
             order = [step.light_numbers[index] for index in route.light_numbers]
@@ -178,12 +212,13 @@ class StepExecutor:
         body = {"seconds": route.seconds, "lower_bound_s": route.lower_bound_s, "order": route.light_numbers}
         self._store.journal.add_artifact(record.session_id, "route", number, name, digest, body, "waypoints.ready")
 
-    def _rejoining_route(self, route: Route | None, step: PlanRoute, stop: StopToken) -> Route | None:
+    def _rejoining_route(self, record: SessionRecord, step: PlanRoute, stop: StopToken) -> Route | None:
         """The rest of a route with a path back to it from the measured joints; None when a new route is needed."""
+        route = record.passes[step.pass_number].route
         if route is None or not set(step.light_numbers) <= set(route.light_numbers):
             return None
         start = self._rig.arm.reading.joints
-        known = (self._rig.cell, self._calibration)
+        known = (self._shots.cell_of(record), self._calibration)
         try:
             return self._compute.run(stop, "rejoin_route", route, step.light_numbers, start, *known)
         except RigError as error:
@@ -194,6 +229,11 @@ class StepExecutor:
     # ---------------------------------------------------------------------------------------------------------- normals
 
     def _solve_normals(self, record: SessionRecord, step: SolveNormals, stop: StopToken) -> None:
+        if not isinstance(record.recipe, Recipe):
+            estimates.estimate_and_record(
+                self._store, self._compute, record, step.number, self._shots.cell_of(record), self._calibration, stop
+            )
+            return
         request = SolveRequest(record.session_id, step.number, SolveSettings(), step.number)
         re_solve.solve_and_record(
             self._store, self._compute, record, request, self._rig.cell, self._calibration, stop, origin="session"

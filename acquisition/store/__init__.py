@@ -12,8 +12,10 @@ import stat
 from pathlib import Path
 
 from acquisition.formats.frames import FolderFrames
+from acquisition.models import cell_config
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import SessionRecord
+from acquisition.store.calibration_sets import CalibrationSets
 from acquisition.store.journal import Journal
 from acquisition.store.rows import Action, Artifact, Event, SessionFilter, SessionRow
 
@@ -25,7 +27,7 @@ FOLDER_MODE = 0o700
 
 
 class Store:
-    """One data folder: `rig.lock`, `rig.db`, `sessions/<id>/`, `cache/`; one service at a time."""
+    """One data folder: `rig.lock`, `rig.db`, `sessions/<id>/`, `calibrations/<id>/`, `cache/`; of one service."""
 
     def __init__(self, data: Path) -> None:
         """Opens or makes the folder. Raises RigError store.locked when another service has it."""
@@ -42,6 +44,7 @@ class Store:
             raise RigError(ErrorCode.STORE_LOCKED, f"{self.data} is in use by another service") from error
         self.journal = Journal(self.data / "rig.db")
         self._discard_partial()
+        self.calibrations = CalibrationSets(self.data / "calibrations")
 
     def folder(self, session_id: str) -> Path:
         """The folder of a session that the journal knows."""
@@ -50,6 +53,11 @@ class Store:
     def cache(self, name: str) -> Path:
         """Path of a cached file, which can be computed again."""
         return self.data / "cache" / name
+
+    def calibration_of(self, session_id: str) -> str | None:
+        """SHA-256 of the calibration's values that a session was created with; None: its folder is not there."""
+        file = self.folder(session_id) / "calibration.json"
+        return cell_config.load_calibration(file).fingerprint if file.is_file() else None
 
     @property
     def free(self) -> int:

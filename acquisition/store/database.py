@@ -19,7 +19,14 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import State
 from acquisition.store.rows import Counts, Event
 
-MIGRATIONS = ("schema_001.sql", "schema_002.sql", "schema_003.sql", "schema_004.sql", "schema_005.sql")
+MIGRATIONS = (
+    "schema_001.sql",
+    "schema_002.sql",
+    "schema_003.sql",
+    "schema_004.sql",
+    "schema_005.sql",
+    "schema_006.sql",
+)
 
 
 class Database:

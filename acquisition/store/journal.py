@@ -12,9 +12,9 @@ import time
 from pathlib import Path
 from typing import Any
 
+from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
-from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route
 from acquisition.models.shot import Shot, ShotKey
 from acquisition.session import (
@@ -41,7 +41,7 @@ class Journal(QueueTable):
     # ------------------------------------------------------------------------------------------------------- sessions
 
     def create_session(
-        self, recipe: Recipe, cell: str, fingerprint: str, idempotency_key: str | None = None
+        self, recipe: AnyRecipe, cell: str, fingerprint: str, idempotency_key: str | None = None
     ) -> tuple[SessionRow, bool]:
         """Creates a session and returns it and True; for an idempotency key used before, that session and False."""
         with self._transaction() as connection:
@@ -265,6 +265,7 @@ class Journal(QueueTable):
             }
             results = self.artifacts(session_id, "result")
             solved = {item.number for item in results if item.body.get("origin", "session") == "session"}
+            solved |= {item.number for item in self.artifacts(session_id, "estimate")}
             shots = self.shots(session_id)
             reviewed = self._reviewed(session_id)
             unverified = self._unverified(session_id)
@@ -353,6 +354,11 @@ class Journal(QueueTable):
             session_id,
         )
         return resumed["id"] is not None and (repeated["id"] or 0) < resumed["id"]
+
+    def newest(self, type_: str) -> dict[str, Any] | None:
+        """The body of the newest event of a type that belongs to no session; None without one."""
+        row = self._one("SELECT body FROM event WHERE session_id IS NULL AND type = ? ORDER BY id DESC LIMIT 1", type_)
+        return None if row is None else json.loads(row["body"])
 
     def _newest_event(self, session_id: str, type_: str) -> dict[str, Any] | None:
         row = self._one(

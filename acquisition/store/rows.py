@@ -5,7 +5,8 @@ import sqlite3
 from dataclasses import dataclass
 from typing import Any
 
-from acquisition.models.recipe import Recipe
+from acquisition.models import calibration_recipe
+from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.session import State
 
 
@@ -16,7 +17,7 @@ class SessionRow:
     id: str
     number: int
     state: State
-    recipe: Recipe
+    recipe: AnyRecipe
     cell: str
     fingerprint: str
     reason: dict[str, Any] | None
@@ -83,7 +84,7 @@ class Artifact:
 
 def session_from_row(row: sqlite3.Row) -> SessionRow:
     """A row of the table `session` as a value."""
-    recipe = Recipe.model_validate_json(row["recipe"])
+    recipe = calibration_recipe.read(row["recipe"])
     return SessionRow(
         id=row["id"],
         number=row["number"],

@@ -8,8 +8,8 @@ pose. Branches that do not converge (near a singularity) are discarded.
 import numpy as np
 
 from acquisition.models.base import FloatArray
-from acquisition.models.cell_config import JointGeometry
-from acquisition.waypoints.kinematics import TURN
+from acquisition.models.cell_config import ArmConfig, JointGeometry
+from acquisition.waypoints.kinematics import TURN, arm_model, denavit_hartenberg
 
 _NEWTON_STEPS = 5
 """Maximum number of Newton steps."""
@@ -22,6 +22,13 @@ _MAX_CORRECTION_RAD = 0.3
 def chain(joints: list[JointGeometry]) -> FloatArray:
     """The factory calibration as Denavit–Hartenberg rows (6, 4): θ, a, d, α; rad and m."""
     return np.array([[joint.theta_rad, joint.a_m, joint.d_m, joint.alpha_rad] for joint in joints])
+
+
+def of_arm(arm: ArmConfig) -> FloatArray:
+    """An arm's Denavit–Hartenberg rows (6, 4): the factory's where the cell file states them, else the model's."""
+    if arm.kinematics is not None:
+        return chain(list(arm.kinematics))
+    return np.array(denavit_hartenberg(arm_model(arm.model)))
 
 
 def forward(chain: FloatArray, joints: FloatArray) -> FloatArray:

@@ -22,6 +22,7 @@ from acquisition.models.base import BoolArray, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.cell_config import Box, Capsule, CellConfig, Cone, HalfSpace, Obstacle
 from acquisition.waypoints import collision_kernels as kernels
+from acquisition.waypoints import mounted_tool
 from acquisition.waypoints import shape_kernels as shapes
 from acquisition.waypoints.hull_kernels import hull_distance
 from acquisition.waypoints.kinematics import ArmModel, arm_model
@@ -140,7 +141,7 @@ def scene(cell: CellConfig, calibration: Calibration) -> Scene:
 def _scene(cell_json: str, calibration_json: str) -> Scene:
     cell, calibration = CellConfig.model_validate_json(cell_json), Calibration.model_validate_json(calibration_json)
     model = arm_model(cell.arm.model)
-    tool = [[*capsule.start_m, *capsule.end_m, capsule.radius_m] for capsule in cell.arm.tool_capsules]
+    tool = [[*capsule.start_m, *capsule.end_m, capsule.radius_m] for capsule in mounted_tool.capsules(cell)]
     capsules = np.vstack([model.capsules, np.array(tool, dtype=float).reshape(-1, 7)])
     links = np.array([*model.capsule_links, *[6] * len(tool)], dtype=np.int64)
     capsules[links == 6, 6] += cell.arm.cable_allowance_m

@@ -24,6 +24,7 @@ from acquisition.models.cell_config import ArmConfig, CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light
 from acquisition.models.route import Refusal
+from acquisition.waypoints import board_poses
 from acquisition.waypoints.collision import Scene, scene
 from acquisition.waypoints.ik_solutions import FINE_ROLLS, IkSolutions, solve_lights
 from acquisition.waypoints.kinematics import ELBOW_LIMIT, JOINT_LIMIT
@@ -34,6 +35,8 @@ CONFIGURATIONS = 24
 """Configurations a light, far from one another, that are checked for connection to home and offered to the route."""
 _DOME_LIGHTS = 64
 """Lights on a Fibonacci lattice over the dome whose configurations become nodes."""
+_BOARD_PLACES = 600
+"""Places of the board, at random, of which those that the arm reaches become nodes."""
 _PER_LIGHT = 4
 """Nodes for each of these lights, at most."""
 _NEIGHBOURS = 10
@@ -239,8 +242,7 @@ def _roadmap(cell_json: str, calibration_json: str) -> Roadmap:
             lights=[],
             reason=reason,
         )
-    lights = dome_lights(cell, calibration, _DOME_LIGHTS)
-    solutions = solve_lights(lights, cell, calibration, arm)
+    solutions = _node_solutions(cell, calibration, arm)
     nodes = np.vstack([home, *(spread(station.joints, _PER_LIGHT, home) for station in solutions)])
     distance = np.abs(nodes[:, None] - nodes[None]).max(axis=2)
     distance[:, 0] = distance[0, :] = 0.0
@@ -255,6 +257,37 @@ def _roadmap(cell_json: str, calibration_json: str) -> Roadmap:
     pairs = renumbered[pairs[labels[pairs[:, 0]] == labels[0]]]
     hubs = _shortest_paths(nodes[labels == labels[0]], pairs, cell.arm)
     return _connected(solutions, cell.arm, arm, hubs, first=2).roadmap
+
+
+def _node_solutions(cell: CellConfig, calibration: Calibration, arm: Scene) -> list[IkSolutions]:
+    """Configurations at which the tool is used, all over its range: lights of the dome, or views of the board."""
+    if cell.arm.tool == "board":
+        flanges = board_poses.sample(cell, calibration, _BOARD_PLACES, seed=0)
+        return board_poses.solve(flanges, cell, calibration, arm).solutions[:_DOME_LIGHTS]
+    return solve_lights(dome_lights(cell, calibration, _DOME_LIGHTS), cell, calibration, arm)
+
+
+def connected_views(cell: CellConfig, calibration: Calibration, count: int, seed: int) -> FloatArray:
+    """Joints (N, 6), at most `count`, that show the board and are connected to home; `cell` has the board on.
+
+    Raises RigError waypoints.unreachable with the reasons where there are none, waypoints.collision as `roadmap`.
+    """
+    arm = scene(cell, calibration)
+    hubs = roadmap(cell, calibration)
+    found = board_poses.solve(board_poses.sample(cell, calibration, 4 * count, seed), cell, calibration, arm)
+    home = np.array(cell.arm.home)
+    nearest = [spread(place.joints, 2, home) for place in found.solutions]
+    joints = np.concatenate([np.zeros((0, 6)), *nearest])
+    kept = joints[hubs.connected(joints, arm)] if len(joints) else joints
+    if not len(kept):
+        reasons = ", ".join(f"{reason} {number}" for reason, number in found.refused.items() if number)
+        raise RigError(
+            ErrorCode.WAYPOINTS_UNREACHABLE,
+            f"The arm can show the board to the camera nowhere (of {4 * count} places: {reasons}): mount it otherwise, "
+            "and correct `board.flange_from_board`",
+            lights=[],
+        )
+    return kept[:count]
 
 
 def _shortest_paths(nodes: FloatArray, edges: Indices, arm: ArmConfig) -> Roadmap:

@@ -28,7 +28,7 @@ from acquisition.waypoints import order_kernels
 from acquisition.waypoints.collision import Scene, scene
 from acquisition.waypoints.ik_solutions import IkSolutions
 from acquisition.waypoints.motion import legs
-from acquisition.waypoints.roadmap import Roadmap, connected_solutions, roadmap
+from acquisition.waypoints.roadmap import ConnectedSolutions, Roadmap, connected_solutions, roadmap
 
 _MAX_EXACT_STOPS = 12
 """Lights up to which dynamic programming finds the optimal tour; more lights: iterated local search."""
@@ -55,11 +55,33 @@ def route(lights: Sequence[Light], start_joints: Sequence[float], cell: CellConf
     collision-free path exists to them or from the start; `lights` in the context lists {number, reason, detail} of
     each. Nothing moves.
     """
-    arm = scene(cell, calibration)
     connected = connected_solutions(lights, cell, calibration)
-    solutions, hubs = connected.solutions, connected.roadmap
-    _require_solutions(solutions)
-    network = _Network(solutions, _start(start_joints, arm, hubs), cell, arm, hubs)
+    _require_solutions(connected.solutions)
+    return _tour(lights, connected, start_joints, cell, calibration)
+
+
+def route_of_views(
+    lights: Sequence[Light], joints: Sequence[Joints], start_joints: Sequence[float], cell: CellConfig,
+    calibration: Calibration,
+) -> Route:  # fmt: skip
+    """The same through given configurations, one for each of `lights`, which says where the lamp is there.
+
+    They are those of `roadmap.connected_views`. Raises RigError waypoints.collision for one that is not connected.
+    """
+    arm, hubs = scene(cell, calibration), roadmap(cell, calibration)
+    for number, configuration in enumerate(joints):
+        if not hubs.connected(np.array([configuration]), arm)[0]:
+            raise RigError(ErrorCode.WAYPOINTS_COLLISION, f"no certified path leads to view {number}", lights=[])
+    solutions = [IkSolutions(np.array([configuration]), None) for configuration in joints]
+    return _tour(lights, ConnectedSolutions(solutions, hubs), start_joints, cell, calibration)
+
+
+def _tour(
+    lights: Sequence[Light], connected: ConnectedSolutions, start_joints: Sequence[float], cell: CellConfig,
+    calibration: Calibration,
+) -> Route:  # fmt: skip
+    arm, hubs = scene(cell, calibration), connected.roadmap
+    network = _Network(connected.solutions, _start(start_joints, arm, hubs), cell, arm, hubs)
     tour, lower_bound_s = network.tour()
     waypoints: list[Waypoint] = []
     for before, node in pairwise([network.start, *tour]):

@@ -1,8 +1,8 @@
-"""`lightpose calibrate …`: options of the commands; what they do is in `calibrating`."""
+"""`lightpose calibrate …`: options of the commands; what they do is in `calibrating` and `session_calibrating`."""
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -13,6 +13,15 @@ app = typer.Typer(
 )
 
 Images = Annotated[Path, typer.Argument(help="Folder of images, PNG or TIFF, all of one size")]
+ImagesOrService = Annotated[
+    Path | None, typer.Argument(help="Folder of images, PNG or TIFF, all of one size; or none, with --address")
+]
+Address = Annotated[
+    str | None, typer.Option(help="A running service that takes the images, such as http://127.0.0.1:8000")
+]
+Mounted = Annotated[bool, typer.Option("--mounted", help="With --address: the board is on the arm's flange")]
+SessionImages = Annotated[int, typer.Option("--images", help="With --address: most images")]
+Activate = Annotated[bool, typer.Option("--activate", help="With --address: use what was found from now on")]
 BoardFile = Annotated[Path, typer.Option("--board", help="Description of the board, as `calibrate board` writes it")]
 Out = Annotated[Path, typer.Option(help="Folder for the results; nothing in it is overwritten")]
 Base = Annotated[
@@ -47,38 +56,89 @@ def board(
 
 @app.command()
 def camera(
-    folder: Images, board_file: BoardFile = Path("board.json"), out: Out = Path("calibration"), base: Base = None,
-    as_json: AsJson = False,
+    folder: ImagesOrService = None, board_file: BoardFile = Path("board.json"), out: Out = Path("calibration"),
+    base: Base = None, address: Address = None, mounted: Mounted = False, images: SessionImages = 20,
+    target_px: Annotated[
+        float | None, typer.Option(help="With --address: end at this 1 σ of a direction's place, px")
+    ] = None,
+    activate: Activate = False, as_json: AsJson = False,
 ) -> None:  # fmt: skip
-    """Calibrates camera matrix and distortion from images of the board, held or laid anywhere."""
-    from api.cli import calibrating
+    """Calibrates camera matrix and distortion from images of the board, held or laid anywhere.
 
-    outcome = explain_errors(lambda: calibrating.calibrate_camera(folder, board_file, out, base))
+    With --address the service takes them itself, with the board on the arm's flange.
+    """
+    if address is None:
+        from api.cli import calibrating
+
+        images_in = _folder(folder)
+        outcome = explain_errors(lambda: calibrating.calibrate_camera(images_in, board_file, out, base))
+    else:
+        wanted = {"kind": "camera", "max_images": images, "target_px": target_px}
+        outcome = _session(address, wanted, mounted=mounted, activate=activate)
     if as_json:
         print(json.dumps(outcome), flush=True)
 
 
 @app.command("hand-eye")
 def hand_eye(
-    folder: Images,
-    cell: Annotated[Path, typer.Option(help="The cell file, for the arm's model or factory kinematics")],
+    folder: ImagesOrService = None,
+    cell: Annotated[
+        Path | None, typer.Option(help="With FOLDER: the cell file, for the arm's model or factory kinematics")
+    ] = None,
     board_file: BoardFile = Path("board.json"),
     out: Out = Path("calibration"),
     base: Base = None,
     candidates: Annotated[
         Path | None, typer.Option(help="Joints of possible further views, as joints.csv: says which to take next")
     ] = None,
+    address: Address = None,
+    mounted: Mounted = False,
+    images: SessionImages = 20,
+    target_mm: Annotated[float | None, typer.Option(help="With --address: end at this 1 σ of the place, mm")] = None,
+    activate: Activate = False,
     as_json: AsJson = False,
 ) -> None:
     """Calibrates where the camera is in the arm's base frame, from images of the board on the flange.
 
-    The folder holds joints.csv: the image's name and the six joints in rad, a line for each image.
+    The folder holds joints.csv: the image's name and the six joints in rad, a line for each image. With --address the
+    service takes the images itself.
     """
-    from api.cli import calibrating
+    if address is None:
+        from api.cli import calibrating
 
-    outcome = explain_errors(lambda: calibrating.calibrate_hand_eye(folder, board_file, cell, out, base, candidates))
+        images_in = _folder(folder)
+        if cell is None:
+            raise typer.BadParameter("is needed for a folder of images", param_hint="--cell")
+        outcome = explain_errors(
+            lambda: calibrating.calibrate_hand_eye(images_in, board_file, cell, out, base, candidates)
+        )
+    else:
+        wanted = {"kind": "hand-eye", "max_images": images, "target_mm": target_mm}
+        outcome = _session(address, wanted, mounted=mounted, activate=activate)
     if as_json:
         print(json.dumps(outcome), flush=True)
+
+
+def _folder(folder: Path | None) -> Path:
+    if folder is None:
+        raise typer.BadParameter("give a folder of images, or the service's --address", param_hint="FOLDER")
+    return folder
+
+
+def _session(address: str, wanted: dict[str, Any], *, mounted: bool, activate: bool) -> dict[str, Any]:
+    """Runs a session at the service with the recipe that the options describe."""
+    from pydantic import ValidationError
+
+    from acquisition.models.calibration_recipe import BoardRecipe
+    from api.cli import session_calibrating
+
+    try:
+        recipe = BoardRecipe.model_validate(wanted)
+    except ValidationError as error:
+        wrong = error.errors()[0]
+        name = str(wrong["loc"][0]).replace("max_images", "images").replace("_", "-") if wrong["loc"] else "options"
+        raise typer.BadParameter(wrong["msg"], param_hint=f"--{name}") from error
+    return explain_errors(lambda: session_calibrating.calibrate(address, recipe, mounted=mounted, activate=activate))
 
 
 @app.command()

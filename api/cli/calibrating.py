@@ -6,28 +6,26 @@ replaces another silently cannot be gone back to. Which one a cell uses is said 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from pydantic import ValidationError
 from rich.console import Console
 
-from acquisition.calibrate import charuco, hand_eye, intrinsics, view_planning
-from acquisition.calibrate.bundle_adjustment import CAMERA, JOINT_OFFSETS, Adjusted, Model
+from acquisition.calibrate import board_results, charuco, hand_eye, intrinsics, view_planning
+from acquisition.calibrate.bundle_adjustment import Model
 from acquisition.calibrate.charuco import CharucoBoard, View
 from acquisition.calibrate.intrinsics import CameraFit
 from acquisition.formats.folders.refusal import refusal
 from acquisition.models import cell_config
-from acquisition.models.base import FloatArray, as_matrix4
-from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_result import CameraResult, HandEyeResult, ViewResidual
+from acquisition.models.base import FloatArray
+from acquisition.models.calibration_result import CameraResult, ViewResidual
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.folder import write_value
+from acquisition.waypoints import calibrated_kinematics
 from api.cli import calibration_folder
-from api.cli.calibration_folder import JOINTS_FILE, arm_chain, now, read_joints, refuse_overwriting
+from api.cli.calibration_folder import JOINTS_FILE, read_joints, refuse_overwriting
 
 
 @dataclass(frozen=True)
@@ -78,7 +76,7 @@ def calibrate_camera(folder: Path, board_file: Path, out: Path, base: Path | Non
     found = intrinsics.fit(board, captured.views, captured.size)
     result = _write_camera(found, captured, out)
     if merged is not None:
-        write_value(out / "calibration.json", _with_camera(merged, result))
+        write_value(out / "calibration.json", board_results.with_camera(merged, result))
     console = Console(stderr=True, markup=False)
     _show_views(console, result.views)
     console.print(
@@ -102,18 +100,18 @@ def calibrate_hand_eye(
     refuse_overwriting(*(out / name for name in names))
     cell = cell_config.load(cell_file)
     merged = cell_config.load_calibration(base) if base is not None else None
-    chain = arm_chain(cell)
+    chain = calibrated_kinematics.of_arm(cell.arm)
     offered = read_joints(candidates) if candidates is not None else {}
     board, captured = _read(folder, board_file, read_joints(folder / JOINTS_FILE))
     camera = intrinsics.fit(board, captured.views, captured.size)
     found = hand_eye.fit(board, chain, captured.views, camera)
     # The camera by all corners and the arm's motions together, which hold the scale of the views.
-    result = _hand_eye_result(found, captured)
+    result = board_results.hand_eye_result(found, captured.hashes)
     camera_result = _write_camera(CameraFit(captured.size, found.adjusted), captured, out)
     write_value(out / "hand_eye.json", result)
     if merged is not None:
         placed = merged.model_copy(update={"base_from_camera": result.base_from_camera})
-        write_value(out / "calibration.json", _with_camera(placed, camera_result))
+        write_value(out / "calibration.json", board_results.with_camera(placed, camera_result))
     console = Console(stderr=True, markup=False)
     _show_views(console, result.views)
     console.print(
@@ -171,67 +169,14 @@ def _merged_name(base: Path | None) -> tuple[str, ...]:
     return () if base is None else ("calibration.json",)
 
 
-def _with_camera(calibration: Calibration, camera: CameraResult) -> Calibration:
-    """A calibration with another camera."""
-    changed = camera.model_dump(include={"width", "height", "camera_matrix", "distortion", "made_at"})
-    return calibration.model_copy(update=changed)
-
-
 def _write_camera(found: CameraFit, captured: Captured, out: Path) -> CameraResult:
     """Writes `camera.json` and `projection_sigma.png`."""
     sigma = intrinsics.projection_sigma(found)
-    result = _camera_result(found, captured, sigma)
+    result = board_results.camera_result(found, captured.hashes, sigma)
     out.mkdir(parents=True, exist_ok=True)
-    _draw_projection_sigma(found, sigma, out / "projection_sigma.png")
+    board_results.draw_projection_sigma(found, sigma, out / "projection_sigma.png")
     write_value(out / "camera.json", result)
     return result
-
-
-def _camera_result(found: CameraFit, captured: Captured, sigma: FloatArray) -> CameraResult:
-    adjusted = found.adjusted
-    matrix = adjusted.parameters.matrix
-    return CameraResult.model_validate(
-        {
-            "made_at": now(), "version": metadata.version("lightpose"), "width": found.size[0],
-            "height": found.size[1], "camera_matrix": matrix.tolist(),
-            "distortion": adjusted.parameters.camera[4:].tolist(),
-            "covariance": adjusted.covariance[CAMERA, CAMERA].tolist(), "warp_m": adjusted.parameters.warp.tolist(),
-            "corner_sigma_px": adjusted.corner_sigma_px, "projection_sigma_px": float(np.median(sigma)),
-            "worst_projection_sigma_px": float(sigma.max()), "views": _residuals(adjusted, captured),
-        }
-    )  # fmt: skip
-
-
-def _hand_eye_result(found: hand_eye.HandEyeFit, captured: Captured) -> HandEyeResult:
-    adjusted, parameters = found.adjusted, found.adjusted.parameters
-    position, rotation = found.sigma
-    offset_sigmas = np.zeros(6)
-    offset_sigmas[1:5] = adjusted.sigma(JOINT_OFFSETS)
-    return HandEyeResult.model_validate(
-        {
-            "made_at": now(), "version": metadata.version("lightpose"),
-            "base_from_camera": as_matrix4(found.base_from_camera), "covariance": found.covariance.tolist(),
-            "position_sigma_m": position, "rotation_sigma_rad": rotation,
-            "flange_from_board": as_matrix4(parameters.flange_from_board), "square_scale": 1 + parameters.scale,
-            "joint_offsets_rad": parameters.joint_offsets.tolist(), "joint_offset_sigmas_rad": offset_sigmas.tolist(),
-            "arm_sigma_m": adjusted.arm_sigma[0], "arm_sigma_rad": adjusted.arm_sigma[1],
-            "views": _residuals(adjusted, captured),
-        }
-    )  # fmt: skip
-
-
-def _residuals(adjusted: Adjusted, captured: Captured) -> list[ViewResidual]:
-    of_view = dict(zip((view.name for view in adjusted.views), adjusted.residuals_px, strict=True))
-    return [
-        ViewResidual(
-            image=name,
-            sha256=digest,
-            corners=len(of_view.get(name, ())),
-            left_out=sum(image == name for image, _ in adjusted.left_out),
-            rms_px=float(np.sqrt(np.mean(of_view[name] ** 2))) if name in of_view else None,
-        )
-        for name, digest in captured.hashes.items()
-    ]
 
 
 def _show_views(console: Console, views: Sequence[ViewResidual]) -> None:
@@ -241,15 +186,3 @@ def _show_views(console: Console, views: Sequence[ViewResidual]) -> None:
         else:
             more = f", {view.left_out} left out as misread" if view.left_out else ""
             console.print(f"{view.image}: {view.corners} corners, {view.rms_px:.3f} px{more}", style="dim")
-
-
-def _draw_projection_sigma(found: CameraFit, sigma: FloatArray, path: Path) -> None:
-    width, height = found.size
-    figure = Figure(figsize=(6, 6 * height / width), layout="constrained")
-    axes = figure.subplots()
-    shown = axes.imshow(sigma, extent=(0, width, height, 0), cmap="viridis", vmin=0)
-    for view in found.adjusted.views:
-        axes.plot(*view.pixels.T, ",", color="white")
-    figure.colorbar(shown, label="1 σ of a direction's place, px")
-    axes.set(xlabel="column, px", ylabel="row, px")
-    figure.savefig(path, dpi=120)

@@ -3,7 +3,6 @@
 import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +10,8 @@ import numpy as np
 from acquisition.formats.folders import image_files
 from acquisition.formats.folders.refusal import refusal, text
 from acquisition.models.base import FloatArray
-from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.folder import sha256_of
-from acquisition.waypoints import calibrated_kinematics, kinematics
 
 IMAGE_ENDINGS = (".png", ".tif", ".tiff")
 """Lossless formats: JPEG's blocks move corners and highlights."""
@@ -78,20 +75,8 @@ def read_joints(path: Path) -> dict[str, FloatArray]:
     return joints
 
 
-def arm_chain(cell: CellConfig) -> FloatArray:
-    """The arm's Denavit–Hartenberg rows (6, 4): the factory's where the cell file states them, else the model's."""
-    if cell.arm.kinematics is not None:
-        return calibrated_kinematics.chain(list(cell.arm.kinematics))
-    return np.array(kinematics.denavit_hartenberg(kinematics.arm_model(cell.arm.model)))
-
-
 def refuse_overwriting(*paths: Path) -> None:
     """Raises RigError config.invalid where one of the files is there: a calibration that is replaced is lost."""
     for path in paths:
         if path.exists():
             raise RigError(ErrorCode.CONFIG_INVALID, f"{path} is there already, and nothing is overwritten")
-
-
-def now() -> str:
-    """The present time, ISO 8601 in UTC."""
-    return datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")

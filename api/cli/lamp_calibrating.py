@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from rich.console import Console
 
 from acquisition.calibrate import lamp_position
+from acquisition.calibrate.board_results import now
 from acquisition.calibrate.lamp_position import Highlight, LampFit
 from acquisition.formats.folders.refusal import refusal
 from acquisition.models import cell_config
@@ -22,9 +23,7 @@ from acquisition.store.folder import write_value
 from acquisition.waypoints import calibrated_kinematics
 from api.cli.calibration_folder import (
     JOINTS_FILE,
-    arm_chain,
     images,
-    now,
     read_joints,
     refuse_overwriting,
 )
@@ -73,7 +72,7 @@ def _highlights(
     folder: Path, cell: CellConfig, calibration: Calibration
 ) -> tuple[list[Highlight], list[HighlightResidual]]:
     """Highlights of a folder's images, and what is said of each image; of those used the residual is still missing."""
-    joints, chain = read_joints(folder / JOINTS_FILE), arm_chain(cell)
+    joints, chain = read_joints(folder / JOINTS_FILE), calibrated_kinematics.of_arm(cell.arm)
     flange_from_tool = cell.arm.flange_from_tool.matrix
     used: list[Highlight] = []
     said: list[HighlightResidual] = []

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from rich.console import Console
 
 from acquisition.calibrate import charuco, lamp_lobe, matt_plane
+from acquisition.calibrate.board_results import now
 from acquisition.calibrate.charuco import CharucoBoard, View
 from acquisition.calibrate.lamp_lobe import Known, LobeFit, Placing, PlaneImage
 from acquisition.formats.folders import image_files
@@ -25,7 +26,7 @@ from acquisition.models.calibration_result import HandEyeResult, LampResult, Lob
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.folder import sha256_of, write_value
 from acquisition.waypoints import calibrated_kinematics
-from api.cli.calibration_folder import arm_chain, now, refuse_overwriting
+from api.cli.calibration_folder import refuse_overwriting
 
 PLANE_FILE = "plane.csv"
 """In the folder of images: image, lamp-off image, exposure time, placing, six joints, a line for each."""
@@ -72,7 +73,7 @@ def calibrate_lobe(folder: Path, files: LobeFiles, albedo: float, albedo_sigma: 
         shot.image: (_grey(folder / shot.image, calibration), _grey(folder / shot.dark, calibration)) for shot in shots
     }
     placings = [_placing(name, shots, frames, board, calibration) for name in names]
-    chain, flange_from_tool = arm_chain(cell), cell.arm.flange_from_tool.matrix
+    chain, flange_from_tool = calibrated_kinematics.of_arm(cell.arm), cell.arm.flange_from_tool.matrix
     images: list[PlaneImage] = []
     for shot in shots:
         number = names.index(shot.placing)

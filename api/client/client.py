@@ -23,6 +23,8 @@ import httpx
 from httpx_sse import connect_sse
 
 from acquisition.models.base import Vector3
+from acquisition.models.calibration_recipe import AnyRecipe
+from acquisition.models.cell_config import Tool
 from acquisition.models.errors import ErrorCode
 from acquisition.models.light_forecast import LightForecast
 from acquisition.models.recipe import Recipe
@@ -34,11 +36,11 @@ from api.client.event_following import (
     continues_unattended,
     ends_or_suspends,
     parse_events,
-)
+)  # fmt: skip
 from api.client.progress_bar import SessionProgressBar
 from api.client.responses import ModelT, ProblemError, parsed, raise_problem, require_completed
 from api.client.transport import authorization_headers, connection
-from api.rest.calibration import RigCalibration
+from api.rest.calibration import RigCalibration, ToolResource
 from api.rest.key_schemas import CallerResource, KeyResource
 from api.rest.preview_figures import PreviewFigures
 from api.rest.queue import QueueEntryResource, QueueResource
@@ -58,7 +60,7 @@ from api.rest.schemas import (
     ResultResource,
     SessionEdit,
     SessionResource,
-)
+)  # fmt: skip
 
 
 class Client:
@@ -83,8 +85,6 @@ class Client:
         """Closes the connections."""
         self._http.close()
 
-    # ------------------------------------------------------------------------------------------------------------- rig
-
     def rig(self) -> RigResource:
         """Status of arm, camera and calibration, and whether a session may start."""
         return self._get("/v1/rig", RigResource)
@@ -104,6 +104,14 @@ class Client:
     def calibration(self) -> RigCalibration:
         """The calibration in use: its values, age, source and validity."""
         return self._get("/v1/rig/calibration", RigCalibration)
+
+    def activate_calibration(self, identity: str) -> RigCalibration:
+        """Makes a calibration the one in use; `cell` is the cell file's."""
+        return parsed(self._send("PUT", "/v1/rig/calibrations/active", json={"id": identity}), RigCalibration)
+
+    def state_tool(self, tool: Tool) -> ToolResource:
+        """States what a person has put on the flange."""
+        return parsed(self._send("PUT", "/v1/rig/tool", json={"tool": tool}), ToolResource)
 
     def halt(self) -> None:
         """Halts all motion at once and stops the session that holds the rig; nothing moves before `acknowledge`."""
@@ -144,9 +152,7 @@ class Client:
                 raise ProblemError(Problem.of(ErrorCode.RIG_NOT_READY, "; ".join(item.detail for item in rig.reasons)))
             time.sleep(0.2)
 
-    # -------------------------------------------------------------------------------------------------------- sessions
-
-    def create(self, recipe: Recipe | None = None, idempotency_key: str | None = None) -> SessionResource:
+    def create(self, recipe: AnyRecipe | None = None, idempotency_key: str | None = None) -> SessionResource:
         """Creates a session; nothing moves. Repeating the call with the same key creates no second one."""
         headers = {} if idempotency_key is None else {"Idempotency-Key": idempotency_key}
         content = (recipe or Recipe()).model_dump(mode="json")
@@ -244,12 +250,13 @@ class Client:
         return self._get(f"/v1/sessions/{session_id}/results/{number}", ResultResource)
 
     def resolve(
-        self, session_id: str, settings: SolveSettings | None = None, last_pass: int | None = None
+        self, session_id: str, settings: SolveSettings | None = None, last_pass: int | None = None,
+        calibration: str | None = None,
     ) -> int:  # fmt: skip
-        """Requests another solve of an ended session's images up to `last_pass` (None: all); the result's number."""
-        wanted = ResolveRequest(settings=settings or SolveSettings(), last_pass=last_pass).model_dump(mode="json")
+        """Requests another solve of an ended session's images up to `last_pass`, with a calibration; its number."""
+        wanted = ResolveRequest(settings=settings or SolveSettings(), last_pass=last_pass, calibration=calibration)
         address = f"/v1/sessions/{session_id}/results"
-        return parsed(self._send("POST", address, json=wanted), ResolveAccepted).number
+        return parsed(self._send("POST", address, json=wanted.model_dump(mode="json")), ResolveAccepted).number
 
     def cancel_resolve(self, session_id: str, number: int) -> None:
         """Cancels a solve that waits or runs."""
@@ -272,8 +279,6 @@ class Client:
         """The log of a session, a line for each event or action."""
         return (self._send("GET", f"/v1/sessions/{session_id}/log")).text
 
-    # ----------------------------------------------------------------------------------------------------------- queue
-
     def queue(self) -> QueueResource:
         """The queue of sessions that run one after another."""
         return self._get("/v1/queue", QueueResource)
@@ -286,8 +291,6 @@ class Client:
     def act_on_queue(self, action: Literal["resume", "pause"]) -> QueueResource:
         """Resumes the queue (the next object is in place, the cell is clear) or pauses it after the present session."""
         return parsed(self._send("POST", "/v1/queue/actions", json={"action": action}), QueueResource)
-
-    # ---------------------------------------------------------------------------------------------------------- events
 
     def events(
         self,
@@ -356,8 +359,6 @@ class Client:
             return require_completed(self.wait(created.id))
         with SessionProgressBar() as bar:
             return require_completed(self.wait(created.id, on_session=bar.update))
-
-    # ------------------------------------------------------------------------------------------------------- internals
 
     def _get(self, address: str, model: type[ModelT]) -> ModelT:
         return parsed(self._send("GET", address), model)

@@ -1,18 +1,30 @@
-"""Route of the calibration in use: its values, where they come from, and how long they are valid.
+"""Routes of calibrations: the one in use with its values, all that there are, their files, and the choice of another.
 
-Read only: a calibration takes effect when the service is started with a cell file that names it, because a session's
-images are solved with the calibration that they were taken with, and waypoints are certified with it.
+A calibration takes effect for sessions that are created after it was chosen: a session's images are solved with the
+calibration that they were taken with, and waypoints are certified with it. So none is chosen while a session runs, and
+none by itself: a calibration session makes a set and leaves the choice to a person.
 """
 
 from datetime import UTC, datetime
+from typing import Annotated
 
-from fastapi import APIRouter
-from pydantic import Field
+from fastapi import APIRouter, Request
+from fastapi import Path as InPath
+from fastapi.responses import FileResponse
+from pydantic import BaseModel, ConfigDict, Field
 
 from acquisition.models.calibration import Calibration
-from api.rest.dependencies import ServiceOf
+from acquisition.models.calibration_result import CalibrationSummary
+from acquisition.models.calibration_set import CELL_FILE, CalibrationSet
+from acquisition.models.cell_config import Tool
+from acquisition.models.errors import ErrorCode
+from acquisition.store.folder import sha256_of
+from api.rest import problems, stored_files
+from api.rest.dependencies import Actor, ServiceOf
+from api.rest.paging import Limit, Offset, page
 from api.rest.rig_schemas import CalibrationResource
-from api.rest.schemas import Links
+from api.rest.schemas import Links, Page, Resource
+from api.rest.wiring import Service
 
 router = APIRouter(tags=["rig"])
 
@@ -20,25 +32,167 @@ router = APIRouter(tags=["rig"])
 class RigCalibration(CalibrationResource):
     """The calibration in use, complete."""
 
+    id: str = Field(description="Which one: `cell` is the cell file's, else the session that made it")
     age_days: float = Field(description="Days since it was made")
-    file: str = Field(description="The file, as the cell file names it")
+    file: str = Field(description="The file, as the cell file names it, or in the data folder")
     fingerprint: str = Field(description="SHA-256 of its values; sessions of another calibration differ in it")
     values: Calibration = Field(description="As in the file: m, rad, pixels; poses are `a_from_b`")
+    links: Links
+
+
+class CalibrationSetResource(Resource):
+    """A calibration that there is, in use or not."""
+
+    id: str = Field(description="Identifier: `cell` for that of the cell file, else the session that made it")
+    active: bool = Field(description="Whether it is in use")
+    fits: str = Field(description="Why it cannot be used in this rig; empty: it can")
+    fingerprint: str = Field(description="SHA-256 of its values; sessions captured with it record this")
+    made_at: str = Field(description="When it was made, ISO 8601")
+    kind: str | None = Field(description="What was calibrated: `camera`, `hand-eye`; null for the cell file's")
+    camera: str | None = Field(description="The camera: its kind and serial number; null: not recorded")
+    arm: str | None = Field(description="The arm: model and serial number; null: not recorded")
+    summary: CalibrationSummary | None = Field(description="Figures of its estimate; null for the cell file's")
+    links: Links
+
+
+class CalibrationChoice(BaseModel):
+    """Which calibration shall be used."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    id: str = Field(min_length=1, max_length=80, description="One of GET /v1/rig/calibrations; `cell`: the cell file's")
+
+
+class ToolStatement(BaseModel):
+    """What is on the arm's flange, as a person has seen."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    tool: Tool = Field(description="`lamp`, or `board`: the calibration board of the cell file")
+
+
+class ToolResource(Resource):
+    """What is on the arm's flange, as somebody stated last: paths are certified for it."""
+
+    tool: Tool = Field(description="`lamp`, or `board`")
     links: Links
 
 
 @router.get("/v1/rig/calibration")
 def calibration(service: ServiceOf) -> RigCalibration:
     """The calibration in use: camera, lamp, sensor and their uncertainties, with age, source and validity."""
-    status, known = service.runner.status(), service.calibration
-    now = datetime.now(UTC)
+    return _in_use(service)
+
+
+@router.get("/v1/rig/calibrations")
+def calibrations(
+    service: ServiceOf, request: Request, limit: Limit = 100, after: Offset = 0
+) -> Page[CalibrationSetResource]:
+    """The calibrations that there are: the cell file's first, then those that sessions have made, oldest first."""
+    choices = service.runner.choices
+    of_cell = choices.values(CELL_FILE)
+    first = CalibrationSetResource(
+        id=CELL_FILE,
+        active=choices.calibration_id == CELL_FILE,
+        fits="",
+        fingerprint=of_cell.fingerprint,
+        made_at=of_cell.made_at,
+        kind=None,
+        camera=None,
+        arm=None,
+        summary=None,
+        links={"active": "/v1/rig/calibrations/active"},
+    )
+    made = [_resource(service, one) for one in service.store.calibrations.all()]
+    return page(request, [first, *made], limit, after)
+
+
+@router.put(
+    "/v1/rig/calibrations/active",
+    responses=problems.responses_of(
+        ErrorCode.CALIBRATION_NOT_FOUND,
+        ErrorCode.CALIBRATION_DOES_NOT_FIT,
+        ErrorCode.RIG_BUSY,
+        ErrorCode.STORE_CORRUPT,
+        ErrorCode.STORE_DISK_FULL,
+        *problems.BODY_CODES,
+    ),
+)
+def choose_calibration(service: ServiceOf, choice: CalibrationChoice, actor: Actor) -> RigCalibration:
+    """Makes a calibration the one in use, for sessions created from now on and after a restart too.
+
+    Refused while a session holds the rig, and for a calibration of another camera, image size or arm.
+    """
+    service.runner.choices.choose_calibration(choice.id, actor)
+    return _in_use(service)
+
+
+@router.get(
+    "/v1/rig/calibrations/{calibration_id}/{name}",
+    response_class=FileResponse,
+    responses={
+        **stored_files.binary("application/json", "image/png", description="The file"),
+        **problems.responses_of(ErrorCode.CALIBRATION_NOT_FOUND, ErrorCode.REQUEST_NOT_FOUND),
+    },
+)
+def calibration_file(
+    service: ServiceOf,
+    calibration_id: Annotated[str, InPath(max_length=80, description="Identifier of the calibration, its `id`")],
+    name: Annotated[str, InPath(max_length=100, description="File name, one of its `links`")],
+) -> FileResponse:
+    """One file of a calibration: values with covariance and residuals, corners, pictures."""
+    path = service.store.calibrations.file(calibration_id, name)
+    return stored_files.file_response(path, f"{calibration_id}-{name}", sha256_of(path))
+
+
+@router.get("/v1/rig/tool")
+def tool(service: ServiceOf) -> ToolResource:
+    """What is on the arm's flange, as somebody stated last."""
+    return ToolResource(tool=service.runner.choices.tool, links={"self": "/v1/rig/tool", "rig": "/v1/rig"})
+
+
+@router.put(
+    "/v1/rig/tool",
+    responses=problems.responses_of(
+        ErrorCode.RIG_BUSY, ErrorCode.CONFIG_INVALID, ErrorCode.STORE_DISK_FULL, *problems.BODY_CODES
+    ),
+)
+def state_tool(service: ServiceOf, statement: ToolStatement, actor: Actor) -> ToolResource:
+    """A person states what is on the flange now: paths of sessions, parking and jogging are certified for it.
+
+    Nothing moves. Refused while a session holds the rig.
+    """
+    service.runner.choices.state_tool(statement.tool, actor)
+    return tool(service)
+
+
+def _in_use(service: Service) -> RigCalibration:
+    status, choices = service.runner.status(), service.runner.choices
+    known, now, identity = choices.calibration, datetime.now(UTC), choices.calibration_id
     return RigCalibration(
+        id=identity,
         made_at=status.calibration_made_at,
         valid_until=status.calibration_valid_until,
         valid=now < datetime.fromisoformat(status.calibration_valid_until),
         age_days=(now - datetime.fromisoformat(status.calibration_made_at)).total_seconds() / 86_400,
-        file=service.cell.calibration,
+        file=service.cell.calibration if identity == CELL_FILE else f"calibrations/{identity}/calibration.json",
         fingerprint=known.fingerprint,
         values=known,
-        links={"self": "/v1/rig/calibration", "rig": "/v1/rig"},
+        links={"self": "/v1/rig/calibration", "rig": "/v1/rig", "calibrations": "/v1/rig/calibrations"},
+    )
+
+
+def _resource(service: Service, made: CalibrationSet) -> CalibrationSetResource:
+    path = f"/v1/rig/calibrations/{made.id}"
+    return CalibrationSetResource(
+        id=made.id,
+        active=service.runner.choices.calibration_id == made.id,
+        fits="; ".join(service.runner.choices.differences(made)),
+        fingerprint=made.fingerprint,
+        made_at=made.made_at,
+        kind=made.kind,
+        camera=made.camera,
+        arm=made.arm,
+        summary=made.summary,
+        links={name: f"{path}/{name}" for name in service.store.calibrations.files(made.id)},
     )

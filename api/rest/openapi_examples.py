@@ -10,6 +10,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from acquisition.models.calibration import Calibration, SensorModel
+from acquisition.models.calibration_result import CalibrationSummary
 from acquisition.models.errors import PROBLEMS, ErrorCode
 from acquisition.models.light_forecast import LightForecast, PlacedLight
 from acquisition.models.light_plan import ForecastPoint, Light, LightPlan, PriorForecast
@@ -21,7 +22,13 @@ from acquisition.models.time_left import TimeLeft, TimePart
 from acquisition.session import ARM_STATE, Stage, State
 from acquisition.store.queue_table import EntryState, QueueState
 from api.rest import images
-from api.rest.calibration import RigCalibration
+from api.rest.calibration import (
+    CalibrationChoice,
+    CalibrationSetResource,
+    RigCalibration,
+    ToolResource,
+    ToolStatement,
+)
 from api.rest.jog import JogRequest, JogResource
 from api.rest.joint_readings import JointReadingResource
 from api.rest.key_schemas import CallerResource, KeyResource, TicketResource
@@ -211,6 +218,31 @@ _ENTRY = QueueEntryResource(
 )
 _ACTION = ActionResource(action="start", actor="lab@127.0.0.1", outcome="running", at=_CREATED_AT)
 
+_SET = CalibrationSetResource(
+    id=_ID,
+    active=False,
+    fits="",
+    fingerprint=_SHA256,
+    made_at="2026-11-23T14:00:00Z",
+    kind="hand-eye",
+    camera="pylon 40012345",
+    arm="UR5 20235500001",
+    summary=CalibrationSummary(
+        kind="hand-eye",
+        images=20,
+        used=20,
+        estimated=True,
+        focal_px=4597.2,
+        corner_sigma_px=0.05,
+        projection_sigma_px=0.12,
+        position_sigma_mm=0.31,
+        rotation_sigma_deg=0.03,
+        arm_sigma_mm=0.03,
+        square_scale=1.0003,
+        fingerprint=_SHA256,
+    ),
+    links={"hand_eye.json": f"/v1/rig/calibrations/{_ID}/hand_eye.json"},
+)
 VALUES: tuple[BaseModel, ...] = (
     _RECIPE,
     Recipe(target_sigma_deg=0.7, max_lights=16),
@@ -305,6 +337,7 @@ VALUES: tuple[BaseModel, ...] = (
         arm=ArmResource(model="UR5", serial="20235500001", software="5.12.0"),
         connected=True,
         driver_priority="real-time",
+        tool="lamp",
         camera_ready=True,
         reading=ReadingResource(
             joints=_JOINTS,
@@ -330,7 +363,13 @@ VALUES: tuple[BaseModel, ...] = (
     _SESSION,
     CallerResource(name="anna", role=Role.OPERATOR),
     _KEY,
+    CalibrationChoice(id=_ID),
+    ToolStatement(tool="board"),
+    ToolResource(tool="board", links={"self": "/v1/rig/tool", "rig": "/v1/rig"}),
+    _SET,
+    Page[CalibrationSetResource](items=[_SET], next=None),
     RigCalibration(
+        id="cell",
         made_at="2026-11-01T00:00:00Z",
         valid_until="2027-01-30T00:00:00+00:00",
         valid=True,

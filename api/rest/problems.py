@@ -16,6 +16,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 from starlette.exceptions import HTTPException
 
+from acquisition.models.calibration_recipe import TAGS
 from acquisition.models.errors import PROBLEMS, ErrorCode, Halted, RigError
 from api.rest.schemas import FieldError, Problem, ProblemPage
 
@@ -170,4 +171,5 @@ async def _fault(request: Request, error: Exception) -> Response:
 
 def _field(location: Sequence[str | int]) -> str:
     """The dotted name of a field as the caller wrote it, without the part of the request (body, query) before it."""
+    location = [part for part in location if part not in TAGS]
     return ".".join(str(part) for part in (location[1:] if len(location) > 1 else location))

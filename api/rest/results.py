@@ -73,6 +73,8 @@ def results(
         **problems.responses_of(
             ErrorCode.SESSION_ACTION_NOT_ALLOWED,
             ErrorCode.NORMALS_INFEASIBLE,
+            ErrorCode.CALIBRATION_NOT_FOUND,
+            ErrorCode.CALIBRATION_DOES_NOT_FIT,
             *problems.BODY_CODES,
         ),
     },
@@ -92,7 +94,9 @@ def resolve(
     The event `normals.ready` announces the result, `resolve.failed` its failure and the reason. A request with the same
     Idempotency-Key, or with equal settings for the same images, leads to the same result.
     """
-    accepted, new = service.resolving.submit(session_id, request.settings, request.last_pass, actor, idempotency_key)
+    accepted, new = service.resolving.submit(
+        session_id, request.settings, request.last_pass, actor, idempotency_key, request.calibration
+    )
     response.status_code = 202 if new else 200
     session_path = f"/v1/sessions/{session_id}"
     response.headers["Location"] = f"{session_path}/results/{accepted.number}"
@@ -178,6 +182,7 @@ def resource(service: Service, session_id: str, entry: Artifact) -> ResultResour
         passes=entry.body.get("passes", list(range(entry.number + 1))),
         origin=entry.body["origin"],
         settings=entry.body.get("settings"),
+        calibration=entry.body.get("calibration"),
         created=as_datetime(entry.created_at),
         seconds=entry.body["seconds"],
         summary=ResultSummary.model_validate(summary),

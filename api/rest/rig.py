@@ -16,6 +16,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import Response
 
 from acquisition.models.base import as_joints, as_matrix4
+from acquisition.models.cell_config import Tool
 from acquisition.models.errors import PROBLEMS, ErrorCode, RigError
 from acquisition.runner.safety_monitor import Latch
 from acquisition.runner.status import RigStatus
@@ -44,6 +45,8 @@ RIG_LINKS = {
     "self": "/v1/rig",
     "scene": "/v1/rig/scene",
     "calibration": "/v1/rig/calibration",
+    "calibrations": "/v1/rig/calibrations",
+    "tool": "/v1/rig/tool",
     "stop": STOP_PATH,
     "safety": "/v1/rig/safety",
     "reach": "/v1/rig/reach",
@@ -82,7 +85,7 @@ def ready(service: ServiceOf, request: Request) -> Health:
 @router.get("/v1/rig", tags=["rig"])
 def rig(service: ServiceOf) -> RigResource:
     """Status of the devices, the session that holds the rig, and whether another may start, with the reasons if not."""
-    return _resource(service.runner.status())
+    return _resource(service.runner.status(), service.runner.choices.tool)
 
 
 @router.post(STOP_PATH, tags=["rig"], status_code=202)
@@ -181,7 +184,7 @@ async def reach(service: ServiceOf) -> Response:
     return Response(content, media_type="application/json")
 
 
-def _resource(status: RigStatus) -> RigResource:
+def _resource(status: RigStatus, tool: Tool) -> RigResource:
     reading = status.reading
     identity = status.identity
     valid_until = datetime.fromisoformat(status.calibration_valid_until)
@@ -194,6 +197,7 @@ def _resource(status: RigStatus) -> RigResource:
         arm=None if identity is None else ArmResource.model_validate(identity, from_attributes=True),
         connected=reading.connected,
         driver_priority=reading.driver_priority,
+        tool=tool,
         camera_ready=status.camera_ready,
         reading=None
         if not reading.connected

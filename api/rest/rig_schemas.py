@@ -7,6 +7,7 @@ from pydantic import Field
 
 from acquisition.devices import DriverPriority
 from acquisition.models.base import Joints, Matrix4
+from acquisition.models.cell_config import Tool
 from acquisition.models.errors import ErrorCode
 from api.rest.schemas import Links, RequestBody, Resource
 
@@ -78,6 +79,7 @@ class RigResource(Resource):
         description="Scheduling of the arm's driver that this machine has granted; below `real-time` other "
         "programs may make it stop the arm in mid-move, safely. None while there is no driver"
     )
+    tool: Tool = Field(description="What is on the flange, as somebody stated last (PUT /v1/rig/tool)")
     camera_ready: bool = Field(description="Whether the camera answers")
     reading: ReadingResource | None = Field(description="Newest values from the arm; null without a connection")
     holder: str | None = Field(description="The session that holds the rig")

@@ -11,9 +11,10 @@ from typing import Annotated, Any, Generic, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from acquisition.models.base import Vector3
+from acquisition.models.calibration_recipe import AnyRecipe
+from acquisition.models.calibration_result import CalibrationSummary
 from acquisition.models.errors import PROBLEMS, ErrorCode
 from acquisition.models.light_plan import LightPlan, PriorForecast
-from acquisition.models.recipe import Recipe
 from acquisition.models.result import ResultSummary, SolveSettings
 from acquisition.models.route import Route
 from acquisition.models.shot import Shot
@@ -179,6 +180,9 @@ class ResultResource(Resource):
     settings: SolveSettings | None = Field(
         default=None, description="How it was solved; null in results of old releases"
     )
+    calibration: str | None = Field(
+        default=None, description="Identifier of the calibration it was solved with; null: that of the capture"
+    )
     created: datetime = Field(description="When it was made, UTC")
     seconds: float = Field(description="Time that the solve took")
     summary: ResultSummary = Field(description="The figures that a person reads first")
@@ -195,6 +199,11 @@ class ResolveRequest(RequestBody):
     settings: SolveSettings = Field(default=SolveSettings(), description="How normals are solved")
     last_pass: int | None = Field(
         default=None, ge=0, le=10_000, description="Use the images of the passes up to this one; null: all images"
+    )
+    calibration: str | None = Field(
+        default=None,
+        max_length=80,
+        description="Identifier of the calibration to solve with (GET /v1/rig/calibrations); null: that of the capture",
     )
 
 
@@ -239,13 +248,19 @@ class SessionResource(Resource):
     allowed_actions: list[SessionAction] = Field(
         description="Actions that this caller may take now and that change the state"
     )
-    recipe: Recipe = Field(description="As it was ordered; label and notes may have been changed since")
+    recipe: AnyRecipe = Field(description="As it was ordered; label and notes may have been changed since")
     label: str = Field(description="Its present label: that of the last edit, else of the recipe")
     notes: str = Field(description="Its present notes: those of the last edit, else of the recipe")
     cell: str = Field(description="Name of the cell that it was made for")
     created: datetime = Field(description="When it was made, UTC")
     started: datetime | None = Field(description="When it first started, UTC; null: not yet")
     ended: datetime | None = Field(description="When it ended, UTC; null: not yet")
+    calibration: str | None = Field(
+        default=None, description="SHA-256 of the calibration that it was created with; null: its folder is not there"
+    )
+    estimate: CalibrationSummary | None = Field(
+        default=None, description="Figures of a calibration session's newest estimate; null: none, or one of capture"
+    )
     answer: ResultResource | None = Field(
         description="The result that a person chose; else the newest that the session itself made"
     )

@@ -15,10 +15,12 @@ import anyio.to_thread
 from fastapi import APIRouter, Body, Depends, Header, Query, Request, Response
 
 from acquisition import session
+from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route
+from acquisition.runner import estimates
 from acquisition.session import State, Trigger
 from acquisition.store import Action, SessionFilter, SessionRow
 from api.rest import images, problems, results, stored_files
@@ -77,7 +79,7 @@ def create(
     service: ServiceOf,
     response: Response,
     caller: CallerOf,
-    recipe: Annotated[Recipe, Body(description="`{}`: the default session")] = Recipe(),  # noqa: B008 - frozen
+    recipe: Annotated[AnyRecipe, Body(description="`{}`: the default session")] = Recipe(),  # noqa: B008 - frozen
     idempotency_key: Annotated[str | None, Header(min_length=1, max_length=200, description=IDEMPOTENCY_KEY)] = None,
 ) -> SessionResource:
     """Creates a session from a recipe; nothing moves. The same Idempotency-Key never creates a second one."""
@@ -183,6 +185,7 @@ def delete(service: ServiceOf, session_id: SessionId) -> None:
             ErrorCode.SESSION_ACTION_NOT_ALLOWED,
             ErrorCode.RIG_BUSY,
             ErrorCode.RIG_CHANGED,
+            ErrorCode.RIG_OTHER_TOOL,
             ErrorCode.REQUEST_INVALID,
             ErrorCode.SAFETY_NOT_ACKNOWLEDGED,
             ErrorCode.ARM_PROTECTIVE_STOP,
@@ -274,7 +277,7 @@ def one_pass(service: ServiceOf, session_id: SessionId, number: Number) -> PassR
 def _resource(service: Service, row: SessionRow, caller: Caller) -> SessionResource:
     progress = service.runner.progress(row.id)
     plans = service.store.journal.artifacts(row.id, "plan")
-    session_path = f"/v1/sessions/{row.id}"
+    session_path, estimate = f"/v1/sessions/{row.id}", estimates.newest(service.store, row.id)
     return SessionResource(
         id=row.id,
         number=row.number,
@@ -297,6 +300,8 @@ def _resource(service: Service, row: SessionRow, caller: Caller) -> SessionResou
         created=as_datetime(row.created_at),
         started=None if row.started_at is None else as_datetime(row.started_at),
         ended=None if row.ended_at is None else as_datetime(row.ended_at),
+        calibration=service.store.calibration_of(row.id),
+        estimate=None if estimate is None else estimates.summary_of(estimate),
         answer=results.answer(service, row.id),
         links={
             "self": session_path,

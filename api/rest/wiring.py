@@ -54,13 +54,17 @@ class Service:
     """The parts that the routes use."""
 
     cell: CellConfig
-    calibration: Calibration
     rig: Rig
     store: Store
     runner: Runner
     resolving: ReSolveService
     queue: SessionQueue
     limits: Limits = field(default_factory=Limits)
+
+    @property
+    def calibration(self) -> Calibration:
+        """The calibration in use."""
+        return self.runner.choices.calibration
 
     def open(self) -> None:
         """Starts the runner, the re-solving and the queue, which is stopped; nothing moves."""
@@ -93,9 +97,7 @@ def assemble(store: Store, rig: Rig, calibration: Calibration, compute: Compute)
 
     monitor = SafetyMonitor(rig.arm, safety_changed, _latched(store))
     runner = Runner(store, rig, calibration, compute, monitor)
-    return Service(
-        rig.cell, calibration, rig, store, runner, ReSolveService(store, compute), SessionQueue(store, runner)
-    )
+    return Service(rig.cell, rig, store, runner, ReSolveService(store, compute), SessionQueue(store, runner))
 
 
 def build_rig(cell: CellConfig) -> Rig:

@@ -1,0 +1,213 @@
+"""What a calibration session does with the board on the flange: reads its images, estimates, and plans further views.
+
+Every pass estimates anew from all images, because the planning of further views asks for the covariance of what is
+known. Before enough views are there the calibration in use stands in for an estimate, with a covariance as wide as a
+cell is wrong that was set up with a ruler.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acquisition.calibrate import charuco, hand_eye, intrinsics, view_planning
+from acquisition.calibrate.bundle_adjustment import (
+    ARM_SIGMA_START,
+    BASE_FROM_CAMERA,
+    CAMERA,
+    CORNER_SIGMA_START_PX,
+    FLANGE_FROM_BOARD,
+    JOINT_OFFSET_SIGMA_RAD,
+    JOINT_OFFSETS,
+    SCALE,
+    SCALE_SIGMA,
+    WARP,
+    WARP_SIGMA_M,
+    Adjusted,
+    Model,
+    Parameters,
+    information,
+)
+from acquisition.calibrate.charuco import CharucoBoard, View
+from acquisition.calibrate.hand_eye import HandEyeFit
+from acquisition.calibrate.intrinsics import CameraFit
+from acquisition.models.base import FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_recipe import BoardRecipe
+from acquisition.models.calibration_result import CalibrationSummary
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.shot import Observations
+from acquisition.waypoints import calibrated_kinematics, mounted_tool
+
+FOCAL_SIGMA, CENTER_SIGMA_PX = 0.03, 30.0
+"""1 σ before any view: of the focal length (a lens's nominal one), and of the principal point, pixels."""
+DISTORTION_SIGMAS = (0.2, 0.5, 2e-3, 2e-3, 0.5)
+"""1 σ before any view of k1, k2, p1, p2, k3: of the lenses that a lab uses."""
+POSE_SIGMA = (0.01, math.radians(1.0))
+"""1 σ before any view of camera and board, m and rad: placed with ruler and protractor."""
+MAX_ARM_SIGMA_M = 0.001
+"""Deviation of the arm from its chain, m, above which something moved that should not: the board on the flange, the
+camera, or the arm's own mount. An arm with nominal kinematics stays below half a millimetre."""
+
+
+@dataclass(frozen=True)
+class BoardImages:
+    """A session's images: views of the board, hashes of all images by name, and their size (width, height)."""
+
+    views: tuple[View, ...]
+    hashes: dict[str, str]
+    size: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class BoardEstimate:
+    """A calibrated camera and, of kind `hand-eye`, its place."""
+
+    camera: CameraFit
+    hand_eye: HandEyeFit | None
+
+
+def read(observations: Observations, cell: CellConfig) -> BoardImages:
+    """Detects the cell's board in all lit images of a session."""
+    board = charuco.of_cell(mounted_tool.require_board(cell))
+    views: list[View] = []
+    hashes: dict[str, str] = {}
+    size = (0, 0)
+    for shot in observations.shots:
+        frame = shot.frame
+        hashes[frame.path], size = frame.sha256, (frame.width, frame.height)
+        view = charuco.detect(
+            observations.frames.rows(frame, 0, frame.height), board, frame.path, np.array(shot.joints, dtype=float)
+        )
+        if view is not None:
+            views.append(view)
+    return BoardImages(tuple(views), hashes, size)
+
+
+def estimate(images: BoardImages, recipe: BoardRecipe, cell: CellConfig) -> BoardEstimate:
+    """Calibrates from all views. Raises RigError calibration.infeasible, calibration.board_wrong, scene.moved."""
+    model = _model(cell)
+    camera = intrinsics.fit(model.board, images.views, images.size)
+    if recipe.kind == "camera" or model.chain is None:
+        return BoardEstimate(camera, None)
+    found = hand_eye.fit(model.board, model.chain, images.views, camera)
+    arm_sigma_m = found.adjusted.arm_sigma[0]
+    if arm_sigma_m > MAX_ARM_SIGMA_M:
+        raise RigError(
+            ErrorCode.SCENE_MOVED,
+            f"Between the views board, camera and arm moved by {1e3 * arm_sigma_m:.1f} mm beside what the joints tell: "
+            "tighten the board on the flange and the camera's mount, and begin a new session",
+        )
+    # The camera by all corners and the arm's motions together, which hold the scale of the views.
+    return BoardEstimate(CameraFit(images.size, found.adjusted), found)
+
+
+def summary(found: BoardEstimate, images: BoardImages, recipe: BoardRecipe) -> CalibrationSummary:
+    """The figures of an estimate, whether they meet the recipe, and what to do next."""
+    adjusted, hand = found.camera.adjusted, found.hand_eye
+    projection_px = float(np.median(intrinsics.projection_sigma(found.camera)))
+    position_mm = None if hand is None else 1e3 * hand.sigma[0]
+    targets = [(projection_px, recipe.target_px), (position_mm, recipe.target_mm)]
+    asked = [value is not None and value <= target for value, target in targets if target is not None]
+    return CalibrationSummary(
+        kind=recipe.kind,
+        images=len(images.hashes),
+        used=len(images.views),
+        estimated=True,
+        reached=bool(asked) and all(asked),
+        focal_px=float(adjusted.parameters.camera[0]),
+        corner_sigma_px=adjusted.corner_sigma_px,
+        projection_sigma_px=projection_px,
+        position_sigma_mm=position_mm,
+        rotation_sigma_deg=None if hand is None else math.degrees(hand.sigma[1]),
+        arm_sigma_mm=None if hand is None else 1e3 * hand.adjusted.arm_sigma[0],
+        square_scale=None if hand is None else 1 + adjusted.parameters.scale,
+        advice=_advice(found, asked),
+    )
+
+
+def further_views(
+    images: BoardImages | None, candidates: Sequence[FloatArray], count: int, recipe: BoardRecipe, cell: CellConfig,
+    calibration: Calibration,
+) -> list[tuple[int, str]]:  # fmt: skip
+    """Numbers of the candidate joints (6,) to take next, at most `count`, and for each the reason, a sentence.
+
+    `images` None: there are none yet. Raises RigError calibration.infeasible where no candidate shows the board.
+    """
+    model, size = _model(cell), (calibration.width, calibration.height)
+    basis = _basis(model, images, cell, calibration)
+    criterion, unit = _criterion(recipe, basis.parameters, size)
+    chosen = view_planning.plan_views(model, basis, candidates, size, count, criterion)
+    if not chosen:
+        raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, "At no pose of the arm the board is in the image")
+    return [(number, f"leaves {math.sqrt(value):.3g} {unit}") for number, value in chosen]
+
+
+def _criterion(
+    recipe: BoardRecipe, parameters: Parameters, size: tuple[int, int]
+) -> tuple[Callable[[FloatArray], float], str]:
+    """The design criterion, a mean square, and the unit of its root."""
+    if recipe.kind == "hand-eye":
+        return (lambda covariance: 1e6 * view_planning.pose_loss(covariance)), "mm"
+    derivatives, _ = intrinsics.projection_derivatives(parameters, size)
+
+    def projection(covariance: FloatArray) -> float:
+        return float(np.mean(intrinsics.projection_sigma_by(derivatives, covariance[CAMERA, CAMERA]) ** 2))
+
+    return projection, "px"
+
+
+def _basis(model: Model, images: BoardImages | None, cell: CellConfig, calibration: Calibration) -> Adjusted:
+    """The estimate of all parameters so far; before there is one, the calibration in use with what views add to it."""
+    before = prior(cell, calibration)
+    if images is None or model.chain is None:
+        return before
+    try:
+        camera = intrinsics.fit(model.board, images.views, images.size)
+        return hand_eye.fit(model.board, model.chain, images.views, camera).adjusted
+    except RigError:
+        free = np.ix_(model.free, model.free)
+        present = np.linalg.inv(before.covariance[free])
+        for view in images.views:
+            present = present + information(model, view, before)[free]
+        covariance = np.zeros_like(before.covariance)
+        covariance[free] = np.linalg.inv(present)
+        return replace(before, covariance=covariance)
+
+
+def prior(cell: CellConfig, calibration: Calibration) -> Adjusted:
+    """The calibration in use as an estimate, with the covariance of a cell that was set up by hand."""
+    matrix = calibration.camera_matrix
+    camera = np.array([matrix[0][0], matrix[1][1], matrix[0][2], matrix[1][2], *calibration.distortion])
+    sigma = np.zeros(28)
+    sigma[CAMERA] = [FOCAL_SIGMA * camera[0]] * 2 + [CENTER_SIGMA_PX] * 2 + [*DISTORTION_SIGMAS]
+    sigma[WARP], sigma[SCALE], sigma[JOINT_OFFSETS] = WARP_SIGMA_M, SCALE_SIGMA, JOINT_OFFSET_SIGMA_RAD
+    sigma[BASE_FROM_CAMERA] = sigma[FLANGE_FROM_BOARD] = np.repeat(POSE_SIGMA, 3)
+    parameters = Parameters(
+        camera,
+        np.zeros((0, 4, 4)),
+        base_from_camera=np.array(calibration.base_from_camera),
+        flange_from_board=mounted_tool.require_board(cell).flange_from_board.matrix,
+    )
+    return Adjusted(parameters, np.diag(sigma**2), CORNER_SIGMA_START_PX, ARM_SIGMA_START, (), (), ())
+
+
+def _model(cell: CellConfig) -> Model:
+    board: CharucoBoard = charuco.of_cell(mounted_tool.require_board(cell))
+    return Model(board, calibrated_kinematics.of_arm(cell.arm))
+
+
+def _advice(found: BoardEstimate, asked: Sequence[bool]) -> list[str]:
+    said: list[str] = []
+    if asked and not all(asked):
+        said.append("The accuracy asked for is not reached: allow more images, or a larger board.")
+    if found.hand_eye is not None and found.hand_eye.adjusted.arm_sigma[0] > 1e-4:
+        said.append(
+            "The arm deviates from its kinematic model by more than 0.1 mm: state its factory kinematics in the cell "
+            "file (`lightpose check` prints them)."
+        )
+    if found.camera.adjusted.corner_sigma_px > 0.3:
+        said.append("Corners scatter by more than 0.3 px: look for blur, and for a board that is not flat.")
+    return said or ["Make it the active calibration (PUT /v1/rig/calibrations/active)."]

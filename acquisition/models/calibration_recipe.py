@@ -1,0 +1,116 @@
+"""Recipes of calibration sessions: which part of the calibration, on which target, how accurate, with how many images.
+
+A calibration session repeats the loop of a capture session (choose, route, capture, estimate) with poses in place of
+lights, so its recipe states the same limits: how many images a pass begins with, how many there may be, and the
+accuracy at which it stops.
+"""
+
+import math
+from typing import Annotated, Any, ClassVar, Literal, cast
+
+from pydantic import Discriminator, Field, Tag, TypeAdapter, model_validator
+
+from acquisition.models.base import Value
+from acquisition.models.cell_config import Tool
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.recipe import Exposure, Recipe
+
+
+class CalibrationRecipe(Value):
+    """What the recipes of all calibration sessions have."""
+
+    tool: ClassVar[Tool]
+    takes_darks: ClassVar[bool] = False
+    max_images: int = Field(ge=6, le=120, description="Most images of the session")
+    seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of the candidate poses")
+    retakes: int = Field(default=4, ge=0, le=10, description="How often an image that was rejected is taken again")
+    label: str = Field(default="", max_length=200, description="Title for people, up to 200 characters")
+    notes: str = Field(default="", max_length=10_000, description="Notes for people, up to 10,000 characters")
+
+    @property
+    def first_images(self) -> int:
+        """Images of the first pass, before which nothing but the calibration in use is known."""
+        return min(self.max_images, FIRST_IMAGES)
+
+    @property
+    def passes_most(self) -> int:
+        """Number of passes at most, the last without images where the accuracy has been reached."""
+        return 1 + math.ceil((self.max_images - self.first_images) / FURTHER_IMAGES) + 1
+
+
+FIRST_IMAGES, FURTHER_IMAGES = 8, 4
+"""Images of the first pass and of each further one, which is planned from the estimate so far: eight views determine
+all parameters, and an estimate after every four costs a few seconds for the moves that it saves."""
+
+
+class BoardRecipe(CalibrationRecipe):
+    """Camera, or camera and its place in the arm's base frame, from the board on the flange."""
+
+    tool: ClassVar[Tool] = "board"
+    kind: Literal["camera", "hand-eye"] = Field(
+        description="`camera`: matrix and distortion; `hand-eye`: these and `base_from_camera`"
+    )
+    max_images: int = Field(default=20, ge=8, le=120, description="Most views of the board")
+    target_px: float | None = Field(
+        default=None,
+        gt=0,
+        le=10,
+        description="Accuracy at which the session ends: 1 σ of a direction's place in the image, median, pixels",
+    )
+    target_mm: float | None = Field(
+        default=None, gt=0, le=50, description="`hand-eye`: accuracy at which it ends, 1 σ of the camera's place, mm"
+    )
+    lit_by: Literal["room", "lamp"] = Field(
+        default="room", description="What lights the board: the room, or the lamp where it stays on the flange"
+    )
+    exposure: Exposure = Field(default=Exposure(target=0.7), description="Exposure of the images")
+
+    @model_validator(mode="after")
+    def _place_is_for_hand_eye(self) -> "BoardRecipe":
+        if self.kind == "camera" and self.target_mm is not None:
+            raise ValueError("target_mm is the accuracy of the camera's place: it is for kind `hand-eye`")
+        return self
+
+    @property
+    def lit(self) -> bool:
+        """Whether the lamp is on while a frame is exposed."""
+        return self.lit_by == "lamp"
+
+
+TAGS = ("capture-recipe", "board-recipe")
+"""What an error's location names beside the fields: which of the recipes was read."""
+
+
+def _kind(recipe: object) -> str:
+    given = cast(dict[str, Any], recipe) if isinstance(recipe, dict) else None
+    kind = given.get("kind", "capture") if given is not None else getattr(recipe, "kind", "capture")
+    return "board-recipe" if kind in ("camera", "hand-eye") else "capture-recipe"
+
+
+AnyRecipe = Annotated[
+    Annotated[Recipe, Tag("capture-recipe")] | Annotated[BoardRecipe, Tag("board-recipe")], Discriminator(_kind)
+]
+"""The recipe of a session of any kind; without `kind` it is one of capture."""
+
+_ANY: TypeAdapter[AnyRecipe] = TypeAdapter(AnyRecipe)
+
+
+def read(content: str) -> AnyRecipe:
+    """A recipe of any kind from its JSON."""
+    return _ANY.validate_json(content)
+
+
+def require_capture(recipe: AnyRecipe) -> Recipe:
+    """The recipe of a capture session. Raises RigError session.action_not_allowed for one of calibration."""
+    if isinstance(recipe, Recipe):
+        return recipe
+    raise RigError(
+        ErrorCode.SESSION_ACTION_NOT_ALLOWED,
+        f"A session of kind {recipe.kind} has no lights and no normals",
+        allowed=[],
+    )
+
+
+def tool_of(recipe: AnyRecipe) -> Tool:
+    """What is on the flange during a session."""
+    return "lamp" if isinstance(recipe, Recipe) else recipe.tool

@@ -1,0 +1,155 @@
+"""Jobs of sessions that calibrate with the board on the flange: poses of a pass, the look at a frame, the estimate.
+
+Pure but for the files of an estimate, which are written as a whole: a folder that is there is complete.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from acquisition import lamp_pose
+from acquisition.calibrate import board_results, board_session, charuco, intrinsics
+from acquisition.calibrate.board_session import BoardEstimate, BoardImages
+from acquisition.capture.compare import MAX_SHIFT_OF_WIDTH, MAX_SHIFT_PX
+from acquisition.formats import export
+from acquisition.models.base import FloatArray, Value, as_joints
+from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_recipe import FURTHER_IMAGES, BoardRecipe
+from acquisition.models.calibration_result import CalibrationSummary
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import LightPlan
+from acquisition.models.shot import Observations
+from acquisition.waypoints import calibrated_kinematics, mounted_tool
+from acquisition.waypoints.roadmap import connected_views
+
+CANDIDATES = 160
+"""Poses of which a pass's are chosen: twice as many lower the loss by 2 % only and take twice as long."""
+
+SUMMARY, CALIBRATION = "summary.json", "calibration.json"
+"""Files of an estimate's folder, beside those that `lightpose calibrate` writes."""
+
+
+def board_poses(
+    recipe: BoardRecipe, cell: CellConfig, calibration: Calibration, observations: Observations, previous: Path | None
+) -> LightPlan:
+    """The next pass's poses, planned from all images so far; none when the accuracy or the number is reached.
+
+    `cell` has the board on; `previous` is the folder of the last estimate. Raises RigError waypoints.unreachable,
+    calibration.infeasible.
+    """
+    taken = len(observations.shots)
+    count = recipe.first_images if previous is None else min(FURTHER_IMAGES, recipe.max_images - taken)
+    if previous is not None:
+        known = CalibrationSummary.model_validate_json((previous / SUMMARY).read_bytes())
+        if known.reached or count <= 0:
+            reason = "The accuracy asked for is reached" if known.reached else f"All {taken} images are taken"
+            return LightPlan(lights=[], method="views", reasons=[], joints=[], conclusion=f"{reason}.")
+    candidates = connected_views(cell, calibration, CANDIDATES, recipe.seed + 1)
+    images = board_session.read(observations, cell) if taken else None
+    chosen = board_session.further_views(images, list(candidates), count, recipe, cell, calibration)
+    joints = np.array([candidates[number] for number, _ in chosen])
+    tools = calibrated_kinematics.forward(calibrated_kinematics.of_arm(cell.arm), joints)[:, 6] @ _tool(cell)
+    return LightPlan(
+        lights=[lamp_pose.light_from_tool(tool, calibration) for tool in tools],
+        method="views",
+        reasons=[reason for _, reason in chosen],
+        joints=[as_joints(one) for one in joints],
+    )
+
+
+def look_at_board(pixels: np.ndarray, cell: CellConfig) -> str:
+    """Why a frame (H, W) does not serve, for people; empty where the board is seen."""
+    board = charuco.of_cell(mounted_tool.require_board(cell))
+    if charuco.detect(pixels, board, "frame") is not None:
+        return ""
+    other = board.model_copy(update={"legacy_pattern": not board.legacy_pattern})
+    if charuco.detect(pixels, other, "frame") is not None:
+        return "the board has the other layout: set `board.legacy_pattern` in the cell file accordingly"
+    return (
+        f"the board ({board.columns} × {board.rows} squares of {1e3 * board.square_m:g} mm) is not seen: is it "
+        "mounted, lit and in focus, and is it the one of the cell file?"
+    )
+
+
+def board_moved(before: np.ndarray, after: np.ndarray, cell: CellConfig) -> str:
+    """How the board has moved between two frames (H, W) of one pose, for people; empty where it has not."""
+    board = charuco.of_cell(mounted_tool.require_board(cell))
+    first, second = charuco.detect(before, board, "before"), charuco.detect(after, board, "after")
+    if first is None or second is None:
+        return "the board is not seen any more" if second is None else ""
+    _, one, other = np.intersect1d(first.corners, second.corners, return_indices=True)
+    if len(one) < charuco.MIN_CORNERS:
+        return "other parts of the board are seen"
+    shift_px = float(np.median(np.linalg.norm(second.pixels[other] - first.pixels[one], axis=1)))
+    if shift_px > max(MAX_SHIFT_PX, MAX_SHIFT_OF_WIDTH * before.shape[1]):
+        return f"its corners are {shift_px:.1f} pixels from where they were: board or camera has moved"
+    return ""
+
+
+def estimate_from_board(
+    recipe: BoardRecipe, cell: CellConfig, calibration: Calibration, observations: Observations, folder: Path,
+    last: bool,
+) -> CalibrationSummary:  # fmt: skip
+    """Calibrates from all images of a session and writes the estimate's folder.
+
+    Images that do not determine the calibration yet are no failure before the `last` pass, which raises RigError
+    calibration.infeasible; calibration.board_wrong and scene.moved are raised at once.
+    """
+    images = board_session.read(observations, cell)
+    try:
+        found = board_session.estimate(images, recipe, cell)
+    except RigError as error:
+        if error.code is not ErrorCode.CALIBRATION_INFEASIBLE or last:
+            raise
+        summary = CalibrationSummary(
+            kind=recipe.kind, images=len(images.hashes), used=len(images.views), estimated=False, why_not=error.detail
+        )
+        with export.atomic_folder(folder) as partial:
+            _write(partial / SUMMARY, summary)
+        return summary
+    made = _merged(found, images, calibration)
+    summary = board_session.summary(found, images, recipe).model_copy(update={"fingerprint": made.fingerprint})
+    with export.atomic_folder(folder) as partial:
+        _write_estimate(found, images, partial)
+        _write(partial / CALIBRATION, made)
+        _write(partial / SUMMARY, summary)
+    return summary
+
+
+def _write_estimate(found: BoardEstimate, images: BoardImages, folder: Path) -> None:
+    sigma = intrinsics.projection_sigma(found.camera)
+    board_results.draw_projection_sigma(found.camera, sigma, folder / "projection_sigma.png")
+    _write(folder / "camera.json", board_results.camera_result(found.camera, images.hashes, sigma))
+    if found.hand_eye is not None:
+        _write(folder / "hand_eye.json", board_results.hand_eye_result(found.hand_eye, images.hashes))
+    corners = {
+        view.name: {
+            "corners": view.corners.tolist(),
+            "pixels": view.pixels.tolist(),
+            "joints": None if view.joints is None else view.joints.tolist(),
+        }
+        for view in images.views
+    }
+    (folder / "corners.json").write_text(json.dumps(corners), encoding="utf-8")
+
+
+def _merged(found: BoardEstimate, images: BoardImages, calibration: Calibration) -> Calibration:
+    """The calibration in use with what was found in place of its own values."""
+    sigma = intrinsics.projection_sigma(found.camera)
+    camera = board_results.camera_result(found.camera, images.hashes, sigma)
+    made = board_results.with_camera(calibration, camera)
+    if found.hand_eye is None:
+        return made
+    return made.model_copy(
+        update={"base_from_camera": board_results.hand_eye_result(found.hand_eye, images.hashes).base_from_camera}
+    )
+
+
+def _write(path: Path, value: Value) -> None:
+    path.write_text(value.model_dump_json(indent=2), encoding="utf-8")
+
+
+def _tool(cell: CellConfig) -> FloatArray:
+    return np.asarray(cell.arm.flange_from_tool.matrix)

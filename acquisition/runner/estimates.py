@@ -1,0 +1,111 @@
+"""Estimates of calibration sessions: computed and recorded as results are, and kept as a set when the session ends."""
+
+import shutil
+import threading
+import time
+from importlib.metadata import version
+from pathlib import Path
+
+from acquisition.formats.atomic_write import discard_partial
+from acquisition.models import cell_config
+from acquisition.models.base import Value
+from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_recipe import CalibrationRecipe
+from acquisition.models.calibration_result import CalibrationSummary
+from acquisition.models.calibration_set import CalibrationSet
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.runner import re_solve
+from acquisition.runner.compute import Compute
+from acquisition.runner.rig_choices import camera_name
+from acquisition.session import SessionRecord
+from acquisition.store import Artifact, Store
+from acquisition.store.folder import write_manifest
+
+READY = "estimate.ready"
+"""Type of the event that announces an estimate."""
+
+
+def estimate_and_record(
+    store: Store, compute: Compute, record: SessionRecord, number: int, cell: CellConfig, calibration: Calibration,
+    stop: threading.Event,
+) -> None:  # fmt: skip
+    """Estimates from all images of a session and records it: files first, then row and event.
+
+    Raises Halted, and what the job raises.
+    """
+    folder, recipe = store.folder(record.session_id), record.recipe
+    if not isinstance(recipe, CalibrationRecipe):
+        raise RigError(ErrorCode.SERVICE_FAULT, f"A session of kind {recipe.kind} has no estimate")
+    name = f"estimates/{number}"
+    if (folder / name).exists():
+        shutil.rmtree(folder / name)  # left by a crash before its entry in the journal
+    images = re_solve.observations(record, folder)
+    last = len(images.shots) >= recipe.max_images
+    begun = time.monotonic()
+    try:
+        summary: CalibrationSummary = compute.run(
+            stop, "estimate_from_board", recipe, cell, calibration, images, folder / name, last
+        )
+    except BaseException:
+        discard_partial(folder / name)  # its process may have been killed while it wrote
+        raise
+    more: dict[str, object] = {"seconds": round(time.monotonic() - begun, 3), "passes": list(range(number + 1))}
+    facts = {
+        "session_id": record.session_id,
+        "number": number,
+        **more,
+        "software": {"lightpose": version("lightpose")},
+        "cell_fingerprint": cell.fingerprint,
+        "calibration_before": calibration.fingerprint,
+        "summary": _json(summary),
+    }
+    digest = write_manifest(folder / name, facts)
+    body = {**_json(summary), **more}
+    store.journal.add_artifact(record.session_id, "estimate", number, f"{name}/manifest.json", digest, body, READY)
+
+
+def newest(store: Store, session_id: str) -> Artifact | None:
+    """The newest estimate of a session; None without one."""
+    made = store.journal.artifacts(session_id, "estimate")
+    return made[-1] if made else None
+
+
+def summary_of(entry: Artifact) -> CalibrationSummary:
+    """The figures of an estimate in the journal."""
+    return CalibrationSummary.model_validate({name: entry.body[name] for name in CalibrationSummary.model_fields})
+
+
+def keep(store: Store, record: SessionRecord, cell: CellConfig) -> None:
+    """Keeps a session's newest estimate as a set of calibration values, named after the session."""
+    entry, folder = newest(store, record.session_id), store.folder(record.session_id)
+    if entry is None or not entry.body["estimated"]:
+        return
+    estimate = (folder / entry.path).parent
+    arm_file = folder / "arm.txt"
+    values = cell_config.load_calibration(estimate / "calibration.json")
+    shots = re_solve.observations(record, folder).shots
+    made = CalibrationSet(
+        id=record.session_id,
+        kind=record.recipe.kind,
+        fingerprint=values.fingerprint,
+        before=cell_config.load_calibration(folder / "calibration.json").fingerprint,
+        made_at=values.made_at,
+        version=version("lightpose"),
+        width=values.width,
+        height=values.height,
+        camera=camera_name(cell),
+        arm=_text(arm_file),
+        images={shot.frame.path: shot.frame.sha256 for shot in shots},
+        summary=summary_of(entry),
+    )
+    store.calibrations.add(made, estimate)
+    store.journal.announce(record.session_id, "calibration.made", {"id": made.id, "fingerprint": made.fingerprint})
+
+
+def _text(file: Path) -> str:
+    return file.read_text(encoding="utf-8") if file.exists() else ""
+
+
+def _json(value: Value) -> dict[str, object]:
+    return value.model_dump(mode="json")

@@ -1,0 +1,130 @@
+"""What people have chosen for the rig: the calibration that sessions are captured with, and the tool on the flange.
+
+Both are events of the journal, so that they survive a restart and the history says who chose what. Neither changes
+while a session holds the rig: its images are solved with the calibration that they were taken with, and its paths are
+certified for the tool that is on the flange. Nothing tells the service which tool that is but a person; so a session
+that needs another one is refused rather than believed.
+"""
+
+import threading
+from collections.abc import Callable
+
+from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_recipe import AnyRecipe, tool_of
+from acquisition.models.calibration_set import CELL_FILE, CalibrationSet
+from acquisition.models.cell_config import CellConfig, PylonCameraConfig, Tool
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.store import Store
+from acquisition.waypoints import mounted_tool
+
+CALIBRATION_CHOSEN, TOOL_STATED = "calibration.activated", "tool.mounted"
+"""Types of the events that hold the choices."""
+
+
+def camera_name(cell: CellConfig) -> str:
+    """The cell's camera for people: its kind, with the serial number where it has one."""
+    camera = cell.camera
+    return f"pylon {camera.serial}" if isinstance(camera, PylonCameraConfig) else f"sim {camera.port}"
+
+
+class RigChoices:
+    """The choices of one rig; any thread may call."""
+
+    def __init__(
+        self, store: Store, cell: CellConfig, of_cell: Calibration, refuse_used: Callable[[], None],
+        arm_name: Callable[[], str | None],
+    ) -> None:  # fmt: skip
+        """`of_cell` is the calibration that the cell file names; `refuse_used` raises RigError rig.busy while somebody
+        moves the arm; `arm_name` is model and serial number of the arm that answers, None: none does.
+
+        Raises RigError calibration.not_found, store.corrupt when the one that was chosen is not there any more.
+        """
+        self._store, self._cell, self._of_cell = store, cell, of_cell
+        self._refuse_used, self._arm_name = refuse_used, arm_name
+        chosen = store.journal.newest(CALIBRATION_CHOSEN)
+        self._id = CELL_FILE if chosen is None else str(chosen["id"])
+        self._calibration = self.values(self._id)
+        stated = store.journal.newest(TOOL_STATED)
+        self._tool: Tool = cell.arm.tool if stated is None else stated["tool"]
+        self.changing = threading.Lock()  # held while a session takes the rig, too: never by a halt
+
+    @property
+    def calibration(self) -> Calibration:
+        """The calibration in use."""
+        return self._calibration
+
+    @property
+    def calibration_id(self) -> str:
+        """Identifier of the calibration in use; `cell`: that of the cell file."""
+        return self._id
+
+    @property
+    def tool(self) -> Tool:
+        """What is on the flange, as somebody stated last."""
+        return self._tool
+
+    @property
+    def cell(self) -> CellConfig:
+        """The cell with that tool, for paths that belong to no session."""
+        return mounted_tool.with_tool(self._cell, self._tool)
+
+    def values(self, identity: str) -> Calibration:
+        """The values of a calibration by its identifier. Raises RigError calibration.not_found, store.corrupt."""
+        return self._of_cell if identity == CELL_FILE else self._store.calibrations.calibration(identity)
+
+    def choose_calibration(self, identity: str, actor: str) -> None:
+        """Makes a calibration the one in use.
+
+        Raises RigError calibration.not_found, calibration.does_not_fit, rig.busy, store.disk_full.
+        """
+        with self.changing:
+            self._refuse_used()
+            values = self.values(identity)
+            if identity != CELL_FILE:
+                self._require_fits(identity)
+            body = {"id": identity, "fingerprint": values.fingerprint, "by": actor}
+            self._store.journal.record_action(None, "activate-calibration", actor, identity)
+            self._store.journal.announce(None, CALIBRATION_CHOSEN, body)
+            self._id, self._calibration = identity, values
+
+    def state_tool(self, tool: Tool, actor: str) -> None:
+        """A person states what is on the flange. Raises RigError config.invalid for a board without one, rig.busy."""
+        with self.changing:
+            self._refuse_used()
+            mounted_tool.with_tool(self._cell, tool)
+            self._store.journal.record_action(None, "mount-tool", actor, tool)
+            self._store.journal.announce(None, TOOL_STATED, {"tool": tool, "by": actor})
+            self._tool = tool
+
+    def require_tool(self, recipe: AnyRecipe) -> None:
+        """Raises RigError rig.other_tool unless what a session needs is on the flange."""
+        needed = tool_of(recipe)
+        if needed != self._tool:
+            raise RigError(
+                ErrorCode.RIG_OTHER_TOOL,
+                f"A session of kind {recipe.kind} needs the {needed} on the flange, and the {self._tool} is stated",
+                needed=needed,
+                stated=self._tool,
+            )
+
+    def differences(self, made: CalibrationSet) -> list[str]:
+        """In what a calibration does not fit this rig, for people; none: it does."""
+        arm = self._arm_name()
+        size = (self._of_cell.width, self._of_cell.height)
+        found = [
+            f"its images have {made.width} × {made.height} pixels, this camera's {size[0]} × {size[1]}"
+            if (made.width, made.height) != size
+            else "",
+            f"it is of camera {made.camera}, this is {camera_name(self._cell)}"
+            if made.camera != camera_name(self._cell)
+            else "",
+            f"it is of arm {made.arm}, this is {arm}" if arm is not None and made.arm != arm else "",
+        ]
+        return [one for one in found if one]
+
+    def _require_fits(self, identity: str) -> None:
+        differences = self.differences(self._store.calibrations.get(identity))
+        if differences:
+            raise RigError(
+                ErrorCode.CALIBRATION_DOES_NOT_FIT, f"Calibration {identity}: {'; '.join(differences)}", id=identity
+            )

@@ -1,0 +1,35 @@
+"""The calibration that a session's images are solved with again: that of the capture, or a set that was made since.
+
+Lights are stored as the capture's calibration had them; with another one they follow anew from the measured tool poses.
+"""
+
+from acquisition import lamp_pose
+from acquisition.models import cell_config
+from acquisition.models.calibration import Calibration
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.shot import Observations
+from acquisition.store import Store
+
+
+def values(store: Store, session_id: str, identity: str | None) -> Calibration:
+    """The calibration of a set; None: that of the capture. Raises RigError calibration.not_found, store.corrupt."""
+    if identity is not None:
+        return store.calibrations.calibration(identity)
+    return cell_config.load_calibration(store.folder(session_id) / "calibration.json")
+
+
+def lit_by(images: Observations, calibration: Calibration) -> Observations:
+    """Images with lights where another calibration has them."""
+    return images.lit_as(lambda tool: lamp_pose.light_from_tool(tool, calibration))
+
+
+def require_fits(store: Store, session_id: str, identity: str) -> None:
+    """Raises RigError calibration.not_found, calibration.does_not_fit unless a set is of the session's image size."""
+    made, captured = store.calibrations.get(identity), values(store, session_id, None)
+    if (made.width, made.height) != (captured.width, captured.height):
+        raise RigError(
+            ErrorCode.CALIBRATION_DOES_NOT_FIT,
+            f"Calibration {identity} is of images of {made.width} × {made.height} pixels, the session's have "
+            f"{captured.width} × {captured.height}",
+            id=identity,
+        )

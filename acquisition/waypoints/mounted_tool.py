@@ -1,0 +1,81 @@
+"""What is on the flange: the cell with the lamp or with the calibration board, for collisions and speed limits.
+
+A session states its tool, and the cell that its paths are certified in is the cell file's with that tool. The plate of
+a board is covered with capsules, because the arm's other parts are capsules too; it becomes thicker by this, never
+thinner.
+"""
+
+import numpy as np
+
+from acquisition import geometry
+from acquisition.models.base import FloatArray
+from acquisition.models.cell_config import BoardConfig, CapsuleShape, CellConfig, Tool
+from acquisition.models.errors import ErrorCode, RigError
+
+PLATE_CAPSULES = 6
+"""Capsules side by side over a plate: their radius is a twelfth of its shorter side, half its thickness more."""
+
+
+def with_tool(cell: CellConfig, tool: Tool) -> CellConfig:
+    """The cell with a tool on its flange. Raises RigError config.invalid for a board that the cell file has not.
+
+    With a board the tool's speed is limited where the plate is farthest from the flange.
+    """
+    if tool == cell.arm.tool:
+        return cell
+    if tool == "lamp":
+        return cell.model_copy(update={"arm": cell.arm.model_copy(update={"tool": tool})})
+    far = plate_corners(require_board(cell))
+    far = far[np.argmax(np.linalg.norm(far, axis=1))]
+    tool_pose = cell.arm.flange_from_tool
+    if np.linalg.norm(far) > np.linalg.norm(tool_pose.position_m):
+        tool_pose = tool_pose.model_copy(update={"position_m": tuple(far.tolist())})
+    arm = cell.arm.model_copy(update={"tool": tool, "flange_from_tool": tool_pose})
+    return cell.model_copy(update={"arm": arm})
+
+
+def require_board(cell: CellConfig) -> BoardConfig:
+    """The cell's board. Raises RigError config.invalid where there is none."""
+    if cell.board is None:
+        raise RigError(ErrorCode.CONFIG_INVALID, "The cell file describes no calibration board: add a section [board]")
+    return cell.board
+
+
+def capsules(cell: CellConfig) -> list[CapsuleShape]:
+    """Capsules of the tool in the flange frame."""
+    if cell.arm.tool == "lamp":
+        return list(cell.arm.tool_capsules)
+    board = require_board(cell)
+    lamp = [] if board.replaces_lamp else cell.arm.tool_capsules
+    return [*lamp, *board.bracket_capsules, *plate(board)]
+
+
+def plate(board: BoardConfig) -> list[CapsuleShape]:
+    """Capsules in the flange frame whose union holds the plate."""
+    low, high = _extent(board)
+    long, short = (0, 1) if high[0] - low[0] >= high[1] - low[1] else (1, 0)
+    step = (high[short] - low[short]) / PLATE_CAPSULES
+    # Between two axes the plate's edge is half a step away, and half its thickness above.
+    radius = float(np.hypot(step / 2, board.thickness_m / 2))
+    made: list[CapsuleShape] = []
+    for number in range(PLATE_CAPSULES):
+        ends = np.zeros((2, 3))
+        ends[:, short] = low[short] + (number + 0.5) * step
+        ends[:, long] = low[long], high[long]
+        ends[:, 2] = board.thickness_m / 2
+        start, end = geometry.transform(board.flange_from_board.matrix, ends).tolist()
+        made.append(CapsuleShape(start_m=(*start,), end_m=(*end,), radius_m=radius))
+    return made
+
+
+def plate_corners(board: BoardConfig) -> FloatArray:
+    """Corners (4, 3) of the plate's printed face in the flange frame."""
+    low, high = _extent(board)
+    face = np.array([[x, y, 0.0] for x in (low[0], high[0]) for y in (low[1], high[1])])
+    return geometry.transform(board.flange_from_board.matrix, face)
+
+
+def _extent(board: BoardConfig) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper corner (2,) of the plate in the board's frame, m."""
+    size = board.square_m * np.array([board.columns, board.rows])
+    return np.full(2, -board.margin_m), size + board.margin_m

@@ -1,0 +1,48 @@
+"""`lightpose calibrate camera | hand-eye --address …`: a calibration session of a running service, followed to its end.
+
+The service moves the arm, so a person has to say that the board is on its flange: without `--mounted` nothing starts.
+"""
+
+from typing import Any
+
+from rich.console import Console
+
+from acquisition.models.calibration_recipe import BoardRecipe
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.session import State
+from api import Client
+
+
+def calibrate(address: str, recipe: BoardRecipe, *, mounted: bool, activate: bool) -> dict[str, Any]:
+    """Runs a calibration session and, with `activate`, makes what it found the calibration in use.
+
+    `mounted`: a person has put the board on the flange. Raises RigError rig.other_tool without it, and the session's
+    reason where it does not complete; ProblemError for what the service refuses.
+    """
+    console = Console(stderr=True, markup=False)
+    with Client(address) as client:
+        if client.rig().tool != "board":
+            if not mounted:
+                raise RigError(
+                    ErrorCode.RIG_OTHER_TOOL, "Mount the calibration board on the flange, then say so with --mounted"
+                )
+            client.state_tool("board")
+        created = client.create(recipe)
+        console.print(f"session {created.id}: POST {address}/v1/rig/stop stops it at any time")
+        client.start(created.id)
+        done = client.wait(created.id)
+        if done.state is not State.COMPLETED or done.estimate is None or not done.estimate.estimated:
+            reason = done.reason
+            code = ErrorCode.CALIBRATION_INFEASIBLE if reason is None else reason.code
+            why = "no estimate" if reason is None else f"{reason.detail}. {reason.remedy}"
+            raise RigError(code, f"Session {done.id} is {done.state}: {why}")
+        found = done.estimate
+        if found.position_sigma_mm is not None:
+            console.print(f"camera known to {found.position_sigma_mm:.2f} mm and {found.rotation_sigma_deg:.3f}°")
+        console.print(f"focal length {found.focal_px:.1f} px; directions known to {found.projection_sigma_px:.3f} px")
+        for sentence in found.advice:
+            console.print(sentence)
+        if activate:
+            client.activate_calibration(done.id)
+            console.print(f"calibration {done.id} is in use")
+        return {"calibration": done.id, "active": activate, **found.model_dump(mode="json")}

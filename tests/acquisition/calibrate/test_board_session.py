@@ -1,0 +1,99 @@
+"""What a calibration session plans and concludes, on views of a known truth; the arm's poses in the simulated cell."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.calibrate import board_session
+from acquisition.calibrate.board_session import BoardImages
+from acquisition.models import cell_config
+from acquisition.models.calibration_recipe import BoardRecipe
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.waypoints import board_poses, mounted_tool
+from acquisition.waypoints.collision import scene
+from acquisition.waypoints.roadmap import connected_views, roadmap
+from hardware_sim import nominal
+from tests.acquisition.calibrate.synthetic import BOARD, SIZE, joints_of, truth, views
+
+CELL = cell_config.load(Path(__file__).parents[3] / "tests" / "data" / "cell.test.toml")
+OF_TRUTH = CELL.model_copy(
+    update={
+        "board": mounted_tool.require_board(CELL).model_copy(
+            update={"square_m": BOARD.square_m, "columns": BOARD.columns, "rows": BOARD.rows}
+        )
+    }
+)
+
+
+def captured(seed: int, count: int) -> BoardImages:
+    seen = views(truth(seed), joints_of(truth(seed), count, seed), seed)
+    return BoardImages(tuple(seen), {view.name: "0" * 64 for view in seen}, SIZE)
+
+
+def test_board_in_cell_is_thicker_than_its_plate() -> None:
+    board = mounted_tool.require_board(CELL)
+    corners = mounted_tool.plate_corners(board)
+    for corner in corners:
+        near = min(
+            np.linalg.norm(np.cross(np.array(one.end_m) - one.start_m, corner - one.start_m))
+            / np.linalg.norm(np.array(one.end_m) - one.start_m)
+            - one.radius_m
+            for one in mounted_tool.plate(board)
+        )
+        assert near < 1e-9
+
+
+def test_board_views_are_free_certified_and_before_the_camera() -> None:
+    cell, calibration = mounted_tool.with_tool(CELL, "board"), nominal.calibration(128)
+    joints = connected_views(cell, calibration, 40, seed=3)
+    assert len(joints) == 40
+    arm = scene(cell, calibration)
+    assert arm.free(joints).all()
+    assert roadmap(cell, calibration).connected(joints, arm).all()
+    with_lamp = scene(CELL, calibration)
+    assert len(arm.capsules) == len(with_lamp.capsules) + board_plates()
+
+
+def board_plates() -> int:
+    return len(mounted_tool.plate(mounted_tool.require_board(CELL)))
+
+
+def test_first_views_are_planned_from_the_calibration_in_use() -> None:
+    cell, calibration = mounted_tool.with_tool(CELL, "board"), nominal.calibration(128)
+    joints = connected_views(cell, calibration, 60, seed=1)
+    chosen = board_session.further_views(None, list(joints), 8, BoardRecipe(kind="hand-eye"), cell, calibration)
+    assert len({number for number, _ in chosen}) == 8
+    losses = [float(reason.split()[1]) for _, reason in chosen]
+    assert losses == sorted(losses, reverse=True)
+    assert losses[-1] < 0.2 * losses[0]
+
+
+@pytest.mark.long
+def test_estimate_reaches_and_misses_what_is_asked() -> None:
+    images = captured(4, 15)
+    recipe = BoardRecipe(kind="hand-eye", target_mm=2.0)
+    found = board_session.estimate(images, recipe, OF_TRUTH)
+    assert board_session.summary(found, images, recipe).reached
+    stricter = recipe.model_copy(update={"target_mm": 0.001})
+    missed = board_session.summary(found, images, stricter)
+    assert not missed.reached
+    assert "not reached" in missed.advice[0]
+
+
+@pytest.mark.long
+def test_wrong_side_of_squares_is_named() -> None:
+    images = captured(5, 15)
+    board = mounted_tool.require_board(OF_TRUTH)
+    wrong = OF_TRUTH.model_copy(update={"board": board.model_copy(update={"square_m": 1.03 * board.square_m})})
+    with pytest.raises(RigError, match="squares' side") as refused:
+        board_session.estimate(images, BoardRecipe(kind="hand-eye"), wrong)
+    assert refused.value.code is ErrorCode.CALIBRATION_BOARD_WRONG
+
+
+def test_board_too_large_for_camera_is_refused() -> None:
+    cell = mounted_tool.with_tool(CELL, "board")
+    board = mounted_tool.require_board(cell).model_copy(update={"square_m": 0.1})
+    with pytest.raises(RigError, match="another size of board") as refused:
+        board_poses.sample(cell.model_copy(update={"board": board}), nominal.calibration(128), 10, seed=1)
+    assert refused.value.code is ErrorCode.CONFIG_INVALID

@@ -1,0 +1,88 @@
+"""Calibrations over HTTP: which there are, which is in use, what is refused, and the tool on the flange."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_result import CalibrationSummary
+from acquisition.models.calibration_set import CalibrationSet
+from acquisition.models.errors import ErrorCode
+from acquisition.models.recipe import Recipe
+from acquisition.store.folder import write_value
+from api import ProblemError
+from tests.api.conftest import Running
+
+ID = "20261123-120000-abcdef"
+
+
+def keep(service: Running, folder: Path, camera: str = "sim 30100", **changed: object) -> Calibration:
+    """A set as a session would have made it."""
+    values = service.client.calibration().values.model_copy(update={"lobe_exponent": 1.25, **changed})
+    folder.mkdir()
+    write_value(folder / "calibration.json", values)
+    summary = CalibrationSummary(kind="hand-eye", images=20, used=19, estimated=True, position_sigma_mm=0.3)
+    made = CalibrationSet(
+        id=ID, kind="hand-eye", fingerprint=values.fingerprint, before="0" * 64, made_at=values.made_at, version="0",
+        width=values.width, height=values.height, camera=camera, arm="UR5 1", images={}, summary=summary,
+    )  # fmt: skip
+    service.service.store.calibrations.add(made, folder)
+    return values
+
+
+def test_chosen_calibration_is_used_and_survives_restart(start: Callable[..., Any], tmp_path: Path) -> None:
+    with start() as service:
+        values = keep(service, tmp_path / "made")
+        before = service.client.calibration()
+        listed = service.http.get("/v1/rig/calibrations").json()["items"]
+        assert [(one["id"], one["active"], one["fits"]) for one in listed] == [("cell", True, ""), (ID, False, "")]
+        assert service.client.create(Recipe()).calibration == before.fingerprint
+        assert service.client.activate_calibration(ID).values == values
+        assert service.client.create(Recipe()).calibration == values.fingerprint
+    with start() as again:
+        assert again.client.calibration().id == ID
+        assert again.client.calibration().values == values
+        assert again.http.get(f"/v1/rig/calibrations/{ID}/calibration.json").json()["lobe_exponent"] == 1.25
+        assert again.client.activate_calibration("cell").fingerprint == before.fingerprint
+
+
+def test_calibration_of_another_camera_is_refused_by_name(own: Running, tmp_path: Path) -> None:
+    keep(own, tmp_path / "made", camera="pylon 4711", width=640)
+    with pytest.raises(ProblemError) as refused:
+        own.client.activate_calibration(ID)
+    assert refused.value.problem.code is ErrorCode.CALIBRATION_DOES_NOT_FIT
+    assert "640 × 1024" in refused.value.problem.detail
+    assert "pylon 4711" in refused.value.problem.detail
+    assert own.client.calibration().id == "cell"
+    with pytest.raises(ProblemError) as unknown:
+        own.client.activate_calibration("20000101-000000-000000")
+    assert unknown.value.problem.code is ErrorCode.CALIBRATION_NOT_FOUND
+
+
+def test_session_of_another_tool_is_refused_at_start(start: Callable[..., Any]) -> None:
+    with start() as service:
+        assert service.client.rig().tool == "lamp"
+        board = service.http.post("/v1/sessions", json={"kind": "camera"})
+        assert board.status_code == 201
+        refused = service.http.post(f"/v1/sessions/{board.json()['id']}/actions", json={"action": "start"})
+        assert refused.json()["code"] == ErrorCode.RIG_OTHER_TOOL
+        assert refused.json()["needed"] == "board"
+        assert service.client.state_tool("board").tool == "board"
+        capture = service.client.create(Recipe())
+        with pytest.raises(ProblemError) as other:
+            service.client.start(capture.id)
+        assert other.value.problem.code is ErrorCode.RIG_OTHER_TOOL
+    with start() as again:
+        assert again.client.rig().tool == "board"
+
+
+def test_recipe_of_a_calibration_is_checked(shared: Running) -> None:
+    wrong = shared.http.post("/v1/sessions", json={"kind": "camera", "target_mm": 0.3})
+    assert wrong.status_code == 422
+    assert "hand-eye" in wrong.text
+    made = shared.http.post("/v1/sessions", json={"kind": "hand-eye", "target_mm": 0.3}).json()
+    assert made["recipe"]["kind"] == "hand-eye"
+    assert made["stage"] == "plan"
+    assert made["estimate"] is None
