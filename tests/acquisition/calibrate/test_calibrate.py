@@ -151,10 +151,10 @@ def test_next_view_prefers_tilted_board_over_repetition() -> None:
     assert view_planning.next_view(model, found.adjusted, [away], SIZE) is None
 
 
-def refusal(seen: list[View]) -> str:
+def refusal(seen: list[View], code: ErrorCode = ErrorCode.CALIBRATION_INFEASIBLE) -> str:
     with pytest.raises(RigError) as refused:
         hand_eye.fit(BOARD, NOMINAL, seen, intrinsics.fit(BOARD, seen, SIZE))
-    assert refused.value.code is ErrorCode.CALIBRATION_INFEASIBLE
+    assert refused.value.code is code
     return refused.value.detail
 
 
@@ -179,6 +179,7 @@ def test_fit_flange_turned_about_one_axis_is_refused() -> None:
 
 def test_fit_wrong_side_of_squares_is_refused_with_the_right_one() -> None:
     known = replace(truth(11), scale=0.03)
-    said = re.search(r"squares' side is (.*) % off", refusal(views(known, joints_of(known, 15, 11), 11)))
+    detail = refusal(views(known, joints_of(known, 15, 11), 11), ErrorCode.CALIBRATION_BOARD_WRONG)
+    said = re.search(r"squares' side is (.*) % off", detail)
     assert said is not None
     assert float(said[1]) == pytest.approx(3, abs=0.5)

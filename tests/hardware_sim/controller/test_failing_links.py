@@ -195,7 +195,10 @@ def test_io_client_after_controller_kill_succeeds_once(controller: ControllerPro
 
 def test_custom_script_that_cannot_start_blocks_sender(controller: ControllerProcess) -> None:
     """The library waits for a word that only the script itself would write."""
-    for script, logged in (("x = = 1", "unexpected '='"), ("zero_ftsensor()", "zero_ftsensor is not simulated")):
+    for script, logged in (
+        ("x = = 1", "unexpected '='"),
+        ("get_joint_torques()", "get_joint_torques is not simulated"),
+    ):
         client = Client(
             f"""
             import rtde_control

@@ -4,6 +4,7 @@ import contextlib
 import math
 import socket
 import struct
+import time
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -29,6 +30,7 @@ class Server:
         self.tick(lambda: bool(self.controller.links))
         stream, _ = self.listener.accept()
         stream.settimeout(30.0)
+        stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         return stream
 
     def load(self, lines: str) -> None:
@@ -42,6 +44,7 @@ class Server:
             if condition():
                 return count
             self.controller.tick(self.controller.ticks * TICK)
+            time.sleep(1e-5)  # else the ticks of a time-out of the program are over before what was sent has arrived
         pytest.fail(f"not within {most} ticks: {list(self.controller.messages)[-3:]}")
 
     def finish(self) -> list[float]:
