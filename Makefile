@@ -28,7 +28,7 @@ demo: .venv/demo-ready
 
 # One process more than two cores: tests of a real cell wait for its arm half of their time.
 test: setup
-	$(BIN)/pytest --numprocesses 3
+	$(BIN)/pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
 test-long: setup
 	$(BIN)/pytest -m long --timeout 3600
