@@ -1,13 +1,17 @@
 """Sessions on a simulated UR20: complete, halted, and resumed after a protective stop."""
 
 import re
+import socket
+import time
 from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 
+from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.session import State
+from api import Client, ProblemError
 from hardware_sim.cell import Cell, CellOptions
 from hardware_sim.controller.control import ControlClient
 from tests.end_to_end.processes import Service, client_of, rests_after, serving, wait_until_moving
@@ -35,6 +39,29 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Generator[tuple[Cell, Servi
     options = CellOptions("127.0.6.20", "sphere", 1, "ideal", 8.0, pixels=96, cell_file=large_cell_file(folder))
     with Cell(options, folder / "cell") as running, serving(running, folder / "data") as service:
         yield running, service
+
+
+def unlock_at_pendant(address: str) -> None:
+    """As a person does, who has cleared the cause: until the controller, which refuses it for 5 s, agrees."""
+    with socket.create_connection((address, 29999), timeout=60) as connection, connection.makefile("rw") as pendant:
+        reply = pendant.readline()  # its greeting
+        while not reply.startswith("Protective stop releasing"):
+            pendant.write("unlock protective stop\n")
+            pendant.flush()
+            reply = pendant.readline()
+
+
+def acknowledge_once_clear(client: Client) -> None:
+    """The service reads the controller's state a moment later."""
+    deadline = time.monotonic() + 60
+    while True:
+        try:
+            client.acknowledge()
+            return
+        except ProblemError as error:
+            if error.code != ErrorCode.SAFETY_STILL_FAULTED or time.monotonic() > deadline:
+                raise
+            time.sleep(0.1)
 
 
 def test_session_on_ur20_completes_without_contact(rig: tuple[Cell, Service]) -> None:
@@ -67,8 +94,8 @@ def test_protective_stop_on_ur20_session_resumes(rig: tuple[Cell, Service]) -> N
         wait_until_moving(control)
         control.fault("protective_stop")
         until_state(client, session.id, State.INTERRUPTED)
-        client.acknowledge()
-        client.recover("unlock")
+        unlock_at_pendant(cell.address)
+        acknowledge_once_clear(client)
         client.resume(session.id)
         assert client.wait(session.id).state is State.COMPLETED
         assert control.state()["collisions"] == 0

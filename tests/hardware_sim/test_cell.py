@@ -162,6 +162,7 @@ def test_cell_address_in_use_raises_and_leaves_nothing(cell: Cell, tmp_path: Pat
     request(cell.address, exposure_s=0.01)
 
 
+@pytest.mark.long
 def test_cell_camera_port_in_use_ends_controller(tmp_path: Path) -> None:
     with socket.create_server(("127.0.2.32", 30100)):
         cell = Cell(CellOptions("127.0.2.32", "sphere", 1, "ideal", 1.0, pixels=PIXELS), tmp_path)
@@ -170,6 +171,7 @@ def test_cell_camera_port_in_use_ends_controller(tmp_path: Path) -> None:
     assert not listening("127.0.2.32", 30004)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_cell_processes_end_with_parent(tmp_path: Path, number: signal.Signals) -> None:
     address = "127.0.2.33"
@@ -233,6 +235,7 @@ def test_cell_arm_collides_with_table(cell: Cell) -> None:
         assert control.state()["safety_mode"] == 1
 
 
+@pytest.mark.long
 def test_cell_status_lines_follow_state(tmp_path: Path) -> None:
     record = tmp_path / "ticks.record"
     arguments = ["sim", "--address", "127.0.2.34", "--object", "sphere", "--profile", "ideal", "--pixels", str(PIXELS)]

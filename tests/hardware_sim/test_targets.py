@@ -131,6 +131,7 @@ def test_mirror_sphere_shows_lamp_where_reflection_says() -> None:
     assert spot == pytest.approx(expected, abs=0.1)
 
 
+@pytest.mark.long
 def test_mirror_sphere_reflects_table_and_room() -> None:
     made = world("mirror-sphere", "realistic")
     ball = cv2.erode(made.truth().mask.astype(np.uint8), np.ones((5, 5))) > 0

@@ -39,6 +39,7 @@ def _at_ease(rig: Rig) -> None:
     end_what_is_left(rig)
 
 
+@pytest.mark.long
 def test_resume_displaced_arm_requires_from_here(rig: Rig) -> None:
     session_id = interrupted(rig)
     joints = list(rig.control.state()["joints"])
@@ -72,6 +73,7 @@ def test_resume_moved_object_is_detected_by_repeated_image(rig: Rig) -> None:
     assert wait_for(rig, session_id, *ENDED) is State.COMPLETED
 
 
+@pytest.mark.long
 def test_object_moved_during_pilot_discards_all_its_images(rig: Rig) -> None:
     session_id = after_first_image(rig)
     rig.control.fault("nudged_object", shift_m=[0.004, 0.0, 0.0])

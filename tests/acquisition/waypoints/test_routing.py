@@ -221,7 +221,7 @@ def _check_speeds(planned: Route, cell: CellConfig) -> None:
 
 
 @pytest.mark.parametrize("half", range(2))
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=12, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6))
 def test_route_random_cells_neither_touch_nor_occlude(half: int, seed: int) -> None:
     """With a sparse roadmap, at a third of the cost; detours and RRT-Connect compensate."""

@@ -85,6 +85,7 @@ def test_check_offline_reports_reach_and_route() -> None:
     assert "route of the pilot" in offline.stdout
 
 
+@pytest.mark.long
 def test_demo_page_serves_until_interrupted(tmp_path: Path) -> None:
     # A shell lets what it runs in the background ignore Ctrl-C, and children inherit that.
     command = ["env", "--default-signal=INT", sys.executable, "-u", "-m", "api.cli", "demo", "--page"]
@@ -100,6 +101,7 @@ def test_demo_page_serves_until_interrupted(tmp_path: Path) -> None:
     assert "operators-page" in answer.text
 
 
+@pytest.mark.long
 def test_demo_json_prints_one_object_as_last_line(tmp_path: Path) -> None:
     """Also where an earlier one was broken off amid its session."""
     with contextlib.closing(Store(tmp_path / "data")) as store:

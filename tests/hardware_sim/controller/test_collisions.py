@@ -89,6 +89,7 @@ def test_arm_touching_object_table_or_itself_stops(cell: Cell, record: Path) -> 
     assert {1, 3} <= set(trace.safety_mode.tolist())
 
 
+@pytest.mark.long
 def test_unlock_while_touching_stops_again(cell: Cell) -> None:
     hand(cell, OVER_OBJECT)
     pose = cell.receive.getActualTCPPose()
