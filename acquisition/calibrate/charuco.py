@@ -1,4 +1,4 @@
-"""ChArUco boards: description, drawing to scale, and sub-pixel detection of the corners (OpenCV `aruco`).
+"""ChArUco boards: description, and sub-pixel detection of the corners (OpenCV `aruco`).
 
 A chessboard's corners are found to some hundredths of a pixel, and the markers in its white squares say which corner is
 which, so that a board which is partly hidden or leaves the image still counts. The board's frame has its origin at a
@@ -6,17 +6,13 @@ corner of the board, x along its columns, y along its rows, z into it.
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 from pydantic import Field
 
 from acquisition.models.base import FloatArray, Value
 from acquisition.models.cell_config import BoardConfig
-from acquisition.models.errors import ErrorCode, RigError
 
 DICTIONARY = "DICT_5X5_250"
 """Markers of the board: 25 bits are read down to 1.5 pixels a bit, and 250 of them fill boards of 500 squares."""
@@ -29,11 +25,6 @@ MIN_CORNERS = 8
 
 MIN_SPREAD = 0.1
 """Least share of the longer extent of a view's corners that the shorter one has: corners on a line tell no tilt."""
-
-PAGE_MARGIN_M = 0.01
-"""White margin of a drawn board, m: a marker needs one around it."""
-
-MM_PER_INCH = 25.4
 
 
 class CharucoBoard(Value):
@@ -113,46 +104,6 @@ def detect(image: np.ndarray, board: CharucoBoard, name: str, joints: FloatArray
     if extent[1] < MIN_SPREAD * extent[0]:
         return None
     return View(name, np.ravel(numbers), seen, joints)
-
-
-def draw(board: CharucoBoard, path: Path) -> None:
-    """Draws a board to scale as vectors (PDF or SVG), with its description at the lower edge.
-
-    Raises RigError config.invalid for another ending.
-    """
-    if path.suffix.lower() not in (".pdf", ".svg"):
-        raise RigError(ErrorCode.CONFIG_INVALID, f"{path.name}: a board is drawn as .pdf or .svg, which keep its scale")
-    width, height = (side + 2 * PAGE_MARGIN_M for side in board.size_m)
-    figure = Figure(figsize=(1000 * width / MM_PER_INCH, 1000 * height / MM_PER_INCH))
-    axes = figure.add_axes((0, 0, 1, 1))
-    axes.set(xlim=(-PAGE_MARGIN_M, width - PAGE_MARGIN_M), ylim=(height - PAGE_MARGIN_M, -PAGE_MARGIN_M))
-    axes.set_axis_off()
-    for column, row, side in _black_squares_m(board):
-        axes.add_patch(Rectangle((column, row), side, side, color="black", linewidth=0))
-    said = f"{board.columns} × {board.rows} squares of {1000 * board.square_m:g} mm · {DICTIONARY}"
-    said += " · legacy pattern" if board.legacy_pattern else ""
-    axes.text(0, board.size_m[1] + 0.7 * PAGE_MARGIN_M, said, fontsize=7)
-    figure.savefig(path)
-
-
-def _black_squares_m(board: CharucoBoard) -> list[tuple[float, float, float]]:
-    """Upper left corner and side, m, of each black square of the chessboard and each black bit of the markers."""
-    made = board.opencv()
-    markers = np.asarray(made.getObjPoints())[:, 0, :2]  # their upper left corners
-    white = {tuple(square) for square in np.floor(markers / board.square_m).astype(int)}
-    squares = [
-        (column * board.square_m, row * board.square_m, board.square_m)
-        for column in range(board.columns)
-        for row in range(board.rows)
-        if (column, row) not in white and not board.is_blank(column, row)
-    ]
-    bit_m = board.marker_share * board.square_m / MARKER_BITS
-    for number, (x, y) in zip(np.ravel(made.getIds()), markers, strict=True):
-        if board.is_blank(int(x // board.square_m), int(y // board.square_m)):
-            continue
-        bits = cv2.aruco.generateImageMarker(made.getDictionary(), int(number), MARKER_BITS)
-        squares += [(x + column * bit_m, y + row * bit_m, bit_m) for row, column in np.argwhere(bits == 0)]
-    return squares
 
 
 def _as_8_bit(image: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from acquisition import lamp_pose
-from acquisition.calibrate import board_results, board_session, charuco, intrinsics
+from acquisition.calibrate import board_results, board_session, board_view, charuco, intrinsics
 from acquisition.calibrate.board_session import BoardEstimate, BoardImages
 from acquisition.capture.compare import MAX_SHIFT_OF_WIDTH, MAX_SHIFT_PX
 from acquisition.formats import export
@@ -61,16 +61,7 @@ def board_poses(
 
 def look_at_board(pixels: np.ndarray, cell: CellConfig) -> str:
     """Why a frame (H, W) does not serve, for people; empty where the board is seen."""
-    board = charuco.of_cell(mounted_tool.require_board(cell))
-    if charuco.detect(pixels, board, "frame") is not None:
-        return ""
-    other = board.model_copy(update={"legacy_pattern": not board.legacy_pattern})
-    if charuco.detect(pixels, other, "frame") is not None:
-        return "the board has the other layout: set `board.legacy_pattern` in the cell file accordingly"
-    return (
-        f"the board ({board.columns} × {board.rows} squares of {1e3 * board.square_m:g} mm) is not seen: is it "
-        "mounted, lit and in focus, and is it the one of the cell file?"
-    )
+    return board_view.seen(pixels, mounted_tool.require_board(cell))[1]
 
 
 def board_moved(before: np.ndarray, after: np.ndarray, cell: CellConfig) -> str:

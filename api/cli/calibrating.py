@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import ValidationError
 from rich.console import Console
 
-from acquisition.calibrate import board_results, charuco, hand_eye, intrinsics, view_planning
+from acquisition.calibrate import board_drawing, board_results, charuco, hand_eye, intrinsics, view_planning
 from acquisition.calibrate.bundle_adjustment import Model
 from acquisition.calibrate.charuco import CharucoBoard, View
 from acquisition.calibrate.intrinsics import CameraFit
@@ -55,7 +55,7 @@ def draw_board(
         ) from error
     described = out.with_suffix(".json")
     refuse_overwriting(out, described)
-    charuco.draw(board, out)
+    board_drawing.draw(board, out)
     write_value(described, board)
     width, height = board.size_m
     console = Console(stderr=True, markup=False)

@@ -15,6 +15,7 @@ from fastapi import FastAPI
 from api.rest import (
     archive,
     calibration,
+    calibration_sessions,
     camera_preview,
     capacity,
     docs_page,
@@ -33,6 +34,7 @@ from api.rest import (
     rig,
     scene,
     sessions,
+    target_views,
     tickets,
 )
 from api.rest.answer_headers import (
@@ -139,7 +141,9 @@ def _with_routes(lifespan: Any) -> FastAPI:
         jog,
         scene,
         calibration,
+        calibration_sessions,
         camera_preview,
+        target_views,
         sessions,
         images,
         results,

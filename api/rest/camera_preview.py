@@ -19,8 +19,11 @@ import numpy as np
 from fastapi import APIRouter, Request
 from fastapi.responses import Response, StreamingResponse
 
+from acquisition.calibrate import board_view
+from acquisition.calibrate.charuco import View
 from acquisition.capture import region
 from acquisition.models.base import BoolArray
+from acquisition.models.cell_config import BoardConfig
 from acquisition.models.errors import ErrorCode, RigError
 from api.rest import image_encoding, preview_figures, problems, stored_files
 from api.rest.dependencies import CallerOf, ServiceOf
@@ -71,6 +74,7 @@ class CameraPreview:
         self._exposure_s = FIRST_EXPOSURE_S
         self._numbers = count(1)
         self._figures: PreviewFigures | None = None
+        self._board: tuple[PreviewImage, View | None, str] | None = None
         self.viewers = 0
 
     def end(self) -> None:
@@ -103,6 +107,20 @@ class CameraPreview:
                 self._measured, image, limiter=self._service.limits.pictures
             )
         return figures
+
+    async def board(self, board: BoardConfig) -> tuple[PreviewImage, View | None, str]:
+        """The newest image, the calibration board in it, and why it is not seen; looked for once for all callers.
+
+        Raises RigError as `image` does.
+        """
+        image = await self.image()
+        found = self._board
+        if found is None or found[0].number != image.number:
+            view, why_not = await anyio.to_thread.run_sync(
+                board_view.seen, image.pixels, board, limiter=self._service.limits.pictures
+            )
+            self._board = found = image, view, why_not
+        return found
 
     async def stream(
         self, first: PreviewImage, is_admitted: Callable[[], bool] = lambda: True
@@ -174,7 +192,7 @@ class CameraPreview:
 
 router = APIRouter(tags=["rig"])
 
-_PROBLEMS = problems.responses_of(
+PROBLEMS = problems.responses_of(
     ErrorCode.RIG_BUSY,
     ErrorCode.RIG_NOT_READY,
     ErrorCode.CAMERA_UNREACHABLE,
@@ -186,7 +204,7 @@ _PROBLEMS = problems.responses_of(
 @router.get(
     "/v1/rig/preview.jpg",
     response_class=Response,
-    responses={**stored_files.binary("image/jpeg", description="The image"), **_PROBLEMS},
+    responses={**stored_files.binary("image/jpeg", description="The image"), **PROBLEMS},
 )
 async def preview_picture(request: Request) -> Response:
     """The camera's present image; while a session holds the rig, the last frame that it captured."""
@@ -195,7 +213,7 @@ async def preview_picture(request: Request) -> Response:
     return Response(image.jpeg, media_type="image/jpeg", headers=_headers(image))
 
 
-@router.get("/v1/rig/preview/figures", responses=_PROBLEMS)
+@router.get("/v1/rig/preview/figures", responses=PROBLEMS)
 async def preview_figures_of(request: Request, response: Response) -> PreviewFigures:
     """Histogram, clipped shares and focus score of the present image: of the frame that `preview.jpg` shows."""
     preview: CameraPreview = request.app.state.camera_preview
@@ -206,7 +224,7 @@ async def preview_figures_of(request: Request, response: Response) -> PreviewFig
 @router.get(
     "/v1/rig/preview/clipping.png",
     response_class=Response,
-    responses={**stored_files.binary("image/png", description="The overlay"), **_PROBLEMS},
+    responses={**stored_files.binary("image/png", description="The overlay"), **PROBLEMS},
 )
 async def preview_clipping(request: Request, service: ServiceOf) -> Response:
     """A transparent overlay for the present image: red where it is saturated, blue where it has no measurable light."""
@@ -223,7 +241,7 @@ async def preview_clipping(request: Request, service: ServiceOf) -> Response:
     response_class=StreamingResponse,
     responses={
         **stored_files.binary("multipart/x-mixed-replace", description="An endless stream of JPEGs"),
-        **_PROBLEMS,
+        **PROBLEMS,
         **problems.responses_of(ErrorCode.REQUEST_TOO_MANY_STREAMS),
     },
 )

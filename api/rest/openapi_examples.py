@@ -33,6 +33,7 @@ from api.rest.jog import JogRequest, JogResource
 from api.rest.joint_readings import JointReadingResource
 from api.rest.key_schemas import CallerResource, KeyResource, TicketResource
 from api.rest.keys import Role
+from api.rest.openapi_calibration_examples import CALIBRATION_VALUES
 from api.rest.openapi_scene_example import SCENE
 from api.rest.preview_figures import PreviewFigures
 from api.rest.queue import QueueActionRequest, QueueEntryRequest, QueueEntryResource, QueueOrder, QueueResource
@@ -368,6 +369,7 @@ VALUES: tuple[BaseModel, ...] = (
     ToolResource(tool="board", links={"self": "/v1/rig/tool", "rig": "/v1/rig"}),
     _SET,
     Page[CalibrationSetResource](items=[_SET], next=None),
+    *CALIBRATION_VALUES,
     RigCalibration(
         id="cell",
         made_at="2026-11-01T00:00:00Z",

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from acquisition.calibrate import charuco
+from acquisition.calibrate import board_drawing, charuco
 from acquisition.calibrate.charuco import CharucoBoard
 from acquisition.models.base import FloatArray
 from acquisition.models.errors import RigError
@@ -70,7 +70,7 @@ def test_detect_hidden_part_leaves_the_other_corners() -> None:
 @pytest.mark.parametrize("legacy", [False, True])
 def test_draw_is_to_scale_and_is_the_board(legacy: bool, tmp_path: Path) -> None:
     board = BOARD.model_copy(update={"legacy_pattern": legacy})
-    charuco.draw(board, tmp_path / "board.svg")
+    board_drawing.draw(board, tmp_path / "board.svg")
     svg = (tmp_path / "board.svg").read_text(encoding="utf-8")
     points = [float(re.search(rf'<svg [^>]*{side}="([\d.]+)pt"', svg)[1]) for side in ("width", "height")]  # type: ignore[index]
     assert np.array(points) / 72 * 25.4 == pytest.approx([128, 116], abs=1e-3)  # mm, 10 mm margin
@@ -78,7 +78,7 @@ def test_draw_is_to_scale_and_is_the_board(legacy: bool, tmp_path: Path) -> None
     # The black squares, filled in at some pixels each, give the very picture of OpenCV.
     square = 70  # a marker's 7 bits are 7.5 px each
     image = np.full((board.rows * square, board.columns * square), 255, np.uint8)
-    for x, y, side in charuco._black_squares_m(board):
+    for x, y, side in board_drawing._black_squares_m(board):
         corner = np.round(np.array([x, y]) / board.square_m * square).astype(int)
         end = np.round((np.array([x, y]) + side) / board.square_m * square).astype(int)
         image[corner[1] : end[1], corner[0] : end[0]] = 0
@@ -91,5 +91,5 @@ def test_draw_is_to_scale_and_is_the_board(legacy: bool, tmp_path: Path) -> None
 
 def test_draw_pixel_format_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RigError, match=r"board\.png.*\.pdf"):
-        charuco.draw(BOARD, tmp_path / "board.png")
+        board_drawing.draw(BOARD, tmp_path / "board.png")
     assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,143 @@
+"""Routes of calibration sessions beside those of all sessions: the kinds that there are, and a session's estimates.
+
+The kinds follow from the recipes' schemas, so that a page or a script offers a new kind without being changed: it takes
+the form from the schema that is named, and the tool from what its sessions need on the flange.
+"""
+
+from datetime import UTC, datetime
+from typing import Annotated, get_args
+
+from fastapi import APIRouter, Request
+from fastapi import Path as InPath
+from fastapi.responses import FileResponse
+from pydantic import Field
+
+from acquisition.models import calibration_recipe
+from acquisition.models.calibration_recipe import CalibrationRecipe
+from acquisition.models.calibration_result import CalibrationSummary
+from acquisition.models.cell_config import Tool
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.store import Artifact
+from api.rest import problems, stored_files
+from api.rest.dependencies import Number, ServiceOf, SessionId
+from api.rest.paging import Limit, Offset, page
+from api.rest.schemas import ArtefactResource, Links, Page, Resource, as_datetime
+from api.rest.wiring import Service
+
+router = APIRouter()
+
+
+class CalibrationKindResource(Resource):
+    """A kind of calibration session, and the newest calibration of it."""
+
+    kind: str = Field(description="`kind` of the recipe: `camera`, `hand-eye`, …")
+    recipe: str = Field(description="Name of its recipe's schema in /openapi.json")
+    explanation: str = Field(description="What its recipe says of it")
+    tool: Tool = Field(description="What its sessions need on the flange: PUT /v1/rig/tool states it")
+    made_at: str | None = Field(description="When the newest calibration of this kind was made, ISO 8601; null: none")
+    age_days: float | None = Field(description="Days since then; null: none was made")
+    calibration: str | None = Field(description="Identifier of that calibration; null: none was made")
+    links: Links
+
+
+class EstimateResource(Resource):
+    """What a calibration session estimated from all its images after a pass."""
+
+    number: int = Field(ge=0, description="Number of the pass after which it was made")
+    created: datetime = Field(description="When it was made, UTC")
+    seconds: float = Field(description="Time that it took")
+    summary: CalibrationSummary = Field(description="The figures that a person reads first")
+    artefacts: list[ArtefactResource] = Field(description="Its files: values, residuals of each image, pictures")
+    links: Links
+
+
+@router.get("/v1/rig/calibration-kinds", tags=["rig"])
+def calibration_kinds(service: ServiceOf) -> Page[CalibrationKindResource]:
+    """The kinds of calibration sessions (`POST /v1/sessions`), what each needs, and how old its newest result is."""
+    now, sets = datetime.now(UTC), service.store.calibrations.all()
+    made = {one.kind: one for one in sets}  # the last of a kind: they come oldest first
+    result: list[CalibrationKindResource] = []
+    for recipe in _recipes():
+        field = recipe.model_fields["kind"]
+        for kind in get_args(field.annotation):
+            newest = made.get(kind)
+            age = None if newest is None else (now - datetime.fromisoformat(newest.made_at)).total_seconds() / 86_400
+            result.append(
+                CalibrationKindResource(
+                    kind=kind,
+                    recipe=recipe.__name__,
+                    explanation=field.description or "",
+                    tool=recipe.tool,
+                    made_at=None if newest is None else newest.made_at,
+                    age_days=age,
+                    calibration=None if newest is None else newest.id,
+                    links={"sessions": "/v1/sessions", "tool": "/v1/rig/tool", "calibrations": "/v1/rig/calibrations"},
+                )
+            )
+    return Page[CalibrationKindResource](items=result)
+
+
+@router.get("/v1/sessions/{session_id}/estimates", tags=["sessions"], responses=problems.NOT_FOUND)
+def estimates(
+    service: ServiceOf, request: Request, session_id: SessionId, limit: Limit = 100, after: Offset = 0
+) -> Page[EstimateResource]:
+    """The estimates of a calibration session so far, oldest first; none for a session of capture."""
+    service.store.journal.session(session_id)
+    made = service.store.journal.artifacts(session_id, "estimate")
+    return page(request, [_resource(service, session_id, entry) for entry in made], limit, after)
+
+
+@router.get(
+    "/v1/sessions/{session_id}/estimates/{number}/{artefact:file}",
+    tags=["sessions"],
+    response_class=FileResponse,
+    responses={
+        **stored_files.binary("application/json", "image/png", description="The file"),
+        **problems.NOT_FOUND,
+        **problems.responses_of(ErrorCode.STORE_CORRUPT),
+    },
+)
+def estimate_file(
+    service: ServiceOf,
+    session_id: SessionId,
+    number: Number,
+    artefact: Annotated[str, InPath(max_length=100, description="File name, one of the estimate's `artefacts`")],
+) -> FileResponse:
+    """One file of an estimate: values with covariance and the residuals of each image, corners, pictures."""
+    service.store.journal.session(session_id)
+    entry = stored_files.newest(service, session_id, "estimate", number)
+    if entry is None:
+        raise RigError(ErrorCode.REQUEST_NOT_FOUND, f"Session {session_id} has no estimate {number}")
+    manifest = service.store.folder(session_id) / entry.path
+    known = stored_files.manifest_entries(manifest)
+    if artefact not in known:  # only names in the manifest reach the file system
+        raise RigError(
+            ErrorCode.REQUEST_NOT_FOUND, f"Estimate {number} has no file of this name", artefacts=sorted(known)
+        )
+    name = f"{session_id}-{number}-{artefact}"
+    return stored_files.file_response(manifest.parent / artefact, name, str(known[artefact]["sha256"]))
+
+
+def _recipes() -> list[type[CalibrationRecipe]]:
+    """The recipes of calibration among those of a session."""
+    union = get_args(calibration_recipe.AnyRecipe)[0]
+    members = [get_args(tagged)[0] for tagged in get_args(union)]
+    return [one for one in members if issubclass(one, CalibrationRecipe)]
+
+
+def _resource(service: Service, session_id: str, entry: Artifact) -> EstimateResource:
+    address = f"/v1/sessions/{session_id}/estimates/{entry.number}"
+    files = stored_files.manifest_entries(service.store.folder(session_id) / entry.path)
+    return EstimateResource(
+        number=entry.number,
+        created=as_datetime(entry.created_at),
+        seconds=entry.body["seconds"],
+        summary=CalibrationSummary.model_validate(
+            {name: entry.body[name] for name in CalibrationSummary.model_fields if name in entry.body}
+        ),
+        artefacts=[
+            ArtefactResource(name=name, bytes=facts["bytes"], sha256=facts["sha256"], href=f"{address}/{name}")
+            for name, facts in files.items()
+        ],
+        links={"session": f"/v1/sessions/{session_id}"},
+    )
