@@ -8,6 +8,17 @@ import { fileURLToPath } from "node:url";
 const here = dirname(fileURLToPath(import.meta.url));
 const target = join(here, "built");
 
+/** Takes the indentation off the sources, most of which stands in templates, where a line break alone says the same. */
+const unindented = {
+  name: "unindented",
+  setup(build) {
+    build.onLoad({ filter: /\/sources\/.*\.ts$/ }, ({ path }) => ({
+      contents: readFileSync(path, "utf8").replace(/\n[ \t]+/g, "\n"),
+      loader: "ts",
+    }));
+  },
+};
+
 const usual = {
   bundle: true,
   minify: true,
@@ -25,12 +36,13 @@ const page = await build({
   format: "esm",
   splitting: true,
   chunkNames: "shared",
-  plugins: [threeReduction],
+  plugins: [threeReduction, unindented],
 });
 const worker = await build({
   ...usual,
   entryPoints: { "event-worker": join(here, "sources/connection/event-worker.ts") },
   format: "iife",
+  plugins: [unindented],
 });
 const outputs = [...page.outputFiles, ...worker.outputFiles];
 const files = new Map(outputs.map((file) => [file.path.slice(target.length + 1), file.contents]));

@@ -17,7 +17,8 @@ const SPARED =
   /^(shadowmap|lightprobes|morph|skin|envmap|bumpmap|normalmap|displacementmap|lightmap|aomap|emissivemap|fog|logdepthbuf|clipping_planes|batching)/;
 /** Shaders that the renderer itself takes, without an include. */
 const DIRECT = ["colorspace_pars_fragment"];
-/** Modules of devices and effects that the view has not: virtual reality, environment maps. */
+/** Modules of devices and effects that the view has not: virtual reality, environment maps, morphing, passes over the
+ * finished picture, uniform buffers, the table for glossy surfaces. */
 const ABSENT = {
   "WebXRManager.js": `import { EventDispatcher } from "../../core/EventDispatcher.js";
     export class WebXRManager extends EventDispatcher {
@@ -29,6 +30,15 @@ const ABSENT = {
   "WebGLShadowMap.js": `export function WebGLShadowMap() {
     Object.assign(this, { enabled: false, autoUpdate: true, needsUpdate: false, type: 1, render() {} });
   }`,
+  "WebGLOutput.js": "export function WebGLOutput() {}",
+  "WebGLUniformsGroups.js": `export function WebGLUniformsGroups() {
+    Object.assign(this, { bind() {}, update() {}, dispose() {} });
+  }`,
+  "WebGLMorphtargets.js": "export function WebGLMorphtargets() { this.update = () => {}; }",
+  "WebGLEnvironments.js": `export function WebGLEnvironments() {
+    Object.assign(this, { get: () => null, dispose() {} });
+  }`,
+  "DFGLUTData.js": "export function getDFGLUT() { return null; }",
   "PMREMGenerator.js": "export class PMREMGenerator { fromEquirectangular() {} fromCubemap() {} dispose() {} }",
 };
 
@@ -36,7 +46,8 @@ export const threeReduction = {
   name: "three-reduction",
   setup(build) {
     build.onResolve({ filter: /^three$/ }, () => ({ path: join(root, "src/Three.js"), sideEffects: false }));
-    build.onLoad({ filter: /(WebXRManager|WebGLShadowMap|PMREMGenerator)\.js$/ }, ({ path }) => ({
+    const absent = new RegExp(`/(${Object.keys(ABSENT).join("|").replaceAll(".", "\\.")})$`);
+    build.onLoad({ filter: absent }, ({ path }) => ({
       contents: ABSENT[basename(path)],
       resolveDir: dirname(path),
     }));

@@ -168,6 +168,8 @@ def tour(page: Page, url: str, session_id: str) -> None:
     for place in (*SCREENS, *(f"sessions/{session_id}{part}" for part in PARTS)):
         page.goto(f"{url}/#/{place}")
         page.locator("main h1").wait_for()
+        if place == "calibration":
+            page.locator("#kinds input").first.check()  # the board is looked for in live images then
         page.wait_for_timeout(SCREEN_MS)
     page.goto(f"{url}/#/cell")
     page.locator("#cell[data-frames]").wait_for()

@@ -11,7 +11,10 @@ import type { Field } from "./recipe-schema";
 
 export type Values = Record<string, unknown>;
 
-const FIRST = ["label", "pilot_lights", "planned_lights", "target_sigma_deg", "max_lights", "review_plan", "notes"];
+const FIRST = [
+  ...["label", "pilot_lights", "planned_lights", "target_sigma_deg", "max_lights", "review_plan"],
+  ...["max_images", "target_mm", "target_px", "notes"],
+];
 
 /** Whether a field means anything beside the values of the others. */
 const MATTERS: Record<string, (values: Values) => boolean> = {
@@ -23,6 +26,7 @@ const MATTERS: Record<string, (values: Values) => boolean> = {
   review_plan: (values) => values["method"] === "optimal",
   slant_deg: (values) => values["method"] === "ring",
   user_lights: (values) => values["method"] === "user",
+  target_mm: (values) => values["kind"] !== "camera",
 };
 
 @customElement("recipe-form")

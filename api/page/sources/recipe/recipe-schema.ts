@@ -33,15 +33,16 @@ interface Schema {
 /** Texts longer than this are written in several lines. */
 const LONG_TEXT = 500;
 
-let known: Promise<Field[]> | null = null;
+let known: Promise<Record<string, Schema>> | null = null;
 
-/** The recipe's fields in the schema's order, without those that have one value only. */
-export function recipeFields(): Promise<Field[]> {
-  known ??= get<{ components: { schemas: Record<string, Schema> } }>("/openapi.json").then(({ components }) =>
-    fieldsOf(components.schemas["Recipe"]!, components.schemas),
+/** A recipe's fields in the schema's order, without its kind and those that have one value only. */
+export async function recipeFields(recipe = "Recipe"): Promise<Field[]> {
+  known ??= get<{ components: { schemas: Record<string, Schema> } }>("/openapi.json").then(
+    ({ components }) => components.schemas,
   );
   known.catch(() => (known = null));
-  return known;
+  const schemas = await known;
+  return fieldsOf(schemas[recipe]!, schemas).filter(({ name }) => name !== "kind");
 }
 
 function fieldsOf(schema: Schema, schemas: Record<string, Schema>): Field[] {

@@ -1,24 +1,42 @@
-/** The calibration in use: whether it is valid, its values in words and numbers, and what to do for another. */
-import { html, type TemplateResult } from "lit";
+/**
+ * Calibration: what to calibrate, what has to be on the flange, whether the camera sees it, and the start of a session;
+ * below it the calibrations that there are. The session itself has the screen of every session.
+ *
+ * Kinds, their tools and their forms are read from the service, so that a new kind appears by itself.
+ */
+import { html, nothing } from "lit";
 import { customElement, state } from "lit/decorators.js";
-import { LiveController } from "../connection/live";
-import { get } from "../connection/requests";
-import type { Calibration } from "../connection/schemas";
+import { act } from "../connection/actions";
+import { JournalController, live, LiveController } from "../connection/live";
+import { get, post, Refusal } from "../connection/requests";
+import { randomName } from "../connection/random-name";
+import type { CalibrationKind, Page, Session } from "../connection/schemas";
+import "../parts/calibration-sets";
+import "../parts/calibration-values";
 import { PageElement } from "../parts/element";
 import { saidOf } from "../parts/problem";
-import { number, percent, t, when } from "../words/language";
+import "../parts/target-preview";
+import "../parts/tool-statement";
+import "../recipe/recipe-form";
+import type { Values } from "../recipe/recipe-form";
+import { recipeFields, type Field } from "../recipe/recipe-schema";
+import { number, t, tOr } from "../words/language";
 
-const DAY_MS = 86_400_000;
-/** Pause before values that could not be read are asked for again, ms. */
+/** Pause before what could not be read is asked for again, ms. */
 const RETRY_MS = 2_000;
-
-type Row = readonly [name: string, value: string | TemplateResult];
 
 @customElement("calibration-screen")
 export class CalibrationScreen extends PageElement {
-  @state() private calibration: Calibration | null = null;
+  @state() private kinds: CalibrationKind[] = [];
+  @state() private chosen: CalibrationKind | null = null;
+  @state() private fields: Field[] = [];
+  @state() private values: Values = {};
   @state() private failed: unknown = null;
+  @state() private starting = false;
   protected readonly watching = new LiveController(this);
+  protected readonly hearing = new JournalController(this, ({ type }) => {
+    if (type === "calibration.made") void this.load();
+  });
 
   override connectedCallback(): void {
     super.connectedCallback();
@@ -27,7 +45,7 @@ export class CalibrationScreen extends PageElement {
 
   private async load(): Promise<void> {
     try {
-      this.calibration = await get<Calibration>("/v1/rig/calibration");
+      this.kinds = (await get<Page<CalibrationKind>>("/v1/rig/calibration-kinds")).items;
       this.failed = null;
     } catch (error) {
       this.failed = error;
@@ -35,127 +53,126 @@ export class CalibrationScreen extends PageElement {
     }
   }
 
+  private async choose(kind: CalibrationKind): Promise<void> {
+    this.failed = null;
+    try {
+      this.fields = await recipeFields(kind.recipe);
+      this.values = {
+        kind: kind.kind,
+        ...Object.fromEntries(this.fields.map((one) => [one.name, one.otherwise ?? null])),
+      };
+      this.chosen = kind;
+    } catch (error) {
+      this.failed = error;
+    }
+  }
+
   override render() {
-    const { calibration } = this;
     return html`<h1>${t("screen.calibration")}</h1>
-      ${this.failed ? saidOf(this.failed) : calibration ? this.shown(calibration) : html`<p role="status">${t("loading")}</p>`}`;
+      ${this.failed ? saidOf(this.failed) : nothing} ${this.running()} ${this.kindChoice()}
+      ${this.chosen ? this.steps(this.chosen) : nothing}
+      <section class="card" aria-labelledby="sets">
+        <h2 id="sets">${t("sets.title")}</h2>
+        <p>${t("sets.why")}</p>
+        <calibration-sets></calibration-sets>
+      </section>
+      <h2>${t("calibration.in_use")}</h2>
+      <calibration-values></calibration-values>`;
   }
 
-  private shown(calibration: Calibration) {
-    const left = number((Date.parse(calibration.valid_until) - Date.now()) / DAY_MS, 0);
-    return html`<p class=${calibration.valid ? "notice good" : "notice danger"}>
-        ${calibration.valid ? t("calibration.valid", { days: left }) : t("calibration.invalid")}
-      </p>
-      <dl class="figures">
-        <div>
-          <dt>${t("calibration.made")}</dt>
-          <dd class="words">${when(calibration.made_at)}</dd>
-        </div>
-        <div>
-          <dt>${t("calibration.age")}</dt>
-          <dd>${t("calibration.days", { days: number(calibration.age_days, 0) })}</dd>
-        </div>
-        <div>
-          <dt>${t("calibration.until")}</dt>
-          <dd class="words">${when(calibration.valid_until)}</dd>
-        </div>
-        <div>
-          <dt>${t("calibration.file")}</dt>
-          <dd class="words"><code>${calibration.file}</code></dd>
-        </div>
-      </dl>
+  /** The way back to a calibration that is under way. */
+  private running() {
+    const holder = live.holder;
+    if (!holder || holder.recipe.kind === "capture") return nothing;
+    return html`<p class="notice">
+      <a id="running-calibration" href=${`#/sessions/${holder.id}`}>${t("wizard.running")}</a>
+    </p>`;
+  }
+
+  private kindChoice() {
+    return html`<fieldset class="card presets" id="kinds">
+      <legend>1. ${t("wizard.kind")}</legend>
+      ${this.kinds.map(
+        (one) =>
+          html`<label class="preset"
+            ><input
+              type="radio"
+              name="kind"
+              value=${one.kind}
+              .checked=${one.kind === this.chosen?.kind}
+              @change=${() => void this.choose(one)}
+            /><b>${tOr(`kind.${one.kind}`, one.kind)}</b><small>${tOr(`kind.${one.kind}.why`, one.explanation)}</small
+            ><small
+              >${
+                one.age_days === null
+                  ? t("wizard.never")
+                  : t("wizard.last", { days: number(one.age_days, one.age_days < 10 ? 1 : 0) })
+              }</small
+            ></label
+          >`,
+      )}
+    </fieldset>`;
+  }
+
+  private steps(kind: CalibrationKind) {
+    const mounted = live.rig?.tool === kind.tool;
+    const others = (live.rig?.reasons ?? []).filter(({ code }) => code !== "rig.other_tool");
+    return html`<section class="card" aria-labelledby="wizard-mount">
+        <h2 id="wizard-mount">2. ${t("wizard.mount", { tool: t(`tool.${kind.tool}`) })}</h2>
+        <p>${t(`mount.${kind.tool}`)}</p>
+        <tool-statement .needed=${kind.tool}></tool-statement>
+      </section>
       <div class="split">
-        ${values("camera", cameraOf(calibration))} ${values("lamp", lampOf(calibration))}
-        ${values("noise", noiseOf(calibration))}
-        <section class="card" aria-labelledby="calibration-todo">
-          <h2 id="calibration-todo">${t("calibration.todo")}</h2>
-          <p>${t("calibration.when")}</p>
-          <p>${t("calibration.how")}</p>
-          <p><code>lightpose check --cell ${t("calibration.cell_file")}</code></p>
-          <p>${t("calibration.then")}</p>
+        <section class="card" aria-labelledby="wizard-look">
+          <h2 id="wizard-look">3. ${t("wizard.look")}</h2>
+          <p>${t("wizard.look.why")}</p>
+          <target-preview></target-preview>
         </section>
-      </div>
-      <p class="caption">
-        ${t("calibration.fingerprint")}: <code class="fingerprint">${calibration.fingerprint}</code>
-      </p>`;
+        <form
+          class="card"
+          id="calibration"
+          aria-labelledby="wizard-go"
+          @submit=${(event: Event) => void this.start(event)}
+        >
+          <h2 id="wizard-go">4. ${t("wizard.go")}</h2>
+          <p>${t("wizard.go.why")}</p>
+          <recipe-form
+            .fields=${this.fields}
+            .values=${this.values}
+            .errors=${this.fieldErrors()}
+            @values=${(event: CustomEvent<Values>) => (this.values = event.detail)}
+          ></recipe-form>
+          ${others.map(({ detail }) => html`<p class="notice warning">${detail}</p>`)}
+          ${
+            live.mayOperate
+              ? html`<button class="primary large" id="start-calibration" ?disabled=${this.starting || !mounted}>
+                  ${t("start.start")}
+                </button>`
+              : html`<p class="notice">${t("viewer.only_looks")}</p>`
+          }
+          ${mounted ? nothing : html`<p class="caption">${t("wizard.first_mount")}</p>`}
+        </form>
+      </div>`;
   }
-}
 
-function values(group: "camera" | "lamp" | "noise", rows: readonly Row[]) {
-  const label = t(`calibration.${group}`);
-  return html`<section class="card" aria-labelledby=${`calibration-${group}`}>
-    <h2 id=${`calibration-${group}`}>${label}</h2>
-    <div class="scrolled" tabindex="0" role="group" aria-label=${label}>
-      <table class="list values" id=${`${group}-values`}>
-        <tbody>
-          ${rows.map(
-            ([name, value]) =>
-              html`<tr>
-                <th scope="row">${name}</th>
-                <td>${value}</td>
-              </tr>`,
-          )}
-        </tbody>
-      </table>
-    </div>
-  </section>`;
-}
+  private fieldErrors(): Record<string, string> {
+    if (!(this.failed instanceof Refusal)) return {};
+    return Object.fromEntries((this.failed.problem.errors ?? []).map(({ field, message }) => [field, message]));
+  }
 
-function cameraOf({ values: known }: Calibration): Row[] {
-  const [[fx, , cx], [, fy, cy]] = known.camera_matrix;
-  const opening = (2 * Math.atan(known.width / 2 / fx) * 180) / Math.PI;
-  return [
-    [t("calibration.size"), `${known.width} × ${known.height} px`],
-    [
-      t("calibration.focal"),
-      `${number(fx, 1)}, ${number(fy, 1)} px (${t("calibration.opening")} ${number(opening, 1)}°)`,
-    ],
-    [t("calibration.centre"), `${number(cx, 1)}, ${number(cy, 1)} px`],
-    [t("calibration.distortion"), known.distortion.map((one) => number(one, 4)).join(", ")],
-    [t("calibration.camera_position"), millimetres(known.base_from_camera)],
-    [t("calibration.camera_axis"), axis(known.base_from_camera)],
-  ];
-}
-
-function lampOf({ values: known }: Calibration): Row[] {
-  const half = (Math.acos(0.5 ** (1 / Math.max(known.lobe_exponent, 1e-9))) * 180) / Math.PI;
-  return [
-    [t("calibration.lamp_position"), millimetres(known.tool_from_lamp)],
-    [t("calibration.lamp_axis"), axis(known.tool_from_lamp)],
-    [t("calibration.lobe"), `${number(known.lobe_exponent, 2)} (${t("calibration.half", { angle: number(half, 0) })})`],
-    [
-      t("calibration.intensity"),
-      t("calibration.intensity_value", {
-        value: number(known.lamp_intensity, 2),
-        distance: number(1e3 * known.reference_m, 0),
-      }),
-    ],
-  ];
-}
-
-function noiseOf({ values: { sensor, ...known } }: Calibration): Row[] {
-  return [
-    [t("calibration.intensity_sigma"), percent(known.intensity_sigma, 1)],
-    [t("calibration.position_sigma"), `${number(1e3 * known.lamp_position_sigma_m, 2)} mm`],
-    [t("calibration.bits"), `${sensor.bits} bit, ${t("calibration.black")} ${number(sensor.black_level_dn, 1)} DN`],
-    [t("calibration.gain"), `${number(sensor.gain_e_per_dn, 2)} e⁻/DN`],
-    [t("calibration.read_noise"), `${number(sensor.read_noise_e, 1)} e⁻`],
-    [t("calibration.full_well"), `${number(sensor.full_well_e, 0)} e⁻`],
-  ];
-}
-
-/** The position in a pose, in mm. */
-function millimetres(pose: readonly (readonly number[])[]): string {
-  return `${pose
-    .slice(0, 3)
-    .map((row) => number(1e3 * row[3]!, 1))
-    .join(", ")} mm`;
-}
-
-/** The direction of a pose's z axis. */
-function axis(pose: readonly (readonly number[])[]): string {
-  return pose
-    .slice(0, 3)
-    .map((row) => number(row[2], 3))
-    .join(", ");
+  private async start(event: Event): Promise<void> {
+    event.preventDefault();
+    this.starting = true;
+    this.failed = null;
+    try {
+      const recipe = Object.fromEntries(Object.entries(this.values).filter(([, value]) => value !== null));
+      const session = await post<Session>("/v1/sessions", recipe, { headers: { "Idempotency-Key": randomName() } });
+      live.learn(session);
+      location.hash = `#/sessions/${session.id}`;
+      await act(session.id, "start");
+    } catch (error) {
+      this.failed = error;
+    }
+    this.starting = false;
+  }
 }

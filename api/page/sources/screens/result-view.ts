@@ -3,8 +3,8 @@ import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
 import { edit } from "../connection/actions";
 import { JournalController, live, LiveController } from "../connection/live";
-import { all, get } from "../connection/requests";
-import type { Page, Result, Session } from "../connection/schemas";
+import { all, get, post } from "../connection/requests";
+import type { CalibrationSet, Page, Result, Session } from "../connection/schemas";
 import { download, openInTab } from "../parts/downloads";
 import { PageElement } from "../parts/element";
 import { degrees, number, percent, t, tOr, when } from "../words/language";
@@ -20,6 +20,7 @@ export class ResultView extends PageElement {
   @state() private results: Result[] | null = null;
   @state() private chosen = -1;
   @state() private others: Session[] = [];
+  @state() private calibrations: CalibrationSet[] = [];
   private read = "";
   protected readonly watching = new LiveController(this);
   protected readonly hearing = new JournalController(this, ({ type, session_id }) => {
@@ -39,6 +40,7 @@ export class ResultView extends PageElement {
       this.results = await all<Result>(`/v1/sessions/${this.session.id}/results`);
       const { items } = await get<Page<Session>>("/v1/sessions?limit=30");
       this.others = items.filter((session) => session.id !== this.session.id && session.answer !== null);
+      this.calibrations = await all<CalibrationSet>("/v1/rig/calibrations");
     } catch (error) {
       live.fail(error);
     }
@@ -57,7 +59,34 @@ export class ResultView extends PageElement {
     return html`${this.choice(result)} ${this.figures(result)} ${this.findings(result)}
       <map-viewer .result=${result}></map-viewer>
       <result-comparison .result=${result} .results=${this.results} .sessions=${this.others}></result-comparison>
-      ${this.downloads(result)}`;
+      ${this.session.ended && live.mayOperate ? this.solving() : nothing} ${this.downloads(result)}`;
+  }
+
+  /** Another solve of the same images, with the calibration of the capture or one that was made since. */
+  private solving() {
+    const solve = async (event: Event): Promise<void> => {
+      event.preventDefault();
+      const calibration = String(new FormData(event.target as HTMLFormElement).get("calibration")) || null;
+      try {
+        await post(`/v1/sessions/${this.session.id}/results`, { calibration });
+        live.fail(null);
+      } catch (error) {
+        live.fail(error);
+      }
+    };
+    const made = this.calibrations.filter((one) => one.kind !== null);
+    return html`<form class="card" id="solve-again" @submit=${(event: Event) => void solve(event)}>
+      <label class="field"
+        >${t("result.solve_with")}
+        <select name="calibration">
+          <option value="">${t("result.of_capture")}</option>
+          ${made.map(
+            (one) => html`<option value=${one.id}>${tOr(`kind.${one.kind}`, one.kind!)}, ${when(one.made_at)}</option>`,
+          )}
+        </select></label
+      >
+      <button>${t("result.solve")}</button>
+    </form>`;
   }
 
   private choice(shown: Result) {

@@ -7,6 +7,7 @@ import type { Rig } from "../connection/schemas";
 import { PageElement } from "../parts/element";
 import "../parts/jog-pad";
 import "../parts/key-list";
+import "../parts/tool-statement";
 import { number, t, type Word } from "../words/language";
 import { problemTitle, remedyOf } from "../words/problems";
 
@@ -39,6 +40,11 @@ export class RigScreen extends PageElement {
                 </ul>`
             : nothing
         }
+      </section>
+      <section class="card" aria-labelledby="tool-title">
+        <h2 id="tool-title">${t("tool.title")}</h2>
+        <p>${t("tool.why")}</p>
+        <tool-statement></tool-statement>
       </section>
       ${live.mayOperate ? html`${this.parkingCard(rig)}<jog-pad></jog-pad>` : nothing} ${this.values(rig)}
       ${live.mayOperate ? html`<key-list></key-list>` : nothing} ${this.keyboard()}`;

@@ -9,6 +9,8 @@ import "../parts/api-picture";
 import { clock, duration, number, percent, t, tOr, type Word } from "../words/language";
 
 const STAGES = ["pilot", "waypoints", "capture", "normals", "plan"] as const;
+/** Of a session that calibrates. */
+const CALIBRATION_STAGES = ["plan", "waypoints", "capture", "estimate"] as const;
 /** Share of clipped pixels above which it is worth a word. */
 const CLIPPED_SHARE = 0.005;
 /** Events that are shown, newest first. */
@@ -58,7 +60,7 @@ export class SessionProgress extends PageElement {
     const { session } = this;
     const shots = this.passes.flatMap((pass) => pass.shots);
     return html`<ol class="stages" aria-label=${t("progress.stages")}>
-        ${STAGES.map(
+        ${(session.recipe.kind === "capture" ? STAGES : CALIBRATION_STAGES).map(
           (stage) =>
             html`<li
               aria-current=${session.state === "running" && session.stage === stage ? "step" : nothing}

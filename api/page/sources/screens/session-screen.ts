@@ -7,11 +7,14 @@ import type { Session } from "../connection/schemas";
 import { PageElement } from "../parts/element";
 import { duration, percent, t, type Word, when } from "../words/language";
 import { problemTitle, remedyOf } from "../words/problems";
+import "./calibration-progress";
 import "./plan-review";
 import "./result-view";
 import "./session-progress";
 
-const PARTS = ["", "plan", "result"] as const;
+const PARTS = ["", "plan", "result"];
+/** Of a session that calibrates. */
+const CALIBRATION_PARTS = ["", "images"];
 type Action = Session["allowed_actions"][number];
 const ASKED = new Set<Action>(["resume", "stop"]);
 
@@ -50,7 +53,7 @@ export class SessionScreen extends PageElement {
       ${this.reason(session)} ${session.conclusion ? html`<p class="notice">${session.conclusion}</p>` : nothing}
       ${this.actions(session)}
       <nav class="tabs" aria-label=${t("session.parts")}>
-        ${PARTS.map(
+        ${(session.recipe.kind === "capture" ? PARTS : CALIBRATION_PARTS).map(
           (part) =>
             html`<a
               href=${`#/sessions/${session.id}${part ? `/${part}` : ""}`}
@@ -86,6 +89,8 @@ export class SessionScreen extends PageElement {
   }
 
   private shown(session: Session) {
+    if (session.recipe.kind !== "capture" && this.chapter !== "images")
+      return html`<calibration-progress .session=${session}></calibration-progress>`;
     if (this.chapter === "plan") return html`<plan-review .session=${session}></plan-review>`;
     if (this.chapter === "result") return html`<result-view .session=${session}></result-view>`;
     return html`<session-progress .session=${session}></session-progress>`;

@@ -1,0 +1,97 @@
+/** All calibrations that there are, with the figures of each; the choice of the one in use, which asks. */
+import { html, nothing } from "lit";
+import { customElement, property, state } from "lit/decorators.js";
+import { JournalController, live, LiveController } from "../connection/live";
+import { all, send } from "../connection/requests";
+import type { CalibrationSet } from "../connection/schemas";
+import { number, t, tOr, when } from "../words/language";
+import { PageElement } from "./element";
+import { listTable } from "./list-table";
+
+@customElement("calibration-sets")
+export class CalibrationSets extends PageElement {
+  /** Shows this one alone. */
+  @property({ attribute: false }) only: string | null = null;
+  @state() private sets: CalibrationSet[] | null = null;
+  @state() private asked: string | null = null;
+  protected readonly watching = new LiveController(this);
+  protected readonly hearing = new JournalController(this, ({ type }) => {
+    if (type.startsWith("calibration.")) void this.load();
+  });
+
+  override connectedCallback(): void {
+    super.connectedCallback();
+    void this.load();
+  }
+
+  private async load(): Promise<void> {
+    try {
+      this.sets = await all<CalibrationSet>("/v1/rig/calibrations");
+    } catch (error) {
+      live.fail(error);
+    }
+  }
+
+  override render() {
+    const shown = this.sets?.filter((one) => this.only === null || one.id === this.only);
+    if (!shown) return html`<p role="status">${t("loading")}</p>`;
+    const columns = [t("sets.what"), t("calibration.made"), t("sets.images"), t("estimate.position_sigma_mm")];
+    columns.push(t("estimate.projection_sigma_px"), t("sets.use"));
+    return html`${listTable(
+      t("sets.title"),
+      columns,
+      shown.map((one) => this.row(one)),
+    )}
+    ${this.asked ? this.question(this.asked) : nothing}`;
+  }
+
+  private row(one: CalibrationSet) {
+    const name = one.kind === null ? t("sets.cell_file") : tOr(`kind.${one.kind}`, one.kind);
+    return html`<tr data-calibration=${one.id} class=${one.active ? "selected" : ""}>
+      <td>${one.kind === null ? name : html`<a href=${`#/sessions/${one.id}`}>${name}</a>`}</td>
+      <td>${when(one.made_at)}</td>
+      <td>${one.summary?.used ?? "–"}</td>
+      <td>${number(one.summary?.position_sigma_mm)}</td>
+      <td>${number(one.summary?.projection_sigma_px)}</td>
+      <td>
+        ${
+          one.active
+            ? html`<b>${t("sets.in_use")}</b>`
+            : one.fits
+              ? html`<span class="warns">${one.fits}</span>`
+              : live.mayOperate
+                ? html`<button
+                    type="button"
+                    ?disabled=${live.rig?.holder != null}
+                    @click=${() => (this.asked = one.id)}
+                  >
+                    ${t("sets.activate")}
+                  </button>`
+                : nothing
+        }
+      </td>
+    </tr>`;
+  }
+
+  private question(id: string) {
+    return html`<div class="question" role="group" aria-label=${t("sets.activate")}>
+      <p>${t("sets.ask")}</p>
+      <button type="button" class="primary" id="activate" @click=${() => void this.activate(id)}>
+        ${t("sets.activate")}
+      </button>
+      <button type="button" @click=${() => (this.asked = null)}>${t("cancel")}</button>
+    </div>`;
+  }
+
+  private async activate(id: string): Promise<void> {
+    this.asked = null;
+    try {
+      await send("PUT", "/v1/rig/calibrations/active", { body: { id } });
+      live.fail(null);
+    } catch (error) {
+      live.fail(error);
+    }
+    live.refreshRig();
+    void this.load();
+  }
+}

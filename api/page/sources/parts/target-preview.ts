@@ -1,0 +1,96 @@
+/** The camera's live image with the corners of the calibration board that are found in it, and in words whether it is. */
+import { html, nothing } from "lit";
+import { customElement, state } from "lit/decorators.js";
+import { live } from "../connection/live";
+import { fetchBlob } from "../connection/pictures";
+import { get } from "../connection/requests";
+import type { TargetView } from "../connection/schemas";
+import { t } from "../words/language";
+import { PageElement } from "./element";
+import { saidOf } from "./problem";
+
+/** Least time between two images, ms: the board is looked for in each. */
+const PERIOD_MS = 400;
+/** Pause after a refusal, ms. */
+const RETRY_MS = 1_500;
+
+@customElement("target-preview")
+export class TargetPreview extends PageElement {
+  @state() private found: TargetView | null = null;
+  @state() private refused: unknown = null;
+  private running = 0;
+
+  override connectedCallback(): void {
+    super.connectedCallback();
+    void this.run(++this.running);
+  }
+
+  override disconnectedCallback(): void {
+    super.disconnectedCallback();
+    this.running += 1;
+  }
+
+  private async run(turn: number): Promise<void> {
+    while (turn === this.running) {
+      let pause = PERIOD_MS;
+      if (document.visibilityState === "visible") {
+        try {
+          const picture = await createImageBitmap(await fetchBlob("/v1/rig/preview.jpg", 10_000));
+          const found = await get<TargetView>("/v1/rig/preview/target");
+          if (turn === this.running) this.paint(picture, found);
+          picture.close();
+          this.found = found;
+          this.refused = null;
+        } catch (error) {
+          this.refused = error;
+          pause = RETRY_MS;
+        }
+      }
+      await new Promise((resolve) => setTimeout(resolve, pause));
+    }
+  }
+
+  private paint(picture: ImageBitmap, { corners_px: corners, width_px: width }: TargetView): void {
+    const canvas = this.querySelector("canvas")!;
+    [canvas.width, canvas.height] = [picture.width, picture.height];
+    const ink = canvas.getContext("2d")!;
+    ink.drawImage(picture, 0, 0);
+    const scale = picture.width / width;
+    const radius = Math.max(3, picture.width / 130);
+    for (const [colour, thickness] of [
+      ["#000", radius],
+      ["#4ef08a", radius / 2],
+    ] as const) {
+      [ink.strokeStyle, ink.lineWidth] = [colour, thickness];
+      for (const [column, row] of corners) {
+        ink.beginPath();
+        ink.arc(column! * scale, row! * scale, radius, 0, 2 * Math.PI);
+        ink.stroke();
+      }
+    }
+  }
+
+  override render() {
+    const { found } = this;
+    const label = t(live.rig?.holder ? "preview.last_frame" : "preview.live");
+    return html`<figure>
+        <canvas role="img" class="picture" aria-label=${label}></canvas>
+        <figcaption>${label}</figcaption>
+      </figure>
+      ${this.refused ? saidOf(this.refused) : nothing}
+      <p
+        id="target-found"
+        role="status"
+        data-seen=${String(found?.seen ?? false)}
+        class=${found?.seen ? "notice good" : "notice"}
+      >
+        ${
+          !found
+            ? t("loading")
+            : found.seen
+              ? t("target.found", { found: found.corners_px.length, all: found.corners })
+              : `${t("target.missing")} ${found.why_not}`
+        }
+      </p>`;
+  }
+}
