@@ -113,6 +113,39 @@ def test_names_of_every_page_exist(page: Path) -> None:
             assert _exists(name), name
 
 
+@cache
+def _long_and_default_tests(module: Path) -> tuple[set[str], set[str]]:
+    """The tests of a module, read from its text: those of the long suite, and the others."""
+    tree = ast.parse(module.read_text(encoding="utf-8"))
+    tests = {node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")}
+    marks = [
+        node for node in tree.body if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "pytestmark"
+    ]
+    if any("pytest.mark.long" in ast.unparse(mark) for mark in marks):
+        return {test.name for test in tests}, set()
+    long = {test.name for test in tests if any("pytest.mark.long" in ast.unparse(one) for one in test.decorator_list)}
+    return long, {test.name for test in tests} - long
+
+
+def test_service_tests_page_names_tests_for_every_point() -> None:
+    page = (DOCS / "reference" / "service-tests.md").read_text(encoding="utf-8")
+    points: set[str] = set()
+    named: set[str] = set()
+    for line in page.splitlines():
+        mentioned = re.findall(r"(\(long\) )?`([\w/.]+\.py)::(\w+)`", line)
+        if match := re.match(r"\| (\d+)[a-z]? \|", line):
+            points.add(match[1])
+            assert mentioned, line
+        for said_long, file, name in mentioned:
+            module = ROOT / file if "/" in file else ROOT / "tests" / "api" / "rest" / file
+            assert module.is_file(), line
+            assert name in _long_and_default_tests(module)[0 if said_long else 1], f"{said_long}{file}::{name}"
+            named.add(name)
+
+    assert points == {str(number) for number in range(1, 15)}
+    assert len(named) > 80
+
+
 def _generated_blocks() -> ModuleType:
     specification = importlib.util.spec_from_file_location("generated_blocks", DOCS / "generated_blocks.py")
     assert specification is not None
@@ -181,14 +214,3 @@ def test_site_builds_strictly_and_offline(tmp_path: Path) -> None:
         text = page.read_text(encoding="utf-8")
         assert not re.findall(r"<(?:script|img|iframe)[^>]+src=.?https?:", text), page.name
         assert not re.findall(r"<link[^>]+rel=.?(?:stylesheet|preconnect)[^>]+href=.?https?:", text), page.name
-
-
-def test_service_tests_page_names_tests_that_exist() -> None:
-    """Each file and each function that the page of the audit's points names is there."""
-    text = (DOCS / "reference" / "service-tests.md").read_text(encoding="utf-8")
-    folder = ROOT / "tests" / "api" / "rest"
-    sources = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("test_*.py"))
-    for name in re.findall(r"`([\w/]*test_\w+\.py)`", text):
-        assert ((ROOT if "/" in name else folder) / name).is_file(), name
-    for name in re.findall(r"`(test_\w+)`", text):
-        assert f"def {name}(" in sources, name

@@ -1,5 +1,7 @@
 """Drawings over HTTP: reach, and the route of a pass."""
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -9,6 +11,18 @@ from acquisition.store.folder import write_value
 from acquisition.waypoints.roadmap import dome_lights
 from acquisition.waypoints.routing import route
 from tests.api.conftest import running
+
+
+@contextmanager
+def forbidden(owner: object, name: str) -> Generator[None]:
+    """A method that fails when it is called."""
+
+    def fail(*_: object) -> None:
+        raise AssertionError(name)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(owner, name, fail)
+        yield
 
 
 @pytest.mark.long
@@ -21,6 +35,11 @@ def test_drawings_reach_and_route_as_png_and_html(tmp_path: Path) -> None:
         page = service.http.get("/v1/rig/reach.html", timeout=120)
         assert page.headers["content-type"].startswith("text/html")
         assert "reachable" in page.text
+        assert page.headers["content-encoding"] == "gzip"
+        tag = {"If-None-Match": page.headers["etag"]}
+        with forbidden(service.service.runner, "render"):  # what is there is not drawn anew
+            assert service.http.get("/v1/rig/reach.html", headers=tag).status_code == 304
+            assert service.http.get("/v1/rig/reach.html").content == page.content
         assert service.http.get("/v1/rig/reach.pdf").status_code == 422
 
         session = service.client.create(Recipe(pilot_lights=3, planned_lights=0))

@@ -59,6 +59,58 @@ def test_openapi_everything_is_described() -> None:
     assert list(undescribed()) == []
 
 
+UNIT_OF_NAME = re.compile(r"(^|[._])(s|m|mm|rad|rad_s2|deg|px|dn|e|days|seconds|per_s|per_dn|misfits?)$")
+UNIT_OF_TEXT = re.compile(
+    r"\b(rad(/s)?|m|mm|s|degrees?|px|pixels?|DN|electrons|seconds since 1970|no unit|unit vector|fraction|share|gap|"
+    r"factors?|scale|exponent|efficiency|probability|score|0 to 1|first is 1|times as much|OpenCV)\b",
+    re.IGNORECASE,
+)
+"""Units, and the words and names of what has none."""
+
+
+def numeric(schema: dict[str, object]) -> bool:
+    """Whether a schema is of a number, or of lists of numbers."""
+    parts = [*schema.get("anyOf", []), *schema.get("prefixItems", [])]  # type: ignore[misc]
+    items = schema.get("items")
+    return schema.get("type") == "number" or any(map(numeric, [*parts, *([items] if isinstance(items, dict) else [])]))
+
+
+def test_openapi_numbers_state_their_unit_by_name_or_in_words() -> None:
+    schemas = description()["components"]["schemas"]
+    found = {
+        f"{name}.{field}": value["description"]
+        for name, schema in schemas.items()
+        for field, value in schema.get("properties", {}).items()
+        if numeric(value)
+    }
+
+    assert len(found) > 120
+    unknown = {name for name, said in found.items() if not UNIT_OF_NAME.search(name) and not UNIT_OF_TEXT.search(said)}
+    assert unknown == set()
+    assert "rad, −2π to 2π" in found["ReadingResource.joints"]
+    assert "s, ≥ 0" in found["ReadingResource.age_s"]
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        "ActionRequest.action", "SessionResource.state", "SessionResource.allowed_actions", "Problem.code",
+        "JogRequest.axis", "QueueActionRequest.action", "ResultResource.origin", "Recipe.method", "CallerResource.role",
+    ],
+)  # fmt: skip
+def test_openapi_closed_sets_are_enumerations(field: str) -> None:
+    schemas = description()["components"]["schemas"]
+    name, _, key = field.partition(".")
+
+    def values(schema: dict[str, object]) -> list[object]:
+        if "$ref" in schema:
+            return values(schemas[str(schema["$ref"]).rpartition("/")[2]])
+        parts = [*schema.get("anyOf", []), *([schema["items"]] if "items" in schema else [])]  # type: ignore[misc]
+        return [*schema.get("enum", []), *(value for part in parts for value in values(part))]  # type: ignore[misc]
+
+    assert len(values(schemas[name]["properties"][key])) >= 2
+
+
 def test_openapi_each_answer_has_a_type() -> None:
     """Bytes as such, text as text, JSON by its schema; the data of events is linked."""
     for path, methods in description()["paths"].items():

@@ -171,6 +171,9 @@ def test_result_report_is_one_of_its_files(service: Any, ended: str, solved: int
     page = service.http.get(known["report.html"].href)
 
     assert page.headers["content-type"].startswith("text/html")
+    policy = page.headers["content-security-policy"]  # its scripts run, but not as the service's own
+    assert "sandbox allow-scripts" in policy
+    assert "allow-same-origin" not in policy
     assert hashlib.sha256(page.content).hexdigest() == known["report.html"].sha256
     assert f"Session {ended}, result {solved}" in page.text
     assert service.http.get(known["report.png"].href).content.startswith(b"\x89PNG")
