@@ -1,18 +1,24 @@
-"""The systemd unit, by systemd's own verification; its syscalls and limits allow what driver and service do."""
+"""The systemd unit, by systemd's own verification, and the compose file: they allow what driver and service do."""
 
 import re
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 
-UNIT = Path(__file__).parents[2] / "deploy" / "lightpose.service"
+from api.rest import capacity
+
+DEPLOY = Path(__file__).parents[2] / "deploy"
+UNIT = DEPLOY / "lightpose.service"
+COMPOSE = DEPLOY / "compose.yaml"
 MOST_EXPOSED = 3.0
 NEEDED = {"sched_setscheduler", "setpriority", "mlockall", "memfd_create", "pidfd_open", "prlimit64"}
 """System calls of real time, shared memory and the second halt path."""
 
-pytestmark = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+needs_systemd = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
 
 
 def analysed(*arguments: str) -> str:
@@ -32,11 +38,13 @@ def unit(tmp_path: Path) -> Path:
 
 
 @pytest.mark.long
+@needs_systemd
 def test_unit_is_verified_by_systemd(unit: Path) -> None:
     assert unit.name not in analysed("verify", "--recursive-errors=no", str(unit))
 
 
 @pytest.mark.long
+@needs_systemd
 def test_unit_exposure_is_low(unit: Path) -> None:
     told = analysed("security", "--offline=true", "--no-pager", str(unit))
     match = re.search(r"Overall exposure level for \S+: ([\d.]+)", told)
@@ -46,6 +54,7 @@ def test_unit_exposure_is_low(unit: Path) -> None:
 
 
 @pytest.mark.long
+@needs_systemd
 def test_unit_allows_the_system_calls_of_real_time() -> None:
     filters = re.findall(r"^SystemCallFilter=(\S+)$", UNIT.read_text(encoding="utf-8"), re.MULTILINE)
     assert filters == ["@system-service"]
@@ -67,3 +76,20 @@ def test_unit_grants_real_time_without_a_capability() -> None:
     assert "\nLimitRTPRIO=1\n" in text
     assert "\nCapabilityBoundingSet=\n" in text
     assert "RestrictRealtime" not in text
+
+
+def composed() -> dict[str, Any]:
+    """The compose file's services."""
+    return yaml.safe_load(COMPOSE.read_text(encoding="utf-8"))["services"]
+
+
+def test_deployments_grant_the_descriptors_that_the_service_asks_for() -> None:
+    wanted = capacity.WANTED_DESCRIPTORS
+
+    assert f"\nLimitNOFILE={wanted}\n" in UNIT.read_text(encoding="utf-8")
+    assert composed()["service"]["ulimits"]["nofile"] == {"soft": wanted, "hard": wanted}
+
+
+def test_compose_bounds_the_log_of_every_container() -> None:
+    for name, service in composed().items():
+        assert service["logging"] == {"driver": "json-file", "options": {"max-size": "10m", "max-file": "3"}}, name
