@@ -17,16 +17,13 @@ from pathlib import Path
 from typing import Any
 
 from api.rest.app import description
+from tests.contract.steering import CONFORMANCE
 
 HERE = Path(__file__).parent
 PHASES = ("examples", "coverage", "fuzzing", "stateful")
 CHECKS = (
+    *CONFORMANCE,
     "not_a_server_error",
-    "status_code_conformance",
-    "content_type_conformance",
-    "response_headers_conformance",
-    "response_schema_conformance",
-    "negative_data_rejection",
     "missing_required_header",
     "unsupported_method",
     "allow_header_conformance",

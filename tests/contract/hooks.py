@@ -7,17 +7,18 @@ file for one JSON object per answer, or per request without one.
 import json
 import os
 import threading
-from itertools import count
 from pathlib import Path
 from typing import Any
 
 import schemathesis
 from schemathesis.generation.meta import TestPhase
 
+from tests.contract.steering import Steering, ending
+
 KNOWN: dict[str, Any] = json.loads(os.environ["CONTRACT_KNOWN"])
 ANSWERS = Path(os.environ["CONTRACT_ANSWERS"])
 
-_turn = count()
+_steering = Steering(KNOWN)
 _writing = threading.Lock()
 
 
@@ -34,19 +35,16 @@ def _phase(case: Any) -> str:
 @schemathesis.hook
 def map_path_parameters(context: Any, path_parameters: dict[str, Any] | None) -> dict[str, Any] | None:
     """Half of what is sent as described names things that exist; none of those is deleted."""
-    if path_parameters is None or next(_turn) % 2 or context.operation.method.upper() == "DELETE":
-        return path_parameters
-    return {name: KNOWN.get(name, value) for name, value in path_parameters.items()}
+    return _steering.path_parameters(context, path_parameters)
 
 
 @schemathesis.hook
 def before_call(context: Any, case: Any, kwargs: dict[str, Any]) -> None:
-    """Events are read until now, else they would be listened to for ever; what is known to exist is not deleted."""
+    """Events are read until now; what is known to exist is not deleted."""
     del context, kwargs
     if case.method.upper() == "DELETE" and (case.path_parameters or {}).get("session_id") == KNOWN["session_id"]:
         case.path_parameters["session_id"] = "kept"
-    if case.operation.path == "/v1/events" and case.method.upper() == "GET":
-        case.query = {**(case.query or {}), "follow": "false"}
+    case.query = ending(case.operation.path, case.method, case.query)
 
 
 @schemathesis.hook

@@ -7,7 +7,6 @@ ones above 499, and each only where the route declares it.
 
 import os
 import time
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from acquisition.models.result import ResultSummary
 from acquisition.models.shot import FrameQuality, Shot, ShotKey
 from acquisition.store.folder import write_frame, write_manifest, write_value
 from api.rest.app import description
+from tests.contract.steering import CONFORMANCE, EVENTS, Steering, ending
 
 CASES = int(os.environ.get("LIGHTPOSE_CASES", "200"))
 """Requests for each operation and kind in the long run."""
@@ -39,13 +39,6 @@ OPERATIONS = [
 
 RECKONING = ("/v1/rig/reach", "/v1/dry-runs")
 """Routes that first reckon what the arm can reach: for the long run."""
-CHECKED = (
-    "status_code_conformance",
-    "content_type_conformance",
-    "response_headers_conformance",
-    "response_schema_conformance",
-    "negative_data_rejection",
-)
 ALLOWED_FAULTS = frozenset({503, 507})
 
 
@@ -93,21 +86,16 @@ def contracts(known: dict[str, Any]) -> dict[GenerationMode, Any]:
 def contract(known: dict[str, Any], mode: GenerationMode) -> Any:
     """The description; what is sent by it as described leads somewhere half of the time."""
     schema = schemathesis.openapi.from_dict(DESCRIBED)
-    turn = count()
-
     if mode is GenerationMode.POSITIVE:
+        steering = Steering(known)
 
         @schema.hook
         def map_path_parameters(context: Any, path_parameters: dict[str, Any] | None) -> dict[str, Any] | None:
-            if path_parameters is None or next(turn) % 2 or context.operation.method.upper() == "DELETE":
-                return path_parameters
-            return {name: known.get(name, value) for name, value in path_parameters.items()}
+            return steering.path_parameters(context, path_parameters)
 
     @schema.hook
     def map_query(context: Any, query: dict[str, Any] | None) -> dict[str, Any] | None:
-        if context.operation.path == "/v1/events":  # else it would be listened to for ever
-            return {**(query or {}), "follow": "false"}
-        return query
+        return ending(context.operation.path, context.operation.method, query)
 
     return schema
 
@@ -118,7 +106,7 @@ def keeps_its_word(
     """Sends generated requests of one kind to one route and checks the responses."""
     load_all_checks()
     # Of the events' parameters null and lists are sent as words, which are valid again.
-    checks = [CHECKS.get_one(name) for name in CHECKED if (name, path) != ("negative_data_rejection", "/v1/events")]
+    checks = [CHECKS.get_one(name) for name in CONFORMANCE if (name, path) != ("negative_data_rejection", EVENTS)]
     operation = contracts[mode][path][method]
 
     @settings(max_examples=cases, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
