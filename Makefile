@@ -7,21 +7,32 @@ BIN := .venv/bin
 # All that tests and checks need.
 setup: .venv/ready
 
-# What sessions in the simulated cell need. Their kernels are compiled on two cores: what imports less than the other
-# is compiled beside it, and `runner.jobs` finds both in the cache.
-.venv/demo-ready: pyproject.toml deploy/constraints.txt
-	test -x $(BIN)/python || $(PYTHON) -m venv .venv || python3 -m venv .venv
-	$(BIN)/pip install --quiet --no-compile --constraint deploy/constraints.txt --editable '.[sim]'
+# Kernels are compiled on two cores: what imports less than the other is compiled beside it, and `runner.jobs` finds both
+# in the cache.
+define compile-kernels
 	$(BIN)/python -c 'import acquisition.photometry'
 	$(BIN)/python -c 'import acquisition.normals' & \
 	$(BIN)/python -c 'import acquisition.waypoints.routing, acquisition.plan' && wait $$!
 	$(BIN)/python -c 'import acquisition.runner.jobs, hardware_sim.world'
+endef
+
+# What sessions in the simulated cell need.
+.venv/demo-ready: pyproject.toml deploy/constraints.txt
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv || python3 -m venv .venv
+	$(BIN)/pip install --quiet --no-compile --constraint deploy/constraints.txt --editable '.[sim]'
+	$(compile-kernels)
 	touch $@
 
-.venv/ready: .venv/demo-ready
-	$(BIN)/pip install --quiet --constraint deploy/constraints.txt --editable '.[sim,dev]'
-	$(BIN)/lightpose warm
+# Packages alone, which is all that the checks need: they run beside the compilation (`make --jobs 2 setup check`).
+.venv/packages: pyproject.toml deploy/constraints.txt
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv || python3 -m venv .venv
+	$(BIN)/pip install --quiet --no-compile --constraint deploy/constraints.txt --editable '.[sim,dev]'
 	touch $@
+
+.venv/ready: .venv/packages
+	$(compile-kernels)
+	$(BIN)/lightpose warm
+	touch .venv/demo-ready $@
 
 demo: .venv/demo-ready
 	$(BIN)/lightpose demo $(if $(PAGE),--page)
@@ -36,7 +47,7 @@ test-long: setup
 bench: setup
 	$(BIN)/pytest tests/benchmarks --benchmark-enable --benchmark-only --timeout 900
 
-check: setup
+check: .venv/packages
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
