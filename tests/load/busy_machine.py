@@ -5,8 +5,8 @@
 starts that many processes that do nothing but compute, at normal priority and each in a scheduling group of its own
 (as terminals are), a simulated cell whose arm moves at five times life speed, and its service; runs sessions, then
 stops at random moments of moves at life speed. `--rights none` takes CAP_SYS_NICE away first, `--rights niceness`
-forgoes the real-time class (LIGHTPOSE_REAL_TIME=no). Prints one line a session and a JSON object; ends with status 1
-when more than one session in 25 did not complete or anything was unsafe.
+forgoes the real-time class (LIGHTPOSE_REAL_TIME=no). Prints one line a session and stop, and a JSON object; ends with
+status 1 when more than one session in 25 did not complete or anything was unsafe.
 
 Unsafe is, by the simulated controller's own record: a collision or violated limit, an arm that moves or a lamp that is
 lit after a session has ended or was interrupted, a move begun while no session ran.
@@ -32,6 +32,7 @@ from hardware_sim.controller.control import ControlClient
 from tests.load.loaded_cell import (
     AT_REST_RAD_S,
     Loaded,
+    Stopped,
     acknowledge_what_is_latched,
     figure,
     loaded_cell,
@@ -43,6 +44,8 @@ RECIPE = Recipe(pilot_lights=3, planned_lights=1)
 LONG_PATH = Recipe(method="two-rings", pilot_lights=4, planned_lights=4)
 COMPLETE = 0.96
 STOP_S = 0.3
+TRIES = 2
+"""Tries for each stop that is wanted: the arm may be between two moves."""
 WITHOUT_RIGHTS = ["prlimit", "--nice=0:0", "--rtprio=0:0", "setpriv", "--bounding-set=-sys_nice"]
 
 
@@ -119,12 +122,16 @@ def lateness(cell: Loaded) -> dict[str, Any]:
 
 
 def run_stops(cell: Loaded, control: ControlClient, count: int) -> dict[str, Any]:
-    """Stops the arm in its moves; from request to rest beyond the deceleration, s."""
-    stops = [
-        stopped for trial in range(count) if (stopped := stop_a_moving_arm(cell, control, LONG_PATH, trial)) is not None
-    ]
+    """Stops the arm in its moves, so many times; from request to rest beyond the deceleration, s."""
+    stops: list[Stopped] = []
+    for trial in range(TRIES * count):
+        if len(stops) < count and (stopped := stop_a_moving_arm(cell, control, LONG_PATH, trial)) is not None:
+            stops.append(stopped)
+            print(f"stop {len(stops)}: {stopped.margin_s:.3f} s beyond the deceleration", flush=True)
+    assert len(stops) >= count / 2, f"the arm was moving in {len(stops)} of {TRIES * count} tries"
     margins = [stopped.margin_s for stopped in stops]
     return {
+        "load_average": os.getloadavg()[0],
         "stops": len(stops),
         "to_rest_p50_s": float(np.median([stopped.took_s for stopped in stops])),
         "beyond_deceleration_p50_s": float(np.median(margins)),

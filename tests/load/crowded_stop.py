@@ -138,6 +138,7 @@ def run(stops: int, idle: int, streams: int, posting: int) -> dict[str, Any]:
             tried = [stop(cell, control, port, operator, chance) for _ in range(stops)]
             rate = (log.stat().st_size - size) / (time.monotonic() - begun) * 60
     made = [one for one in tried if one is not None]
+    assert len(made) >= stops / 2, f"the arm was moving in {len(made)} of {stops} tries"
     margins = [stopped.margin_s for _, stopped in made]
     return {
         "load_average": os.getloadavg()[0],
