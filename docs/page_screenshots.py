@@ -4,15 +4,16 @@ It runs a simulated cell, a service and Debian's Chromium, lets a session wait f
 photographs the screens. A path as an argument takes the pictures somewhere else.
 """
 
-import sys
+import argparse
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
-from playwright.sync_api import BrowserContext, Page, sync_playwright
+from playwright.sync_api import Page, sync_playwright
 
+from acquisition.models.calibration_recipe import BoardRecipe
 from acquisition.models.recipe import Recipe
 from acquisition.session import State
 from api import Client
@@ -28,6 +29,12 @@ LARGEST_BYTES = 150_000
 
 QUALITY = 80
 SIZE = {"width": 1180, "height": 760}
+CALIBRATION_HEIGHT = 1180
+"""Height of the window for the calibration, px: down to the residuals."""
+
+ESTIMATE_WITHIN_MS = 600_000
+"""How long the first estimate of a calibration may take on a busy machine, ms."""
+
 RECIPE = Recipe(pilot_lights=4, planned_lights=4, review_plan=True, label="Figurine, front")
 
 
@@ -49,41 +56,55 @@ def save(page: Page, name: str, folder: Path) -> None:
         raise SystemExit(f"{path.name} has more than {LARGEST_BYTES} bytes")
 
 
-def take(context: BrowserContext, url: str, client: Client, folder: Path) -> None:
-    """Takes all pictures."""
-    page = chromium.open_page(context, Console(), f"{url}/#/start")
+def take(page: Page, url: str, client: Client, folder: Path) -> None:
+    """Takes the pictures of a session."""
 
-    def photograph(name: str, place: str, ready: Callable[[], None] = lambda: None) -> None:
+    def shoot(name: str, place: str, ready: Callable[[], None] = lambda: None) -> None:
         page.goto(f"{url}/#/{place}")
         page.locator("main h1").wait_for()
         ready()
         page.wait_for_timeout(1_500)
         save(page, name, folder)
 
-    photograph("start", "start", lambda: page.locator("#dry-run-seconds").wait_for(timeout=300_000))
+    shoot("start", "start", lambda: page.locator("#dry-run-seconds").wait_for(timeout=300_000))
     session = client.create(RECIPE)
     client.start(session.id)
     wait_for(client, session.id, State.PAUSED)
-    photograph("review", f"sessions/{session.id}/plan", lambda: page.locator("#sigma-picture").wait_for())
+    shoot("review", f"sessions/{session.id}/plan", lambda: page.locator("#sigma-picture").wait_for())
     client.resume(session.id)
     page.goto(f"{url}/#/cell")
     page.locator("#cell[data-frames]").wait_for()
     client.wait_ready()
     page.wait_for_timeout(3_000)
     page.emulate_media(color_scheme="dark")
-    photograph("cell", "cell", lambda: page.locator("#cell[data-frames]").wait_for())
+    shoot("cell", "cell", lambda: page.locator("#cell[data-frames]").wait_for())
     page.emulate_media(color_scheme="light")
     wait_for(client, session.id, State.COMPLETED)
-    photograph("progress", f"sessions/{session.id}", lambda: page.locator(".images img").nth(6).wait_for())
-    photograph("result", f"sessions/{session.id}/result", lambda: page.locator("#map").wait_for())
+    shoot("progress", f"sessions/{session.id}", lambda: page.locator(".images img").nth(6).wait_for())
+    shoot("result", f"sessions/{session.id}/result", lambda: page.locator("#map").wait_for())
 
 
-def main() -> None:
-    """Takes the pictures into `docs/pictures`, or into the folder that is given."""
-    target = Path(sys.argv[1]) if len(sys.argv) > 1 else PICTURES
+def take_calibration(page: Page, url: str, cell: Cell, client: Client, folder: Path) -> None:
+    """Takes the picture of a calibration that has an estimate and goes on."""
+    cell.place("charuco@flange")
+    client.wait_ready()
+    client.state_tool("board")
+    session = client.create(BoardRecipe(kind="hand-eye", max_images=20, target_mm=0.3))
+    client.start(session.id)
+    page.set_viewport_size({"width": SIZE["width"], "height": CALIBRATION_HEIGHT})
+    page.goto(f"{url}/#/sessions/{session.id}")
+    page.locator("[data-view]").first.wait_for(timeout=ESTIMATE_WITHIN_MS)
+    page.locator("svg.view").wait_for(timeout=ESTIMATE_WITHIN_MS)
+    page.locator("#target-found[data-seen=true]").wait_for()
+    save(page, "calibration", folder)
+    client.stop(session.id)
+
+
+def photograph(profile: str, address: str, take_pictures: Callable[[Page, str, Cell, Client], None]) -> None:
+    """Runs a cell of a profile, its service and a browser, and takes pictures of them."""
     with (
         tempfile.TemporaryDirectory() as name,
-        Cell(CellOptions(ADDRESS, "figure", 1, "direct", 4.0, pixels=512), Path(name) / "cell") as cell,
+        Cell(CellOptions(address, "figure", 1, profile, 4.0, pixels=512), Path(name) / "cell") as cell,
         serving(cell, Path(name) / "data") as service,
         Client(service.url) as client,
         sync_playwright() as playwright,
@@ -91,8 +112,21 @@ def main() -> None:
         client.wait_ready(60)
         context = chromium.launch(playwright).new_context(viewport=SIZE, locale="en-GB")  # type: ignore[arg-type]
         context.set_default_timeout(60_000)
-        take(context, service.url, client, target)
+        page = chromium.open_page(context, Console(), f"{service.url}/#/start")
+        take_pictures(page, service.url, cell, client)
         context.close()
+
+
+def main() -> None:
+    """Takes the pictures into `docs/pictures`, or into the folder that is given."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", nargs="?", type=Path, default=PICTURES)
+    parser.add_argument("--only", choices=("session", "calibration"), help="the pictures of one of them alone")
+    given = parser.parse_args()
+    if given.only != "calibration":
+        photograph("direct", ADDRESS, lambda page, url, _, client: take(page, url, client, given.folder))
+    if given.only != "session":  # a board is lit by the room
+        photograph("realistic", ADDRESS, lambda *made: take_calibration(*made, given.folder))
 
 
 if __name__ == "__main__":

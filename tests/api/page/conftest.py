@@ -142,12 +142,14 @@ def context(browser: Browser) -> Generator[BrowserContext]:
     made.close()
 
 
-def make_lab(folder: Path, speed: float, pixels: int = 128, address: str = CELL) -> Generator[Lab]:
+def make_lab(
+    folder: Path, speed: float, pixels: int = 128, address: str = CELL, profile: str = "direct"
+) -> Generator[Lab]:
     """A cell whose arm moves at `speed` times real time, and a service with a key for each role."""
     data = folder / "data"
     data.mkdir()
     secrets = {role: keys.add(keys.path_in(data), str(role), role) for role in Role}
-    options = CellOptions(address, "figure", 1, "direct", speed, pixels=pixels, cell_file=CELL_FILE)
+    options = CellOptions(address, "figure", 1, profile, speed, pixels=pixels, cell_file=CELL_FILE)
     with (
         Cell(options, folder / "cell") as cell,
         serving(cell, data) as service,

@@ -5,6 +5,7 @@ import { live, LiveController } from "../connection/live";
 import { storeKey } from "../connection/credentials";
 import { PageElement } from "../parts/element";
 import { choose, clock, duration, language, percent, t, type Word } from "../words/language";
+import { sessionName } from "../words/names";
 import "./safety-notice";
 import "./stop-button";
 
@@ -55,7 +56,7 @@ export class AppBar extends PageElement {
       if (rig.faults.length) return t("bar.stopped");
       return rig.may_start ? t("bar.free") : t("bar.not_ready");
     }
-    const name = holder.label || `${t("session")} ${holder.number}`;
+    const name = sessionName(holder);
     const words = [`${name}: ${t(`state.${holder.state}` as Word)}`];
     if (holder.state === "running") {
       words.push(t(`stage.${holder.stage}` as Word), percent(holder.progress));

@@ -18,6 +18,12 @@ export function plannedView(
         ${corners.map(([x, y]) => svg`<circle cx=${x} cy=${y} r=${radius}></circle>`)}
         <circle class="origin" cx=${outline[0]![0]} cy=${outline[0]![1]} r=${3 * radius}></circle>`}
     </svg>
-    <figcaption><b>${name}</b>: ${where}. ${planned.reason}</figcaption>
+    <figcaption><b>${name}</b>: ${where}. ${reasonOf(planned.reason)}</figcaption>
   </figure>`;
+}
+
+/** Why a view was chosen: what is left after it, in the page's language. */
+function reasonOf(reason: string): string {
+  const [, value, unit] = /^leaves ([\d.e+-]+) (\S+)$/.exec(reason) ?? [];
+  return value ? t("view.leaves", { value: number(Number(value), 2), unit: unit! }) : reason;
 }

@@ -1,6 +1,6 @@
 /** The camera's live image with the corners of the calibration board that are found in it, and in words whether it is. */
 import { html, nothing } from "lit";
-import { customElement, state } from "lit/decorators.js";
+import { customElement, property, state } from "lit/decorators.js";
 import { live } from "../connection/live";
 import { fetchBlob } from "../connection/pictures";
 import { get } from "../connection/requests";
@@ -16,6 +16,8 @@ const RETRY_MS = 1_500;
 
 @customElement("target-preview")
 export class TargetPreview extends PageElement {
+  /** Whether the calibration board is looked for. */
+  @property({ attribute: false }) board = true;
   @state() private found: TargetView | null = null;
   @state() private refused: unknown = null;
   private running = 0;
@@ -36,7 +38,7 @@ export class TargetPreview extends PageElement {
       if (document.visibilityState === "visible") {
         try {
           const picture = await createImageBitmap(await fetchBlob("/v1/rig/preview.jpg", 10_000));
-          const found = await get<TargetView>("/v1/rig/preview/target");
+          const found = this.board ? await get<TargetView>("/v1/rig/preview/target") : null;
           if (turn === this.running) this.paint(picture, found);
           picture.close();
           this.found = found;
@@ -50,19 +52,20 @@ export class TargetPreview extends PageElement {
     }
   }
 
-  private paint(picture: ImageBitmap, { corners_px: corners, width_px: width }: TargetView): void {
+  private paint(picture: ImageBitmap, found: TargetView | null): void {
     const canvas = this.querySelector("canvas")!;
     [canvas.width, canvas.height] = [picture.width, picture.height];
     const ink = canvas.getContext("2d")!;
     ink.drawImage(picture, 0, 0);
-    const scale = picture.width / width;
+    if (!found) return;
+    const scale = picture.width / found.width_px;
     const radius = Math.max(3, picture.width / 130);
     for (const [colour, thickness] of [
       ["#000", radius],
       ["#4ef08a", radius / 2],
     ] as const) {
       [ink.strokeStyle, ink.lineWidth] = [colour, thickness];
-      for (const [column, row] of corners) {
+      for (const [column, row] of found.corners_px) {
         ink.beginPath();
         ink.arc(column! * scale, row! * scale, radius, 0, 2 * Math.PI);
         ink.stroke();
@@ -71,26 +74,28 @@ export class TargetPreview extends PageElement {
   }
 
   override render() {
-    const { found } = this;
     const label = t(live.rig?.holder ? "preview.last_frame" : "preview.live");
     return html`<figure>
         <canvas role="img" class="picture" aria-label=${label}></canvas>
         <figcaption>${label}</figcaption>
       </figure>
-      ${this.refused ? saidOf(this.refused) : nothing}
-      <p
-        id="target-found"
-        role="status"
-        data-seen=${String(found?.seen ?? false)}
-        class=${found?.seen ? "notice good" : "notice"}
-      >
-        ${
-          !found
-            ? t("loading")
-            : found.seen
-              ? t("target.found", { found: found.corners_px.length, all: found.corners })
-              : `${t("target.missing")} ${found.why_not}`
-        }
-      </p>`;
+      ${this.refused ? saidOf(this.refused) : nothing} ${this.board ? this.words() : nothing}`;
+  }
+
+  private words() {
+    const { found } = this;
+    const words = !found
+      ? t("loading")
+      : found.seen
+        ? t("target.found", { found: found.corners_px.length, all: found.corners })
+        : `${t("target.missing")} ${found.why_not}`;
+    return html`<p
+      id="target-found"
+      role="status"
+      data-seen=${found ? String(found.seen) : nothing}
+      class=${found?.seen ? "notice good" : "notice"}
+    >
+      ${words}
+    </p>`;
   }
 }

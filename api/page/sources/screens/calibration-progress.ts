@@ -1,9 +1,12 @@
 /** A calibration session: the next view as a picture, what the camera sees, accuracy found and wished, residuals, what next. */
 import { html, nothing } from "lit";
 import { customElement, property, state } from "lit/decorators.js";
-import { JournalController, LiveController } from "../connection/live";
+import { JournalController, live, LiveController } from "../connection/live";
 import { all, get, Refusal } from "../connection/requests";
-import type { Estimate, PassSummary, PlannedViews, Session } from "../connection/schemas";
+import type { Estimate, Pass, PassSummary, PlannedViews, Session } from "../connection/schemas";
+import { scene } from "../connection/scene";
+import { domeOf, type Dome } from "../drawing/dome-geometry";
+import "../drawing/dome-plot";
 import "../parts/calibration-sets";
 import { PageElement } from "../parts/element";
 import { listTable } from "../parts/list-table";
@@ -26,6 +29,9 @@ type Residual = Record<string, string | number | null>;
 export class CalibrationProgress extends PageElement {
   @property({ attribute: false }) session!: Session;
   @state() private planned: PlannedViews | null = null;
+  /** The pass that is under way, of a kind whose views are lights on the dome. */
+  @state() private pass: Pass | null = null;
+  @state() private dome: Dome | null = null;
   @state() private estimate: Estimate | null = null;
   @state() private residuals: Residual[] = [];
   private read = "";
@@ -39,7 +45,7 @@ export class CalibrationProgress extends PageElement {
   override willUpdate(): void {
     if (this.read === this.session.id) return;
     this.read = this.session.id;
-    this.planned = this.estimate = null;
+    this.planned = this.estimate = this.pass = null;
     this.residuals = [];
     void this.load();
   }
@@ -55,6 +61,8 @@ export class CalibrationProgress extends PageElement {
       const passes = await all<PassSummary>(`${address}/passes`);
       const pass = passes.filter((one) => one.lights > 0).at(-1);
       this.planned = pass ? await viewsOf(`${address}/passes/${pass.number}/views`) : null;
+      this.pass = pass && !this.planned ? await get<Pass>(`${address}/passes/${pass.number}`) : null;
+      if (this.pass) this.dome = domeOf(await scene());
       const estimate = (await all<Estimate>(`${address}/estimates`)).at(-1) ?? null;
       if (estimate && estimate.created !== this.estimate?.created) this.residuals = await residualsOf(estimate);
       this.estimate = estimate;
@@ -110,13 +118,25 @@ export class CalibrationProgress extends PageElement {
     return html`<div class="split">
       <section class="card" aria-labelledby="next-view">
         <h2 id="next-view">${t("view.next")}</h2>
-        ${planned && next ? plannedView(planned, next) : html`<p>${t("view.none")}</p>`}
+        ${planned && next ? plannedView(planned, next) : this.pass ? this.lights(this.pass) : html`<p>${t("view.none")}</p>`}
       </section>
       <section class="card" aria-labelledby="seen">
         <h2 id="seen">${t("view.seen")}</h2>
-        <target-preview></target-preview>
+        <target-preview .board=${live.rig?.tool === "board"}></target-preview>
       </section>
     </div>`;
+  }
+
+  private lights({ plan, shots }: Pass) {
+    const taken = new Set(shots.map(({ shot }) => shot.light_number));
+    return html`<dome-plot
+      .dome=${this.dome}
+      .lights=${plan.lights.map(({ position }, index) => ({
+        position,
+        label: String(index + 1),
+        kind: taken.has(index) ? "taken" : "planned",
+      }))}
+    ></dome-plot>`;
   }
 
   /** What to do now that it has ended. */
@@ -151,7 +171,7 @@ export class CalibrationProgress extends PageElement {
         this.residuals.map(
           (one) =>
             html`<tr data-view=${one["image"]}>
-              <td>${one["image"]}</td>
+              <td>${imageName(String(one["image"]))}</td>
               ${columns.map((name) => html`<td>${cell(one[name]) ?? one["why_not"] ?? t("residuals.unseen")}</td>`)}
             </tr>`,
         ),
@@ -166,6 +186,12 @@ function figure(name: string, value: string, id = "") {
     <dt>${name}</dt>
     <dd data-figure=${id || nothing}>${value}</dd>
   </div>`;
+}
+
+/** An image's pass and number in words. */
+function imageName(path: string): string {
+  const [, pass, image] = /^passes\/(\d+)\/shots\/(\d+)/.exec(path) ?? [];
+  return image ? `${t("progress.pass", { number: pass! })}, ${t("view.name", { number: Number(image) + 1 })}` : path;
 }
 
 function cell(value: string | number | null | undefined): string | null {

@@ -125,8 +125,8 @@ export class CalibrationScreen extends PageElement {
       <div class="split">
         <section class="card" aria-labelledby="wizard-look">
           <h2 id="wizard-look">3. ${t("wizard.look")}</h2>
-          <p>${t("wizard.look.why")}</p>
-          <target-preview></target-preview>
+          ${kind.tool === "board" ? html`<p>${t("wizard.look.why")}</p>` : nothing}
+          <target-preview .board=${kind.tool === "board"}></target-preview>
         </section>
         <form
           class="card"

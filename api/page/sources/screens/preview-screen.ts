@@ -16,6 +16,7 @@ import { PageElement } from "../parts/element";
 import "../parts/preview-figures";
 import { saidOf } from "../parts/problem";
 import { number, t, type Word } from "../words/language";
+import { sessionName } from "../words/names";
 
 /** Least time between two images, ms. */
 const PERIOD_MS = 200;
@@ -161,7 +162,7 @@ export class PreviewScreen extends PageElement {
                   ${this.sessions.map(
                     (session) =>
                       html`<option value=${session.id} ?selected=${session.id === this.chosen}>
-                        ${session.label || `${t("session")} ${session.number}`}
+                        ${sessionName(session)}
                       </option>`,
                   )}
                 </select></label

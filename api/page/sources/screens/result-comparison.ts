@@ -8,6 +8,7 @@ import { MAP_NAMES, normalDifference, ResultMaps, type MapName } from "../drawin
 import { PageElement } from "../parts/element";
 import { saidOf } from "../parts/problem";
 import { degrees, t, type Word } from "../words/language";
+import { sessionName } from "../words/names";
 
 @customElement("result-comparison")
 export class ResultComparison extends PageElement {
@@ -33,10 +34,7 @@ export class ResultComparison extends PageElement {
           <option value="">${t("compare.nothing")}</option>
           ${rest.map((one) => html`<option value=${one.links["self"]!}>${t("result.number", { number: one.number })}</option>`)}
           ${this.sessions.map(
-            (session) =>
-              html`<option value=${session.answer!.links["self"]!}>
-                ${session.label || `${t("session")} ${session.number}`}
-              </option>`,
+            (session) => html`<option value=${session.answer!.links["self"]!}>${sessionName(session)}</option>`,
           )}
         </select></label
       >

@@ -6,6 +6,7 @@ import { live, LiveController } from "../connection/live";
 import type { Session } from "../connection/schemas";
 import { PageElement } from "../parts/element";
 import { duration, percent, t, type Word, when } from "../words/language";
+import { sessionName } from "../words/names";
 import { problemTitle, remedyOf } from "../words/problems";
 import "./calibration-progress";
 import "./plan-review";
@@ -36,7 +37,7 @@ export class SessionScreen extends PageElement {
       return html`<h1>${t("screen.session")}</h1>
         <p role="status">${live.isMissing(this.identity) ? t("session.missing") : t("loading")}</p>`;
     return html`<div class="title">
-        <h1>${session.label || `${t("session")} ${session.number}`}</h1>
+        <h1>${sessionName(session)}</h1>
         <span class=${`badge ${session.state}`} id="session-state" data-state=${session.state}
           >${t(`state.${session.state}` as Word)}</span
         >

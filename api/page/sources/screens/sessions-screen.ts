@@ -8,6 +8,7 @@ import { download } from "../parts/downloads";
 import { PageElement } from "../parts/element";
 import { listTable } from "../parts/list-table";
 import { degrees, t, type Word, when } from "../words/language";
+import { sessionName } from "../words/names";
 
 const STATES = ["created", "running", "paused", "interrupted", "completed", "stopped", "failed"] as const;
 
@@ -95,9 +96,7 @@ export class SessionsScreen extends PageElement {
     return html`<tr data-session=${session.id}>
       <td>${session.number}</td>
       <td>
-        <a href=${`#/sessions/${session.id}${session.answer ? "/result" : ""}`}
-          >${session.label || `${t("session")} ${session.number}`}</a
-        >
+        <a href=${`#/sessions/${session.id}${session.answer ? "/result" : ""}`}>${sessionName(session)}</a>
       </td>
       <td><span class=${`badge ${session.state}`}>${t(`state.${session.state}` as Word)}</span></td>
       <td>${when(session.created)}</td>
