@@ -394,7 +394,12 @@ class AsyncClient:
         return path
 
     async def _send(self, method: str, address: str, **arguments: Any) -> httpx.Response:
-        response = await self._http.request(method, address, **arguments)
+        try:
+            response = await self._http.request(method, address, **arguments)
+        except httpx.RemoteProtocolError:  # an idle connection was closed while the request was on its way
+            if method != "GET":
+                raise
+            response = await self._http.request(method, address, **arguments)  # RFC 9110, 9.2.2
         if response.is_error:
             raise_problem(response)
         return response

@@ -1,16 +1,20 @@
 """The asynchronous client: a session from creation to deletion, and concurrent event listeners."""
 
 import asyncio
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+import socket
+import threading
+from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from typing import Any
+from urllib.parse import urlsplit
 
+import httpx
 import pytest
 
 from acquisition.models.errors import ErrorCode
 from acquisition.models.recipe import Recipe
 from acquisition.session import State
-from api import AsyncClient, ProblemError
+from api import AsyncClient, Client, ProblemError
 
 
 def test_async_client_session_from_creation_to_deletion(administered: Any) -> None:
@@ -73,3 +77,39 @@ def test_events_concurrent_listeners_miss_none_over_restart(start: Callable[...,
                 assert heard[0] == sorted(set(heard[0]))
 
     asyncio.run(script())
+
+
+@contextmanager
+def closing_the_first(url: str) -> Generator[str]:
+    """The address of a relay to a service, which closes its first connection once a request has come."""
+    target = urlsplit(url)
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+
+        def relay() -> None:
+            first, _ = listening.accept()
+            with first:
+                first.recv(1 << 16)
+            with suppress(OSError):  # the end of the test
+                second, _ = listening.accept()
+                with second, socket.create_connection((str(target.hostname), int(target.port or 0))) as service:
+                    service.sendall(second.recv(1 << 16).replace(b"keep-alive", b"close"))
+                    while block := service.recv(1 << 16):
+                        second.sendall(block)
+
+        thread = threading.Thread(target=relay)
+        thread.start()
+        yield f"http://127.0.0.1:{listening.getsockname()[1]}"
+        listening.shutdown(socket.SHUT_RDWR)
+        thread.join(60)
+
+
+def test_client_asks_again_where_a_connection_was_closed_meanwhile(own: Any) -> None:
+    made = own.client.create()
+    with closing_the_first(own.url) as url, Client(url) as client:
+        assert client.session(made.id).id == made.id
+
+
+def test_client_never_repeats_what_is_no_mere_question(own: Any) -> None:
+    with closing_the_first(own.url) as url, Client(url) as client, pytest.raises(httpx.RemoteProtocolError):
+        client.create()
+    assert list(own.client.sessions()) == []
