@@ -6,6 +6,8 @@ by directions, but the arm reaches some positions only: each ideal direction is 
 candidate, and a set of candidates that cannot surround the object is refused before anything moves.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from acquisition import geometry
@@ -99,6 +101,59 @@ def light_from_tool(base_from_tool: FloatArray, calibration: Calibration) -> Lig
         return Light(position=(x, y, z), axis=(u, v, w))
     i, j, k = (view_from_lamp[:3, :2] @ np.array(calibration.lobe.tilt)).tolist()
     return Light(position=(x, y, z), axis=(u, v, w), tilt=(i, j, k))
+
+
+def common_errors(base_from_tools: FloatArray, calibration: Calibration) -> FloatArray | None:
+    """First-order propagation of what the calibration leaves uncertain for all lamps alike to their positions.
+
+    From tool poses (F, 4, 4): displacements (F, 3, C) in m, view frame, of each lamp by 1 σ of each of C independent
+    errors: of `tool_from_lamp`, which turn with the tool, and of `base_from_camera`, which move all lamps against the
+    camera as one body. Their covariance is the product of the displacements with their transpose over C. None where the
+    calibration states neither covariance.
+    """
+    view_from_base = geometry.inverse(base_from_view(calibration))
+    view_from_tool = view_from_base @ base_from_tools
+    errors: list[FloatArray] = []
+    if calibration.tool_from_lamp_covariance is not None:
+        errors.append(view_from_tool[:, :3, :3] @ _root(calibration.tool_from_lamp_covariance))
+    if calibration.base_from_camera_covariance is not None:
+        positions = (view_from_tool @ np.array(calibration.tool_from_lamp))[:, :3, 3]
+        errors.append(_by_camera(positions, calibration.base_from_camera_covariance))
+    return np.concatenate(errors, axis=2) if errors else None
+
+
+def common_direction_sigma_rad(positions: FloatArray, center: FloatArray, calibration: Calibration) -> float:
+    """1 σ in rad, per axis, of the directions from `center` (3,) to lamps (K, 3), m, view frame, by `common_errors`.
+
+    The rolls of the tool are not known yet, so that the error of `tool_from_lamp` counts alike in all directions.
+    """
+    offsets = positions - center
+    distance = np.linalg.norm(offsets, axis=1)
+    variance = np.zeros(len(positions))
+    if calibration.tool_from_lamp_covariance is not None:
+        variance += np.trace(np.array(calibration.tool_from_lamp_covariance)) / 3
+    if calibration.base_from_camera_covariance is not None:
+        errors = _by_camera(positions, calibration.base_from_camera_covariance)
+        along = np.einsum("kac,ka->kc", errors, offsets / distance[:, None])
+        variance += (np.sum(errors**2, axis=(1, 2)) - np.sum(along**2, axis=1)) / 2
+    return float(np.sqrt(np.mean(variance / distance**2)))
+
+
+def _by_camera(positions: FloatArray, covariance: Sequence[Sequence[float]]) -> FloatArray:
+    """Displacements (K, 3, 6) in m, view frame, of lamps (K, 3) by 1 σ of each error of `base_from_camera`."""
+    view_from_camera = geometry.VIEW_FROM_CAMERA[:3, :3]
+    # A camera that is moved by t and turned by r sees a lamp at p displaced by −t − r × p, all in its own frame.
+    turned = np.cross(positions[:, :, None] @ np.ones((1, 3)), view_from_camera[None], axis=1)
+    by_motion = np.concatenate([np.broadcast_to(-view_from_camera, turned.shape), turned], axis=2)
+    return np.asarray(by_motion @ _root(covariance), np.float64)
+
+
+def _root(covariance: Sequence[Sequence[float]]) -> FloatArray:
+    """A square root R (N, N) of a covariance R Rᵀ, which may be singular; its units may differ by orders."""
+    matrix = np.array(covariance)
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-30))
+    variance, axes = np.linalg.eigh(matrix / np.outer(scale, scale))
+    return scale[:, None] * axes * np.sqrt(np.maximum(variance, 0))
 
 
 def base_from_view(calibration: Calibration) -> FloatArray:

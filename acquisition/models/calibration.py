@@ -6,6 +6,7 @@ import math
 from itertools import pairwise
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from acquisition.models.base import Matrix4, Value, Vector3
@@ -58,6 +59,11 @@ class LampLobe(Value):
         return self
 
 
+Row6 = Annotated[tuple[float, float, float, float, float, float], Field(strict=False)]
+Matrix3 = Annotated[tuple[Vector3, Vector3, Vector3], Field(strict=False)]
+Matrix6 = Annotated[tuple[Row6, Row6, Row6, Row6, Row6, Row6], Field(strict=False)]
+
+
 class Calibration(Value):
     """Calibration of camera, hand–eye and lamp with uncertainties; `calibration.json`.
 
@@ -80,9 +86,33 @@ class Calibration(Value):
     lobe: LampLobe | None = Field(default=None, description="What the lobe has beyond that power of the cosine")
     sensor: SensorModel = Field(description="The camera's values and their noise")
     intensity_sigma: float = Field(ge=0, description="1 σ of each image's lamp intensity, as a fraction")
-    lamp_position_sigma_m: float = Field(ge=0, description="1 σ of the lamp's position, per axis")
+    lamp_position_sigma_m: float = Field(
+        ge=0, description="1 σ of the lamp's position, per axis, independent from image to image"
+    )
+    tool_from_lamp_covariance: Matrix3 | None = Field(
+        default=None, description="Of `tool_from_lamp`'s position, an error that all images share; m², tool frame"
+    )
+    base_from_camera_covariance: Matrix6 | None = Field(
+        default=None,
+        description="Of a small motion of the camera, an error that all images share: translation, m, and rotation "
+        "vector, rad, in the camera's frame",
+    )
     made_at: str = Field(description="ISO 8601 with time zone")
     valid_days: float = Field(gt=0, description="Days after which no session starts with it")
+
+    @model_validator(mode="after")
+    def _covariances_are_such(self) -> "Calibration":
+        """Refuses matrices that are no covariance."""
+        for name in ("tool_from_lamp_covariance", "base_from_camera_covariance"):
+            stated = getattr(self, name)
+            if stated is None:
+                continue
+            matrix = np.array(stated)
+            scale = np.sqrt(np.maximum(np.diag(matrix), 1e-30))
+            correlation = matrix / np.outer(scale, scale)
+            if np.abs(correlation - correlation.T).max() > 1e-6 or np.linalg.eigvalsh(correlation)[0] < -1e-6:
+                raise ValueError(f"{name} must be symmetric without a negative variance in any direction")
+        return self
 
     @property
     def fingerprint(self) -> str:

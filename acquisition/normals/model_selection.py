@@ -44,7 +44,10 @@ def solve(problem: Problem) -> Solution:
     """Descent on the coarse level, noise of single pixels from a sample, fit and scores."""
     level, nominal = problem.level, problem.nominal
     stated = nominal.calibration
-    priors = Priors(stated.intensity_sigma, stated.lamp_position_sigma_m, problem.shift_sigma_m, problem.term_sigma)
+    priors = Priors(
+        stated.intensity_sigma, stated.lamp_position_sigma_m, problem.shift_sigma_m, problem.term_sigma,
+        nominal.common_lamp_errors_m,
+    )  # fmt: skip
     state = alternation.refine(level, problem.start_m, nominal, priors)
     scene = replace(nominal, lamps=state.shared.lamps(nominal.lamps), terms=nominal.terms and state.shared.terms)
     scene, sample = final_solve.with_residual_noise(level.sample, state.resampled(level.interpolate_sample), scene)

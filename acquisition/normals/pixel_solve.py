@@ -44,7 +44,8 @@ class Scene:
     of image formation beyond Lambert's.
 
     Terms that are none are not solved for, nor are their derivatives. `median_albedo` is that of the whole object where
-    the pixels at hand are but a part of it; none: theirs.
+    the pixels at hand are but a part of it; none: theirs. `common_lamp_errors_m` (F, 3, C) is by how much 1 σ of each
+    error of the calibration that all lamps share displaces each lamp, as of `lamp_pose.common_errors`; none: unknown.
     """
 
     lamps: Float32Array
@@ -53,6 +54,7 @@ class Scene:
     settings: SolveSettings = field(default_factory=SolveSettings)
     median_albedo: float | None = None
     terms: ImageTerms | None = None
+    common_lamp_errors_m: FloatArray | None = None
 
     @property
     def cauchy_scale(self) -> float | None:

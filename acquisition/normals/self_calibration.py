@@ -16,6 +16,7 @@ from dataclasses import astuple, dataclass, fields, replace
 
 import numba
 import numpy as np
+from scipy.linalg import block_diag
 
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.normals import pixel_solve, pixel_solve_kernels
@@ -71,29 +72,45 @@ class SharedParameters:
 @dataclass(frozen=True)
 class Priors:
     """1 σ of log intensities, lamp positions along each axis in m, the shift in m, and the terms beyond Lambert's; zero
-    holds a parameter fixed."""
+    holds a parameter fixed.
+
+    `position_m` is independent from lamp to lamp; on top of it come the errors that all lamps share, where they are not
+    held: `common_position_m` (F, 3, C) is by how much 1 σ of each displaces each lamp, view frame (`lamp_pose`).
+    """
 
     intensity: float
     position_m: float
     shift_m: float
     terms: ImageTerms = LAMBERTIAN
+    common_position_m: FloatArray | None = None
+
+    def position_covariance(self, count: int) -> FloatArray:
+        """Covariance (3F, 3F), m², of the positions of `count` lamps: all x, all y, all z."""
+        covariance = self.position_m**2 * np.eye(3 * count)
+        if self.common_position_m is None or self.position_m == 0:
+            return covariance
+        common = self.common_position_m.transpose(1, 0, 2).reshape(3 * count, -1)
+        return covariance + common @ common.T
 
 
 @dataclass(frozen=True)
 class Equations:
-    """Normal equations of the shared parameters: `matrix` x = `right` (M, M), their 1 σ (M,) of the prior and what it
-    pulls back by (M,). Log intensities (F) come first, then lamp positions (3F), shift, terms and lobe."""
+    """Normal equations of the shared parameters: `matrix` x = `right` (M, M), the prior's `precision` (M, M), what it
+    pulls back by (M,), and which are `held` fixed (M,).
+
+    Log intensities (F) come first, then lamp positions (3F), shift, terms and lobe.
+    """
 
     matrix: FloatArray
     right: FloatArray
-    sigma: FloatArray
+    precision: FloatArray
     before: FloatArray
+    held: BoolArray
 
     def posterior(self) -> tuple[FloatArray, FloatArray]:
         """Change (M,) of the parameters to the maximum a posteriori, and their covariance (M, M)."""
-        precision = _precision(self.sigma)
-        covariance = np.asarray(np.linalg.inv(self.matrix + np.diag(precision)), np.float64)
-        return covariance @ (self.right - precision * np.where(self.sigma > 0, self.before, 0.0)), covariance
+        covariance = np.asarray(np.linalg.inv(self.matrix + self.precision), np.float64)
+        return covariance @ (self.right - self.precision @ np.where(self.held, 0.0, self.before)), covariance
 
 
 def normal_equations(
@@ -120,13 +137,12 @@ def normal_equations(
     columns = sum(part.shape[1] for part in derivatives)
     sigma = np.concatenate(
         [
-            np.full(3 * count, priors.position_m),
             [priors.shift_m],
             [] if terms is None else astuple(priors.terms),
             [] if gloss is None else [LOBE_LOG_SIGMA] * gloss.by_lobe.shape[1],
         ]
     )
-    size = count + len(sigma)
+    size = 4 * count + len(sigma)
     sums = np.zeros((size + 1, size + 1))
     nothing, none = np.zeros((count, 0, 0), np.float32), np.zeros((count, 0), np.float32)
     by_g, added = nothing, none
@@ -158,10 +174,13 @@ def normal_equations(
     )
     if terms is not None:
         before[4 * count + 1 : size - (0 if gloss is None else gloss.by_lobe.shape[1])] = astuple(present.terms)
+    others = np.asarray(block_diag(_position_precision(priors, count), np.diag(_precision(sigma))), np.float64)
     intensity_sigma = priors.intensity
     if intensity_sigma > 0:
-        intensity_sigma = evidence_maximised_sigma(matrix, right + matrix @ before, _precision(sigma), intensity_sigma)
-    return Equations(matrix, right, np.concatenate([np.full(count, intensity_sigma), sigma]), before)
+        intensity_sigma = evidence_maximised_sigma(matrix, right + matrix @ before, others, intensity_sigma)
+    precision = np.asarray(block_diag(np.diag(_precision(np.full(count, intensity_sigma))), others), np.float64)
+    free = np.concatenate([np.full(count, priors.intensity), np.full(3 * count, priors.position_m), sigma]) > 0
+    return Equations(matrix, right, precision, before, ~free)
 
 
 def gauss_newton_step(
@@ -175,8 +194,8 @@ def gauss_newton_step(
     count = len(values)
     equations = normal_equations(estimate, by_depth, values, lamps, present, priors, offset_sigma_m, gloss)
     if equations is None:
-        held = np.concatenate([np.full(count, priors.intensity), np.full(3 * count, priors.position_m)])
-        return replace(SharedParameters.nominal(count), covariance=np.diag(held**2))
+        stated = block_diag(priors.intensity**2 * np.eye(count), priors.position_covariance(count))
+        return replace(SharedParameters.nominal(count), covariance=stated)
     change, covariance = equations.posterior()
     terms = LAMBERTIAN
     if estimate.terms is not None:
@@ -204,11 +223,11 @@ def evidence_maximised_sigma(matrix: FloatArray, right: FloatArray, others: Floa
 
     It is `stated`, unless the log Bayes factor of a larger one exceeds MIN_LOG_BAYES_FACTOR. The images' normal
     equations `matrix` x = `right` are in the log intensities (F,) and then the other shared parameters (M,), of which
-    the prior has precision `others` (M,). These are marginalised, and so are the intensities, for each σ. Directions
+    the prior has precision `others` (M, M). These are marginalised, and so are the intensities, for each σ. Directions
     that images do not determine, the scale of all intensities and the tilt of a plane, add no evidence.
     """
     count = len(right) - len(others)
-    across, last = matrix[:count, count:], matrix[count:, count:] + np.diag(others)
+    across, last = matrix[:count, count:], matrix[count:, count:] + others
     schur = matrix[:count, :count] - across @ np.linalg.solve(last, across.T)
     marginal = right[:count] - across @ np.linalg.solve(last, right[count:])
     precision, axes = np.linalg.eigh((schur + schur.T) / 2)
@@ -224,6 +243,13 @@ def evidence_maximised_sigma(matrix: FloatArray, right: FloatArray, others: Floa
 def _precision(sigma: FloatArray) -> FloatArray:
     """Precision of priors from their σ; zero holds a parameter fixed."""
     return np.where(sigma > 0, 1.0 / np.maximum(sigma, 1e-12) ** 2, 1e18)
+
+
+def _position_precision(priors: Priors, count: int) -> FloatArray:
+    """Precision (3F, 3F) of the prior of the lamps' positions."""
+    if priors.position_m == 0:
+        return np.diag(_precision(np.zeros(3 * count)))
+    return np.asarray(np.linalg.inv(priors.position_covariance(count)), np.float64)
 
 
 def normal_variance(estimate: Estimate, lamps: Float32Array, covariance: FloatArray) -> Float32Array:

@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from acquisition import photometry
+from acquisition import lamp_pose, photometry
 from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
@@ -152,6 +152,13 @@ def read(
     seconds = [shot.exposure_s for shot in shots]
     photons, floor = photometry.sensor_noise(calibration, seconds, [ambient[one] for one in seconds])
     return held_if_small(StoredImages(block, lights, rows, columns, photons, floor))
+
+
+def common_lamp_errors(observations: Observations, calibration: Calibration) -> FloatArray | None:
+    """`lamp_pose.common_errors` of the lit images (F, 3, C); none where a tool pose is not on record."""
+    poses = [shot.base_from_tool for shot, _ in lit_shots(observations)]
+    known = [pose for pose in poses if pose is not None]
+    return lamp_pose.common_errors(np.array(known), calibration) if len(known) == len(poses) else None
 
 
 def _length(part: slice) -> int:

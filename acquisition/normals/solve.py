@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from acquisition import photometry
-from acquisition.models.base import BoolArray, Float32Array
+from acquisition.models.base import BoolArray, Float32Array, FloatArray
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.result import NormalMap, SolveSettings
@@ -60,7 +60,7 @@ def solve(
     images = session_images.read(observations, sensor.calibration, rows, columns)
     normal_map = solve_stack(
         images, sensor.calibration, settings, initial_depth_m=initial_depth_m, region=region,
-        table_depth_m=table_depth_m,
+        table_depth_m=table_depth_m, common_lamp_errors_m=session_images.common_lamp_errors(observations, calibration),
     )  # fmt: skip
     return replace(
         normal_map, noise=normal_map.noise | sensor.figures, notes=normal_map.notes | {"sensor": sensor.note}
@@ -76,11 +76,13 @@ def solve_stack(
     region: BoolArray | None = None,
     table_depth_m: Float32Array | None = None,
     object_mask: BoolArray | None = None,
+    common_lamp_errors_m: FloatArray | None = None,
 ) -> NormalMap:
     """Solves images of any source within their window by near-light photometric stereo.
 
-    `object_mask` (H, W) is the object's whole silhouette; none: it is segmented in the images, within `region`. The
-    rest as for `solve`. All (H, W) are of the calibration's size. Raises RigError normals.infeasible as `solve` does.
+    `object_mask` (H, W) is the object's whole silhouette; none: it is segmented in the images, within `region`.
+    `common_lamp_errors_m` (F, 3, C) as of `lamp_pose.common_errors`. The rest as for `solve`. All (H, W) are of the
+    calibration's size. Raises RigError normals.infeasible as `solve` does.
     """
     rows, columns = images.rows, images.columns
     size = (calibration.height, calibration.width)
@@ -108,7 +110,7 @@ def solve_stack(
     start = rough[masked.mask]
     if factor > 1:
         start = np.full(len(level.coarse.index), np.mean(start), np.float32)
-    nominal = Scene(lamps, calibration, noise, settings)
+    nominal = Scene(lamps, calibration, noise, settings, common_lamp_errors_m=common_lamp_errors_m)
     solution, findings = model_selection.select(Problem(masked, level, start, nominal))
     chosen = solution.problem
     unsound = any(not finding.corrected for finding in findings)

@@ -69,12 +69,12 @@ def scores(
 
 def _score(equations: Equations, tested: int) -> TermScore:
     """Gain and step of one parameter, all others that are not held eliminated under their priors (Schur complement)."""
-    others = equations.sigma > 0
+    others = ~equations.held
     others[tested] = False
-    precision = 1 / equations.sigma[others] ** 2
-    inner = equations.matrix[np.ix_(others, others)] + np.diag(precision)
+    precision = equations.precision[np.ix_(others, others)]
+    inner = equations.matrix[np.ix_(others, others)] + precision
     across: FloatArray = equations.matrix[tested, others]
-    right = equations.right[others] - precision * equations.before[others]
+    right = equations.right[others] - precision @ equations.before[others]
     information = float(equations.matrix[tested, tested] - across @ np.linalg.solve(inner, across))
     score = float(equations.right[tested] - across @ np.linalg.solve(inner, right))
     if information <= 0:

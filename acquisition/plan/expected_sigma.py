@@ -4,12 +4,13 @@ A result's σ consists of components (`acquisition.normals.error_variance`): the
 χ², the misfit of the pixel's images, and variances that no posterior contains. A plan knows the posterior of its
 design, how many lights will reach each pixel, and the misfit of the images so far:
 
-    σ² = (A + B κ) v + S² κ + D² [fewer than four lights expected] + E² [something is wrong with the capture]
+    σ² = (A + B κ) (v + C²) + S² κ + D² [fewer than four lights expected] + E² [something is wrong with the capture]
 
 κ is χ² of the images so far over the whole object, between 1 and MAX_MISFIT, because few images have few residuals: a
 pixel's own χ² after a pilot of four says next to nothing, and where half of the pixels are lit by three lights it does
 not exist. What raises it (shadow edges, steps, indirect light, lobes of the lamps) is shared by images, so that a part
-of it, S² κ, does not fall with their number. Creases are left out: those in a pilot's normals are its noise.
+of it, S² κ, does not fall with their number. C is what the calibration leaves uncertain of all lamps alike. Creases are
+left out: those in a pilot's normals are its noise.
 """
 
 from dataclasses import dataclass
@@ -30,23 +31,28 @@ MAX_MISFIT = 10.0
 
 @dataclass(frozen=True)
 class ExpectedSigma:
-    """What of the expected σ depends on the images so far: κ, and whether something remains wrong with them."""
+    """What of the expected σ depends on the images so far: κ, and whether something remains wrong with them; and C, 1 σ
+    in rad of the lamps' directions, per axis, by errors of the calibration that all of them share."""
 
     misfit: float = 1.0
     unsound: bool = False
+    calibration_rad: float = 0.0
 
     def sigma_deg(self, posterior: Posterior) -> FloatArray:
         """Expected σ (P,) in degrees of pixels with a posterior, mean over its visibility scenarios."""
         factor = photometry.POSTERIOR_FACTOR + photometry.MISFIT_FACTOR * self.misfit
         added = SHARED_SIGMA_DEG**2 * self.misfit + (photometry.UNSOUND_SIGMA_DEG**2 if self.unsound else 0.0)
         few = np.where(posterior.lit <= photometry.PIXEL_UNKNOWNS, photometry.FEW_LIGHTS_SIGMA_DEG**2, 0.0)
-        variance = factor * np.degrees(1) ** 2 * posterior.variance + few + added
+        # Both tangential directions of a normal, as the posterior's variance counts them.
+        shared = 2 * self.calibration_rad**2
+        variance = factor * np.degrees(1) ** 2 * (posterior.variance + shared) + few + added
         return np.asarray(np.mean(np.sqrt(variance), axis=0))
 
 
-def of(normal_map: NormalMap) -> ExpectedSigma:
+def of(normal_map: NormalMap, calibration_rad: float = 0.0) -> ExpectedSigma:
     """Misfit and findings of the images so far; a misfit of 1, that of a model that holds, where none is stated."""
     return ExpectedSigma(
         misfit=float(np.clip(normal_map.noise.get("misfit", 1.0), 1.0, MAX_MISFIT)),
         unsound=any(not finding.corrected for finding in normal_map.findings),
+        calibration_rad=calibration_rad,
     )

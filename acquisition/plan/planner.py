@@ -279,7 +279,9 @@ def build_problem(
         observations=observations,
         surface=visibility.surface(normal_map, calibration),
         gloss=planned_noise.gloss(normal_map),
-        expected=expected_sigma.of(normal_map),
+        expected=expected_sigma.of(
+            normal_map, lamp_pose.common_direction_sigma_rad(reach.candidates, reach.center, calibration)
+        ),
         calibration=calibration,
         recipe=recipe,
         reach=reach,

@@ -122,9 +122,12 @@ def forecast(
         designs = _planned(recipe, first_lights, reach, counts, sample, rows)
     else:
         designs = [rows(_pattern(recipe, first_lights, reach, count)) for count in counts]
+    expected = ExpectedSigma(
+        calibration_rad=lamp_pose.common_direction_sigma_rad(reach.candidates, reach.center, calibration)
+    )
     points: list[ForecastPoint] = []
     for count, design in zip(counts, designs, strict=True):
-        sigma_deg = ExpectedSigma().sigma_deg(criterion.posterior(sample, design))
+        sigma_deg = expected.sigma_deg(criterion.posterior(sample, design))
         points.append(ForecastPoint(added=count, lights=count, sigma_deg=float(np.mean(sigma_deg))))
     return PriorForecast(points=points, assumption=ASSUMPTION.format(diameter_mm=2e3 * radius_m))
 

@@ -30,7 +30,7 @@ def normal_equations(estimates: list[float], precision: list[float]) -> tuple[np
 def test_evidence_undetermined_directions_are_ignored() -> None:
     """Five of eight combinations are off by 3 %; three are not determined by the images."""
     matrix, right = normal_equations([0.03, -0.03, 0.03, 0.03, -0.03, 0, 0, 0], [500.0**2] * 5 + [0.0] * 3)
-    assert self_calibration.evidence_maximised_sigma(matrix, right, np.array([33.0**2]), STATED) == pytest.approx(
+    assert self_calibration.evidence_maximised_sigma(matrix, right, np.array([[33.0**2]]), STATED) == pytest.approx(
         0.03, rel=0.25
     )
 
@@ -38,7 +38,7 @@ def test_evidence_undetermined_directions_are_ignored() -> None:
 @pytest.mark.parametrize("size", [0.0, 0.004, 0.01, 0.014])
 def test_evidence_below_bayes_factor_keeps_stated_sigma(size: float) -> None:
     matrix, right = normal_equations([size] * 8, [500.0**2] * 8)
-    assert self_calibration.evidence_maximised_sigma(matrix, right, np.array([33.0**2]), STATED) == STATED
+    assert self_calibration.evidence_maximised_sigma(matrix, right, np.array([[33.0**2]]), STATED) == STATED
 
 
 def test_evidence_residuals_explained_by_shift_keep_stated_sigma() -> None:
@@ -47,7 +47,9 @@ def test_evidence_residuals_explained_by_shift_keep_stated_sigma() -> None:
     slope = TURNED[:, 0] * 4.0
     matrix[:8, 8] = matrix[8, :8] = matrix[:8, :8] @ slope
     matrix[8, 8] = slope @ matrix[:8, :8] @ slope
-    assert self_calibration.evidence_maximised_sigma(matrix, matrix[:, 8] * 0.01, np.array([33.0**2]), STATED) == STATED
+    assert (
+        self_calibration.evidence_maximised_sigma(matrix, matrix[:, 8] * 0.01, np.array([[33.0**2]]), STATED) == STATED
+    )
 
 
 def test_step_flat_glossy_surface_recovers_intensities() -> None:
