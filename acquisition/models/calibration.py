@@ -59,9 +59,10 @@ class LampLobe(Value):
         return self
 
 
-Row6 = Annotated[tuple[float, float, float, float, float, float], Field(strict=False)]
-Matrix3 = Annotated[tuple[Vector3, Vector3, Vector3], Field(strict=False)]
-Matrix6 = Annotated[tuple[Row6, Row6, Row6, Row6, Row6, Row6], Field(strict=False)]
+_Row3 = Annotated[tuple[float, ...], Field(strict=False, min_length=3, max_length=3)]
+_Row6 = Annotated[tuple[float, ...], Field(strict=False, min_length=6, max_length=6)]
+Matrix3 = Annotated[tuple[_Row3, ...], Field(strict=False, min_length=3, max_length=3)]
+Matrix6 = Annotated[tuple[_Row6, ...], Field(strict=False, min_length=6, max_length=6)]
 
 
 class Calibration(Value):
