@@ -22,7 +22,9 @@ _KINEMATICS = struct.Struct(">24x24d")
 _ROBOT_MODE = 0
 _PROGRAM = struct.Struct(">13x??")  # running, paused
 _LONGEST = 1 << 16
-_ENOUGH_S = 1.0
+_ENOUGH_S = 3.0
+"""How long the calibration is waited for, s: the controller sends it within 0.1 s; a busy machine may be kept from
+reading it, and a comparison that is left out for that would not be seen."""
 
 CONFIRM_S = 0.5
 """Time, s, for the controller to report that no program runs: five of its messages."""

@@ -154,6 +154,20 @@ def until_undisturbed(act: Callable[[], object]) -> None:
     act()
 
 
+def moved(arm: UrArm, path: Sequence[Sequence[float]] = (HOME,), limits: Sequence[MotionLimits] | None = None) -> None:
+    """Moves the arm to the end of a path; once more, connected anew, where the machine's load has ended a move.
+
+    For a test that needs the arm there. Where the move itself is what is tested, nothing may connect in between.
+    """
+
+    def move() -> None:
+        if not arm.reading.connected or not arm.reading.program_running:
+            arm.connect()
+        arm.move(path, [LIMITS] * len(path) if limits is None else limits, StopToken())
+
+    until_undisturbed(move)
+
+
 def under_way(
     arm: UrArm, control: ControlClient, path: Sequence[Sequence[float]] = (FAR,)
 ) -> tuple[Journey, dict[str, Any]]:

@@ -11,7 +11,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import pytest
 
-from acquisition.devices import UNKNOWN, StopToken
+from acquisition.devices import UNKNOWN
 from acquisition.devices.ur import probe
 from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
@@ -23,11 +23,11 @@ from hardware_sim.nominal import ROBOT_API_PORT
 from tests.acquisition.devices.arm_scenes import (
     CELL,
     HOME,
-    LIMITS,
     NEAR,
     arm_config,
     connected,
     controller,
+    moved,
     stays_at_rest,
     under_way,
     until_undisturbed,
@@ -59,12 +59,9 @@ def home(arm: UrArm, control: ControlClient) -> UrArm:
     control.fault("hand_move", joints=list(HOME), seconds=0.0)
     control.fault("clear")
 
-    def make_ready() -> None:
-        arm.connect()
-        arm.move([HOME], [LIMITS], StopToken())
-        UrLamp(arm, CELL.lamp).set(True)
-
-    until_undisturbed(make_ready)
+    until_undisturbed(arm.connect)
+    moved(arm)
+    UrLamp(arm, CELL.lamp).set(True)
     return arm
 
 
@@ -218,7 +215,7 @@ def test_halt_by_driver_alone_stops_the_arm(control: ControlClient) -> None:
         assert_stopped(control)
         assert isinstance(journey.end(), Halted)
         assert control.state()["runtime_state"] == PLAYING
-        arm.move([NEAR], [LIMITS], StopToken())
+        moved(arm, [NEAR])
 
 
 @pytest.mark.long

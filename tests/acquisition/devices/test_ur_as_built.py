@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acquisition import geometry, lamp_pose
-from acquisition.devices import MotionLimits, StopToken
+from acquisition.devices import MotionLimits
 from acquisition.devices.ur import primary
 from acquisition.devices.ur.arm import UrArm
 from acquisition.models import cell_config
@@ -19,7 +19,7 @@ from acquisition.waypoints.routing import route
 from hardware_sim import real_time_controller
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.options import ControllerOptions
-from tests.acquisition.devices.arm_scenes import CELL, connected
+from tests.acquisition.devices.arm_scenes import CELL, connected, moved
 from tests.acquisition.waypoints.cells import CELLS
 
 ADDRESS = "127.0.13.10"
@@ -44,7 +44,7 @@ def control() -> Iterator[ControlClient]:
 @pytest.fixture(scope="module")
 def cell(control: ControlClient) -> CellConfig:
     """The simulated cell with the calibration that the controller tells."""
-    joints = primary.kinematics(ADDRESS)
+    joints = primary.kinematics(ADDRESS, within_s=60.0)
     assert joints is not None
     return CELL.model_copy(update={"arm": CELL.arm.model_copy(update={"address": ADDRESS, "kinematics": joints})})
 
@@ -73,7 +73,7 @@ def test_calibrated_kinematics_lights_match_log_and_plan(cell: CellConfig, contr
         assert arm.preflight() == []
         for waypoint in planned.waypoints:
             limits = [MotionLimits(speed, cell.arm.max_joint_acceleration_rad_s2) for speed in waypoint.speeds]
-            arm.move(waypoint.path, limits, StopToken())
+            moved(arm, waypoint.path, limits)
             logged.append(lamp_pose.light_from_tool(arm.reading.base_from_tool, CALIBRATION))
             true.append(lamp_pose.light_from_tool(np.array(control.state()["base_from_tool"]), CALIBRATION))
     aimed = [waypoint.light for waypoint in planned.waypoints]

@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.devices import StopToken
 from acquisition.devices.ur.arm import UrArm
 from acquisition.devices.ur.lamp import UrLamp
 from hardware_sim.controller.control import ControlClient
@@ -24,12 +23,11 @@ from hardware_sim.controller.trace import read_trace
 from tests.acquisition.devices.arm_scenes import (
     CELL,
     FAR,
-    HOME,
-    LIMITS,
     SERVICE_CODE,
     arm_config,
     connected,
     controller,
+    moved,
     under_way,
     wait_until_moving,
 )
@@ -59,7 +57,7 @@ def moving_service(control: ControlClient) -> Iterator[subprocess.Popen[bytes]]:
 def moving_arm(control: ControlClient) -> Iterator[UrArm]:
     """The arm under way, moved by this process."""
     with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output)) as arm:
-        arm.move([HOME], [LIMITS], StopToken())
+        moved(arm)
         UrLamp(arm, CELL.lamp).set(True)
         journey, _ = under_way(arm, control)
         yield arm

@@ -38,6 +38,7 @@ from tests.acquisition.devices.arm_scenes import (
     arm_config,
     connected,
     controller,
+    moved,
     stays_at_rest,
     under_way,
     until_undisturbed,
@@ -76,8 +77,8 @@ def made_ready(arm: UrArm, control: ControlClient) -> UrArm:
         control.fault("hand_move", joints=list(HOME), seconds=0.0)
         control.fault("clear")
         wait_for(lambda: control.state()["runtime_state"] == STOPPED)
-    arm.connect()
-    arm.move([HOME], [LIMITS], StopToken())
+    until_undisturbed(arm.connect)
+    moved(arm)
     UrLamp(arm, CELL.lamp).set(True)
     return arm
 
@@ -102,13 +103,13 @@ def test_halt_by_driver_alone_stops_the_arm(shared_arm: UrArm, control: ControlC
         after = assert_stopped(control, moving)
         assert isinstance(journey.end(), Halted)
         assert after["runtime_state"] == PLAYING, "the driver's stop leaves the control program running"
-        arm.move([NEAR], [LIMITS], StopToken())
+        moved(arm, [NEAR])
 
 
 def test_halt_by_dashboard_alone_stops_the_arm(shared_arm: UrArm, control: ControlClient) -> None:
     shared_arm.close()
     with connected(UrArm(arm_config(ADDRESS), CELL.lamp.output, halt_by_driver=False)) as arm:
-        until_undisturbed(lambda: made_ready(arm, control))
+        made_ready(arm, control)
 
         def stopped_by_the_dashboard() -> bool:
             lines = len(control.log())
@@ -263,7 +264,8 @@ def test_safety_stop_during_move_raises_its_code(fault: str, code: ErrorCode) ->
             wait_for(lambda: arm.reading.safety_bits == 1)
             assert stays_at_rest(control)
             assert control.state()["runtime_state"] == STOPPED, "only connect or prepare may start it again"
-            until_undisturbed(lambda: (arm.prepare(), arm.move([HOME], [LIMITS], StopToken())))
+            until_undisturbed(arm.prepare)
+            moved(arm)
 
 
 @pytest.mark.parametrize(
