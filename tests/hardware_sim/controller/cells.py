@@ -23,7 +23,7 @@ HOME = [0.0, -1.9, 1.9, -1.57, -1.57, 0.0]
 _numbers = itertools.count(os.getpid() * 7)
 
 
-def start(**options: Any) -> ControllerProcess:
+def start(*, log_level: str = "WARNING", **options: Any) -> ControllerProcess:
     """A controller at an address of 127.0.1.1–250 that is free: another run of the tests may hold some.
 
     Digital output 0, the lamp's, goes low when no program plays.
@@ -33,6 +33,7 @@ def start(**options: Any) -> ControllerProcess:
             return ControllerProcess(
                 f"127.0.1.{1 + next(_numbers) % 250}",
                 ControllerOptions(**({"home": HOME, "low_when_stopped": (0,)} | options)),
+                log_level=log_level,
                 module="hardware_sim.real_time_controller",
             )
         except ConnectionError:
