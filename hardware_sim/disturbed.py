@@ -19,7 +19,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from hardware_sim.world import ExposureInterval, World
 
 Disturbances = dict[str, Any]
-"""As `controller.disturbances.Disturbances.as_json` gives them."""
+"""The fields of `controller.disturbances.Disturbances`."""
 
 
 class DisturbedWorld:

@@ -9,7 +9,8 @@ contact is seen at the latest when a body is `GAP_M` deep, and never while it is
 
 FOLDER holds, for each model to be made anew, a folder of seven convex, watertight STL files in m, sorted from base to
 flange, each in its Denavit–Hartenberg frame: the collision meshes of UR's public robot description (BSD-3-Clause), or
-what `acquisition.waypoints.estimated_links` makes of them. A model that has another's links has its name for them.
+what `acquisition.waypoints.estimated_links` makes of them, which puts an empty file `estimated` beside them. A model that
+has another's links has its name for them.
 """
 
 import heapq
@@ -81,7 +82,7 @@ def main(folder: Path) -> None:
     table = Path(__file__).parent / "controller" / "link_spheres.json"
     models: dict[str, list[list[int]] | str] = json.loads(table.read_text(encoding="utf-8"))
     for model in sorted(folder.iterdir()):
-        coarse = ESTIMATED if model.name in ("ur15", "ur20", "ur30") else 1.0
+        coarse = ESTIMATED if (model / "estimated").exists() else 1.0
         links = [packed(trimesh.load_mesh(path), coarse) for path in sorted(model.glob("*.stl"))]
         models[model.name] = [np.rint(link / UNIT_M).astype(int).ravel().tolist() for link in links]
     table.write_text(json.dumps(models, separators=(",", ":")).replace("],[", "],\n[") + "\n", encoding="utf-8")

@@ -57,7 +57,7 @@ lightpose_ur_sim = "lightpose_ur_sim.pytest_plugin"
 
 [tool.setuptools]
 packages = ["lightpose_ur_sim"]
-package-data.lightpose_ur_sim = ["*.json", "py.typed"]
+package-data.lightpose_ur_sim = ["*.json", "*.toml", "py.typed"]
 """
 
 
@@ -70,14 +70,16 @@ def write(folder: Path) -> None:
             text = file.read_text(encoding="utf-8")
             text = text.replace("hardware_sim.controller", NAME).replace("hardware_sim/controller", NAME)
             (package / file.name).write_text(text, encoding="utf-8")
-        elif file.suffix == ".json":
+        elif file.suffix in (".json", ".toml"):
             shutil.copy(file, package)
     (package / "py.typed").touch()
     shutil.copy(_ROOT / "LICENSE", folder)
     # The spheres that links touch with are made from its meshes.
     shutil.copy(_ROOT / "acquisition" / "waypoints" / "meshes" / "LICENSE", folder / "LICENSE.ur_description")
     version = tomllib.loads((_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
-    (folder / "README.md").write_text(_README, encoding="utf-8")
+    failures = (_ROOT / "docs" / "reference" / "ur-rtde-failures.md").read_text(encoding="utf-8")
+    failures = failures.replace("[simulated controller](simulated-controller.md)", "simulated controller")
+    (folder / "README.md").write_text(f"{_README}\n#{failures}", encoding="utf-8")
     (folder / "pyproject.toml").write_text(_PROJECT.format(version=version), encoding="utf-8")
 
 

@@ -155,6 +155,7 @@ def main(folder: Path) -> None:
             stem = f"{mesh.link}_{mesh.name}"
             arrays |= {f"{stem}_vertices": mesh.vertices, f"{stem}_faces": mesh.faces}
             (folder / name / f"{stem}.stl").write_bytes(stl.encoded(mesh.vertices, mesh.faces))
+        (folder / name / "estimated").touch()  # how coarsely `hardware_sim.link_spheres` packs them
         np.savez_compressed(here / "meshes" / f"{name}.npz", allow_pickle=False, **arrays)
     table.write_text(text, encoding="utf-8")
 

@@ -10,7 +10,6 @@ import signal
 import sys
 from dataclasses import fields
 from pathlib import Path
-from types import FrameType
 
 from hardware_sim.controller.calibration import TYPICAL_ERROR_M
 from hardware_sim.controller.kinematics import JOINT_LIMIT, MODELS
@@ -33,24 +32,10 @@ def main(real_time: RealTime | None = None) -> int:
     parser.add_argument("--polyscope", choices=["5", "x"], default="5", help="software; x has no dashboard")
     parser.add_argument("--robot-api-port", type=int, default=80, help="of --polyscope x; below 1024 may need a right")
     parser.add_argument("--home", type=_joints, default=HOME, help="initial joints in rad")
-    parser.add_argument(
-        "--calibration-seed", type=int, help="an arm that differs from its nominal kinematics; default: nominal"
-    )
-    parser.add_argument(
-        "--calibration-error-m",
-        type=float,
-        default=TYPICAL_ERROR_M,
-        help="rms of the flange's distance from its nominal position",
-    )
+    parser.add_argument("--calibration-seed", type=int, help="an arm off its nominal kinematics; default: nominal")
+    parser.add_argument("--calibration-error-m", type=float, default=TYPICAL_ERROR_M, help="rms, of the flange's place")
     parser.add_argument("--speed", type=float, default=1.0, help="speed factor of motion")
-    parser.add_argument(
-        "--low-when-stopped",
-        type=int,
-        nargs="*",
-        default=[],
-        metavar="OUTPUT",
-        help="digital outputs held low while no program plays; default: none",
-    )
+    parser.add_argument("--low-when-stopped", type=int, nargs="*", default=[], help="outputs low while nothing plays")
     parser.add_argument("--surroundings", type=Path, help="what the arm can touch (.npz); default: nothing")
     parser.add_argument("--programs", type=Path, help="folder of programs (NAME.urp, URScript) for `load NAME.urp`")
     parser.add_argument("--record", type=Path, help="append every tick to this file")
@@ -63,21 +48,16 @@ def main(real_time: RealTime | None = None) -> int:
     if not 0.0 < arguments.calibration_error_m <= 0.02:
         parser.error("--calibration-error-m must be above 0 and at most 0.02")
     logging.basicConfig(level=arguments.log, stream=sys.stderr, format="%(asctime)s %(name)s %(message)s")
-    ended = False
-
-    def end(number: int, frame: FrameType | None) -> None:
-        nonlocal ended
-        ended = True
-
-    signal.signal(signal.SIGTERM, end)
-    signal.signal(signal.SIGINT, end)
+    ended: list[int] = []
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda number, frame: ended.append(number))
     gc.collect()
     gc.freeze()
     try:
         serve(
             arguments.address,
             ControllerOptions(**{field.name: getattr(arguments, field.name) for field in fields(ControllerOptions)}),
-            stop=lambda: ended,
+            stop=lambda: bool(ended),
             stop_descriptor=sys.stdin.fileno() if arguments.until_eof else None,
             real_time=real_time,
         )

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 from hardware_sim.controller import kinematics, limits, poses
 from hardware_sim.controller.blend import Blend
-from hardware_sim.controller.curves import Arc, Curve, Line
+from hardware_sim.controller.curves import Line
 from hardware_sim.controller.force import LEAST_CONTACT, MOST_FORCE, ForceMotion, SpringSurface
 from hardware_sim.controller.freedrive import Freedrive
 from hardware_sim.controller.kinematics import ArmModel
 from hardware_sim.controller.motion import STANDSTILL, Follower, Joints, Motion, MotionError, Twist
-from hardware_sim.controller.moves import JointMove, ProgrammedMove, ToolMove, curve_profile, plan_joint_move
+from hardware_sim.controller.moves import JointMove, ProgrammedMove, ToolMove
 from hardware_sim.controller.poses import Frame
 from hardware_sim.controller.process_path import ProcessPath
 from hardware_sim.controller.steering import JointBrake, LinearBrake
@@ -62,7 +62,6 @@ class Arm:
 
     @property
     def moving(self) -> bool:
-        """Whether any joint turns."""
         return any(self.speeds)
 
     @property
@@ -117,22 +116,9 @@ class Arm:
         speeds = self.speeds if self.corner is None else STANDSTILL
         return Follower(self.model, self.next_start, speeds, self.flange_from_tool)
 
-    def joint_move(self, target: Sequence[float], speed: float, acceleration: float, seconds: float) -> JointMove:
-        """A joint move from where the next move begins. Raises MotionError."""
-        start = self.next_start
-        return plan_joint_move(self.model, start, target, self.flange_from_tool, speed, acceleration, seconds)
-
     def line_to(self, target: Frame) -> Line:
         """The tool's straight line from where the next move begins."""
         return Line(self.tool_at(self.next_start), target)
-
-    def arc_to(self, via: Frame, target: Frame, fixed: bool) -> Arc:
-        """The tool's circle from where the next move begins. Raises ValueError where there is none."""
-        return Arc(self.tool_at(self.next_start), poses.position(via), target, fixed)
-
-    def tool_move(self, curve: Curve, speed: float, acceleration: float, seconds: float) -> ToolMove:
-        """A move of the tool on a curve. Raises MotionError."""
-        return ToolMove(self.follower(), curve, curve_profile(curve, speed, acceleration, seconds))
 
     def start(self, move: ProgrammedMove, radius: float, warn: Callable[[str], None]) -> float:
         """Begins a move, blended into the present one where that left a corner.
@@ -227,7 +213,10 @@ class Arm:
         else:
             joints, speeds = (self.blend or motion).step(dt, pace)
             if not isinstance(motion, JointBrake):
-                self._check(joints, speeds)
+                outwards = [q if q * s > 0.0 else 0.0 for q, s in zip(joints, speeds, strict=True)]
+                fault = limits.position_fault(outwards, self.model.unlimited_joints)
+                if fault is not None:
+                    raise MotionError(fault)
             self.joints, self.speeds = joints, speeds
         self.refresh()
         if self.blend is not None and self.blend.finished:
@@ -241,13 +230,6 @@ class Arm:
                 fault = f"the tool pushes with {self.pressure:.0f} N, its limit is {MOST_FORCE:.0f}"
             if fault is not None:
                 raise MotionError(fault)
-
-    @staticmethod
-    def _check(joints: Joints, speeds: Joints) -> None:
-        outwards = [q if q * s > 0.0 else 0.0 for q, s in zip(joints, speeds, strict=True)]
-        fault = limits.position_fault(outwards)
-        if fault is not None:
-            raise MotionError(fault)
 
     def end_tick(self) -> None:
         """Counts ticks at rest and in contact, and keeps the history of joints."""

@@ -13,6 +13,7 @@ from hardware_sim.controller.motion import Follower, Joints, MotionError, State,
 from hardware_sim.controller.moves import CartesianMove, ProgrammedMove
 from hardware_sim.controller.poses import Frame
 
+ForwardKinematics = Callable[[Sequence[float]], Frame]
 _SAMPLES = 6
 _INSIDE = 0.98  # of the radius: what lies between two samples stays inside too
 _ROUNDS = 8
@@ -22,11 +23,7 @@ class Blend:
     """The superposition of a move's end and the next one's start."""
 
     def __init__(
-        self,
-        before: ProgrammedMove,
-        following: ProgrammedMove,
-        radius: float,
-        tool_at: Callable[[Sequence[float]], Frame],
+        self, before: ProgrammedMove, following: ProgrammedMove, radius: float, tool_at: ForwardKinematics
     ) -> None:
         """`following` begins where `before` ends; `radius` in m, `tool_at` is the tool's forward kinematics. A radius
         of zero makes the arm stop at the corner.
@@ -43,7 +40,7 @@ class Blend:
         self.velocity: Twist | None = None
         self.finished = False
 
-    def _admitted(self, radius: float, tool_at: Callable[[Sequence[float]], Frame]) -> float:
+    def _admitted(self, radius: float, tool_at: ForwardKinematics) -> float:
         """The longest overlap in s that keeps the tool inside the radius."""
         overlap = min(self._before.ramp_out, self._following.ramp_in, self._before.time_left)
         try:
@@ -57,7 +54,7 @@ class Blend:
             pass  # the sum leaves the reach: no blend
         return 0.0
 
-    def _away(self, overlap: float, share: float, tool_at: Callable[[Sequence[float]], Frame]) -> float:
+    def _away(self, overlap: float, share: float, tool_at: ForwardKinematics) -> float:
         """The tool's distance in m from the corner at a share of the overlap."""
         left, gone = (1.0 - share) * overlap, share * overlap
         before, following = self._before, self._following

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hardware_sim.controller.kinematics import ArmModel
 
@@ -28,15 +28,6 @@ class Collision:
     def parts(self) -> str:
         """Both in words."""
         return f"{self.first} touches {self.second}"
-
-    def as_json(self) -> dict[str, Any]:
-        """For the control port."""
-        return {
-            "timestamp": self.timestamp,
-            "first": self.first,
-            "second": self.second,
-            "joints": list(self.joints),
-        }
 
 
 class Collisions:

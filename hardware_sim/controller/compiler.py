@@ -14,26 +14,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from types import CodeType
 
+from hardware_sim.controller import syntax_tree as tree
+from hardware_sim.controller.semantics import OPERATIONS
 from hardware_sim.controller.syntax import ScriptSyntaxError, parse
-from hardware_sim.controller.syntax_tree import (
-    Assign,
-    Binary,
-    Call,
-    ExpressionStatement,
-    Function,
-    If,
-    Index,
-    KeywordStatement,
-    ListLiteral,
-    Literal,
-    Member,
-    Name,
-    Node,
-    RunThread,
-    StructLiteral,
-    Unary,
-    While,
-)
 
 
 @dataclass(frozen=True)
@@ -59,17 +42,7 @@ class CompiledProgram:
 
 _LOGIC = {"xor": "!=", "and": "and", "or": "or"}
 _NATIVE = {"==", "!="}
-NAMES_OF_OPERATIONS = {
-    "+": "o_add",
-    "-": "o_subtract",
-    "*": "o_multiply",
-    "/": "o_divide",
-    "%": "o_remainder",
-    "<": "o_less",
-    "<=": "o_less_or_equal",
-    ">": "o_greater",
-    ">=": "o_greater_or_equal",
-}
+NAMES_OF_OPERATIONS = {sign: f"o_{number}" for number, sign in enumerate(OPERATIONS)}
 """What a program's code calls the operators of `semantics.OPERATIONS`."""
 _COST_OF_BUILTIN = 10  # in nodes of the tree
 _COST_OF_KINEMATICS = 500
@@ -95,50 +68,25 @@ def compile_program(text: str, vocabulary: Vocabulary, statement: bool = False) 
     return CompiledProgram(program.name, program.kind == "sec", code, tuple(lines))
 
 
-def _functions(function: Function) -> Iterator[Function]:
+def _functions(function: tree.Function) -> Iterator[tree.Function]:
     yield function
     for inner in function.functions:
         yield from _functions(inner)
 
 
-def _walk(nodes: list[Node]) -> Iterator[Node]:  # noqa: PLR0912 - one branch per kind of node
+def _walk(nodes: list[tree.Node]) -> Iterator[tree.Node]:
     """All nodes below `nodes`, themselves included."""
     stack = list(reversed(nodes))
     while stack:
         node = stack.pop()
         yield node
-        match node:
-            case Assign(_, target, value, _):
-                stack += [target, value]
-            case ExpressionStatement(_, value) | Unary(_, _, value) | Member(_, value, _):
-                stack.append(value)
-            case StructLiteral(_, members):
-                stack += members.values()
-            case If(_, branches):
-                for condition, body in branches:
-                    stack += body if condition is None else [condition, *body]
-            case While(_, condition, body):
-                stack += [condition, *body]
-            case KeywordStatement(_, _, value) if value is not None:
-                stack.append(value)
-            case Binary(_, _, left, right):
-                stack += [left, right]
-            case Index(_, value, indices):
-                stack += [value, *indices]
-            case ListLiteral(_, items):
-                stack += items
-            case RunThread(_, call):
-                stack += [*call.arguments, *call.keywords.values()]
-            case Call(_, _, arguments, keywords):
-                stack += [*arguments, *keywords.values()]
-            case _:
-                pass
+        stack += node.children()
 
 
 class _Writer:
     """Writes the Python of one program."""
 
-    def __init__(self, program: Function, vocabulary: Vocabulary, statement: bool) -> None:
+    def __init__(self, program: tree.Function, vocabulary: Vocabulary, statement: bool) -> None:
         self._program = program
         self._vocabulary = vocabulary
         self._all = list(_functions(program))
@@ -147,10 +95,10 @@ class _Writer:
             node.target.name
             for f in self._all
             for node in _walk(f.body)
-            if isinstance(node, Assign) and node.qualifier == "global" and isinstance(node.target, Name)
+            if isinstance(node, tree.Assign) and node.qualifier == "global" and isinstance(node.target, tree.Name)
         }
         if statement:
-            self._globals |= {n.name for f in self._all for n in _walk(f.body) if isinstance(n, Name)}
+            self._globals |= {n.name for f in self._all for n in _walk(f.body) if isinstance(n, tree.Name)}
         self._bodies = {
             f.name: list(_walk([*(d for d in f.parameters.values() if d is not None), *f.body])) for f in self._all
         }
@@ -158,22 +106,20 @@ class _Writer:
         self._outer: dict[str, list[str]] = {}
         self._bind(program, {})
         self._scope = self._prefixes[program.name]
-        self._calls = {
-            name: {node.name for node in nodes if isinstance(node, Call)} for name, nodes in self._bodies.items()
-        }
-        self._recursive = {name for name in self._bodies if self._reaches(name, name)}
-        self._waiting = self._find_waiting()
+        reached = self._reached()
+        self._recursive = {name for name, names in reached.items() if name in names}
+        self._waiting = self._find_waiting(reached)
         self._source: list[str] = []
         self._lines: list[int] = [0]
 
-    def _bind(self, f: Function, around: dict[str, str]) -> None:
+    def _bind(self, f: tree.Function, around: dict[str, str]) -> None:
         """Decides where the variables of a function and of those inside it live; `around` are those it can see.
 
         Lexical: `local` and parameters belong to the function, `global` to the program; any other assignment changes
         the variable that is visible there, and makes one of the function's own where none is.
         """
-        assignments = [node for node in self._bodies[f.name] if isinstance(node, Assign)]
-        assigned = [(n.target.name, n.qualifier) for n in assignments if isinstance(n.target, Name)]
+        assignments = [node for node in self._bodies[f.name] if isinstance(node, tree.Assign)]
+        assigned = [(n.target.name, n.qualifier) for n in assignments if isinstance(n.target, tree.Name)]
         names = {name for name, _ in assigned}
         own = {*f.parameters, *(name for name, qualifier in assigned if qualifier == "local")}
         own |= names - around.keys() - self._globals
@@ -187,56 +133,42 @@ class _Writer:
     def _variable(self, name: str) -> str:
         return self._scope.get(name, "g_" if name in self._globals else "v_") + name
 
-    def _find_waiting(self) -> set[str]:
+    def _reached(self) -> dict[str, set[str]]:
+        """By function of the program, the names of all that calls lead to."""
+        reached = {name: {n.name for n in nodes if isinstance(n, tree.Call)} for name, nodes in self._bodies.items()}
+        while True:
+            more = {name: names.union(*(reached[n] for n in names & reached.keys())) for name, names in reached.items()}
+            if more == reached:
+                return reached
+            reached = more
+
+    def _find_waiting(self, reached: dict[str, set[str]]) -> set[str]:
         """Names of the functions that may give up their time slot: by a loop, a wait, or a call of one that does."""
         waiting = {f.name for f in self._all if f.kind == "thread"} | {self._program.name} | self._recursive
         waiting |= {
             name
             for name, nodes in self._bodies.items()
             if any(
-                isinstance(n, While) or (isinstance(n, KeywordStatement) and n.keyword in ("join", "halt"))
+                isinstance(n, tree.While) or (isinstance(n, tree.KeywordStatement) and n.keyword in ("join", "halt"))
                 for n in nodes
             )
         }
-        while True:
-            more = {
-                name
-                for name, called in self._calls.items()
-                if name not in waiting and any(c in waiting or self._is_waiting_builtin(c) for c in called)
-            }
-            if not more:
-                return waiting
-            waiting |= more
+        ends = waiting | (self._vocabulary.waiting - self._names)
+        return waiting | {name for name, names in reached.items() if names & ends}
 
-    def _reaches(self, start: str, goal: str) -> bool:
-        """Whether calls lead from the body of one of the program's functions to another."""
-        visited: set[str] = set()
-        stack = list(self._calls[start])
-        while stack:
-            name = stack.pop()
-            if name == goal:
-                return True
-            if name in self._calls and name not in visited:
-                visited.add(name)
-                stack += self._calls[name]
-        return False
-
-    def _cost(self, nodes: list[Node], depth: int = 0) -> int:
+    def _cost(self, nodes: list[tree.Node], depth: int = 0) -> int:
         """How much one run through nodes costs, in nodes; calls that may wait count by themselves."""
         cost = 0
         for node in nodes:
             cost += 1
-            if isinstance(node, Call) and node.name in self._names:
+            if isinstance(node, tree.Call) and node.name in self._names:
                 if node.name not in self._waiting and depth < _DEEPEST_COUNTED:
                     cost += self._cost(self._bodies[node.name], depth + 1)
-            elif isinstance(node, Call):
+            elif isinstance(node, tree.Call):
                 cost += _COST_OF_KINEMATICS if "_kin" in node.name else _COST_OF_BUILTIN
             if cost > TURN_BUDGET:
                 return TURN_BUDGET
         return cost
-
-    def _is_waiting_builtin(self, name: str) -> bool:
-        return name in self._vocabulary.waiting and name not in self._names
 
     def write(self) -> tuple[str, list[int]]:
         self._emit(0, 0, "def program():")
@@ -248,7 +180,7 @@ class _Writer:
         self._source.append("    " * indent + text)
         self._lines.append(line)
 
-    def _function(self, f: Function, indent: int) -> None:
+    def _function(self, f: tree.Function, indent: int) -> None:
         parameters = [f"v_{p}" if default is None else f"v_{p}=..." for p, default in f.parameters.items()]
         self._emit(indent, f.line, f"def f_{f.name}({', '.join(parameters)}):")
         scope, self._scope = self._scope, self._prefixes[f.name]
@@ -268,19 +200,19 @@ class _Writer:
         self._block(f.body, indent + 1)
         self._scope = scope
 
-    def _block(self, body: list[Node], indent: int) -> None:
+    def _block(self, body: list[tree.Node], indent: int) -> None:
         if not body:
             self._emit(indent, 0, "pass")
         for node in body:
             self._statement(node, indent)
 
-    def _statement(self, node: Node, indent: int) -> None:
+    def _statement(self, node: tree.Node, indent: int) -> None:
         match node:
-            case Assign(line, target, value):
+            case tree.Assign(line, target, value):
                 self._emit(indent, line, self._assignment(target, self._value(value)))
-            case ExpressionStatement(line, value):
+            case tree.ExpressionStatement(line, value):
                 self._emit(indent, line, self._expression(value))
-            case If(line, branches):
+            case tree.If(line, branches):
                 for number, (condition, body) in enumerate(branches):
                     if condition is None:
                         self._emit(indent, line, "else:")
@@ -288,26 +220,29 @@ class _Writer:
                         word = "elif" if number else "if"
                         self._emit(indent, condition.line, f"{word} {self._condition(condition)}:")
                     self._block(body, indent + 1)
-            case While(line, condition, body):
+            case tree.While(line, condition, body):
                 self._emit(indent, line, f"while {self._condition(condition)}:")
                 cost = self._cost([*_walk([condition]), *_walk(body)])
                 self._emit(indent + 1, line, f"if turn_is_spent({cost}): yield")
                 self._block(body, indent + 1)
-            case KeywordStatement():
+            case tree.KeywordStatement():
                 self._simple(node, indent)
             case _:
                 raise ScriptSyntaxError(f"line {node.line}: not a statement")
 
-    def _assignment(self, target: Node, value: str) -> str:
+    def _assignment(self, target: tree.Node, value: str) -> str:
         match target:
-            case Name(_, name):
+            case tree.Name(_, name):
                 return f"{self._variable(name)} = {value}"
-            case Member(_, container, name):
+            case tree.Member(_, container, name):
                 return f"put_member({self._expression(container)}, {name!r}, {value})"
             # Outputs as lists, the writing of early versions, which urx sends to this day.
-            case Index(_, Name(_, "digital_out" | "analog_out" as n), [i]) if n not in {*self._scope, *self._globals}:
+            case tree.Index(_, tree.Name(_, "digital_out" | "analog_out" as n), [i]) if n not in {
+                *self._scope,
+                *self._globals,
+            }:
                 return f"b_set_{n}({self._expression(i)}, {value})"
-            case Index(_, container, [*outer, last]):
+            case tree.Index(_, container, [*outer, last]):
                 place = self._expression(container)
                 for index in outer:
                     place = f"item({place}, {self._expression(index)})"
@@ -315,25 +250,29 @@ class _Writer:
             case _:
                 raise ScriptSyntaxError(f"line {target.line}: nothing can be assigned to this")
 
-    def _value(self, node: Node) -> str:
+    def _value(self, node: tree.Node) -> str:
         """An expression whose value somebody keeps: a copy, unless it is new anyway."""
         text = self._expression(node)
-        return text if isinstance(node, Literal | Binary | Unary | ListLiteral | StructLiteral) else f"copy_of({text})"
+        return (
+            text
+            if isinstance(node, tree.Literal | tree.Binary | tree.Unary | tree.ListLiteral | tree.StructLiteral)
+            else f"copy_of({text})"
+        )
 
-    def _condition(self, node: Node) -> str:
+    def _condition(self, node: tree.Node) -> str:
         """An expression that must be a truth value; checked where that is not plain to see."""
         text = self._expression(node)
         match node:
-            case Literal(_, True | False) | Binary(
+            case tree.Literal(_, True | False) | tree.Binary(
                 _, "and" | "or" | "xor" | "==" | "!=" | "<" | "<=" | ">" | ">=", _, _
             ):
                 return text
-            case Unary(_, "not", _):
+            case tree.Unary(_, "not", _):
                 return text
             case _:
                 return f"truth({text})"
 
-    def _simple(self, node: KeywordStatement, indent: int) -> None:
+    def _simple(self, node: tree.KeywordStatement, indent: int) -> None:
         value = "" if node.value is None else self._expression(node.value)
         text = {
             "return": f"return {value}",
@@ -345,51 +284,50 @@ class _Writer:
         }.get(node.keyword, node.keyword)
         self._emit(indent, node.line, text)
 
-    def _expression(self, node: Node) -> str:  # noqa: PLR0912 - one branch per kind of node
+    def _expression(self, node: tree.Node) -> str:  # noqa: PLR0912 - one branch per kind of node
         match node:
-            case Literal(_, value):
+            case tree.Literal(_, value):
                 return repr(value)
-            case Name(_, name):
+            case tree.Name(_, name):
                 return self._variable(name)
-            case ListLiteral(_, items, is_pose):
+            case tree.ListLiteral(_, items, is_pose):
                 inner = "[" + ", ".join(self._value(i) for i in items) + "]"
                 return f"pose({inner})" if is_pose else inner
-            case StructLiteral(_, members):
+            case tree.StructLiteral(_, members):
                 return "Struct({" + ", ".join(f"{k!r}: {self._value(v)}" for k, v in members.items()) + "})"
-            case Index(_, value, indices):
+            case tree.Index(_, value, indices):
                 place = self._expression(value)
                 for index in indices:
                     place = f"item({place}, {self._expression(index)})"
                 return place
-            case Member(_, value, name):
+            case tree.Member(_, value, name):
                 return f"member({self._expression(value)}, {name!r})"
-            case Unary(_, "not", value):
+            case tree.Unary(_, "not", value):
                 return f"(not {self._condition(value)})"
-            case Unary(_, "-", Literal(_, int() | float() as number)):
+            case tree.Unary(_, "-", tree.Literal(_, int() | float() as number)):
                 return f"(-{number!r})"
-            case Unary(_, operator, value):
-                return f"{'negative' if operator == '-' else 'positive'}({self._expression(value)})"
-            case Binary(_, operator, left, right) if operator in _LOGIC:
+            case tree.Unary(_, operator, value):
+                return f"{NAMES_OF_OPERATIONS[operator]}(0, {self._expression(value)})"
+            case tree.Binary(_, operator, left, right) if operator in _LOGIC:
                 return f"({self._condition(left)} {_LOGIC[operator]} {self._condition(right)})"
-            case Binary(_, operator, left, right) if operator in _NATIVE:
+            case tree.Binary(_, operator, left, right) if operator in _NATIVE:
                 return f"({self._expression(left)} {operator} {self._expression(right)})"
-            case Binary(_, operator, left, right):
+            case tree.Binary(_, operator, left, right):
                 return f"{NAMES_OF_OPERATIONS[operator]}({self._expression(left)}, {self._expression(right)})"
-            case Call():
+            case tree.Call():
                 return self._call(node)
-            case RunThread(line, call):
-                if call.name not in self._names:
-                    raise ScriptSyntaxError(f"line {line}: there is no thread {call.name!r} to run")
-                arguments = ", ".join(self._arguments(call, "v_"))
-                return f"run({call.name!r}, f_{call.name}({arguments}))"
+            case tree.RunThread(line, name):
+                if name not in self._names:
+                    raise ScriptSyntaxError(f"line {line}: there is no thread {name!r} to run")
+                return f"run({name!r}, f_{name}({', '.join(self._arguments(node, 'v_'))}))"
             case _:
                 raise ScriptSyntaxError(f"line {node.line}: not an expression")
 
-    def _arguments(self, call: Call, prefix: str) -> list[str]:
+    def _arguments(self, call: tree.Call | tree.RunThread, prefix: str) -> list[str]:
         given = [self._expression(a) for a in call.arguments]
         return given + [f"{prefix}{key}={self._expression(value)}" for key, value in call.keywords.items()]
 
-    def _call(self, call: Call) -> str:
+    def _call(self, call: tree.Call) -> str:
         if call.name in self._names:
             text = f"f_{call.name}({', '.join(self._arguments(call, 'v_'))})"
             return f"(yield from {text})" if call.name in self._waiting else text

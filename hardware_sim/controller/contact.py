@@ -152,16 +152,21 @@ class ContactCheck:
         other_rotation, other_shift = _rotation_and_shift(frames[_FRAMES[pair.other]])
         # All in the frame of the first.
         turn, offset = rotation.T @ other_rotation, rotation.T @ (other_shift - shift)
+
+        def least(mine: BoolArray, its: BoolArray) -> float:
+            places = two.spheres[its] @ turn.T + offset
+            return float(_pairwise_distances(one.spheres[mine], one.radii[mine], places, two.radii[its]).min())
+
         bounds = _pairwise_distances(one.centers, one.bounds, two.centers @ turn.T + offset, two.bounds)
         nearest = int(bounds.argmin())
         if bounds.flat[nearest] >= _FAR_M:
             return float(bounds.flat[nearest])
         mine, its = one.members == nearest // len(two.centers), two.members == nearest % len(two.centers)
-        best = _least_distance(one, mine, two, its, turn, offset)
+        best = least(mine, its)
         rivals = np.argwhere(bounds < best)
         if len(rivals) > 1:
             mine, its = np.isin(one.members, rivals[:, 0]), np.isin(two.members, rivals[:, 1])
-            best = _least_distance(one, mine, two, its, turn, offset)
+            best = least(mine, its)
         return best
 
     def frames(self, joints: Sequence[float]) -> list[Frame]:
@@ -247,17 +252,6 @@ def _groups(spheres: FloatArray) -> list[FloatArray]:
 def _rotation_and_shift(frame: Frame) -> tuple[FloatArray, FloatArray]:
     rows = np.array(frame).reshape(3, 4)
     return rows[:, :3], rows[:, 3]
-
-
-def _least_distance(
-    one: _Part, mine: BoolArray, two: _Part, its: BoolArray, turn: FloatArray, offset: FloatArray
-) -> float:
-    """The least distance of some spheres of one part from some of another, whose frame is turned and shifted."""
-    return float(
-        _pairwise_distances(
-            one.spheres[mine], one.radii[mine], two.spheres[its] @ turn.T + offset, two.radii[its]
-        ).min()
-    )
 
 
 def _pairwise_distances(a: FloatArray, a_radii: FloatArray, b: FloatArray, b_radii: FloatArray) -> FloatArray:

@@ -3,14 +3,14 @@
 import json
 import socket
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 PORT = 30200
 
 
-class ControlClient:
+class ControlClient(AbstractContextManager["ControlClient"]):
     """One connection; use as a context manager or call `close`."""
 
     def __init__(self, address: str, timeout_s: float = 3.0) -> None:
@@ -70,14 +70,8 @@ class ControlClient:
         return list(self.request(command="log")["messages"])
 
     def close(self) -> None:
-        """Closes the connection."""
         self._lines.close()
         self._socket.close()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self.close()

@@ -17,6 +17,8 @@ import json
 import math
 import socket
 import time
+from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +26,8 @@ from hardware_sim.controller import kinematics, poses
 from hardware_sim.controller.controller import Controller
 from hardware_sim.controller.faults import FaultError, Links, number, prepare, vector
 from hardware_sim.controller.force import SpringSurface
-from hardware_sim.controller.inputs import Inputs
 from hardware_sim.controller.modes import RuntimeState
+from hardware_sim.controller.signals import Inputs
 from hardware_sim.controller.sockets import LineConnection
 
 PORT = 30200
@@ -40,7 +42,6 @@ class ControlConnection(LineConnection):
         self._links = links
 
     def line(self, text: str) -> None:
-        """Answers one request."""
         try:
             reply = self._answer(json.loads(text))
         except (FaultError, ValueError, RecursionError, OSError) as error:
@@ -50,36 +51,10 @@ class ControlConnection(LineConnection):
     def _answer(self, request: Any) -> dict[str, Any]:
         if not isinstance(request, dict):
             raise FaultError("a request is a JSON object")
-        command = request.get("command")
-        if command == "state":
-            return {"ok": True, **state(self._controller)}
-        if command == "log":
-            return {"ok": True, "messages": list(self._controller.messages)}
-        if command == "collisions":
-            collisions = self._controller.collisions
-            return {
-                "ok": True,
-                "count": collisions.count,
-                "collisions": [c.as_json() for c in collisions.records],
-            }
-        if command == "fault":
-            prepare(self._controller, self._links, request)
-            return {"ok": True}
-        if command == "input":
-            _set_input(self._controller.inputs, request)
-            return {"ok": True}
-        if command == "surface":
-            _set_surface(self._controller, request)
-            return {"ok": True}
-        if command == "surroundings":
-            file = request.get("file")
-            if not isinstance(file, str):
-                raise FaultError(f"file must be a path, not {file!r}")
-            self._controller.collisions.surround(Path(file))
-            return {"ok": True}
-        raise FaultError(
-            f"command must be state, fault, input, surface, collisions, log or surroundings, not {command!r}"
-        )
+        command = _COMMANDS.get(str(request.get("command")))
+        if command is None:
+            raise FaultError(f"command must be one of {', '.join(_COMMANDS)}, not {request.get('command')!r}")
+        return {"ok": True, **(command(self._controller, self._links, request) or {})}
 
 
 def _set_input(inputs: Inputs, request: dict[str, Any]) -> None:
@@ -108,6 +83,18 @@ def _set_surface(controller: Controller, request: dict[str, Any]) -> None:
     controller.tool_changed()
 
 
+def _surround(controller: Controller, request: dict[str, Any]) -> None:
+    file = request.get("file")
+    if not isinstance(file, str):
+        raise FaultError(f"file must be a path, not {file!r}")
+    controller.collisions.surround(Path(file))
+
+
+def _collisions(controller: Controller) -> dict[str, Any]:
+    collisions = controller.collisions
+    return {"count": collisions.count, "collisions": [asdict(c) for c in collisions.records]}
+
+
 def state(controller: Controller) -> dict[str, Any]:
     """The truth: where the arm is (m, rad, base frame), what its outputs are and since when, all modes, all faults."""
     arm, outputs, safety = controller.arm, controller.outputs, controller.safety
@@ -129,8 +116,8 @@ def state(controller: Controller) -> dict[str, Any]:
         "tool_voltage": outputs.tool_voltage,
         "speed_factor": controller.speed_factor,
         "speed_slider": controller.slider,
-        "robot_mode": int(controller.robot_mode),
-        "safety_mode": int(controller.safety_mode),
+        "robot_mode": int(controller.safety.robot_mode),
+        "safety_mode": int(controller.safety.safety_mode),
         "runtime_state": int(controller.runtime_state),
         "program_running": controller.runtime_state is RuntimeState.PLAYING,
         "program": controller.program_name,
@@ -142,7 +129,18 @@ def state(controller: Controller) -> dict[str, Any]:
         "calibration_seed": arm.model.calibration_seed,
         "calibration_error_m": arm.model.calibration_error_m,
         "collisions": controller.collisions.count,
-        "last_collision": None if last is None else last.as_json(),
+        "last_collision": None if last is None else asdict(last),
         "touching": controller.collisions.touching,
-        "disturbances": controller.disturbances.as_json(),
+        "disturbances": asdict(controller.disturbances),
     }
+
+
+_COMMANDS: dict[str, Callable[[Controller, Links, dict[str, Any]], dict[str, Any] | None]] = {
+    "state": lambda c, _, request: state(c),
+    "fault": prepare,
+    "input": lambda c, _, request: _set_input(c.inputs, request),
+    "surface": lambda c, _, request: _set_surface(c, request),
+    "collisions": lambda c, _, request: _collisions(c),
+    "log": lambda c, _, request: {"messages": list(c.messages)},
+    "surroundings": lambda c, _, request: _surround(c, request),
+}

@@ -17,21 +17,20 @@ from hardware_sim.controller.collisions import Collisions
 from hardware_sim.controller.compiler import CompiledProgram, compile_program
 from hardware_sim.controller.disturbances import Disturbances
 from hardware_sim.controller.force import ForceMotion
+from hardware_sim.controller.freedrive import HandMove
 from hardware_sim.controller.functions import VOCABULARY, table
-from hardware_sim.controller.hand_guiding import HandMove
-from hardware_sim.controller.inputs import Inputs
 from hardware_sim.controller.interpreter import Interpreter
 from hardware_sim.controller.kinematics import ArmModel
 from hardware_sim.controller.messages import MessageType, RobotMessage
-from hardware_sim.controller.modes import RobotMode, RuntimeState, SafetyMode
+from hardware_sim.controller.modes import RuntimeState, SafetyMode
 from hardware_sim.controller.motion import Motion, MotionError
-from hardware_sim.controller.outputs import DIGITAL_OUTPUTS, Outputs
 from hardware_sim.controller.program import Program, ScriptError
 from hardware_sim.controller.program_store import LoadedProgram
 from hardware_sim.controller.registers import Registers
 from hardware_sim.controller.safety import Safety
 from hardware_sim.controller.script_links import ScriptLinks
 from hardware_sim.controller.script_values import STEP_TIME
+from hardware_sim.controller.signals import DIGITAL_OUTPUTS, Inputs, Outputs
 from hardware_sim.controller.syntax import ScriptSyntaxError
 from hardware_sim.controller.watchdogs import Watchdogs
 
@@ -65,8 +64,7 @@ class Controller:
     ) -> None:
         """`now` is time.monotonic(); `programs` is the dashboard's folder; `record` receives each step's time stamp."""
         self.arm = Arm(model, home)
-        self.registers = Registers()
-        self.inputs = Inputs()
+        self.registers, self.inputs = Registers(), Inputs()
         self.links, self.interpreter = ScriptLinks(), Interpreter()
         self.outputs = Outputs(low_when_stopped, now)
         self.serial = serial
@@ -87,13 +85,12 @@ class Controller:
         self._record = record
         self._program: Program | None = None
         self._secondary: list[Program] = []
-        self._in_secondary = False
-        self._claimed = False
+        self._in_secondary = self._claimed = False
         self._unclaimed: Motion | None = None  # goes on although no program wants it
-        self._watchdogs = Watchdogs()
+        self.watchdogs = Watchdogs()
         self._could_run_before = True
         self._pace = 1.0
-        self._orders: list[tuple[Callable[[], bool], Callable[[], None]]] = []
+        self._orders: list[tuple[Callable[[], bool], Callable[[], object]]] = []
         self._functions = table(self)
         publication.steady(self.registers)
         self.tool_changed()
@@ -108,21 +105,6 @@ class Controller:
     def playing(self) -> bool:
         """Whether a program plays."""
         return self.runtime_state is RuntimeState.PLAYING
-
-    @property
-    def may_run(self) -> bool:
-        """Whether modes allow a program."""
-        return self.safety.may_run
-
-    @property
-    def robot_mode(self) -> RobotMode:
-        """What power and brakes do."""
-        return self.safety.robot_mode
-
-    @property
-    def safety_mode(self) -> SafetyMode:
-        """Why the arm may not move, if so."""
-        return self.safety.safety_mode
 
     def load(self, text: str) -> None:
         """Compiles a program and starts it."""
@@ -143,8 +125,10 @@ class Controller:
         if compiled.secondary:
             self._secondary.append(Program(compiled, self._functions))
             return
-        if not self.may_run:
-            self.report(f"program {compiled.name} refused: {self.robot_mode.name}, {self.safety_mode.name}")
+        if not self.safety.may_run:
+            self.report(
+                f"program {compiled.name} refused: {self.safety.robot_mode.name}, {self.safety.safety_mode.name}"
+            )
             return
         self._end_program()
         self._program = Program(compiled, self._functions)
@@ -161,7 +145,7 @@ class Controller:
 
     def _end_program(self) -> None:
         program, self._program = self._program, None
-        self._watchdogs.clear()
+        self.watchdogs.clear()
         self.runtime_state = RuntimeState.STOPPED
         if program is not None:
             program.close()
@@ -189,7 +173,7 @@ class Controller:
 
     def play(self) -> bool:
         """Resumes a paused program or starts the loaded one; returns whether there was one that may run."""
-        if not self.may_run:
+        if not self.safety.may_run:
             return False
         if self._program is not None:
             if self.runtime_state not in (RuntimeState.PAUSED, RuntimeState.PAUSING):
@@ -215,18 +199,6 @@ class Controller:
         """Raises ScriptError where a secondary program tries to move the arm."""
         if self._in_secondary:
             raise ScriptError("a secondary program must not move the arm")
-
-    def set_watchdog(self, variable: str, frequency: float, action: str) -> None:
-        """Arms a watchdog for the program's life; frequency in Hz."""
-        self._watchdogs.set(variable, frequency, action, self.now)
-
-    def inputs_arrived(self, names: frozenset[str], now: float) -> None:
-        """Feeds the watchdogs with the names of a packet."""
-        self._watchdogs.feed(names, now)
-
-    def frozen(self, seconds: float) -> None:
-        """Takes the time that this process has just had no core from what the watchdogs count."""
-        self._watchdogs.postpone(seconds)
 
     def protective_stop(self, why: str) -> None:
         """Brakes at once and pauses the program until somebody unlocks."""
@@ -263,7 +235,7 @@ class Controller:
         self.safety.reset()
         self.slider = 1.0
         self.arm.joint_offset = [0.0] * 6
-        self.disturbances.reset_lamp()
+        self.disturbances.light()
         for number in list(self.outputs.stuck):
             self.outputs.stick(number, None)
 
@@ -295,6 +267,20 @@ class Controller:
         self._unclaimed = HandMove(self.arm.joints, joints, seconds)
         self.arm.steer(self._unclaimed)
 
+    def offset_joints(self, offsets: Sequence[float]) -> None:
+        """Puts the true arm off the joints that it reports, by (6,) rad."""
+        self.arm.joint_offset = list(offsets)
+        self.collisions.reset()
+
+    def nudge_object(self, shift_m: Sequence[float], turn_rad: float) -> None:
+        """Moves the object by (3,) m and turns it about its own axis."""
+        self.disturbances.nudge(shift_m, turn_rad)
+        self.collisions.nudge_object(shift_m, turn_rad)
+
+    def jump(self, seconds: float) -> None:
+        """Lets time stamps jump ahead."""
+        self.ticks += round(seconds / STEP_TIME)
+
     def _close_secondary(self) -> None:
         for program in self._secondary:
             program.close()
@@ -303,7 +289,7 @@ class Controller:
     def _brake(self, deceleration: float) -> None:
         self._unclaimed = self.arm.brake(deceleration)
 
-    def order(self, when: Callable[[], bool], action: Callable[[], None]) -> None:
+    def order(self, when: Callable[[], bool], action: Callable[[], object]) -> None:
         """Schedules an action between two ticks, as soon as `when` holds."""
         self._orders.append((when, action))
 
@@ -333,16 +319,16 @@ class Controller:
                     action()
                 else:
                     self._orders.append((when, action))
-        late = self._watchdogs.expired(now) if self.playing else None
+        late = self.watchdogs.expired(now) if self.playing else None
         if late is not None and late[0] == "stop":
             self.stop_program(late[1])
         elif late is not None and late[0] == "pause":
             self.pause()
         self._claimed = False
         self._run_programs()
-        if self.may_run and not self._could_run_before:
+        if self.safety.may_run and not self._could_run_before:
             self.collisions.reset()
-        self._could_run_before = self.may_run
+        self._could_run_before = self.safety.may_run
         self._move()
         self.outputs.tick(now, self.playing)
         if self._record is not None:

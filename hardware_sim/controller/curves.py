@@ -14,19 +14,14 @@ _COLLINEAR = 1e-6  # of the sine between two chords
 
 
 class Curve(Protocol):
-    """A path of the tool."""
+    """A path of the tool; see the module's docstring."""
 
     start: Frame
     length: float
     angle: float
 
-    def at(self, share: float) -> Frame:
-        """The tool's pose at a share of the path."""
-        ...
-
-    def rate(self, share: float) -> tuple[float, ...]:
-        """Change of the pose per unit of share."""
-        ...
+    def at(self, share: float) -> Frame: ...
+    def rate(self, share: float) -> tuple[float, ...]: ...
 
 
 class Line:
@@ -40,7 +35,6 @@ class Line:
         self._rate = (*shift, *poses.rotate(start, self._turn))
 
     def at(self, share: float) -> Frame:
-        """See Curve."""
         if share >= 1.0:
             return self._end
         x, y, z = self._rate[:3]
@@ -49,7 +43,6 @@ class Line:
         return poses.with_position(poses.rotated(start, self._turn, share), place)
 
     def rate(self, share: float) -> tuple[float, ...]:
-        """See Curve."""
         del share
         return self._rate
 
@@ -90,13 +83,11 @@ class Arc:
         self._turn_rate = poses.rotate(start, self._turn)
 
     def at(self, share: float) -> Frame:
-        """See Curve."""
         c, s = math.cos(share * self._swept), math.sin(share * self._swept)
         x, y, z = (m + c * o + s * n for m, o, n in zip(self._centre, self._out, self._on, strict=True))
         return poses.with_position(poses.rotated(self.start, self._turn, share), (x, y, z))
 
     def rate(self, share: float) -> tuple[float, ...]:
-        """See Curve."""
         c, s = self._swept * math.cos(share * self._swept), self._swept * math.sin(share * self._swept)
         x, y, z = (c * n - s * o for o, n in zip(self._out, self._on, strict=True))
         return (x, y, z, *self._turn_rate)

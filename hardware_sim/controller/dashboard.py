@@ -33,7 +33,6 @@ class DashboardConnection(LineConnection):
         self.send(b"Connected: Universal Robots Dashboard Server\n")
 
     def line(self, text: str) -> None:
-        """Answers one request."""
         command = " ".join(text.split())
         if not command:
             return
@@ -86,12 +85,6 @@ def _support_file(controller: Controller, directory: str) -> str:
     return f"Completed successfully: {name}" if name else f"Error: no directory {directory}"
 
 
-def _stop(controller: Controller) -> str:
-    # "Stopped" also where nothing runs: the library stops programs that have just ended by themselves.
-    controller.stop_program("by the dashboard")
-    return "Stopped"
-
-
 def _checked(name: str, reply: str, action: Callable[[Controller], bool]) -> Callable[[Controller], str]:
     return lambda controller: reply if action(controller) else f"Failed to execute: {name}"
 
@@ -104,10 +97,6 @@ def _plain(reply: str, action: Callable[[Controller], object]) -> Callable[[Cont
     return run
 
 
-def _unlock(controller: Controller) -> str:
-    return controller.safety.unlock() or "Protective stop releasing"
-
-
 def _program_state(controller: Controller) -> str:
     state = "PLAYING"
     if controller.runtime_state is RuntimeState.STOPPED:
@@ -115,10 +104,6 @@ def _program_state(controller: Controller) -> str:
     elif controller.runtime_state in (RuntimeState.PAUSED, RuntimeState.PAUSING):
         state = "PAUSED"
     return f"{state} {controller.program_name or '<unnamed>'}"
-
-
-def _loaded(controller: Controller) -> str:
-    return "No program loaded" if controller.loaded is None else f"Loaded program: {controller.loaded.path}"
 
 
 def _setting(field: str, value: str | None, reply: str) -> Callable[[Controller], str]:
@@ -143,11 +128,11 @@ _ALWAYS: dict[str, Callable[[Controller], str]] = {
     "is in remote control": lambda c: str(c.safety.remote_control).lower(),
     "running": lambda c: f"Program running: {str(c.runtime_state is not RuntimeState.STOPPED).lower()}",
     "programstate": _program_state,
-    "get loaded program": _loaded,
+    "get loaded program": lambda c: f"Loaded program: {c.loaded.path}" if c.loaded else "No program loaded",
     "isprogramsaved": lambda c: "false <unnamed>" if c.loaded is None else f"true {c.loaded.name}",
-    "robotmode": lambda c: f"Robotmode: {c.robot_mode.name}",
-    "safetymode": lambda c: f"Safetymode: {c.safety_mode.name}",
-    "safetystatus": lambda c: f"Safetystatus: {c.safety_mode.name}",
+    "robotmode": lambda c: f"Robotmode: {c.safety.robot_mode.name}",
+    "safetymode": lambda c: f"Safetymode: {c.safety.safety_mode.name}",
+    "safetystatus": lambda c: f"Safetystatus: {c.safety.safety_mode.name}",
     "popup": _plain("showing popup", lambda c: None),
     "close popup": _setting("popup", None, "closing popup"),
     "close safety popup": _setting("safety_popup", None, "closing safety popup"),
@@ -165,8 +150,9 @@ _ALWAYS: dict[str, Callable[[Controller], str]] = {
 _REMOTE: dict[str, Callable[[Controller], str]] = {
     "play": _checked("play", "Starting program", Controller.play),
     "pause": _checked("pause", "Pausing program", Controller.pause),
-    "stop": _stop,
-    "unlock protective stop": _unlock,
+    # "Stopped" also where nothing runs: the library stops programs that have just ended by themselves.
+    "stop": _plain("Stopped", lambda c: c.stop_program("by the dashboard")),
+    "unlock protective stop": lambda c: c.safety.unlock() or "Protective stop releasing",
     "power on": _plain("Powering on", lambda c: c.safety.power_on()),
     "power off": _plain("Powering off", lambda c: c.power_off()),
     "brake release": _plain("Brake releasing", lambda c: c.safety.release_brakes()),

@@ -1,7 +1,7 @@
 """State of the faults of lamp, camera and object: ordered at the control port, carried out by the world."""
 
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 
 @dataclass
@@ -15,10 +15,19 @@ class Disturbances:
     object_shift_m: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     object_turn_rad: float = 0.0
 
-    def reset_lamp(self) -> None:
-        """Restores the lamp; a nudged object stays where it is."""
-        self.lamp_fraction, self.lamp_flicker = 1.0, 0.0
+    def light(self, fraction: float = 1.0, flicker: float = 0.0) -> None:
+        """Sets the lamp, or restores it; a nudged object stays where it is."""
+        self.lamp_fraction, self.lamp_flicker = fraction, flicker
 
-    def as_json(self) -> dict[str, Any]:
-        """For the control port."""
-        return asdict(self)
+    def drop(self, frames: int) -> None:
+        """Has the camera lose so many more frames."""
+        self.dropped_frames += frames
+
+    def saturate(self, frames: int) -> None:
+        """Has so many more frames saturated."""
+        self.saturated_frames += frames
+
+    def nudge(self, shift_m: Sequence[float], turn_rad: float) -> None:
+        """Moves the object further by (3,) m, and turns it further about its own axis."""
+        self.object_shift_m = [a + b for a, b in zip(self.object_shift_m, shift_m, strict=True)]
+        self.object_turn_rad += turn_rad

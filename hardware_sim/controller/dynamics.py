@@ -27,28 +27,6 @@ _TORQUE_PER_AMPERE = (9.94, 9.94, 9.94, 7.8, 7.8, 7.8)
 """N m/A: torques of this model over the currents of the UR5e that UR's client library recorded from URSim. Other arms
 have other motors; theirs are taken for the same.
 """
-_WRISTS = (0.01634, 0.01634, -0.001159)
-_UR5E = ((3.761, 8.058, 2.846, 1.37, 1.3, 0.365), (0.2125, 0.2422), (0.00193, 0.11336, 0.0265, *_WRISTS))
-_UR10E = ((7.369, 13.051, 3.989, 2.1, 1.98, 0.615), (0.2327, 0.33155), (0.027, 0.158, 0.068, 0.018, 0.018, -0.026))
-_LARGE = (16.343, 29.632, 7.879, 3.054, 3.126, 0.926)
-_LARGE_OFFSETS = (0.0062, 0.2098, 0.0604, 0.0393, 0.0379, -0.0293)
-Bodies = tuple[tuple[float, ...], tuple[float, float], tuple[float, ...]]
-BODIES: dict[str, Bodies] = {
-    "ur3e": ((1.98, 3.4445, 1.437, 0.871, 0.805, 0.261), (0.11355, 0.1632), (0.0, 0.1157, 0.0238, 0.01, 0.01, -0.02)),
-    "ur5e": _UR5E,
-    "ur7e": _UR5E,
-    "ur10e": _UR10E,
-    "ur12e": _UR10E,
-    "ur16e": ((7.369, 10.45, 4.321, 2.18, 2.033, 0.907), (0.1764, 0.166), (0.03, 0.16, 0.065, 0.011, 0.012, -0.044)),
-    "ur15": (
-        (9.9883, 14.9255, 6.1015, 2.089, 2.0869, 1.0666),
-        (0.228491, 0.210929),
-        (0.025304, 0.192787, 0.070552, 0.016413, 0.015886, -0.053397),
-    ),
-    "ur20": (_LARGE, (0.3394, 0.4053), _LARGE_OFFSETS),
-    "ur30": ((*_LARGE[:5], 0.846), (0.2508, 0.2802), _LARGE_OFFSETS),  # a UR20 with shorter links
-}
-"""By model: masses in kg; how far along upper arm and forearm theirs are, and all links' along the next axis, in m."""
 
 
 class Dynamics:
@@ -56,7 +34,6 @@ class Dynamics:
 
     def __init__(self, arm: Arm, registers: Registers) -> None:
         self._arm, self._registers = arm, registers
-        self._bodies = BODIES[arm.model.name]
         self._published: tuple[object, ...] = ()
         self._speeds: Sequence[float] = arm.speeds
         self._since = 0.0
@@ -92,7 +69,7 @@ class Dynamics:
     def _moments(self, payload: float, center: Vector) -> tuple[list[float], float]:
         """Torques in N m that hold all links against gravity, and the norm of the linear momentum in kg m/s."""
         arm = self._arm
-        masses, along, offsets = self._bodies
+        masses, along, offsets = arm.model.bodies
         flange = arm.base_from_flange
         axes = [*arm.axes, ((flange[2], flange[6], flange[10]), poses.position(flange))]
         mass = payload

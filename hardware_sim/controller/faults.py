@@ -18,13 +18,13 @@ at once, after `at_s` seconds of wall time, or as soon as the `at_move`-th move 
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Protocol
 
 from hardware_sim.controller.controller import Controller
 from hardware_sim.controller.kinematics import JOINT_LIMIT
 from hardware_sim.controller.modes import SafetyMode
-from hardware_sim.controller.outputs import DIGITAL_OUTPUTS
-from hardware_sim.controller.script_values import STEP_TIME
+from hardware_sim.controller.signals import DIGITAL_OUTPUTS
 
 
 class FaultError(ValueError):
@@ -32,35 +32,20 @@ class FaultError(ValueError):
 
 
 class Links(Protocol):
-    """The ports, as far as faults reach them."""
+    """The ports, as far as faults reach them; see `server.Server`."""
 
-    def numbers(self) -> list[int]:
-        """The ports that can be cut or stalled."""
-        ...
-
-    def cut(self, port: int) -> None:
-        """Closes all connections of a port."""
-        ...
-
-    def stall(self, port: int, seconds: float) -> None:
-        """Freezes a port for a time."""
-        ...
-
-    def send_half_a_packet(self) -> None:
-        """Sends half a data packet to RTDE clients and hangs up."""
-        ...
-
-    def delay(self, port: int, latency: float, jitter: float, seed: int) -> None:
-        """Holds back all bytes of a port, both ways, by `latency` + up to `jitter` seconds."""
-        ...
-
-    def restart(self) -> None:
-        """Ends all connections and starts the controller anew."""
-        ...
+    def numbers(self) -> list[int]: ...
+    def cut(self, port: int) -> None: ...
+    def stall(self, port: int, seconds: float) -> None: ...
+    def send_half_a_packet(self) -> None: ...
+    def delay(self, port: int, latency: float, jitter: float, seed: int) -> None: ...
+    def restart(self) -> None: ...
 
 
 Parameters = Mapping[str, Any]
-Action = Callable[[], None]
+Action = Callable[[], object]
+Fault = Callable[[Controller, Links, Parameters], Action]
+"""Checks a request's parameters and returns what is to be done."""
 
 
 def number(parameters: Parameters, name: str, least: float, most: float) -> float:
@@ -86,89 +71,19 @@ def _port(parameters: Parameters, links: Links) -> int:
     return port
 
 
-def _cut(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    port = _port(parameters, links)
-    return lambda: links.cut(port)
-
-
-def _stall(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    port, seconds = _port(parameters, links), number(parameters, "seconds", 0.0, 3600.0)
-    return lambda: links.stall(port, seconds)
-
-
-def _half_packet(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    return links.send_half_a_packet
+def _optional(parameters: Parameters, name: str, default: float, least: float, most: float) -> float:
+    return number({name: default, **parameters}, name, least, most)
 
 
 def _delay(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    port = _port(parameters, links)
-    latency, jitter = (
-        number({"latency_ms": 0.0, "jitter_ms": 0.0, **parameters}, n, 0.0, 10_000.0) / 1e3
-        for n in ("latency_ms", "jitter_ms")
-    )
-    seed = int(number({"seed": 0, **parameters}, "seed", 0, 2**31))
-    return lambda: links.delay(port, latency, jitter, seed)
-
-
-def _restart(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    return links.restart
-
-
-def _hand_move(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    joints = vector(parameters, "joints", 6, JOINT_LIMIT)
-    seconds = number({"seconds": 1.0, **parameters}, "seconds", 0.0, 3600.0)
-    return lambda: controller.move_by_hand(joints, seconds)
+    latency, jitter = (_optional(parameters, name, 0.0, 0.0, 10_000.0) / 1e3 for name in ("latency_ms", "jitter_ms"))
+    seed = int(_optional(parameters, "seed", 0, 0, 2**31))
+    return partial(links.delay, _port(parameters, links), latency, jitter, seed)
 
 
 def _lamp(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    given = {"fraction": 1.0, "flicker": 0.0, **parameters}
-    fraction, flicker = number(given, "fraction", 0.0, 1.0), number(given, "flicker", 0.0, 1.0)
-
-    def act() -> None:
-        controller.disturbances.lamp_fraction, controller.disturbances.lamp_flicker = fraction, flicker
-
-    return act
-
-
-def _frames(name: str) -> Callable[[Controller, Links, Parameters], Action]:
-    def make(controller: Controller, links: Links, parameters: Parameters) -> Action:
-        count = int(number({"count": 1, **parameters}, "count", 1, 1e6))
-        disturbances = controller.disturbances
-        return lambda: setattr(disturbances, name, getattr(disturbances, name) + count)
-
-    return make
-
-
-def _nudged_object(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    shift = vector(parameters, "shift_m", 3, 1.0)
-    turn = number({"turn_rad": 0.0, **parameters}, "turn_rad", -math.tau, math.tau)
-
-    def act() -> None:
-        disturbances = controller.disturbances
-        disturbances.object_shift_m = [a + b for a, b in zip(disturbances.object_shift_m, shift, strict=True)]
-        disturbances.object_turn_rad += turn
-        controller.collisions.nudge_object(shift, turn)
-
-    return act
-
-
-def _time_jump(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    seconds = number(parameters, "seconds", 0.0, 1e6)
-
-    def act() -> None:
-        controller.ticks += round(seconds / STEP_TIME)
-
-    return act
-
-
-def _remote(remote: bool) -> Callable[[Controller, Links, Parameters], Action]:
-    def make(controller: Controller, links: Links, parameters: Parameters) -> Action:
-        def act() -> None:
-            controller.safety.remote_control = remote
-
-        return act
-
-    return make
+    fraction, flicker = (_optional(parameters, *of, 0.0, 1.0) for of in (("fraction", 1.0), ("flicker", 0.0)))
+    return partial(controller.disturbances.light, fraction, flicker)
 
 
 def _output_stuck(controller: Controller, links: Links, parameters: Parameters) -> Action:
@@ -176,67 +91,48 @@ def _output_stuck(controller: Controller, links: Links, parameters: Parameters) 
     level = parameters.get("level")
     if level is not None and not isinstance(level, bool):
         raise FaultError(f"level must be true, false or null, not {level!r}")
-    return lambda: controller.outputs.stick(output, level)
+    return partial(controller.outputs.stick, output, level)
 
 
-def _speed_slider(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    fraction = number(parameters, "fraction", 0.0, 1.0)
-
-    def act() -> None:
-        controller.slider = fraction
-
-    return act
+def _order(action: Callable[[Controller], object]) -> Fault:
+    """A fault without parameters."""
+    return lambda controller, links, parameters: partial(action, controller)
 
 
-def _joint_offset(controller: Controller, links: Links, parameters: Parameters) -> Action:
-    offsets = vector(parameters, "offsets_rad", 6, 1.0)
-
-    def act() -> None:
-        controller.arm.joint_offset = offsets
-        controller.collisions.reset()
-
-    return act
-
-
-def _order(action: Callable[[Controller], object]) -> Callable[[Controller, Links, Parameters], Action]:
-    def make(controller: Controller, links: Links, parameters: Parameters) -> Action:
-        def act() -> None:
-            action(controller)
-
-        return act
-
-    return make
-
-
-FAULTS: dict[str, Callable[[Controller, Links, Parameters], Action]] = {
-    "protective_stop": _order(lambda c: c.protective_stop("fault on demand")),
-    "safeguard_stop": _order(lambda c: c.safeguard_stop("fault on demand")),
+_DEMAND = "fault on demand"
+FAULTS: dict[str, Fault] = {
+    "protective_stop": _order(lambda c: c.protective_stop(_DEMAND)),
+    "safeguard_stop": _order(lambda c: c.safeguard_stop(_DEMAND)),
     "release_safeguard_stop": _order(lambda c: c.safety.release_safeguard()),
-    "emergency_stop": _order(lambda c: c.emergency_stop("fault on demand")),
-    "system_emergency_stop": _order(lambda c: c.emergency_stop("fault on demand", SafetyMode.SYSTEM_EMERGENCY_STOP)),
+    "emergency_stop": _order(lambda c: c.emergency_stop(_DEMAND)),
+    "system_emergency_stop": _order(lambda c: c.emergency_stop(_DEMAND, SafetyMode.SYSTEM_EMERGENCY_STOP)),
     "release_emergency_stop": _order(lambda c: c.safety.release_emergency_stop()),
-    "violation": _order(lambda c: c.emergency_stop("fault on demand", SafetyMode.VIOLATION)),
-    "fault": _order(lambda c: c.emergency_stop("fault on demand", SafetyMode.FAULT)),
-    "power_off": _order(lambda c: c.power_off()),
+    "violation": _order(lambda c: c.emergency_stop(_DEMAND, SafetyMode.VIOLATION)),
+    "fault": _order(lambda c: c.emergency_stop(_DEMAND, SafetyMode.FAULT)),
+    "power_off": _order(Controller.power_off),
     "program_stop": _order(lambda c: c.stop_program("at the pendant")),
-    "program_pause": _order(lambda c: c.pause()),
-    "local_mode": _remote(False),
-    "remote_mode": _remote(True),
+    "program_pause": _order(Controller.pause),
+    "local_mode": _order(lambda c: setattr(c.safety, "remote_control", False)),
+    "remote_mode": _order(lambda c: setattr(c.safety, "remote_control", True)),
     "output_stuck": _output_stuck,
-    "speed_slider": _speed_slider,
-    "joint_offset": _joint_offset,
-    "hand_move": _hand_move,
-    "restart": _restart,
-    "clear": _order(lambda c: c.clear()),
-    "cut": _cut,
-    "stall": _stall,
-    "half_packet": _half_packet,
+    "speed_slider": lambda c, _, given: partial(setattr, c, "slider", number(given, "fraction", 0.0, 1.0)),
+    "joint_offset": lambda c, _, given: partial(c.offset_joints, vector(given, "offsets_rad", 6, 1.0)),
+    "hand_move": lambda c, _, given: partial(
+        c.move_by_hand, vector(given, "joints", 6, JOINT_LIMIT), _optional(given, "seconds", 1.0, 0.0, 3600.0)
+    ),
+    "restart": lambda _, links, given: links.restart,
+    "clear": _order(Controller.clear),
+    "cut": lambda _, links, given: partial(links.cut, _port(given, links)),
+    "stall": lambda _, links, given: partial(links.stall, _port(given, links), number(given, "seconds", 0.0, 3600.0)),
+    "half_packet": lambda _, links, given: links.send_half_a_packet,
     "delay": _delay,
     "lamp": _lamp,
-    "dropped_frame": _frames("dropped_frames"),
-    "saturated_frame": _frames("saturated_frames"),
-    "nudged_object": _nudged_object,
-    "time_jump": _time_jump,
+    "dropped_frame": lambda c, _, given: partial(c.disturbances.drop, int(_optional(given, "count", 1, 1, 1e6))),
+    "saturated_frame": lambda c, _, given: partial(c.disturbances.saturate, int(_optional(given, "count", 1, 1, 1e6))),
+    "nudged_object": lambda c, _, given: partial(
+        c.nudge_object, vector(given, "shift_m", 3, 1.0), _optional(given, "turn_rad", 0.0, -math.tau, math.tau)
+    ),
+    "time_jump": lambda c, _, given: partial(c.jump, number(given, "seconds", 0.0, 1e6)),
 }
 
 

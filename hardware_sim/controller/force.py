@@ -71,7 +71,6 @@ class ForceMotion(ToolSpeed):
     gain = 1.0
 
     def step(self, dt: float, pace: float) -> State:
-        """See Motion."""
         self.acceleration = _ACCELERATION
         self.target = STANDSTILL if self.task is None else self.task.velocity(self.force, self.gain)
         return super().step(dt, pace)

@@ -1,12 +1,13 @@
-"""Freedrive (`freedrive_mode`, `teach_mode`; UR script manual): a hand may move the arm along the axes that are free.
+"""Freedrive (`freedrive_mode`, `teach_mode`; UR script manual), and the motion of an arm that a hand pushes.
 
-This is the state that a program puts the arm into; the movement by the hand itself is `hand_guiding.HandMove`.
+`Freedrive` is the state that a program puts the arm into, `HandMove` the motion itself, also that of open brakes.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hardware_sim.controller import poses
+from hardware_sim.controller.motion import Joints, State
 from hardware_sim.controller.poses import Frame
 
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
@@ -30,3 +31,28 @@ class Freedrive:
             if not free and abs(amount) > _PLAY:
                 return f"{self.by} does not free the axis {name}"
         return None
+
+
+class HandMove:
+    """All joints go evenly to where the person puts them, whatever slider and program say."""
+
+    velocity = None
+
+    def __init__(self, joints: Sequence[float], target: Sequence[float], seconds: float) -> None:
+        self._start: Joints = list(joints)
+        self._target: Joints = list(target)
+        self._seconds = seconds
+        self._time = 0.0
+        self.finished = False
+
+    def step(self, dt: float, pace: float) -> State:
+        del pace
+        self._time += dt
+        self.finished = self._time >= self._seconds
+        if self.finished:
+            return self._target[:], [0.0] * 6
+        displacement = [b - a for a, b in zip(self._start, self._target, strict=True)]
+        share = self._time / self._seconds
+        return [a + share * w for a, w in zip(self._start, displacement, strict=True)], [
+            w / self._seconds for w in displacement
+        ]

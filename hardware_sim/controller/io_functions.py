@@ -7,9 +7,9 @@ here depends on are accepted, checked for no more than their names.
 from collections.abc import Callable
 from typing import Any
 
-from hardware_sim.controller.outputs import DIGITAL_OUTPUTS
 from hardware_sim.controller.script_values import FunctionGroup, integer_below, number
 from hardware_sim.controller.semantics import ScriptError, truth
+from hardware_sim.controller.signals import DIGITAL_OUTPUTS
 
 _TOOL_VOLTAGES = (0, 12, 24)
 _FLAGS = 33

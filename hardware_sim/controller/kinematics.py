@@ -8,8 +8,11 @@ the Universal Robots UR-5/UR-10 arms, 2013) says which branches there are, Newto
 """
 
 import math
+import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from hardware_sim.controller import poses
 from hardware_sim.controller.limits import JOINT_LIMIT
@@ -38,6 +41,16 @@ class Link:
     offset: float = 0.0
 
 
+class Bodies(NamedTuple):
+    """Masses of the links beyond the base in kg; how far along upper arm and forearm theirs are, and how far all are
+    along the next axis, in m.
+    """
+
+    masses: tuple[float, ...]
+    along: tuple[float, ...]
+    offsets: tuple[float, ...]
+
+
 @dataclass(frozen=True)
 class ArmModel:
     """Nominal lengths in m, the chain of links as built, and the greatest joint speeds in rad/s of one arm."""
@@ -52,6 +65,9 @@ class ArmModel:
     joint_speeds: tuple[float, ...]
     payload: float  # kg
     links: tuple[Link, ...]
+    bodies: Bodies
+    robot_type: int  # its number in the primary interface
+    unlimited_joints: tuple[int, ...]
     calibration_seed: int | None = None
     calibration_error_m: float = 0.0
 
@@ -61,36 +77,30 @@ class ArmModel:
         return sum(map(abs, (self.a2, self.a3, self.d4, self.d5, self.d6)))
 
 
-def _model(name: str, lengths: Sequence[float], speeds_deg_s: Sequence[float], payload: float) -> ArmModel:
-    d1, a2, a3, d4, d5, d6 = lengths
-    links = (
-        Link(0.0, d1, 0.0, 1.0),
-        Link(a2, 0.0, 1.0, 0.0),
-        Link(a3, 0.0, 1.0, 0.0),
-        Link(0.0, d4, 0.0, 1.0),
-        Link(0.0, d5, 0.0, -1.0),
-        Link(0.0, d6, 1.0, 0.0),
+def _model(name: str, table: dict[str, Any]) -> ArmModel:
+    d1, a2, a3, d4, d5, d6 = lengths = table["lengths_m"]
+    rows = ((0.0, d1, 90), (a2, 0.0, 0), (a3, 0.0, 0), (0.0, d4, 90), (0.0, d5, -90), (0.0, d6, 0))
+    twists = {0: (1.0, 0.0), 90: (0.0, 1.0), -90: (0.0, -1.0)}  # cosine and sine
+    bodies = Bodies(*(tuple(table[key]) for key in ("masses_kg", "along_m", "offsets_m")))
+    return ArmModel(
+        name,
+        *lengths,
+        joint_speeds=tuple(math.radians(s) for s in table["speeds_deg_s"]),
+        payload=table["payload_kg"],
+        links=tuple(Link(length, distance, *twists[twist]) for length, distance, twist in rows),
+        bodies=bodies,
+        robot_type=table["robot_type"],
+        unlimited_joints=tuple(table.get("unlimited_joints", ())),
     )
-    speeds = tuple(math.radians(s) for s in speeds_deg_s)
-    return ArmModel(name, *lengths, joint_speeds=speeds, payload=payload, links=links)
 
 
-_SLOW_BASE = (120, 120, 180, 180, 180, 180)
-_LARGE = (120, 120, 150, 210, 210, 210)
-MODELS: dict[str, ArmModel] = {
-    m.name: m
-    for m in (
-        _model("ur3e", (0.15185, -0.24355, -0.2132, 0.13105, 0.08535, 0.0921), (180, 180, 180, 360, 360, 360), 3.0),
-        _model("ur5e", (0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996), (180,) * 6, 5.0),
-        _model("ur10e", (0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655), _SLOW_BASE, 12.5),
-        _model("ur16e", (0.1807, -0.4784, -0.36, 0.17415, 0.11985, 0.11655), _SLOW_BASE, 16.0),
-        _model("ur15", (0.2186, -0.6475, -0.5164, 0.1824, 0.1361, 0.1434), (180, 180, 240, 300, 300, 300), 17.5),
-        _model("ur20", (0.2363, -0.862, -0.7287, 0.201, 0.1593, 0.1543), _LARGE, 25.0),
-        _model("ur30", (0.2363, -0.637, -0.5037, 0.201, 0.1593, 0.1543), _LARGE, 35.0),
-    )
-}
-MODELS["ur7e"] = replace(MODELS["ur5e"], name="ur7e", payload=7.5)  # newer names of the same arms, for more payload
-MODELS["ur12e"] = replace(MODELS["ur10e"], name="ur12e", payload=12.5)
+def _models() -> dict[str, ArmModel]:
+    """The arms of `models.toml`; one that is `like` another differs from it in what it states."""
+    tables = tomllib.loads(Path(__file__).with_name("models.toml").read_text(encoding="utf-8"))
+    return {name: _model(name, tables.get(table.get("like", ""), {}) | table) for name, table in tables.items()}
+
+
+MODELS = _models()
 
 
 def chain(arm: ArmModel, joints: Sequence[float]) -> tuple[list[Axis], Frame]:
@@ -294,7 +304,10 @@ def _nearest(arm: ArmModel, base_from_flange: Frame, near: Sequence[float], limi
         beside = newton_solution(arm, base_from_flange, near)
         candidates += [] if beside is None else [tuple(_wrap(q) for q in beside)]
     for solution in candidates:
-        candidate = [_unwrap(q, n, limit) for q, n in zip(solution, near, strict=True)]
+        candidate = [
+            _unwrap(q, n, math.inf if number in arm.unlimited_joints else limit)
+            for number, (q, n) in enumerate(zip(solution, near, strict=True))
+        ]
         cost = sum((q - n) ** 2 for q, n in zip(candidate, near, strict=True))
         if cost < least:
             best, least = candidate, cost

@@ -6,10 +6,10 @@ beyond what drives give are cut to it, so that no program stops an arm within on
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 JOINT_NAMES = ("base", "shoulder", "elbow", "wrist 1", "wrist 2", "wrist 3")
-JOINT_LIMIT = 2.0 * math.pi  # rad, every joint, either way
+JOINT_LIMIT = 2.0 * math.pi  # rad, every joint that has end stops, either way
 JOINT_ACCELERATION = 80.0  # rad/s², every joint: twice what the library lets its users ask for
 TOOL_SPEED = 5.0  # m/s, the most that a safety configuration allows
 TOOL_TURN = 2.5  # rad/s, of straight and circular moves: the wrists need more where other joints turn too
@@ -25,14 +25,15 @@ def name_of(number: int) -> str:
     return f"joint {number} ({JOINT_NAMES[number]})"
 
 
-def position_fault(joints: Sequence[float]) -> str | None:
-    """Which joint (rad) is outside its position limits, as a sentence's part; None where all are inside."""
+def position_fault(joints: Sequence[float], unlimited: Container[int] = ()) -> str | None:
+    """Which joint (rad) is outside its position limits, as a sentence's part; None where all are inside.
+
+    `unlimited`: the joints (0–5) that turn without end.
+    """
     for number, q in enumerate(joints):
-        if abs(q) > JOINT_LIMIT + _ROUNDING:
-            return (
-                f"{name_of(number)} at {math.degrees(q):.1f}° is outside the joint limits"
-                f" of ±{math.degrees(JOINT_LIMIT):.0f}°"
-            )
+        if abs(q) > JOINT_LIMIT + _ROUNDING and number not in unlimited:
+            limit = f"±{math.degrees(JOINT_LIMIT):.0f}°"
+            return f"{name_of(number)} at {math.degrees(q):.1f}° is outside the joint limits of {limit}"
     return None
 
 
@@ -48,10 +49,8 @@ def acceleration_fault(before: Sequence[float], after: Sequence[float], seconds:
     """Which joint would have to change its speed (rad/s) too hard, as a sentence's part; None where none would."""
     for number, (a, b) in enumerate(zip(before, after, strict=True)):
         if abs(b - a) > FOLLOWED_ACCELERATION * seconds:
-            return (
-                f"{name_of(number)} would have to accelerate at {abs(b - a) / seconds:.0f} rad/s²,"
-                f" its limit is {FOLLOWED_ACCELERATION:.0f}"
-            )
+            needed = f"{abs(b - a) / seconds:.0f} rad/s², its limit is {FOLLOWED_ACCELERATION:.0f}"
+            return f"{name_of(number)} would have to accelerate at {needed}"
     return None
 
 

@@ -25,21 +25,18 @@ class MotionError(Exception):
 
 
 class Motion(Protocol):
-    """What moves the arm at present."""
+    """What moves the arm at present.
+
+    `finished`: whether it has come to its end, at rest. `velocity`: the tool's, where the motion knows it; else it
+    follows from the joints. `step` advances by `dt` seconds of motion time, returns joints and joint speeds, and raises
+    MotionError.
+    """
 
     @property
-    def finished(self) -> bool:
-        """Whether it has come to its end, at rest."""
-        ...
-
+    def finished(self) -> bool: ...
     @property
-    def velocity(self) -> Twist | None:
-        """The tool's velocity where the motion knows it; else it follows from the joints."""
-        ...
-
-    def step(self, dt: float, pace: float) -> State:
-        """Advances by `dt` seconds of motion time; returns joints and joint speeds. Raises MotionError."""
-        ...
+    def velocity(self) -> Twist | None: ...
+    def step(self, dt: float, pace: float) -> State: ...
 
 
 class Follower:
@@ -67,7 +64,7 @@ class Follower:
     def follow(self, base_from_tool: Frame, dt: float) -> State:
         """Joints for the next tool pose, `dt` seconds after the last. Raises MotionError."""
         joints = self.solve(base_from_tool)
-        fault = limits.position_fault(joints)
+        fault = limits.position_fault(joints, self.arm.unlimited_joints)
         if fault is not None:
             raise MotionError(fault)
         speeds = [(b - a) / dt for a, b in zip(self.joints, joints, strict=True)]

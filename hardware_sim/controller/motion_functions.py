@@ -11,11 +11,11 @@ from typing import Any, TypeVar
 
 from hardware_sim.controller import kinematics, limits, poses
 from hardware_sim.controller.arm import Corner
-from hardware_sim.controller.curves import Curve
+from hardware_sim.controller.curves import Arc, Curve
 from hardware_sim.controller.force import ForceMotion, ForceTask
 from hardware_sim.controller.freedrive import Freedrive
 from hardware_sim.controller.motion import STANDSTILL, Motion, MotionError
-from hardware_sim.controller.moves import ProgrammedMove
+from hardware_sim.controller.moves import ProgrammedMove, ToolMove, curve_profile, plan_joint_move
 from hardware_sim.controller.poses import Frame
 from hardware_sim.controller.script_values import STEP_TIME, FunctionGroup, frame, not_negative, numbers, positive
 from hardware_sim.controller.semantics import Pose, ScriptError
@@ -110,11 +110,14 @@ class MotionFunctions(FunctionGroup):
         acceleration, speed = positive(a, "a"), positive(v, "v")
         seconds, radius = not_negative(t, "t"), not_negative(r, "r")
         target = self._joints_of(q)
-        fault = limits.position_fault(target)
+        fault = limits.position_fault(target, self._arm.model.unlimited_joints)
         if fault is not None:
             raise ScriptError(f"movej: the target is outside the joint limits: {fault}")
         yield from self._come_to_rest(self._arm.brake, acceleration)
-        plan = lambda: self._arm.joint_move(target, speed, acceleration, seconds)  # noqa: E731
+        arm = self._arm
+        plan = lambda: plan_joint_move(  # noqa: E731
+            arm.model, arm.next_start, target, arm.flange_from_tool, speed, acceleration, seconds
+        )
         yield from self._move(self._started(plan, radius))
 
     def movel(self, pose: Any, a: float = 1.2, v: float = 0.25, t: float = 0.0, r: float = 0.0) -> Waiting:
@@ -123,13 +126,7 @@ class MotionFunctions(FunctionGroup):
         yield from self._tool_move(lambda: self._arm.line_to(target), a, v, t, r)
 
     def movec(
-        self,
-        pose_via: Any,
-        pose_to: Any,
-        a: float = 1.2,
-        v: float = 0.25,
-        r: float = 0.0,
-        mode: int = 0,
+        self, pose_via: Any, pose_to: Any, a: float = 1.2, v: float = 0.25, r: float = 0.0, mode: int = 0
     ) -> Waiting:
         self._require_arm("movec")
         if mode not in (0, 1):
@@ -138,7 +135,7 @@ class MotionFunctions(FunctionGroup):
 
         def curve() -> Curve:
             try:
-                return self._arm.arc_to(via, target, bool(mode))
+                return Arc(self._arm.tool_at(self._arm.next_start), poses.position(via), target, bool(mode))
             except ValueError as error:
                 raise ScriptError(f"movec: {error}") from error
 
@@ -148,7 +145,11 @@ class MotionFunctions(FunctionGroup):
         acceleration, speed = positive(a, "a"), positive(v, "v")
         seconds, radius = not_negative(t, "t"), not_negative(r, "r")
         yield from self._come_to_rest(self._arm.brake_tool, acceleration)
-        plan = lambda: self._arm.tool_move(curve(), speed, acceleration, seconds)  # noqa: E731
+
+        def plan() -> ToolMove:
+            path = curve()
+            return ToolMove(self._arm.follower(), path, curve_profile(path, speed, acceleration, seconds))
+
         yield from self._move(self._started(plan, radius))
 
     def movep(self, pose: Any, a: float = 1.2, v: float = 0.25, r: float = 0.0) -> Waiting:
@@ -221,7 +222,7 @@ class MotionFunctions(FunctionGroup):
         del a, v  # not used by the real controller either
         self._require_arm("servoj")
         target = numbers(q, 6, "q")
-        fault = limits.position_fault(target)
+        fault = limits.position_fault(target, self._arm.model.unlimited_joints)
         if fault is not None:
             raise ScriptError(f"servoj: the target is outside the joint limits: {fault}")
         motion = self._arm.motion

@@ -24,36 +24,25 @@ _STRIDE_TURN = 0.5  # rad
 
 
 class ProgrammedMove(Motion, Protocol):
-    """A move to a known end."""
+    """A move to a known end.
+
+    `time_left`: seconds of motion time until it stands at its end, as far as it is known now. `ramp_in`, `ramp_out`:
+    seconds in which it gains speed at its start, and loses it before its end; `joints_after`, `joints_before_end`:
+    where it is within them; they raise MotionError. `hands_over`: whether a move that follows may begin to take over,
+    `radius` (m) being the blend's.
+    """
 
     end: Joints
 
     @property
-    def time_left(self) -> float:
-        """Seconds of motion time until it stands at its end, as far as it is known now."""
-        ...
-
+    def time_left(self) -> float: ...
     @property
-    def ramp_in(self) -> float:
-        """Seconds in which it gains speed at its start."""
-        ...
-
+    def ramp_in(self) -> float: ...
     @property
-    def ramp_out(self) -> float:
-        """Seconds in which it loses speed before its end."""
-        ...
-
-    def joints_after(self, seconds: float) -> Joints:
-        """Where it is `seconds` after its start, within `ramp_in`. Raises MotionError."""
-        ...
-
-    def joints_before_end(self, seconds: float) -> Joints:
-        """Where it is `seconds` before its end, within `ramp_out`. Raises MotionError."""
-        ...
-
-    def hands_over(self, base_from_tool: Frame, base_from_end: Frame, radius: float) -> bool:
-        """Whether a move that follows may begin to take over, `radius` (m) being the blend's."""
-        ...
+    def ramp_out(self) -> float: ...
+    def joints_after(self, seconds: float) -> Joints: ...
+    def joints_before_end(self, seconds: float) -> Joints: ...
+    def hands_over(self, base_from_tool: Frame, base_from_end: Frame, radius: float) -> bool: ...
 
 
 class _TrapezoidalMove:
@@ -66,18 +55,15 @@ class _TrapezoidalMove:
 
     @property
     def time_left(self) -> float:
-        """See ProgrammedMove."""
         return max(0.0, self.profile.duration - self._time)
 
     @property
     def ramp_in(self) -> float:
-        """See ProgrammedMove."""
         return self.profile.ramp
 
     ramp_out = ramp_in
 
     def hands_over(self, base_from_tool: Frame, base_from_end: Frame, radius: float) -> bool:
-        """See ProgrammedMove."""
         return self.time_left <= self.ramp_out and poses.distance(base_from_tool, base_from_end)[0] <= radius
 
     def _share(self, seconds: float) -> float:
@@ -101,16 +87,13 @@ class JointMove(_TrapezoidalMove):
         self._displacement = [b - a for a, b in zip(start, target, strict=True)]
 
     def joints_after(self, seconds: float) -> Joints:
-        """See ProgrammedMove."""
         share = self._share(seconds)
         return [a + share * w for a, w in zip(self._start, self._displacement, strict=True)]
 
     def joints_before_end(self, seconds: float) -> Joints:
-        """See ProgrammedMove."""
         return self.joints_after(self.profile.duration - seconds)
 
     def step(self, dt: float, pace: float) -> State:
-        """See Motion."""
         self._time += dt * pace
         if self._time >= self.profile.duration:
             self.finished = True
@@ -133,7 +116,7 @@ def plan_joint_move(
     Every joint keeps its own limits and the tool its speed limit; the leading axis slows down for them. Raises
     MotionError where the target is outside the joint limits.
     """
-    fault = limits.position_fault(target)
+    fault = limits.position_fault(target, arm.unlimited_joints)
     if fault is not None:
         raise MotionError(f"the target is outside the joint limits: {fault}")
     displacement = [b - a for a, b in zip(start, target, strict=True)]
@@ -177,8 +160,7 @@ class CartesianMove(ABC):
 
     @property
     @abstractmethod
-    def time_left(self) -> float:
-        """See ProgrammedMove."""
+    def time_left(self) -> float: ...
 
     @abstractmethod
     def advance(self, seconds: float) -> Frame:
@@ -193,15 +175,12 @@ class CartesianMove(ABC):
         """The tool's pose `seconds` before the end, within `ramp_out`."""
 
     def joints_after(self, seconds: float) -> Joints:
-        """See ProgrammedMove."""
         return self.follower.solve(self.frame_after(seconds))
 
     def joints_before_end(self, seconds: float) -> Joints:
-        """See ProgrammedMove."""
         return self.follower.solve(self.frame_before_end(seconds), self.end)
 
     def step(self, dt: float, pace: float) -> State:
-        """See Motion."""
         joints, speeds = self.follower.follow(self.advance(dt * pace), dt)
         self.velocity = tuple(pace * r for r in self.rate)
         return joints, _AT_REST[:] if self.finished else speeds
@@ -219,7 +198,6 @@ class ToolMove(_TrapezoidalMove, CartesianMove):
         self.end = end_joints(follower, curve, follower.joints)
 
     def advance(self, seconds: float) -> Frame:
-        """See CartesianMove."""
         self._time += seconds
         if self._time >= self.profile.duration:
             self.finished = True
@@ -230,11 +208,9 @@ class ToolMove(_TrapezoidalMove, CartesianMove):
         return self._curve.at(share)
 
     def frame_after(self, seconds: float) -> Frame:
-        """See CartesianMove."""
         return self._curve.at(self._share(seconds))
 
     def frame_before_end(self, seconds: float) -> Frame:
-        """See CartesianMove."""
         return self.frame_after(self.profile.duration - seconds)
 
 

@@ -12,15 +12,13 @@ HOME = (0.0, -1.9, 1.9, -1.57, -1.57, 0.0)
 
 
 class RealTime(Protocol):
-    """What gives a process the processor before others do."""
+    """What gives a process the processor before others do.
 
-    def enter(self) -> None:
-        """Called once, when the start-up work is done."""
-        ...
+    `enter` is called once, when the start-up work is done, `keep_share` once a turn of the event loop.
+    """
 
-    def keep_share(self) -> None:
-        """Called once a turn of the event loop."""
-        ...
+    def enter(self) -> None: ...
+    def keep_share(self) -> None: ...
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,19 +19,13 @@ def compose(a: Frame, b: Frame) -> Frame:
     a0, a1, a2, ax, a4, a5, a6, ay, a8, a9, a10, az = a
     b0, b1, b2, bx, b4, b5, b6, by, b8, b9, b10, bz = b
     return (
-        a0 * b0 + a1 * b4 + a2 * b8,
-        a0 * b1 + a1 * b5 + a2 * b9,
-        a0 * b2 + a1 * b6 + a2 * b10,
-        a0 * bx + a1 * by + a2 * bz + ax,
-        a4 * b0 + a5 * b4 + a6 * b8,
-        a4 * b1 + a5 * b5 + a6 * b9,
-        a4 * b2 + a5 * b6 + a6 * b10,
-        a4 * bx + a5 * by + a6 * bz + ay,
-        a8 * b0 + a9 * b4 + a10 * b8,
-        a8 * b1 + a9 * b5 + a10 * b9,
-        a8 * b2 + a9 * b6 + a10 * b10,
-        a8 * bx + a9 * by + a10 * bz + az,
-    )
+        a0 * b0 + a1 * b4 + a2 * b8, a0 * b1 + a1 * b5 + a2 * b9,
+        a0 * b2 + a1 * b6 + a2 * b10, a0 * bx + a1 * by + a2 * bz + ax,
+        a4 * b0 + a5 * b4 + a6 * b8, a4 * b1 + a5 * b5 + a6 * b9,
+        a4 * b2 + a5 * b6 + a6 * b10, a4 * bx + a5 * by + a6 * bz + ay,
+        a8 * b0 + a9 * b4 + a10 * b8, a8 * b1 + a9 * b5 + a10 * b9,
+        a8 * b2 + a9 * b6 + a10 * b10, a8 * bx + a9 * by + a10 * bz + az,
+    )  # fmt: skip
 
 
 def invert(a: Frame) -> Frame:
@@ -91,11 +85,7 @@ def to_ur(a: Frame) -> list[float]:
 def rotate(a: Frame, v: Sequence[float]) -> Vector:
     """The direction `v`, given in frame b, in frame a."""
     x, y, z = v
-    return (
-        a[0] * x + a[1] * y + a[2] * z,
-        a[4] * x + a[5] * y + a[6] * z,
-        a[8] * x + a[9] * y + a[10] * z,
-    )
+    return (a[0] * x + a[1] * y + a[2] * z, a[4] * x + a[5] * y + a[6] * z, a[8] * x + a[9] * y + a[10] * z)
 
 
 def position(a: Frame) -> Vector:

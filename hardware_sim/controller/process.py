@@ -3,9 +3,7 @@
 import select
 import subprocess
 import sys
-import time
-from types import TracebackType
-from typing import Self
+from contextlib import AbstractContextManager
 
 from hardware_sim.controller.control import ControlClient
 from hardware_sim.controller.options import ControllerOptions
@@ -13,7 +11,7 @@ from hardware_sim.controller.options import ControllerOptions
 _START_TIMEOUT = 90.0  # s; it starts in well under one, and on a machine that computes for others too in 35 s
 
 
-class ControllerProcess:
+class ControllerProcess(AbstractContextManager["ControllerProcess"]):
     """Starts a controller and ends it; a context manager.
 
     The child reads a pipe that only this process holds open: it ends when the parent does, however that dies.
@@ -27,36 +25,23 @@ class ControllerProcess:
         `module`: what `python -m` runs; another one calls this package's `__main__.main`.
         """
         self.address = address
-        command = [sys.executable, "-m", module, "--until-eof", "--address", address]
-        command += ["--polyscope", options.polyscope, "--robot-api-port", str(options.robot_api_port)]
-        command += ["--model", options.model, "--speed", repr(options.speed), "--log", log_level]
-        # One word: the parser would take -1e-05 by itself for an option.
-        command += ["--home=" + ",".join(repr(float(q)) for q in options.home)]
-        command += ["--low-when-stopped", *map(str, options.low_when_stopped)]
-        if options.calibration_seed is not None:
-            command += [f"--calibration-seed={options.calibration_seed}"]
-            command += [f"--calibration-error-m={options.calibration_error_m!r}"]
-        if options.for_urx:
-            command += ["--for-urx"]
-        files = {"surroundings": options.surroundings, "programs": options.programs, "record": options.record}
-        for name, path in files.items():
-            if path is not None:
-                command += [f"--{name}", str(path)]
+        command = [sys.executable, "-m", module, "--until-eof", "--address", address, "--log", log_level]
+        for name, value in vars(options).items():
+            flag = "--" + name.replace("_", "-")
+            if name == "low_when_stopped":
+                command += [flag, *map(str, value)]
+            elif name == "home":
+                command += [f"{flag}={','.join(repr(float(q)) for q in value)}"]
+            elif value is True:
+                command += [flag]
+            elif value is not None and value is not False:
+                command += [f"{flag}={value}"]  # one word: the parser would take -1e-05 by itself for an option
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603
-        deadline = time.monotonic() + _START_TIMEOUT
-        try:
-            self._wait_until_ready(deadline)
-        except ConnectionError:
+        output = self.process.stdout
+        readable, _, _ = select.select([output], [], [], _START_TIMEOUT)
+        if output is None or not readable or not output.readline().startswith(b"ready"):
             self.close()
-            raise
-
-    def _wait_until_ready(self, deadline: float) -> None:
-        stdout = self.process.stdout
-        if stdout is not None:
-            readable, _, _ = select.select([stdout], [], [], max(0.0, deadline - time.monotonic()))
-            if readable and stdout.readline().startswith(b"ready"):
-                return
-        raise ConnectionError(f"the simulated controller did not start at {self.address}; its log says why")
+            raise ConnectionError(f"the simulated controller did not start at {self.address}; its log says why")
 
     def control(self) -> ControlClient:
         """A new client of its control port."""
@@ -78,10 +63,5 @@ class ControllerProcess:
         if self.process.stdout is not None:
             self.process.stdout.close()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self.close()

@@ -9,7 +9,6 @@ that joint speeds have no jump.
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 from hardware_sim.controller import limits, poses
 from hardware_sim.controller.curves import Line
@@ -22,41 +21,35 @@ _BACK = math.pi - 0.05  # rad: a corner more than this is no place for an arc
 _SHORTEST = 1e-6  # m
 
 
-class _Shape(Protocol):
-    """The geometry of a piece over the arc length x in m."""
-
-    def at(self, x: float) -> Frame:
-        """The tool's pose."""
-        ...
-
-    def rate(self, x: float) -> Twist:
-        """Its change per m."""
-        ...
-
-
 @dataclass(frozen=True)
 class _Piece:
     """A stretch of the path with its own speed limit (m/s) and acceleration (m/s²)."""
 
-    shape: _Shape
+    shape: "_Straight | _Corner"
     length: float
     speed: float
     acceleration: float
 
+    @property
+    def ramp(self) -> float:
+        """Seconds from rest to its speed, or as far as its length allows."""
+        return min(self.speed / self.acceleration, math.sqrt(self.length / self.acceleration))
+
 
 class _Straight:
-    """A line between two poses, driven from `offset` m after its start on."""
+    """A line between two poses, driven from `offset` m after its start on.
+
+    As of every shape, `at` is the tool's pose at the arc length x in m, `rate` its change per m.
+    """
 
     def __init__(self, line: Line, offset: float = 0.0) -> None:
         self.line = line
         self.offset = offset
 
     def at(self, x: float) -> Frame:
-        """See _Shape."""
         return self.line.at((self.offset + x) / self.line.length)
 
     def rate(self, x: float) -> Twist:
-        """See _Shape."""
         del x
         return tuple(r / self.line.length for r in self.line.rate(0.0))
 
@@ -93,7 +86,6 @@ class _Corner:
         self._inwards = (x, y, z)
 
     def at(self, x: float) -> Frame:
-        """See _Shape."""
         along, across = self._along(x)
         start = poses.position(self._corner)
         place = tuple(
@@ -105,7 +97,6 @@ class _Corner:
         return poses.with_position(turned, place)
 
     def rate(self, x: float) -> Twist:
-        """See _Shape."""
         angle = 0.0 if math.isinf(self.radius) else x / self.radius
         c, s = math.cos(angle), math.sin(angle)
         linear = (c * a + s * b for a, b in zip(self._from, self._inwards, strict=True))
@@ -177,7 +168,6 @@ class ProcessPath(CartesianMove):
 
     @property
     def time_left(self) -> float:
-        """See ProgrammedMove."""
         left, a = self._left, self._pieces[-1].acceleration
         if self._speed <= 0.0:
             return 0.0 if self.finished else 2.0 * math.sqrt(left / a)
@@ -185,33 +175,25 @@ class ProcessPath(CartesianMove):
 
     @property
     def ramp_in(self) -> float:
-        """See ProgrammedMove."""
-        first = self._first
-        return min(first.speed / first.acceleration, math.sqrt(first.length / first.acceleration))
+        return self._first.ramp
 
     @property
     def ramp_out(self) -> float:
-        """See ProgrammedMove."""
-        last = self._pieces[-1]
-        return min(last.speed / last.acceleration, math.sqrt(last.length / last.acceleration))
+        return self._pieces[-1].ramp
 
     def hands_over(self, base_from_tool: Frame, base_from_end: Frame, radius: float) -> bool:
-        """See ProgrammedMove."""
         del base_from_tool, base_from_end
         last = self._pieces[-1]
         return self._left <= radius + 0.5 * last.speed**2 / last.acceleration
 
     def frame_after(self, seconds: float) -> Frame:
-        """See CartesianMove."""
         return self._first.shape.at(min(self._first.length, 0.5 * self._first.acceleration * seconds**2))
 
     def frame_before_end(self, seconds: float) -> Frame:
-        """See CartesianMove."""
         last = self._pieces[-1]
         return last.shape.at(max(0.0, last.length - 0.5 * last.acceleration * seconds**2))
 
     def advance(self, seconds: float) -> Frame:
-        """See CartesianMove."""
         if seconds > 0.0:
             self._move_on(seconds)
         piece = self._pieces[0]
@@ -238,7 +220,7 @@ class ProcessPath(CartesianMove):
             self._speed = 0.0
 
 
-def _limited(shape: _Shape, length: float, line: Line, speed: float, acceleration: float) -> _Piece:
+def _limited(shape: _Straight | _Corner, length: float, line: Line, speed: float, acceleration: float) -> _Piece:
     """A piece whose speed and acceleration keep the limits of the tool, its turning as that of `line`."""
     turn = max(line.angle / line.length, 1e-9)
     return _Piece(

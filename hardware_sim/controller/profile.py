@@ -13,17 +13,6 @@ class Trapezoid:
     acceleration: float
 
     @classmethod
-    def under(cls, length: float, speed: float, acceleration: float) -> "Trapezoid":
-        """The fastest profile under the limits; `speed` is the one reached."""
-        return cls(length, min(speed, math.sqrt(length * acceleration)), acceleration)
-
-    @classmethod
-    def lasting(cls, length: float, seconds: float) -> "Trapezoid":
-        """The profile that takes a given time, a quarter of it accelerating and a quarter braking."""
-        speed = length / (0.75 * seconds)
-        return cls(length, speed, speed / (0.25 * seconds))
-
-    @classmethod
     def planned(
         cls, length: float, speed: float, acceleration: float, seconds: float, fastest: float, hardest: float
     ) -> "Trapezoid":
@@ -34,8 +23,10 @@ class Trapezoid:
             return cls(0.0, speed, acceleration)
         if seconds > 0.0:
             shortest = max(length / (0.75 * fastest), math.sqrt(length / (0.75 * 0.25 * hardest)))
-            return cls.lasting(length, max(seconds, shortest))
-        return cls.under(length, min(speed, fastest), min(acceleration, hardest))
+            seconds = max(seconds, shortest)  # a quarter of it accelerating and a quarter braking
+            return cls(length, length / (0.75 * seconds), length / (0.75 * 0.25 * seconds**2))
+        hardest = min(acceleration, hardest)
+        return cls(length, min(speed, fastest, math.sqrt(length * hardest)), hardest)
 
     @property
     def duration(self) -> float:
@@ -48,7 +39,6 @@ class Trapezoid:
         return self.speed / self.acceleration if self.length > 0.0 else 0.0
 
     def position(self, t: float) -> float:
-        """Length covered at time t."""
         ramp, duration = self.ramp, self.duration
         if t <= 0.0:
             return 0.0
@@ -61,7 +51,6 @@ class Trapezoid:
         return self.length - 0.5 * self.acceleration * (duration - t) ** 2
 
     def speed_at(self, t: float) -> float:
-        """Speed at time t."""
         duration = self.duration
         if t <= 0.0 or t >= duration:
             return 0.0

@@ -19,7 +19,7 @@ from hardware_sim.controller.compiler import NAMES_OF_OPERATIONS, TURN_BUDGET, C
 from hardware_sim.controller.semantics import ScriptError
 
 _MAX_THREADS = 64
-_VALUE_FUNCTIONS = ("copy_of", "pose", "truth", "item", "put", "member", "put_member", "negative", "positive")
+_VALUE_FUNCTIONS = ("copy_of", "pose", "truth", "item", "put", "member", "put_member")
 _OWN_NAMES = re.compile(r"\b[fgvb]_(?=\w)|\b\w+(?:Functions|Arithmetic|Strings)\.")  # in Python's messages
 
 
@@ -94,7 +94,6 @@ class Program:
                 return
 
     def close(self) -> None:
-        """Ends all threads."""
         self.finished = True
         for handle in list(self._threads):
             self._end(handle)

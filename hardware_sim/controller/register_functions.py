@@ -1,7 +1,7 @@
-"""URScript's functions on registers, messages, time and watchdogs."""
+"""URScript's functions on registers, messages, time and watchdogs, and on the interpreter mode (`interpreter`)."""
 
 import logging
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from typing import Any
 
 from hardware_sim.controller.messages import MessageType, RobotMessage
@@ -16,7 +16,22 @@ from hardware_sim.controller.script_values import (
 )
 from hardware_sim.controller.semantics import ScriptError, script_text, truth
 
+_NUMBER = "a register's number"
 Waiting = Generator[None, None, None]
+
+
+def _reads(base: int, kind: type[float]) -> Callable[["RegisterFunctions", int], float]:
+    def method(self: "RegisterFunctions", address: int) -> float:
+        return kind(self.robot.registers.values[base + integer_below(address, _NUMBER, REGISTERS)])
+
+    return method
+
+
+def _reads_bit(bank: str) -> Callable[["RegisterFunctions", int], bool]:
+    def method(self: "RegisterFunctions", address: int) -> bool:
+        return self.robot.registers.bit(bank, integer_below(address, _NUMBER, BIT_REGISTERS))
+
+    return method
 
 
 class RegisterFunctions(FunctionGroup):
@@ -44,40 +59,24 @@ class RegisterFunctions(FunctionGroup):
         if blocking:
             self._robot.pause()
 
-    def _slot(self, base: int, index: Any) -> int:
-        return base + integer_below(index, "a register's number", REGISTERS)
+    read_input_float_register, read_output_float_register = _reads(DOUBLE_IN, float), _reads(DOUBLE_OUT, float)
+    read_input_integer_register, read_output_integer_register = _reads(INT_IN, int), _reads(INT_OUT, int)
 
-    def read_input_float_register(self, address: int) -> float:
-        return self._values[self._slot(DOUBLE_IN, address)]
-
-    def read_input_integer_register(self, address: int) -> int:
-        return int(self._values[self._slot(INT_IN, address)])
-
-    def read_input_boolean_register(self, address: int) -> bool:
-        return self._robot.registers.bit("input", integer_below(address, "a register's number", BIT_REGISTERS))
-
-    def read_output_boolean_register(self, address: int) -> bool:
-        return self._robot.registers.bit("output", integer_below(address, "a register's number", BIT_REGISTERS))
+    read_input_boolean_register, read_output_boolean_register = _reads_bit("input"), _reads_bit("output")
 
     def write_output_boolean_register(self, address: int, value: bool) -> None:
-        slot = integer_below(address, "a register's number", BIT_REGISTERS)
+        slot = integer_below(address, _NUMBER, BIT_REGISTERS)
         self._robot.registers.set_bit(slot, truth(value))
 
-    def read_output_float_register(self, address: int) -> float:
-        return self._values[self._slot(DOUBLE_OUT, address)]
-
-    def read_output_integer_register(self, address: int) -> int:
-        return int(self._values[self._slot(INT_OUT, address)])
-
     def write_output_float_register(self, address: int, value: float) -> None:
-        self._values[self._slot(DOUBLE_OUT, address)] = number(value, "the value")
+        self._values[DOUBLE_OUT + integer_below(address, _NUMBER, REGISTERS)] = number(value, "the value")
 
     def write_output_integer_register(self, address: int, value: int) -> None:
         # A float is cut to an integer, as `ur-rtde`'s own scripts rely on; a truth value is not.
         integer = int(number(value, "the value"))
         if not -(2**31) <= integer < 2**31:
             raise ScriptError(f"{value} does not fit an integer register")
-        self._values[self._slot(INT_OUT, address)] = integer
+        self._values[INT_OUT + integer_below(address, _NUMBER, REGISTERS)] = integer
 
     def sync(self) -> Waiting:
         yield
@@ -92,4 +91,31 @@ class RegisterFunctions(FunctionGroup):
     def rtde_set_watchdog(self, variable_name: str, min_frequency: float, action: str = "pause") -> None:
         if action.lower() not in ("ignore", "pause", "stop"):
             raise ScriptError(f"rtde_set_watchdog: unknown action {action!r}")
-        self._robot.set_watchdog(variable_name, positive(min_frequency, "min_frequency"), action.lower())
+        frequency = positive(min_frequency, "min_frequency")
+        self.robot.watchdogs.set(variable_name, frequency, action.lower(), self.robot.now)
+
+
+class InterpreterFunctions(FunctionGroup):
+    """What a program and its statements say to the interpreter."""
+
+    def interpreter_mode(
+        self, namespace: dict[str, Any], clearQueueOnEnter: bool = True, clearOnEnd: bool = True
+    ) -> Generator[None, None, None]:
+        interpreter = self._robot.interpreter
+        interpreter.enter(namespace, truth(clearQueueOnEnter))
+        try:
+            while interpreter.active:
+                if interpreter.waiting:
+                    interpreter.executed, compiled = interpreter.waiting.popleft()
+                    exec(compiled.code, namespace)  # noqa: S102 - written by the compiler, names prefixed
+                    yield from namespace["program"]()
+                if self._arm.corner is None:  # else the next move may blend into this one
+                    yield
+        finally:
+            interpreter.end(truth(clearOnEnd))
+
+    def end_interpreter(self) -> None:
+        self._robot.interpreter.active = False
+
+    def clear_interpreter(self) -> None:
+        self._robot.interpreter.clear()

@@ -9,6 +9,7 @@ second with 180 numbers each cost little.
 """
 
 from collections.abc import Sequence
+from itertools import accumulate
 
 # RTDE type → struct code and number of values.
 TYPES: dict[str, tuple[str, int]] = {
@@ -26,82 +27,49 @@ TYPES: dict[str, tuple[str, int]] = {
 REGISTERS = 48
 BIT_REGISTERS = 128
 
-_VECTORS_6D = (
-    "target_q target_qd target_qdd target_current target_moment actual_q actual_qd actual_current "
+_OUTPUTS = {
+    "VECTOR6D": "target_q target_qd target_qdd target_current target_moment actual_q actual_qd actual_current "
     "actual_current_window joint_control_output actual_TCP_pose actual_TCP_speed actual_TCP_force target_TCP_pose "
-    "target_TCP_speed tcp_offset joint_temperatures actual_joint_voltage ft_raw_wrench payload_inertia"
-)
-_DOUBLES = (
-    "timestamp actual_execution_time speed_scaling target_speed_fraction actual_momentum actual_main_voltage "
+    "target_TCP_speed tcp_offset joint_temperatures actual_joint_voltage ft_raw_wrench payload_inertia",
+    "DOUBLE": "timestamp actual_execution_time speed_scaling target_speed_fraction actual_momentum actual_main_voltage "
     "actual_robot_voltage actual_robot_current standard_analog_input0 standard_analog_input1 standard_analog_output0 "
     "standard_analog_output1 payload joint_position_deviation_ratio tool_analog_input0 tool_analog_input1 "
-    "tool_output_current tool_temperature tcp_force_scalar io_current euromap67_24V_voltage euromap67_24V_current"
-)
-_OTHERS = {
+    "tool_output_current tool_temperature tcp_force_scalar io_current euromap67_24V_voltage euromap67_24V_current",
     "VECTOR3D": "actual_tool_accelerometer payload_cog elbow_position elbow_velocity",
     "UINT64": "actual_digital_input_bits actual_digital_output_bits",
     "UINT32": "runtime_state robot_status_bits safety_status_bits analog_io_types tool_analog_input_types "
-    "tool_mode euromap67_input_bits euromap67_output_bits output_bit_registers0_to_31 output_bit_registers32_to_63 "
-    "script_control_line",
+    "tool_mode euromap67_input_bits euromap67_output_bits script_control_line",
     "UINT8": "tool_output_mode tool_digital_output0_mode tool_digital_output1_mode",
     "INT32": "robot_mode safety_mode safety_status tool_output_voltage encoder0_raw encoder1_raw",
     "VECTOR6INT32": "joint_mode",
 }
+"""What the controller reports, by type; numbered ones stand side by side."""
+_INPUTS = {
+    "UINT32": "speed_slider_mask",
+    "DOUBLE": "speed_slider_fraction standard_analog_output_0 standard_analog_output_1",
+    "UINT8": "standard_digital_output_mask standard_digital_output configurable_digital_output_mask "
+    "configurable_digital_output tool_digital_output_mask tool_digital_output standard_analog_output_mask "
+    "standard_analog_output_type",
+    "VECTOR6D": "external_force_torque",
+}
 
 
-def _output_types() -> dict[str, str]:
-    types = dict.fromkeys(_VECTORS_6D.split(), "VECTOR6D") | dict.fromkeys(_DOUBLES.split(), "DOUBLE")
-    for kind, names in _OTHERS.items():
-        types |= dict.fromkeys(names.split(), kind)
-    types |= {f"output_bit_register_{i}": "BOOL" for i in range(64, BIT_REGISTERS)}
-    types |= {f"output_int_register_{i}": "INT32" for i in range(REGISTERS)}
-    types |= {f"output_double_register_{i}": "DOUBLE" for i in range(REGISTERS)}
-    # Inputs can be read back under their own names.
-    types |= {f"input_bit_register_{i}": "BOOL" for i in range(64, BIT_REGISTERS)}
-    types |= {"input_bit_registers0_to_31": "UINT32", "input_bit_registers32_to_63": "UINT32"}
-    types |= {f"input_int_register_{i}": "INT32" for i in range(REGISTERS)}
-    types |= {f"input_double_register_{i}": "DOUBLE" for i in range(REGISTERS)}
-    return types
+def _types(names: dict[str, str]) -> dict[str, str]:
+    return {name: kind for kind, of in names.items() for name in of.split()}
 
 
-def _input_types() -> dict[str, str]:
-    types = {
-        "speed_slider_mask": "UINT32",
-        "speed_slider_fraction": "DOUBLE",
-        "standard_digital_output_mask": "UINT8",
-        "standard_digital_output": "UINT8",
-        "configurable_digital_output_mask": "UINT8",
-        "configurable_digital_output": "UINT8",
-        "tool_digital_output_mask": "UINT8",
-        "tool_digital_output": "UINT8",
-        "standard_analog_output_mask": "UINT8",
-        "standard_analog_output_type": "UINT8",
-        "standard_analog_output_0": "DOUBLE",
-        "standard_analog_output_1": "DOUBLE",
-        "input_bit_registers0_to_31": "UINT32",
-        "input_bit_registers32_to_63": "UINT32",
-        "external_force_torque": "VECTOR6D",
-    }
-    types |= {f"input_bit_register_{i}": "BOOL" for i in range(64, BIT_REGISTERS)}
-    types |= {f"input_int_register_{i}": "INT32" for i in range(REGISTERS)}
-    types |= {f"input_double_register_{i}": "DOUBLE" for i in range(REGISTERS)}
-    return types
+def _registers(bank: str) -> dict[str, str]:
+    types = {f"{bank}_bit_register_{i}": "BOOL" for i in range(64, BIT_REGISTERS)}
+    types |= {f"{bank}_bit_registers0_to_31": "UINT32", f"{bank}_bit_registers32_to_63": "UINT32"}
+    types |= {f"{bank}_int_register_{i}": "INT32" for i in range(REGISTERS)}
+    return types | {f"{bank}_double_register_{i}": "DOUBLE" for i in range(REGISTERS)}
 
 
-OUTPUT_TYPES = _output_types()
-INPUT_TYPES = _input_types()
-
-
-def _offsets() -> dict[str, int]:
-    offsets: dict[str, int] = {}
-    at = 0
-    for name, kind in OUTPUT_TYPES.items():
-        offsets[name] = at
-        at += TYPES[kind][1]
-    return offsets
-
-
-OFFSETS = _offsets()
+# Inputs can be read back under their own names.
+OUTPUT_TYPES = _types(_OUTPUTS) | _registers("output") | _registers("input")
+INPUT_TYPES = _types(_INPUTS) | _registers("input")
+_WIDTHS = [TYPES[kind][1] for kind in OUTPUT_TYPES.values()]
+OFFSETS = dict(zip(OUTPUT_TYPES, accumulate(_WIDTHS, initial=0), strict=False))
 INT_OUT = OFFSETS["output_int_register_0"]
 DOUBLE_OUT = OFFSETS["output_double_register_0"]
 INT_IN = OFFSETS["input_int_register_0"]

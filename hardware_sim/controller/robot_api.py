@@ -107,8 +107,10 @@ def _load(controller: Controller, content: dict[str, Any]) -> Answer:
 
 _ROUTES: dict[tuple[str, str], Callable[[Controller, dict[str, Any]], Answer]] = {
     ("GET", "/openapi.json"): _get(info=lambda c: {"title": "Robot API", "version": "5.0.107"}),
-    ("GET", "/robotstate/v1/robotmode"): _get(mode=lambda c: c.robot_mode.name),
-    ("GET", "/robotstate/v1/safetymode"): _get(mode=lambda c: _SAFETY.get(c.safety_mode, c.safety_mode.name)),
+    ("GET", "/robotstate/v1/robotmode"): _get(mode=lambda c: c.safety.robot_mode.name),
+    ("GET", "/robotstate/v1/safetymode"): _get(
+        mode=lambda c: _SAFETY.get(c.safety.safety_mode, c.safety.safety_mode.name)
+    ),
     ("PUT", "/robotstate/v1/state"): _acting(
         UNLOCK_PROTECTIVE_STOP=lambda c: c.safety.unlock(),
         RESTART_SAFETY=lambda c: c.safety.restart(),

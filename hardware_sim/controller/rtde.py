@@ -57,7 +57,10 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class OutputRecipe:
-    """An output recipe of one client: how to pick it from the flat list of values and how to pack it."""
+    """An output recipe of one client: how to pick it from the flat list of values and how to pack it.
+
+    The last value is picked, too, and left out again: a getter of a single one would return no tuple.
+    """
 
     names: tuple[str, ...]
     pick: Callable[[Sequence[float]], tuple[float, ...]]
@@ -66,7 +69,7 @@ class OutputRecipe:
 
     def pack(self, values: Sequence[float]) -> bytes:
         """A data frame with the present values."""
-        return self.layout.pack(self.layout.size, Kind.DATA, 1, *self.pick(values))
+        return self.layout.pack(self.layout.size, Kind.DATA, 1, *self.pick(values)[:-1])
 
 
 @dataclass(frozen=True)
@@ -77,26 +80,6 @@ class InputRecipe:
     layout: struct.Struct
     registers: tuple[tuple[int, int, int], ...]  # first value, slot, count
     others: tuple[tuple[int, str], ...]  # value, name
-
-
-class Owners:
-    """Which connection owns which input; freed when it closes."""
-
-    def __init__(self) -> None:
-        self._owner: dict[str, object] = {}
-
-    def held_by_other(self, name: str, owner: object) -> bool:
-        """Whether somebody else owns it."""
-        return self._owner.get(name, owner) is not owner
-
-    def take(self, names: Sequence[str], owner: object) -> None:
-        """Makes `owner` own them."""
-        for name in names:
-            self._owner[name] = owner
-
-    def free(self, owner: object) -> None:
-        """Frees all that `owner` owns."""
-        self._owner = {name: o for name, o in self._owner.items() if o is not owner}
 
 
 def _split(payload: bytes) -> list[str]:
@@ -127,22 +110,11 @@ def read_text(payload: bytes) -> str:
     return f"{level} of {source.decode(errors='replace')!r}: {message.decode(errors='replace')!r}"
 
 
-def _picker(slots: Sequence[int]) -> Callable[[Sequence[float]], tuple[float, ...]]:
-    if len(slots) > 1:
-        return operator.itemgetter(*slots)
-    # An itemgetter of one index returns no tuple.
-    only = slots[0]
-
-    def pick(values: Sequence[float]) -> tuple[float, ...]:
-        return (values[only],)
-
-    return pick
-
-
 class RtdeConnection(Connection):
     """One RTDE client."""
 
-    def __init__(self, stream: socket.socket, controller: Controller, owners: Owners) -> None:
+    def __init__(self, stream: socket.socket, controller: Controller, owners: dict[str, object]) -> None:
+        """`owners`: which connection owns which input, of all clients; freed when it closes."""
         super().__init__(stream)
         self.started = False
         self.output: OutputRecipe | None = None
@@ -155,7 +127,8 @@ class RtdeConnection(Connection):
 
     def ended(self) -> None:
         """Frees its inputs at once: the library reconnects within milliseconds."""
-        self._owners.free(self)
+        for name in [name for name, owner in self._owners.items() if owner is self]:
+            del self._owners[name]
 
     def received(self, data: bytes) -> None:
         """Splits into frames."""
@@ -226,7 +199,7 @@ class RtdeConnection(Connection):
         slots = [OFFSETS[n] + i for n, t in zip(names, types, strict=True) for i in range(TYPES[t][1])]
         layout = struct.Struct(">HBB" + "".join(TYPES[t][0] for t in types))
         dynamic = not dynamics.VARIABLES.isdisjoint(names)
-        self.output = OutputRecipe(tuple(names), _picker(slots), layout, dynamic)
+        self.output = OutputRecipe(tuple(names), operator.itemgetter(*slots, -1), layout, dynamic)
         if frequency > FREQUENCY:
             LOG.warning("RTDE outputs at %g Hz instead of %g Hz", FREQUENCY, frequency)
         self.frequency = min(frequency, FREQUENCY)
@@ -234,15 +207,14 @@ class RtdeConnection(Connection):
 
     def _set_inputs(self, payload: bytes) -> None:
         names = _split(payload)
-        types = [
-            "IN_USE" if self._owners.held_by_other(name, self) else INPUT_TYPES.get(name, "NOT_FOUND") for name in names
-        ]
+        held = [name for name in names if self._owners.get(name, self) is not self]
+        types = ["IN_USE" if name in held else INPUT_TYPES.get(name, "NOT_FOUND") for name in names]
         answer = ",".join(types).encode()
         if not names or len(self._inputs) >= _MOST_RECIPES or "IN_USE" in types or "NOT_FOUND" in types:
             LOG.warning("RTDE inputs refused: %r are %r", names, types)
             self._reply(Kind.INPUTS, _REFUSED + answer)
             return
-        self._owners.take(names, self)
+        self._owners.update(dict.fromkeys(names, self))
         registers: list[tuple[int, int, int]] = []
         others: list[tuple[int, str]] = []
         at = 0
@@ -274,7 +246,7 @@ class RtdeConnection(Connection):
             slots[slot : slot + count] = values[at : at + count]
         if recipe.others:
             apply_outputs(self._controller, {name: values[at] for at, name in recipe.others})
-        self._controller.inputs_arrived(recipe.names, time.monotonic())
+        self._controller.watchdogs.feed(recipe.names, time.monotonic())
 
 
 def apply_outputs(controller: Controller, written: dict[str, Any]) -> None:

@@ -6,7 +6,6 @@ that a client that does not wait for the mode fails here too.
 """
 
 import math
-from collections.abc import Callable
 
 from hardware_sim.controller.modes import RobotMode, SafetyMode
 
@@ -35,20 +34,20 @@ class Safety:
         self._now = now
         self._stopped_at = -math.inf
         self._due = math.inf
-        self._next: Callable[[], None] = lambda: None
+        self._next = self.robot_mode
         self._release_after_power = False
 
     @property
     def may_run(self) -> bool:
-        """Whether a program may run."""
         return self.robot_mode is RobotMode.RUNNING and self.safety_mode in (SafetyMode.NORMAL, SafetyMode.REDUCED)
 
     def tick(self, now: float) -> None:
         """Follows time: what was begun ends when it is due."""
         self._now = now
         if now >= self._due:
-            self._due = math.inf
-            self._next()
+            self._due, self.robot_mode = math.inf, self._next
+            if self.robot_mode is RobotMode.IDLE and self._release_after_power:
+                self.release_brakes()
 
     def stop(self, mode: SafetyMode, why: str) -> bool:
         """Enters a protective or safeguard stop; False where no program may run anyway."""
@@ -108,7 +107,6 @@ class Safety:
         self._normal()
 
     def power_off(self) -> None:
-        """Takes the power away."""
         if self.robot_mode is not RobotMode.BOOTING:
             self._due = math.inf
             self.robot_mode = RobotMode.POWER_OFF
@@ -118,7 +116,7 @@ class Safety:
         if self.robot_mode is RobotMode.POWER_OFF and self.safety_mode in (SafetyMode.NORMAL, SafetyMode.REDUCED):
             self._release_after_power = False
             self.robot_mode = RobotMode.POWER_ON
-            self._after(POWER_ON_SECONDS, self._powered)
+            self._after(POWER_ON_SECONDS, RobotMode.IDLE)
 
     def release_brakes(self) -> None:
         """Begins to open the brakes, powering on first where needed."""
@@ -126,12 +124,7 @@ class Safety:
         if self.robot_mode is RobotMode.POWER_ON:
             self._release_after_power = True
         elif self.robot_mode is RobotMode.IDLE and self._due == math.inf:
-            self._after(BRAKE_SECONDS, lambda: self._enter(RobotMode.RUNNING))
-
-    def _powered(self) -> None:
-        self.robot_mode = RobotMode.IDLE
-        if self._release_after_power:
-            self.release_brakes()
+            self._after(BRAKE_SECONDS, RobotMode.RUNNING)
 
     def _normal(self) -> None:
         self.safety_mode = SafetyMode.NORMAL
@@ -139,10 +132,7 @@ class Safety:
 
     def _boot(self, seconds: float) -> None:
         self.robot_mode = RobotMode.BOOTING
-        self._after(seconds, lambda: self._enter(RobotMode.POWER_OFF))
+        self._after(seconds, RobotMode.POWER_OFF)
 
-    def _enter(self, mode: RobotMode) -> None:
-        self.robot_mode = mode
-
-    def _after(self, seconds: float, action: Callable[[], None]) -> None:
-        self._due, self._next = self._now + seconds, action
+    def _after(self, seconds: float, mode: RobotMode) -> None:
+        self._due, self._next = self._now + seconds, mode

@@ -47,6 +47,5 @@ class ScriptLinks(dict[str, ScriptLink]):
             link.stream.close()
 
     def close_all(self) -> None:
-        """Closes all."""
         for name in list(self):
             self.close(name)

@@ -61,6 +61,11 @@ def frame(pose: Any, what: str = "the pose") -> Frame:
 class FunctionGroup:
     """A group of functions bound to one robot; methods without underscore are visible to programs."""
 
+    def __init_subclass__(cls) -> None:
+        for name, member in vars(cls).items():
+            if "<locals>" in getattr(member, "__qualname__", ""):
+                member.__qualname__ = name  # what Python's messages call it
+
     def __init__(self, robot: Robot) -> None:
         self.robot = self._robot = robot
         self._arm = robot.arm

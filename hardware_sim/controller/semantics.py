@@ -96,9 +96,7 @@ def item(value: Any, index: Any) -> Any:
 def put(value: Any, index: Any, element: Any) -> None:
     """`value[index] = element`."""
     number = _checked(value, index)
-    if type(value) is Pose and type(element) not in _NUMBERS:
-        raise ScriptError(f"a pose is made of numbers, not of {script_text(element)}")
-    value[number] = element
+    value[number] = pose([element])[0] if type(value) is Pose else element
 
 
 def _checked(value: Any, index: Any) -> int:
@@ -134,24 +132,15 @@ def _refuse(sign: str, a: Any, b: Any) -> NoReturn:
     raise ScriptError(f"{script_text(a)} {sign} {script_text(b)}: these types do not go together")
 
 
-def _divided(a: Any, b: Any) -> Any:
-    if b == 0:
-        raise ScriptError("division by zero")
-    return a / b
-
-
-def _remainder(a: Any, b: Any) -> Any:
-    if b == 0:
-        raise ScriptError("division by zero")
-    return a % b
-
-
 def _arithmetic(sign: str, operation: Operation) -> Operation:
     """An operator between numbers; lists of numbers element by element, also with a number."""
 
     def calculate(a: Any, b: Any) -> Any:
         if type(a) in _NUMBERS and type(b) in _NUMBERS:
-            result = operation(a, b)
+            try:
+                result = operation(a, b)
+            except ZeroDivisionError as error:
+                raise ScriptError("division by zero") from error
             return result if type(result) is float else integer(result)
         if type(a) is list and type(b) is list and len(a) == len(b):
             return [calculate(x, y) for x, y in zip(a, b, strict=True)]
@@ -175,22 +164,12 @@ def _comparison(sign: str, operation: Operation) -> Operation:
     return compare
 
 
-def negative(value: Any) -> Any:
-    """`-value`."""
-    return OPERATIONS["-"](0, value)
-
-
-def positive(value: Any) -> Any:
-    """`+value`."""
-    return OPERATIONS["+"](0, value)
-
-
 OPERATIONS: dict[str, Operation] = {
     "+": _arithmetic("+", operator.add),
     "-": _arithmetic("-", operator.sub),
     "*": _arithmetic("*", operator.mul),
-    "/": _arithmetic("/", _divided),
-    "%": _arithmetic("%", _remainder),
+    "/": _arithmetic("/", operator.truediv),
+    "%": _arithmetic("%", operator.mod),
     "<": _comparison("<", operator.lt),
     "<=": _comparison("<=", operator.le),
     ">": _comparison(">", operator.gt),

@@ -29,7 +29,7 @@ from hardware_sim.controller.modes import RobotMode
 from hardware_sim.controller.options import ControllerOptions, RealTime
 from hardware_sim.controller.program_loader import ProgramLoader
 from hardware_sim.controller.robot_api import RobotApiConnection
-from hardware_sim.controller.rtde import Owners, RtdeConnection
+from hardware_sim.controller.rtde import RtdeConnection
 from hardware_sim.controller.safety import BOOT_SECONDS
 from hardware_sim.controller.script_values import STEP_TIME
 from hardware_sim.controller.scripts import ReadOnlyConnection, ScriptConnection
@@ -54,12 +54,12 @@ class Server:
         """`robot_api_port`: of PolyScope X, in place of the dashboard. Raises OSError where a port is in use."""
         self.controller = controller
         self._poll = select.epoll()
-        self._owners = Owners()
+        self._owners: dict[str, object] = {}
         self._loader = ProgramLoader(controller)
         self._stall_ends: dict[int, float] = {}
         self._ports: dict[int, Port] = {}
         self._dynamics = Dynamics(controller.arm, controller.registers)
-        self._safety_mode = controller.safety_mode
+        self._safety_mode = controller.safety.safety_mode
         self._for_urx = for_urx
         accepts: dict[int, Callable[[socket.socket], Connection]] = {
             rtde.PORT: lambda s: RtdeConnection(s, controller, self._owners),
@@ -161,7 +161,7 @@ class Server:
                 select.select([self._poll.fileno()], [], [], wait)
             late = time.monotonic() - deadline
             if late > _FROZEN:  # before what has arrived meanwhile is read
-                self.controller.frozen(late)
+                self.controller.watchdogs.postpone(late)
             for descriptor, event in self._poll.poll(0, _AT_ONCE):
                 if descriptor == stop_descriptor:
                     if not os.read(descriptor, 4096):
@@ -203,8 +203,8 @@ class Server:
 
     def _announce(self) -> None:
         controller = self.controller
-        if controller.safety_mode is not self._safety_mode:
-            self._safety_mode = controller.safety_mode
+        if controller.safety.safety_mode is not self._safety_mode:
+            self._safety_mode = controller.safety.safety_mode
             controller.announce(RobotMessage(MessageType.SAFETY_MODE, "", number=self._safety_mode))
         while controller.announcements:
             said = controller.announcements.popleft()
@@ -227,7 +227,7 @@ class Server:
         due = controller.ticks % streams.STATE_TICKS == 0
         states = {number: self._readers(number) for number in _STATES} if due else {}
         if real_time or any(states.values()) or any(c.reads_dynamics for c in clients):
-            self._dynamics.publish(controller.timestamp, controller.robot_mode is RobotMode.RUNNING)
+            self._dynamics.publish(controller.timestamp, controller.safety.robot_mode is RobotMode.RUNNING)
         rtde.broadcast(clients, controller)
         if real_time:
             packet = streams.real_time_packet(controller.registers)
@@ -241,7 +241,6 @@ class Server:
                     connection.offer(packet)
 
     def close(self) -> None:
-        """Closes all ports."""
         self._loader.close()
         for port in self._ports.values():
             port.close()

@@ -14,7 +14,7 @@ import struct
 from collections.abc import Callable, Generator
 from typing import Any, TypeVar
 
-from hardware_sim.controller.script_links import ScriptLink
+from hardware_sim.controller.script_links import ScriptLink, ScriptLinks
 from hardware_sim.controller.script_values import STEP_TIME, FunctionGroup, integer_below, number
 from hardware_sim.controller.semantics import MOST_CHARACTERS, ScriptError, integer, script_text
 
@@ -27,6 +27,43 @@ _TEXT = "latin-1"  # the manual's "extended ASCII"
 _PENDING = (errno.EINPROGRESS, errno.EALREADY)
 _INTEGER = struct.Struct(">i")
 _ESCAPES = {"\\n": "\n", "\\r": "\r", "\\t": "\t"}
+
+
+def _read(
+    links: ScriptLinks, name: Any, timeout: Any, take: Callable[[ScriptLink], Read | None], failed: Read
+) -> Generator[None, None, Read]:
+    """What `take` finds; `failed` where it finds nothing for `timeout` s, or the server is gone."""
+    seconds = number(timeout, "timeout")
+    left = _ticks(seconds) if seconds > 0.0 else math.inf
+    while (link := links.get(_text(name))) is not None:
+        link.fill()
+        found = take(link)
+        if found is not None:
+            return found
+        if left <= 0 or link.ended:
+            break
+        left -= 1
+        yield
+    if link is None or link.ended:
+        yield  # a program that reads on and on must not use up its share of the tick
+    return failed
+
+
+def _reading(code: str) -> Callable[..., Generator[None, None, list[int]]]:
+    """A function that reads integers of a struct code."""
+
+    def method(
+        self: "SocketFunctions", number: Any, socket_name: Any = _NAME, timeout: Any = _PATIENCE
+    ) -> Generator[None, None, list[int]]:
+        count = _count(number)
+        layout = struct.Struct(f">{count}{code}")
+
+        def take(link: ScriptLink) -> list[int] | None:
+            return [count, *layout.unpack(link.take(layout.size))] if len(link.unread) >= layout.size else None
+
+        return (yield from _read(self.robot.links, socket_name, timeout, take, [0] + [-1] * count))
+
+    return method
 
 
 class SocketFunctions(FunctionGroup):
@@ -106,43 +143,7 @@ class SocketFunctions(FunctionGroup):
         except ValueError:
             return 0
 
-    def _read(
-        self, name: Any, timeout: Any, take: Callable[[ScriptLink], Read | None], failed: Read
-    ) -> Generator[None, None, Read]:
-        """What `take` finds; `failed` where it finds nothing for `timeout` s, or the server is gone."""
-        seconds = number(timeout, "timeout")
-        left = _ticks(seconds) if seconds > 0.0 else math.inf
-        while (link := self._robot.links.get(_text(name))) is not None:
-            link.fill()
-            found = take(link)
-            if found is not None:
-                return found
-            if left <= 0 or link.ended:
-                break
-            left -= 1
-            yield
-        if link is None or link.ended:
-            yield  # a program that reads on and on must not use up its share of the tick
-        return failed
-
-    def socket_read_binary_integer(
-        self, number: Any, socket_name: Any = _NAME, timeout: Any = _PATIENCE
-    ) -> Generator[None, None, list[int]]:
-        return (yield from self._read_values(number, "i", socket_name, timeout))
-
-    def socket_read_byte_list(
-        self, number: Any, socket_name: Any = _NAME, timeout: Any = _PATIENCE
-    ) -> Generator[None, None, list[int]]:
-        return (yield from self._read_values(number, "B", socket_name, timeout))
-
-    def _read_values(self, number: Any, code: str, name: Any, timeout: Any) -> Generator[None, None, list[int]]:
-        count = _count(number)
-        layout = struct.Struct(f">{count}{code}")
-
-        def take(link: ScriptLink) -> list[int] | None:
-            return [count, *layout.unpack(link.take(layout.size))] if len(link.unread) >= layout.size else None
-
-        return (yield from self._read(name, timeout, take, [0] + [-1] * count))
+    socket_read_binary_integer, socket_read_byte_list = _reading("i"), _reading("B")
 
     def socket_read_ascii_float(
         self, number: Any, socket_name: Any = _NAME, timeout: Any = _PATIENCE
@@ -160,7 +161,7 @@ class SocketFunctions(FunctionGroup):
                 return failed
             return [count, *values] if len(values) == count else failed
 
-        return (yield from self._read(socket_name, timeout, take, failed))
+        return (yield from _read(self._robot.links, socket_name, timeout, take, failed))
 
     def socket_read_line(self, socket_name: Any = _NAME, timeout: Any = _PATIENCE) -> Generator[None, None, str]:
         return (yield from self.socket_read_string(socket_name, "", "\n", False, timeout))
@@ -188,7 +189,7 @@ class SocketFunctions(FunctionGroup):
                 raise ScriptError(f"socket_read_string: more than {MOST_CHARACTERS} characters")
             return data.decode(_TEXT)
 
-        return (yield from self._read(socket_name, timeout, take, ""))
+        return (yield from _read(self._robot.links, socket_name, timeout, take, ""))
 
 
 def _count(number: Any) -> int:

@@ -245,7 +245,6 @@ class Port:
             self._poll.modify(descriptor, 0 if stalled else select.EPOLLIN | writing)
 
     def close(self) -> None:
-        """Closes the port and its connections."""
         self.cut()
         self.listener.close()  # harmless where it is shut
 

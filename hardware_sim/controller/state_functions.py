@@ -1,18 +1,46 @@
 """URScript's functions on kinematics, limits, tool, payload and the arm's state."""
 
+from collections.abc import Callable
 from typing import Any
 
 from hardware_sim.controller import kinematics, limits, poses
 from hardware_sim.controller.arm import HISTORY
 from hardware_sim.controller.moves import CartesianMove, JointMove
+from hardware_sim.controller.robot import Robot
 from hardware_sim.controller.script_values import STEP_TIME, FunctionGroup, frame, integer_below, number, numbers
 from hardware_sim.controller.semantics import Pose, ScriptError
 
 STEADY_AFTER = 0.5  # s of motion time at rest
 
 
+def _asks(read: Callable[[Robot], Any]) -> Callable[["StateFunctions"], Any]:
+    """A function without arguments that reads the state of the robot."""
+
+    def method(self: "StateFunctions") -> Any:
+        return read(self.robot)
+
+    return method
+
+
 class StateFunctions(FunctionGroup):
     """What a program asks about the arm, and what it sets."""
+
+    get_tcp_offset = _asks(lambda robot: Pose(robot.arm.tcp))
+    get_target_payload = _asks(lambda robot: robot.arm.payload)
+    get_target_payload_cog = _asks(lambda robot: robot.arm.payload_center[:])
+    get_target_payload_inertia = _asks(lambda robot: robot.arm.payload_inertia[:])
+    get_actual_joint_positions = _asks(lambda robot: robot.arm.joints[:])
+    get_target_joint_positions = get_joint_positions = get_actual_joint_positions
+    get_target_joint_speeds = get_actual_joint_speeds = _asks(lambda robot: robot.arm.speeds[:])
+    get_target_tcp_pose = get_actual_tcp_pose = _asks(lambda robot: Pose(poses.to_ur(robot.arm.base_from_tool)))
+    get_actual_tool_flange_pose = _asks(lambda robot: Pose(poses.to_ur(robot.arm.base_from_flange)))
+    get_target_tcp_speed = get_actual_tcp_speed = _asks(lambda robot: Pose(robot.arm.tool_velocity))
+    get_tool_accelerometer_reading = _asks(lambda robot: list(robot.registers.get("actual_tool_accelerometer")))
+    get_tool_current = _asks(lambda robot: robot.registers.get("tool_output_current")[0])
+    get_tcp_force = _asks(lambda robot: Pose(robot.arm.tool_force))
+    force = _asks(lambda robot: robot.arm.pressure)
+    zero_ftsensor = _asks(lambda robot: None)  # the simulated sensor has no offset
+    is_steady = _asks(lambda robot: robot.arm.at_rest_ticks * STEP_TIME * robot.speed_factor >= STEADY_AFTER)
 
     def _solve(self, x: Any, qnear: Any) -> list[float] | None:
         near = self._arm.joints if qnear is None else numbers(qnear, 6, "qnear")
@@ -21,11 +49,7 @@ class StateFunctions(FunctionGroup):
         return kinematics.inverse(self._arm.model, flange, near)
 
     def get_inverse_kin(
-        self,
-        x: Any,
-        qnear: Any = None,
-        maxPositionError: float = 1e-10,
-        maxOrientationError: float = 1e-10,
+        self, x: Any, qnear: Any = None, maxPositionError: float = 1e-10, maxOrientationError: float = 1e-10
     ) -> list[float]:
         del maxPositionError, maxOrientationError  # the closed form is exact
         joints = self._solve(x, qnear)
@@ -34,11 +58,7 @@ class StateFunctions(FunctionGroup):
         return joints
 
     def get_inverse_kin_has_solution(
-        self,
-        x: Any,
-        qnear: Any = None,
-        maxPositionError: float = 1e-10,
-        maxOrientationError: float = 1e-10,
+        self, x: Any, qnear: Any = None, maxPositionError: float = 1e-10, maxOrientationError: float = 1e-10
     ) -> bool:
         del maxPositionError, maxOrientationError
         return self._solve(x, qnear) is not None
@@ -51,7 +71,7 @@ class StateFunctions(FunctionGroup):
     def is_within_safety_limits(self, value: Any) -> bool:
         if isinstance(value, Pose):
             return self._solve(value, None) is not None
-        return limits.position_fault(numbers(value, 6, "the joints")) is None
+        return limits.position_fault(numbers(value, 6, "the joints"), self._arm.model.unlimited_joints) is None
 
     def pose_trans(self, p_from: Any, p_from_to: Any) -> Pose:
         return Pose(poses.to_ur(poses.compose(frame(p_from), frame(p_from_to))))
@@ -79,9 +99,6 @@ class StateFunctions(FunctionGroup):
         self._arm.set_tcp(numbers(pose, 6, "the TCP"))
         self._robot.tool_changed()
 
-    def get_tcp_offset(self) -> Pose:
-        return Pose(self._arm.tcp)
-
     def set_payload_mass(self, m: float) -> None:
         mass = number(m, "the payload's mass")
         if not 0.0 <= mass <= self._arm.model.payload:
@@ -106,46 +123,11 @@ class StateFunctions(FunctionGroup):
         if inertia is not None:
             self._arm.payload_inertia = numbers(inertia, 6, "inertia")
 
-    def get_target_payload(self) -> float:
-        return self._arm.payload
-
-    def get_target_payload_cog(self) -> list[float]:
-        return self._arm.payload_center[:]
-
-    def get_target_payload_inertia(self) -> list[float]:
-        return self._arm.payload_inertia[:]
-
-    def is_steady(self) -> bool:
-        return self._arm.at_rest_ticks * STEP_TIME * self._robot.speed_factor >= STEADY_AFTER
-
-    def get_actual_joint_positions(self) -> list[float]:
-        return self._arm.joints[:]
-
-    get_target_joint_positions = get_joint_positions = get_actual_joint_positions
-
-    def get_actual_joint_speeds(self) -> list[float]:
-        return self._arm.speeds[:]
-
-    get_target_joint_speeds = get_actual_joint_speeds
-
     def get_actual_joint_positions_history(self, steps: Any = 0) -> list[float]:
         if not isinstance(steps, int) or not 0 <= steps < HISTORY:
             what = "get_actual_joint_positions_history: steps"
             raise ScriptError(f"{what} must be an integer from 0 to {HISTORY - 1}, not {steps!r}")
         return self._arm.history[-1 - steps][:]
-
-    def get_actual_tcp_pose(self) -> Pose:
-        return Pose(poses.to_ur(self._arm.base_from_tool))
-
-    get_target_tcp_pose = get_actual_tcp_pose
-
-    def get_actual_tool_flange_pose(self) -> Pose:
-        return Pose(poses.to_ur(self._arm.base_from_flange))
-
-    def get_target_tcp_speed(self) -> Pose:
-        return Pose(self._arm.tool_velocity)
-
-    get_actual_tcp_speed = get_target_tcp_speed
 
     def get_target_waypoint(self) -> Pose:
         moves = isinstance(self._arm.motion, JointMove | CartesianMove)
@@ -158,21 +140,6 @@ class StateFunctions(FunctionGroup):
 
     def get_joint_temp(self, j: Any) -> float:
         return self._robot.registers.get("joint_temperatures")[integer_below(j, "a joint's number", 6)]
-
-    def get_tool_accelerometer_reading(self) -> list[float]:
-        return list(self._robot.registers.get("actual_tool_accelerometer"))
-
-    def get_tool_current(self) -> float:
-        return self._robot.registers.get("tool_output_current")[0]
-
-    def get_tcp_force(self) -> Pose:
-        return Pose(self._arm.tool_force)
-
-    def force(self) -> float:
-        return self._arm.pressure
-
-    def zero_ftsensor(self) -> None:
-        pass  # the simulated sensor has no offset
 
     def tool_contact(self, direction: Any) -> int:
         towards = numbers(direction, 6, "direction")[:3]

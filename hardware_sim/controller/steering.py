@@ -17,29 +17,32 @@ def stopping_time(speeds: Sequence[float], deceleration: float) -> float:
     return max(map(abs, speeds)) / min(deceleration, limits.JOINT_ACCELERATION)
 
 
-class JointBrake:
-    """All joints come to rest together, the fastest at the deceleration asked for (`stopj`)."""
+class _Brake:
+    """A motion that fades out."""
 
     velocity: Twist | None = None
+    _fading: LinearDecay
+
+    @property
+    def finished(self) -> bool:
+        return self._fading.finished
+
+
+class JointBrake(_Brake):
+    """All joints come to rest together, the fastest at the deceleration asked for (`stopj`)."""
 
     def __init__(self, joints: Sequence[float], speeds: Sequence[float], deceleration: float) -> None:
         self._start, self._speeds = list(joints), list(speeds)
         self._fading = LinearDecay(stopping_time(speeds, deceleration))
 
-    @property
-    def finished(self) -> bool:
-        """See Motion."""
-        return self._fading.finished
-
     def step(self, dt: float, pace: float) -> State:
-        """See Motion."""
         del pace
         covered, left = self._fading.advance(dt)
         joints = [q + covered * s for q, s in zip(self._start, self._speeds, strict=True)]
         return joints, [left * s for s in self._speeds]
 
 
-class LinearBrake:
+class LinearBrake(_Brake):
     """The tool comes to rest on the straight line of its present velocity (`stopl`)."""
 
     def __init__(
@@ -48,18 +51,12 @@ class LinearBrake:
         """Deceleration in m/s², in rad/s² where the tool only turns; `speeds` (rad/s) of the joints bound it."""
         self._follower = follower
         self._start, self._first = start, tuple(velocity)
-        self.velocity: Twist | None = tuple(velocity)
+        self.velocity = tuple(velocity)
         speed = math.hypot(*velocity[:3])
         seconds = (speed if speed > 1e-6 else math.hypot(*velocity[3:])) / deceleration
         self._fading = LinearDecay(max(seconds, stopping_time(speeds, limits.JOINT_ACCELERATION)))
 
-    @property
-    def finished(self) -> bool:
-        """See Motion."""
-        return self._fading.finished
-
     def step(self, dt: float, pace: float) -> State:
-        """See Motion."""
         del pace
         covered, left = self._fading.advance(dt)
         self.velocity = tuple(left * v for v in self._first)
@@ -75,20 +72,24 @@ def pose_after(base_from_tool: Frame, velocity: Sequence[float], seconds: float)
     return poses.with_position(turned, (x + vx, y + vy, z + vz))
 
 
-class JointSpeed:
-    """Joint speeds led to a target at an acceleration (`speedj`); the target may change while it runs."""
+class _SteeredJoints:
+    """Joints led to a target that may change at any time."""
 
     velocity: Twist | None = None
     finished = False
+    target: Sequence[float] = _AT_REST
 
     def __init__(self, arm: ArmModel, joints: Sequence[float], speeds: Sequence[float]) -> None:
         self._arm = arm
         self._joints, self._speeds = list(joints), list(speeds)
-        self.target: Sequence[float] = _AT_REST
-        self.acceleration = 1.0
+
+
+class JointSpeed(_SteeredJoints):
+    """Joint speeds led to a target at an acceleration (`speedj`)."""
+
+    acceleration = 1.0
 
     def step(self, dt: float, pace: float) -> State:
-        """See Motion."""
         target = [
             max(-limit, min(limit, pace * t)) for t, limit in zip(self.target, self._arm.joint_speeds, strict=True)
         ]
@@ -111,7 +112,6 @@ class ToolSpeed:
         self.acceleration = 1.0
 
     def step(self, dt: float, pace: float) -> State:
-        """See Motion."""
         factor = pace * min(1.0, limits.TOOL_SPEED / max(math.hypot(*self.target[:3]), 1e-9))
         change = min(self.acceleration, limits.TOOL_ACCELERATION) * dt
         velocity = tuple(_stepped_towards(self.velocity or STANDSTILL, [factor * t for t in self.target], change))
@@ -129,25 +129,21 @@ def _stepped_towards(values: Sequence[float], target: Sequence[float], greatest:
     return [v + w * greatest / largest for v, w in zip(values, change, strict=True)]
 
 
-class JointServo:
-    """Joints pulled to a target that may change at any time (`servoj`).
+class JointServo(_SteeredJoints):
+    """Joints pulled to a target (`servoj`), at first to where they are.
 
     A low-pass of time constant `lookahead`, its speeds and accelerations limited; the gain stiffens it in proportion to
     its default.
     """
 
-    velocity: Twist | None = None
-    finished = False
+    lookahead = 0.1
+    gain = 300.0
 
     def __init__(self, arm: ArmModel, joints: Sequence[float], speeds: Sequence[float]) -> None:
-        self._arm = arm
-        self._joints, self._speeds = list(joints), list(speeds)
+        super().__init__(arm, joints, speeds)
         self.target = list(joints)
-        self.lookahead = 0.1
-        self.gain = 300.0
 
     def step(self, dt: float, pace: float) -> State:
-        """See Motion."""
         # Critically damped, so that speeds stay continuous and a standing target is reached without overshoot.
         rate = 2.0 / self.lookahead * math.sqrt(self.gain / 300.0) * pace
         joints, speeds = self._joints, self._speeds

@@ -15,12 +15,11 @@ import re
 import struct
 from collections.abc import Iterator
 
-from hardware_sim.controller.kinematics import ArmModel
 from hardware_sim.controller.limits import JOINT_ACCELERATION, JOINT_LIMIT
 from hardware_sim.controller.messages import MessageType, RobotMessage
 from hardware_sim.controller.modes import RobotMode, RuntimeState, SafetyMode
 from hardware_sim.controller.registers import OFFSETS, OUTPUT_TYPES, TYPES, Registers
-from hardware_sim.controller.robot import RobotState
+from hardware_sim.controller.robot import Robot
 
 PRIMARY, SECONDARY, REAL_TIME = 30001, 30002, 30003
 READ_ONLY = 10  # added to a port's number: the same stream, to clients that only listen
@@ -32,8 +31,6 @@ _FROM_INTERFACE, _FROM_MACHINE = -2, -3  # sources of robot messages
 _MICROSECONDS = 1e6
 _VERSION_MESSAGE = 3
 _BUILD_DATE = b"05-08-2021, 00:00:00"
-_ROBOT_TYPES = {"ur5e": 1, "ur7e": 1, "ur10e": 2, "ur12e": 2, "ur3e": 3, "ur16e": 4, "ur20": 7, "ur30": 8, "ur15": 9}
-"""`robotType`: UR's client library, `datatypes.h`."""
 _E_SERIES, _CONTROLLER_BOX, _MASTERBOARD = 3, 4, 6  # `robotSubType`, `controllerBoxType`, `masterboardVersion`
 _DEFAULT_SPEEDS = (1.0472, 1.3963, 0.25, 1.2, 0.25)  # joint, tool: rad/s, rad/s², m/s, m/s²; equivalent radius in m
 _CALIBRATED = 1
@@ -70,17 +67,7 @@ def _framed(kind: int, body: bytes) -> bytes:
     return _HEADER.pack(_HEADER.size + len(body), kind) + body
 
 
-def _links(arm: ArmModel) -> tuple[list[float], ...]:
-    """Denavit–Hartenberg angles, lengths, distances and twists."""
-    return (
-        [link.offset for link in arm.links],
-        [link.length for link in arm.links],
-        [link.distance for link in arm.links],
-        [math.atan2(link.sin_twist, link.cos_twist) for link in arm.links],
-    )
-
-
-def robot_state(robot: RobotState, *, short_mode: bool = False) -> bytes:
+def robot_state(robot: Robot, *, short_mode: bool = False) -> bytes:
     """The robot state message; with `short_mode` its mode data lack the last byte, as before software 3.5."""
     parts = dict(_sub_packages(robot))
     if short_mode:
@@ -88,10 +75,11 @@ def robot_state(robot: RobotState, *, short_mode: bool = False) -> bytes:
     return _framed(_STATE, b"".join(_framed(kind, body) for kind, body in parts.items()))
 
 
-def _sub_packages(robot: RobotState) -> Iterator[tuple[int, bytes]]:
+def _sub_packages(robot: Robot) -> Iterator[tuple[int, bytes]]:
     """Types and contents of a robot state's sub-packages, in the order of a real one."""
     get, arm, model = robot.registers.get, robot.arm, robot.arm.model
-    angles, lengths, distances, twists = _links(model)
+    angles, lengths, distances = ([getattr(link, n) for link in model.links] for n in ("offset", "length", "distance"))
+    twists = [math.atan2(link.sin_twist, link.cos_twist) for link in model.links]
 
     def one(*names: str) -> Iterator[float]:
         return (get(name)[0] for name in names)
@@ -99,15 +87,22 @@ def _sub_packages(robot: RobotState) -> Iterator[tuple[int, bytes]]:
     def packed(kind: int, layout: str, *values: float) -> tuple[int, bytes]:
         return kind, struct.pack(">" + layout, *values)
 
-    stopped = robot.safety_mode not in (SafetyMode.NORMAL, SafetyMode.REDUCED)
-    protective = robot.safety_mode in (SafetyMode.PROTECTIVE_STOP, SafetyMode.SAFEGUARD_STOP)
+    stopped = robot.safety.safety_mode not in (SafetyMode.NORMAL, SafetyMode.REDUCED)
+    protective = robot.safety.safety_mode in (SafetyMode.PROTECTIVE_STOP, SafetyMode.SAFEGUARD_STOP)
     yield packed(
         0,
         "Q7?BB3dB",
         round(robot.timestamp * _MICROSECONDS),
-        *(True, True, robot.robot_mode >= RobotMode.POWER_ON, stopped and not protective, protective, robot.playing),
+        *(
+            True,
+            True,
+            robot.safety.robot_mode >= RobotMode.POWER_ON,
+            stopped and not protective,
+            protective,
+            robot.playing,
+        ),
         robot.runtime_state in (RuntimeState.PAUSED, RuntimeState.PAUSING),
-        *(max(robot.robot_mode, 0), 0),
+        *(max(robot.safety.robot_mode, 0), 0),
         *(*one("target_speed_fraction", "speed_scaling"), 1.0, 0),
     )
     yield packed(1, "3d4fB" * 6, *(get(name)[joint] for joint in range(6) for name in _OF_EACH_JOINT.split()))
@@ -122,7 +117,7 @@ def _sub_packages(robot: RobotState) -> Iterator[tuple[int, bytes]]:
         *(*one("standard_analog_input0", "standard_analog_input1"), types >> 2 & 1, types >> 3 & 1),
         *one("standard_analog_output0", "standard_analog_output1", "tool_temperature"),
         *one("actual_robot_voltage", "actual_robot_current", "io_current"),
-        *(robot.safety_mode, robot.safety_mode is SafetyMode.REDUCED, False, 0, 1, True, 0),
+        *(robot.safety.safety_mode, robot.safety.safety_mode is SafetyMode.REDUCED, False, 0, 1, True, 0),
     )
     tool_types = int(get("tool_analog_input_types")[0])
     yield packed(
@@ -137,7 +132,7 @@ def _sub_packages(robot: RobotState) -> Iterator[tuple[int, bytes]]:
         *[-JOINT_LIMIT, JOINT_LIMIT] * 6,
         *(limit for speed in model.joint_speeds for limit in (speed, JOINT_ACCELERATION)),
         *(*_DEFAULT_SPEEDS, *lengths, *distances, *twists, *angles),
-        *(_MASTERBOARD, _CONTROLLER_BOX, _ROBOT_TYPES.get(model.name, 0), _E_SERIES),
+        *(_MASTERBOARD, _CONTROLLER_BOX, model.robot_type, _E_SERIES),
     )
     yield packed(7, "7d", *get("actual_TCP_force"), 0.0)
     yield packed(8, "4?", False, True, False, True)  # teach button: pressed, enabled; freedrive by an input

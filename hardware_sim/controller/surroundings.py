@@ -49,22 +49,12 @@ class Surroundings:
 
     def distances(self, points: FloatArray, body: int) -> FloatArray:
         """Distances (N,) of points (N, 3), base frame, to one body of `names`, negative inside."""
-        if body < len(self.half_spaces):
-            row = self.half_spaces[body]
-            return points @ row[:3] - row[3]
-        body -= len(self.half_spaces)
-        if body < len(self.capsules):
-            row = self.capsules[body]
-            return _to_segment(points, row[:3], row[3:6]) - row[6]
-        body -= len(self.capsules)
-        if body < len(self.boxes):
-            row = self.boxes[body]
-            beyond = np.abs((points - row[:3]) @ row[3:12].reshape(3, 3).T) - row[12:]
-            return np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0)
-        body -= len(self.boxes)
-        if body < len(self.cones):
-            return _to_cone(points, self.cones[body])
-        return _to_hull(points, self._hulls[body - len(self.cones)])
+        solids = ((self.half_spaces, _to_half_space), (self.capsules, _to_capsule), (self.boxes, _to_box))
+        for rows, distance in (*solids, (self.cones, _to_cone)):
+            if body < len(rows):
+                return distance(points, rows[body])
+            body -= len(rows)
+        return _to_hull(points, self._hulls[body])
 
     @cached_property
     def _hulls(self) -> list[FloatArray]:
@@ -90,11 +80,7 @@ class Surroundings:
     def save(self, path: Path) -> None:
         """Writes the npz file. Raises OSError."""
         with path.open("wb") as file:
-            np.savez(
-                file,
-                **{name: getattr(self, name) for name in _ARRAYS},
-                names=np.array(self.names, dtype=np.str_),
-            )
+            np.savez(file, **{name: getattr(self, name) for name in _ARRAYS}, names=np.array(self.names, dtype=np.str_))
 
 
 def load(path: Path) -> Surroundings:
@@ -108,6 +94,19 @@ def load(path: Path) -> Surroundings:
         except KeyError as error:
             raise ValueError(f"{path} is not a file of surroundings: {error} is missing") from error
     return Surroundings(**arrays, names=names)
+
+
+def _to_half_space(points: FloatArray, row: FloatArray) -> FloatArray:
+    return points @ row[:3] - row[3]
+
+
+def _to_capsule(points: FloatArray, row: FloatArray) -> FloatArray:
+    return _to_segment(points, row[:3], row[3:6]) - row[6]
+
+
+def _to_box(points: FloatArray, row: FloatArray) -> FloatArray:
+    beyond = np.abs((points - row[:3]) @ row[3:12].reshape(3, 3).T) - row[12:]
+    return np.linalg.norm(np.maximum(beyond, 0.0), axis=1) + np.minimum(beyond.max(axis=1), 0.0)
 
 
 def _to_segment(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:

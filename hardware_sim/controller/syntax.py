@@ -6,27 +6,10 @@ follows.
 """
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-from hardware_sim.controller.syntax_tree import (
-    Assign,
-    Binary,
-    Call,
-    ExpressionStatement,
-    Function,
-    If,
-    Index,
-    KeywordStatement,
-    ListLiteral,
-    Literal,
-    Member,
-    Name,
-    Node,
-    RunThread,
-    StructLiteral,
-    Unary,
-    While,
-)
+from hardware_sim.controller import syntax_tree as tree
 
 
 class ScriptSyntaxError(Exception):
@@ -50,6 +33,7 @@ _TOKEN = re.compile(
       | (?P<string>"[^"\n]*"|'[^'\n]*')
       | (?P<label>\$[^\n]*)
       | (?P<operator>==|!=|<=|>=|[-+*/%<>=()\[\],:.])
+      | (?P<other>.)
     """,
     re.VERBOSE,
 )
@@ -62,20 +46,26 @@ _RESERVED = (
     | {"and", "or", "not", "xor", "True", "False"}
 )
 _LABEL = re.compile(r'\$\s*(\d+)\s*(?:"([^"]*)")?')
-_COMPARISONS = {"==", "!=", "<", ">", "<=", ">="}
+_PRECEDENCE = (
+    ("name", {"or", "xor"}),
+    ("name", {"and"}),
+    ("name", {"not"}),
+    ("operator", {"==", "!=", "<", ">", "<=", ">="}),
+    ("operator", {"+", "-"}),
+    ("operator", {"*", "/", "%"}),
+)
+"""Kinds and texts of the operators, from those that bind least; all but `not` stand between two values."""
 _POSE_ITEMS = 6
 
 
 def tokens(text: str) -> list[Token]:
     """Tokenises a program. Raises ScriptSyntaxError at a character that belongs to none."""
     result: list[Token] = []
-    line, position = 1, 0
-    while position < len(text):
-        match = _TOKEN.match(text, position)
-        if match is None:
-            raise ScriptSyntaxError(f"line {line}: unexpected character {text[position]!r}")
-        position = match.end()
+    line = 1
+    for match in _TOKEN.finditer(text):
         kind = match.lastgroup or ""
+        if kind == "other":
+            raise ScriptSyntaxError(f"line {line}: unexpected character {match.group()!r}")
         if kind == "newline":
             line += 1
         elif kind != "space":
@@ -93,26 +83,23 @@ def depth_change(line: str) -> int:
     return sum(1 for w in words if w in _OPENERS) - sum(1 for w in words if w == "end")
 
 
-def parse(text: str) -> Function:
+def parse(text: str) -> tree.Function:
     """Reads one program: a `def` or `sec`, or bare statements, which become a program of their own.
 
     Raises ScriptSyntaxError, also where the text is nested too deeply.
     """
+    parser = _Parser(tokens(text))
     try:
-        return _parse(text)
+        if parser.peek().text in ("def", "sec"):
+            program = parser.function()
+        else:
+            program = tree.Function(1, "def", "line", {}, *parser.block(frozenset({""})))
     except RecursionError as error:
         raise ScriptSyntaxError("nested too deeply") from error
-
-
-def _parse(text: str) -> Function:
-    parser = _Parser(tokens(text))
-    if parser.peek().text in ("def", "sec"):
-        program = parser.function()
-        parser.expect_end_of_text()
-        return program
-    functions, body = parser.block(frozenset({""}))
-    parser.expect_end_of_text()
-    return Function(1, "def", "line", {}, functions, body)
+    token = parser.peek()
+    if token.kind != "end-of-text":
+        raise ScriptSyntaxError(f"line {token.line}: unexpected {token.text!r} after the program's end")
+    return program
 
 
 class _Parser:
@@ -148,31 +135,24 @@ class _Parser:
             raise ScriptSyntaxError(f"line {token.line}: expected a name, found {token.text!r}")
         return token.text
 
-    def expect_end_of_text(self) -> None:
-        token = self.peek()
-        if token.kind != "end-of-text":
-            raise ScriptSyntaxError(f"line {token.line}: unexpected {token.text!r} after the program's end")
-
-    def function(self) -> Function:
+    def function(self) -> tree.Function:
         opener = self._next()
         name = self._identifier()
-        parameters: dict[str, Node | None] = {}
+        parameters: dict[str, tree.Node | None] = {}
         self._expect("(")
-        while not self._accept(")"):
+        for _ in self._separated(")"):
             parameter = self._identifier()
             if parameter in parameters:
                 raise ScriptSyntaxError(f"line {opener.line}: two parameters of {name} are called {parameter!r}")
             parameters[parameter] = self._expression() if self._accept("=") else None
-            if self.peek().text != ")":
-                self._expect(",")
         self._accept(":")
         functions, body = self.block(frozenset({"end"}))
         self._expect("end")
-        return Function(opener.line, opener.text, name, parameters, functions, body)
+        return tree.Function(opener.line, opener.text, name, parameters, functions, body)
 
-    def block(self, closers: frozenset[str]) -> tuple[list[Function], list[Node]]:
-        functions: list[Function] = []
-        body: list[Node] = []
+    def block(self, closers: frozenset[str]) -> tuple[list[tree.Function], list[tree.Node]]:
+        functions: list[tree.Function] = []
+        body: list[tree.Node] = []
         while True:
             token = self.peek()
             if token.kind == "end-of-text":
@@ -186,18 +166,18 @@ class _Parser:
             else:
                 body.append(self._statement())
 
-    def _body(self, closers: frozenset[str]) -> list[Node]:
+    def _body(self, closers: frozenset[str]) -> list[tree.Node]:
         functions, body = self.block(closers)
         if functions:
             raise ScriptSyntaxError(f"line {functions[0].line}: a function inside a branch or loop")
         return body
 
-    def _statement(self) -> Node:
+    def _statement(self) -> tree.Node:
         token = self.peek()
         keyword = token.text if token.kind == "name" else ""
         if keyword in ("global", "local"):
             self._next()
-            return self._assigned(token.line, Name(token.line, self._identifier()), keyword)
+            return self._assigned(token.line, tree.Name(token.line, self._identifier()), keyword)
         if token.kind == "label":
             return self._label()
         if keyword == "if":
@@ -208,159 +188,138 @@ class _Parser:
             self._accept(":")
             body = self._body(frozenset({"end"}))
             self._expect("end")
-            return While(token.line, condition, body)
+            return tree.While(token.line, condition, body)
         if keyword in ("kill", "join"):
             self._next()
-            return KeywordStatement(token.line, keyword, self._expression())
+            return tree.KeywordStatement(token.line, keyword, self._expression())
         if keyword == "return":
             self._next()
             follower = self.peek()
             bare = follower.line != token.line or follower.text in ("end", "else", "elif") or follower.kind == ""
-            return KeywordStatement(token.line, keyword, None if bare else self._expression())
+            return tree.KeywordStatement(token.line, keyword, None if bare else self._expression())
         if keyword in _SIMPLE:
             self._next()
-            return KeywordStatement(token.line, keyword)
+            return tree.KeywordStatement(token.line, keyword)
         if token.kind == "name" and keyword not in _RESERVED:
             begin = self._position
             target = self._postfix()
             if self.peek().kind == "operator" and self.peek().text == "=":
                 return self._assigned(token.line, target)
             self._position = begin
-        return ExpressionStatement(token.line, self._expression())
+        return tree.ExpressionStatement(token.line, self._expression())
 
-    def _assigned(self, line: int, target: Node, qualifier: str = "") -> Assign:
+    def _assigned(self, line: int, target: tree.Node, qualifier: str = "") -> tree.Assign:
         self._expect("=")
-        if not isinstance(target, Name | Index | Member):
+        if not isinstance(target, tree.Name | tree.Index | tree.Member):
             raise ScriptSyntaxError(f"line {line}: nothing can be assigned to this")
-        return Assign(line, target, self._expression(), qualifier)
+        return tree.Assign(line, target, self._expression(), qualifier)
 
-    def _label(self) -> Node:
+    def _label(self) -> tree.Node:
         """`$ 3 "MoveJ"`: PolyScope's label of the node that the following lines come from."""
         token = self._next()
         label = _LABEL.match(token.text)
         if label is None:
             raise ScriptSyntaxError(f"line {token.line}: a label is a number and a text, not {token.text!r}")
-        number, text = Literal(token.line, int(label[1])), Literal(token.line, label[2] or "")
-        return ExpressionStatement(token.line, Call(token.line, "program_label", [number, text], {}))
+        number, text = tree.Literal(token.line, int(label[1])), tree.Literal(token.line, label[2] or "")
+        return tree.ExpressionStatement(token.line, tree.Call(token.line, "program_label", [number, text], {}))
 
-    def _if(self) -> If:
+    def _if(self) -> tree.If:
         line = self._next().line
-        branches: list[tuple[Node | None, list[Node]]] = []
-        condition: Node | None = self._expression()
+        branches: list[tuple[tree.Node | None, list[tree.Node]]] = []
+        condition: tree.Node | None = self._expression()
         while True:
             self._accept(":")
             branches.append((condition, self._body(frozenset({"end", "else", "elif"}))))
             token = self._next()
             if token.text == "end":
-                return If(line, branches)
+                return tree.If(line, branches)
             if condition is None:
                 raise ScriptSyntaxError(f"line {token.line}: {token.text!r} after `else`")
             condition = self._expression() if token.text == "elif" else None
 
-    def _items(self, closer: str) -> list[Node]:
-        items: list[Node] = []
+    def _items(self, closer: str) -> list[tree.Node]:
+        return [self._expression() for _ in self._separated(closer)]
+
+    def _separated(self, closer: str) -> Iterator[None]:
+        """A round for each item of a list, between commas and up to its closer."""
         while not self._accept(closer):
-            items.append(self._expression())
+            yield
             if self.peek().text != closer:
                 self._expect(",")
-        return items
 
-    def _expression(self) -> Node:
-        left = self._conjunction()
-        while self.peek().text in ("or", "xor") and self.peek().kind == "name":
-            operator = self._next()
-            left = Binary(operator.line, operator.text, left, self._conjunction())
-        return left
-
-    def _conjunction(self) -> Node:
-        left = self._negation()
-        while self.peek().text == "and" and self.peek().kind == "name":
-            operator = self._next()
-            left = Binary(operator.line, "and", left, self._negation())
-        return left
-
-    def _negation(self) -> Node:
+    def _expression(self, level: int = 0) -> tree.Node:
+        """An expression of operators that bind at least as closely as those of `_PRECEDENCE[level]`."""
+        if level == len(_PRECEDENCE):
+            return self._unary()
+        kind, signs = _PRECEDENCE[level]
         token = self.peek()
-        if token.kind == "name" and token.text == "not":
+        if "not" in signs and token.kind == kind and token.text in signs:
             self._next()
-            return Unary(token.line, "not", self._negation())
-        left = self._sum()
-        while self.peek().kind == "operator" and self.peek().text in _COMPARISONS:
+            return tree.Unary(token.line, "not", self._expression(level))
+        left = self._expression(level + 1)
+        while "not" not in signs and self.peek().kind == kind and self.peek().text in signs:
             operator = self._next()
-            left = Binary(operator.line, operator.text, left, self._sum())
+            left = tree.Binary(operator.line, operator.text, left, self._expression(level + 1))
         return left
 
-    def _sum(self) -> Node:
-        left = self._product()
-        while self.peek().kind == "operator" and self.peek().text in ("+", "-"):
-            operator = self._next()
-            left = Binary(operator.line, operator.text, left, self._product())
-        return left
-
-    def _product(self) -> Node:
-        left = self._unary()
-        while self.peek().kind == "operator" and self.peek().text in ("*", "/", "%"):
-            operator = self._next()
-            left = Binary(operator.line, operator.text, left, self._unary())
-        return left
-
-    def _unary(self) -> Node:
+    def _unary(self) -> tree.Node:
         token = self.peek()
         if token.kind == "operator" and token.text in ("-", "+"):
             self._next()
-            return Unary(token.line, token.text, self._unary())
+            return tree.Unary(token.line, token.text, self._unary())
         return self._postfix()
 
-    def _postfix(self) -> Node:
+    def _postfix(self) -> tree.Node:
         node = self._atom()
         while self.peek().kind == "operator" and self.peek().text in ("[", "."):
             if self._accept("."):
-                node = Member(node.line, node, self._identifier())
+                node = tree.Member(node.line, node, self._identifier())
                 continue
             self._expect("[")
             indices = self._items("]")
-            if isinstance(node, Name) and node.name == "p" and len(indices) == _POSE_ITEMS:
+            if isinstance(node, tree.Name) and node.name == "p" and len(indices) == _POSE_ITEMS:
                 # `p` is an ordinary variable too; only the number of items tells a pose from an index.
-                node = ListLiteral(node.line, indices, pose=True)
+                node = tree.ListLiteral(node.line, indices, pose=True)
             else:
-                node = Index(node.line, node, indices)
+                node = tree.Index(node.line, node, indices)
         return node
 
-    def _atom(self) -> Node:
+    def _atom(self) -> tree.Node:
         token = self._next()
         if token.kind == "number":
             text = token.text
             if text[:2] in ("0x", "0X"):
-                return Literal(token.line, int(text, 16))
-            return Literal(token.line, int(text) if text.isdigit() else float(text))
+                return tree.Literal(token.line, int(text, 16))
+            return tree.Literal(token.line, int(text) if text.isdigit() else float(text))
         if token.kind == "string":
-            return Literal(token.line, token.text[1:-1])
+            return tree.Literal(token.line, token.text[1:-1])
         if token.text == "(":
             inner = self._expression()
             self._expect(")")
             return inner
         if token.text == "[":
-            return ListLiteral(token.line, self._items("]"), pose=False)
+            return tree.ListLiteral(token.line, self._items("]"), pose=False)
         if token.kind == "name" and token.text in ("True", "False"):
-            return Literal(token.line, token.text == "True")
+            return tree.Literal(token.line, token.text == "True")
         if token.kind == "name" and token.text == "run":
-            return RunThread(token.line, self._call(self._identifier(), token.line))
+            call = self._call(self._identifier(), token.line)
+            return tree.RunThread(call.line, call.name, call.arguments, call.keywords)
         if token.kind != "name" or token.text in _RESERVED:
             raise ScriptSyntaxError(f"line {token.line}: unexpected {token.text!r}")
         if self.peek().kind != "operator" or self.peek().text != "(":
-            return Name(token.line, token.text)
+            return tree.Name(token.line, token.text)
         call = self._call(token.text, token.line)
         if call.name != "struct":
             return call
         if call.arguments:
             raise ScriptSyntaxError(f"line {call.line}: members of a struct have names")
-        return StructLiteral(call.line, call.keywords)
+        return tree.StructLiteral(call.line, call.keywords)
 
-    def _call(self, name: str, line: int) -> Call:
-        arguments: list[Node] = []
-        keywords: dict[str, Node] = {}
+    def _call(self, name: str, line: int) -> tree.Call:
+        arguments: list[tree.Node] = []
+        keywords: dict[str, tree.Node] = {}
         self._expect("(")
-        while not self._accept(")"):
+        for _ in self._separated(")"):
             token = self.peek()
             if token.kind == "name" and self._tokens[self._position + 1].text == "=":
                 keyword = self._identifier()
@@ -370,6 +329,4 @@ class _Parser:
                 raise ScriptSyntaxError(f"line {token.line}: an argument without a name after one with a name")
             else:
                 arguments.append(self._expression())
-            if self.peek().text != ")":
-                self._expect(",")
-        return Call(line, name, arguments, keywords)
+        return tree.Call(line, name, arguments, keywords)

@@ -1,30 +1,43 @@
 """Nodes of URScript's abstract syntax tree; `line` is where each began."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Any, dataclass_transform
 
 
+@dataclass_transform(frozen_default=True)
 @dataclass(frozen=True)
 class Node:
-    """A part of the tree and the line it began on."""
+    """A part of the tree and the line it began on; each kind of it is a frozen dataclass."""
 
     line: int
 
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True)(cls)
 
-@dataclass(frozen=True)
+    def children(self) -> Iterator["Node"]:
+        """The nodes right below it, in no order that matters."""
+        values: list[Any] = list(vars(self).values())
+        while values:
+            value = values.pop()
+            if isinstance(value, Node):
+                yield value
+            elif isinstance(value, list | tuple | dict):
+                values += value.values() if isinstance(value, dict) else value
+
+
 class Literal(Node):
     """A number, a string or a truth value."""
 
     value: int | float | str | bool
 
 
-@dataclass(frozen=True)
 class Name(Node):
     """A variable."""
 
     name: str
 
 
-@dataclass(frozen=True)
 class ListLiteral(Node):
     """A list, or a pose where `pose` is set."""
 
@@ -32,7 +45,6 @@ class ListLiteral(Node):
     pose: bool
 
 
-@dataclass(frozen=True)
 class Index(Node):
     """`value[i]` or `value[i, j]`."""
 
@@ -40,7 +52,6 @@ class Index(Node):
     indices: list[Node]
 
 
-@dataclass(frozen=True)
 class Member(Node):
     """`value.name`."""
 
@@ -48,14 +59,12 @@ class Member(Node):
     name: str
 
 
-@dataclass(frozen=True)
 class StructLiteral(Node):
     """`struct(name=value, …)`."""
 
     members: dict[str, Node]
 
 
-@dataclass(frozen=True)
 class Call(Node):
     """`name(arguments)`."""
 
@@ -64,14 +73,14 @@ class Call(Node):
     keywords: dict[str, Node]
 
 
-@dataclass(frozen=True)
 class RunThread(Node):
     """`run name(arguments)`, whose value is the thread's handle."""
 
-    call: Call
+    name: str
+    arguments: list[Node]
+    keywords: dict[str, Node]
 
 
-@dataclass(frozen=True)
 class Unary(Node):
     """`-x`, `not x`."""
 
@@ -79,7 +88,6 @@ class Unary(Node):
     value: Node
 
 
-@dataclass(frozen=True)
 class Binary(Node):
     """`a operator b`."""
 
@@ -88,7 +96,6 @@ class Binary(Node):
     right: Node
 
 
-@dataclass(frozen=True)
 class Assign(Node):
     """`[global | local] target = value`, the target a variable, an element or a member."""
 
@@ -97,21 +104,18 @@ class Assign(Node):
     qualifier: str  # "global", "local" or ""
 
 
-@dataclass(frozen=True)
 class ExpressionStatement(Node):
     """An expression as a statement."""
 
     value: Node
 
 
-@dataclass(frozen=True)
 class If(Node):
     """Branches of (condition, body); the last condition is None for `else`."""
 
     branches: list[tuple[Node | None, list[Node]]]
 
 
-@dataclass(frozen=True)
 class While(Node):
     """A loop."""
 
@@ -119,7 +123,6 @@ class While(Node):
     body: list[Node]
 
 
-@dataclass(frozen=True)
 class KeywordStatement(Node):
     """`return`, `break`, `continue`, `kill`, `join`, `halt`, `pass`, `enter_critical`, `exit_critical`."""
 
@@ -127,7 +130,6 @@ class KeywordStatement(Node):
     value: Node | None = None
 
 
-@dataclass(frozen=True)
 class Function(Node):
     """A `def`, `thread` or `sec` with its nested functions hoisted; a parameter without a default has None."""
 

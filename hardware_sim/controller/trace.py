@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hardware_sim.controller import kinematics, poses
-from hardware_sim.controller.robot import RobotState
+from hardware_sim.controller.robot import Robot
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 MAGIC = b"LPTICKS1"
 _TIME = struct.Struct("<d")
+_STATES = ("safety_mode", "robot_mode", "runtime_state", "touching")
 _REST = struct.Struct("<6d6fI4B")
 
 
@@ -41,7 +42,7 @@ class Recorder:
         self._tool: list[float] = []
         self._pose: list[float] = []
 
-    def __call__(self, robot: RobotState, timestamp: float) -> None:
+    def __call__(self, robot: Robot, timestamp: float) -> None:
         """Writes a row of the robot's state."""
         arm = robot.arm
         joints = arm.true_joints
@@ -53,15 +54,14 @@ class Recorder:
             *joints,
             *self._pose,
             robot.outputs.levels,
-            robot.safety_mode,
-            robot.robot_mode,
+            robot.safety.safety_mode,
+            robot.safety.robot_mode,
             robot.runtime_state,
             robot.collisions.touching is not None,
         )
         self._file.write(_TIME.pack(timestamp) + row)
 
     def close(self) -> None:
-        """Closes the file."""
         self._file.close()
 
 
@@ -87,12 +87,8 @@ def read_trace(path: Path) -> Trace:
     if data[: len(MAGIC)] != MAGIC:
         raise ValueError(f"{path} is not a record of ticks")
     layout = np.dtype(
-        [("time", "<f8"), ("joints", "<f8", 6), ("tcp", "<f4", 6), ("outputs", "<u4")]
-        + [(name, "u1") for name in ("safety_mode", "robot_mode", "runtime_state", "touching")]
+        [("time", "<f8"), ("joints", "<f8", 6), ("tcp", "<f4", 6), ("outputs", "<u4")] + [(n, "u1") for n in _STATES]
     )
     rows = np.frombuffer(data, layout, (len(data) - len(MAGIC)) // layout.itemsize, len(MAGIC))
-    integers = {
-        name: rows[name].astype(np.int64)
-        for name in ("outputs", "safety_mode", "robot_mode", "runtime_state", "touching")
-    }
+    integers = {name: rows[name].astype(np.int64) for name in ("outputs", *_STATES)}
     return Trace(rows["time"].copy(), rows["joints"].copy(), rows["tcp"].astype(float), **integers)

@@ -102,9 +102,7 @@ class Arithmetic(FunctionGroup):
 
     def binary_list_to_integer(self, values: Any) -> int:
         if not isinstance(values, list) or len(values) > _BITS:
-            raise ScriptError(
-                f"binary_list_to_integer: not a list of up to {_BITS} truth values: {script_text(values)}"
-            )
+            raise ScriptError(f"binary_list_to_integer: no list of up to {_BITS} truth values: {script_text(values)}")
         unsigned = sum(truth(value) << bit for bit, value in enumerate(values))
         return unsigned - (1 << _BITS) if unsigned >> (_BITS - 1) else unsigned
 
@@ -147,11 +145,8 @@ class Strings(FunctionGroup):
     def str_sub(self, src: Any, index: Any, len: Any = -1) -> str:  # noqa: A002 - URScript's name of it
         text = _text(src, "str_sub")
         begin = integer_below(index, "str_sub: the index", text.__len__() + 1)
-        return (
-            text[begin:]
-            if len == -1
-            else text[begin : begin + integer_below(len, "str_sub: the length", MOST_CHARACTERS)]
-        )
+        count = MOST_CHARACTERS if len == -1 else integer_below(len, "str_sub: the length", MOST_CHARACTERS)
+        return text[begin : begin + count]
 
 
 def _text(value: Any, function: str) -> str:

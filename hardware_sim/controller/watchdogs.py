@@ -21,7 +21,6 @@ class Watchdogs:
         self._by_variable[variable] = _Watchdog(1.0 / frequency, action, now)
 
     def clear(self) -> None:
-        """Disarms all."""
         self._by_variable.clear()
 
     def feed(self, names: frozenset[str], now: float) -> None:
@@ -31,7 +30,7 @@ class Watchdogs:
                 watchdog.last = now
 
     def postpone(self, seconds: float) -> None:
-        """Lets all expire that much later."""
+        """Lets all expire that much later: for so long this process has just had no core."""
         for watchdog in self._by_variable.values():
             watchdog.last += seconds
 

@@ -1,5 +1,6 @@
 """The simulated world with faults of lamp, camera or object."""
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ def world() -> DisturbedWorld:
 
 
 def frame(world: DisturbedWorld, **wrong: Any) -> np.ndarray:
-    return world.frame(ON, 0.02, 0, Disturbances(**wrong).as_json()).astype(float)
+    return world.frame(ON, 0.02, 0, asdict(Disturbances(**wrong))).astype(float)
 
 
 def test_lamp_fault_dims_or_darkens_image(world: DisturbedWorld) -> None:

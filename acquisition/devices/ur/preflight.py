@@ -22,6 +22,23 @@ _REMOTE_CONTROL = {
 }
 
 
+_FORMER_NAMES = {"ur7": "ur5", "ur12": "ur10"}
+"""The same arms under the names they had before: software may call them so (`RobotType` of UR's client library, which
+its primary interface reports, has numbers for UR5 and UR10, none for UR7e and UR12e).
+"""
+
+
+def _bare(model: str) -> str:
+    """A model as controllers name it, without the e of its series."""
+    return model.casefold().removesuffix("e")
+
+
+def _names(model: str) -> set[str]:
+    """What a controller may call the model of a cell file."""
+    name = _bare(model)
+    return {name, _FORMER_NAMES.get(name, name)}
+
+
 @dataclass(frozen=True)
 class Answers:
     """The controller's answers; `inspection` is None when the control program does not run."""
@@ -46,7 +63,7 @@ def findings(config: ArmConfig, answers: Answers) -> list[Finding]:
         differences.append(Finding(power.detail, "Power the arm on and release the brakes at the pendant."))
     if not answers.remote_control:
         differences.append(Finding("The controller is in local control.", _REMOTE_CONTROL[config.polyscope]))
-    if identity.model != UNKNOWN and identity.model.casefold() != config.model.removesuffix("e").casefold():
+    if identity.model != UNKNOWN and _bare(identity.model) not in _names(config.model):
         differences.append(
             Finding(
                 f"The arm is a {identity.model}, the cell file says {config.model}.",

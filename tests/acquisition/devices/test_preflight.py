@@ -49,6 +49,29 @@ def test_findings_matching_arm_are_empty() -> None:
 
 
 @pytest.mark.parametrize(
+    ("told", "named", "fits"),
+    [
+        ("UR7e", "ur7e", True),
+        ("UR7", "ur7e", True),
+        ("UR5", "ur7e", True),  # its number in the primary interface is the UR5's
+        ("UR10", "ur12e", True),
+        ("UR12e", "ur12e", True),
+        ("UR20", "ur20", True),
+        ("UR7", "ur5e", False),
+        ("UR10", "ur7e", False),
+        ("UR5", "ur12e", False),
+        ("UR10", "ur16e", False),
+    ],
+)
+def test_findings_new_names_of_arms_are_known(told: str, named: str, fits: bool) -> None:
+    answers = replace(GOOD, identity=replace(GOOD.identity, model=told))
+    found = findings(ARM.model_copy(update={"model": named}), answers)
+    assert ([told in finding.problem and named in finding.problem for finding in found] or [None]) == [
+        None if fits else True
+    ]
+
+
+@pytest.mark.parametrize(
     ("answers", "words"),
     [
         (replace(GOOD, remote_control=False), "local control"),

@@ -6,7 +6,7 @@ import pytest
 from acquisition.waypoints import kinematics as nominal
 from hardware_sim.controller import poses
 from hardware_sim.controller.arm import Arm
-from hardware_sim.controller.dynamics import BODIES, GRAVITY, Dynamics
+from hardware_sim.controller.dynamics import GRAVITY, Dynamics
 from hardware_sim.controller.kinematics import MODELS
 from hardware_sim.controller.registers import Registers
 
@@ -26,7 +26,7 @@ def published(name: str, joints: list[float], speeds: list[float], payload: floa
 
 def centers(name: str, joints: list[float], payload: float) -> tuple[np.ndarray, np.ndarray]:
     """Masses and their places in the base frame, from NumPy's kinematics: Denavit–Hartenberg frames of all links."""
-    masses, along, offsets = BODIES[name]
+    masses, along, offsets = MODELS[name].bodies
     frames = nominal.forward(nominal.arm_model(name), np.array([joints]))[0]
     places = []
     for link in range(6):
@@ -73,7 +73,7 @@ def test_currents_of_ur5e_are_those_recorded() -> None:
 
 
 def test_every_model_has_masses() -> None:
-    assert set(MODELS) <= set(BODIES)
+    assert all(len(model.bodies.masses) == len(model.bodies.offsets) == 6 for model in MODELS.values())
 
 
 def test_publish_brakes_closed_reports_torque_without_current() -> None:

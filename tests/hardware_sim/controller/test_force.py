@@ -105,6 +105,6 @@ def test_tool_contact_leads_back_to_just_before_contact() -> None:
 
 def test_push_beyond_force_limit_is_protective_stop() -> None:
     controller = run(started(" movel(pose_add(get_actual_tcp_pose(), p[0, 0, -0.1, 0, 0, 0]))", depth=0.02), 5.0)
-    assert controller.safety_mode is SafetyMode.PROTECTIVE_STOP
+    assert controller.safety.safety_mode is SafetyMode.PROTECTIVE_STOP
     assert "the tool pushes with" in controller.messages[-1]
     assert controller.arm.pressure >= MOST_FORCE

@@ -33,14 +33,14 @@ def test_freedrive_hand_move_moves_arm_and_program_continues(mode: str) -> None:
     controller.move_by_hand(TARGET, 0.5)
     assert np.abs(np.diff(advance(controller, 300), axis=0)).max() < 0.01
     assert controller.arm.joints == TARGET
-    assert controller.safety_mode is SafetyMode.NORMAL
+    assert controller.safety.safety_mode is SafetyMode.NORMAL
     assert controller.runtime_state is RuntimeState.PLAYING
 
 
 def test_hand_move_without_freedrive_causes_protective_stop() -> None:
     controller = guided(" freedrive_mode()\n end_freedrive_mode()")
     controller.move_by_hand(TARGET, 0.5)
-    assert controller.safety_mode is SafetyMode.PROTECTIVE_STOP
+    assert controller.safety.safety_mode is SafetyMode.PROTECTIVE_STOP
 
 
 def test_freedrive_blocked_axis_resists() -> None:

@@ -16,7 +16,7 @@ from hardware_sim.controller.controller import Controller
 from hardware_sim.controller.functions import VOCABULARY
 from hardware_sim.controller.kinematics import MODELS
 from hardware_sim.controller.registers import INPUT_TYPES, OUTPUT_TYPES
-from hardware_sim.controller.rtde import Owners, RtdeConnection, broadcast
+from hardware_sim.controller.rtde import RtdeConnection, broadcast
 from hardware_sim.controller.syntax import ScriptSyntaxError
 from tests.hardware_sim.controller.cells import HOME
 from tests.hardware_sim.controller.traffic import frames
@@ -60,7 +60,7 @@ def connected() -> Iterator[tuple[RtdeConnection, socket.socket]]:
     ours.setblocking(False)
     theirs.setblocking(False)
     with ours, theirs:
-        yield RtdeConnection(ours, CONTROLLER, Owners()), theirs
+        yield RtdeConnection(ours, CONTROLLER, {}), theirs
 
 
 def talk(requests: list[bytes], chunks: list[int]) -> list[bytes]:

@@ -13,7 +13,7 @@ TURNED = [*HOME[:5], 6.0]
 
 
 def protective_stop(record: Record) -> str:
-    assert record.controller.safety_mode.name == "PROTECTIVE_STOP"
+    assert record.controller.safety.safety_mode.name == "PROTECTIVE_STOP"
     assert not record.controller.arm.moving
     return record.message("PROTECTIVE_STOP")
 
@@ -82,7 +82,7 @@ def test_get_inverse_kin_without_solution_ends_program(line: str) -> None:
     record = run(f" {line}", 1.0)
     assert "no solution" in record.message("runtime exception")
     assert "line 2" in record.message("runtime exception")
-    assert record.controller.safety_mode.name == "NORMAL"
+    assert record.controller.safety.safety_mode.name == "NORMAL"
 
 
 def test_is_within_safety_limits_agrees_with_moves() -> None:
@@ -148,7 +148,7 @@ def test_servoj_above_tool_speed_limit_stops(monkeypatch: pytest.MonkeyPatch) ->
 )
 def test_move_time_too_short_is_extended(move: str) -> None:
     record = run(f" {move}")
-    assert record.controller.safety_mode.name == "NORMAL"
+    assert record.controller.safety.safety_mode.name == "NORMAL"
     assert np.abs(record.speeds).max() < math.pi * (1 + 1e-6)
     assert np.abs(record.accelerations).max() < limits.JOINT_ACCELERATION * (1 + 1e-6)
 
@@ -170,5 +170,5 @@ def test_joint_accelerations_stay_within_drive_limit(lines: str) -> None:
 
 def test_pure_rotation_keeps_turn_limit() -> None:
     record = run(" movel(pose_trans(get_forward_kin(), p[0.000001, 0, 0, 0, 0, 1.5]), a=10, v=3)")
-    assert record.controller.safety_mode.name == "NORMAL"
+    assert record.controller.safety.safety_mode.name == "NORMAL"
     assert np.abs(record.speeds).max() <= math.pi * 1.001

@@ -34,7 +34,7 @@ def run(program: str, seconds: float, *, speed_factor: float = 1.0) -> tuple[np.
 def test_trapezoid_position_is_integral_of_speed_within_limits(
     length: float, speed: float, acceleration: float
 ) -> None:
-    profile = Trapezoid.under(length, speed, acceleration)
+    profile = Trapezoid.planned(length, speed, acceleration, 0.0, math.inf, math.inf)
     expected = (
         2 * math.sqrt(length / acceleration)
         if length < speed**2 / acceleration
@@ -52,7 +52,7 @@ def test_trapezoid_position_is_integral_of_speed_within_limits(
 
 
 def test_trapezoid_lasting_takes_given_time() -> None:
-    assert Trapezoid.lasting(2.0, 5.0).duration == pytest.approx(5.0)
+    assert Trapezoid.planned(2.0, 1.0, 1.0, 5.0, math.inf, math.inf).duration == pytest.approx(5.0)
 
 
 positive = st.floats(1e-3, 50.0)
@@ -277,7 +277,7 @@ def test_brake_takes_time_of_fastest_joint() -> None:
 
 
 def test_move_of_zero_length_finishes_at_once() -> None:
-    assert JointMove(HOME, HOME, Trapezoid.under(0.0, 1.0, 1.0)).finished
+    assert JointMove(HOME, HOME, Trapezoid(0.0, 1.0, 1.0)).finished
 
 
 def test_movel_through_singularity_causes_protective_stop() -> None:
@@ -288,6 +288,6 @@ def test_movel_through_singularity_causes_protective_stop() -> None:
 end
 """
     joints, controller = run(program, 4.0)
-    assert controller.safety_mode.name == "PROTECTIVE_STOP"
+    assert controller.safety.safety_mode.name == "PROTECTIVE_STOP"
     assert not controller.arm.moving
     assert np.abs(np.diff(joints, axis=0)).max() / TICK <= math.pi * 1.03

@@ -73,7 +73,7 @@ def test_fault_at_s_takes_effect_after_that_time_of_the_ticks() -> None:
     prepare(controller, NoLinks(), {"kind": "safeguard_stop", "at_s": 0.1})
     for now, mode in ((1.05, SafetyMode.NORMAL), (1.099, SafetyMode.NORMAL), (1.1, SafetyMode.SAFEGUARD_STOP)):
         controller.tick(now)
-        assert controller.safety_mode is mode, now
+        assert controller.safety.safety_mode is mode, now
 
 
 @pytest.fixture

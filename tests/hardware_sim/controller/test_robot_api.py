@@ -59,12 +59,12 @@ def test_robot_api_power_cycle_and_protective_stop() -> None:
     wait(machine, 1.1)
     assert put(machine, STATE, action="BRAKE_RELEASE") == 200
     wait(machine, 1.0)
-    assert machine.robot_mode is RobotMode.RUNNING
+    assert machine.safety.robot_mode is RobotMode.RUNNING
     machine.protective_stop("a test")
     assert put(machine, STATE, action="UNLOCK_PROTECTIVE_STOP") == 409
     wait(machine, 5.1)
     assert put(machine, STATE, action="UNLOCK_PROTECTIVE_STOP") == 200
-    assert machine.safety_mode is SafetyMode.NORMAL
+    assert machine.safety.safety_mode is SafetyMode.NORMAL
     assert put(machine, STATE, action="RESTART_SAFETY") == 409
     assert put(machine, STATE, action="FLY") == 422
 
@@ -88,7 +88,7 @@ def test_robot_api_local_control_forbids_changes_only() -> None:
     assert get(machine, "/system/v1/controlmode") == {"mode": "LOCAL"}
     status, content = answer(machine, "PUT", BASE + STATE, b'{"action": "POWER_OFF"}')
     assert (status, content["message"]) == (403, "Forbidden")
-    assert machine.robot_mode is RobotMode.RUNNING
+    assert machine.safety.robot_mode is RobotMode.RUNNING
 
 
 @pytest.mark.parametrize(

@@ -37,17 +37,17 @@ def wait(machine: Controller, seconds: float) -> None:
 def test_power_on_takes_documented_steps_and_time() -> None:
     machine = controller()
     assert answer(machine, "power off", True) == "Powering off"
-    assert machine.robot_mode is RobotMode.POWER_OFF
+    assert machine.safety.robot_mode is RobotMode.POWER_OFF
     assert answer(machine, "POWER on", True) == "Powering on"
-    assert machine.robot_mode is RobotMode.POWER_ON
+    assert machine.safety.robot_mode is RobotMode.POWER_ON
     wait(machine, safety.POWER_ON_SECONDS + 0.02)
-    assert machine.robot_mode is RobotMode.IDLE
+    assert machine.safety.robot_mode is RobotMode.IDLE
     machine.load(SLOW)
     assert not machine.playing
     assert answer(machine, "brake release", True) == "Brake releasing"
-    assert machine.robot_mode is RobotMode.IDLE
+    assert machine.safety.robot_mode is RobotMode.IDLE
     wait(machine, safety.BRAKE_SECONDS + 0.02)
-    assert machine.robot_mode is RobotMode.RUNNING
+    assert machine.safety.robot_mode is RobotMode.RUNNING
     machine.load(SLOW)
     assert machine.playing
 
@@ -57,13 +57,13 @@ def test_brake_release_powers_on_and_power_off_cancels_it() -> None:
     machine.power_off()
     machine.safety.release_brakes()
     wait(machine, safety.POWER_ON_SECONDS + safety.BRAKE_SECONDS + 0.05)
-    assert machine.robot_mode is RobotMode.RUNNING
+    assert machine.safety.robot_mode is RobotMode.RUNNING
     machine.power_off()
     machine.safety.release_brakes()
     wait(machine, safety.POWER_ON_SECONDS / 2)
     machine.power_off()
     wait(machine, 5.0)
-    assert machine.robot_mode is RobotMode.POWER_OFF
+    assert machine.safety.robot_mode is RobotMode.POWER_OFF
 
 
 @pytest.mark.parametrize("mode", [SafetyMode.VIOLATION, SafetyMode.FAULT])
@@ -73,15 +73,15 @@ def test_restart_safety_is_needed_after_violation_and_fault(mode: SafetyMode) ->
     for command in ("power on", "brake release", "unlock protective stop"):
         answer(machine, command, True)
         wait(machine, 3.0)
-        assert (machine.safety_mode, machine.robot_mode) == (mode, RobotMode.POWER_OFF)
+        assert (machine.safety.safety_mode, machine.safety.robot_mode) == (mode, RobotMode.POWER_OFF)
     assert answer(machine, "restart safety", True) == "Restarting safety"
-    assert machine.robot_mode is RobotMode.BOOTING
+    assert machine.safety.robot_mode is RobotMode.BOOTING
     answer(machine, "power on", True)
     wait(machine, safety.RESTART_SECONDS + 0.02)
-    assert (machine.safety_mode, machine.robot_mode) == (SafetyMode.NORMAL, RobotMode.POWER_OFF)
+    assert (machine.safety.safety_mode, machine.safety.robot_mode) == (SafetyMode.NORMAL, RobotMode.POWER_OFF)
     answer(machine, "brake release", True)
     wait(machine, safety.POWER_ON_SECONDS + safety.BRAKE_SECONDS + 0.05)
-    assert machine.may_run
+    assert machine.safety.may_run
 
 
 def test_protective_stop_is_locked_for_five_seconds() -> None:
@@ -109,7 +109,7 @@ def test_safeguard_stop_ends_on_release() -> None:
     assert answer(machine, "safetystatus", True) == "Safetystatus: SAFEGUARD_STOP"
     assert answer(machine, "unlock protective stop", True).startswith("Cannot unlock")
     machine.safety.release_safeguard()
-    assert machine.may_run
+    assert machine.safety.may_run
     assert answer(machine, "play", True) == "Starting program"
 
 
@@ -140,7 +140,7 @@ def test_safety_popup_stays_until_closed_or_unlocked() -> None:
     assert machine.safety.safety_popup is not None
     assert answer(machine, "close safety popup", True) == "closing safety popup"
     assert machine.safety.safety_popup is None
-    assert machine.safety_mode is SafetyMode.PROTECTIVE_STOP
+    assert machine.safety.safety_mode is SafetyMode.PROTECTIVE_STOP
 
 
 def test_dashboard_loads_plays_pauses_and_stops_programs(tmp_path: Path) -> None:

@@ -1,4 +1,6 @@
-"""Digital and analogue outputs, with the installation's setting "low when not running".
+"""Digital and analogue inputs and outputs, with the installation's setting "low when not running".
+
+Inputs are set by a test at the control port, as wires would; programs and clients read them.
 
 The lamp hangs on such an output: on a real controller it is the installation's setting "low when not running", and it
 is what puts the lamp out when the program, the driver or the service dies.
@@ -9,6 +11,18 @@ from collections.abc import Iterable
 DIGITAL_OUTPUTS = 18  # 0–7 standard, 8–15 configurable, 16–17 tool
 _VOLTS = 10.0
 _LEAST_AMPERES, _MOST_AMPERES = 0.004, 0.020
+
+
+class Inputs:
+    """Levels as bits, 0–7 standard, 8–15 configurable, 16–17 tool; analogue values, 0–1 standard, 2–3 tool."""
+
+    def __init__(self) -> None:
+        self.levels = 0
+        self.analog = [0.0] * 4  # V, or A where the input is set to current
+        self.analog_is_voltage = [True] * 4
+
+    def set_level(self, number: int, level: bool) -> None:
+        self.levels = (self.levels & ~(1 << number)) | level << number
 
 
 class Outputs:
@@ -33,7 +47,6 @@ class Outputs:
         self._apply()
 
     def set_bit(self, number: int, level: bool) -> None:
-        """Sets one output."""
         self.write(1 << number, int(level) << number)
 
     def hold_low_when_stopped(self, number: int, low: bool) -> None:
