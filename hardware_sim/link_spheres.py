@@ -9,8 +9,8 @@ contact is seen at the latest when a body is `GAP_M` deep, and never while it is
 
 FOLDER holds, for each model to be made anew, a folder of seven convex, watertight STL files in m, sorted from base to
 flange, each in its Denavit–Hartenberg frame: the collision meshes of UR's public robot description (BSD-3-Clause), or
-what `acquisition.waypoints.estimated_links` makes of them, which puts an empty file `estimated` beside them. A model that
-has another's links has its name for them.
+what `acquisition.waypoints.estimated_links` makes of them, which puts an empty file `estimated` beside them. A model
+that has another's links has its name for them.
 """
 
 import heapq
