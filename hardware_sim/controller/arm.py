@@ -7,6 +7,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 from hardware_sim.controller import kinematics, limits, poses
 from hardware_sim.controller.blend import Blend
@@ -20,6 +21,7 @@ from hardware_sim.controller.poses import Frame
 from hardware_sim.controller.process_path import ProcessPath
 from hardware_sim.controller.steering import JointBrake, LinearBrake
 
+Steering = TypeVar("Steering", bound=Motion)
 HISTORY = 500  # ticks of joint positions kept for get_actual_joint_positions_history
 
 
@@ -169,16 +171,15 @@ class Arm:
 
     # --- stops -----------------------------------------------------------------------------------------------
 
-    def steer(self, motion: Motion) -> None:
-        """Puts a motion in the place of whatever moves the arm."""
+    def steer(self, motion: Steering) -> Steering:
+        """Puts a motion in the place of whatever moves the arm, and returns it."""
         self.corner = self.blend = None
         self.motion = motion
+        return motion
 
     def brake(self, deceleration: float) -> JointBrake:
         """Begins to bring all joints to rest, the fastest at `deceleration` in rad/s²."""
-        brake = JointBrake(self.joints, self.speeds, deceleration)
-        self.steer(brake)
-        return brake
+        return self.steer(JointBrake(self.joints, self.speeds, deceleration))
 
     def abort(self, deceleration: float) -> None:
         """Ends the present joint or tool move, not to be begun anew, with all joints braked; no other motion."""
@@ -190,8 +191,7 @@ class Arm:
         """Begins to bring the tool to rest on its line, at `deceleration` in m/s²."""
         self.corner = None
         brake = LinearBrake(self.follower(), self.base_from_tool, self.tool_velocity, self.speeds, deceleration)
-        self.steer(brake)
-        return brake
+        return self.steer(brake)
 
     # --- time ------------------------------------------------------------------------------------------------
 

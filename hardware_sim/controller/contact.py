@@ -15,6 +15,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -61,8 +62,7 @@ class _Part:
     radius: float  # round all of them
 
 
-@dataclass(frozen=True)
-class _Pair:
+class _Pair(NamedTuple):
     """A part of the arm, and another part (`other` ≥ 0) or a body of the surroundings (`body` ≥ 0)."""
 
     part: int

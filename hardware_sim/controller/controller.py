@@ -264,8 +264,7 @@ class Controller:
         self.report("the arm is moved by hand")
         if seconds == 0.0:
             self.collisions.reset()  # no path on which it could touch anything
-        self._unclaimed = HandMove(self.arm.joints, joints, seconds)
-        self.arm.steer(self._unclaimed)
+        self._unclaimed = self.arm.steer(HandMove(self.arm.joints, joints, seconds))
 
     def offset_joints(self, offsets: Sequence[float]) -> None:
         """Puts the true arm off the joints that it reports, by (6,) rad."""
@@ -333,6 +332,7 @@ class Controller:
         self.outputs.tick(now, self.playing)
         if self._record is not None:
             self._record(self, self.timestamp)
+        self.registers.set("script_control_line", 0 if self._program is None else self._program.line)
         publication.modes(self, self._pace)
 
     def _run_programs(self) -> None:

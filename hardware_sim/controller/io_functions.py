@@ -5,7 +5,7 @@ here depends on are accepted, checked for no more than their names.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 from hardware_sim.controller.script_values import FunctionGroup, integer_below, number
 from hardware_sim.controller.semantics import ScriptError, truth
@@ -27,16 +27,10 @@ def _set_output(first: int, count: int) -> Callable[..., None]:
     return method
 
 
-def _output(first: int, count: int) -> Callable[..., bool]:
+def _level(bank: Literal["inputs", "outputs"], first: int, count: int) -> Callable[..., bool]:
     def method(self: "IoFunctions", n: Any) -> bool:
-        return bool(self.robot.outputs.levels >> first + integer_below(n, "a digital output's number", count) & 1)
-
-    return method
-
-
-def _input(first: int, count: int) -> Callable[..., bool]:
-    def method(self: "IoFunctions", n: Any) -> bool:
-        return bool(self.robot.inputs.levels >> first + integer_below(n, "a digital input's number", count) & 1)
+        slot = first + integer_below(n, f"a digital {bank[:-1]}'s number", count)
+        return bool(getattr(self.robot, bank).levels >> slot & 1)
 
     return method
 
@@ -68,17 +62,14 @@ def _set_runstate(first: int, count: int) -> Callable[..., None]:
 class IoFunctions(FunctionGroup):
     """Inputs, outputs, the tool's connector, flags."""
 
-    set_digital_out, get_digital_out = _set_output(0, DIGITAL_OUTPUTS), _output(0, DIGITAL_OUTPUTS)
-    set_standard_digital_out, get_standard_digital_out = _set_output(0, 8), _output(0, 8)
-    set_configurable_digital_out, get_configurable_digital_out = _set_output(8, 8), _output(8, 8)
-    set_tool_digital_out, get_tool_digital_out = _set_output(16, 2), _output(16, 2)
-    get_digital_in, get_standard_digital_in = _input(0, DIGITAL_OUTPUTS), _input(0, 8)
-    get_configurable_digital_in, get_tool_digital_in = _input(8, 8), _input(16, 2)
-    get_analog_in, get_standard_analog_in, get_tool_analog_in = (
-        _analog_input(0, 4),
-        _analog_input(0, 2),
-        _analog_input(2, 2),
-    )
+    set_digital_out, get_digital_out = _set_output(0, DIGITAL_OUTPUTS), _level("outputs", 0, DIGITAL_OUTPUTS)
+    set_standard_digital_out, get_standard_digital_out = _set_output(0, 8), _level("outputs", 0, 8)
+    set_configurable_digital_out, get_configurable_digital_out = _set_output(8, 8), _level("outputs", 8, 8)
+    set_tool_digital_out, get_tool_digital_out = _set_output(16, 2), _level("outputs", 16, 2)
+    get_digital_in, get_standard_digital_in = _level("inputs", 0, DIGITAL_OUTPUTS), _level("inputs", 0, 8)
+    get_configurable_digital_in, get_tool_digital_in = _level("inputs", 8, 8), _level("inputs", 16, 2)
+    get_analog_in, get_standard_analog_in = _analog_input(0, 4), _analog_input(0, 2)
+    get_tool_analog_in = _analog_input(2, 2)
     set_standard_analog_input_domain, set_tool_analog_input_domain = _set_input_domain(0), _set_input_domain(2)
     set_runstate_standard_digital_output_to_value = _set_runstate(0, 8)
     set_runstate_configurable_digital_output_to_value = _set_runstate(8, 8)

@@ -193,8 +193,7 @@ class MotionFunctions(FunctionGroup):
         target, acceleration = numbers(qd, 6, "qd"), not_negative(a, "a")
         motion = self._arm.motion
         if not isinstance(motion, JointSpeed):
-            motion = JointSpeed(self._arm.model, self._arm.joints, self._arm.speeds)
-            self._arm.steer(motion)
+            motion = self._arm.steer(JointSpeed(self._arm.model, self._arm.joints, self._arm.speeds))
         motion.target, motion.acceleration = target, acceleration
         yield from self._hold(motion, t)
 
@@ -205,8 +204,8 @@ class MotionFunctions(FunctionGroup):
         motion = self._arm.motion
         if not isinstance(motion, ToolSpeed):
             self._arm.corner = None
-            motion = ToolSpeed(self._arm.follower(), self._arm.base_from_tool, self._arm.tool_velocity)
-            self._arm.steer(motion)
+            arm = self._arm
+            motion = arm.steer(ToolSpeed(arm.follower(), arm.base_from_tool, arm.tool_velocity))
         motion.target, motion.acceleration = target, acceleration
         yield from self._hold(motion, t)
 
@@ -227,8 +226,7 @@ class MotionFunctions(FunctionGroup):
             raise ScriptError(f"servoj: the target is outside the joint limits: {fault}")
         motion = self._arm.motion
         if not isinstance(motion, JointServo):
-            motion = JointServo(self._arm.model, self._arm.joints, self._arm.speeds)
-            self._arm.steer(motion)
+            motion = self._arm.steer(JointServo(self._arm.model, self._arm.joints, self._arm.speeds))
         motion.target = target
         motion.lookahead = min(0.2, max(0.03, float(lookahead_time)))
         motion.gain = min(2000.0, max(100.0, float(gain)))
@@ -247,8 +245,7 @@ class MotionFunctions(FunctionGroup):
         motion = self._arm.motion
         if not isinstance(motion, ForceMotion):
             yield from self._come_to_rest(self._arm.brake, _GUIDING_DECELERATION)
-            motion = ForceMotion(self._arm.follower(), self._arm.base_from_tool, STANDSTILL)
-            self._arm.steer(motion)
+            motion = self._arm.steer(ForceMotion(self._arm.follower(), self._arm.base_from_tool, STANDSTILL))
         motion.task, motion.gain = task, self._robot.force_mode_settings.get("gain_scaling", 1.0)
 
     def end_force_mode(self) -> Waiting:

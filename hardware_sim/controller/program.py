@@ -98,6 +98,17 @@ class Program:
         for handle in list(self._threads):
             self._end(handle)
 
+    @property
+    def line(self) -> int:
+        """The line of the URScript on which the first thread waits, 0 where none."""
+        line, thread = 0, self._threads.get(self._main)
+        steps: Any = None if thread is None else thread.steps
+        while isinstance(steps, GeneratorType):
+            if steps.gi_frame is not None and steps.gi_code.co_filename == f"<{self.name}>":
+                line = self._lines[steps.gi_frame.f_lineno]
+            steps = steps.gi_yieldfrom
+        return line
+
     def _line(self, error: BaseException) -> int:
         """The line of the URScript on which an error arose."""
         line, trace = 0, error.__traceback__

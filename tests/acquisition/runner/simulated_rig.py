@@ -32,9 +32,11 @@ class Rig:
 
 
 @contextmanager
-def simulated_rig(folder: Path, address: str, polyscope: Literal["5", "x"] = "5") -> Generator[Rig, None, None]:
+def simulated_rig(
+    folder: Path, address: str, polyscope: Literal["5", "x"] = "5", cell_file: Path = CELL_FILE, speed: float = 20.0
+) -> Generator[Rig, None, None]:
     """The runner of a service on a cell at `address`, whose controller has this software."""
-    options = CellOptions(address, "sphere", 1, "ideal", 20.0, pixels=96, cell_file=CELL_FILE, polyscope=polyscope)
+    options = CellOptions(address, "sphere", 1, "ideal", speed, pixels=96, cell_file=cell_file, polyscope=polyscope)
     with Cell(options, folder / "cell") as cell:
         service = wiring.build(settings.read(cell=cell.cell_file, data=folder / "data"))
         service.open()

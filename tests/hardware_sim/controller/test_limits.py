@@ -172,3 +172,11 @@ def test_pure_rotation_keeps_turn_limit() -> None:
     record = run(" movel(pose_trans(get_forward_kin(), p[0.000001, 0, 0, 0, 0, 1.5]), a=10, v=3)")
     assert record.controller.safety.safety_mode.name == "NORMAL"
     assert np.abs(record.speeds).max() <= math.pi * 1.001
+
+
+def test_wrist_3_of_ur3e_turns_without_end() -> None:
+    turn = " movej([0,-1.9,1.9,-1.57,-1.57,15.0], a=20, v=6)\n speedj([0, 0, 0, 0, 0, 2.0], 20, 0.5)\n stopj(20)"
+    record = run(turn, model="ur3e", home=TURNED)
+    assert record.controller.safety.safety_mode.name == "NORMAL"
+    assert record.joints[-1][5] > 15.5
+    assert "outside the joint limits" in run(turn, home=TURNED).message("joint 5 (wrist 3)")

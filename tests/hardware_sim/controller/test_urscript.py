@@ -392,3 +392,23 @@ def test_outputs_as_lists_are_set(run: Run) -> None:
     controller = run("digital_out[3]=True\n")
     assert controller.outputs.levels == 1 << 3
     assert run("def f():\n digital_out = [False, False]\n digital_out[1] = True\nend\n").outputs.levels == 0
+
+
+def test_script_control_line_follows_the_first_thread() -> None:
+    controller = Controller(MODELS["ur5e"], HOME, now=0.0)
+    controller.load(
+        "def f():\n  sync()\n  def g():\n    sleep(0.01)\n  end\n  g()\n  movej([0.1,-1.9,1.9,-1.57,-1.57,0])\nend"
+    )
+    seen = [0.0]
+    for tick in range(700):
+        controller.tick(tick * 0.002)
+        line = controller.registers.get("script_control_line")[0]
+        seen += [line] if line != seen[-1] else []
+    assert seen == [0, 2, 4, 7, 0]
+
+
+def test_wrong_number_of_arguments_is_said_by_the_functions_name() -> None:
+    controller = Controller(MODELS["ur5e"], HOME, now=0.0)
+    controller.load("def f():\n  x = get_target_payload(1)\nend")
+    controller.tick(0.002)
+    assert "line 2: get_target_payload() takes 1 positional argument but 2 were given" in controller.messages[-1]
