@@ -74,12 +74,16 @@ def test_wheel_in_fresh_environment_serves_fixture(tmp_path: Path) -> None:
     assert wheel.stat().st_size <= LARGEST_BYTES
     held = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info" not in name}
     assert {name.partition("/")[0] for name in held} == {NAME}
-    assert {file.name for file in SOURCE.glob("*.py")} <= {Path(name).name for name in held}
+    files = {file.name for file in SOURCE.iterdir() if file.suffix in (".py", ".toml", ".json")}
+    assert files <= {Path(name).name for name in held}
     run(sys.executable, "-m", "venv", tmp_path / "venv", cwd=tmp_path)
     bin_ = tmp_path / "venv" / "bin"
     run(bin_ / "pip", "install", "--quiet", wheel, cwd=tmp_path)
     assert "--model" in run(bin_ / "python", "-m", NAME, "--help", cwd=tmp_path)
     assert "--model" in run(bin_ / "lightpose-ur-sim", "--help", cwd=tmp_path)
     run(bin_ / "pip", "install", "--quiet", "pytest", "ur-rtde", cwd=tmp_path)
+    page = (SOURCE.parents[1] / "docs" / "reference" / "ur-sim-package.md").read_text(encoding="utf-8")
+    (tmp_path / "test_page.py").write_text(page.split("```python\n")[1].split("```")[0], encoding="utf-8")
+    assert "1 passed" in run(bin_ / "python", "-m", "pytest", "-q", "--strict-markers", "test_page.py", cwd=tmp_path)
     (tmp_path / "test_sample.py").write_text(textwrap.dedent(SAMPLE), encoding="utf-8")
     assert "2 passed" in run(bin_ / "python", "-m", "pytest", "-q", "--strict-markers", "test_sample.py", cwd=tmp_path)

@@ -1,5 +1,7 @@
 """`urx` 0.11 on the controller, in an environment of its own: it needs a release of math3d that Python 3.9 ran."""
 
+import ast
+import re
 import subprocess
 import venv
 from pathlib import Path
@@ -51,6 +53,19 @@ def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if installed.returncode != 0:
         pytest.skip(f"urx cannot be installed here: {installed.stderr[-300:]}")
     return python
+
+
+def test_example_of_the_page_runs(python: Path) -> None:
+    page = Path("docs/reference/ur-sim-package.md").read_text(encoding="utf-8")
+    example = next(
+        block for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if block.startswith("import urx")
+    )
+    shim = "import collections, collections.abc\ncollections.Iterable = collections.abc.Iterable\n"
+    with start(for_urx=True) as controller:
+        code = shim + example.replace("127.0.0.2", controller.address) + "print(robot.getj())\nrobot.close()\n"
+        ran = subprocess.run([python, "-c", code], check=False, capture_output=True, text=True, timeout=300.0)
+    assert ran.returncode == 0, ran.stderr[-2000:]
+    assert ast.literal_eval(ran.stdout) == pytest.approx(HOME, abs=1e-6)
 
 
 def test_urx_moves_reads_and_switches(python: Path) -> None:
