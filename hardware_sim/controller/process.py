@@ -38,7 +38,7 @@ class ControllerProcess(AbstractContextManager["ControllerProcess"]):
                 command += [f"{flag}={value}"]  # one word: the parser would take -1e-05 by itself for an option
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603
         output = self.process.stdout
-        readable, _, _ = select.select([output], [], [], _START_TIMEOUT)
+        readable = output is not None and select.select([output], [], [], _START_TIMEOUT)[0]
         if output is None or not readable or not output.readline().startswith(b"ready"):
             self.close()
             raise ConnectionError(f"the simulated controller did not start at {self.address}; its log says why")
