@@ -4,24 +4,89 @@ Sessions and the commands on folders write the same files, so that either can be
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from matplotlib.figure import Figure
+from pydantic import Field
 
-from acquisition.calibrate.bundle_adjustment import CAMERA, JOINT_OFFSETS, Adjusted
+from acquisition.calibrate import intrinsics
+from acquisition.calibrate.bundle_adjustment import CAMERA, JOINT_OFFSETS, Adjusted, Parameters
 from acquisition.calibrate.hand_eye import HandEyeFit
 from acquisition.calibrate.intrinsics import CameraFit
-from acquisition.models.base import FloatArray, as_matrix4
+from acquisition.models.base import FloatArray, Joints, Matrix4, Value, as_matrix4
 from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_result import CameraResult, HandEyeResult, ViewResidual
+from acquisition.models.calibration_result import CameraResult, HandEyeResult, Rows, ViewResidual
 
 
 def now() -> str:
     """The present time, ISO 8601 in UTC."""
     return datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+
+
+class AdjustmentRecord(Value):
+    """What an adjustment found of all parameters, without its views: what further views are planned from."""
+
+    camera: Annotated[tuple[float, ...], Field(strict=False)]
+    warp_m: Annotated[tuple[float, ...], Field(strict=False)]
+    base_from_camera: Matrix4
+    flange_from_board: Matrix4
+    scale: float
+    joint_offsets_rad: Joints
+    covariance: Rows = Field(description="Of all 28 parameters, as in `bundle_adjustment`")
+    corner_sigma_px: float
+    arm_sigma: Annotated[tuple[float, float], Field(strict=False)] = Field(description="m and rad")
+
+    @classmethod
+    def of(cls, found: Adjusted) -> "AdjustmentRecord":
+        """The record of an adjustment."""
+        known = found.parameters
+        return cls.model_validate(
+            {
+                "camera": known.camera.tolist(), "warp_m": known.warp.tolist(),
+                "base_from_camera": as_matrix4(known.base_from_camera),
+                "flange_from_board": as_matrix4(known.flange_from_board), "scale": known.scale,
+                "joint_offsets_rad": known.joint_offsets.tolist(), "covariance": found.covariance.tolist(),
+                "corner_sigma_px": found.corner_sigma_px, "arm_sigma": found.arm_sigma,
+            }
+        )  # fmt: skip
+
+    @property
+    def adjusted(self) -> Adjusted:
+        """The adjustment, without views."""
+        parameters = Parameters(
+            np.array(self.camera), np.zeros((0, 4, 4)), np.array(self.warp_m), np.array(self.base_from_camera),
+            np.array(self.flange_from_board), self.scale, np.array(self.joint_offsets_rad),
+        )  # fmt: skip
+        return Adjusted(parameters, np.array(self.covariance), self.corner_sigma_px, self.arm_sigma, (), (), ())
+
+
+@dataclass(frozen=True)
+class BoardResults:
+    """Results of one estimate as their files hold them, and the map that the camera's picture shows."""
+
+    camera: CameraResult
+    hand_eye: HandEyeResult | None
+    projection_sigma_px: FloatArray
+
+    def merged(self, calibration: Calibration) -> Calibration:
+        """A calibration with what was found in place of its own values."""
+        made = with_camera(calibration, self.camera)
+        if self.hand_eye is None:
+            return made
+        return made.model_copy(update={"base_from_camera": self.hand_eye.base_from_camera})
+
+
+def results(camera: CameraFit, hand_eye: HandEyeFit | None, hashes: Mapping[str, str]) -> BoardResults:
+    """What an estimate found; `hashes` of all images by name."""
+    sigma = intrinsics.projection_sigma(camera)
+    return BoardResults(
+        camera_result(camera, hashes, sigma), None if hand_eye is None else hand_eye_result(hand_eye, hashes), sigma
+    )
 
 
 def with_camera(calibration: Calibration, camera: CameraResult) -> Calibration:

@@ -104,10 +104,12 @@ def estimate(images: BoardImages, recipe: BoardRecipe, cell: CellConfig) -> Boar
     return BoardEstimate(CameraFit(images.size, found.adjusted), found)
 
 
-def summary(found: BoardEstimate, images: BoardImages, recipe: BoardRecipe) -> CalibrationSummary:
-    """The figures of an estimate, whether they meet the recipe, and what to do next."""
+def summary(found: BoardEstimate, images: BoardImages, recipe: BoardRecipe, projection_px: float) -> CalibrationSummary:
+    """The figures of an estimate, whether they meet the recipe, and what to do next.
+
+    `projection_px` is the median over the image of 1 σ of where the camera model puts a direction, pixels.
+    """
     adjusted, hand = found.camera.adjusted, found.hand_eye
-    projection_px = float(np.median(intrinsics.projection_sigma(found.camera)))
     position_mm = None if hand is None else 1e3 * hand.sigma[0]
     targets = [(projection_px, recipe.target_px), (position_mm, recipe.target_mm)]
     asked = [value is not None and value <= target for value, target in targets if target is not None]
@@ -129,15 +131,15 @@ def summary(found: BoardEstimate, images: BoardImages, recipe: BoardRecipe) -> C
 
 
 def further_views(
-    images: BoardImages | None, candidates: Sequence[FloatArray], count: int, recipe: BoardRecipe, cell: CellConfig,
+    basis: Adjusted, candidates: Sequence[FloatArray], count: int, recipe: BoardRecipe, cell: CellConfig,
     calibration: Calibration,
 ) -> list[tuple[int, str]]:  # fmt: skip
     """Numbers of the candidate joints (6,) to take next, at most `count`, and for each the reason, a sentence.
 
-    `images` None: there are none yet. Raises RigError calibration.infeasible where no candidate shows the board.
+    `basis` is what is known so far: `prior` or `basis`. Raises RigError calibration.infeasible where no candidate shows
+    the board.
     """
     model, size = _model(cell), (calibration.width, calibration.height)
-    basis = _basis(model, images, cell, calibration)
     criterion, unit = _criterion(recipe, basis.parameters, size)
     chosen = view_planning.plan_views(model, basis, candidates, size, count, criterion)
     if not chosen:
@@ -159,22 +161,25 @@ def _criterion(
     return projection, "px"
 
 
-def _basis(model: Model, images: BoardImages | None, cell: CellConfig, calibration: Calibration) -> Adjusted:
-    """The estimate of all parameters so far; before there is one, the calibration in use with what views add to it."""
-    before = prior(cell, calibration)
-    if images is None or model.chain is None:
-        return before
-    try:
-        camera = intrinsics.fit(model.board, images.views, images.size)
-        return hand_eye.fit(model.board, model.chain, images.views, camera).adjusted
-    except RigError:
-        free = np.ix_(model.free, model.free)
-        present = np.linalg.inv(before.covariance[free])
-        for view in images.views:
-            present = present + information(model, view, before)[free]
-        covariance = np.zeros_like(before.covariance)
-        covariance[free] = np.linalg.inv(present)
-        return replace(before, covariance=covariance)
+def basis(found: BoardEstimate | None, images: BoardImages, cell: CellConfig, calibration: Calibration) -> Adjusted:
+    """What the images tell of all parameters; while they determine no estimate, the calibration in use and what the
+    views add to that."""
+    if found is not None and found.hand_eye is not None:
+        return found.hand_eye.adjusted
+    model, before = _model(cell), prior(cell, calibration)
+    if found is not None and model.chain is not None:
+        try:  # a calibration of the camera alone has not asked where it is, but its next views depend on that
+            return hand_eye.fit(model.board, model.chain, images.views, found.camera).adjusted
+        except RigError as error:
+            if error.code is not ErrorCode.CALIBRATION_INFEASIBLE:
+                raise
+    free = np.ix_(model.free, model.free)
+    present = np.linalg.inv(before.covariance[free])
+    for view in images.views:
+        present = present + information(model, view, before)[free]
+    covariance = np.zeros_like(before.covariance)
+    covariance[free] = np.linalg.inv(present)
+    return replace(before, covariance=covariance)
 
 
 def prior(cell: CellConfig, calibration: Calibration) -> Adjusted:

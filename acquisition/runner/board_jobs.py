@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from acquisition import lamp_pose
-from acquisition.calibrate import board_results, board_session, board_view, charuco, intrinsics
+from acquisition.calibrate import board_results, board_session, board_view, charuco
+from acquisition.calibrate.board_results import AdjustmentRecord
 from acquisition.calibrate.board_session import BoardEstimate, BoardImages
 from acquisition.capture.compare import MAX_SHIFT_OF_WIDTH, MAX_SHIFT_PX
-from acquisition.formats import export
-from acquisition.models.base import FloatArray, Value, as_joints
+from acquisition.formats.atomic_write import atomic_folder, discard_partial
+from acquisition.models.base import Value, as_joints
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import FURTHER_IMAGES, BoardRecipe
 from acquisition.models.calibration_result import CalibrationSummary
@@ -27,7 +28,7 @@ from acquisition.waypoints.roadmap import connected_views
 CANDIDATES = 160
 """Poses of which a pass's are chosen: twice as many lower the loss by 2 % only and take twice as long."""
 
-SUMMARY, CALIBRATION = "summary.json", "calibration.json"
+SUMMARY, CALIBRATION, BASIS = "summary.json", "calibration.json", "basis.json"
 """Files of an estimate's folder, beside those that `lightpose calibrate` writes."""
 
 
@@ -36,8 +37,8 @@ def board_poses(
 ) -> LightPlan:
     """The next pass's poses, planned from all images so far; none when the accuracy or the number is reached.
 
-    `cell` has the board on; `previous` is the folder of the last estimate. Raises RigError waypoints.unreachable,
-    calibration.infeasible.
+    `cell` is the cell file's, with whatever tool it names; `previous` is the folder of the last estimate. Raises
+    RigError waypoints.unreachable, calibration.infeasible.
     """
     taken = len(observations.shots)
     count = recipe.first_images if previous is None else min(FURTHER_IMAGES, recipe.max_images - taken)
@@ -46,11 +47,17 @@ def board_poses(
         if known.reached or count <= 0:
             reason = "The accuracy asked for is reached" if known.reached else f"All {taken} images are taken"
             return LightPlan(lights=[], method="views", reasons=[], joints=[], conclusion=f"{reason}.")
-    candidates = connected_views(cell, calibration, CANDIDATES, recipe.seed + 1)
-    images = board_session.read(observations, cell) if taken else None
-    chosen = board_session.further_views(images, list(candidates), count, recipe, cell, calibration)
+    mounted = mounted_tool.with_tool(cell, recipe.tool)
+    candidates = connected_views(mounted, calibration, CANDIDATES, recipe.seed + 1)
+    basis = (
+        board_session.prior(cell, calibration)
+        if previous is None
+        else AdjustmentRecord.model_validate_json((previous / BASIS).read_bytes()).adjusted
+    )
+    chosen = board_session.further_views(basis, list(candidates), count, recipe, cell, calibration)
     joints = np.array([candidates[number] for number, _ in chosen])
-    tools = calibrated_kinematics.forward(calibrated_kinematics.of_arm(cell.arm), joints)[:, 6] @ _tool(cell)
+    chain, flange_from_tool = calibrated_kinematics.of_arm(cell.arm), cell.arm.flange_from_tool.matrix
+    tools = calibrated_kinematics.forward(chain, joints)[:, 6] @ flange_from_tool
     return LightPlan(
         lights=[lamp_pose.light_from_tool(tool, calibration) for tool in tools],
         method="views",
@@ -89,32 +96,43 @@ def estimate_from_board(
     calibration.infeasible; calibration.board_wrong and scene.moved are raised at once.
     """
     images = board_session.read(observations, cell)
+    found, why_not = None, ""
     try:
         found = board_session.estimate(images, recipe, cell)
     except RigError as error:
         if error.code is not ErrorCode.CALIBRATION_INFEASIBLE or last:
             raise
-        summary = CalibrationSummary(
-            kind=recipe.kind, images=len(images.hashes), used=len(images.views), estimated=False, why_not=error.detail
-        )
-        with export.atomic_folder(folder) as partial:
-            _write(partial / SUMMARY, summary)
-        return summary
-    made = _merged(found, images, calibration)
-    summary = board_session.summary(found, images, recipe).model_copy(update={"fingerprint": made.fingerprint})
-    with export.atomic_folder(folder) as partial:
-        _write_estimate(found, images, partial)
-        _write(partial / CALIBRATION, made)
+        why_not = error.detail
+    discard_partial(folder)
+    with atomic_folder(folder) as partial:
+        if found is not None:
+            summary = _write_results(found, images, recipe, calibration, partial)
+        else:
+            summary = CalibrationSummary(
+                kind=recipe.kind, images=len(images.hashes), used=len(images.views), estimated=False, why_not=why_not
+            )
+        _write_corners(images, partial / "corners.json")
+        _write(partial / BASIS, AdjustmentRecord.of(board_session.basis(found, images, cell, calibration)))
         _write(partial / SUMMARY, summary)
     return summary
 
 
-def _write_estimate(found: BoardEstimate, images: BoardImages, folder: Path) -> None:
-    sigma = intrinsics.projection_sigma(found.camera)
-    board_results.draw_projection_sigma(found.camera, sigma, folder / "projection_sigma.png")
-    _write(folder / "camera.json", board_results.camera_result(found.camera, images.hashes, sigma))
-    if found.hand_eye is not None:
-        _write(folder / "hand_eye.json", board_results.hand_eye_result(found.hand_eye, images.hashes))
+def _write_results(
+    found: BoardEstimate, images: BoardImages, recipe: BoardRecipe, calibration: Calibration, folder: Path
+) -> CalibrationSummary:
+    """Writes what was found, and the calibration in use with it in place of its own values."""
+    made = board_results.results(found.camera, found.hand_eye, images.hashes)
+    board_results.draw_projection_sigma(found.camera, made.projection_sigma_px, folder / "projection_sigma.png")
+    _write(folder / "camera.json", made.camera)
+    if made.hand_eye is not None:
+        _write(folder / "hand_eye.json", made.hand_eye)
+    merged = made.merged(calibration)
+    _write(folder / CALIBRATION, merged)
+    summary = board_session.summary(found, images, recipe, made.camera.projection_sigma_px)
+    return summary.model_copy(update={"fingerprint": merged.fingerprint})
+
+
+def _write_corners(images: BoardImages, path: Path) -> None:
     corners = {
         view.name: {
             "corners": view.corners.tolist(),
@@ -123,24 +141,8 @@ def _write_estimate(found: BoardEstimate, images: BoardImages, folder: Path) -> 
         }
         for view in images.views
     }
-    (folder / "corners.json").write_text(json.dumps(corners), encoding="utf-8")
-
-
-def _merged(found: BoardEstimate, images: BoardImages, calibration: Calibration) -> Calibration:
-    """The calibration in use with what was found in place of its own values."""
-    sigma = intrinsics.projection_sigma(found.camera)
-    camera = board_results.camera_result(found.camera, images.hashes, sigma)
-    made = board_results.with_camera(calibration, camera)
-    if found.hand_eye is None:
-        return made
-    return made.model_copy(
-        update={"base_from_camera": board_results.hand_eye_result(found.hand_eye, images.hashes).base_from_camera}
-    )
+    path.write_text(json.dumps(corners), encoding="utf-8")
 
 
 def _write(path: Path, value: Value) -> None:
     path.write_text(value.model_dump_json(indent=2), encoding="utf-8")
-
-
-def _tool(cell: CellConfig) -> FloatArray:
-    return np.asarray(cell.arm.flange_from_tool.matrix)

@@ -227,13 +227,13 @@ class Runner:
 
     def reach(self) -> str:
         """The cell's reach as JSON. Raises RigError rig.busy while a session uses the compute process."""
-        if self._store.journal.holder() is not None and not self._executor.reach_cache.exists():
+        calibration = self.choices.calibration
+        cache = self._executor.reach_cache_of(calibration)
+        if self._store.journal.holder() is not None and not cache.exists():
             raise RigError(ErrorCode.RIG_BUSY, "The reach is made once, when no session runs: ask again later")
-        if not self._executor.reach_cache.exists():
-            self._compute.run(
-                self._closing, "make_reach", self._rig.cell, self.choices.calibration, self._executor.reach_cache
-            )
-        return self._executor.reach_cache.read_text(encoding="utf-8")
+        if not cache.exists():
+            self._compute.run(self._closing, "make_reach", self._rig.cell, calibration, cache)
+        return cache.read_text(encoding="utf-8")
 
     def render(self, job: str, *arguments: Any) -> bytes:
         """Renders a picture by a preemptible job. Raises RigError rig.busy when a session's job preempts it."""

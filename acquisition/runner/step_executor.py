@@ -103,8 +103,12 @@ class StepExecutor:
 
     @property
     def reach_cache(self) -> Path:
-        """The cache file of the cell's reach."""
-        return self._store.cache(f"reach-{self._rig.cell.fingerprint[:16]}.json")
+        """The cache file of the cell's reach with the calibration in use."""
+        return self.reach_cache_of(self._calibration)
+
+    def reach_cache_of(self, calibration: Calibration) -> Path:
+        """The cache file of the cell's reach with a calibration: lights lie about what it takes for the object."""
+        return self._store.cache(f"reach-{self._rig.cell.fingerprint[:16]}-{calibration.fingerprint[:16]}.json")
 
     # ---------------------------------------------------------------------------------------------------- lights, route
 
@@ -136,7 +140,7 @@ class StepExecutor:
         previous = folder / "estimates" / str(number - 1) if number else None
         images = re_solve.observations(record, folder)
         plan: LightPlan = self._compute.run(
-            stop, "board_poses", record.recipe, self._shots.cell_of(record), self._calibration, images, previous
+            stop, "board_poses", record.recipe, self._rig.cell, self._calibration, images, previous
         )
         name = f"passes/{number}/plan.json"
         digest = write_value(folder / name, plan)

@@ -19,10 +19,9 @@ PLATE_CAPSULES = 6
 def with_tool(cell: CellConfig, tool: Tool) -> CellConfig:
     """The cell with a tool on its flange. Raises RigError config.invalid for a board that the cell file has not.
 
-    With a board the tool's speed is limited where the plate is farthest from the flange.
+    With a board the tool's speed is limited where the plate is farthest from the flange, whichever tool the cell file
+    names: `flange_from_tool` is then that corner's place, and poses of the lamp follow from the file's cell alone.
     """
-    if tool == cell.arm.tool:
-        return cell
     if tool == "lamp":
         return cell.model_copy(update={"arm": cell.arm.model_copy(update={"tool": tool})})
     far = plate_corners(require_board(cell))

@@ -63,15 +63,15 @@ class CellScene:
     def __init__(self, service: Service) -> None:
         self._service = service
         self._lock = threading.Lock()
-        self._scene: SceneResource | None = None
+        self._scene: tuple[str, SceneResource] | None = None  # with the fingerprint of its calibration
         self._meshes: dict[str, bytes] = {}
-        self._encoded: tuple[tuple[int, int] | None, bytes] | None = None
+        self._encoded: tuple[object, bytes] | None = None
 
     def encoded(self) -> bytes:
-        """The SceneResource as JSON; made anew when the reach has become known."""
-        reach_file = self._service.runner.reach_file
+        """The SceneResource as JSON; made anew when the reach has become known or another calibration is in use."""
         with self._lock:
-            stamp = _stamp(reach_file)
+            reach_file = self._service.runner.reach_file
+            stamp = (reach_file, _stamp(reach_file))
             if self._encoded is None or self._encoded[0] != stamp:
                 scene = self._geometry().model_copy(update={"lights": _lights(reach_file)})
                 self._encoded = (stamp, scene.model_dump_json().encode())
@@ -88,9 +88,9 @@ class CellScene:
         return self._meshes[name]
 
     def _geometry(self) -> SceneResource:
-        if self._scene is None:
-            cell, calibration = self._service.cell, self._service.calibration
-            self._scene = SceneResource(
+        cell, calibration = self._service.cell, self._service.calibration
+        if self._scene is None or self._scene[0] != calibration.fingerprint:
+            scene = SceneResource(
                 cell=cell.name,
                 fingerprint=cell.fingerprint,
                 base_from_view=as_matrix4(lamp_pose.base_from_view(calibration)),
@@ -108,7 +108,8 @@ class CellScene:
                     "events": "/v1/events?joints=true",
                 },
             )
-        return self._scene
+            self._scene = (calibration.fingerprint, scene)
+        return self._scene[1]
 
     def _arm(self, cell: CellConfig) -> SceneArm:
         model = kinematics.arm_model(cell.arm.model)

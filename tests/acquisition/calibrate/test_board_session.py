@@ -5,12 +5,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from acquisition import lamp_pose
 from acquisition.calibrate import board_session
+from acquisition.calibrate.board_results import AdjustmentRecord
 from acquisition.calibrate.board_session import BoardImages
+from acquisition.formats.frames import FolderFrames
 from acquisition.models import cell_config
 from acquisition.models.calibration_recipe import BoardRecipe
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.waypoints import board_poses, mounted_tool
+from acquisition.models.shot import Observations
+from acquisition.runner import board_jobs
+from acquisition.waypoints import board_poses, calibrated_kinematics, mounted_tool
 from acquisition.waypoints.collision import scene
 from acquisition.waypoints.roadmap import connected_views, roadmap
 from hardware_sim import nominal
@@ -55,6 +60,38 @@ def test_board_views_are_free_certified_and_before_the_camera() -> None:
     assert len(arm.capsules) == len(with_lamp.capsules) + board_plates()
 
 
+def test_board_limits_speed_whichever_tool_file_names() -> None:
+    of_file = CELL.model_copy(update={"arm": CELL.arm.model_copy(update={"tool": "board"})})
+    board = mounted_tool.require_board(CELL)
+    board = board.model_copy(update={"square_m": 2 * board.square_m})
+    for cell in (CELL, of_file):
+        mounted = mounted_tool.with_tool(cell.model_copy(update={"board": board}), "board")
+        far = np.linalg.norm(mounted_tool.plate_corners(board), axis=1).max()
+        assert np.linalg.norm(mounted.arm.flange_from_tool.position_m) == pytest.approx(far)
+        assert far > np.linalg.norm(CELL.arm.flange_from_tool.position_m)
+        assert mounted_tool.with_tool(mounted, "board") == mounted
+
+
+def test_board_poses_state_where_the_lamp_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(board_jobs, "CANDIDATES", 16)
+    of_file = CELL.model_copy(update={"arm": CELL.arm.model_copy(update={"tool": "board"})})
+    calibration, recipe = nominal.calibration(128), BoardRecipe(kind="hand-eye")
+    planned = board_jobs.board_poses(recipe, of_file, calibration, Observations.of([], FolderFrames(Path())), None)
+    joints = np.array(planned.joints)
+    tools = calibrated_kinematics.forward(calibrated_kinematics.of_arm(CELL.arm), joints)[:, 6]
+    lamps = tools @ CELL.arm.flange_from_tool.matrix
+    assert planned.lights == [lamp_pose.light_from_tool(tool, calibration) for tool in lamps]
+
+
+def test_adjustment_record_keeps_every_digit() -> None:
+    calibration = nominal.calibration(128)
+    known = board_session.prior(mounted_tool.with_tool(CELL, "board"), calibration)
+    stored = AdjustmentRecord.model_validate_json(AdjustmentRecord.of(known).model_dump_json()).adjusted
+    assert np.array_equal(stored.covariance, known.covariance)
+    assert np.array_equal(stored.parameters.camera, known.parameters.camera)
+    assert np.array_equal(stored.parameters.flange_from_board, known.parameters.flange_from_board)
+
+
 def board_plates() -> int:
     return len(mounted_tool.plate(mounted_tool.require_board(CELL)))
 
@@ -62,7 +99,8 @@ def board_plates() -> int:
 def test_first_views_are_planned_from_the_calibration_in_use() -> None:
     cell, calibration = mounted_tool.with_tool(CELL, "board"), nominal.calibration(128)
     joints = connected_views(cell, calibration, 60, seed=1)
-    chosen = board_session.further_views(None, list(joints), 8, BoardRecipe(kind="hand-eye"), cell, calibration)
+    basis = board_session.prior(cell, calibration)
+    chosen = board_session.further_views(basis, list(joints), 8, BoardRecipe(kind="hand-eye"), cell, calibration)
     assert len({number for number, _ in chosen}) == 8
     losses = [float(reason.split()[1]) for _, reason in chosen]
     assert losses == sorted(losses, reverse=True)
@@ -74,9 +112,9 @@ def test_estimate_reaches_and_misses_what_is_asked() -> None:
     images = captured(4, 15)
     recipe = BoardRecipe(kind="hand-eye", target_mm=2.0)
     found = board_session.estimate(images, recipe, OF_TRUTH)
-    assert board_session.summary(found, images, recipe).reached
+    assert board_session.summary(found, images, recipe, 0.1).reached
     stricter = recipe.model_copy(update={"target_mm": 0.001})
-    missed = board_session.summary(found, images, stricter)
+    missed = board_session.summary(found, images, stricter, 0.1)
     assert not missed.reached
     assert "not reached" in missed.advice[0]
 

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from acquisition import geometry
+from acquisition import geometry, lamp_pose
 from acquisition.models import cell_config
+from acquisition.models.base import as_matrix4
 from acquisition.waypoints import kinematics
 from api.rest import settings
 from api.rest.conditional import is_current
 from api.rest.scene_schemas import SceneResource
 from tests.api.conftest import write_cell
+from tests.api.rest.test_calibrations import ID, keep
 
 STL_HULL = """
 [[obstacles]]
@@ -116,6 +118,18 @@ def test_scene_etag_holds_until_reach_is_known(own: Any) -> None:
     assert changed.status_code == 200
     assert changed.json()["lights"][0] == {"position": [0.1, 0.2, -0.5], "refusal": None}
     assert changed.json()["lights"][1]["refusal"] == refusal
+
+
+def test_scene_shows_camera_of_calibration_in_use(own: Any, tmp_path: Any) -> None:
+    scene_of(own)  # encoded with the cell file's
+    values = own.client.calibration().values
+    moved = lamp_pose.base_from_view(values)[:3, 3] + [0, 0, 0.01]
+    camera = np.array(values.base_from_camera)
+    camera[2, 3] += 0.01
+    keep(own, tmp_path / "made", base_from_camera=as_matrix4(camera))
+    own.client.activate_calibration(ID)
+
+    assert np.allclose(np.array(scene_of(own).base_from_view)[:3, 3], moved)
 
 
 def test_scene_obstacles_have_shapes_and_hull(tmp_path: Any, serving: Any) -> None:
