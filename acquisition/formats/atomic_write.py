@@ -30,6 +30,22 @@ def discard_partial(folder: Path) -> None:
 
 
 @contextmanager
+def written_by_job(folder: Path) -> Generator[None]:
+    """For the time in which another process makes `folder`: nothing is left of an earlier attempt, nor of this one when
+    it fails, because its process may have been killed while it wrote.
+
+    For a folder that nothing refers to yet: what stands there was left by a crash before its entry in the journal.
+    """
+    if folder.exists():
+        shutil.rmtree(folder)
+    try:
+        yield
+    except BaseException:
+        discard_partial(folder)
+        raise
+
+
+@contextmanager
 def atomic_folder(folder: Path) -> Generator[Path]:
     """Yields a hidden folder to write into; it takes the name `folder` when the block ends, and is gone when it fails.
 

@@ -1,12 +1,11 @@
 """Estimates of calibration sessions: computed and recorded as results are, and kept as a set when the session ends."""
 
-import shutil
 import threading
 import time
 from importlib.metadata import version
 from pathlib import Path
 
-from acquisition.formats.atomic_write import discard_partial
+from acquisition.formats.atomic_write import written_by_job
 from acquisition.models import cell_config
 from acquisition.models.base import Value
 from acquisition.models.calibration import Calibration
@@ -38,18 +37,13 @@ def estimate_and_record(
     if not isinstance(recipe, CalibrationRecipe):
         raise RigError(ErrorCode.SERVICE_FAULT, f"A session of kind {recipe.kind} has no estimate")
     name = f"estimates/{number}"
-    if (folder / name).exists():
-        shutil.rmtree(folder / name)  # left by a crash before its entry in the journal
     images = re_solve.observations(record, folder)
     last = len(images.shots) >= recipe.max_images
     begun = time.monotonic()
-    try:
+    with written_by_job(folder / name):
         summary: CalibrationSummary = compute.run(
             stop, "estimate_from_board", recipe, cell, calibration, images, folder / name, last
         )
-    except BaseException:
-        discard_partial(folder / name)  # its process may have been killed while it wrote
-        raise
     more: dict[str, object] = {"seconds": round(time.monotonic() - begun, 3), "passes": list(range(number + 1))}
     facts = {
         "session_id": record.session_id,

@@ -21,7 +21,7 @@ from typing import Any, Literal
 from structlog.contextvars import bound_contextvars
 
 from acquisition import session
-from acquisition.formats.atomic_write import discard_partial
+from acquisition.formats.atomic_write import written_by_job
 from acquisition.formats.frames import FolderFrames
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import require_capture
@@ -111,20 +111,15 @@ def solve_and_record(
     """
     folder = store.folder(request.session_id)
     result = folder / "results" / str(request.number)
-    if result.exists():
-        shutil.rmtree(result)  # left by a crash before its entry in the journal
     images = observations(record, folder, request.last_pass)
     if request.calibration is not None:
         images = solve_calibration.lit_by(images, calibration)
     begun = time.monotonic()
-    try:
+    with written_by_job(result):
         summary: ResultSummary = compute.run(
             stop, "solve_normals", images, cell, calibration, request.settings, record.passes[request.last_pass].plan,
             region_file(store, request.session_id), result, preemptible=origin == "resolve",
         )  # fmt: skip
-    except BaseException:
-        discard_partial(result)  # its process may have been killed while it wrote
-        raise
     record_result(store, request, origin, summary, time.monotonic() - begun, cell)
 
 
