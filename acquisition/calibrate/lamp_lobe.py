@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from acquisition import geometry, lamp_pose, photometry
 from acquisition.models.base import FloatArray
@@ -258,13 +259,12 @@ def _held_out_residuals(
     """Held-out residual, as a fraction, by number of knots, what is uncertain of the geometry fitted along."""
     number = np.repeat(np.arange(len(images)), [len(image.values) for image in images])
     target = np.log(np.concatenate([image.values for image in images])) - seen.log_shading
-    still = np.zeros(PLACED + 6 * len(placings))
-    sources = _derivatives(images, placings, known, _knots(reach, 2), still, np.zeros(3))
+    sources = _derivatives(images, placings, known, _knots(reach, 2), np.zeros(3))
     roots = [np.asarray(np.linalg.inv(np.linalg.cholesky(one)), np.float64) for one in known.covariances(placings)]
     found = dict[int, float]()
     for count in KNOTS:
         design = _columns(images, seen, _knots(reach, count), known)[:, 1:]
-        prior = _blocks([np.eye(design.shape[1]) / PRIOR_SIGMA, *roots])
+        prior = block_diag(np.eye(design.shape[1]) / PRIOR_SIGMA, *roots)
         scale = PATCH_SIGMA_START
         found[count] = scale * _held_out(np.hstack([design, sources]) / scale, target / scale, prior, number)
     return found
@@ -305,14 +305,12 @@ def _solve(
     still = np.zeros(PLACED + 6 * len(placings))
     seen = _seen(images, placings, known, still)
     design = _columns(images, seen, knots, known)
-    sources = _derivatives(images, placings, known, knots, still, np.zeros(count + 2))
+    sources = _derivatives(images, placings, known, knots, np.zeros(count + 2))
     geometric = known.covariances(placings)
-    prior = _blocks(
-        [
-            np.zeros((1, 1)),
-            np.eye(own - 1) / PRIOR_SIGMA**2,
-            *(np.asarray(np.linalg.inv(one), np.float64) for one in geometric),
-        ]
+    prior = block_diag(
+        np.zeros((1, 1)),
+        np.eye(own - 1) / PRIOR_SIGMA**2,
+        *(np.asarray(np.linalg.inv(one), np.float64) for one in geometric),
     )
     images_of = np.eye(len(images))[number]
     image_sigma, patch_sigma = IMAGE_SIGMA_START, PATCH_SIGMA_START
@@ -325,7 +323,7 @@ def _solve(
         whole[:, tilt_at] = seen.side / side[:, None]
         target = values - seen.log_shading - np.log(side) + whole[:, tilt_at] @ tilt
         weight = 1 / (patch_sigma**2 + noise**2)
-        full_prior = _blocks([prior, np.eye(len(images)) / image_sigma**2])
+        full_prior = block_diag(prior, np.eye(len(images)) / image_sigma**2)
         covariance = np.asarray(np.linalg.inv(whole.T @ (weight[:, None] * whole) + full_prior), np.float64)
         theta = covariance @ (whole.T @ (weight * target))
         residual = target - whole @ theta
@@ -337,7 +335,7 @@ def _solve(
         offsets = theta[own + len(still) :]
         unsure = np.diag(covariance)[own + len(still) :]
         image_sigma = max(float(np.sqrt(np.mean(offsets**2 + unsure))), IMAGE_SIGMA_FLOOR)
-        sources = _derivatives(images, placings, known, knots, still, np.r_[theta[1 : 1 + count], theta[tilt_at]])
+        sources = _derivatives(images, placings, known, knots, np.r_[theta[1 : 1 + count], theta[tilt_at]])
     if patch_sigma > MAX_PATCH_SIGMA:
         raise RigError(
             ErrorCode.CALIBRATION_INFEASIBLE,
@@ -359,31 +357,17 @@ def _solve(
 
 def _derivatives(
     images: Sequence[PlaneImage], placings: Sequence[Placing], known: Known, knots: tuple[float, ...],
-    still: FloatArray, lobe: FloatArray,
+    lobe: FloatArray,
 ) -> FloatArray:  # fmt: skip
     """Derivatives (N, 11 + 6 G) of ln brightness by what moves; `lobe` (K + 1,) are knots and tilt."""
+    count = PLACED + 6 * len(placings)
 
     def predicted(off: FloatArray) -> FloatArray:
         seen = _seen(images, placings, known, off)
         spline = photometry.lobe_spline(knots, seen.angle)[:, 1:] @ lobe[:-2]
         return seen.log_shading + spline + np.log(1 + seen.side @ lobe[-2:])
 
-    columns = list[FloatArray]()
-    for which in range(len(still)):
-        step = np.zeros(len(still))
-        step[which] = STEP
-        columns.append((predicted(still + step) - predicted(still - step)) / (2 * STEP))
-    return np.stack(columns, axis=1)
-
-
-def _blocks(parts: Sequence[FloatArray]) -> FloatArray:
-    """A block-diagonal matrix."""
-    size = sum(len(part) for part in parts)
-    whole, at = np.zeros((size, size)), 0
-    for part in parts:
-        whole[at : at + len(part), at : at + len(part)] = part
-        at += len(part)
-    return whole
+    return np.stack([(predicted(step) - predicted(-step)) / (2 * STEP) for step in STEP * np.eye(count)], axis=1)
 
 
 def usable(image: PlaneImage, placing: Placing, calibration: Calibration) -> PlaneImage:
