@@ -93,7 +93,7 @@ class View:
 def detect(image: np.ndarray, board: CharucoBoard, name: str, joints: FloatArray | None = None) -> View | None:
     """Detects a board's corners by its markers and refines them (OpenCV `CharucoDetector`); none where it is not seen.
 
-    `image` (H, W) or (H, W, 3) RGB, 8 or 16 bits, brightness linear or not.
+    `image` (H, W), 8 or 16 bits, brightness linear or not.
     """
     detector = cv2.aruco.CharucoDetector(board.opencv())
     pixels, numbers, _, _ = detector.detectBoard(_as_8_bit(image))
@@ -107,8 +107,7 @@ def detect(image: np.ndarray, board: CharucoBoard, name: str, joints: FloatArray
 
 
 def _as_8_bit(image: np.ndarray) -> np.ndarray:
-    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) if image.ndim == 3 else image
-    if grey.dtype == np.uint8:
-        return grey
-    brightest = float(np.percentile(grey, 99.5))
-    return np.clip(255 / max(brightest, 1.0) * grey.astype(np.float32), 0, 255).astype(np.uint8)
+    if image.dtype == np.uint8:
+        return image
+    brightest = float(np.percentile(image, 99.5))
+    return np.clip(255 / max(brightest, 1.0) * image.astype(np.float32), 0, 255).astype(np.uint8)

@@ -25,7 +25,7 @@ from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.folder import write_value
 from acquisition.waypoints import calibrated_kinematics
 from api.cli import calibration_folder
-from api.cli.calibration_folder import JOINTS_FILE, read_joints, refuse_overwriting
+from api.cli.calibration_folder import JOINTS_FILE, read_joints, read_value, refuse_overwriting
 
 
 @dataclass(frozen=True)
@@ -140,10 +140,7 @@ def _next_view(
 
 
 def _read(folder: Path, board_file: Path, joints: dict[str, FloatArray] | None) -> tuple[CharucoBoard, Captured]:
-    try:
-        board = CharucoBoard.model_validate_json(board_file.read_bytes())
-    except (OSError, ValidationError) as error:
-        raise RigError(ErrorCode.CONFIG_INVALID, f"{board_file}: no description of a board: {error}") from error
+    board = read_value(board_file, CharucoBoard, "description of a board")
     views: list[View] = []
     hashes: dict[str, str] = {}
     size = (0, 0)

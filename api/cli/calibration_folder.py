@@ -4,12 +4,15 @@ import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
+from pydantic import ValidationError
 
 from acquisition.formats.folders import image_files
 from acquisition.formats.folders.refusal import refusal, text
-from acquisition.models.base import FloatArray
+from acquisition.models.base import FloatArray, Value
+from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.folder import sha256_of
 
@@ -19,12 +22,14 @@ IMAGE_ENDINGS = (".png", ".tif", ".tiff")
 JOINTS_FILE = "joints.csv"
 """In the folder of images: `image, q1 … q6`, rad, a line for each."""
 
+ValueT = TypeVar("ValueT", bound=Value)
+
 SIX_NUMBERS = "six numbers in rad belong after the image's name"
 
 
 @dataclass(frozen=True)
 class CalibrationImage:
-    """An image's file name, its content's hash, and its values (H, W) or (H, W, 3) RGB, 8 or 16 bits."""
+    """An image's file name, its content's hash, and its brightness (H, W), 8 or 16 bits."""
 
     name: str
     sha256: str
@@ -36,8 +41,10 @@ class CalibrationImage:
         return self.values.shape[1], self.values.shape[0]
 
 
-def images(folder: Path, joints: dict[str, FloatArray] | None) -> Iterator[CalibrationImage]:
-    """Reads a folder's images one by one, in the order of their names; all of one size.
+def images(
+    folder: Path, joints: dict[str, FloatArray] | None, calibration: Calibration | None = None
+) -> Iterator[CalibrationImage]:
+    """Reads a folder's images one by one, in the order of their names; all of one size, that of `calibration` if given.
 
     With `joints` each image has to have its own. Raises RigError folder.invalid naming the file.
     """
@@ -50,12 +57,29 @@ def images(folder: Path, joints: dict[str, FloatArray] | None) -> Iterator[Calib
     for path in paths:
         if joints is not None and path.name not in joints:
             raise refusal(folder / JOINTS_FILE, f"states no joints for {path.name}")
-        values = image_files.decode(path)
+        values = image_files.grey(image_files.decode(path)) if calibration is None else read_grey(path, calibration)
         made = CalibrationImage(path.name, sha256_of(path), values)
         first = first or made.size
         if made.size != first:
             raise refusal(path, f"has {made.size[0]} × {made.size[1]} pixels, the first image {first[0]} × {first[1]}")
         yield made
+
+
+def read_grey(path: Path, calibration: Calibration) -> np.ndarray:
+    """An image's brightness (H, W). Raises RigError folder.invalid unless it has the size of the calibration's."""
+    values = image_files.grey(image_files.decode(path))
+    if values.shape != (calibration.height, calibration.width):
+        stated = f"the calibration {calibration.width} × {calibration.height}"
+        raise refusal(path, f"has {values.shape[1]} × {values.shape[0]} pixels, {stated}")
+    return values
+
+
+def read_value(path: Path, kind: type[ValueT], what: str) -> ValueT:
+    """Reads a value from its JSON; `what` says for people what the file should be. Raises RigError config.invalid."""
+    try:
+        return kind.model_validate_json(path.read_bytes())
+    except (OSError, ValidationError) as error:
+        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: no {what}: {error}") from error
 
 
 def read_joints(path: Path) -> dict[str, FloatArray]:

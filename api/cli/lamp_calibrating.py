@@ -4,15 +4,12 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
-from pydantic import ValidationError
 from rich.console import Console
 
 from acquisition.calibrate import lamp_position
 from acquisition.calibrate.board_results import now
 from acquisition.calibrate.lamp_position import Highlight, LampFit
-from acquisition.formats.folders.refusal import refusal
 from acquisition.models import cell_config
 from acquisition.models.base import FloatArray, as_matrix4
 from acquisition.models.calibration import Calibration
@@ -25,6 +22,7 @@ from api.cli.calibration_folder import (
     JOINTS_FILE,
     images,
     read_joints,
+    read_value,
     refuse_overwriting,
 )
 
@@ -42,12 +40,7 @@ def calibrate_lamp(
         raise RigError(ErrorCode.REQUEST_INVALID, f"--radius-mm {radius_mm:g}: give the sphere's radius, 1–200 mm")
     refuse_overwriting(out / "lamp.json", out / "calibration.json")
     cell, calibration = cell_config.load(cell_file), cell_config.load_calibration(base)
-    try:
-        hand_eye = HandEyeResult.model_validate_json(hand_eye_file.read_bytes())
-    except (OSError, ValidationError) as error:
-        raise RigError(
-            ErrorCode.CONFIG_INVALID, f"{hand_eye_file}: no hand_eye.json of `calibrate hand-eye`: {error}"
-        ) from error
+    hand_eye = read_value(hand_eye_file, HandEyeResult, "hand_eye.json of `calibrate hand-eye`")
     used, said = _highlights(folder, cell, calibration)
     keep_out = cell.object.keep_out.base_from_object.matrix
     center = keep_out[:3, 3] + keep_out[:3, 2] * radius_mm / 1000
@@ -76,12 +69,8 @@ def _highlights(
     flange_from_tool = cell.arm.flange_from_tool.matrix
     used: list[Highlight] = []
     said: list[HighlightResidual] = []
-    for image in images(folder, joints):
-        if image.size != (calibration.width, calibration.height):
-            stated = f"the calibration {calibration.width} × {calibration.height}"
-            raise refusal(folder / image.name, f"has {image.size[0]} × {image.size[1]} pixels, {stated}")
-        values = cv2.cvtColor(image.values, cv2.COLOR_RGB2GRAY) if image.values.ndim == 3 else image.values
-        spot = lamp_position.find_highlight(values, _clipped_from(values, calibration.sensor.bits))
+    for image in images(folder, joints, calibration):
+        spot = lamp_position.find_highlight(image.values, _clipped_from(image.values, calibration.sensor.bits))
         why = spot if isinstance(spot, str) else ""
         said.append(HighlightResidual(image=image.name, sha256=image.sha256, residual_px=None, why_not=why))
         if not isinstance(spot, str):

@@ -7,17 +7,14 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from matplotlib.figure import Figure
-from pydantic import ValidationError
 from rich.console import Console
 
 from acquisition.calibrate import charuco, lamp_lobe, matt_plane
 from acquisition.calibrate.board_results import now
 from acquisition.calibrate.charuco import CharucoBoard, View
 from acquisition.calibrate.lamp_lobe import Known, LobeFit, Placing, PlaneImage
-from acquisition.formats.folders import image_files
 from acquisition.formats.folders.refusal import refusal, text
 from acquisition.models import cell_config
 from acquisition.models.base import FloatArray
@@ -26,7 +23,7 @@ from acquisition.models.calibration_result import HandEyeResult, LampResult, Lob
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.folder import sha256_of, write_value
 from acquisition.waypoints import calibrated_kinematics
-from api.cli.calibration_folder import refuse_overwriting
+from api.cli.calibration_folder import read_grey, read_value, refuse_overwriting
 
 PLANE_FILE = "plane.csv"
 """In the folder of images: image, lamp-off image, exposure time, placing, six joints, a line for each."""
@@ -64,13 +61,14 @@ def calibrate_lobe(folder: Path, files: LobeFiles, albedo: float, albedo_sigma: 
         raise RigError(ErrorCode.REQUEST_INVALID, "--albedo lies between 0.05 and 1, --albedo-sigma between 0 and 0.5")
     refuse_overwriting(*(out / name for name in ("lobe.json", "lobe.png", "calibration.json")))
     cell, calibration = cell_config.load(files.cell), cell_config.load_calibration(files.base)
-    board = _read(files.board, CharucoBoard, "description of a board")
-    hand_eye = _read(files.hand_eye, HandEyeResult, "hand_eye.json of `calibrate hand-eye`")
-    lamp = _read(files.lamp, LampResult, "lamp.json of `calibrate lamp`")
+    board = read_value(files.board, CharucoBoard, "description of a board")
+    hand_eye = read_value(files.hand_eye, HandEyeResult, "hand_eye.json of `calibrate hand-eye`")
+    lamp = read_value(files.lamp, LampResult, "lamp.json of `calibrate lamp`")
     shots = _shots(folder / PLANE_FILE)
     names = list(dict.fromkeys(shot.placing for shot in shots))
     frames = {
-        shot.image: (_grey(folder / shot.image, calibration), _grey(folder / shot.dark, calibration)) for shot in shots
+        shot.image: (read_grey(folder / shot.image, calibration), read_grey(folder / shot.dark, calibration))
+        for shot in shots
     }
     placings = [_placing(name, shots, frames, board, calibration) for name in names]
     chain, flange_from_tool = calibrated_kinematics.of_arm(cell.arm), cell.arm.flange_from_tool.matrix
@@ -100,13 +98,6 @@ def calibrate_lobe(folder: Path, files: LobeFiles, albedo: float, albedo_sigma: 
     return result.model_dump(mode="json")
 
 
-def _read(path: Path, kind: type[Any], what: str) -> Any:
-    try:
-        return kind.model_validate_json(path.read_bytes())
-    except (OSError, ValidationError) as error:
-        raise RigError(ErrorCode.CONFIG_INVALID, f"{path}: no {what}: {error}") from error
-
-
 def _shots(path: Path) -> list[_Shot]:
     """Reads `plane.csv`. Raises RigError folder.invalid naming the line."""
     shots: list[_Shot] = []
@@ -126,14 +117,6 @@ def _shots(path: Path) -> list[_Shot]:
     if not shots:
         raise refusal(path, "names no images")
     return shots
-
-
-def _grey(path: Path, calibration: Calibration) -> np.ndarray:
-    values = image_files.decode(path)
-    if (values.shape[1], values.shape[0]) != (calibration.width, calibration.height):
-        stated = f"the calibration {calibration.width} × {calibration.height}"
-        raise refusal(path, f"has {values.shape[1]} × {values.shape[0]} pixels, {stated}")
-    return cv2.cvtColor(values, cv2.COLOR_RGB2GRAY) if values.ndim == 3 else values
 
 
 def _placing(

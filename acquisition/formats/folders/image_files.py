@@ -89,6 +89,11 @@ class StoredImages:
         return FULL_SCALE[self.dtype]
 
 
+def grey(image: np.ndarray) -> np.ndarray:
+    """Brightness (H, W) of an image (H, W) or (H, W, 3) RGB, in the image's type (OpenCV, weights of BT.601)."""
+    return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) if image.ndim == 3 else image
+
+
 def open_images(
     paths: Sequence[Path], scratch: Path, black_level: int = 0, progress: Progress | None = None
 ) -> StoredImages:
