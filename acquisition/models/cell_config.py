@@ -49,10 +49,6 @@ class JointGeometry(Value):
     alpha_rad: float
 
 
-_LATER_ARM_FIELDS = ("polyscope", "robot_api_port", "tool")
-"""Fields of `ArmConfig` that came after sessions had been recorded; each has a default that means what was before."""
-
-
 Tool = Literal["lamp", "board"]
 """What is on the arm's flange: the lamp, or the ChArUco board of the cell file."""
 
@@ -275,6 +271,10 @@ class Clearances(Value):
     self_m: float = Field(default=0.01, gt=0)
 
 
+_LATER_FIELDS = (("arm", "polyscope"), ("arm", "robot_api_port"), ("arm", "tool"), ("board",))
+"""Fields that came after sessions had been recorded; each has a default that means what was before."""
+
+
 class CellConfig(Value):
     """Configuration of a cell; `load` reads it from TOML."""
 
@@ -298,11 +298,13 @@ class CellConfig(Value):
         """SHA-256 of the cell's values: comments and spaces in the file do not matter, nor do later fields at their
         defaults, so that an interrupted session can be resumed after an upgrade."""
         values = self.model_dump(mode="json")
-        for name in _LATER_ARM_FIELDS:
-            if values["arm"][name] == ArmConfig.model_fields[name].default:
-                del values["arm"][name]
-        if self.board is None:
-            del values["board"]
+        for *sections, name in _LATER_FIELDS:
+            owner: Value = self
+            section = values
+            for part in sections:
+                owner, section = getattr(owner, part), section[part]
+            if getattr(owner, name) == type(owner).model_fields[name].default:
+                del section[name]
         return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 

@@ -41,6 +41,17 @@ from acquisition.waypoints import drawing, rejoin, routing
 from acquisition.waypoints import jog_step as jog_steps
 from acquisition.waypoints import reach as reaching
 
+__all__ = ["board_moved", "board_poses", "estimate_from_board", "look_at_board"]  # jobs of a module of their own
+
+Rows = npt.NDArray[np.int64]
+
+PictureForm = Literal["png", "html"]
+
+_TOP_PERCENTILE = 99.0
+"""Percentile of the heights of all pixels that is the object's top: single pixels at discontinuities are too high."""
+FORECAST_COUNTS = (1, 2, 4, 8, 16)
+"""Numbers of further lights for which a plan forecasts the error."""
+
 
 def make_reach(cell: CellConfig, calibration: Calibration, cache: Path) -> None:
     """Computes the cell's reach and stores it in the cache file, unless it is there."""
@@ -57,18 +68,6 @@ def _reach(cell: CellConfig, calibration: Calibration, cache: Path) -> reaching.
     partial.write_text(reach_map.model_dump_json(), encoding="utf-8")
     partial.rename(cache)
     return reach_map
-
-
-__all__ = ["board_moved", "board_poses", "estimate_from_board", "look_at_board"]  # jobs of a module of their own
-
-Rows = npt.NDArray[np.int64]
-
-PictureForm = Literal["png", "html"]
-
-_TOP_PERCENTILE = 99.0
-"""Percentile of the heights of all pixels that is the object's top: single pixels at discontinuities are too high."""
-FORECAST_COUNTS = (1, 2, 4, 8, 16)
-"""Numbers of further lights for which a plan forecasts the error."""
 
 
 def first_lights(recipe: Recipe, cell: CellConfig, calibration: Calibration, cache: Path) -> LightPlan:

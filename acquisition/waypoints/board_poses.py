@@ -100,24 +100,24 @@ def in_sight(joints: FloatArray, cell: CellConfig, calibration: Calibration, arm
     links = kinematics.forward(arm.model, joints)
     corners = mounted_tool.plate_corners(board)
     face = np.concatenate([corners, [corners.mean(axis=0)], (corners + np.roll(corners, 1, axis=0)) / 2])
-    targets = geometry_of(links[:, 6], face)
+    targets = _in_each_frame(links[:, 6], face)
     lens = np.array(calibration.base_from_camera)[:3, 3]
     ends = lens + BEFORE_BOARD * (targets - lens)
     clear = np.ones(len(joints), dtype=bool)
     plates = len(mounted_tool.plate(board))
     for link, row in zip(arm.links[:-plates], arm.capsules[:-plates], strict=True):
-        start, end = (geometry_of(links[:, link], row[part].reshape(1, 3))[:, 0] for part in (slice(3), slice(3, 6)))
-        distance = segment_distance(lens, ends, start[:, None], end[:, None])
+        start, end = (_in_each_frame(links[:, link], row[part].reshape(1, 3))[:, 0] for part in (slice(3), slice(3, 6)))
+        distance = _distance_of_segments(lens, ends, start[:, None], end[:, None])
         clear &= (distance > row[6] + SIGHT_MARGIN_M).all(axis=1)
     return clear
 
 
-def geometry_of(frames: FloatArray, points: FloatArray) -> FloatArray:
+def _in_each_frame(frames: FloatArray, points: FloatArray) -> FloatArray:
     """Points (P, 3) of each of frames (N, 4, 4), in the frames' reference: (N, P, 3)."""
     return np.einsum("nij,pj->npi", frames[:, :3, :3], points) + frames[:, None, :3, 3]
 
 
-def segment_distance(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
+def _distance_of_segments(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
     """Distance of segments a–b and c–d (…, 3), broadcast (Ericson 2005, 5.1.9)."""
     u, v, w = b - a, d - c, a - c
     uu, vv, uv = (np.maximum((x * y).sum(-1), 1e-18 if x is y else -np.inf) for x, y in ((u, u), (v, v), (u, v)))

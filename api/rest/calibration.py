@@ -11,7 +11,7 @@ from typing import Annotated
 from fastapi import APIRouter, Request
 from fastapi import Path as InPath
 from fastapi.responses import FileResponse
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_result import CalibrationSummary
@@ -23,7 +23,7 @@ from api.rest import problems, stored_files
 from api.rest.dependencies import Actor, ServiceOf
 from api.rest.paging import Limit, Offset, page
 from api.rest.rig_schemas import CalibrationResource
-from api.rest.schemas import Links, Page, Resource
+from api.rest.schemas import Links, Page, RequestBody, Resource
 from api.rest.wiring import Service
 
 router = APIRouter(tags=["rig"])
@@ -55,18 +55,14 @@ class CalibrationSetResource(Resource):
     links: Links
 
 
-class CalibrationChoice(BaseModel):
+class CalibrationChoice(RequestBody):
     """Which calibration shall be used."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     id: str = Field(min_length=1, max_length=80, description="One of GET /v1/rig/calibrations; `cell`: the cell file's")
 
 
-class ToolStatement(BaseModel):
+class ToolStatement(RequestBody):
     """What is on the arm's flange, as a person has seen."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     tool: Tool = Field(description="`lamp`, or `board`: the calibration board of the cell file")
 
