@@ -47,13 +47,14 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import assert_never
 
-from acquisition.models.calibration_recipe import AnyRecipe
+from acquisition.models.calibration_recipe import AnyRecipe, CalibrationRecipe
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route, Waypoint
 from acquisition.models.shot import Shot, ShotKey
 from acquisition.models.step import (
     AwaitReview,
+    AwaitTarget,
     ChooseLights,
     GoHome,
     PlanRoute,
@@ -250,15 +251,15 @@ def next_step(record: SessionRecord, joints: tuple[float, ...], home: tuple[floa
             return ChooseLights(number)
         if not current.plan.lights:
             break
-        if _reviews_plan(record.recipe) and not current.reviewed and not _is_pilot(record.recipe, number):
-            return AwaitReview(number)
+        if not current.reviewed and (waiting := _waits_for(record.recipe, number)) is not None:
+            return waiting if same_joints(joints, home) or isinstance(waiting, AwaitReview) else GoHome(number, None)
         left = tuple(light for light in range(len(current.plan.lights)) if light not in current.shots)
         darks = sorted({shot.exposure_s for shot in current.shots.values()} if _takes_darks(record.recipe) else set())
         reference_key = ShotKey(pass_number=number, number=FIRST_REFERENCE_NUMBER + record.references)
-        first = _first_image(record)
+        first = _first_image(record, number)
         if not left and first is not None and first.key not in current.repeated and _may_have_moved(current):
             return RepeatReference(first, reference_key, closes_pass=True)
-        newest = _newest_image(record)
+        newest = _newest_image(record, number)
         if record.unverified and newest is not None and (left or any(dark not in current.darks for dark in darks)):
             return RepeatReference(newest, reference_key)
         if left:
@@ -297,7 +298,7 @@ def stage(record: SessionRecord, step: Step | None) -> Stage:
             return Stage.FINISHED
         case ChooseLights():
             return Stage.PILOT if _is_pilot(record.recipe, step.pass_number) else Stage.PLAN
-        case AwaitReview():
+        case AwaitReview() | AwaitTarget():
             return Stage.PLAN
         case PlanRoute():
             return Stage.WAYPOINTS
@@ -341,10 +342,6 @@ def _is_pilot(recipe: AnyRecipe, pass_number: int) -> bool:
     return pass_number == 0 and isinstance(recipe, Recipe) and recipe.method == "optimal"
 
 
-def _reviews_plan(recipe: AnyRecipe) -> bool:
-    return isinstance(recipe, Recipe) and recipe.review_plan
-
-
 def _takes_darks(recipe: AnyRecipe) -> bool:
     """Whether each exposure time of a pass has a lamp-off frame."""
     return isinstance(recipe, Recipe) or recipe.takes_darks
@@ -355,14 +352,29 @@ def _may_have_moved(work: PassRecord) -> bool:
     return any(shot.quality.shift_px is None for shot in work.shots.values())
 
 
-def _first_image(record: SessionRecord) -> Shot | None:
-    """The lit image that was captured first."""
-    return next((shot for work in record.passes for shot in work.shots.values()), None)
+def _waits_for(recipe: AnyRecipe, pass_number: int) -> AwaitReview | AwaitTarget | None:
+    """What a person does before the images of a pass: looks at its plan, or puts another target into the object's
+    place, the first one's being there."""
+    if isinstance(recipe, CalibrationRecipe):
+        return AwaitTarget(pass_number) if pass_number > 0 and recipe.waits_for_targets else None
+    return AwaitReview(pass_number) if recipe.review_plan and not _is_pilot(recipe, pass_number) else None
 
 
-def _newest_image(record: SessionRecord) -> Shot | None:
-    """The lit image that was captured last: the arm is near its joints, or on the path from there."""
-    shots = [shot for work in record.passes for shot in work.shots.values()]
+def _same_scene(record: SessionRecord, pass_number: int) -> tuple[PassRecord, ...]:
+    """The passes that show what this one does: all, unless each has a target of its own."""
+    if isinstance(record.recipe, CalibrationRecipe) and record.recipe.waits_for_targets:
+        return record.passes[pass_number : pass_number + 1]
+    return record.passes
+
+
+def _first_image(record: SessionRecord, pass_number: int) -> Shot | None:
+    """The lit image of a pass's scene that was captured first."""
+    return next((shot for work in _same_scene(record, pass_number) for shot in work.shots.values()), None)
+
+
+def _newest_image(record: SessionRecord, pass_number: int) -> Shot | None:
+    """The lit image of a pass's scene that was captured last: the arm is near its joints, or on the path from there."""
+    shots = [shot for work in _same_scene(record, pass_number) for shot in work.shots.values()]
     return max(shots, key=lambda shot: shot.taken_at) if shots else None
 
 

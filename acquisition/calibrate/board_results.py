@@ -78,7 +78,7 @@ class BoardResults:
         made = with_camera(calibration, self.camera)
         if self.hand_eye is None:
             return made
-        return made.model_copy(update={"base_from_camera": self.hand_eye.base_from_camera})
+        return with_hand_eye(made, self.hand_eye)
 
 
 def results(camera: CameraFit, hand_eye: HandEyeFit | None, hashes: Mapping[str, str]) -> BoardResults:
@@ -92,6 +92,13 @@ def results(camera: CameraFit, hand_eye: HandEyeFit | None, hashes: Mapping[str,
 def with_camera(calibration: Calibration, camera: CameraResult) -> Calibration:
     """A calibration with another camera."""
     changed = camera.model_dump(include={"width", "height", "camera_matrix", "distortion", "made_at"})
+    return calibration.model_copy(update=changed)
+
+
+def with_hand_eye(calibration: Calibration, found: HandEyeResult) -> Calibration:
+    """A calibration with another place of the camera, and the offsets of the joints that belong to it."""
+    changed = found.model_dump(include={"base_from_camera", "joint_offsets_rad", "made_at"})
+    changed["base_from_camera_covariance"] = found.covariance
     return calibration.model_copy(update=changed)
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from acquisition import geometry
-from acquisition.models.base import FloatArray
+from acquisition.models.base import FloatArray, as_matrix4
 from acquisition.models.calibration import Calibration
 from acquisition.models.errors import ErrorCode, RigError
 
@@ -44,8 +44,15 @@ MAX_SIGMA_M = 0.003
 REFLECTION_ROUNDS = 30
 """Iterations for the point of reflection; each takes the error down by the sphere's radius over the lamp's distance."""
 
-HIGHLIGHT_SHARE = 0.5
-"""Share of the brightest value above the background from which a pixel belongs to the highlight."""
+RIM_POINTS = 16
+"""Points of the window's rim, by which the middle of its image is reckoned."""
+
+DIFFERENCE, PLANNED_SIGMA_PX = 1e-6, 0.1
+"""Step of numeric derivatives, m and rad; noise of a highlight, pixels, by which poses are chosen."""
+
+HIGHLIGHT_SHARE = 0.15
+"""Share of the brightest value above the background from which a pixel belongs to the highlight: the rim's values tell
+where between pixels its middle is."""
 
 MIN_CONTRAST = 0.05
 """Share of full scale by which a highlight stands out of the background at the least."""
@@ -80,6 +87,23 @@ class LampFit:
     sphere_radius_m: float
     residuals_px: FloatArray
     highlight_sigma_px: float
+
+    @property
+    def sigma_m(self) -> float:
+        """1 σ of the position, per axis, root mean square, m."""
+        return float(np.sqrt(np.trace(self.covariance) / 3))
+
+    def calibrated(self, calibration: Calibration) -> Calibration:
+        """A calibration with the lamp here."""
+        tool_from_lamp = np.array(calibration.tool_from_lamp)
+        tool_from_lamp[:3, 3] = self.tool_from_lamp_m
+        return calibration.model_copy(
+            update={
+                "tool_from_lamp": as_matrix4(tool_from_lamp),
+                "lamp_position_sigma_m": self.sigma_m,
+                "tool_from_lamp_covariance": tuple(tuple(row) for row in self.covariance.tolist()),
+            }
+        )
 
 
 def find_highlight(image: np.ndarray, full_scale: float) -> FloatArray | str:
@@ -123,13 +147,14 @@ def reflection(center: FloatArray, radius: float, camera: FloatArray, lamps: Flo
 
 def fit(
     highlights: Sequence[Highlight], calibration: Calibration, pose_covariance: FloatArray, radius_m: float,
-    sphere_center_m: FloatArray,
+    sphere_center_m: FloatArray, window_radius_m: float = 0.0,
 ) -> LampFit:  # fmt: skip
     """Least squares over all highlights for lamp, sphere and, within its covariance, the camera's pose.
 
     `calibration` states the camera and, as start, `tool_from_lamp`; `pose_covariance` (6, 6) is that of its
     `base_from_camera`, m and rad, as in `hand_eye`; `sphere_center_m` (3,) is the sphere's place in the base frame to
-    some centimetres. Raises RigError calibration.infeasible: too few highlights, lamps all on one side.
+    some centimetres; `window_radius_m` is that of the lamp's luminous window, a disc across its axis. Raises RigError
+    calibration.infeasible: too few highlights, lamps all on one side.
     """
     if len(highlights) < MIN_HIGHLIGHTS:
         raise RigError(ErrorCode.CALIBRATION_INFEASIBLE, f"{len(highlights)} highlights: {MIN_HIGHLIGHTS} are needed")
@@ -137,16 +162,10 @@ def fit(
     observed = np.stack([one.pixel for one in highlights])
     start = np.array(calibration.tool_from_lamp)[:3, 3]
     _require_spread(_lamps(tools, start) - sphere_center_m)
-    matrix, distortion = np.array(calibration.camera_matrix), np.array(calibration.distortion)
-    base_from_camera = np.array(calibration.base_from_camera)
     whitening = np.linalg.inv(np.linalg.cholesky(pose_covariance))
 
     def residuals(unknown: FloatArray) -> FloatArray:
-        pose = base_from_camera @ geometry.pose(unknown[7:10], unknown[10:13])
-        points = reflection(unknown[3:6], unknown[6], pose[:3, 3], _lamps(tools, unknown[:3]))
-        seen = geometry.transform(geometry.inverse(pose), points)
-        predicted = cv2.projectPoints(seen, np.zeros(3), np.zeros(3), matrix, distortion)[0]
-        return observed - np.asarray(predicted, dtype=float).reshape(-1, 2)
+        return observed - _predicted(unknown, tools, calibration, window_radius_m)
 
     def whitened(unknown: FloatArray, sigma_px: float) -> FloatArray:
         prior = np.concatenate([
@@ -167,6 +186,65 @@ def fit(
     covariance = np.linalg.inv(jacobian.T @ jacobian)[:3, :3]
     _require_determined(covariance)
     return LampFit(found.x[:3], covariance, found.x[3:6], float(found.x[6]), residuals(found.x), sigma_px)
+
+
+def choose_poses(
+    tools: FloatArray, calibration: Calibration, pose_covariance: FloatArray, sphere_center_m: FloatArray,
+    radius_m: float, count: int,
+) -> list[int]:  # fmt: skip
+    """Greedy A-optimal design: numbers of at most `count` poses of the tool (N, 4, 4) that tell the lamp's place best.
+
+    Information of a highlight about lamp, sphere and camera by central differences about what is known so far;
+    `pose_covariance` (6, 6) as in `fit`.
+    """
+    start = np.concatenate([np.array(calibration.tool_from_lamp)[:3, 3], sphere_center_m, [radius_m], np.zeros(6)])
+    columns = list[FloatArray]()
+    for which in range(len(start)):
+        step = np.zeros(len(start))
+        step[which] = DIFFERENCE
+        ahead, behind = (_predicted(start + sign * step, tools, calibration, 0.0) for sign in (1, -1))
+        columns.append((ahead - behind) / (2 * DIFFERENCE))
+    derivatives = np.stack(columns, axis=2) / PLANNED_SIGMA_PX
+    gains = np.einsum("nik,nil->nkl", derivatives, derivatives)
+    present = np.diag(np.r_[np.full(6, START_SIGMA_M**-2), RADIUS_SIGMA_M**-2, np.zeros(6)])
+    present[7:, 7:] = np.linalg.inv(pose_covariance)
+    chosen: list[int] = []
+    left = list(range(len(tools)))
+    while left and len(chosen) < count:
+        losses = np.trace(np.linalg.inv(present + gains[left])[:, :3, :3], axis1=1, axis2=2)
+        best = left.pop(int(np.argmin(losses)))
+        chosen.append(best)
+        present = present + gains[best]
+    return chosen
+
+
+def _predicted(unknown: FloatArray, tools: FloatArray, calibration: Calibration, window_radius_m: float) -> FloatArray:
+    """Pixels (N, 2) of the highlights' middles under poses of the tool (N, 4, 4); `unknown` (13,): lamp, sphere's
+    centre, its radius, small motion of the camera.
+
+    A window has the middle of its image where the area of that has it: the nearer side of a tilted window looks larger.
+    """
+    pose = np.array(calibration.base_from_camera) @ geometry.pose(unknown[7:10], unknown[10:13])
+    around = 2 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
+    across = np.array(calibration.tool_from_lamp)[:3, :2]  # the window's plane in the tool's frame
+    rim = window_radius_m * np.stack([np.cos(around), np.sin(around)], axis=1) @ across.T
+    offsets = rim if window_radius_m > 0 else np.zeros((1, 3))
+    lamps = np.stack([_lamps(tools, unknown[:3] + offset) for offset in offsets], axis=1)
+    points = reflection(unknown[3:6], unknown[6], pose[:3, 3], lamps.reshape(-1, 3))
+    seen = geometry.transform(geometry.inverse(pose), points)
+    matrix, distortion = np.array(calibration.camera_matrix), np.array(calibration.distortion)
+    predicted = cv2.projectPoints(seen, np.zeros(3), np.zeros(3), matrix, distortion)[0]
+    outline = np.asarray(predicted, dtype=float).reshape(len(tools), -1, 2)
+    return outline[:, 0] if outline.shape[1] == 1 else _middle(outline)
+
+
+def _middle(outline: FloatArray) -> FloatArray:
+    """Centres of area (N, 2) of polygons (N, K, 2)."""
+    start = outline[:, :1]
+    one, other = outline - start, np.roll(outline, -1, axis=1) - start  # about a corner, for the digits' sake
+    doubled = one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
+    moment = ((one + other) * doubled[..., None]).sum(axis=1)
+    return start[:, 0] + moment / (3 * doubled.sum(axis=1)[:, None])
 
 
 def _lamps(tools: FloatArray, tool_from_lamp_m: FloatArray) -> FloatArray:

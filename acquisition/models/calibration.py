@@ -80,6 +80,10 @@ class Calibration(Value):
         tuple[float, float, float, float, float], Field(strict=False, description="k1 k2 p1 p2 k3, OpenCV")
     ]
     base_from_camera: Matrix4 = Field(description="Pose of the camera (z forward) in the arm's base frame, m")
+    joint_offsets_rad: Annotated[tuple[float, float, float, float, float, float], Field(strict=False)] | None = Field(
+        default=None,
+        description="What the joints truly stand at beyond what the controller states; none: not known, taken as 0",
+    )
     tool_from_lamp: Matrix4 = Field(description="Pose of the lamp (z along its axis) in the tool frame, m")
     lamp_intensity: float = Field(gt=0, description="Fraction of full scale per second, as above")
     reference_m: float = Field(gt=0, description="Distance that `lamp_intensity` is for, m")

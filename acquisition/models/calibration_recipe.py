@@ -21,6 +21,7 @@ class CalibrationRecipe(Value):
 
     tool: ClassVar[Tool]
     takes_darks: ClassVar[bool] = False
+    waits_for_targets: ClassVar[bool] = False
     max_images: int = Field(ge=6, le=120, description="Most images of the session")
     seed: int = Field(default=0, ge=0, le=2**31 - 1, description="Seed of the candidate poses")
     retakes: int = Field(default=4, ge=0, le=10, description="How often an image that was rejected is taken again")
@@ -31,6 +32,10 @@ class CalibrationRecipe(Value):
     def first_images(self) -> int:
         """Images of the first pass, before which nothing but the calibration in use is known."""
         return min(self.max_images, FIRST_IMAGES)
+
+    def images_after(self, taken: int) -> int:
+        """Images of the pass that follows on `taken` images."""
+        return self.first_images if taken == 0 else min(FURTHER_IMAGES, self.max_images - taken)
 
     @property
     def passes_most(self) -> int:
@@ -71,24 +76,80 @@ class BoardRecipe(CalibrationRecipe):
             raise ValueError("target_mm is the accuracy of the camera's place: it is for kind `hand-eye`")
         return self
 
+    def images_after(self, taken: int) -> int:
+        """As many as there are, where all are taken anyway: an estimate in between would save no move."""
+        ordered = self.target_px is not None or self.target_mm is not None
+        batch = FURTHER_IMAGES if ordered else max(taken, FURTHER_IMAGES)
+        return self.first_images if taken == 0 else min(batch, self.max_images - taken)
+
     @property
     def lit(self) -> bool:
         """Whether the lamp is on while a frame is exposed."""
         return self.lit_by == "lamp"
 
 
-TAGS = ("capture-recipe", "board-recipe")
+class LampRecipe(CalibrationRecipe):
+    """The lamp's place from a mirror sphere, then its intensity and lobe from a matt plane, laid down once or more.
+
+    The first pass is the sphere's, each other one a placing of the plane; between them the session waits for the next
+    target. The last placing of two or more takes no part and verifies the result.
+    """
+
+    tool: ClassVar[Tool] = "lamp"
+    takes_darks: ClassVar[bool] = True
+    waits_for_targets: ClassVar[bool] = True
+    kind: Literal["lamp"] = Field(description="`lamp`: `tool_from_lamp`, `lamp_intensity` and `lobe`")
+    max_images: int = Field(default=72, ge=32, le=120, description="Images of sphere and plane together")
+    sphere_share: float = Field(default=0.45, ge=0.25, le=0.7, description="Share of these that show the sphere")
+    placings: int = Field(default=2, ge=1, le=4, description="How often the plane is laid down, each time otherwise")
+    exposure: Exposure = Field(default=Exposure(target=0.7), description="Exposure of the images of the plane")
+
+    @property
+    def first_images(self) -> int:
+        """Images of the sphere."""
+        return round(self.sphere_share * self.max_images)
+
+    @property
+    def placing_images(self) -> int:
+        """Images of each placing of the plane."""
+        return (self.max_images - self.first_images) // self.placings
+
+    def images_after(self, taken: int) -> int:
+        """The sphere's images, then those of a placing."""
+        if taken == 0:
+            return self.first_images
+        return self.placing_images if taken < self.first_images + self.placings * self.placing_images else 0
+
+    @property
+    def passes_most(self) -> int:
+        """One pass for the sphere and one for each placing."""
+        return 1 + self.placings
+
+    @model_validator(mode="after")
+    def _plane_has_images(self) -> "LampRecipe":
+        if self.placing_images < LEAST_OF_A_PLACING:
+            raise ValueError(f"that leaves {self.placing_images} images a placing: {LEAST_OF_A_PLACING} are needed")
+        return self
+
+
+LEAST_OF_A_PLACING = 10
+"""Images of one placing of the plane: fewer do not tell lobe, sides and flat field apart."""
+
+TAGS = ("capture-recipe", "board-recipe", "lamp-recipe")
 """What an error's location names beside the fields: which of the recipes was read."""
 
 
 def _kind(recipe: object) -> str:
     given = cast(dict[str, Any], recipe) if isinstance(recipe, dict) else None
     kind = given.get("kind", "capture") if given is not None else getattr(recipe, "kind", "capture")
-    return "board-recipe" if kind in ("camera", "hand-eye") else "capture-recipe"
+    return {"camera": "board-recipe", "hand-eye": "board-recipe", "lamp": "lamp-recipe"}.get(kind, "capture-recipe")
 
 
 AnyRecipe = Annotated[
-    Annotated[Recipe, Tag("capture-recipe")] | Annotated[BoardRecipe, Tag("board-recipe")], Discriminator(_kind)
+    Annotated[Recipe, Tag("capture-recipe")]
+    | Annotated[BoardRecipe, Tag("board-recipe")]
+    | Annotated[LampRecipe, Tag("lamp-recipe")],
+    Discriminator(_kind),
 ]
 """The recipe of a session of any kind; without `kind` it is one of capture."""
 

@@ -88,6 +88,15 @@ class CalibrationSummary(Value):
     square_scale: float | None = Field(
         default=None, description="Side of the board's squares over what is stated, as the arm's motions tell"
     )
+    intensity_sigma_percent: float | None = Field(
+        default=None, description="1 σ of the lamp's intensity, that of the plane's albedo included, per cent"
+    )
+    lobe_sigma_percent: float | None = Field(
+        default=None, description="1 σ of the lamp's lobe at its least certain knot, per cent"
+    )
+    verified_deg: float | None = Field(
+        default=None, description="Mean error of normals on a placing of the plane that took no part, degrees"
+    )
     fingerprint: str | None = Field(default=None, description="SHA-256 of the values of its calibration.json")
     advice: list[str] = Field(default_factory=list[str], description="What to do next, for people")
 

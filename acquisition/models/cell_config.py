@@ -73,6 +73,23 @@ class BoardConfig(Value):
     )
 
 
+class LampTargetsConfig(Value):
+    """What a lamp is calibrated with, in the object's place: a mirror sphere, and a matt plane in a ChArUco frame."""
+
+    sphere_radius_m: float = Field(ge=0.001, le=0.2, description="As stamped on a bearing ball, or by a calliper")
+    window_radius_m: float = Field(
+        default=0.0, ge=0, le=0.2, description="Radius of the lamp's luminous window, across its axis; 0: a point"
+    )
+    columns: int = Field(ge=3, le=40, description="The plane: squares along x, its blank middle included")
+    rows: int = Field(ge=3, le=40, description="Squares along y")
+    square_m: float = Field(gt=0.001, lt=0.5, description="Side of a square as measured on the print")
+    border_squares: int = Field(ge=1, le=10, description="Squares of the frame round the blank, matt middle")
+    marker_share: float = Field(default=0.75, ge=0.4, le=0.9, description="Side of a marker over that of a square")
+    legacy_pattern: bool = Field(default=False, description="Pattern of OpenCV before 4.6 and of calib.io")
+    albedo: float = Field(ge=0.05, le=1, description="Reflectance of the blank middle: office paper has 0.85")
+    albedo_sigma: float = Field(default=0.01, ge=0, le=0.5, description="1 σ of that, as a fraction")
+
+
 class ArmConfig(Value):
     """The arm, its tool and its limits."""
 
@@ -271,7 +288,7 @@ class Clearances(Value):
     self_m: float = Field(default=0.01, gt=0)
 
 
-_LATER_FIELDS = (("arm", "polyscope"), ("arm", "robot_api_port"), ("arm", "tool"), ("board",))
+_LATER_FIELDS = (("arm", "polyscope"), ("arm", "robot_api_port"), ("arm", "tool"), ("board",), ("lamp_targets",))
 """Fields that came after sessions had been recorded; each has a default that means what was before."""
 
 
@@ -291,6 +308,9 @@ class CellConfig(Value):
     clearances: Clearances = Clearances()
     board: BoardConfig | None = Field(
         default=None, description="The board of calibration sessions; none: there is none"
+    )
+    lamp_targets: LampTargetsConfig | None = Field(
+        default=None, description="Sphere and plane of calibration sessions of the lamp; none: there are none"
     )
 
     @property

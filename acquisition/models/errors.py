@@ -65,6 +65,7 @@ class ErrorCode(StrEnum):
     NORMALS_INFEASIBLE = "normals.infeasible"
     CALIBRATION_INFEASIBLE = "calibration.infeasible"
     CALIBRATION_TARGET_NOT_SEEN = "calibration.target_not_seen"
+    CALIBRATION_PLACE_TARGET = "calibration.place_target"
     CALIBRATION_BOARD_WRONG = "calibration.board_wrong"
     CALIBRATION_NOT_FOUND = "calibration.not_found"
     CALIBRATION_DOES_NOT_FIT = "calibration.does_not_fit"
@@ -284,6 +285,11 @@ PROBLEMS: dict[ErrorCode, Problem] = {
         503,
         "The calibration target is not seen in the image",
         "Look at the image: mount, light or expose it as the detail says, then resume; no image so far is lost.",
+    ),
+    ErrorCode.CALIBRATION_PLACE_TARGET: Problem(
+        409,
+        "The session waits for another calibration target",
+        "Put the target into the object's place as the detail says, leave the cell, then resume.",
     ),
     ErrorCode.CALIBRATION_BOARD_WRONG: Problem(
         422,

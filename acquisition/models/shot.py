@@ -95,13 +95,15 @@ class Observations:
         older = [shot for shot in shots if shot.kind == "dark" and shot is not darks[shot.exposure_s]]
         return cls([shot for shot in shots if shot.kind == "light"], darks, frames, [*again, *older])
 
-    def lit_as(self, light_of: Callable[[FloatArray], Light]) -> "Observations":
-        """The same images with lights computed anew from the measured tool poses (4, 4), as of another calibration."""
+    def lit_as(self, light_of: Callable[[FloatArray, FloatArray], Light]) -> "Observations":
+        """The same images with lights computed anew from the measured tool poses (4, 4) and joints (6,), as of another
+        calibration."""
 
         def again(shot: Shot) -> Shot:
-            if shot.light is None or shot.base_from_tool is None:
+            if shot.light is None or shot.base_from_tool is None or shot.joints is None:
                 return shot
-            return shot.model_copy(update={"light": light_of(np.array(shot.base_from_tool))})
+            light = light_of(np.array(shot.base_from_tool), np.array(shot.joints))
+            return shot.model_copy(update={"light": light})
 
         shots, repeats = [again(shot) for shot in self.shots], [again(shot) for shot in self.repeats]
         return Observations(shots, self.darks, self.frames, repeats)

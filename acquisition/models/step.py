@@ -21,6 +21,13 @@ class AwaitReview:
 
 
 @dataclass(frozen=True)
+class AwaitTarget:
+    """Wait until a person has put the calibration target of a pass into the object's place."""
+
+    pass_number: int
+
+
+@dataclass(frozen=True)
 class RepeatReference:
     """Take an image again, to verify that nothing has moved since: one that was captured before an interruption, or,
     when a pass has all its images, the session's first."""
@@ -69,4 +76,6 @@ class SolveNormals:
     number: int
 
 
-Step = ChooseLights | AwaitReview | RepeatReference | PlanRoute | TakeShot | GoHome | TakeDark | SolveNormals
+Step = (
+    ChooseLights | AwaitReview | AwaitTarget | RepeatReference | PlanRoute | TakeShot | GoHome | TakeDark | SolveNormals
+)

@@ -16,7 +16,7 @@ from acquisition.capture.compare import MAX_SHIFT_OF_WIDTH, MAX_SHIFT_PX
 from acquisition.formats.atomic_write import atomic_folder, discard_partial
 from acquisition.models.base import Value, as_joints
 from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_recipe import FURTHER_IMAGES, BoardRecipe
+from acquisition.models.calibration_recipe import BoardRecipe
 from acquisition.models.calibration_result import CalibrationSummary
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
@@ -41,7 +41,7 @@ def board_poses(
     RigError waypoints.unreachable, calibration.infeasible.
     """
     taken = len(observations.shots)
-    count = recipe.first_images if previous is None else min(FURTHER_IMAGES, recipe.max_images - taken)
+    count = recipe.images_after(0 if previous is None else taken)
     if previous is not None:
         known = CalibrationSummary.model_validate_json((previous / SUMMARY).read_bytes())
         if known.reached or count <= 0:

@@ -9,7 +9,7 @@ from acquisition.formats.atomic_write import written_by_job
 from acquisition.models import cell_config
 from acquisition.models.base import Value
 from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_recipe import CalibrationRecipe
+from acquisition.models.calibration_recipe import CalibrationRecipe, LampRecipe
 from acquisition.models.calibration_result import CalibrationSummary
 from acquisition.models.calibration_set import CalibrationSet
 from acquisition.models.cell_config import CellConfig
@@ -27,11 +27,12 @@ READY = "estimate.ready"
 
 def estimate_and_record(
     store: Store, compute: Compute, record: SessionRecord, number: int, cell: CellConfig, calibration: Calibration,
-    stop: threading.Event,
+    known: Path | None, stop: threading.Event,
 ) -> None:  # fmt: skip
     """Estimates from all images of a session and records it: files first, then row and event.
 
-    Raises Halted, and what the job raises.
+    `known` is the folder of the calibration set in use, None: it is the cell file's. Raises Halted, and what the
+    job raises.
     """
     folder, recipe = store.folder(record.session_id), record.recipe
     if not isinstance(recipe, CalibrationRecipe):
@@ -40,10 +41,12 @@ def estimate_and_record(
     images = re_solve.observations(record, folder)
     last = len(images.shots) >= recipe.max_images
     begun = time.monotonic()
+    if isinstance(recipe, LampRecipe):
+        job, given = "estimate_lamp", (known, folder / name)
+    else:
+        job, given = "estimate_from_board", (folder / name, last)
     with written_by_job(folder / name):
-        summary: CalibrationSummary = compute.run(
-            stop, "estimate_from_board", recipe, cell, calibration, images, folder / name, last
-        )
+        summary: CalibrationSummary = compute.run(stop, job, recipe, cell, calibration, images, *given)
     more: dict[str, object] = {"seconds": round(time.monotonic() - begun, 3), "passes": list(range(number + 1))}
     facts = {
         "session_id": record.session_id,
@@ -67,11 +70,16 @@ def newest(store: Store, session_id: str) -> Artifact | None:
 
 def summary_of(entry: Artifact) -> CalibrationSummary:
     """The figures of an estimate in the journal."""
-    return CalibrationSummary.model_validate({name: entry.body[name] for name in CalibrationSummary.model_fields})
+    known = CalibrationSummary.model_fields
+    return CalibrationSummary.model_validate({name: entry.body[name] for name in known if name in entry.body})
 
 
-def keep(store: Store, record: SessionRecord, cell: CellConfig) -> None:
-    """Keeps a session's newest estimate as a set of calibration values, named after the session."""
+def keep(store: Store, record: SessionRecord, cell: CellConfig, known: Path | None) -> None:
+    """Keeps a session's newest estimate as a set of calibration values, named after the session.
+
+    Files of the set that was in use (its folder `known`) that the estimate does not replace are kept with it: they
+    state the covariances of the values that are still its.
+    """
     entry, folder = newest(store, record.session_id), store.folder(record.session_id)
     if entry is None or not entry.body["estimated"]:
         return
@@ -93,7 +101,7 @@ def keep(store: Store, record: SessionRecord, cell: CellConfig) -> None:
         images={shot.frame.path: shot.frame.sha256 for shot in shots},
         summary=summary_of(entry),
     )
-    store.calibrations.add(made, estimate)
+    store.calibrations.add(made, estimate, known)
     store.journal.announce(record.session_id, "calibration.made", {"id": made.id, "fingerprint": made.fingerprint})
 
 

@@ -49,6 +49,7 @@ PAUSING_CODES = frozenset(
         ErrorCode.STORE_DISK_FULL,
         ErrorCode.COMPUTE_LOST,
         ErrorCode.PLAN_TO_REVIEW,
+        ErrorCode.CALIBRATION_PLACE_TARGET,
         ErrorCode.CALIBRATION_TARGET_NOT_SEEN,
         ErrorCode.CALIBRATION_BOARD_WRONG,
         ErrorCode.CALIBRATION_INFEASIBLE,

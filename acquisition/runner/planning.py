@@ -19,7 +19,7 @@ from acquisition.models.light_forecast import ForecastInput, LightForecast
 from acquisition.models.light_plan import LightPlan, PriorForecast
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route
-from acquisition.models.step import AwaitReview, Step
+from acquisition.models.step import AwaitReview, AwaitTarget, Step
 from acquisition.runner import re_solve
 from acquisition.runner.compute import Compute, Preempted
 from acquisition.runner.rig_choices import RigChoices
@@ -158,9 +158,9 @@ class PlanningService:
         return made
 
     def approve(self, session_id: str, actor: str) -> None:
-        """Records that `actor` approves the plan whose review the session waits for, if it does."""
+        """Records that `actor` approves the plan, or has placed the target, that the session waits for, if it does."""
         step = self._next_step(session_id)
-        if isinstance(step, AwaitReview):
+        if isinstance(step, AwaitReview | AwaitTarget):
             self._store.journal.approve(session_id, step.pass_number, actor)
 
     def _require_review(self, session_id: str, number: int) -> None:

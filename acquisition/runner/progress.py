@@ -5,14 +5,13 @@ counted by kind, as `session.next_step` will derive it, and each kind takes as l
 the last completed ones of this cell, else as computed or assumed; the answer says which.
 """
 
-import math
 import statistics
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from acquisition import session
-from acquisition.models.calibration_recipe import FURTHER_IMAGES, CalibrationRecipe, require_capture
+from acquisition.models.calibration_recipe import CalibrationRecipe, require_capture
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.recipe import Recipe
 from acquisition.models.time_left import Basis, TimeLeft, TimePart
@@ -186,9 +185,10 @@ def _calibration_left(record: SessionRecord, recipe: CalibrationRecipe) -> _Work
     open_pass = bool(record.passes) and not record.passes[-1].solved
     planned = len(record.passes[-1].plan.lights) if open_pass and record.passes[-1].plan is not None else 0
     left_here = planned - len(record.passes[-1].shots) if open_pass else 0
-    unplanned = max(recipe.max_images - taken - left_here, 0)
-    batch = recipe.first_images if not record.passes else FURTHER_IMAGES
-    passes = math.ceil(unplanned / batch)
+    seen, passes = taken + left_here, 0
+    while seen < recipe.max_images and (batch := recipe.images_after(seen)) > 0:
+        seen, passes = seen + batch, passes + 1
+    unplanned = seen - taken - left_here
     work.add("plan", passes + 1)
     work.add("waypoints", passes + int(open_pass and left_here > 0 and record.passes[-1].route is None))
     work.add("images", left_here + unplanned + (_PASS_EXTRAS + 1) * (passes + int(open_pass)))

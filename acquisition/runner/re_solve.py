@@ -113,7 +113,7 @@ def solve_and_record(
     result = folder / "results" / str(request.number)
     images = observations(record, folder, request.last_pass)
     if request.calibration is not None:
-        images = solve_calibration.lit_by(images, calibration)
+        images = solve_calibration.lit_by(images, cell, calibration)
     begun = time.monotonic()
     with written_by_job(result):
         summary: ResultSummary = compute.run(
@@ -250,7 +250,9 @@ class ReSolveService:
         images = observations(self._store.record(session_id), folder, last)
         identity = artifacts[-1].body.get("calibration")
         calibration = solve_calibration.values(self._store, session_id, identity)
-        images = images if identity is None else solve_calibration.lit_by(images, calibration)
+        if identity is not None:
+            cell = CellConfig.model_validate_json(self._store.journal.session(session_id).cell)
+            images = solve_calibration.lit_by(images, cell, calibration)
         busy = RigError(ErrorCode.RIG_BUSY, f"{name} is made when no session runs: ask again later")
         if self._session_runs():
             raise busy

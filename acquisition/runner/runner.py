@@ -56,6 +56,10 @@ RECOVERY_WITHIN_S = 60.0
 T = TypeVar("T")
 
 
+ANSWERED_BY_RESUMING = (ErrorCode.PLAN_TO_REVIEW, ErrorCode.CALIBRATION_PLACE_TARGET)
+"""What a session waits for that a person answers by resuming it: the plan is good, the target is in place."""
+
+
 class Runner:
     """Runs one session at a time; every public method may be called from any thread."""
 
@@ -266,7 +270,7 @@ class Runner:
         preconditions.require_same_arm(folder, identity)
         if row.state is State.INTERRUPTED and not from_here:
             preconditions.require_near_path(journal.last_path(session_id), self._rig.arm.reading.joints)
-        if row.state is State.PAUSED and row.reason is not None and row.reason["code"] == ErrorCode.PLAN_TO_REVIEW:
+        if row.state is State.PAUSED and row.reason is not None and row.reason["code"] in ANSWERED_BY_RESUMING:
             self.planning.approve(session_id, actor)
         token = StopToken()
         # Else a person's move could replace the token of a session that has just begun, or its calibration and tool.

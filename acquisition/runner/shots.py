@@ -10,7 +10,9 @@ images of the pass are discarded and captured anew once a person has looked.
 from pathlib import Path
 from typing import Literal
 
-from acquisition import lamp_pose, session
+import numpy as np
+
+from acquisition import session
 from acquisition.capture import check, compare, expected, exposure, region, take
 from acquisition.capture.take import Exposed
 from acquisition.devices import Rig, StopToken
@@ -28,7 +30,7 @@ from acquisition.runner.rig_choices import RigChoices
 from acquisition.session import SessionRecord
 from acquisition.store import Store
 from acquisition.store.folder import write_frame
-from acquisition.waypoints import mounted_tool
+from acquisition.waypoints import measured_pose, mounted_tool
 
 
 class ShotCapture:
@@ -239,7 +241,11 @@ class ShotCapture:
             frame=frame,
             exposure_s=exposure_s,
             light_number=key.number if kind == "light" and repeats is None else None,
-            light=None if dark else lamp_pose.light_from_tool(reading.base_from_tool, self._calibration),
+            light=None
+            if dark
+            else measured_pose.light(
+                reading.base_from_tool, np.array(reading.joints), self._rig.cell.arm, self._calibration
+            ),
             joints=as_joints(reading.joints),
             base_from_tool=as_matrix4(reading.base_from_tool),
             lamp_on=not dark and self.lit(record),

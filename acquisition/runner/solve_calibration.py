@@ -3,12 +3,13 @@
 Lights are stored as the capture's calibration had them; with another one they follow anew from the measured tool poses.
 """
 
-from acquisition import lamp_pose
 from acquisition.models import cell_config
 from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.shot import Observations
 from acquisition.store import Store
+from acquisition.waypoints import measured_pose
 
 
 def values(store: Store, session_id: str, identity: str | None) -> Calibration:
@@ -18,9 +19,9 @@ def values(store: Store, session_id: str, identity: str | None) -> Calibration:
     return cell_config.load_calibration(store.folder(session_id) / "calibration.json")
 
 
-def lit_by(images: Observations, calibration: Calibration) -> Observations:
+def lit_by(images: Observations, cell: CellConfig, calibration: Calibration) -> Observations:
     """Images with lights where another calibration has them."""
-    return images.lit_as(lambda tool: lamp_pose.light_from_tool(tool, calibration))
+    return images.lit_as(lambda tool, joints: measured_pose.light(tool, joints, cell.arm, calibration))
 
 
 def require_fits(store: Store, session_id: str, identity: str) -> None:

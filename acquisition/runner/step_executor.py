@@ -15,7 +15,8 @@ import numpy as np
 from acquisition.capture import region
 from acquisition.devices import Rig, StopToken
 from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_recipe import AnyRecipe
+from acquisition.models.calibration_recipe import AnyRecipe, LampRecipe
+from acquisition.models.calibration_set import CELL_FILE
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.recipe import Recipe
@@ -23,6 +24,7 @@ from acquisition.models.result import SolveSettings
 from acquisition.models.route import Route
 from acquisition.models.step import (
     AwaitReview,
+    AwaitTarget,
     ChooseLights,
     GoHome,
     PlanRoute,
@@ -35,6 +37,7 @@ from acquisition.models.step import (
 from acquisition.runner import estimates, re_solve
 from acquisition.runner.board_shots import BoardShots
 from acquisition.runner.compute import Compute
+from acquisition.runner.lamp_shots import LampShots
 from acquisition.runner.re_solve import SolveRequest
 from acquisition.runner.rig_choices import RigChoices
 from acquisition.runner.shots import ShotCapture, predicted_image_file
@@ -53,6 +56,7 @@ class StepExecutor:
         self._compute = compute
         self._shots = ShotCapture(store, rig, choices, compute)
         self._board_shots = BoardShots(store, rig, choices, compute)
+        self._lamp_shots = LampShots(store, rig, choices, compute)
 
     @property
     def _calibration(self) -> Calibration:
@@ -76,16 +80,18 @@ class StepExecutor:
     def keep_calibration(self, record: SessionRecord) -> None:
         """Keeps what a calibration session found as a set of its own; does nothing for one of capture."""
         if not isinstance(record.recipe, Recipe):
-            estimates.keep(self._store, record, self._rig.cell)
+            estimates.keep(self._store, record, self._rig.cell, self._known)
 
     def execute(self, record: SessionRecord, step: Step, stop: StopToken) -> None:
         """Executes one step. Raises Halted when the token is set meanwhile, RigError when the step fails."""
-        shots = self._shots if isinstance(record.recipe, Recipe) else self._board_shots
+        shots = self._shots_of(record)
         match step:
             case ChooseLights():
                 self._choose_lights(record, step, stop)
             case AwaitReview():
                 raise RigError(ErrorCode.PLAN_TO_REVIEW, f"The lights of pass {step.pass_number} are planned")
+            case AwaitTarget():
+                self._lamp_shots.await_target(record, step)
             case RepeatReference():
                 shots.repeat_reference(record, step, stop)
             case PlanRoute():
@@ -100,6 +106,18 @@ class StepExecutor:
                 self._solve_normals(record, step, stop)
             case _:
                 assert_never(step)
+
+    def _shots_of(self, record: SessionRecord) -> ShotCapture:
+        """How a session's images are captured and judged."""
+        if isinstance(record.recipe, Recipe):
+            return self._shots
+        return self._lamp_shots if isinstance(record.recipe, LampRecipe) else self._board_shots
+
+    @property
+    def _known(self) -> Path | None:
+        """The folder of the calibration set in use, with the covariances of its values; None: it is the cell file's."""
+        identity = self._choices.calibration_id
+        return None if identity == CELL_FILE else self._store.calibrations.folder(identity)
 
     @property
     def reach_cache(self) -> Path:
@@ -137,11 +155,13 @@ class StepExecutor:
 
     def _choose_views(self, record: SessionRecord, step: ChooseLights, stop: StopToken) -> None:
         number, folder = step.pass_number, self._store.folder(record.session_id)
-        previous = folder / "estimates" / str(number - 1) if number else None
-        images = re_solve.observations(record, folder)
-        plan: LightPlan = self._compute.run(
-            stop, "board_poses", record.recipe, self._rig.cell, self._calibration, images, previous
-        )
+        known = (record.recipe, self._rig.cell, self._calibration)
+        if isinstance(record.recipe, LampRecipe):
+            plan: LightPlan = self._compute.run(stop, "lamp_poses", *known, number, self._known)
+        else:
+            previous = folder / "estimates" / str(number - 1) if number else None
+            images = re_solve.observations(record, folder)
+            plan = self._compute.run(stop, "board_poses", *known, images, previous)
         name = f"passes/{number}/plan.json"
         digest = write_value(folder / name, plan)
         body = self.plan_summary(plan, [])
@@ -235,8 +255,9 @@ class StepExecutor:
     def _solve_normals(self, record: SessionRecord, step: SolveNormals, stop: StopToken) -> None:
         if not isinstance(record.recipe, Recipe):
             estimates.estimate_and_record(
-                self._store, self._compute, record, step.number, self._shots.cell_of(record), self._calibration, stop
-            )
+                self._store, self._compute, record, step.number, self._shots.cell_of(record), self._calibration,
+                self._known, stop,
+            )  # fmt: skip
             return
         request = SolveRequest(record.session_id, step.number, SolveSettings(), step.number)
         re_solve.solve_and_record(

@@ -65,13 +65,20 @@ class CalibrationSets:
         """Names of the files of a set."""
         return sorted(path.name for path in (self._folder / self.get(identity).id).iterdir())
 
-    def add(self, made: CalibrationSet, estimate: Path) -> None:
-        """Keeps an estimate's folder as a set, unless it is there already."""
+    def folder(self, identity: str) -> Path:
+        """The folder of a set. Raises RigError calibration.not_found."""
+        return self._folder / self.get(identity).id
+
+    def add(self, made: CalibrationSet, estimate: Path, before: Path | None = None) -> None:
+        """Keeps an estimate's folder as a set, unless it is there already; with the files of the set `before` that it
+        does not replace."""
         if (self._folder / made.id / SET).exists():
             return
         self._folder.mkdir(parents=True, exist_ok=True)
         partial = Path(tempfile.mkdtemp(prefix=".", dir=self._folder))
         try:
+            if before is not None:
+                shutil.copytree(before, partial, dirs_exist_ok=True)
             shutil.copytree(estimate, partial, dirs_exist_ok=True)
             write_value(partial / SET, made)
             publish(partial, self._folder / made.id)

@@ -267,6 +267,22 @@ def _node_solutions(cell: CellConfig, calibration: Calibration, arm: Scene) -> l
     return solve_lights(dome_lights(cell, calibration, _DOME_LIGHTS), cell, calibration, arm)
 
 
+def connected_lights(lights: Sequence[Light], cell: CellConfig, calibration: Calibration) -> FloatArray:
+    """Joints (N, 6) that bring the lamp to lights (view frame) and are connected to home, one for each that has some.
+
+    Of a light's configurations the one that is taken is any: rolls about the lamp's axis come out evenly. Raises
+    RigError waypoints.collision as `roadmap`.
+    """
+    arm, hubs, home = scene(cell, calibration), roadmap(cell, calibration), np.array(cell.arm.home)
+    kept: list[FloatArray] = []
+    for number, station in enumerate(solve_lights(lights, cell, calibration, arm)):
+        joints = spread(station.joints, _PER_LIGHT, home)
+        connected = joints[hubs.connected(joints, arm)] if len(joints) else joints
+        if len(connected):
+            kept.append(connected[number % len(connected)])
+    return np.array(kept).reshape(-1, 6)
+
+
 def connected_views(cell: CellConfig, calibration: Calibration, count: int, seed: int) -> FloatArray:
     """Joints (N, 6), at most `count`, that show the board and are connected to home; `cell` has the board on.
 

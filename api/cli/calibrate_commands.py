@@ -2,11 +2,14 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from api.cli.error_exit import explain_errors
+
+if TYPE_CHECKING:
+    from acquisition.models.calibration_recipe import AnyRecipe
 
 app = typer.Typer(
     no_args_is_help=True, help="Calibrates the cell from images of a ChArUco board and a mirror sphere; moves nothing."
@@ -22,6 +25,11 @@ Address = Annotated[
 Mounted = Annotated[bool, typer.Option("--mounted", help="With --address: the board is on the arm's flange")]
 SessionImages = Annotated[int, typer.Option("--images", help="With --address: most images")]
 Activate = Annotated[bool, typer.Option("--activate", help="With --address: use what was found from now on")]
+LampImages = Annotated[int, typer.Option("--images", help="With --address: images of sphere and plane together")]
+Yes = Annotated[bool, typer.Option("--yes", help="Do not ask: the targets are put into place as the sentences say")]
+Simulated = Annotated[
+    str | None, typer.Option(help="A simulated cell's address: its stage puts the targets into place, nobody is asked")
+]
 BoardFile = Annotated[Path, typer.Option("--board", help="Description of the board, as `calibrate board` writes it")]
 Out = Annotated[Path, typer.Option(help="Folder for the results; nothing in it is overwritten")]
 Base = Annotated[
@@ -127,39 +135,99 @@ def _folder(folder: Path | None) -> Path:
 
 def _session(address: str, wanted: dict[str, Any], *, mounted: bool, activate: bool) -> dict[str, Any]:
     """Runs a session at the service with the recipe that the options describe."""
-    from pydantic import ValidationError
-
-    from acquisition.models.calibration_recipe import BoardRecipe
     from api.cli import session_calibrating
 
+    return explain_errors(
+        lambda: session_calibrating.calibrate(address, _recipe(wanted), mounted=mounted, activate=activate)
+    )
+
+
+def _recipe(wanted: dict[str, Any]) -> "AnyRecipe":
+    """The recipe that options describe."""
+    from pydantic import ValidationError
+
+    from acquisition.models import calibration_recipe
+
     try:
-        recipe = BoardRecipe.model_validate(wanted)
+        return calibration_recipe.read(json.dumps(wanted))
     except ValidationError as error:
         wrong = error.errors()[0]
-        name = str(wrong["loc"][0]).replace("max_images", "images").replace("_", "-") if wrong["loc"] else "options"
+        names = [str(part) for part in wrong["loc"] if part not in calibration_recipe.TAGS] or ["options"]
+        name = names[0].replace("max_images", "images").replace("_", "-")
         raise typer.BadParameter(wrong["msg"], param_hint=f"--{name}") from error
-    return explain_errors(lambda: session_calibrating.calibrate(address, recipe, mounted=mounted, activate=activate))
 
 
 @app.command()
 def lamp(
-    folder: Images,
-    cell: Annotated[Path, typer.Option(help="The cell file, for the arm and where the object stands")],
-    base: Annotated[Path, typer.Option(help="A calibration.json with the calibrated camera and its place")],
-    hand_eye_file: Annotated[Path, typer.Option("--hand-eye", help="hand_eye.json: how well that place is known")],
-    radius_mm: Annotated[float, typer.Option(help="Radius of the mirror sphere, mm")],
+    folder: ImagesOrService = None,
+    cell: Annotated[
+        Path | None, typer.Option(help="With FOLDER: the cell file, for the arm and where the object stands")
+    ] = None,
+    base: Annotated[
+        Path | None, typer.Option(help="With FOLDER: a calibration.json with the calibrated camera and its place")
+    ] = None,
+    hand_eye_file: Annotated[
+        Path | None, typer.Option("--hand-eye", help="With FOLDER: hand_eye.json: how well that place is known")
+    ] = None,
+    radius_mm: Annotated[float | None, typer.Option(help="With FOLDER: radius of the mirror sphere, mm")] = None,
     out: Out = Path("calibration"),
+    address: Address = None,
+    images: LampImages = 72,
+    yes: Yes = False,
+    simulated: Simulated = None,
     as_json: AsJson = False,
-) -> None:
+) -> None:  # fmt: skip
     """Calibrates where the lamp is in the tool's frame, from its highlights on a mirror sphere in the object's place.
 
-    The folder holds joints.csv, as for hand-eye. Tilt the lamp to different sides, up to 45° away from the sphere.
+    The folder holds joints.csv, as for hand-eye. Tilt the lamp to different sides, up to 45° away from the sphere. With
+    --address the service takes the images itself, of the sphere and then of a matt plane, for intensity and lobe too,
+    and uses what it finds from then on.
     """
-    from api.cli import lamp_calibrating
+    if address is not None:
+        outcome = _in_turn(address, [_recipe({"kind": "lamp", "max_images": images})], yes=yes, simulated=simulated)
+    else:
+        from api.cli import lamp_calibrating
 
-    outcome = explain_errors(lambda: lamp_calibrating.calibrate_lamp(folder, cell, base, hand_eye_file, radius_mm, out))
+        images_in = _folder(folder)
+        if cell is None or base is None or hand_eye_file is None or radius_mm is None:
+            raise typer.BadParameter(
+                "a folder of images needs --cell, --base, --hand-eye and --radius-mm", param_hint="FOLDER"
+            )
+        outcome = explain_errors(
+            lambda: lamp_calibrating.calibrate_lamp(images_in, cell, base, hand_eye_file, radius_mm, out)
+        )
     if as_json:
         print(json.dumps(outcome), flush=True)
+
+
+@app.command("all")
+def everything(
+    address: Annotated[str, typer.Option(help="The running service, such as http://127.0.0.1:8000")],
+    camera_images: Annotated[int, typer.Option(help="Images of the board for the camera, 8 at the least")] = 12,
+    hand_eye_images: Annotated[int, typer.Option(help="Images of the board for its place, 8 at the least")] = 32,
+    lamp_images: Annotated[int, typer.Option(help="Images of sphere and plane, 32 at the least")] = 72,
+    yes: Yes = False,
+    simulated: Simulated = None,
+    as_json: AsJson = False,
+) -> None:
+    """Calibrates camera, its place, and the lamp in turn, and says what a person has to put into the cell between them.
+
+    Each result is used from then on; `PUT /v1/rig/calibrations/active` goes back.
+    """
+    wanted = (
+        {"kind": "camera", "max_images": camera_images},
+        {"kind": "hand-eye", "max_images": hand_eye_images},
+        {"kind": "lamp", "max_images": lamp_images},
+    )
+    outcome = _in_turn(address, [_recipe(one) for one in wanted], yes=yes, simulated=simulated)
+    if as_json:
+        print(json.dumps(outcome), flush=True)
+
+
+def _in_turn(address: str, recipes: "list[AnyRecipe]", *, yes: bool, simulated: str | None) -> dict[str, Any]:
+    from api.cli import calibrating_in_turn
+
+    return explain_errors(lambda: calibrating_in_turn.at_terminal(address, recipes, yes=yes, simulated=simulated))
 
 
 @app.command()

@@ -110,7 +110,7 @@ def calibrate_hand_eye(
     camera_result = _write_camera(CameraFit(captured.size, found.adjusted), captured, out)
     write_value(out / "hand_eye.json", result)
     if merged is not None:
-        placed = merged.model_copy(update={"base_from_camera": result.base_from_camera})
+        placed = board_results.with_hand_eye(merged, result)
         write_value(out / "calibration.json", board_results.with_camera(placed, camera_result))
     console = Console(stderr=True, markup=False)
     _show_views(console, result.views)

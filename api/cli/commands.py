@@ -67,6 +67,12 @@ def demo(
     speed: Speed = 8.0,
     pixels: Pixels = 1024,
     data: Annotated[Path, typer.Option(help="Folder for the cell and the results")] = Path("demo"),
+    calibrate: Annotated[
+        bool, typer.Option("--calibrate", help="Calibrate the cell first, by sessions of its own, and grade that too")
+    ] = False,
+    perturb: Annotated[
+        bool, typer.Option("--perturb", help="With --calibrate: a cell that was never calibrated")
+    ] = False,
     page: Annotated[bool, typer.Option(help="Run no session: serve the operator's page until Ctrl+C")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object as the last line")] = False,
 ) -> None:
@@ -86,7 +92,19 @@ def demo(
         pixels=pixels,
         data=data,
         lights=lights,
+        perturbed=perturb,
     )
+    if perturb and not calibrate:
+        raise typer.BadParameter(
+            "is for --calibrate: what it captures is graded by the cell's nominal values", param_hint="--perturb"
+        )
+    if calibrate:
+        from api.cli import calibration_demo
+
+        found = explain_errors(lambda: calibration_demo.run(options, quiet=as_json))
+        if as_json:
+            print(json.dumps(found), flush=True)
+        return
     if page:
         explain_errors(lambda: demonstration.serve_page(options))
         return

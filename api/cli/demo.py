@@ -39,7 +39,7 @@ STOP_TIMEOUT_S = 15.0
 CELL_PORTS = (29999, 30001, 30002, 30003, 30004, 30100, 30200)
 """Ports that a simulated cell binds."""
 
-STAGES = ("pilot", "waypoints", "capture", "normals", "plan")
+STAGES = ("pilot", "waypoints", "capture", "normals", "plan", "estimate")
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,7 @@ class DemoOptions:
     pixels: int
     data: Path
     lights: Path | None = None
+    perturbed: bool = False
 
 
 def run(options: DemoOptions) -> dict[str, Any]:
@@ -66,20 +67,20 @@ def run(options: DemoOptions) -> dict[str, Any]:
     session fail.
     """
     console = Console(stderr=False)
-    folder = _folder(options)
-    recipe = _recipe(options, options.method)
+    folder = prepared_folder(options)
+    recipe = recipe_of(options, options.method)
     start = time.monotonic()
-    with _cell(options, folder) as cell_file, _service(cell_file, folder) as url, Client(url) as client:
+    with cell(options, folder) as cell_file, service(cell_file, folder) as url, Client(url) as client:
         connect_s = time.monotonic() - start
         console.print(f"Service at {url}, simulated cell with the object '{options.spec.label}', seed {options.seed}")
-        _end_previous_session(client)
-        session_id = _capture(client, recipe)
+        end_previous_session(client)
+        session_id = capture(client, recipe)
         grades = _grades(folder, cell_file, session_id)
-        stages = _seconds(client, session_id)
+        stages = seconds_of(client, session_id)
         predicted = client.results(session_id)[-1].summary.predicted_median_deg
         random_grade = None
         if options.compare_random and options.method != "random":
-            other = _capture(client, _recipe(options, "random"))
+            other = capture(client, recipe_of(options, "random"))
             random_grade = _grades(folder, cell_file, other)[-1]
         final, results = grades[-1], folder / "data" / "sessions" / session_id / "results" / str(len(grades) - 1)
         gradings = _gradings(cell_file, results)
@@ -116,9 +117,9 @@ def serve_page(options: DemoOptions) -> None:
     Raises RigError when the object cannot be made or does not fit, and when cell or service fail.
     """
     console = Console(stderr=False)
-    folder = _folder(options)
-    with _cell(options, folder) as cell_file, _service(cell_file, folder) as url, Client(url) as client:
-        _end_previous_session(client)
+    folder = prepared_folder(options)
+    with cell(options, folder) as cell_file, service(cell_file, folder) as url, Client(url) as client:
+        end_previous_session(client)
         console.print(f"Simulated cell with the object '{options.spec.label}', {options.speed:g} times as fast as real")
         console.print(f"page {url}/", highlight=False, soft_wrap=True)
         console.print("Ctrl+C ends it")
@@ -126,7 +127,7 @@ def serve_page(options: DemoOptions) -> None:
             threading.Event().wait()
 
 
-def _folder(options: DemoOptions) -> Path:
+def prepared_folder(options: DemoOptions) -> Path:
     """The demonstration's folder, made ready. Raises RigError for a bad object and while another one uses it."""
     object_spec.check(options.spec, options.seed, nominal.default_cell_file())
     folder = options.data.resolve()
@@ -135,7 +136,7 @@ def _folder(options: DemoOptions) -> Path:
     return folder
 
 
-def _recipe(options: DemoOptions, method: str) -> Recipe:
+def recipe_of(options: DemoOptions, method: str) -> Recipe:
     values: dict[str, Any] = {
         "method": method,
         "pilot_lights": options.pilot_lights,
@@ -151,7 +152,7 @@ def _recipe(options: DemoOptions, method: str) -> Recipe:
         raise RigError(ErrorCode.REQUEST_INVALID, str(error)) from error
 
 
-def _end_previous_session(client: Client) -> None:
+def end_previous_session(client: Client) -> None:
     """Stops the session of an interrupted demonstration and acknowledges the faults that its end has latched: its cell
     is gone, and there is nobody in the simulated one.
     """
@@ -162,7 +163,7 @@ def _end_previous_session(client: Client) -> None:
         client.acknowledge()
 
 
-def _capture(client: Client, recipe: Recipe) -> str:
+def capture(client: Client, recipe: Recipe) -> str:
     """Runs one session to its end; returns its id. Raises ProblemError when it does not complete."""
     return client.capture(recipe, progress=True).id
 
@@ -187,7 +188,7 @@ def _gradings(cell_file: Path, result: Path) -> dict[grade.Grading, grade.Grade]
     return {grading: grade.grade_folder(result, true, calibration, grading) for grading in grade.GRADINGS}
 
 
-def _seconds(client: Client, session_id: str) -> dict[str, float]:
+def seconds_of(client: Client, session_id: str) -> dict[str, float]:
     """Seconds in each stage, from the times of the events."""
     spent = dict.fromkeys(STAGES, 0.0)
     stage, since = None, 0.0
@@ -248,12 +249,13 @@ def _show(
 
 
 @contextlib.contextmanager
-def _cell(options: DemoOptions, folder: Path) -> Generator[Path]:
+def cell(options: DemoOptions, folder: Path) -> Generator[Path]:
     """Runs the simulated cell as a process; yields its cell file."""
     arguments = [
         "sim", "--address", _free_address(), *options.spec.arguments(), "--seed", str(options.seed),
         "--profile", options.profile, "--speed", str(options.speed), "--pixels", str(options.pixels),
         "--folder", str(folder / "cell"), "--record", str(folder / "cell" / "ticks.record"),
+        *["--perturb"] * options.perturbed,
     ]  # fmt: skip
     (folder / "cell").mkdir(exist_ok=True)
     with _process(arguments, folder / "log" / "sim.log", r"^ready ") as _:
@@ -261,7 +263,7 @@ def _cell(options: DemoOptions, folder: Path) -> Generator[Path]:
 
 
 @contextlib.contextmanager
-def _service(cell_file: Path, folder: Path) -> Generator[str]:
+def service(cell_file: Path, folder: Path) -> Generator[str]:
     """Runs the service as a process; yields its address."""
     arguments = ["serve", "--cell", str(cell_file), "--data", str(folder / "data"), "--port", "0"]
     with _process(arguments, folder / "log" / "serve.log", r"(http://[\d.]+:\d+)") as match:

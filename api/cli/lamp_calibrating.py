@@ -44,7 +44,8 @@ def calibrate_lamp(
     used, said = _highlights(folder, cell, calibration)
     keep_out = cell.object.keep_out.base_from_object.matrix
     center = keep_out[:3, 3] + keep_out[:3, 2] * radius_mm / 1000
-    found = lamp_position.fit(used, calibration, np.array(hand_eye.covariance), radius_mm / 1000, center)
+    window_m = 0.0 if cell.lamp_targets is None else cell.lamp_targets.window_radius_m
+    found = lamp_position.fit(used, calibration, np.array(hand_eye.covariance), radius_mm / 1000, center, window_m)
     result = _result(found, used, said)
     out.mkdir(parents=True, exist_ok=True)
     tool_from_lamp = np.array(calibration.tool_from_lamp)
@@ -67,6 +68,7 @@ def _highlights(
     """Highlights of a folder's images, and what is said of each image; of those used the residual is still missing."""
     joints, chain = read_joints(folder / JOINTS_FILE), calibrated_kinematics.of_arm(cell.arm)
     flange_from_tool = cell.arm.flange_from_tool.matrix
+    offsets = np.array(calibration.joint_offsets_rad or (0.0,) * 6)
     used: list[Highlight] = []
     said: list[HighlightResidual] = []
     for image in images(folder, joints, calibration):
@@ -74,7 +76,8 @@ def _highlights(
         why = spot if isinstance(spot, str) else ""
         said.append(HighlightResidual(image=image.name, sha256=image.sha256, residual_px=None, why_not=why))
         if not isinstance(spot, str):
-            used.append(Highlight(image.name, spot, _flange(chain, joints[image.name]) @ flange_from_tool))
+            tool = _flange(chain, joints[image.name] + offsets) @ flange_from_tool
+            used.append(Highlight(image.name, spot, tool))
     return used, said
 
 

@@ -72,10 +72,11 @@ def calibrate_lobe(folder: Path, files: LobeFiles, albedo: float, albedo_sigma: 
     }
     placings = [_placing(name, shots, frames, board, calibration) for name in names]
     chain, flange_from_tool = calibrated_kinematics.of_arm(cell.arm), cell.arm.flange_from_tool.matrix
+    offsets = np.array(calibration.joint_offsets_rad or (0.0,) * 6)
     images: list[PlaneImage] = []
     for shot in shots:
         number = names.index(shot.placing)
-        tool = calibrated_kinematics.forward(chain, shot.joints[None])[0, 6] @ flange_from_tool
+        tool = calibrated_kinematics.forward(chain, (shot.joints + offsets)[None])[0, 6] @ flange_from_tool
         seen = matt_plane.patches(
             shot.image, *frames[shot.image], shot.exposure_s, (number, placings[number]), tool, board, calibration
         )

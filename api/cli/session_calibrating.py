@@ -7,13 +7,13 @@ from typing import Any
 
 from rich.console import Console
 
-from acquisition.models.calibration_recipe import BoardRecipe
+from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import State
 from api import Client
 
 
-def calibrate(address: str, recipe: BoardRecipe, *, mounted: bool, activate: bool) -> dict[str, Any]:
+def calibrate(address: str, recipe: AnyRecipe, *, mounted: bool, activate: bool) -> dict[str, Any]:
     """Runs a calibration session and, with `activate`, makes what it found the calibration in use.
 
     `mounted`: a person has put the board on the flange. Raises RigError rig.other_tool without it, and the session's

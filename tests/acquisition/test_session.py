@@ -10,12 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from acquisition import session
+from acquisition.models.calibration_recipe import LampRecipe
 from acquisition.models.light_plan import Light, LightPlan
 from acquisition.models.recipe import Recipe
 from acquisition.models.route import Route, Waypoint
 from acquisition.models.shot import FrameQuality, FrameRef, Shot, ShotKey
 from acquisition.models.step import (
     AwaitReview,
+    AwaitTarget,
     ChooseLights,
     GoHome,
     PlanRoute,
@@ -142,7 +144,7 @@ def shot(number: int, exposure_s: float = 0.05, kind: str = "light", shift_px: f
     )  # fmt: skip
 
 
-def record(recipe: Recipe, *passes: PassRecord) -> SessionRecord:
+def record(recipe: Recipe | LampRecipe, *passes: PassRecord) -> SessionRecord:
     return SessionRecord("s", recipe, State.RUNNING, passes)
 
 
@@ -298,3 +300,32 @@ def test_next_step_unpredicted_pass_ends_with_repeated_first_image() -> None:
     assert isinstance(session.next_step(record(Recipe(), solved, predicted), HOME, HOME), TakeDark)
     again = session.next_step(record(Recipe(), solved, unpredicted), HOME, HOME)
     assert again == RepeatReference(shot(1), ShotKey(pass_number=1, number=1000), closes_pass=True)
+
+
+def test_next_step_lamp_session_waits_at_home_for_each_target() -> None:
+    recipe = LampRecipe(kind="lamp", max_images=32, placings=1)
+    images = {number: shot(number) for number in range(2)}
+    sphere = PassRecord(plan=plan(2), shots=images, solved=True)
+    chosen = record(recipe, sphere, PassRecord(plan=plan(2)))
+    assert session.next_step(chosen, joints(0), HOME) == GoHome(1, None)
+    assert session.next_step(chosen, HOME, HOME) == AwaitTarget(1)
+    assert session.stage(chosen, AwaitTarget(1)) is Stage.PLAN
+    placed = record(recipe, sphere, PassRecord(plan=plan(2), reviewed=True))
+    assert session.next_step(placed, HOME, HOME) == PlanRoute(1, (0, 1))
+    first = session.next_step(record(recipe, PassRecord(plan=plan(2))), HOME, HOME)
+    assert first == PlanRoute(0, (0, 1))  # the sphere is there when somebody starts
+
+
+def test_next_step_lamp_session_repeats_images_of_the_same_target() -> None:
+    recipe = LampRecipe(kind="lamp", max_images=32, placings=1)
+    sphere = PassRecord(plan=plan(1), shots={0: shot(0)}, solved=True)
+    own = shot(1).model_copy(update={"key": ShotKey(pass_number=1, number=1), "taken_at": 1.0})
+    plane = PassRecord(plan=plan(2), shots={1: own}, route=route([1, 0]), reviewed=True)
+    cut_off = replace(record(recipe, sphere, plane), unverified=True)
+    assert session.next_step(cut_off, joints(1), HOME) == RepeatReference(own, ShotKey(pass_number=1, number=1000))
+    fresh = replace(record(recipe, sphere, replace(plane, shots={}, route=route([0, 1]))), unverified=True)
+    assert isinstance(session.next_step(fresh, HOME, HOME), TakeShot)  # the sphere is not there any more
+    full = replace(plane, shots={0: own.model_copy(update={"key": ShotKey(pass_number=1, number=0)}), 1: own})
+    closing = session.next_step(record(recipe, sphere, full), HOME, HOME)
+    assert isinstance(closing, RepeatReference)
+    assert closing.shot.key.pass_number == 1

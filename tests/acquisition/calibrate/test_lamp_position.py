@@ -1,17 +1,22 @@
 """The lamp's place from highlights on a mirror sphere: found within its covariance, and what is refused."""
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
 from acquisition.calibrate import lamp_position
 from acquisition.calibrate.lamp_position import Highlight
+from acquisition.models.base import FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 from tests.acquisition.calibrate.mirror_sphere import (
     CALIBRATION,
     CENTER_M,
     POSE_COVARIANCE,
     RADIUS_M,
+    Truth,
     highlights,
     tools,
     truth,
@@ -42,6 +47,43 @@ def test_fit_tilted_lamps_is_found_within_its_covariance(seed: int) -> None:
     assert error @ np.linalg.solve(found.covariance, error) < chi2.ppf(0.999, 3)
     assert np.linalg.norm(found.sphere_center_m - known.center_m) < 2e-3
     assert found.highlight_sigma_px == pytest.approx(0.1, rel=0.35)
+
+
+def window_highlights(known: Truth, poses: FloatArray, radius_m: float) -> list[Highlight]:
+    """Highlights of a luminous disc without noise, each in the middle of its image's area by `cv2.moments`."""
+    around = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    disc = known.lamp_m + radius_m * np.stack([np.cos(around), np.sin(around), 0 * around], axis=1)
+    outlines = [
+        np.stack([one.pixel for one in highlights(replace(known, lamp_m=point), poses, 0, noise_px=0.0)])
+        for point in disc
+    ]
+    made: list[Highlight] = []
+    for number, tool in enumerate(poses):
+        outline = np.stack([outline[number] for outline in outlines])
+        start = outline.mean(axis=0)
+        area = cv2.moments((1000 * (outline - start)).astype(np.float32))
+        middle = np.array([area["m10"], area["m01"]]) / area["m00"] / 1000
+        made.append(Highlight(f"{number}", start + middle, tool))
+    return made
+
+
+def test_fit_tilted_window_is_no_point() -> None:
+    known, poses = truth(2), tools(10, 2)
+    seen = window_highlights(known, poses, 0.02)
+    found = lamp_position.fit(seen, CALIBRATION, POSE_COVARIANCE, RADIUS_M, CENTER_M, 0.02)
+    as_point = lamp_position.fit(seen, CALIBRATION, POSE_COVARIANCE, RADIUS_M, CENTER_M)
+    off, off_as_point = (np.linalg.norm(one.tool_from_lamp_m - known.lamp_m) for one in (found, as_point))
+    assert off_as_point > 5e-4
+    assert off < 0.5 * off_as_point
+
+
+def test_choose_poses_tell_more_than_as_many_random_ones() -> None:
+    known, offered = truth(1), tools(120, 1)
+    chosen = lamp_position.choose_poses(offered, CALIBRATION, POSE_COVARIANCE, CENTER_M, RADIUS_M, 14)
+    assert len(set(chosen)) == 14
+    planned = fitted(highlights(known, offered[chosen], 1)).sigma_m
+    at_random = [fitted(highlights(known, offered[14 * n : 14 * n + 14], 1)).sigma_m for n in range(5)]
+    assert planned < 0.95 * np.mean(at_random)
 
 
 @pytest.mark.long

@@ -1,0 +1,182 @@
+"""What a calibration session of the lamp does with its images: highlights of the sphere, patches of the plane, the fit.
+
+The sphere's images give the lamp's place in the tool's frame, the plane's its intensity and lobe with that place known.
+Of two or more placings of the plane the last takes no part and verifies the result. The pose of the tool is that which
+the controller states, moved by the joint offsets of the calibration in use (`waypoints.measured_pose`): the offsets
+that the hand–eye calibration has found, so that camera, arm and lamp agree.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.calibrate import charuco, lamp_lobe, lamp_position, matt_plane
+from acquisition.calibrate.board_results import now
+from acquisition.calibrate.charuco import CharucoBoard, View
+from acquisition.calibrate.lamp_lobe import Known, LobeFit, Placing, PlaneImage
+from acquisition.calibrate.lamp_position import Highlight, LampFit
+from acquisition.models.base import FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_result import HandEyeResult
+from acquisition.models.cell_config import CellConfig, LampTargetsConfig
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.shot import Observations, Shot
+from acquisition.waypoints import measured_pose
+
+SPHERE_PASS = 0
+"""Pass of the sphere's images; each further one is a placing of the plane."""
+
+
+@dataclass(frozen=True)
+class SphereImages:
+    """What the sphere's images show: highlights, and for each image without one, by name, why."""
+
+    highlights: tuple[Highlight, ...]
+    why_not: dict[str, str]
+
+
+@dataclass(frozen=True)
+class PlaneImages:
+    """Patches of the plane's images; its placings, in the order of the passes."""
+
+    images: tuple[PlaneImage, ...]
+    placings: tuple[Placing, ...]
+
+
+@dataclass(frozen=True)
+class LobeFound:
+    """The fit, the images that took part in it, and the mean error of normals on the placing that took none, degrees;
+    none: there is but one placing."""
+
+    fit: LobeFit
+    fitted: tuple[PlaneImage, ...]
+    verified_deg: float | None
+
+
+def require_targets(cell: CellConfig) -> LampTargetsConfig:
+    """Sphere and plane of the cell. Raises RigError config.invalid where the cell file has none."""
+    if cell.lamp_targets is None:
+        raise RigError(
+            ErrorCode.CONFIG_INVALID, "The cell file describes no mirror sphere and no matt plane: add [lamp_targets]"
+        )
+    return cell.lamp_targets
+
+
+def plane_board(cell: CellConfig) -> CharucoBoard:
+    """The ChArUco frame of the cell's matt plane. Raises RigError config.invalid where there is none."""
+    described = require_targets(cell).model_dump(include=set(CharucoBoard.model_fields))
+    return CharucoBoard.model_validate(described)
+
+
+def sphere_center(cell: CellConfig) -> FloatArray:
+    """Where the sphere lies (3,), base frame, m, to a centimetre or two: on the middle of the object's place."""
+    keep_out = cell.object.keep_out.base_from_object.matrix
+    return keep_out[:3, 3] + keep_out[:3, 2] * require_targets(cell).sphere_radius_m
+
+
+def read_sphere(observations: Observations, cell: CellConfig, calibration: Calibration) -> SphereImages:
+    """Finds the highlights in the sphere's images."""
+    found: list[Highlight] = []
+    why_not: dict[str, str] = {}
+    for shot in _shots(observations, SPHERE_PASS):
+        spot = lamp_position.find_highlight(_pixels(observations, shot), float(2**calibration.sensor.bits - 1))
+        if isinstance(spot, str):
+            why_not[shot.frame.path] = spot
+        else:
+            found.append(Highlight(shot.frame.path, spot, _tool(shot, cell, calibration)))
+    return SphereImages(tuple(found), why_not)
+
+
+def place_lamp(
+    images: SphereImages, cell: CellConfig, calibration: Calibration, hand_eye: HandEyeResult
+) -> tuple[LampFit, Calibration]:
+    """Finds the lamp's place, and the calibration with it. Raises RigError calibration.infeasible as the fit does."""
+    targets = require_targets(cell)
+    found = lamp_position.fit(
+        images.highlights, calibration, np.array(hand_eye.covariance), targets.sphere_radius_m, sphere_center(cell),
+        targets.window_radius_m,
+    )  # fmt: skip
+    return found, found.calibrated(calibration).model_copy(update={"made_at": now()})
+
+
+def read_plane(observations: Observations, cell: CellConfig, calibration: Calibration, passes: int) -> PlaneImages:
+    """Finds the plane's pose in each placing (pass 1 to `passes` − 1), and the brightness of its patches.
+
+    Raises RigError calibration.infeasible naming the placing whose frame is not seen, or moved.
+    """
+    board = plane_board(cell)
+    images: list[PlaneImage] = []
+    placings: list[Placing] = []
+    for number in range(passes - 1):
+        shots = _shots(observations, number + 1)
+        views = [charuco.detect(_pixels(observations, shot), board, shot.frame.path) for shot in shots]
+        seen: list[View] = [view for view in views if view is not None]
+        if not seen:
+            raise RigError(
+                ErrorCode.CALIBRATION_INFEASIBLE,
+                f"The plane's frame is seen in no image of placing {number}: check its description, focus and exposure",
+            )
+        placings.append(matt_plane.placing(seen, board, calibration))
+        for shot in shots:
+            dark = _dark(observations, shot)
+            patches = matt_plane.patches(
+                shot.frame.path, _pixels(observations, shot), _pixels(observations, dark), shot.exposure_s,
+                (number, placings[-1]), _tool(shot, cell, calibration), board, calibration,
+            )  # fmt: skip
+            images.append(lamp_lobe.usable(patches, placings[-1], calibration))
+    return PlaneImages(tuple(images), tuple(placings))
+
+
+def fit_lobe(
+    plane: PlaneImages, cell: CellConfig, calibration: Calibration, lamp: LampFit, hand_eye: HandEyeResult
+) -> tuple[LobeFound, Calibration]:
+    """Finds intensity and lobe, and the calibration with them; the last of several placings verifies them.
+
+    `calibration` has the lamp's place. Raises RigError calibration.infeasible as `lamp_lobe.fit` does.
+    """
+    targets, board = require_targets(cell), plane_board(cell)
+    known = Known(
+        calibration, targets.albedo, targets.albedo_sigma, lamp.covariance, np.array(hand_eye.covariance), board.size_m
+    )
+    last = len(plane.placings) - 1
+    fitted = [one for one in plane.images if len(one.values) and (last == 0 or one.placing < last)]
+    found = lamp_lobe.fit(fitted, plane.placings[:last] if last else plane.placings, known)
+    after = found.calibrated(calibration).model_copy(update={"made_at": now()})
+    unused = [one for one in plane.images if last and one.placing == last]
+    verified = _verified(unused, plane.placings[last], after, found) if unused else None
+    return LobeFound(found, tuple(fitted), verified), after
+
+
+def _verified(unused: Sequence[PlaneImage], placing: Placing, after: Calibration, found: LobeFit) -> float | None:
+    """Mean error of normals of a placing's images that show all patches, degrees; none with fewer than four of them."""
+    most = max(len(one.values) for one in unused)
+    whole = [one for one in unused if len(one.values) == most]
+    return lamp_lobe.normal_error_deg(whole, placing, after, found.flat_field) if len(whole) >= 4 else None
+
+
+def _shots(observations: Observations, pass_number: int) -> list[Shot]:
+    return [shot for shot in observations.shots if shot.key.pass_number == pass_number]
+
+
+def _dark(observations: Observations, shot: Shot) -> Shot:
+    """The lamp-off frame of an image's own placing: under the room's light the plane shines where it lies.
+
+    Raises RigError calibration.infeasible where there is none.
+    """
+    for dark in (*observations.darks.values(), *observations.repeats):
+        same = dark.key.pass_number == shot.key.pass_number and dark.exposure_s == shot.exposure_s
+        if dark.kind == "dark" and same:
+            return dark
+    raise RigError(
+        ErrorCode.CALIBRATION_INFEASIBLE,
+        f"{shot.frame.path}: there is no lamp-off image of this placing with {1e3 * shot.exposure_s:g} ms",
+    )
+
+
+def _pixels(observations: Observations, shot: Shot) -> np.ndarray:
+    return observations.frames.rows(shot.frame, 0, shot.frame.height)
+
+
+def _tool(shot: Shot, cell: CellConfig, calibration: Calibration) -> FloatArray:
+    return measured_pose.tool_pose(np.array(shot.base_from_tool), np.array(shot.joints), cell.arm, calibration)

@@ -1,0 +1,261 @@
+"""Jobs of sessions that calibrate the lamp: poses of a pass, the look at a frame, the estimate.
+
+Poses are configurations of the arm rather than lights: about the lamp's axis a light may be turned as one likes, but
+where in the tool's frame the lamp is shows only as the tool turns. Of those that are connected to home the sphere's are
+chosen by optimum design, as lights and views are; the plane's are spread over the angles off the lamp's axis.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from pydantic import ValidationError
+
+from acquisition import geometry, lamp_pose, photometry
+from acquisition.calibrate import charuco, lamp_position, lamp_results, lamp_session
+from acquisition.capture.compare import MAX_SHIFT_OF_WIDTH, MAX_SHIFT_PX
+from acquisition.formats.atomic_write import atomic_folder, discard_partial
+from acquisition.models.base import FloatArray, Value, as_joints
+from acquisition.models.calibration import Calibration, SensorModel
+from acquisition.models.calibration_recipe import LampRecipe
+from acquisition.models.calibration_result import CalibrationSummary, HandEyeResult
+from acquisition.models.cell_config import CellConfig
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.light_plan import Light, LightPlan
+from acquisition.models.shot import Observations
+from acquisition.runner.board_jobs import CALIBRATION, SUMMARY
+from acquisition.waypoints import calibrated_kinematics
+from acquisition.waypoints.roadmap import connected_lights, dome_center
+
+CANDIDATES_PER_POSE = 4
+"""Poses that are tried for each one that is wanted: the arm reaches about half of them."""
+
+SPHERE_TILT_DEG, PLANE_TILT_DEG = 45.0, 42.0
+"""Most by which the lamp is tilted away from the target: of the sphere, so that its place along its axis shows; of the
+plane, so that the lobe does, to 40° and more."""
+
+SPHERE_SLANT_DEG, PLANE_SLANT_DEG = 70.0, 55.0
+"""Most slant of the lamp's places: a plane that is lit from the side sends little light back."""
+
+NEAREST, FARTHEST = 0.85, 1.1
+"""Distances of the lamp's places from the dome's middle, over the dome's radius: different ones tell the lamp's place
+from the sphere's."""
+
+HAND_EYE = "hand_eye.json"
+
+
+def lamp_poses(
+    recipe: LampRecipe, cell: CellConfig, calibration: Calibration, number: int, known: Path | None
+) -> LightPlan:
+    """The poses of a pass. `known` is the folder of the calibration set in use; none: it is the cell file's.
+
+    Raises RigError calibration.infeasible without a hand–eye calibration or with too few poses, config.invalid without
+    targets.
+    """
+    lamp_session.require_targets(cell)
+    hand_eye = _hand_eye(known)
+    sphere = number == lamp_session.SPHERE_PASS
+    count = recipe.first_images if sphere else recipe.placing_images
+    lights = _candidates(cell, calibration, CANDIDATES_PER_POSE * count, recipe.seed + 7 * number, sphere=sphere)
+    joints = connected_lights(lights, cell, calibration)
+    tools = _tools(joints, cell, calibration)
+    if sphere:
+        chosen = lamp_position.choose_poses(
+            tools, calibration, np.array(hand_eye.covariance), lamp_session.sphere_center(cell),
+            lamp_session.require_targets(cell).sphere_radius_m, count,
+        )  # fmt: skip
+    else:
+        chosen = list(range(min(count, len(tools))))
+    if len(chosen) < count:
+        raise RigError(
+            ErrorCode.CALIBRATION_INFEASIBLE,
+            f"The arm can take up {len(chosen)} poses of the lamp over the object's place, and {count} are wanted: ask "
+            "for fewer images, or widen the reach",
+        )
+    shown = [lamp_pose.light_from_tool(tools[one], calibration) for one in chosen]
+    return LightPlan(
+        lights=shown,
+        method="sphere" if sphere else "plane",
+        reasons=[f"lamp tilted by {_tilt_deg(light, cell, calibration):.0f}°" for light in shown],
+        joints=[as_joints(joints[one]) for one in chosen],
+        levels_per_s=None if sphere else _plane_levels(shown, cell, calibration),
+    )
+
+
+def look_at_target(
+    pixels: np.ndarray, sphere: bool, cell: CellConfig, sensor: SensorModel, placed_before: np.ndarray | None
+) -> str:
+    """Why a frame (H, W) does not serve, for people; empty where the target is seen.
+
+    `placed_before`: a frame of the plane's placing before this one, from which it has to differ.
+    """
+    if sphere:
+        spot = lamp_position.find_highlight(pixels, float(2**sensor.bits - 1))
+        return spot if isinstance(spot, str) else ""
+    board = lamp_session.plane_board(cell)
+    seen = charuco.detect(pixels, board, "frame")
+    if seen is None:
+        return (
+            f"the matt plane's frame ({board.columns} × {board.rows} squares of {1e3 * board.square_m:g} mm) is not "
+            "seen: does the plane lie in the object's place, face up, is the lamp on, and is it that of the cell file?"
+        )
+    before = None if placed_before is None else charuco.detect(placed_before, board, "before")
+    if before is not None and _shift_px(before, seen) < MAX_SHIFT_PX:
+        return "the plane lies as it did before: lay it on a wedge, tilted by 10–20°"
+    return ""
+
+
+def target_moved(before: np.ndarray, after: np.ndarray, sphere: bool, cell: CellConfig, sensor: SensorModel) -> str:
+    """How the target has moved between two frames (H, W) of one pose, for people; empty where it has not."""
+    if sphere:
+        first, second = (lamp_position.find_highlight(one, float(2**sensor.bits - 1)) for one in (before, after))
+        if isinstance(second, str):
+            return second
+        shift_px = 0.0 if isinstance(first, str) else float(np.linalg.norm(second - first))
+    else:
+        board = lamp_session.plane_board(cell)
+        one, other = charuco.detect(before, board, "before"), charuco.detect(after, board, "after")
+        if other is None:
+            return "the plane's frame is not seen any more"
+        shift_px = 0.0 if one is None else _shift_px(one, other)
+    if shift_px > max(MAX_SHIFT_PX, MAX_SHIFT_OF_WIDTH * before.shape[1]):
+        return f"it is {shift_px:.1f} pixels from where it was: target, camera or lamp has moved"
+    return ""
+
+
+def estimate_lamp(
+    recipe: LampRecipe, cell: CellConfig, calibration: Calibration, observations: Observations, known: Path | None,
+    folder: Path,
+) -> CalibrationSummary:  # fmt: skip
+    """Calibrates from all images of a session and writes the estimate's folder: the lamp's place from the sphere, and
+    where the plane has been captured, intensity and lobe.
+
+    Raises RigError calibration.infeasible.
+    """
+    hand_eye = _hand_eye(known)
+    hashes = {shot.frame.path: shot.frame.sha256 for shot in observations.shots}
+    passes = 1 + max(shot.key.pass_number for shot in observations.shots)
+    images = lamp_session.read_sphere(observations, cell, calibration)
+    lamp, made = lamp_session.place_lamp(images, cell, calibration, hand_eye)
+    summary = CalibrationSummary(
+        kind=recipe.kind, images=len(hashes), used=len(images.highlights), estimated=True,
+        position_sigma_mm=1e3 * lamp.sigma_m,
+    )  # fmt: skip
+    of_sphere = {name: digest for name, digest in hashes.items() if _pass_of(name) == lamp_session.SPHERE_PASS}
+    discard_partial(folder)
+    with atomic_folder(folder) as partial:
+        result = lamp_results.lamp_result(lamp, images.highlights, images.why_not, of_sphere)
+        _write(partial / "lamp.json", result)
+        if passes > 1:
+            plane = lamp_session.read_plane(observations, cell, made, passes)
+            lobe, made = lamp_session.fit_lobe(plane, cell, made, lamp, hand_eye)
+            found = lamp_results.lobe_result(lobe.fit, plane.images, lobe.fitted, hashes, lobe.verified_deg)
+            _write(partial / "lobe.json", found)
+            lamp_results.draw_lobe(lobe.fit, calibration, partial / "lobe.png")
+            sigma = np.sqrt(np.diag(lobe.fit.covariance))
+            summary = summary.model_copy(
+                update={
+                    "used": len(images.highlights) + sum(len(one.values) > 0 for one in plane.images),
+                    "intensity_sigma_percent": 100 * float(sigma[0]),
+                    "lobe_sigma_percent": 100 * float(sigma[1:-2].max()),
+                    "verified_deg": lobe.verified_deg,
+                }
+            )
+        summary = summary.model_copy(
+            update={
+                "fingerprint": made.fingerprint, "reached": passes == recipe.passes_most, "advice": _advice(summary),
+            }
+        )  # fmt: skip
+        _write(partial / CALIBRATION, made)
+        _write(partial / SUMMARY, summary)
+    return summary
+
+
+def _advice(found: CalibrationSummary) -> list[str]:
+    said: list[str] = []
+    if found.position_sigma_mm is not None and found.position_sigma_mm > 0.5:
+        said.append("The lamp's place is not known to half a millimetre: take more images of the sphere.")
+    if found.verified_deg is not None and found.verified_deg > 0.5:
+        said.append(
+            "On the placing that took no part normals are off by more than half a degree: is the plane flat, matt and "
+            "alone in the lamp's light?"
+        )
+    return said or ["Make it the active calibration (PUT /v1/rig/calibrations/active)."]
+
+
+def _candidates(cell: CellConfig, calibration: Calibration, count: int, seed: int, *, sphere: bool) -> list[Light]:
+    """Lights (view frame) over the object's place at random, tilted away from it to random sides."""
+    random = np.random.default_rng([19, seed])
+    center, up = dome_center(cell, calibration), _up(cell, calibration)
+    tilt_deg, slant_deg = (SPHERE_TILT_DEG, SPHERE_SLANT_DEG) if sphere else (PLANE_TILT_DEG, PLANE_SLANT_DEG)
+    steepest = np.cos(np.radians(min(slant_deg, cell.dome.max_slant_deg)))
+    made: list[Light] = []
+    while len(made) < count:
+        cosine = random.uniform(steepest, np.cos(np.radians(cell.dome.min_slant_deg)))
+        towards = up @ np.asarray(geometry.direction(np.arccos(cosine), random.uniform(0, 2 * np.pi)))
+        tilt = np.radians(random.uniform(0, tilt_deg))
+        side = np.cross(towards, random.standard_normal(3))
+        axis = -np.cos(tilt) * towards + np.sin(tilt) * side / np.linalg.norm(side)
+        place = center + random.uniform(NEAREST, FARTHEST) * cell.dome.radius_m * towards
+        x, y, z = (float(value) for value in place)
+        u, v, w = (float(value) for value in axis)
+        made.append(Light(position=(x, y, z), axis=(u, v, w)))
+    return made
+
+
+def _up(cell: CellConfig, calibration: Calibration) -> FloatArray:
+    """Rotation (3, 3) from the object's frame, z up, to the view frame."""
+    base_from_object = cell.object.keep_out.base_from_object.matrix[:3, :3]
+    return lamp_pose.base_from_view(calibration)[:3, :3].T @ base_from_object
+
+
+def _tools(joints: FloatArray, cell: CellConfig, calibration: Calibration) -> FloatArray:
+    """Poses (N, 4, 4) of the tool in the base frame at joints (N, 6) as the controller states them."""
+    true = joints + np.array(calibration.joint_offsets_rad or (0.0,) * 6)
+    flanges = calibrated_kinematics.forward(calibrated_kinematics.of_arm(cell.arm), true)[:, 6]
+    return flanges @ cell.arm.flange_from_tool.matrix
+
+
+def _tilt_deg(light: Light, cell: CellConfig, calibration: Calibration) -> float:
+    towards = dome_center(cell, calibration) - np.array(light.position)
+    cosine = float(np.array(light.axis) @ towards / np.linalg.norm(towards))
+    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+
+
+def _plane_levels(lights: list[Light], cell: CellConfig, calibration: Calibration) -> list[float]:
+    """Signal of a flat plane's middle under each light, fraction of full scale per second."""
+    center, normal = dome_center(cell, calibration), _up(cell, calibration)[:, 2]
+    points = center[:, None].astype(np.float32)
+    vectors = photometry.light_vectors(points, photometry.lamps(lights), calibration)[:, :, 0]
+    shading = np.maximum(vectors.astype(float) @ normal, 1e-3)
+    return (lamp_session.require_targets(cell).albedo * calibration.lamp_intensity * shading).tolist()
+
+
+def _shift_px(first: charuco.View, second: charuco.View) -> float:
+    """Median distance of the corners that both views show, pixels; infinite where they share too few."""
+    _, one, other = np.intersect1d(first.corners, second.corners, return_indices=True)
+    if len(one) < charuco.MIN_CORNERS:
+        return float("inf")
+    return float(np.median(np.linalg.norm(second.pixels[other] - first.pixels[one], axis=1)))
+
+
+def _hand_eye(known: Path | None) -> HandEyeResult:
+    file = None if known is None else known / HAND_EYE
+    try:
+        if file is not None and file.exists():
+            return HandEyeResult.model_validate_json(file.read_bytes())
+    except ValidationError as error:
+        raise RigError(ErrorCode.STORE_CORRUPT, f"{file}: {error}", file=HAND_EYE) from error
+    raise RigError(
+        ErrorCode.CALIBRATION_INFEASIBLE,
+        "How well the camera's place is known is not stated: calibrate hand-eye first, and make that the calibration "
+        "in use",
+    )
+
+
+def _pass_of(frame: str) -> int:
+    """Pass of an image by its file, `passes/<number>/shots/…`."""
+    return int(Path(frame).parts[1])
+
+
+def _write(path: Path, value: Value) -> None:
+    path.write_text(value.model_dump_json(indent=2), encoding="utf-8")

@@ -1,0 +1,157 @@
+"""Capture of images for the lamp's calibration: the highlight on the mirror sphere, the matt plane.
+
+Levels are set by what counts in the image: the sphere's highlight is some pixels of a dark image, and must not clip.
+As with the board, an image in which the target is not seen is kept and named, because one pose may be unlucky; two in a
+row, or the first one of a pass, pause the session.
+"""
+
+import numpy as np
+
+from acquisition import session
+from acquisition.calibrate import lamp_session
+from acquisition.capture import check, exposure
+from acquisition.devices import StopToken
+from acquisition.formats.frames import FolderFrames
+from acquisition.models.calibration_recipe import LampRecipe
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.recipe import Exposure
+from acquisition.models.shot import FrameQuality, Shot
+from acquisition.models.step import AwaitTarget, RepeatReference, TakeShot
+from acquisition.runner.board_shots import BoardShots
+from acquisition.session import SessionRecord
+
+SPHERE_START_S = 1e-4
+"""Exposure time of the sphere's first image, s: a lamp's mirror image is hundreds of times as bright as paper."""
+
+SPHERE_TARGET, SPHERE_LEAST, SPHERE_MOST = 0.6, 0.15, 0.95
+"""Fraction of full scale that a highlight's brightest pixel is to reach; those between which an image is kept."""
+
+
+class LampShots(BoardShots):
+    """Moves the arm and captures images of sphere and plane; used in the runner's thread only."""
+
+    def await_target(self, record: SessionRecord, step: AwaitTarget) -> None:
+        """Raises RigError calibration.place_target, by which the session waits for a person."""
+        number = step.pass_number - 1
+        board = lamp_session.plane_board(self._rig.cell)
+        width, height = board.size_m
+        raise RigError(
+            ErrorCode.CALIBRATION_PLACE_TARGET,
+            f"Take what lies in the object's place away and lay the matt plane there, face up (its frame of "
+            f"{board.columns} × {board.rows} squares covers {1e3 * width:.0f} × {1e3 * height:.0f} mm)"
+            + (", tilted by 10–20° on a wedge, otherwise than before" if number else ""),
+            target="matt-plane",
+            placing=number,
+        )
+
+    def take_shot(self, record: SessionRecord, step: TakeShot, stop: StopToken) -> None:
+        """Moves to the step's pose and captures its image, with retakes at a better exposure time.
+
+        Raises Halted, RigError capture.frame_rejected, calibration.target_not_seen, arm.move_failed, and what devices
+        report.
+        """
+        recipe, sphere = _lamp_recipe(record), step.key.pass_number == lamp_session.SPHERE_PASS
+        if not session.same_joints(self._rig.arm.reading.joints, step.waypoint.joints):
+            self._follow(record, step.waypoint, stop)
+        exposure_s, attempt = self._start_s(record, step, sphere), 0
+        while True:
+            exposed, attempt = self._expose(record, step.key, exposure_s, attempt, stop)
+            self._require_arm_at_light(exposed, step)
+            pixels = exposed.frame.pixels
+            verdict = self._judge_highlight(pixels, exposure_s) if sphere else check.lit_frame(
+                pixels, self._whole, self._calibration.sensor, exposure_s, recipe.exposure, self._rig.cell.camera
+            )  # fmt: skip
+            if verdict.retake_s is None or attempt == recipe.retakes:
+                break
+            self._announce_retake(record, step.key, verdict.quality.reason)
+            exposure_s, attempt = verdict.retake_s, attempt + 1
+        name = f"Pose {step.key.number} of pass {step.key.pass_number}"
+        known = (sphere, self.cell_of(record), self._calibration.sensor)
+        why = self._compute.run(stop, "look_at_target", pixels, *known, self._placed_before(record, step))
+        if why and not _last_was_seen(record, step.key.pass_number):
+            raise RigError(ErrorCode.CALIBRATION_TARGET_NOT_SEEN, f"{name}: {why}", light=step.key.number)
+        if not verdict.usable:
+            raise RigError(ErrorCode.CAPTURE_FRAME_REJECTED, f"{name}: {verdict.quality.reason}", light=step.key.number)
+        quality = FrameQuality(
+            saturated=verdict.quality.saturated, bright_level=verdict.quality.bright_level, accepted=not why, reason=why
+        )
+        self._store_shot(record, step.key, exposed, exposure_s, attempt, quality)
+
+    def repeat_reference(self, record: SessionRecord, step: RepeatReference, stop: StopToken) -> None:
+        """Captures an image again and records it only if the target is where it was, to a fraction of a pixel.
+
+        Raises Halted, RigError scene.moved, and what devices report.
+        """
+        first, sphere = step.shot, step.shot.key.pass_number == lamp_session.SPHERE_PASS
+        self._return_to(record, first, self._rig.arm.reading.joints, stop)
+        before = self._pixels_of(record, first)
+        exposed, attempt = self._expose(
+            record, step.key, first.exposure_s, 0, stop, first.attempt + 1 + record.references
+        )
+        known = (sphere, self.cell_of(record), self._calibration.sensor)
+        moved = self._compute.run(stop, "target_moved", before, exposed.frame.pixels, *known)
+        if moved:
+            detail = f"Image {first.key.number} of pass {first.key.pass_number}, taken again: {moved}"
+            if step.closes_pass:
+                number = step.key.pass_number
+                detail += f"; all images of pass {number} will be taken anew"
+                self._store.journal.discard_shots(record.session_id, number, detail)
+            raise RigError(ErrorCode.SCENE_MOVED, detail)
+        self._store_shot(record, step.key, exposed, first.exposure_s, attempt, first.quality, repeats=first.key)
+
+    def lit(self, record: SessionRecord) -> bool:
+        """The lamp is what is calibrated: it is on."""
+        return True
+
+    def _start_s(self, record: SessionRecord, step: TakeShot, sphere: bool) -> float:
+        """Exposure time of a pose's first attempt, s."""
+        work, camera = record.passes[step.key.pass_number], self._rig.cell.camera
+        if not sphere:
+            levels = work.plan.levels_per_s if work.plan is not None else None
+            if levels is None:
+                raise RigError(ErrorCode.SERVICE_FAULT, "The plan of a placing of the plane states no levels")
+            return exposure.for_predicted_level(levels[step.key.number], _lamp_recipe(record).exposure, camera)
+        seen = [shot.quality.bright_level / shot.exposure_s for shot in work.shots.values() if shot.quality.accepted]
+        wanted = Exposure(target=SPHERE_TARGET)
+        return exposure.in_range(SPHERE_START_S, camera) if not seen else exposure.for_level(seen[-1], wanted, camera)
+
+    def _judge_highlight(self, pixels: np.ndarray, exposure_s: float) -> check.Verdict:
+        """Judges the sphere's image by its brightest pixel; hot pixels count as well, which the next image shows."""
+        sensor, camera = self._calibration.sensor, self._rig.cell.camera
+        level = (float(pixels.max()) - sensor.black_level_dn) / sensor.full_scale_dn
+        clipped = float(np.mean(pixels >= 2**sensor.bits - 1))
+        quality = FrameQuality(saturated=clipped, bright_level=level, accepted=True)
+        if SPHERE_LEAST <= level <= SPHERE_MOST:
+            return check.Verdict(quality, None)
+        # What clips may be far brighter than it looks.
+        better = exposure.for_level(
+            level / exposure_s, Exposure(target=SPHERE_TARGET / (3 if level > 1 else 1)), camera
+        )
+        side = "clipped" if level > SPHERE_MOST else "dark"
+        quality = quality.model_copy(update={"reason": f"the brightest pixel is at {level:.0%} of full scale: {side}"})
+        too_long = level > SPHERE_MOST and better >= exposure_s
+        too_short = level < SPHERE_LEAST and better <= exposure_s
+        return check.Verdict(quality, None if too_long or too_short else better)
+
+    def _placed_before(self, record: SessionRecord, step: TakeShot) -> np.ndarray | None:
+        """A frame (H, W) of the plane's placing before this one, for the first image of a further placing."""
+        number = step.key.pass_number
+        if number <= lamp_session.SPHERE_PASS + 1 or record.passes[number].shots:
+            return None
+        earlier = next(iter(record.passes[number - 1].shots.values()), None)
+        return None if earlier is None else self._pixels_of(record, earlier)
+
+    def _pixels_of(self, record: SessionRecord, shot: Shot) -> np.ndarray:
+        return FolderFrames(self._store.folder(record.session_id)).rows(shot.frame, 0, shot.frame.height)
+
+
+def _lamp_recipe(record: SessionRecord) -> LampRecipe:
+    if not isinstance(record.recipe, LampRecipe):
+        raise RigError(ErrorCode.SERVICE_FAULT, f"A session of kind {record.recipe.kind} calibrates no lamp")
+    return record.recipe
+
+
+def _last_was_seen(record: SessionRecord, pass_number: int) -> bool:
+    """Whether the target was seen in the image of this pass that was captured last."""
+    shots = list(record.passes[pass_number].shots.values())
+    return bool(shots) and max(shots, key=lambda shot: shot.taken_at).quality.accepted

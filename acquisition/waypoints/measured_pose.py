@@ -1,0 +1,34 @@
+"""Where the tool truly is: the pose that the controller states, moved by what the calibration knows of the joints.
+
+The controller computes its pose from its own joint angles and kinematics; offsets of the joints that a hand–eye
+calibration has found turn it by a tenth of a degree and move it by a millimetre, which is more than a lamp may be off.
+Only the difference that the offsets make is taken from this package's chain, so that the controller's own factory
+kinematics stay in what it states. Paths are planned without the offsets: the clearances are centimetres, and a light
+is recorded from where the lamp was, never from where it was sent.
+"""
+
+import numpy as np
+
+from acquisition import geometry, lamp_pose
+from acquisition.models.base import FloatArray
+from acquisition.models.calibration import Calibration
+from acquisition.models.cell_config import ArmConfig
+from acquisition.models.light_plan import Light
+from acquisition.waypoints import calibrated_kinematics
+
+
+def tool_pose(base_from_tool: FloatArray, joints: FloatArray, arm: ArmConfig, calibration: Calibration) -> FloatArray:
+    """The tool's pose (4, 4) with the calibration's joint offsets, from that stated (4, 4) at joints (6,), rad."""
+    if calibration.joint_offsets_rad is None:
+        return base_from_tool
+    both = np.stack([joints, joints + np.array(calibration.joint_offsets_rad)])
+    stated, true = calibrated_kinematics.forward(calibrated_kinematics.of_arm(arm), both)[:, 6]
+    flange_from_tool = arm.flange_from_tool.matrix
+    # The flange's motion, seen from the tool: what is on the flange goes with it.
+    moved = geometry.inverse(stated @ flange_from_tool) @ true @ flange_from_tool
+    return base_from_tool @ moved
+
+
+def light(base_from_tool: FloatArray, joints: FloatArray, arm: ArmConfig, calibration: Calibration) -> Light:
+    """The light in the view frame from a tool pose (4, 4) that the controller states at joints (6,), rad."""
+    return lamp_pose.light_from_tool(tool_pose(base_from_tool, joints, arm, calibration), calibration)

@@ -1,0 +1,155 @@
+"""`lightpose calibrate lamp | all --address …`: calibration sessions in turn, each used by the next.
+
+Between and within them somebody has to put targets into the cell: the board on the flange, the mirror sphere and the
+matt plane in the object's place. `Hands` says who: a person, who is asked, or the stage of a simulated cell. Each
+session's result is made the calibration in use, because the next one computes with it; the one in use before is named,
+so that it can be gone back to.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+import typer
+from rich.console import Console
+
+from acquisition.models.calibration_recipe import AnyRecipe, BoardRecipe, tool_of
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.session import State
+from api import Client
+from api.rest.schemas import SessionResource
+from hardware_sim import placing
+
+Say = Callable[[str], None]
+
+Target = Literal["board", "mirror-sphere", "matt-plane", "object"]
+"""What a person puts into the cell."""
+
+
+class Hands(Protocol):
+    """Who puts targets into the cell."""
+
+    def put(self, target: Target, number: int, sentence: str) -> None:
+        """Puts a target into the cell, in its `number`-th placing, as `sentence` tells a person to.
+
+        Raises RigError when that is refused.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class PersonsHands:
+    """A person at the terminal, who is asked; with `yes` the sentences are printed only: all is in place."""
+
+    say: Say
+    yes: bool = False
+
+    def put(self, target: Target, number: int, sentence: str) -> None:
+        """Asks, and waits for an answer. Raises RigError request.invalid where the person says no."""
+        self.say(sentence)
+        if not self.yes and not typer.confirm("Done, and nobody is within the arm's reach?", err=True):
+            raise RigError(ErrorCode.REQUEST_INVALID, f"The {target} is not in place: nothing was moved")
+
+
+@dataclass(frozen=True)
+class SimulatedHands:
+    """The stage of a simulated cell, by the port of its camera."""
+
+    say: Say
+    address: str
+    port: int = 30100
+
+    def put(self, target: Target, number: int, sentence: str) -> None:
+        """Places the target in the running cell. Raises RigError device.disconnected, request.invalid."""
+        name = {"board": "charuco@flange", "object": "empty"}.get(target, target)
+        self.say(
+            f"{sentence} (simulated: {placing.place(self.address, self.port, name + f'#{number}' * (number > 0))})"
+        )
+
+
+def at_terminal(address: str, recipes: Sequence[AnyRecipe], *, yes: bool, simulated: str | None) -> dict[str, Any]:
+    """Runs calibration sessions at a service, asking the person at the terminal or the stage of a `simulated` cell.
+
+    Returns the figures of each. Raises RigError, ProblemError as `run`.
+    """
+    console = Console(stderr=True, markup=False)
+
+    def say(sentence: str) -> None:
+        console.print(sentence, highlight=False, soft_wrap=True)
+
+    hands = PersonsHands(say, yes) if simulated is None else SimulatedHands(say, simulated)
+    with Client(address) as client:
+        done = run(client, recipes, hands, say)
+    found = {one.recipe.kind: one.estimate.model_dump(mode="json") for one in done if one.estimate is not None}
+    return {"calibration": done[-1].id, "active": True, **found}
+
+
+def run(client: Client, recipes: Sequence[AnyRecipe], hands: Hands, say: Say) -> list[SessionResource]:
+    """Runs calibration sessions in turn, and makes each one's result the calibration in use.
+
+    Returns the sessions. Raises RigError with a session's reason where one does not complete; ProblemError for what the
+    service refuses.
+    """
+    done: list[SessionResource] = []
+    for recipe in recipes:
+        _prepare(client, recipe, hands)
+        session = follow(client, recipe, hands, say)
+        before = client.calibration()
+        client.activate_calibration(session.id)
+        say(f"calibration {session.id} is in use (before it: {before.file})")
+        done.append(session)
+    return done
+
+
+def follow(client: Client, recipe: AnyRecipe, hands: Hands, say: Say) -> SessionResource:
+    """Runs one calibration session to its end; where it waits for a target, that is put into place and it goes on.
+
+    Raises RigError with the session's reason where it does not complete.
+    """
+    created = client.create(recipe)
+    say(f"calibration of kind {recipe.kind}: session {created.id}; POST /v1/rig/stop stops it at any time")
+    client.start(created.id)
+    while True:
+        done = client.wait(created.id)
+        reason = done.reason
+        if done.state is State.PAUSED and reason is not None and reason.code is ErrorCode.CALIBRATION_PLACE_TARGET:
+            context: dict[str, Any] = reason.model_extra or {}
+            hands.put(context["target"], context["placing"], reason.detail)
+            client.resume(done.id)
+            continue
+        break
+    if done.state is not State.COMPLETED or done.estimate is None or not done.estimate.estimated:
+        code = ErrorCode.CALIBRATION_INFEASIBLE if reason is None else reason.code
+        why = "no estimate" if reason is None else f"{reason.detail}. {reason.remedy}"
+        raise RigError(code, f"Session {done.id} is {done.state}: {why}")
+    for sentence in sentences(done):
+        say(sentence)
+    return done
+
+
+def sentences(done: SessionResource) -> list[str]:
+    """What a calibration session found, for people."""
+    found = done.estimate
+    if found is None:
+        return []
+    said: list[str] = []
+    if found.focal_px is not None and found.projection_sigma_px is not None:
+        said.append(f"focal length {found.focal_px:.1f} px; directions known to {found.projection_sigma_px:.3f} px")
+    if found.position_sigma_mm is not None and found.rotation_sigma_deg is not None:
+        said.append(f"camera known to {found.position_sigma_mm:.2f} mm and {found.rotation_sigma_deg:.3f}°")
+    return [*said, *found.advice]
+
+
+def _prepare(client: Client, recipe: AnyRecipe, hands: Hands) -> None:
+    """Has the tool and the first target put into place, and states the tool."""
+    tool, stated = tool_of(recipe), client.rig().tool
+    if isinstance(recipe, BoardRecipe):
+        if stated != "board":
+            hands.put("board", 0, "Mount the calibration board on the flange, as the cell file says")
+    elif stated == "board":
+        hands.put("mirror-sphere", 0, "Take the board off the flange, put the lamp back, and lay the mirror sphere in "
+                  "the object's place")  # fmt: skip
+    else:
+        hands.put("mirror-sphere", 0, "Lay the mirror sphere in the object's place")
+    if stated != tool:
+        client.state_tool(tool)
