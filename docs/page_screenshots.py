@@ -32,9 +32,6 @@ SIZE = {"width": 1180, "height": 760}
 CALIBRATION_HEIGHT = 1180
 """Height of the window for the calibration, px: down to the residuals."""
 
-ESTIMATE_WITHIN_MS = 600_000
-"""How long the first estimate of a calibration may take on a busy machine, ms."""
-
 RECIPE = Recipe(pilot_lights=4, planned_lights=4, review_plan=True, label="Figurine, front")
 
 
@@ -89,13 +86,14 @@ def take_calibration(page: Page, url: str, cell: Cell, client: Client, folder: P
     cell.place("charuco@flange")
     client.wait_ready()
     client.state_tool("board")
-    session = client.create(BoardRecipe(kind="hand-eye", max_images=20, target_mm=0.3))
+    session = client.create(BoardRecipe(kind="hand-eye", max_images=20, target_mm=0.05))
     client.start(session.id)
     page.set_viewport_size({"width": SIZE["width"], "height": CALIBRATION_HEIGHT})
     page.goto(f"{url}/#/sessions/{session.id}")
-    page.locator("[data-view]").first.wait_for(timeout=ESTIMATE_WITHIN_MS)
-    page.locator("svg.view").wait_for(timeout=ESTIMATE_WITHIN_MS)
-    page.locator("#target-found[data-seen=true]").wait_for()
+    while not all(page.locator(one).count() for one in ("[data-view]", "svg.view", "#target-found[data-seen=true]")):
+        if client.session(session.id).state is State.INTERRUPTED:
+            client.resume(session.id)
+        page.wait_for_timeout(200)
     save(page, "calibration", folder)
     client.stop(session.id)
 

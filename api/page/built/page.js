@@ -497,13 +497,13 @@ ${e.reasons.map(t=>p`<li>
 </li>`)}
 </ul>`:k}
 </section>
+${_.mayOperate?p`${this.parkingCard(e)}<jog-pad></jog-pad>`:k}
 <section class="card" aria-labelledby="tool-title">
 <h2 id="tool-title">${o("tool.title")}</h2>
 <p>${o("tool.why")}</p>
 <tool-statement></tool-statement>
 </section>
-${_.mayOperate?p`${this.parkingCard(e)}<jog-pad></jog-pad>`:k} ${this.values(e)}
-${_.mayOperate?p`<key-list></key-list>`:k} ${this.keyboard()}`:p`<p role="status">${o("loading")}</p>`}check(e,t,n){return p`<li class=${t?"good":"bad"}>
+${this.values(e)} ${_.mayOperate?p`<key-list></key-list>`:k} ${this.keyboard()}`:p`<p role="status">${o("loading")}</p>`}check(e,t,n){return p`<li class=${t?"good":"bad"}>
 <i aria-hidden="true">${t?"✓":"✕"}</i> ${o(e)}: ${o(t?"rig.ready":"rig.not_ready")}
 ${n?p`<small>${n}</small>`:k}
 </li>`}parkingCard(e){return p`<section class="card" aria-labelledby="parking">

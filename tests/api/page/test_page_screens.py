@@ -122,6 +122,7 @@ def test_page_jog_moves_arm_only_while_held(opened: Callable[..., Page], lab: La
     page = opened(Role.OPERATOR, "#/rig")
     home = lab.joints()
     button = page.get_by_role("button", name="Joint 1 +")
+    button.scroll_into_view_if_needed()
     box = button.bounding_box()
     assert box is not None
     for _ in range(10):  # on a busy machine the hold lapses, and the button is pressed again

@@ -41,13 +41,13 @@ export class RigScreen extends PageElement {
             : nothing
         }
       </section>
+      ${live.mayOperate ? html`${this.parkingCard(rig)}<jog-pad></jog-pad>` : nothing}
       <section class="card" aria-labelledby="tool-title">
         <h2 id="tool-title">${t("tool.title")}</h2>
         <p>${t("tool.why")}</p>
         <tool-statement></tool-statement>
       </section>
-      ${live.mayOperate ? html`${this.parkingCard(rig)}<jog-pad></jog-pad>` : nothing} ${this.values(rig)}
-      ${live.mayOperate ? html`<key-list></key-list>` : nothing} ${this.keyboard()}`;
+      ${this.values(rig)} ${live.mayOperate ? html`<key-list></key-list>` : nothing} ${this.keyboard()}`;
   }
 
   private check(name: Word, good: boolean, more: string) {

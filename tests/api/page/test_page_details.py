@@ -1,0 +1,128 @@
+"""What single screens tell: preview figures, filters, time left, comparison of sessions, and how the arm is parked."""
+
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from acquisition.models.recipe import Recipe
+from acquisition.session import SAME_JOINTS_RAD, State
+from api.rest.keys import Role
+from tests.api.page.conftest import Lab
+from tests.api.page.pictures import contrast, pixels
+from tests.api.page.test_page_access import wait_for
+
+pytestmark = [pytest.mark.long, pytest.mark.timeout(900)]
+
+
+def test_page_preview_tells_histogram_clipping_and_focus(opened: Callable[..., Page], lab: Lab) -> None:
+    page = opened(Role.VIEWER, "#/preview")
+    page.locator("#preview:not([data-images='0'])").wait_for()
+    figures = page.locator("preview-figures")
+    figures.locator(".histogram rect").nth(63).wait_for(state="attached")
+    heights = [float(bar.get_attribute("height") or 0) for bar in figures.locator(".histogram rect").all()]
+    assert max(heights) > 10
+    expect(figures.locator("meter").first).to_be_visible()
+    before = pixels(page.locator("#preview")).astype(float)
+    figures.get_by_role("checkbox").check()  # the lamp is off: all pixels are black, and marked so in blue
+    blue = page.locator("#preview")
+    for _ in range(300):
+        picture = pixels(blue).astype(float)
+        if (picture[..., 0] - picture[..., 2]).mean() > (before[..., 0] - before[..., 2]).mean() + 20:
+            break
+        page.wait_for_timeout(200)
+    else:
+        raise AssertionError("nothing is marked as clipped")
+
+
+def test_page_region_drawn_by_brush_is_saved(opened: Callable[..., Page], lab: Lab) -> None:
+    session = lab.client.create(Recipe(label="brushed"))
+    page = opened(Role.OPERATOR, f"#/preview/{session.id}")
+    page.locator("#preview:not([data-images='0'])").wait_for()
+    page.locator("[data-tool=brush]").click()
+    page.locator("#preview").scroll_into_view_if_needed()
+    box = page.locator("#preview").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 0.5 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.5 * box["height"], steps=8)
+    page.mouse.up()
+    page.locator("#save-region").click()
+    expect(page.get_by_text("Saved:")).to_be_visible()
+    content = lab.get(f"/v1/sessions/{session.id}/region.png").content
+    mask = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE)
+    assert mask is not None
+    assert mask[64, 56:72].min() > 127
+    assert 0.001 < np.mean(mask > 127) < 0.1
+
+
+def test_page_sessions_are_filtered_by_state_and_date(opened: Callable[..., Page], lab: Lab) -> None:
+    ended = lab.client.create(Recipe(label="filtered: ended"))
+    lab.client.stop(ended.id)
+    lab.client.create(Recipe(label="filtered: new"))
+    page = opened(Role.OPERATOR, "#/sessions")
+    page.get_by_label("Search").fill("filtered")
+    expect(page.locator("tbody tr")).to_have_count(2)
+    page.get_by_label("State").select_option("stopped")
+    expect(page.locator("tbody tr")).to_have_count(1)
+    expect(page.locator("tbody tr")).to_contain_text("filtered: ended")
+    page.get_by_label("State").select_option("")
+    page.get_by_label("Since").fill("2999-01-01")
+    expect(page.locator("tbody tr")).to_have_count(0)
+    page.get_by_label("Since").fill("2001-01-01")
+    expect(page.locator("tbody tr")).to_have_count(2)
+
+
+def test_page_tells_time_left_then_compares_sessions(opened: Callable[..., Page], lab: Lab) -> None:
+    recipe = Recipe(pilot_lights=3, planned_lights=0)
+    first = lab.start(recipe.model_copy(update={"label": "compared, first"}))
+    wait_for(lab, first, State.COMPLETED)
+    second = lab.start(recipe.model_copy(update={"label": "compared, second"}))
+    page = opened(Role.OPERATOR, f"#/sessions/{second}")
+    left = page.locator(".figures div", has_text="Time left").locator("dd")
+    while lab.client.session(second).state is not State.COMPLETED:
+        text = left.inner_text()
+        if text.endswith((" s", " min")):
+            break
+        lab.resume_if_interrupted(second)
+        page.wait_for_timeout(100)
+    assert text.split()[0].isdigit(), text
+    wait_for(lab, second, State.COMPLETED)
+    expect(page.locator(".events")).to_contain_text("Image taken")
+    page.get_by_role("link", name="Result").click()
+    page.locator("#compare-with").select_option(label="compared, first")
+    page.locator("canvas[data-side='2']").wait_for()
+    expect(page.locator("result-comparison")).to_contain_text("median")
+    assert contrast(page.locator("canvas[data-side='2']")) > 2
+
+
+def test_page_parks_arm_and_jog_ends_with_focus(opened: Callable[..., Page], lab: Lab) -> None:
+    page = opened(Role.OPERATOR, "#/rig")
+    home = lab.joints()
+    button = page.get_by_role("button", name="Joint 1 +")
+    button.scroll_into_view_if_needed()
+    box = button.bounding_box()
+    assert box is not None
+    for _ in range(10):  # on a busy machine the hold lapses, and the button is pressed again
+        page.mouse.move(box["x"] + 10, box["y"] + 10)
+        page.mouse.down()
+        page.wait_for_timeout(1_500)
+        page.evaluate("window.dispatchEvent(new Event('blur'))")  # another window: the hand is still on the mouse
+        rested = lab.joints()
+        page.wait_for_timeout(1_500)
+        moved_on = np.abs(lab.joints() - rested).max()
+        page.mouse.up()
+        if abs(rested[0] - home[0]) > 0.05:
+            break
+    assert abs(rested[0] - home[0]) > 0.05
+    assert moved_on < 0.1  # the way to rest at most: a second and a half of motion would be ten times that
+    for _ in range(10):
+        page.locator("#park:enabled").click()
+        page.locator("#park:enabled").wait_for(timeout=120_000)
+        if np.abs(lab.joints() - home).max() < SAME_JOINTS_RAD:
+            break
+        lab.settle()
+    assert np.abs(lab.joints() - home).max() < SAME_JOINTS_RAD
+    expect(page.locator(".checks li.good")).to_have_count(5)
