@@ -10,9 +10,12 @@ from playwright.sync_api import Page, expect
 from acquisition.models.recipe import Recipe
 from acquisition.session import SAME_JOINTS_RAD, State
 from api.rest.keys import Role
+from hardware_sim.controller.control import ControlClient
 from tests.api.page.conftest import Lab
 from tests.api.page.pictures import contrast, pixels
 from tests.api.page.test_page_access import wait_for
+from tests.api.page.test_page_screens import hold_until_moved
+from tests.end_to_end.processes import rests_after
 
 pytestmark = [pytest.mark.long, pytest.mark.timeout(900)]
 
@@ -101,23 +104,14 @@ def test_page_tells_time_left_then_compares_sessions(opened: Callable[..., Page]
 def test_page_parks_arm_and_jog_ends_with_focus(opened: Callable[..., Page], lab: Lab) -> None:
     page = opened(Role.OPERATOR, "#/rig")
     home = lab.joints()
-    button = page.get_by_role("button", name="Joint 1 +")
-    button.scroll_into_view_if_needed()
-    box = button.bounding_box()
-    assert box is not None
-    for _ in range(10):  # on a busy machine the hold lapses, and the button is pressed again
-        page.mouse.move(box["x"] + 10, box["y"] + 10)
-        page.mouse.down()
-        page.wait_for_timeout(1_500)
-        page.evaluate("window.dispatchEvent(new Event('blur'))")  # another window: the hand is still on the mouse
-        rested = lab.joints()
-        page.wait_for_timeout(1_500)
-        moved_on = np.abs(lab.joints() - rested).max()
-        page.mouse.up()
-        if abs(rested[0] - home[0]) > 0.05:
-            break
-    assert abs(rested[0] - home[0]) > 0.05
-    assert moved_on < 0.1  # the way to rest at most: a second and a half of motion would be ten times that
+    hold_until_moved(page, lab)
+    page.evaluate("window.dispatchEvent(new Event('blur'))")  # another window: the hand is still on the mouse
+    with ControlClient(lab.cell.address) as control:
+        rests_after(control)
+    rested = lab.joints()
+    page.wait_for_timeout(1_500)
+    assert np.abs(lab.joints() - rested).max() < 1e-3
+    page.mouse.up()
     for _ in range(10):
         page.locator("#park:enabled").click()
         page.locator("#park:enabled").wait_for(timeout=120_000)
