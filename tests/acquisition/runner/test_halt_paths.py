@@ -17,7 +17,7 @@ from tests.acquisition.runner.simulated_rig import CELL_FILE, Rig, acknowledge, 
 from tests.end_to_end.processes import rests_after, wait_until_moving
 from tests.end_to_end.test_large_arm import large_cell_file
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
 
 LIFE_SPEED = 1.0
 """As a real arm's, so that a halt has a move to end."""
@@ -46,7 +46,7 @@ def begins(rig: Rig) -> str:
     """A session whose arm moves."""
     session_id = new(rig, Recipe(pilot_lights=10, planned_lights=0))
     rig.runner.act(session_id, Trigger.START, "a")
-    wait_until_moving(rig.control)
+    wait_until_moving(rig.control, within_s=300.0)
     return session_id
 
 
