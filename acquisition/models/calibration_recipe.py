@@ -99,7 +99,7 @@ class LampRecipe(CalibrationRecipe):
     takes_darks: ClassVar[bool] = True
     waits_for_targets: ClassVar[bool] = True
     kind: Literal["lamp"] = Field(description="`lamp`: `tool_from_lamp`, `lamp_intensity` and `lobe`")
-    max_images: int = Field(default=72, ge=32, le=120, description="Images of sphere and plane together")
+    max_images: int = Field(default=72, ge=36, le=120, description="Images of sphere and plane together")
     sphere_share: float = Field(default=0.45, ge=0.25, le=0.7, description="Share of these that show the sphere")
     placings: int = Field(default=2, ge=1, le=4, description="How often the plane is laid down, each time otherwise")
     exposure: Exposure = Field(default=Exposure(target=0.7), description="Exposure of the images of the plane")

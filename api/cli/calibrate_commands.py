@@ -205,7 +205,7 @@ def everything(
     address: Annotated[str, typer.Option(help="The running service, such as http://127.0.0.1:8000")],
     camera_images: Annotated[int, typer.Option(help="Images of the board for the camera, 8 at the least")] = 12,
     hand_eye_images: Annotated[int, typer.Option(help="Images of the board for its place, 8 at the least")] = 32,
-    lamp_images: Annotated[int, typer.Option(help="Images of sphere and plane, 32 at the least")] = 72,
+    lamp_images: Annotated[int, typer.Option(help="Images of sphere and plane, 36 at the least")] = 72,
     yes: Yes = False,
     simulated: Simulated = None,
     as_json: AsJson = False,

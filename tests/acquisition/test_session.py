@@ -303,7 +303,7 @@ def test_next_step_unpredicted_pass_ends_with_repeated_first_image() -> None:
 
 
 def test_next_step_lamp_session_waits_at_home_for_each_target() -> None:
-    recipe = LampRecipe(kind="lamp", max_images=32, placings=1)
+    recipe = LampRecipe(kind="lamp", max_images=36, placings=1)
     images = {number: shot(number) for number in range(2)}
     sphere = PassRecord(plan=plan(2), shots=images, solved=True)
     chosen = record(recipe, sphere, PassRecord(plan=plan(2)))
@@ -317,7 +317,7 @@ def test_next_step_lamp_session_waits_at_home_for_each_target() -> None:
 
 
 def test_next_step_lamp_session_repeats_images_of_the_same_target() -> None:
-    recipe = LampRecipe(kind="lamp", max_images=32, placings=1)
+    recipe = LampRecipe(kind="lamp", max_images=36, placings=1)
     sphere = PassRecord(plan=plan(1), shots={0: shot(0)}, solved=True)
     own = shot(1).model_copy(update={"key": ShotKey(pass_number=1, number=1), "taken_at": 1.0})
     plane = PassRecord(plan=plan(2), shots={1: own}, route=route([1, 0]), reviewed=True)
