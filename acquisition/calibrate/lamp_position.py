@@ -21,6 +21,7 @@ from scipy.optimize import least_squares
 from acquisition import geometry
 from acquisition.models.base import FloatArray, as_matrix4
 from acquisition.models.calibration import Calibration
+from acquisition.models.calibration_result import HandEyeResult
 from acquisition.models.errors import ErrorCode, RigError
 
 MIN_HIGHLIGHTS = 8
@@ -76,6 +77,10 @@ class Highlight:
     base_from_tool: FloatArray
 
 
+ARM_REPEATABILITY_M = 3e-5
+"""1 σ of the lamp's position from image to image at least, m: the repeatability of a UR5e's data sheet (ISO 9283)."""
+
+
 @dataclass(frozen=True)
 class LampFit:
     """The lamp's position (3,) in the tool's frame, m, with its covariance (3, 3); the sphere's centre (3,) in the base
@@ -93,17 +98,17 @@ class LampFit:
         """1 σ of the position, per axis, root mean square, m."""
         return float(np.sqrt(np.trace(self.covariance) / 3))
 
-    def calibrated(self, calibration: Calibration) -> Calibration:
-        """A calibration with the lamp here."""
+    def calibrated(self, calibration: Calibration, hand_eye: HandEyeResult) -> Calibration:
+        """A calibration with the lamp here: its covariance, which all images share, and the arm's own deviation at
+        each, as `hand_eye` found it."""
         tool_from_lamp = np.array(calibration.tool_from_lamp)
         tool_from_lamp[:3, 3] = self.tool_from_lamp_m
-        return calibration.model_copy(
-            update={
-                "tool_from_lamp": as_matrix4(tool_from_lamp),
-                "lamp_position_sigma_m": self.sigma_m,
-                "tool_from_lamp_covariance": tuple(tuple(row) for row in self.covariance.tolist()),
-            }
-        )
+        update = {
+            "tool_from_lamp": as_matrix4(tool_from_lamp),
+            "tool_from_lamp_covariance": self.covariance.tolist(),
+            "lamp_position_sigma_m": max(hand_eye.deviation_m, ARM_REPEATABILITY_M),
+        }
+        return Calibration.model_validate(calibration.model_dump() | update)
 
 
 def find_highlight(image: np.ndarray, full_scale: float) -> FloatArray | str:

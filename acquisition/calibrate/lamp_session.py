@@ -97,7 +97,7 @@ def place_lamp(
         images.highlights, calibration, np.array(hand_eye.covariance), targets.sphere_radius_m, sphere_center(cell),
         targets.window_radius_m,
     )  # fmt: skip
-    return found, found.calibrated(calibration).model_copy(update={"made_at": now()})
+    return found, found.calibrated(calibration, hand_eye).model_copy(update={"made_at": now()})
 
 
 def read_plane(observations: Observations, cell: CellConfig, calibration: Calibration, passes: int) -> PlaneImages:

@@ -1,5 +1,6 @@
 """Results of calibrations, as their files hold them: values with covariance, and residuals of each view."""
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -64,6 +65,12 @@ class HandEyeResult(Value):
     arm_sigma_m: float = Field(description="1 σ of the arm's deviation from its kinematic model, per axis, m")
     arm_sigma_rad: float = Field(description="1 σ of the arm's deviation in rotation, per axis, rad")
     views: Annotated[tuple[ViewResidual, ...], Field(strict=False)]
+
+    @property
+    def deviation_m(self) -> float:
+        """1 σ of a place as far from the flange as the board's corner, by the arm's deviations, per axis, m."""
+        x, y, z = (row[3] for row in self.flange_from_board[:3])
+        return math.hypot(self.arm_sigma_m, math.hypot(x, y, z) * self.arm_sigma_rad)
 
 
 class CalibrationSummary(Value):

@@ -1,19 +1,17 @@
 """`lightpose calibrate lamp`: where the lamp is in the tool's frame, from images of a mirror sphere."""
 
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.console import Console
 
-from acquisition.calibrate import lamp_position
-from acquisition.calibrate.board_results import now
-from acquisition.calibrate.lamp_position import Highlight, LampFit
+from acquisition.calibrate import lamp_position, lamp_results
+from acquisition.calibrate.lamp_position import Highlight
 from acquisition.models import cell_config
-from acquisition.models.base import FloatArray, as_matrix4
+from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_result import HandEyeResult, HighlightResidual, LampResult
+from acquisition.models.calibration_result import HandEyeResult, LampResult
 from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.folder import write_value
@@ -41,22 +39,15 @@ def calibrate_lamp(
     refuse_overwriting(out / "lamp.json", out / "calibration.json")
     cell, calibration = cell_config.load(cell_file), cell_config.load_calibration(base)
     hand_eye = read_value(hand_eye_file, HandEyeResult, "hand_eye.json of `calibrate hand-eye`")
-    used, said = _highlights(folder, cell, calibration)
+    used, why_not, hashes = _highlights(folder, cell, calibration)
     keep_out = cell.object.keep_out.base_from_object.matrix
     center = keep_out[:3, 3] + keep_out[:3, 2] * radius_mm / 1000
     window_m = 0.0 if cell.lamp_targets is None else cell.lamp_targets.window_radius_m
     found = lamp_position.fit(used, calibration, np.array(hand_eye.covariance), radius_mm / 1000, center, window_m)
-    result = _result(found, used, said)
+    result = lamp_results.lamp_result(found, used, why_not, hashes)
     out.mkdir(parents=True, exist_ok=True)
-    tool_from_lamp = np.array(calibration.tool_from_lamp)
-    tool_from_lamp[:3, 3] = found.tool_from_lamp_m
-    changed = calibration.model_copy(
-        update={
-            "tool_from_lamp": as_matrix4(tool_from_lamp),
-            "lamp_position_sigma_m": result.position_sigma_m, "made_at": result.made_at,
-        }
-    )  # fmt: skip
-    write_value(out / "calibration.json", changed)
+    changed = found.calibrated(calibration, hand_eye)
+    write_value(out / "calibration.json", changed.model_copy(update={"made_at": result.made_at}))
     write_value(out / "lamp.json", result)
     _show(result)
     return result.model_dump(mode="json")
@@ -64,21 +55,23 @@ def calibrate_lamp(
 
 def _highlights(
     folder: Path, cell: CellConfig, calibration: Calibration
-) -> tuple[list[Highlight], list[HighlightResidual]]:
-    """Highlights of a folder's images, and what is said of each image; of those used the residual is still missing."""
+) -> tuple[list[Highlight], dict[str, str], dict[str, str]]:
+    """Highlights of a folder's images, why some have none, and the hashes of all, both by name."""
     joints, chain = read_joints(folder / JOINTS_FILE), calibrated_kinematics.of_arm(cell.arm)
     flange_from_tool = cell.arm.flange_from_tool.matrix
     offsets = np.array(calibration.joint_offsets_rad or (0.0,) * 6)
     used: list[Highlight] = []
-    said: list[HighlightResidual] = []
+    why_not: dict[str, str] = {}
+    hashes: dict[str, str] = {}
     for image in images(folder, joints, calibration):
+        hashes[image.name] = image.sha256
         spot = lamp_position.find_highlight(image.values, _clipped_from(image.values, calibration.sensor.bits))
-        why = spot if isinstance(spot, str) else ""
-        said.append(HighlightResidual(image=image.name, sha256=image.sha256, residual_px=None, why_not=why))
-        if not isinstance(spot, str):
+        if isinstance(spot, str):
+            why_not[image.name] = spot
+        else:
             tool = _flange(chain, joints[image.name] + offsets) @ flange_from_tool
             used.append(Highlight(image.name, spot, tool))
-    return used, said
+    return used, why_not, hashes
 
 
 def _clipped_from(values: np.ndarray, bits: int) -> float:
@@ -90,23 +83,6 @@ def _clipped_from(values: np.ndarray, bits: int) -> float:
 
 def _flange(chain: FloatArray, joints: FloatArray) -> FloatArray:
     return calibrated_kinematics.forward(chain, joints[None])[0, 6]
-
-
-def _result(found: LampFit, used: list[Highlight], said: list[HighlightResidual]) -> LampResult:
-    lengths = dict(zip((one.name for one in used), np.linalg.norm(found.residuals_px, axis=1), strict=True))
-    return LampResult.model_validate(
-        {
-            "made_at": now(), "version": metadata.version("lightpose"),
-            "tool_from_lamp_m": found.tool_from_lamp_m.tolist(), "covariance": found.covariance.tolist(),
-            "position_sigma_m": float(np.sqrt(np.trace(found.covariance) / 3)),
-            "sphere_center_m": found.sphere_center_m.tolist(), "sphere_radius_m": found.sphere_radius_m,
-            "highlight_sigma_px": found.highlight_sigma_px,
-            "images": [
-                one.model_copy(update={"residual_px": float(lengths[one.image])}) if one.image in lengths else one
-                for one in said
-            ],
-        }
-    )  # fmt: skip
 
 
 def _show(result: LampResult) -> None:

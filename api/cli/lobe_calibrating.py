@@ -3,23 +3,21 @@
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from rich.console import Console
 
-from acquisition.calibrate import charuco, lamp_lobe, matt_plane
+from acquisition.calibrate import charuco, lamp_lobe, lamp_results, matt_plane
 from acquisition.calibrate.board_results import now
 from acquisition.calibrate.charuco import CharucoBoard, View
-from acquisition.calibrate.lamp_lobe import Known, LobeFit, Placing, PlaneImage
+from acquisition.calibrate.lamp_lobe import Known, Placing, PlaneImage
 from acquisition.formats.folders.refusal import refusal, text
 from acquisition.models import cell_config
 from acquisition.models.base import FloatArray
 from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_result import HandEyeResult, LampResult, LobeResult, PlaneResidual
+from acquisition.models.calibration_result import HandEyeResult, LampResult, LobeResult
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.store.folder import sha256_of, write_value
 from acquisition.waypoints import calibrated_kinematics
@@ -90,9 +88,10 @@ def calibrate_lobe(folder: Path, files: LobeFiles, albedo: float, albedo_sigma: 
     after = found.calibrated(calibration).model_copy(update={"made_at": now()})
     unused = [one for one in images if last and one.placing == last]
     verified = lamp_lobe.normal_error_deg(unused, placings[last], after, found.flat_field) if unused else None
-    result = _result(found, images, fitted, folder, verified)
+    hashes = {one.name: sha256_of(folder / one.name) for one in images}
+    result = lamp_results.lobe_result(found, images, fitted, hashes, verified)
     out.mkdir(parents=True, exist_ok=True)
-    _draw(found, calibration, out / "lobe.png")
+    lamp_results.draw_lobe(found, calibration, out / "lobe.png")
     write_value(out / "calibration.json", after)
     write_value(out / "lobe.json", result)
     _show(result)
@@ -132,45 +131,6 @@ def _placing(
             f"The plane's frame is seen in no image of placing {name}: check its description, focus and exposure",
         )
     return matt_plane.placing(seen, board, calibration)
-
-
-def _result(
-    found: LobeFit, images: Sequence[PlaneImage], fitted: Sequence[PlaneImage], folder: Path, verified: float | None
-) -> LobeResult:
-    offsets = dict(zip((one.name for one in fitted), found.offsets.tolist(), strict=True))
-    return LobeResult.model_validate(
-        {
-            "made_at": now(), "version": metadata.version("lightpose"), "lamp_intensity": found.lamp_intensity,
-            "lobe": found.lobe.model_dump(), "covariance": found.covariance.tolist(),
-            "intensity_sigma": float(np.sqrt(found.covariance[0, 0])), "flat_field": found.flat_field.tolist(),
-            "flat_field_covariance": found.flat_covariance.tolist(), "image_sigma": found.image_sigma,
-            "patch_sigma": found.patch_sigma,
-            "held_out": [[float(count), residual] for count, residual in found.held_out.items()],
-            "verified_deg": verified,
-            "images": [
-                PlaneResidual(
-                    image=one.name, sha256=sha256_of(folder / one.name), patches=len(one.values),
-                    offset=offsets.get(one.name),
-                )
-                for one in images
-            ],
-        }
-    )  # fmt: skip
-
-
-def _draw(found: LobeFit, calibration: Calibration, path: Path) -> None:
-    """The lobe over the angle with its 2 σ, beside the cosine's power."""
-    knots = np.degrees(found.lobe.knots_rad)
-    base = np.cos(np.radians(knots)) ** calibration.lobe_exponent
-    sigma = np.r_[0.0, np.sqrt(np.diag(found.covariance)[1:-2])]
-    figure = Figure(figsize=(6, 4), layout="constrained")
-    axes = figure.subplots()
-    factors = np.array(found.lobe.factors)
-    axes.errorbar(knots, base * factors, 2 * sigma * factors, fmt="o-", label="found, 2 σ")
-    axes.plot(knots, base, "--", label=f"cos^{calibration.lobe_exponent:g}")
-    axes.set(xlabel="angle off the lamp's axis, °", ylabel="intensity over that on the axis")
-    axes.legend()
-    figure.savefig(path, dpi=120)
 
 
 def _show(result: LobeResult) -> None:
