@@ -58,7 +58,10 @@ def stopped_by_that_path_alone(rig: Rig, path: str) -> bool:
     assert rests_after(rig.control) < RESTS_WITHIN_S
     assert wait_for(rig, session_id, *ENDED) is State.STOPPED
     assert rig.control.state()["digital_outputs"] == 0
-    state, said = rig.control.state(), [line for line in rig.control.log()[lines:] if "stop" in line]
+    state, said = (
+        rig.control.state(),
+        [line for line in rig.control.log()[lines:] if " stopped: " in line or "stop program" in line],
+    )
     acknowledge(rig)
     if path == "driver":
         return state["runtime_state"] == RuntimeState.PLAYING and not said
