@@ -6,8 +6,10 @@ accuracy at which it stops.
 """
 
 import math
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, cast
 
+import numpy as np
 from pydantic import Discriminator, Field, Tag, TypeAdapter, model_validator
 
 from acquisition.models.base import Value
@@ -135,20 +137,71 @@ class LampRecipe(CalibrationRecipe):
 LEAST_OF_A_PLACING = 10
 """Images of one placing of the plane: fewer do not tell lobe, sides and flat field apart."""
 
-TAGS = ("capture-recipe", "board-recipe", "lamp-recipe")
+
+@dataclass(frozen=True)
+class FrameSetting:
+    """One frame of a response session: its exposure time over that at which the brightest parts are full, and whether
+    the lamp is on."""
+
+    share: float
+    lit: bool
+
+
+class ResponseRecipe(CalibrationRecipe):
+    """The camera's response (black level, gain, noise, full well, linearity) at one light with the arm at rest."""
+
+    tool: ClassVar[Tool] = "lamp"
+    kind: Literal["response"] = Field(
+        description="`response`: the camera's black level, gain, noise, full well and linearity"
+    )
+    max_images: int = Field(
+        default=49, ge=25, le=101, description="Images: one, and four for each exposure time, of which two without lamp"
+    )
+    exposure: Exposure = Field(default=Exposure(target=0.7), description="Exposure by which the others are set")
+
+    @property
+    def first_images(self) -> int:
+        """All: the exposure times follow from the first image."""
+        return self.max_images
+
+    @property
+    def passes_most(self) -> int:
+        """One."""
+        return 1
+
+    @property
+    def frames(self) -> tuple[FrameSetting, ...]:
+        """The settings of the images in the order of capture: the first at the recipe's exposure, the others by lot, so
+        that a lamp that warms up is no bend of the response."""
+        count = (self.max_images - 1) // 4
+        shares = [LONGEST_SHARE * ((step + 1) / count) ** 1.5 for step in range(count)]
+        ordered = [FrameSetting(share, lit) for share in shares for lit in (True, True, False, False)]
+        lot = np.random.default_rng(self.seed).permutation(len(ordered))
+        return (FrameSetting(self.exposure.target, True), *(ordered[number] for number in lot))
+
+
+LONGEST_SHARE = 1.5
+"""Longest exposure time of a response session, over that at which the brightest parts are full: pixels have to be full
+for their full well to be seen."""
+
+
+TAGS = ("capture-recipe", "board-recipe", "lamp-recipe", "response-recipe")
 """What an error's location names beside the fields: which of the recipes was read."""
 
 
 def _kind(recipe: object) -> str:
     given = cast(dict[str, Any], recipe) if isinstance(recipe, dict) else None
     kind = given.get("kind", "capture") if given is not None else getattr(recipe, "kind", "capture")
-    return {"camera": "board-recipe", "hand-eye": "board-recipe", "lamp": "lamp-recipe"}.get(kind, "capture-recipe")
+    return {
+        "camera": "board-recipe", "hand-eye": "board-recipe", "lamp": "lamp-recipe", "response": "response-recipe"
+    }.get(str(kind), "capture-recipe")  # fmt: skip
 
 
 AnyRecipe = Annotated[
     Annotated[Recipe, Tag("capture-recipe")]
     | Annotated[BoardRecipe, Tag("board-recipe")]
-    | Annotated[LampRecipe, Tag("lamp-recipe")],
+    | Annotated[LampRecipe, Tag("lamp-recipe")]
+    | Annotated[ResponseRecipe, Tag("response-recipe")],
     Discriminator(_kind),
 ]
 """The recipe of a session of any kind; without `kind` it is one of capture."""

@@ -104,8 +104,60 @@ class CalibrationSummary(Value):
     verified_deg: float | None = Field(
         default=None, description="Mean error of normals on a placing of the plane that took no part, degrees"
     )
+    gain_e_per_dn: float | None = Field(default=None, description="`response`: electrons per value")
+    read_noise_e: float | None = Field(default=None, description="`response`: 1 σ of a value in the dark, electrons")
+    full_well_e: float | None = Field(default=None, description="`response`: electrons at which a pixel is full")
+    defective_pixels: int | None = Field(default=None, description="`response`: hot pixels, and such without response")
     fingerprint: str | None = Field(default=None, description="SHA-256 of the values of its calibration.json")
     advice: list[str] = Field(default_factory=list[str], description="What to do next, for people")
+
+
+class ExposureResidual(Value):
+    """One exposure time's part in a calibration of the response."""
+
+    exposure_s: float
+    mean_dn: float = Field(description="Mean of the lit frames over those without lamp, values")
+    dark_dn: float = Field(description="Mean of the frames without lamp over the black level, values")
+    lamp: Annotated[tuple[float, ...], Field(strict=False)] = Field(
+        description="The lamp's brightness in each lit frame over its mean in all"
+    )
+    nonlinear: float = Field(description="Rest of the linear model among parts of the image, as a fraction")
+
+
+class DefectivePixel(Value):
+    """A pixel that does not do what its neighbours do."""
+
+    column: int
+    row: int
+    kind: str = Field(description="`hot`: bright in the dark; `response`: half or twice as sensitive as its neighbours")
+
+
+class ResponseResult(Value):
+    """The camera's response by photon transfer (EMVA 1288); `response.json`."""
+
+    kind: Literal["response"] = "response"
+    made_at: str
+    version: str = Field(description="Version of the software")
+    width: int
+    height: int
+    black_level_dn: float = Field(description="Value without light, at no exposure time")
+    gain_e_per_dn: float = Field(description="Electrons per value")
+    read_noise_e: float = Field(description="1 σ of a value in the dark, without rounding, electrons")
+    full_well_e: float = Field(description="Electrons at which a pixel is full")
+    full_by: str = Field(
+        description="`pixel`, `converter`: it clips first; `not reached`: the full well is larger than stated"
+    )
+    nonlinearity: float = Field(description="Bend: how much too large the response is at full scale, as a fraction")
+    covariance: Rows = Field(description="Of black level, gain, read noise, full well and nonlinearity")
+    room_per_s: float = Field(description="Room light and dark current, median, fraction of full scale per second")
+    brightest_room_per_s: float = Field(description="The same at the 99.5th percentile")
+    room_over_lamp: float = Field(description="Light without the lamp over that with it, at the longest exposure")
+    lamp_sigma: float = Field(description="1 σ by which the lamp's brightness differs from image to image, a fraction")
+    lamp_drift_per_h: float = Field(description="Trend of the lamp's brightness as it warms up, fraction per hour")
+    lamp_drift_sigma_per_h: float = Field(description="1 σ of that")
+    exposures: Annotated[tuple[ExposureResidual, ...], Field(strict=False)]
+    defects: Annotated[tuple[DefectivePixel, ...], Field(strict=False)]
+    images: dict[str, str] = Field(description="SHA-256 of each image")
 
 
 class HighlightResidual(Value):

@@ -8,7 +8,7 @@ little brighter or a little displaced. Differences at edges are not noise, so th
 estimated from its core by σ-clipping, and a bin with many outliers is dropped.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -61,21 +61,24 @@ IRLS_ITERATIONS = 8
 
 @dataclass(frozen=True)
 class TransferCurve:
-    """A photon-transfer curve: mean brightness (B,), variance (B,) of one frame's values there, its relative 1 σ."""
+    """A photon-transfer curve: mean brightness (B,), variance (B,) of one frame's values there, its relative 1 σ, and
+    what the number of differences alone makes of that."""
 
     level: FloatArray
     variance: FloatArray
     relative: FloatArray
+    sampling: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True)
 class LinearFit:
-    """Variance = slope · brightness + floor, each with its 1 σ."""
+    """Variance = slope · brightness + floor, each with its 1 σ, and the covariance of the two."""
 
     slope: float
     slope_sigma: float
     floor: float
     floor_sigma: float
+    covariance: float = 0.0
 
 
 def transfer_curve(level: np.ndarray, difference: np.ndarray, top: float, step: float) -> TransferCurve:
@@ -88,7 +91,7 @@ def transfer_curve(level: np.ndarray, difference: np.ndarray, top: float, step: 
     ends = np.cumsum(np.bincount(bin_number, minlength=BINS))
     squares = np.square(difference[order], dtype=np.float64)
     level = level[order]
-    bins: list[tuple[float, float, float]] = []
+    bins: list[tuple[float, float, float, float]] = []
     for start, stop in zip(np.concatenate([[0], ends[:-1]]), ends, strict=True):
         if stop - start >= MIN_BIN_COUNT:
             members = squares[start:stop]
@@ -97,15 +100,14 @@ def transfer_curve(level: np.ndarray, difference: np.ndarray, top: float, step: 
             if variance > MIN_VARIANCE_STEPS * step**2:
                 sampling = 2.3 / (stop - start)  # clipping costs a little of the efficiency
                 relative = np.sqrt(sampling + VARIANCE_SIGMA**2 + (ROUNDING_SIGMA * step**2 / variance) ** 2)
-                bins.append((mean, variance, float(relative)))
-    rows = np.array(bins).reshape(-1, 3)
-    return TransferCurve(rows[:, 0], rows[:, 1], rows[:, 2])
+                bins.append((mean, variance, float(relative), float(np.sqrt(sampling))))
+    return TransferCurve(*np.array(bins).reshape(-1, 4).T)
 
 
 def concatenate(curves: list[TransferCurve]) -> TransferCurve:
     """The points of several curves of one sensor together."""
     return TransferCurve(
-        *(np.concatenate([getattr(curve, name) for curve in curves]) for name in ("level", "variance", "relative"))
+        *(np.concatenate([getattr(curve, one.name) for curve in curves]) for one in fields(TransferCurve))
     )
 
 
@@ -134,7 +136,8 @@ def fit_line(curve: TransferCurve) -> LinearFit | None:
     misfit = np.sum(robust * off**2) / max(float(np.sum(robust)) - 2, 1.0)
     larger = np.sqrt(max(1.0, float(misfit)))
     sigma = larger * np.sqrt(np.diag(inverse))
-    return LinearFit(float(solution[0]), float(sigma[0]), float(solution[1]), float(sigma[1]))
+    covariance = float(larger**2 * inverse[0, 1])
+    return LinearFit(float(solution[0]), float(sigma[0]), float(solution[1]), float(sigma[1]), covariance)
 
 
 def _core_variance(squares: FloatArray, step: float) -> float:

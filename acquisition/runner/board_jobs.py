@@ -14,7 +14,7 @@ from acquisition.calibrate.board_results import AdjustmentRecord
 from acquisition.calibrate.board_session import BoardEstimate, BoardImages
 from acquisition.capture.compare import MAX_SHIFT_OF_WIDTH, MAX_SHIFT_PX
 from acquisition.formats.atomic_write import atomic_folder, discard_partial
-from acquisition.models.base import Value, as_joints
+from acquisition.models.base import as_joints
 from acquisition.models.calibration import Calibration
 from acquisition.models.calibration_recipe import BoardRecipe
 from acquisition.models.calibration_result import CalibrationSummary
@@ -22,14 +22,12 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
 from acquisition.models.shot import Observations
+from acquisition.runner.estimate_files import BASIS, CALIBRATION, SUMMARY, write_json
 from acquisition.waypoints import calibrated_kinematics, mounted_tool
 from acquisition.waypoints.roadmap import connected_views
 
 CANDIDATES = 160
 """Poses of which a pass's are chosen: twice as many lower the loss by 2 % only and take twice as long."""
-
-SUMMARY, CALIBRATION, BASIS = "summary.json", "calibration.json", "basis.json"
-"""Files of an estimate's folder, beside those that `lightpose calibrate` writes."""
 
 
 def board_poses(
@@ -112,8 +110,8 @@ def estimate_from_board(
                 kind=recipe.kind, images=len(images.hashes), used=len(images.views), estimated=False, why_not=why_not
             )
         _write_corners(images, partial / "corners.json")
-        _write(partial / BASIS, AdjustmentRecord.of(board_session.basis(found, images, cell, calibration)))
-        _write(partial / SUMMARY, summary)
+        write_json(partial / BASIS, AdjustmentRecord.of(board_session.basis(found, images, cell, calibration)))
+        write_json(partial / SUMMARY, summary)
     return summary
 
 
@@ -123,11 +121,11 @@ def _write_results(
     """Writes what was found, and the calibration in use with it in place of its own values."""
     made = board_results.results(found.camera, found.hand_eye, images.hashes)
     board_results.draw_projection_sigma(found.camera, made.projection_sigma_px, folder / "projection_sigma.png")
-    _write(folder / "camera.json", made.camera)
+    write_json(folder / "camera.json", made.camera)
     if made.hand_eye is not None:
-        _write(folder / "hand_eye.json", made.hand_eye)
+        write_json(folder / "hand_eye.json", made.hand_eye)
     merged = made.merged(calibration)
-    _write(folder / CALIBRATION, merged)
+    write_json(folder / CALIBRATION, merged)
     summary = board_session.summary(found, images, recipe, made.camera.projection_sigma_px)
     return summary.model_copy(update={"fingerprint": merged.fingerprint})
 
@@ -142,7 +140,3 @@ def _write_corners(images: BoardImages, path: Path) -> None:
         for view in images.views
     }
     path.write_text(json.dumps(corners), encoding="utf-8")
-
-
-def _write(path: Path, value: Value) -> None:
-    path.write_text(value.model_dump_json(indent=2), encoding="utf-8")

@@ -13,7 +13,7 @@ from acquisition.formats.frames import FolderFrames
 from acquisition.models.base import BoolArray
 from acquisition.models.calibration_recipe import BoardRecipe
 from acquisition.models.errors import ErrorCode, RigError
-from acquisition.models.shot import FrameQuality
+from acquisition.models.shot import FrameQuality, ShotKey
 from acquisition.models.step import RepeatReference, TakeShot
 from acquisition.runner.shots import ShotCapture
 from acquisition.session import SessionRecord
@@ -85,7 +85,7 @@ class BoardShots(ShotCapture):
             raise RigError(ErrorCode.SCENE_MOVED, detail)
         self._store_shot(record, step.key, exposed, first.exposure_s, attempt, first.quality, repeats=first.key)
 
-    def lit(self, record: SessionRecord) -> bool:
+    def lit(self, record: SessionRecord, key: ShotKey) -> bool:
         """Whether the lamp is on during an image."""
         return _board_recipe(record).lit
 

@@ -21,6 +21,9 @@ from acquisition.session import SessionRecord
 from acquisition.store import Artifact, Store
 from acquisition.store.folder import write_manifest
 
+JOBS = {"camera": "estimate_from_board", "hand-eye": "estimate_from_board", "response": "estimate_response"}
+"""The job that estimates, by the session's kind; each has the same parameters. That of kind `lamp` takes more."""
+
 READY = "estimate.ready"
 """Type of the event that announces an estimate."""
 
@@ -44,7 +47,7 @@ def estimate_and_record(
     if isinstance(recipe, LampRecipe):
         job, given = "estimate_lamp", (known, folder / name)
     else:
-        job, given = "estimate_from_board", (folder / name, last)
+        job, given = JOBS[recipe.kind], (folder / name, last)
     with written_by_job(folder / name):
         summary: CalibrationSummary = compute.run(stop, job, recipe, cell, calibration, images, *given)
     more: dict[str, object] = {"seconds": round(time.monotonic() - begun, 3), "passes": list(range(number + 1))}

@@ -37,14 +37,15 @@ from acquisition.plan import prior_forecast as prior
 from acquisition.runner import light_forecast
 from acquisition.runner.board_jobs import board_moved, board_poses, estimate_from_board, look_at_board
 from acquisition.runner.lamp_jobs import estimate_lamp, lamp_poses, look_at_target, target_moved
+from acquisition.runner.response_jobs import estimate_response, response_light
 from acquisition.runner.session_solve import solve_in_cell
 from acquisition.waypoints import drawing, rejoin, routing
 from acquisition.waypoints import jog_step as jog_steps
 from acquisition.waypoints import reach as reaching
 
 __all__ = [
-    "board_moved", "board_poses", "estimate_from_board", "estimate_lamp", "lamp_poses", "look_at_board",
-    "look_at_target", "target_moved",
+    "board_moved", "board_poses", "estimate_from_board", "estimate_lamp", "estimate_response", "lamp_poses",
+    "look_at_board", "look_at_target", "response_light", "target_moved",
 ]  # jobs of modules of their own  # fmt: skip
 
 Rows = npt.NDArray[np.int64]

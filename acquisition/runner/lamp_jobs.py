@@ -14,7 +14,7 @@ from acquisition import geometry, lamp_pose, photometry
 from acquisition.calibrate import charuco, lamp_position, lamp_results, lamp_session
 from acquisition.capture.compare import MAX_SHIFT_OF_WIDTH, MAX_SHIFT_PX
 from acquisition.formats.atomic_write import atomic_folder, discard_partial
-from acquisition.models.base import FloatArray, Value, as_joints
+from acquisition.models.base import FloatArray, as_joints
 from acquisition.models.calibration import Calibration, SensorModel
 from acquisition.models.calibration_recipe import LampRecipe
 from acquisition.models.calibration_result import CalibrationSummary, HandEyeResult
@@ -22,7 +22,7 @@ from acquisition.models.cell_config import CellConfig
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import Light, LightPlan
 from acquisition.models.shot import Observations
-from acquisition.runner.board_jobs import CALIBRATION, SUMMARY
+from acquisition.runner.estimate_files import CALIBRATION, SUMMARY, write_json
 from acquisition.waypoints import calibrated_kinematics
 from acquisition.waypoints.roadmap import connected_lights, dome_center
 
@@ -144,12 +144,12 @@ def estimate_lamp(
     discard_partial(folder)
     with atomic_folder(folder) as partial:
         result = lamp_results.lamp_result(lamp, images.highlights, images.why_not, of_sphere)
-        _write(partial / "lamp.json", result)
+        write_json(partial / "lamp.json", result)
         if passes > 1:
             plane = lamp_session.read_plane(observations, cell, made, passes)
             lobe, made = lamp_session.fit_lobe(plane, cell, made, lamp, hand_eye)
             found = lamp_results.lobe_result(lobe.fit, plane.images, lobe.fitted, hashes, lobe.verified_deg)
-            _write(partial / "lobe.json", found)
+            write_json(partial / "lobe.json", found)
             lamp_results.draw_lobe(lobe.fit, calibration, partial / "lobe.png")
             sigma = np.sqrt(np.diag(lobe.fit.covariance))
             summary = summary.model_copy(
@@ -165,8 +165,8 @@ def estimate_lamp(
                 "fingerprint": made.fingerprint, "reached": passes == recipe.passes_most, "advice": _advice(summary),
             }
         )  # fmt: skip
-        _write(partial / CALIBRATION, made)
-        _write(partial / SUMMARY, summary)
+        write_json(partial / CALIBRATION, made)
+        write_json(partial / SUMMARY, summary)
     return summary
 
 
@@ -255,7 +255,3 @@ def _hand_eye(known: Path | None) -> HandEyeResult:
 def _pass_of(frame: str) -> int:
     """Pass of an image by its file, `passes/<number>/shots/…`."""
     return int(Path(frame).parts[1])
-
-
-def _write(path: Path, value: Value) -> None:
-    path.write_text(value.model_dump_json(indent=2), encoding="utf-8")

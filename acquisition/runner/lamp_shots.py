@@ -15,7 +15,7 @@ from acquisition.formats.frames import FolderFrames
 from acquisition.models.calibration_recipe import LampRecipe
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.recipe import Exposure
-from acquisition.models.shot import FrameQuality, Shot
+from acquisition.models.shot import FrameQuality, Shot, ShotKey
 from acquisition.models.step import AwaitTarget, RepeatReference, TakeShot
 from acquisition.runner.board_shots import BoardShots
 from acquisition.session import SessionRecord
@@ -99,7 +99,7 @@ class LampShots(BoardShots):
             raise RigError(ErrorCode.SCENE_MOVED, detail)
         self._store_shot(record, step.key, exposed, first.exposure_s, attempt, first.quality, repeats=first.key)
 
-    def lit(self, record: SessionRecord) -> bool:
+    def lit(self, record: SessionRecord, key: ShotKey) -> bool:
         """The lamp is what is calibrated: it is on."""
         return True
 

@@ -60,7 +60,7 @@ class ShotCapture:
         """The cell with the session's tool on the flange, in which its paths are certified."""
         return mounted_tool.with_tool(self._rig.cell, tool_of(record.recipe))
 
-    def lit(self, record: SessionRecord) -> bool:
+    def lit(self, record: SessionRecord, key: ShotKey) -> bool:
         """Whether the lamp is on during an image."""
         return True
 
@@ -164,7 +164,7 @@ class ShotCapture:
         attempts_before: int = 0,
     ) -> tuple[Exposed, int]:
         """A lit frame and the number of its attempt; a frame that the camera loses is retaken as the recipe allows."""
-        lit = self.lit(record)
+        lit = self.lit(record, key)
         while True:
             try:
                 return take.expose(self._rig, exposure_s, attempts_before + attempt, lit=lit, stop=stop), attempt
@@ -248,7 +248,7 @@ class ShotCapture:
             ),
             joints=as_joints(reading.joints),
             base_from_tool=as_matrix4(reading.base_from_tool),
-            lamp_on=not dark and self.lit(record),
+            lamp_on=not dark and self.lit(record, key),
             attempt=attempt,
             arm_time_s=reading.timestamp,
             taken_at=exposed.frame.taken_at,

@@ -15,7 +15,7 @@ import numpy as np
 from acquisition.capture import region
 from acquisition.devices import Rig, StopToken
 from acquisition.models.calibration import Calibration
-from acquisition.models.calibration_recipe import AnyRecipe, LampRecipe
+from acquisition.models.calibration_recipe import AnyRecipe, LampRecipe, ResponseRecipe
 from acquisition.models.calibration_set import CELL_FILE
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.models.light_plan import LightPlan
@@ -39,6 +39,7 @@ from acquisition.runner.board_shots import BoardShots
 from acquisition.runner.compute import Compute
 from acquisition.runner.lamp_shots import LampShots
 from acquisition.runner.re_solve import SolveRequest
+from acquisition.runner.response_shots import ResponseShots
 from acquisition.runner.rig_choices import RigChoices
 from acquisition.runner.shots import ShotCapture, predicted_image_file
 from acquisition.session import SessionRecord
@@ -57,6 +58,7 @@ class StepExecutor:
         self._shots = ShotCapture(store, rig, choices, compute)
         self._board_shots = BoardShots(store, rig, choices, compute)
         self._lamp_shots = LampShots(store, rig, choices, compute)
+        self._response_shots = ResponseShots(store, rig, choices, compute)
 
     @property
     def _calibration(self) -> Calibration:
@@ -111,6 +113,8 @@ class StepExecutor:
         """How a session's images are captured and judged."""
         if isinstance(record.recipe, Recipe):
             return self._shots
+        if isinstance(record.recipe, ResponseRecipe):
+            return self._response_shots
         return self._lamp_shots if isinstance(record.recipe, LampRecipe) else self._board_shots
 
     @property
@@ -158,6 +162,8 @@ class StepExecutor:
         known = (record.recipe, self._rig.cell, self._calibration)
         if isinstance(record.recipe, LampRecipe):
             plan: LightPlan = self._compute.run(stop, "lamp_poses", *known, number, self._known)
+        elif isinstance(record.recipe, ResponseRecipe):
+            plan = self._compute.run(stop, "response_light", *known)
         else:
             previous = folder / "estimates" / str(number - 1) if number else None
             images = re_solve.observations(record, folder)

@@ -158,6 +158,37 @@ def _recipe(wanted: dict[str, Any]) -> "AnyRecipe":
 
 
 @app.command()
+def response(
+    folder: ImagesOrService = None,
+    base: Annotated[
+        Path | None, typer.Option(help="With FOLDER: the calibration.json whose sensor is replaced")
+    ] = None,
+    out: Out = Path("calibration"),
+    address: Address = None,
+    images: Annotated[int, typer.Option("--images", help="With --address: images, four for each exposure time")] = 49,
+    activate: Activate = False,
+    as_json: AsJson = False,
+) -> None:
+    """Calibrates the camera's response: black level, gain, read noise, full well, linearity, defective pixels.
+
+    The folder holds response.csv: image, lamp (on or off), exposure time in s, and optionally when it was taken, in s;
+    two images with the lamp and two without at each of five exposure times or more, of one scene that does not move.
+    With --address the service takes them, at one light with the arm at rest.
+    """
+    if address is None:
+        from api.cli import response_calibrating
+
+        images_in = _folder(folder)
+        if base is None:
+            raise typer.BadParameter("is needed for a folder of images", param_hint="--base")
+        outcome = explain_errors(lambda: response_calibrating.calibrate_response(images_in, base, out))
+    else:
+        outcome = _session(address, {"kind": "response", "max_images": images}, mounted=False, activate=activate)
+    if as_json:
+        print(json.dumps(outcome), flush=True)
+
+
+@app.command()
 def lamp(
     folder: ImagesOrService = None,
     cell: Annotated[

@@ -7,7 +7,8 @@ from typing import Any
 
 from rich.console import Console
 
-from acquisition.models.calibration_recipe import AnyRecipe
+from acquisition.models.calibration_recipe import AnyRecipe, tool_of
+from acquisition.models.calibration_result import CalibrationSummary
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.session import State
 from api import Client
@@ -21,7 +22,7 @@ def calibrate(address: str, recipe: AnyRecipe, *, mounted: bool, activate: bool)
     """
     console = Console(stderr=True, markup=False)
     with Client(address) as client:
-        if client.rig().tool != "board":
+        if tool_of(recipe) == "board" and client.rig().tool != "board":
             if not mounted:
                 raise RigError(
                     ErrorCode.RIG_OTHER_TOOL, "Mount the calibration board on the flange, then say so with --mounted"
@@ -37,12 +38,22 @@ def calibrate(address: str, recipe: AnyRecipe, *, mounted: bool, activate: bool)
             why = "no estimate" if reason is None else f"{reason.detail}. {reason.remedy}"
             raise RigError(code, f"Session {done.id} is {done.state}: {why}")
         found = done.estimate
-        if found.position_sigma_mm is not None:
-            console.print(f"camera known to {found.position_sigma_mm:.2f} mm and {found.rotation_sigma_deg:.3f}°")
-        console.print(f"focal length {found.focal_px:.1f} px; directions known to {found.projection_sigma_px:.3f} px")
+        _show(console, found)
         for sentence in found.advice:
             console.print(sentence)
         if activate:
             client.activate_calibration(done.id)
             console.print(f"calibration {done.id} is in use")
         return {"calibration": done.id, "active": activate, **found.model_dump(mode="json")}
+
+
+def _show(console: Console, found: CalibrationSummary) -> None:
+    if found.position_sigma_mm is not None:
+        console.print(f"camera known to {found.position_sigma_mm:.2f} mm and {found.rotation_sigma_deg:.3f}°")
+    if found.focal_px is not None:
+        console.print(f"focal length {found.focal_px:.1f} px; directions known to {found.projection_sigma_px:.3f} px")
+    if found.gain_e_per_dn is not None:
+        console.print(
+            f"{found.gain_e_per_dn:.3f} electrons per value, read noise {found.read_noise_e:.2f}, full well "
+            f"{found.full_well_e:.0f} electrons; {found.defective_pixels} defective pixels"
+        )

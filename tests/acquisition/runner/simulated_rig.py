@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import pytest
 
+from acquisition.models.calibration_recipe import AnyRecipe
 from acquisition.models.errors import RigError
 from acquisition.models.recipe import Recipe
 from acquisition.runner.runner import Runner
@@ -33,10 +34,11 @@ class Rig:
 
 @contextmanager
 def simulated_rig(
-    folder: Path, address: str, polyscope: Literal["5", "x"] = "5", cell_file: Path = CELL_FILE, speed: float = 20.0
-) -> Generator[Rig, None, None]:
+    folder: Path, address: str, polyscope: Literal["5", "x"] = "5", cell_file: Path = CELL_FILE, speed: float = 20.0,
+    profile: str = "ideal",
+) -> Generator[Rig, None, None]:  # fmt: skip
     """The runner of a service on a cell at `address`, whose controller has this software."""
-    options = CellOptions(address, "sphere", 1, "ideal", speed, pixels=96, cell_file=cell_file, polyscope=polyscope)
+    options = CellOptions(address, "sphere", 1, profile, speed, pixels=96, cell_file=cell_file, polyscope=polyscope)
     with Cell(options, folder / "cell") as cell:
         service = wiring.build(settings.read(cell=cell.cell_file, data=folder / "data"))
         service.open()
@@ -54,7 +56,7 @@ def end_what_is_left(rig: Rig) -> None:
     acknowledge(rig)
 
 
-def new(rig: Rig, recipe: Recipe = SMALL) -> str:
+def new(rig: Rig, recipe: AnyRecipe = SMALL) -> str:
     return rig.runner.create(recipe)[0].id
 
 
@@ -84,13 +86,13 @@ def refusal(rig: Rig, session_id: str) -> RigError:
     return refused.value
 
 
-def after_first_image(rig: Rig, recipe: Recipe = LONG) -> str:
+def after_first_image(rig: Rig, recipe: AnyRecipe = LONG, within_s: float = 90.0) -> str:
     """A session that runs and has taken its first image."""
     session_id = new(rig, recipe)
     rig.runner.act(session_id, Trigger.START, "a")
-    deadline = time.monotonic() + 90
+    deadline = time.monotonic() + within_s
     while not rig.store.journal.shots(session_id):
-        assert time.monotonic() < deadline
+        assert time.monotonic() < deadline, rig.store.journal.session(session_id)
         time.sleep(0.005)
     return session_id
 

@@ -1,0 +1,108 @@
+"""Capture for a calibration of the camera's response: the arm rests at one light, exposure time and lamp change.
+
+Exposure times follow from the first image that is recorded, so that they stay the same however often the session is
+interrupted. Before it frames are taken that only measure and are not kept.
+"""
+
+from dataclasses import replace
+
+from acquisition import session
+from acquisition.capture import check, exposure
+from acquisition.devices import StopToken
+from acquisition.models.calibration_recipe import FrameSetting, ResponseRecipe
+from acquisition.models.errors import ErrorCode, RigError
+from acquisition.models.shot import FrameQuality, Shot, ShotKey
+from acquisition.models.step import RepeatReference, TakeShot
+from acquisition.runner.shots import ShotCapture
+from acquisition.session import FIRST_REFERENCE_NUMBER, SessionRecord
+
+METERING_FRAMES = 12
+"""Frames at most by which the level is found; each halves or doubles at least."""
+
+
+class ResponseShots(ShotCapture):
+    """Captures images of one scene at many exposure times; used in the runner's thread only."""
+
+    def take_shot(self, record: SessionRecord, step: TakeShot, stop: StopToken) -> None:
+        """Captures one image, with the lamp or without.
+
+        Raises Halted, RigError capture.frame_rejected for an image without light, arm.move_failed, and what devices
+        report.
+        """
+        if not session.same_joints(self._rig.arm.reading.joints, step.waypoint.joints):
+            self._follow(record, step.waypoint, stop)
+        setting = _setting(record)
+        exposure_s = self._exposure(record, step.key, setting, stop)
+        # Frames of one exposure have noise of their own in a simulated cell too.
+        exposed, attempt = self._expose(record, step.key, exposure_s, 0, stop, 1 + step.key.number)
+        self._require_arm_at_light(exposed, step)
+        verdict = check.lit_frame(
+            exposed.frame.pixels, self.region, self._calibration.sensor, exposure_s, _recipe(record).exposure,
+            self._rig.cell.camera,
+        )  # fmt: skip
+        if setting.lit and not verdict.usable and verdict.quality.saturated == 0:
+            raise RigError(
+                ErrorCode.CAPTURE_FRAME_REJECTED, f"Image {step.key.number}: {verdict.quality.reason}",
+                light=step.key.number,
+            )  # fmt: skip
+        quality = FrameQuality(
+            saturated=verdict.quality.saturated, bright_level=verdict.quality.bright_level, accepted=True
+        )
+        self._store_shot(record, step.key, exposed, exposure_s, attempt, quality)
+
+    def repeat_reference(self, record: SessionRecord, step: RepeatReference, stop: StopToken) -> None:
+        """Captures the first image again: others are without light or clipped, and all were taken from one pose.
+
+        Raises Halted, RigError scene.moved, and what devices report.
+        """
+        super().repeat_reference(record, replace(step, shot=_captured(record)[0]), stop)
+
+    def lit(self, record: SessionRecord, key: ShotKey) -> bool:
+        """Whether the lamp is on during an image."""
+        return key.number >= FIRST_REFERENCE_NUMBER or _setting(record).lit
+
+    def _exposure(self, record: SessionRecord, key: ShotKey, setting: FrameSetting, stop: StopToken) -> float:
+        """Exposure time, s, that brings the brightest parts to the setting's share of full scale, if the camera can."""
+        captured = _captured(record)
+        if captured:
+            full_s = captured[0].exposure_s / _recipe(record).frames[0].share
+        else:
+            full_s = 1 / self._measured_level(record, key, stop)
+        return exposure.in_range(round(full_s * setting.share, 6), self._rig.cell.camera)
+
+    def _measured_level(self, record: SessionRecord, key: ShotKey, stop: StopToken) -> float:
+        """Level of the brightest parts with the lamp on, full scales per second, by frames that are not kept."""
+        recipe, camera = _recipe(record), self._rig.cell.camera
+        wanted = recipe.exposure
+        exposure_s = exposure.for_level(exposure.assumed_level(self._rig.cell, self._calibration), wanted, camera)
+        metering = key.model_copy(update={"number": FIRST_REFERENCE_NUMBER})
+        for attempt in range(METERING_FRAMES):
+            exposed, _ = self._expose(record, metering, exposure_s, attempt, stop)
+            verdict = check.lit_frame(
+                exposed.frame.pixels, self.region, self._calibration.sensor, exposure_s, wanted, camera
+            )
+            if verdict.retake_s is not None and attempt < METERING_FRAMES - 1:
+                exposure_s = verdict.retake_s
+            elif verdict.usable:
+                return verdict.quality.bright_level / exposure_s
+            else:
+                raise RigError(
+                    ErrorCode.CAPTURE_FRAME_REJECTED, f"Measuring the light: {verdict.quality.reason}", light=0
+                )
+        raise AssertionError("the last frame ends the loop")
+
+
+def _captured(record: SessionRecord) -> list[Shot]:
+    """The images so far, in the order of capture."""
+    return sorted((shot for work in record.passes for shot in work.shots.values()), key=lambda shot: shot.taken_at)
+
+
+def _setting(record: SessionRecord) -> FrameSetting:
+    """The next image's setting: by the order of capture, so that the first is well exposed on whichever route."""
+    return _recipe(record).frames[len(_captured(record))]
+
+
+def _recipe(record: SessionRecord) -> ResponseRecipe:
+    if not isinstance(record.recipe, ResponseRecipe):
+        raise RigError(ErrorCode.SERVICE_FAULT, f"A session of kind {record.recipe.kind} has no response")
+    return record.recipe
