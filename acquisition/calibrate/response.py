@@ -11,12 +11,12 @@ the sensor's. The lamp's own brightness in each frame is then known too: its sca
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import block_diag
 
-from acquisition.models.base import FloatArray
+from acquisition.calibrate import defective_pixels
+from acquisition.models.base import Float32Array, FloatArray
 from acquisition.models.errors import ErrorCode, RigError
 from acquisition.normals import photon_transfer
 from acquisition.normals.photon_transfer import TransferCurve
@@ -47,16 +47,6 @@ MIN_PLATEAU_PIXELS = 30
 
 LIT_PERCENTILE, LIT_SIGMAS = 99.5, 6.0
 """Percentile of what the lamp adds at the longest exposure, and the multiple of the noise that it has to reach."""
-
-HOT_SIGMA, HOT_SHARE = 8.0, 0.01
-"""A hot pixel is brighter in the dark than its neighbours by so many σ and by this share of the range."""
-
-DEAD_FACTOR, DEAD_LEAST = 0.5, 0.08
-"""A pixel whose response is this far below the darkest, or above the brightest, of its eight neighbours is defective;
-judged where they have this share of the range. An edge never does that to a pixel, only a detail of its own size."""
-
-MAX_DEFECTS = 2000
-"""Defective pixels that are listed."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +135,7 @@ def estimate(frames: Sequence[ResponseFrame], bits: int) -> ResponseFit:
     room = (np.mean(darks, axis=0) - np.mean(shortest, axis=0)) / (range_dn * (longest.seconds - exposures[0].seconds))
     return ResponseFit(
         values, whole, full, (float(np.median(room)), float(np.percentile(room, 99.5))), room_over_lamp,
-        *_lamp_trend(lamp, times), points, curve, _defects(exposures, black, saturation, usable), (size[1], size[0]),
+        *_lamp_trend(lamp, times), points, curve, _defects(exposures, saturation - black, usable), (size[1], size[0]),
     )  # fmt: skip
 
 
@@ -400,25 +390,12 @@ def _lamp_trend(lamp: FloatArray, times: FloatArray) -> tuple[float, tuple[float
     return sigma, (slope, sigma / float(np.sqrt(spread)))
 
 
-def _defects(
-    exposures: Sequence[_Exposure], black: float, saturation: float, usable: float
-) -> tuple[tuple[int, int, str], ...]:
-    """Column, row and kind of defective pixels: hot in the dark, or unlike all their neighbours in the light."""
-    whole = saturation - black
-    dark = np.mean([frame.read().astype(np.float32) for frame in exposures[-1].dark], axis=0)
-    away = dark - cv2.medianBlur(dark.astype(np.float32), 3)
-    sigma = 1.4826 * float(np.median(np.abs(away))) + 1e-6
-    hot = away > max(HOT_SIGMA * sigma, HOT_SHARE * whole)
+def _defects(exposures: Sequence[_Exposure], whole: float, usable: float) -> tuple[tuple[int, int, str], ...]:
+    """Defective pixels by the longest exposure in the dark and the longest that is not clipped in the light."""
     lit = [one for one in exposures if np.mean(one.lit[0].read() > usable) < 0.01] or [exposures[0]]
-    bright = np.mean([frame.read().astype(np.float32) for frame in lit[-1].lit], axis=0)
-    signal = (bright - np.mean([frame.read().astype(np.float32) for frame in lit[-1].dark], axis=0)) / whole
-    ring = np.ones((3, 3), np.uint8)
-    ring[1, 1] = 0
-    least, most = cv2.erode(signal, ring), cv2.dilate(signal, ring)
-    dead = (least > DEAD_LEAST) & ((signal < DEAD_FACTOR * least) | (signal > most / DEAD_FACTOR)) & ~hot
-    found = [
-        (int(column), int(row), kind)
-        for mask, kind in ((hot, "hot"), (dead, "response"))
-        for row, column in np.argwhere(mask)
-    ]
-    return tuple(found[:MAX_DEFECTS])
+    dark, scale = _mean(exposures[-1].dark), np.float32(1 / whole)
+    return defective_pixels.find(scale * dark, scale * (_mean(lit[-1].lit) - _mean(lit[-1].dark)))
+
+
+def _mean(frames: Sequence[ResponseFrame]) -> Float32Array:
+    return np.mean([frame.read().astype(np.float32) for frame in frames], axis=0)
